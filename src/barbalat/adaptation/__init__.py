@@ -1,0 +1,1 @@
+"""What the schemes share: projection, adaptive laws, normalisation."""

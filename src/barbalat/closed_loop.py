@@ -1,0 +1,136 @@
+"""Plant, reference model and controller as one system of differential equations: the only place that packs a state vector."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from barbalat import validate
+from barbalat.problem import Plant, Problem
+from barbalat.protocols import Controller, Equations, Value
+from barbalat.validate import Array
+
+if TYPE_CHECKING:
+    import casadi
+
+
+class LoopState(NamedTuple):
+    """The loop's state; ``controller`` is the scheme's own NamedTuple."""
+
+    x: Value  # (n,) plant
+    x_m: Value  # (n,) reference model
+    controller: Any
+
+
+class Outputs(NamedTuple):
+    """What is measured at every solver step and recorded."""
+
+    e: Value  # (n,) tracking error x - x_m
+    u: Value  # (1,) control
+    theta_hat: Value  # (n,) estimates
+    x: Value  # (n,)
+    x_m: Value  # (n,)
+
+
+@dataclass(frozen=True, eq=False)
+class ClosedLoop:
+    """One controller on one problem. Flat states are vectors of length ``size``."""
+
+    plant: Plant
+    k_0: float
+    equations: Equations
+    signal_count: int = 1  # (r,), or (r, d)
+
+    @classmethod
+    def of(cls, problem: Problem, controller: Controller) -> ClosedLoop:
+        validate.instance("problem", problem, Problem)
+        if not isinstance(controller, Controller):
+            raise validate.InputError(f"a controller must have a name and a method bind, got {validate.show(controller)}")
+        equations = controller.bind(problem.known)
+        return cls(problem.plant, problem.reference_model.k_0, equations, len(problem.signals))
+
+    def initial(self) -> Array:
+        """The flat state at t = 0; the model starts where the plant does."""
+        return np.asarray(flatten(self._initial))
+
+    @property
+    def _initial(self) -> LoopState:
+        return LoopState(self.plant.x0, self.plant.x0, self.equations.initial())
+
+    @property
+    def size(self) -> int:
+        return len(self.initial())
+
+    @property
+    def theta_hat_rows(self) -> slice:
+        """Where the estimates stand in a flat state."""
+        marked = self.unpack(np.arange(self.size)).controller.theta_hat
+        return slice(int(marked[0]), int(marked[-1]) + 1)
+
+    def unpack(self, flat: Value) -> LoopState:
+        """The named parts of a flat state, numbers or symbols."""
+        state, used = _unflatten(self._initial, flat, 0)
+        if used != len(flat):
+            raise ValueError(f"a flat state of this loop has {used} entries, got {len(flat)}")
+        return state  # type: ignore[no-any-return]
+
+    def derivative(self, flat: Value, signals: Value) -> Value:
+        """d/dt of the flat state; ``signals`` is (r,) or (r, d)."""
+        x, x_m, controller = self.unpack(flat)
+        A_m, b, theta = self.plant.A_m, self.plant.b, self.plant.theta
+        r = signals[0]
+        u = self.equations.control(controller, x, x_m, r)
+        plant_input = theta @ x + u if self.signal_count == 1 else theta @ x + u + signals[1]
+        x_dot = A_m @ x + b * plant_input  # (1)
+        x_m_dot = A_m @ x_m + b * (self.k_0 * r)  # (2)
+        return flatten(LoopState(x_dot, x_m_dot, self.equations.derivative(controller, x, x_m, r, u)))
+
+    def limit(self, flat: Value) -> Value:
+        state = self.unpack(flat)
+        return flatten(state._replace(controller=self.equations.limit(state.controller)))
+
+    def outputs(self, flat: Value, signals: Value) -> Outputs:
+        x, x_m, controller = self.unpack(flat)
+        u = self.equations.control(controller, x, x_m, signals[0])
+        return Outputs(x - x_m, u.reshape(1), controller.theta_hat, x, x_m)
+
+
+def flatten(state: Any) -> Value:
+    """All arrays of a nested NamedTuple, one after another, row by row."""
+    return np.concatenate([leaf.reshape(-1) for leaf in _leaves(state)])
+
+
+def _leaves(state: Any) -> list[Value]:
+    if isinstance(state, tuple):
+        return [leaf for part in state for leaf in _leaves(part)]
+    return [np.asarray(state) if isinstance(state, (int, float)) else state]
+
+
+def _unflatten(template: Any, flat: Value, start: int) -> tuple[Any, int]:
+    """The inverse of ``flatten`` for the shapes of ``template``; also where the next part starts."""
+    if isinstance(template, tuple):
+        parts = []
+        for part in template:
+            value, start = _unflatten(part, flat, start)
+            parts.append(value)
+        return type(template)(*parts), start
+    shape = np.shape(template)
+    size = int(np.prod(shape))
+    return flat[start : start + size].reshape(shape), start + size
+
+
+def symbols(name: str, size: int) -> tuple[casadi.SX, Value]:
+    """A column of symbols, as CasADi's matrix and as the array (size,) that equations compute with."""
+    import casadi as ca
+
+    matrix = ca.SX.sym(name, size)
+    return matrix, ca.array(matrix).reshape(-1)
+
+
+def column(value: Value) -> casadi.SX:
+    """An array of expressions as a CasADi column."""
+    import casadi as ca
+
+    return ca.SX(value.reshape(-1))

@@ -1,0 +1,14 @@
+"""The registry: one line for each scheme, by the name that case files use. The contract tests run over it."""
+
+from barbalat.controllers.l1 import L1Adaptive
+from barbalat.controllers.mrac import Mrac
+from barbalat.controllers.robust_mrac import NormalizedMrac, RobustMrac
+
+SCHEMES = {
+    "mrac": Mrac,
+    "mrac-normalized": NormalizedMrac,
+    "l1": L1Adaptive,
+    "robust-mrac": RobustMrac,
+}
+
+__all__ = ["SCHEMES", "L1Adaptive", "Mrac", "NormalizedMrac", "RobustMrac"]

@@ -1,0 +1,201 @@
+"""Robust MRAC with normalisation and an auxiliary input for the transient: eqs (13)-(16).
+
+The same equations without the auxiliary input are the normalised MRAC that Section II names.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from barbalat import validate
+from barbalat.adaptation.laws import AdaptiveLaw, Gradient, LeastSquares
+from barbalat.adaptation.normalization import Normalization
+from barbalat.adaptation.projection import limit
+from barbalat.controllers.base import initial_estimate, projection_box
+from barbalat.linear import StateSpace, TransferFunction, transfer_function
+from barbalat.problem import Known, ParameterBox
+from barbalat.protocols import Value
+from barbalat.validate import Array, InputError
+
+
+class State(NamedTuple):
+    theta_hat: Value  # (n,) estimate of theta
+    covariance: Value  # (n, n) memory of a least-squares law; (0, 0) for a gradient law
+    xi: Value  # (n,) the known part of x: xi' = A_m xi + b u, xi(0) = x(0)
+    Xi: Value  # (n, n) W_b(s)[x']
+    n_d: Value  # scalar, dynamic normalising signal
+    swapping: Value  # (n,) (sI - A_m)^-1 [Xi theta_hat']; (0,) without auxiliary input
+    filter: Value  # (n,) state of Q(s); (0,) without auxiliary input
+
+
+class Estimation(NamedTuple):
+    """The linear parametric model (13) at one instant; all of it is measured."""
+
+    phi: Value  # (n,) regressor W_m(s)[x]
+    m_s_squared: Value
+    epsilon: Value  # estimation error
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Equations:
+    A_m: Array
+    b: Array
+    k_0: float
+    c_0: Array
+    Q: StateSpace | None
+    swapping_sign: float
+    law: AdaptiveLaw
+    normalization: Normalization
+    theta_hat0: Array
+    x0: Array
+    box: ParameterBox | None
+
+    def initial(self) -> State:
+        n = len(self.b)
+        auxiliary = np.zeros(0 if self.Q is None else n)
+        covariance0 = self.law.initial_covariance(n)
+        return State(self.theta_hat0, covariance0, self.x0, np.zeros((n, n)), np.zeros(()), auxiliary, auxiliary)
+
+    def estimation(self, state: State, x: Value) -> Estimation:
+        z = self.c_0 @ (x - state.xi)  # (13)
+        phi = self.c_0 @ state.Xi  # (13)
+        m_s_squared = self.normalization.m_s_squared(phi, state.n_d)  # (16)
+        return Estimation(phi, m_s_squared, (z - state.theta_hat @ phi) / m_s_squared)
+
+    def auxiliary_input_argument(self, state: State, x: Value) -> Value:
+        """What -Q(s) filters. The paper prints the second term with the opposite sign: an erratum, see the class RobustMrac."""
+        estimation = self.estimation(state, x)
+        return estimation.epsilon * estimation.m_s_squared + self.swapping_sign * (self.c_0 @ state.swapping)
+
+    def control(self, state: State, x: Value, x_m: Value, r: Value) -> Value:
+        u = -state.theta_hat @ x + self.k_0 * r
+        if self.Q is None:
+            return u
+        return u - self.Q.output(state.filter, self.auxiliary_input_argument(state, x))  # (14)
+
+    def derivative(self, state: State, x: Value, x_m: Value, r: Value, u: Value) -> State:
+        phi, m_s_squared, epsilon = self.estimation(state, x)
+        rates = self.law.rates(state.theta_hat, state.covariance, epsilon, phi, m_s_squared, self.box)  # (15)
+        swapping_dot, filter_dot = state.swapping, state.filter
+        if self.Q is not None:
+            swapping_dot = self.A_m @ state.swapping + state.Xi @ rates.theta_hat
+            filter_dot = self.Q.derivative(state.filter, self.auxiliary_input_argument(state, x))
+        return State(
+            theta_hat=rates.theta_hat,
+            covariance=rates.covariance,
+            xi=self.A_m @ state.xi + self.b * u,
+            Xi=self.A_m @ state.Xi + np.outer(self.b, x),
+            n_d=self.normalization.n_d_dot(state.n_d, u),
+            swapping=swapping_dot,
+            filter=filter_dot,
+        )
+
+    def limit(self, state: State) -> State:
+        return state._replace(theta_hat=limit(state.theta_hat, self.box))
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class RobustMrac:
+    """u = -theta_hat'x + k_0 r + u_a with a law on the linear parametric model and the auxiliary input u_a.
+
+    c_0            (n,); W_m(s) = c_0'(sI - A_m)^-1 b must be minimum phase
+    tau            time constant of the auxiliary input [s], > 0
+    law            LeastSquares (the paper's) or Gradient
+    normalization  of the estimation error: eq. (16)
+    theta_hat0     (n,), zero by default; inside the known set
+    projection     onto the known set; by default on where one is given
+    printed_sign   use the sign of W_c0 as the paper prints it, to show the difference
+
+    Erratum of (14). By the swapping lemma, without modelling error and with x_m(0) = x(0),
+        c_0'e = epsilon m_s^2 + c_0'(sI - A_m)^-1 [Xi theta_hat'] + W_m(s)[u_a],
+    so that u_a = -Q(s)[epsilon m_s^2 + c_0'(sI - A_m)^-1 [Xi theta_hat']] leaves the fraction 1 - 1/(tau s + 1)^n* of it.
+    The paper's W_c0 = -c_0'(sI - A_m)^-1 with a plus in front contradicts that identity.
+
+    Source: eqs (13)-(16); Ioannou and Sun, section 9.4; Datta and Ioannou (1994).
+    """
+
+    c_0: Array
+    tau: float
+    law: AdaptiveLaw
+    normalization: Normalization = Normalization()
+    theta_hat0: Array | None = None
+    projection: bool | None = None
+    printed_sign: bool = False
+    name: str = "Robust MRAC"
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "c_0", validate.vector("c_0", self.c_0))
+        object.__setattr__(self, "tau", validate.positive("tau", self.tau))
+        validate.instance("law", self.law, (LeastSquares, Gradient))
+        validate.instance("normalization", self.normalization, Normalization)
+
+    def bind(self, known: Known) -> Equations:
+        Q = auxiliary_filter(minimum_phase_model(self.c_0, known), self.tau)
+        return _equations(self, known, Q, swapping_sign=-1.0 if self.printed_sign else 1.0)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class NormalizedMrac:
+    """u = -theta_hat'x + k_0 r with a law driven by the normalised estimation error: RobustMrac without auxiliary input.
+
+    Parameters as there; the default law is the gradient. Source: Section II; Ioannou and Sun, section 6.5.
+    """
+
+    c_0: Array
+    law: AdaptiveLaw
+    normalization: Normalization = Normalization()
+    theta_hat0: Array | None = None
+    projection: bool | None = None
+    name: str = "Normalised MRAC"
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "c_0", validate.vector("c_0", self.c_0))
+        validate.instance("law", self.law, (LeastSquares, Gradient))
+        validate.instance("normalization", self.normalization, Normalization)
+
+    def bind(self, known: Known) -> Equations:
+        minimum_phase_model(self.c_0, known)
+        return _equations(self, known, Q=None, swapping_sign=1.0)
+
+
+def _equations(settings: RobustMrac | NormalizedMrac, known: Known, Q: StateSpace | None, swapping_sign: float) -> Equations:
+    box = projection_box(settings.projection, known)
+    return Equations(
+        A_m=known.A_m,
+        b=known.b,
+        k_0=known.k_0,
+        c_0=settings.c_0,
+        Q=Q,
+        swapping_sign=swapping_sign,
+        law=settings.law,
+        normalization=settings.normalization,
+        theta_hat0=initial_estimate(settings.theta_hat0, box, known.n),
+        x0=known.x0,
+        box=box,
+    )
+
+
+def minimum_phase_model(c_0: Array, known: Known) -> TransferFunction:
+    """W_m(s) = c_0'(sI - A_m)^-1 b; InputError where it has a zero in Re s >= 0 or is zero."""
+    c_0 = validate.vector("c_0", c_0, known.n)
+    W_m = transfer_function(c_0, known.A_m, known.b)
+    if not W_m.num.any():
+        raise InputError(f"c_0 must not be zero, got {validate.show(c_0)}")
+    zeros = W_m.zeros
+    if len(zeros) and zeros.real.max() >= 0:
+        raise InputError(
+            f"c_0 must make W_m(s) = c_0'(sI - A_m)^-1 b minimum phase, but c_0 = {validate.show(c_0)} "
+            f"gives a zero with real part {zeros.real.max():.6g}"
+        )
+    return W_m
+
+
+def auxiliary_filter(W_m: TransferFunction, tau: float) -> StateSpace:
+    """Q(s) = W_m(s)^-1/(tau s + 1)^n*, n* the relative degree of W_m: proper, stable, of the order of the plant."""
+    lag = np.array([1.0])
+    for _ in range(W_m.relative_degree):
+        lag = np.polymul(lag, [tau, 1.0])
+    return TransferFunction(W_m.den, np.polymul(W_m.num, lag)).realise()

@@ -1,0 +1,127 @@
+"""The time loop: kernels advance groups of members segment by segment, in threads, while the next table is prepared."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from barbalat.grid import Segment, Simulation, final_row, signal_table
+from barbalat.lowering.machine import vector_width
+from barbalat.metrics import Metrics, Totals
+from barbalat.protocols import Signal
+from barbalat.stepping import StepProgram
+from barbalat.validate import Array
+
+Progress = Callable[[float], None]
+"""Called with the fraction done, in [0, 1]."""
+
+
+def best_lanes(members: int) -> int:
+    """Members in one kernel call: alone, or two vector registers, whose chains of operations then overlap."""
+    if members == 1:
+        return 1
+    return min(2 * vector_width(), 1 << (members - 1).bit_length())
+
+
+@dataclass(eq=False)
+class Batch:
+    """Members of one structure: the same step program, each with its own initial state and parameters.
+
+    states (size, M), parameters (p, M). ``record`` keeps every block's start state and accumulators.
+    """
+
+    program: StepProgram
+    states: Array
+    parameters: Array
+    record: bool = False
+    lanes: int | None = None
+    totals: Totals = field(init=False)
+    groups: list[Group] = field(init=False)
+
+    def __post_init__(self) -> None:
+        assert self.program.accumulators is not None
+        members = self.states.shape[1]
+        width = self.lanes or best_lanes(members)
+        self.totals = Totals(self.program.accumulators, members)
+        kernel = self.program.compile(width)
+        self.groups = []
+        for first in range(0, members, width):
+            index = np.minimum(np.arange(first, first + width), members - 1)  # the last group repeats the last member
+            columns = slice(first, min(first + width, members))
+            state, parameters = (np.ascontiguousarray(part[:, index]) for part in (self.states, self.parameters))
+            self.groups.append(Group(self, kernel, columns, state, parameters))
+
+    @property
+    def final_states(self) -> Array:
+        return np.concatenate([g.state[:, : g.columns.stop - g.columns.start] for g in self.groups], axis=1)
+
+    def metrics(self, simulation: Simulation, theta_hat_rows: slice) -> Metrics:
+        return self.totals.metrics(simulation, self.final_states[theta_hat_rows])
+
+
+@dataclass(eq=False)
+class Group:
+    """As many members as the kernel has lanes."""
+
+    batch: Batch
+    kernel: object
+    columns: slice
+    state: Array
+    parameters: Array
+    recorded: list[Array] = field(default_factory=list)
+
+    def advance(self, segment: Segment, table: Array) -> None:
+        if not np.isnan(self.batch.totals.diverged_step[self.columns]).any():
+            return  # every member has diverged
+        out = self._call(segment.blocks, segment.length, self.state, table)
+        self.batch.totals.merge(segment, out[:, self.batch.program.shape.states :], self.columns)
+        if self.batch.record:
+            self.recorded.append(out)
+
+    def finish(self, row: Array) -> None:
+        """The outputs at t_end: one more step whose end state is thrown away."""
+        out = self._call(1, 1, self.state.copy(), row)
+        self.batch.totals.merge_final(out[0, self.batch.program.shape.states :], self.columns)
+
+    def _call(self, blocks: int, length: int, state: Array, table: Array) -> Array:
+        shape = self.batch.program.shape
+        out = np.empty((blocks, shape.states + shape.accumulators, self.state.shape[1]))
+        self.kernel(blocks, length, state, self.parameters, table, out)  # type: ignore[operator]
+        return out[:, :, : self.columns.stop - self.columns.start]
+
+
+def run(
+    batches: list[Batch],
+    signals: tuple[Signal, ...],
+    simulation: Simulation,
+    *,
+    threads: int | None = None,
+    progress: Progress | None = None,
+) -> None:
+    """Advance all batches from 0 to t_end. Memory does not grow with t_end, except for what a batch records."""
+    segments = list(simulation.segments())
+    groups = [group for batch in batches for group in batch.groups]
+    with ThreadPoolExecutor(threads or os.cpu_count() or 1) as pool:
+
+        def table(segment: Segment) -> Future[Array]:
+            return pool.submit(signal_table, signals, simulation, segment.start, segment.steps)
+
+        following = table(segments[0])
+        for i, segment in enumerate(segments):
+            current = following.result()
+            if i + 1 < len(segments):
+                following = table(segments[i + 1])
+            if len(groups) == 1:
+                groups[0].advance(segment, current)
+            else:
+                for done in [pool.submit(group.advance, segment, current) for group in groups]:
+                    done.result()
+            if progress is not None:
+                progress((segment.start + segment.steps) / simulation.steps)
+    last = final_row(signals, simulation)
+    for group in groups:
+        group.finish(last)

@@ -1,0 +1,128 @@
+"""Linear time-invariant SISO systems: transfer functions, their realisation, and the numbers that conditions ask for."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from barbalat import validate
+from barbalat.protocols import Value
+from barbalat.validate import Array, InputError
+
+
+@dataclass(frozen=True, eq=False)
+class StateSpace:
+    """x' = A x + B u, y = C x + D u with one input and one output; A (n, n), B (n,), C (n,), D scalar, n may be 0."""
+
+    A: Array
+    B: Array
+    C: Array
+    D: float
+
+    def derivative(self, state: Value, u: Value) -> Value:
+        return self.A @ state + self.B * u
+
+    def output(self, state: Value, u: Value) -> Value:
+        return self.C @ state + self.D * u
+
+    @property
+    def order(self) -> int:
+        return len(self.B)
+
+
+@dataclass(frozen=True, eq=False)
+class TransferFunction:
+    """num(s)/den(s), coefficients with the highest power first; leading zeros are dropped, den is made monic."""
+
+    num: Array
+    den: Array
+
+    def __post_init__(self) -> None:
+        num, den = (np.trim_zeros(validate.vector(name, getattr(self, name)), "f") for name in ("num", "den"))
+        if len(den) == 0:
+            raise InputError(f"den must not be zero, got {validate.show(self.den)}")
+        num = num if len(num) else np.zeros(1)
+        object.__setattr__(self, "num", num / den[0])
+        object.__setattr__(self, "den", den / den[0])
+        if not (np.isfinite(self.num).all() and np.isfinite(self.den).all()):
+            raise InputError(f"num/den must stay finite when den is made monic, got den = {validate.show(den)}")
+
+    @classmethod
+    def accept(cls, field: str, system: Any) -> TransferFunction:
+        """One of ours, or a SISO python-control TransferFunction or StateSpace; InputError names the field."""
+        if isinstance(system, cls):
+            return system
+        if all(hasattr(system, name) for name in ("ninputs", "noutputs", "dt")):
+            import control
+
+            if (system.ninputs, system.noutputs) != (1, 1) or system.dt not in (0, None):
+                raise InputError(f"{field} must be a continuous-time system with one input and one output")
+            converted = control.tf(system)
+            return cls(np.asarray(converted.num[0][0], float), np.asarray(converted.den[0][0], float))
+        raise InputError(f"{field} must be a TransferFunction or a python-control system, got {validate.show(system)}")
+
+    @property
+    def poles(self) -> Array:
+        return np.roots(self.den)
+
+    @property
+    def zeros(self) -> Array:
+        return np.roots(self.num)
+
+    @property
+    def relative_degree(self) -> int:
+        return len(self.den) - len(self.num)
+
+    @property
+    def dc_gain(self) -> float:
+        return float(self.num[-1] / self.den[-1]) if self.den[-1] != 0 else float("inf")
+
+    @property
+    def is_stable(self) -> bool:
+        return bool((self.poles.real < 0).all())
+
+    def realise(self) -> StateSpace:
+        """Controllable canonical form, states scaled by powers of two so that no rounding is added."""
+        from scipy.linalg import matrix_balance
+
+        order = len(self.den) - 1
+        if self.relative_degree < 0:
+            raise InputError(f"only a proper system has a realisation, got num {self.num} over den {self.den}")
+        num = np.concatenate([np.zeros(order + 1 - len(self.num)), self.num])
+        D = float(num[0])
+        if order == 0:
+            return StateSpace(np.zeros((0, 0)), np.zeros(0), np.zeros(0), D)
+        A = np.vstack([-self.den[1:], np.eye(order)[:-1]])
+        B = np.eye(order)[0]
+        C = num[1:] - D * self.den[1:]
+        A, (scale, _) = matrix_balance(A, permute=False, separate=True)
+        return StateSpace(np.asarray(A), B / scale, C * scale, D)
+
+
+def input_filter(kappa: float) -> TransferFunction:
+    """C(s) = 1/(kappa s + 1), eq. (6); kappa > 0 in s."""
+    kappa = validate.positive("filter.kappa", kappa)
+    return TransferFunction(np.array([1.0]), np.array([kappa, 1.0]))
+
+
+def transfer_function(c: Array, A: Array, b: Array) -> TransferFunction:
+    """c'(sI - A)^-1 b, by the Faddeev-LeVerrier recursion (Gantmacher, The Theory of Matrices, ch. IV).
+
+    Leading coefficients of the numerator that are zero up to rounding are dropped: they decide the relative degree.
+    """
+    n = len(b)
+    den, num = [1.0], []
+    adjugate = np.eye(n)  # coefficient of s^(n-1-k) in adj(sI - A)
+    for k in range(n):
+        num.append(float(c @ adjugate @ b))
+        product = A @ adjugate
+        den.append(-float(np.trace(product)) / (k + 1))
+        adjugate = product + den[-1] * np.eye(n)
+    # Markov parameters c'A^k b are bounded by |c| |A|^k |b|: below n roundings of that they are zero
+    bound = np.linalg.norm(c) * np.linalg.norm(b) * np.linalg.norm(A, 2) ** np.arange(n)
+    leading = 0
+    while leading < n and abs(num[leading]) <= 10 * n * np.finfo(float).eps * bound[leading]:
+        leading += 1
+    return TransferFunction(np.array(num[leading:] or [0.0]), np.array(den))

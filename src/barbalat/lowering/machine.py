@@ -1,0 +1,75 @@
+"""LLVM IR -> machine code of this computer, callable from Python without the interpreter's lock."""
+
+from __future__ import annotations
+
+import ctypes
+from functools import cache
+
+import llvmlite.binding as llvm
+import numpy as np
+
+from barbalat.lowering import llvm_ir
+from barbalat.lowering.llvm_ir import LoopShape
+from barbalat.lowering.operations import Program
+
+
+@cache
+def _target() -> llvm.Target:
+    llvm.initialize_native_target()
+    llvm.initialize_native_asmprinter()
+    return llvm.Target.from_default_triple()
+
+
+@cache
+def vector_width() -> int:
+    """Doubles in one vector register of this computer."""
+    features = llvm.get_host_cpu_features()
+    return 8 if features.get("avx512f") else 4 if features.get("avx") else 2
+
+
+class Kernel:
+    """A compiled loop; one call advances ``lanes`` members by ``blocks * steps`` steps.
+
+    The call releases the interpreter's lock, writes only into the arrays it is given, and may run in many threads at once.
+    """
+
+    def __init__(self, step: Program, shape: LoopShape, resets: tuple[float, ...], lanes: int) -> None:
+        if lanes < 1 or lanes & (lanes - 1):
+            raise ValueError(f"lanes must be a power of two, got {lanes}")
+        self.shape = shape
+        self.lanes = lanes
+        self.ir = llvm_ir.loop(step, shape, resets, lanes)
+        target = _target()
+        machine = target.create_target_machine(
+            cpu=llvm.get_host_cpu_name(), features=llvm.get_host_cpu_features().flatten(), opt=3
+        )
+        module = llvm.parse_assembly(self.ir)
+        module.triple = target.triple
+        module.data_layout = str(machine.target_data)
+        options = llvm.create_pipeline_tuning_options(speed_level=2)
+        # One member at a time is a chain of dependent operations: packing neighbours into vectors only adds shuffles.
+        options.slp_vectorization = False
+        options.loop_unrolling = False
+        passes = llvm.create_pass_builder(machine, options)
+        passes.getModulePassManager().run(module, passes)
+        self._engine = llvm.create_mcjit_compiler(module, machine)
+        self._engine.finalize_object()
+        i64, pointer = ctypes.c_int64, ctypes.c_void_p
+        prototype = ctypes.CFUNCTYPE(None, i64, i64, pointer, pointer, pointer, pointer)
+        self._call = prototype(self._engine.get_function_address(llvm_ir.ENTRY))
+
+    def __call__(
+        self, blocks: int, steps: int, state: np.ndarray, parameters: np.ndarray, signals: np.ndarray, out: np.ndarray
+    ) -> None:
+        """Shapes: see ``llvm_ir.loop``; all arrays are C-contiguous float64."""
+        w, s = self.lanes, self.shape
+        expected = {
+            "state": (state, s.states * w),
+            "parameters": (parameters, s.parameters * w),
+            "signals": (signals, blocks * steps * s.signals),
+            "out": (out, blocks * (s.states + s.accumulators) * w),
+        }
+        for name, (array, size) in expected.items():
+            if array.dtype != np.float64 or not array.flags.c_contiguous or array.size < size:
+                raise ValueError(f"{name} must be C-contiguous float64 with at least {size} entries, got {array.shape} {array.dtype}")
+        self._call(blocks, steps, state.ctypes.data, parameters.ctypes.data, signals.ctypes.data, out.ctypes.data)

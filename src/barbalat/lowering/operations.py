@@ -1,0 +1,85 @@
+"""A CasADi function as a list of scalar operations in single-assignment form.
+
+Everything that a target needs (LLVM, C) is printed from this list; this module knows no target and no control theory.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    import casadi
+
+
+@dataclass(frozen=True, slots=True)
+class Operation:
+    """One scalar operation; ``operands`` are positions of earlier operations in the same list."""
+
+    name: str
+    operands: tuple[int, ...] = ()
+    value: float = 0.0  # of a "constant"
+    source: tuple[int, int] = (0, 0)  # of an "input": (argument, component)
+
+
+@dataclass(frozen=True, slots=True)
+class Program:
+    """Operations in order, and for each output argument the positions of its components."""
+
+    operations: tuple[Operation, ...]
+    outputs: tuple[tuple[int, ...], ...]
+
+
+COMPARISONS = frozenset({"lt", "le", "eq", "ne", "not", "and", "or"})
+"""Operations whose result is a truth value; CasADi writes them as the numbers 0 and 1."""
+
+
+@cache
+def _names() -> dict[int, str]:
+    import casadi as ca
+
+    binary = "ADD SUB MUL DIV LT LE EQ NE AND OR FMIN FMAX POW CONSTPOW COPYSIGN IF_ELSE_ZERO"
+    unary = "NEG INV SQRT FABS NOT EXP LOG SIN COS TAN TANH FLOOR CEIL SQ TWICE"
+    return {getattr(ca, f"OP_{name}"): name.lower() for name in f"{binary} {unary}".split()}
+
+
+def read(function: casadi.Function) -> Program:
+    """Translate the instruction list of an SX function.
+
+    Raises ``ValueError`` for an operation that no target can print yet, naming it.
+    """
+    import casadi as ca
+
+    operations: list[Operation] = []
+    work: dict[int, int] = {}  # CasADi's work vector -> position of the operation that holds the value now
+    outputs = [[-1] * function.nnz_out(k) for k in range(function.n_out())]
+
+    def append(name: str, *operands: int, value: float = 0.0, source: tuple[int, int] = (0, 0)) -> int:
+        operations.append(Operation(name, operands, value, source))
+        return len(operations) - 1
+
+    for k in range(function.n_instructions()):
+        code, arguments, target = function.instruction_id(k), function.instruction_input(k), function.instruction_output(k)
+        if code == ca.OP_CONST:
+            work[target[0]] = append("constant", value=function.instruction_constant(k))
+        elif code == ca.OP_INPUT:
+            work[target[0]] = append("input", source=(arguments[0], arguments[1]))
+        elif code == ca.OP_OUTPUT:
+            outputs[target[0]][target[1]] = work[arguments[0]]
+        elif (name := _names().get(code)) is not None:
+            a = [work[i] for i in arguments]
+            if name == "sq":
+                work[target[0]] = append("mul", a[0], a[0])
+            elif name == "twice":
+                work[target[0]] = append("add", a[0], a[0])
+            elif name == "inv":
+                work[target[0]] = append("div", append("constant", value=1.0), a[0])
+            elif name == "constpow":
+                work[target[0]] = append("pow", *a)
+            else:
+                work[target[0]] = append(name, *a)
+        else:
+            known = next((n for n in dir(ca) if n.startswith("OP_") and getattr(ca, n) == code), str(code))
+            raise ValueError(f"the operation {known} has no translation to machine code; rewrite the expression without it")
+    return Program(tuple(operations), tuple(tuple(row) for row in outputs))

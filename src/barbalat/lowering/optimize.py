@@ -1,0 +1,185 @@
+"""Rewriting of an operation list for speed; the result is the same list for every target, lane width and thread.
+
+The order of a sum and the place of a fused multiply-add decide the last bit of a result. They are therefore chosen here,
+once, and the targets are forbidden to choose again. That is what makes runs bit-identical.
+
+A sum or product of many terms is associated in the order in which its terms become available: a time step is one
+long chain of dependent operations, and a term that is late should wait for as few others as possible.
+"""
+
+from __future__ import annotations
+
+import heapq
+import math
+from collections.abc import Iterator
+
+from barbalat.lowering.operations import Operation, Program
+
+# Latencies in cycles, rounded, of a current x86-64 core (Fog, "Instruction tables"); only their order matters.
+LATENCY = {"add": 3, "sub": 3, "mul": 4, "fma": 4, "div": 13, "sqrt": 18, "constant": 0, "input": 0}
+DEFAULT_LATENCY = 3
+
+
+def optimize(program: Program) -> Program:
+    """Recover selections, associate sums and products by availability, fuse multiply-adds, drop dead operations."""
+    return _drop_dead(_Associator(_drop_dead(_recover_selections(program))).run())
+
+
+def _drop_dead(program: Program) -> Program:
+    alive = {i for row in program.outputs for i in row}
+    for i in range(len(program.operations) - 1, -1, -1):
+        if i in alive:
+            alive.update(program.operations[i].operands)
+    place: dict[int, int] = {}
+    kept = []
+    for i, op in enumerate(program.operations):
+        if i in alive:
+            place[i] = len(kept)
+            kept.append(Operation(op.name, tuple(place[j] for j in op.operands), op.value, op.source))
+    return Program(tuple(kept), tuple(tuple(place[i] for i in row) for row in program.outputs))
+
+
+def _recover_selections(program: Program) -> Program:
+    """CasADi writes if_else(c, a, b) as (c ? a : 0) + (!c ? b : 0); make it one selection again."""
+    ops = list(program.operations)
+    for i, op in enumerate(ops):
+        if op.name != "add":
+            continue
+        first, second = (ops[j] for j in op.operands)
+        if first.name == second.name == "if_else_zero":
+            c, n = first.operands[0], second.operands[0]
+            if ops[n].name == "not" and ops[n].operands == (c,):
+                ops[i] = Operation("select", (c, first.operands[1], second.operands[1]))
+            elif ops[c].name == "not" and ops[c].operands == (n,):
+                ops[i] = Operation("select", (n, second.operands[1], first.operands[1]))
+    return Program(tuple(ops), program.outputs)
+
+
+class _Associator:
+    """Rebuilds the list front to back; ``ready[i]`` is the cycle at which new operation i is available."""
+
+    def __init__(self, program: Program) -> None:
+        self.old = program.operations
+        self.outputs = program.outputs
+        self.uses = [0] * len(self.old)
+        for op in self.old:
+            for j in op.operands:
+                self.uses[j] += 1
+        for row in self.outputs:
+            for j in row:
+                self.uses[j] += 1
+        self.user_kind = {j: _kind(op) for op in self.old for j in op.operands}
+        self.new: list[Operation] = []
+        self.ready: list[int] = []
+        self.known: dict[Operation, int] = {}
+        self.place: dict[int, int] = {}
+
+    def run(self) -> Program:
+        for i, op in enumerate(self.old):
+            if not self._is_part_of_larger(i):
+                self.place[i] = self._build(i, op)
+        return Program(tuple(self.new), tuple(tuple(self.place[i] for i in row) for row in self.outputs))
+
+    def _is_part_of_larger(self, i: int) -> bool:
+        """A sum used once, by a sum, or a product used once, by a sum or product, is built together with its user."""
+        if self.uses[i] != 1:
+            return False
+        kind = _kind(self.old[i])
+        user = self.user_kind.get(i)
+        return (kind == "sum" and user == "sum") or (kind == "product" and user in ("sum", "product"))
+
+    def _build(self, i: int, op: Operation) -> int:
+        kind = _kind(op)
+        if kind == "sum":
+            return self._sum(list(self._terms(i, 1, top=True)))
+        if kind == "product":
+            return self._product([self.place[j] for j in self._factors(i, top=True)])
+        return self._emit(op.name, *(self.place[j] for j in op.operands), value=op.value, source=op.source)
+
+    def _emit(self, name: str, *operands: int, value: float = 0.0, source: tuple[int, int] = (0, 0)) -> int:
+        op = Operation(name, operands, value, source)
+        # -0.0 == 0.0 and NaN != NaN as dictionary keys: constants are keyed by their text instead
+        key = op if name != "constant" else Operation(f"constant {value!r}")
+        if key not in self.known:
+            self.known[key] = len(self.new)
+            self.new.append(op)
+            start = max((self.ready[j] for j in operands), default=0)
+            self.ready.append(start + LATENCY.get(name, DEFAULT_LATENCY))
+        return self.known[key]
+
+    def _terms(self, i: int, sign: int, *, top: bool = False) -> Iterator[tuple[int, int]]:
+        """The signed terms (sign, old position) of the sum that ends in i."""
+        op = self.old[i]
+        if not top and not (_kind(op) == "sum" and self._is_part_of_larger(i)):
+            yield sign, i
+            return
+        signs = {"add": (sign, sign), "sub": (sign, -sign), "neg": (-sign,)}[op.name]
+        for s, j in zip(signs, op.operands, strict=True):
+            yield from self._terms(j, s)
+
+    def _factors(self, i: int, *, top: bool = False) -> Iterator[int]:
+        if not top and not (self.old[i].name == "mul" and self._is_part_of_larger(i)):
+            yield i
+            return
+        for j in self.old[i].operands:
+            yield from self._factors(j)
+
+    def _product(self, factors: list[int]) -> int:
+        a, b = self._two_factors(factors)
+        return self._emit("mul", a, b)
+
+    def _two_factors(self, factors: list[int]) -> tuple[int, int]:
+        """Multiply the factors, the earliest first, until two are left; constants become one constant."""
+        constant = math.prod(self.new[j].value for j in factors if self.new[j].name == "constant")
+        queue = [(self.ready[j], j) for j in factors if self.new[j].name != "constant"]
+        if len(queue) < len(factors):
+            j = self._emit("constant", value=constant)
+            queue.append((0, j))
+        if len(queue) == 1:
+            queue.append((0, self._emit("constant", value=1.0)))
+        heapq.heapify(queue)
+        while len(queue) > 2:
+            (_, a), (_, b) = heapq.heappop(queue), heapq.heappop(queue)
+            c = self._emit("mul", a, b)
+            heapq.heappush(queue, (self.ready[c], c))
+        (_, a), (_, b) = heapq.heappop(queue), heapq.heappop(queue)
+        return a, b
+
+    def _sum(self, terms: list[tuple[int, int]]) -> int:
+        """Add the terms, the earliest first; a product that is a term is fused with the addition that takes it up."""
+        queue: list[tuple[int, int, int, tuple[int, ...]]] = []  # (ready, tie-break, sign, one value or two factors)
+        for order, (sign, i) in enumerate(terms):
+            if self.old[i].name == "mul" and self._is_part_of_larger(i):
+                pair = self._two_factors([self.place[j] for j in self._factors(i, top=True)])
+                queue.append((max(self.ready[j] for j in pair), order, sign, pair))
+            else:
+                queue.append((self.ready[self.place[i]], order, sign, (self.place[i],)))
+        heapq.heapify(queue)
+        order = len(queue)
+        while len(queue) > 1:
+            early, late = heapq.heappop(queue), heapq.heappop(queue)
+            sign, i = self._add(early[2:], late[2:])
+            heapq.heappush(queue, (self.ready[i], order, sign, (i,)))
+            order += 1
+        _, _, sign, value = queue[0]
+        i = value[0] if len(value) == 1 else self._emit("mul", *value)
+        return i if sign > 0 else self._emit("neg", i)
+
+    def _add(self, early: tuple[int, tuple[int, ...]], late: tuple[int, tuple[int, ...]]) -> tuple[int, int]:
+        """One addition of two signed terms -> (sign, position). The later product is the one that is fused."""
+        if len(late[1]) == 1 and len(early[1]) == 2:
+            early, late = late, early
+        (early_sign, early_value), (late_sign, late_value) = early, late
+        addend = early_value[0] if len(early_value) == 1 else self._emit("mul", *early_value)
+        if len(late_value) == 2:
+            name = "fma" if early_sign == late_sign else "fnma"  # fnma(a, b, c) = c - a b
+            return early_sign, self._emit(name, *late_value, addend)
+        if early_sign == late_sign:
+            return early_sign, self._emit("add", addend, late_value[0])
+        return early_sign, self._emit("sub", addend, late_value[0])
+
+
+def _kind(op: Operation) -> str:
+    if op.name in ("add", "sub", "neg"):
+        return "sum"
+    return "product" if op.name == "mul" else "other"

@@ -1,0 +1,172 @@
+"""What is given: the plant (1), the reference model (2), the known set of the unknown parameters, the command."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from barbalat import validate
+from barbalat.protocols import Signal
+from barbalat.signals import Constant
+from barbalat.validate import Array, InputError
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Plant:
+    """Plant with matched linear uncertainty, x' = A_m x + b (theta'x + u + d), x(0) = x0: eq. (1).
+
+    A_m    (n, n)  known, Hurwitz, [1/s]
+    b      (n,)    known; (A_m, b) controllable
+    theta  (n,)    the true parameters; no controller sees them
+    x0     (n,)    initial state, measured; zero by default
+
+    Raises InputError for wrong shapes, a non-Hurwitz A_m, an uncontrollable pair.
+    """
+
+    A_m: Array
+    b: Array
+    theta: Array
+    x0: Array = ()  # type: ignore[assignment]  # () stands for zeros of the size of b
+
+    def __post_init__(self) -> None:
+        A_m = validate.square_matrix("plant.A_m", self.A_m)
+        n = A_m.shape[0]
+        _freeze(
+            self,
+            A_m=A_m,
+            b=validate.vector("plant.b", self.b, n),
+            theta=validate.vector("plant.theta", self.theta, n),
+            x0=validate.vector("plant.x0", np.zeros(n) if np.size(self.x0) == 0 else self.x0, n),
+        )
+        validate.hurwitz("plant.A_m", A_m)
+        validate.controllable("(plant.A_m, plant.b)", A_m, self.b)
+
+    @classmethod
+    def matched(cls, *, A: Any, A_m: Any, b: Any, x0: Any = ()) -> Plant:
+        """The same plant given as x' = A x + b u: theta solves the matching condition A = A_m + b theta'.
+
+        Raises InputError, with the unmatched rest, when no theta does.
+        """
+        A_m = validate.square_matrix("reference_model.A_m", A_m)
+        n = A_m.shape[0]
+        A = validate.square_matrix("plant.A", A, n)
+        b = validate.vector("plant.b", b, n)
+        if not b.any():
+            raise InputError("plant.b must not be zero")
+        difference = A - A_m
+        theta = b @ difference / (b @ b)
+        rest = difference - np.outer(b, theta)
+        if np.abs(rest).max() > 1e-9 * max(1.0, float(np.abs(A).max()), float(np.abs(A_m).max())):
+            raise InputError(
+                "plant.A - reference_model.A_m must be matched (equal to b theta' for some theta), "
+                f"but the part {validate.show(rest)} is out of the reach of b = {validate.show(b)}"
+            )
+        return cls(A_m=A_m, b=b, theta=theta, x0=x0)
+
+    @property
+    def n(self) -> int:
+        """State dimension."""
+        return len(self.b)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ReferenceModel:
+    """x_m' = A_m x_m + k_0 b r, x_m(0) = x(0): eq. (2). ``k_0`` is a scalar; A_m and b are the plant's."""
+
+    k_0: float = 1.0
+
+    def __post_init__(self) -> None:
+        _freeze(self, k_0=validate.number("reference_model.k_0", self.k_0))
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ParameterBox:
+    """The known convex set Omega = {lower <= theta <= upper}, componentwise; both (n,)."""
+
+    lower: Array
+    upper: Array
+
+    def __post_init__(self) -> None:
+        lower = validate.vector("uncertainty.lower", self.lower)
+        upper = validate.vector("uncertainty.upper", self.upper, len(lower))
+        empty = np.flatnonzero(lower > upper)
+        if len(empty):
+            i = int(empty[0])
+            raise InputError(
+                f"uncertainty.lower must not exceed uncertainty.upper, but in component {i + 1} "
+                f"{lower[i]:g} > {upper[i]:g}: the set is empty"
+            )
+        _freeze(self, lower=lower, upper=upper)
+
+    def contains(self, theta: Array) -> bool:
+        return bool((self.lower <= theta).all() and (theta <= self.upper).all())
+
+    @property
+    def theta_max(self) -> float:
+        """The largest 1-norm in the set."""
+        return float(np.maximum(np.abs(self.lower), np.abs(self.upper)).sum())
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Known:
+    """What a designer knows of the problem and a controller may therefore use: everything but theta and d."""
+
+    A_m: Array  # (n, n)
+    b: Array  # (n,)
+    k_0: float
+    x0: Array  # (n,) the state is measured, so is its initial value
+    box: ParameterBox | None
+
+    @property
+    def n(self) -> int:
+        return len(self.b)
+
+    @property
+    def P(self) -> Array:
+        """The solution of P A_m + A_m'P = -I, (n, n)."""
+        from scipy.linalg import solve_continuous_lyapunov
+
+        P = solve_continuous_lyapunov(self.A_m.T, -np.eye(self.n))
+        return np.asarray((P + P.T) / 2)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Problem:
+    """The tracking problem of Section II: plant, model, command r(t), known set, matched disturbance d(t)."""
+
+    plant: Plant
+    reference_model: ReferenceModel = field(default_factory=ReferenceModel)
+    reference: Signal = field(default_factory=Constant)
+    uncertainty: ParameterBox | None = None
+    disturbance: Signal | None = None
+    name: str = "problem"
+
+    def __post_init__(self) -> None:
+        validate.instance("plant", self.plant, Plant)
+        validate.instance("reference_model", self.reference_model, ReferenceModel)
+        if self.uncertainty is not None:
+            validate.instance("uncertainty", self.uncertainty, ParameterBox)
+            size, n = len(self.uncertainty.lower), self.plant.n
+            if size != n:
+                raise InputError(f"uncertainty.lower must have {n} entries, one for each state, got {size}")
+        for name, signal in (("reference", self.reference), ("disturbance", self.disturbance)):
+            if signal is not None and not isinstance(signal, Signal):
+                raise InputError(f"{name} must be a signal such as Sine(amplitude=1, frequency=2), got {validate.show(signal)}")
+
+    @property
+    def known(self) -> Known:
+        p = self.plant
+        return Known(A_m=p.A_m, b=p.b, k_0=self.reference_model.k_0, x0=p.x0, box=self.uncertainty)
+
+    @property
+    def signals(self) -> tuple[Signal, ...]:
+        """The time functions that drive the loop, in the order in which ``ClosedLoop`` takes them."""
+        return (self.reference,) if self.disturbance is None else (self.reference, self.disturbance)
+
+
+def _freeze(part: Any, **values: Any) -> None:
+    """Set fields of a frozen dataclass to their validated values, in its constructor."""
+    for name, value in values.items():
+        object.__setattr__(part, name, value)

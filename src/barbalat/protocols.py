@@ -1,0 +1,65 @@
+"""The page to read first: what a signal, a controller and a scheme's equations are.
+
+A user writes a ``Controller``: its settings. ``bind`` joins them with what is known of the plant and gives the
+``Equations``, which read like the paper and compute with plain NumPy functions. The same lines are evaluated on numbers
+(tests, exploration) and on CasADi's arrays (from which machine code, C and Jacobians are made), so they must not branch on
+values: ``np.where``, ``np.clip``, ``np.minimum`` do that.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, runtime_checkable
+
+if TYPE_CHECKING:
+    from barbalat.problem import Known
+    from barbalat.validate import Array
+
+Value = Any
+"""A number, a NumPy array, or a CasADi array that behaves like one."""
+
+
+@runtime_checkable
+class Signal(Protocol):
+    """A function of time [s] that drives the loop; ``t`` and the result are arrays of one shape."""
+
+    def __call__(self, t: Array) -> Array:
+        """The value at t; at a jump, the value after it."""
+        ...
+
+    def before(self, t: Array) -> Array:
+        """The limit from the left; differs from the value only at a jump. The last stage of a step asks for this."""
+        ...
+
+
+class Equations(Protocol):
+    """A scheme bound to a plant's known part. The state is a NamedTuple of arrays that has a field ``theta_hat``, (n,)."""
+
+    def initial(self) -> NamedTuple:
+        """The state at t = 0, in numbers."""
+        ...
+
+    def control(self, state: Any, x: Value, x_m: Value, r: Value) -> Value:
+        """The control u, a scalar, from the plant's and the model's state, both (n,), and the command."""
+        ...
+
+    def derivative(self, state: Any, x: Value, x_m: Value, r: Value, u: Value) -> NamedTuple:
+        """d/dt of the state; ``u`` is what reaches the plant."""
+        ...
+
+    def limit(self, state: Any) -> NamedTuple:
+        """The state with the estimates limited to the known set; applied at every stage of every solver."""
+        ...
+
+
+@runtime_checkable
+class Controller(Protocol):
+    """A controller's settings: a frozen dataclass, validated in its constructor."""
+
+    @property
+    def name(self) -> str:
+        """The name in results, tables and figures."""
+        ...
+
+    def bind(self, known: Known) -> Equations:
+        """Join the settings with the plant's known part; raises InputError where they don't fit."""
+        ...

@@ -1,0 +1,124 @@
+"""What a simulation gives back: arrays with names, figures, and the numerics they rest on."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from barbalat.grid import Simulation
+from barbalat.metrics import Metrics
+from barbalat.problem import Problem
+from barbalat.protocols import Controller
+from barbalat.validate import Array
+
+if TYPE_CHECKING:
+    import control
+    import pandas
+    import xarray
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Envelope:
+    """The least and greatest value over the steps from t[k] to t[k+1]: what a decimated trajectory hides. (K - 1, ...)."""
+
+    e_min: Array
+    e_max: Array
+    u_min: Array
+    u_max: Array
+    theta_hat_min: Array
+    theta_hat_max: Array
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Result:
+    """One controller's run.
+
+    t                 (K,) recorded instants [s], from 0 to t_end, or to the divergence
+    x, x_m, e         (K, n) plant, model, tracking error x - x_m
+    u                 (K,) control
+    r                 (K,) command
+    theta_hat         (K, n) estimates
+    envelope          extrema between the recorded instants
+    figures           over every solver step, see Metrics; ``diverged_at`` is in s or None
+    h_lambda_max      the largest h |eigenvalue| of the exact Jacobian at the recorded instants
+    """
+
+    problem: Problem
+    controller: Controller
+    simulation: Simulation
+    t: Array
+    x: Array
+    x_m: Array
+    e: Array
+    u: Array
+    r: Array
+    theta_hat: Array
+    envelope: Envelope
+    metrics: Metrics
+    h_lambda_max: float
+
+    @property
+    def name(self) -> str:
+        return self.controller.name
+
+    @property
+    def figures(self) -> dict[str, float | list[float] | None]:
+        """The figures by name, ``None`` where there is no finite value: the JSON contract's block for a controller."""
+        return self.metrics.of_member(0)
+
+    @property
+    def diverged_at(self) -> float | None:
+        """When the run diverged [s]: the states' magnitudes added up to more than 1e12 for the first time."""
+        value = float(self.metrics.diverged_at[0])
+        return None if np.isnan(value) else value
+
+    @property
+    def numerics(self) -> str:
+        """Solver, step and stiffness in one line."""
+        s = self.simulation
+        return f"{s.solver.name}, h = {s.dt:g} s, h |lambda| <= {self.h_lambda_max:.3g} (limit {s.solver.imaginary_limit:.3g} on the imaginary axis)"
+
+    def columns(self) -> dict[str, Array]:
+        """Scalar time series by name: x_1 ... u, r, theta_hat_1 ..., each (K,)."""
+        vectors = {"x": self.x, "x_m": self.x_m, "e": self.e, "theta_hat": self.theta_hat}
+        result = {f"{name}_{i + 1}": value[:, i] for name, value in vectors.items() for i in range(value.shape[1])}
+        return result | {"u": self.u, "r": self.r}
+
+    def to_pandas(self) -> pandas.DataFrame:
+        """A table with the time [s] as its index and one column for each scalar series."""
+        import pandas as pd
+
+        return pd.DataFrame(self.columns(), index=pd.Index(self.t, name="t"))
+
+    def to_xarray(self) -> xarray.Dataset:
+        """A dataset over the coordinates t [s] and component (1 ... n); solver and step are attributes."""
+        import xarray as xr
+
+        vectors = {"x": self.x, "x_m": self.x_m, "e": self.e, "theta_hat": self.theta_hat}
+        variables: dict[str, Any] = {name: (("t", "component"), value) for name, value in vectors.items()}
+        variables |= {"u": ("t", self.u), "r": ("t", self.r)}
+        s = self.simulation
+        return xr.Dataset(
+            variables,
+            coords={"t": self.t, "component": np.arange(1, self.x.shape[1] + 1)},
+            attrs={"controller": self.name, "solver": s.solver.name, "dt": s.dt, "h_lambda_max": self.h_lambda_max},
+        )
+
+    def to_control(self) -> control.TimeResponseData:
+        """python-control's time response: outputs x, states (x, x_m), inputs (r, u)."""
+        import control as ct
+
+        n = self.x.shape[1]
+        numbers = range(1, n + 1)
+        return ct.TimeResponseData(
+            self.t,
+            self.x.T,
+            np.vstack([self.x.T, self.x_m.T]),
+            np.vstack([self.r, self.u]),
+            output_labels=[f"x_{i}" for i in numbers],
+            state_labels=[*(f"x_{i}" for i in numbers), *(f"x_m_{i}" for i in numbers)],
+            input_labels=["r", "u"],
+            title=self.name,
+        )

@@ -1,0 +1,7 @@
+"""Commands, disturbances and recorded data: functions of time that drive the loop."""
+
+from barbalat.signals.piecewise import Square, Step, Steps
+from barbalat.signals.recorded import Recorded
+from barbalat.signals.smooth import Chirp, Constant, Sine, Sines
+
+__all__ = ["Chirp", "Constant", "Recorded", "Sine", "Sines", "Square", "Step", "Steps"]

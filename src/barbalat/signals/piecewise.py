@@ -1,0 +1,90 @@
+"""Signals with jumps: the value at a jump is the one after it, ``before`` gives the one before it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from barbalat import validate
+from barbalat.validate import Array, InputError
+
+
+@dataclass(frozen=True)
+class Step:
+    """constant for t < start, constant + amplitude from then on; ``start`` in s."""
+
+    amplitude: float
+    start: float = 0.0
+    constant: float = 0.0
+
+    def __post_init__(self) -> None:
+        for name in ("amplitude", "start", "constant"):
+            validate.number(name, getattr(self, name))
+
+    def __call__(self, t: Array) -> Array:
+        return self.constant + self.amplitude * (np.asarray(t) >= self.start)
+
+    def before(self, t: Array) -> Array:
+        return self.constant + self.amplitude * (np.asarray(t) > self.start)
+
+
+@dataclass(frozen=True)
+class Steps:
+    """values[i] from times[i] on, ``initial`` before times[0]; times in s, increasing."""
+
+    times: tuple[float, ...]
+    values: tuple[float, ...]
+    initial: float = 0.0
+
+    def __post_init__(self) -> None:
+        times = validate.vector("times", self.times)
+        values = validate.vector("values", self.values, len(times))
+        validate.number("initial", self.initial)
+        if (np.diff(times) <= 0).any():
+            raise InputError(f"times must be increasing, got {validate.show(times)}")
+        object.__setattr__(self, "times", tuple(times.tolist()))
+        object.__setattr__(self, "values", tuple(values.tolist()))
+
+    def __call__(self, t: Array) -> Array:
+        return self._levels[np.searchsorted(self.times, t, side="right")]
+
+    def before(self, t: Array) -> Array:
+        return self._levels[np.searchsorted(self.times, t, side="left")]
+
+    @property
+    def _levels(self) -> Array:
+        return np.array([self.initial, *self.values])
+
+
+@dataclass(frozen=True)
+class Square:
+    """constant + amplitude for the first half of each period 2 pi / frequency, constant - amplitude for the second."""
+
+    amplitude: float
+    frequency: float
+    phase: float = 0.0
+    constant: float = 0.0
+
+    def __post_init__(self) -> None:
+        for name in ("amplitude", "phase", "constant"):
+            validate.number(name, getattr(self, name))
+        validate.positive("frequency", self.frequency)
+
+    def __call__(self, t: Array) -> Array:
+        halves = self._half_periods(t)
+        return self._level(np.floor(halves))
+
+    def before(self, t: Array) -> Array:
+        halves = self._half_periods(t)
+        return self._level(np.ceil(halves) - 1)
+
+    def _half_periods(self, t: Array) -> Array:
+        """Half periods since phase zero; a jump that lies within rounding of t is taken to lie at t."""
+        halves = (self.frequency * np.asarray(t) + self.phase) / np.pi
+        nearest = np.round(halves)
+        rounding = 4 * np.finfo(float).eps * np.maximum(1.0, np.abs(halves))
+        return np.where(np.abs(halves - nearest) <= rounding, nearest, halves)
+
+    def _level(self, half: Array) -> Array:
+        return self.constant + self.amplitude * np.where(half % 2 == 0, 1.0, -1.0)

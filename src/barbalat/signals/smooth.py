@@ -1,0 +1,104 @@
+"""Signals without jumps. Frequencies are rad/s, phases rad."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+
+import numpy as np
+
+from barbalat import validate
+from barbalat.validate import Array, InputError
+
+
+class Continuous(ABC):
+    """A signal without jumps: its limit from the left is its value."""
+
+    @abstractmethod
+    def __call__(self, t: Array) -> Array:
+        """The value at t [s]."""
+
+    def before(self, t: Array) -> Array:
+        return self(t)
+
+
+@dataclass(frozen=True)
+class Constant(Continuous):
+    """r(t) = amplitude."""
+
+    amplitude: float = 0.0
+
+    def __post_init__(self) -> None:
+        validate.number("amplitude", self.amplitude)
+
+    def __call__(self, t: Array) -> Array:
+        return np.full(np.shape(t), float(self.amplitude))
+
+
+@dataclass(frozen=True)
+class Sine(Continuous):
+    """r(t) = constant + amplitude sin(frequency t + phase)."""
+
+    amplitude: float
+    frequency: float
+    phase: float = 0.0
+    constant: float = 0.0
+
+    def __post_init__(self) -> None:
+        for name in ("amplitude", "phase", "constant"):
+            validate.number(name, getattr(self, name))
+        validate.positive("frequency", self.frequency)
+
+    def __call__(self, t: Array) -> Array:
+        return self.constant + self.amplitude * np.sin(self.frequency * t + self.phase)
+
+
+@dataclass(frozen=True)
+class Sines(Continuous):
+    """r(t) = constant + sum of amplitudes[i] sin(frequencies[i] t + phases[i])."""
+
+    amplitudes: tuple[float, ...]
+    frequencies: tuple[float, ...]
+    phases: tuple[float, ...] = ()
+    constant: float = 0.0
+
+    def __post_init__(self) -> None:
+        amplitudes = validate.vector("amplitudes", self.amplitudes)
+        count = len(amplitudes)
+        frequencies = validate.vector("frequencies", self.frequencies, count)
+        phases = validate.vector("phases", self.phases if len(self.phases) else [0.0] * count, count)
+        validate.number("constant", self.constant)
+        if (frequencies <= 0).any():
+            raise InputError(f"frequencies must be positive, got {validate.show(frequencies)}")
+        for name, values in (("amplitudes", amplitudes), ("frequencies", frequencies), ("phases", phases)):
+            object.__setattr__(self, name, tuple(values.tolist()))
+
+    def __call__(self, t: Array) -> Array:
+        result = np.full(np.shape(t), float(self.constant))
+        for amplitude, frequency, phase in zip(self.amplitudes, self.frequencies, self.phases, strict=True):
+            result += amplitude * np.sin(frequency * t + phase)
+        return result
+
+
+@dataclass(frozen=True)
+class Chirp(Continuous):
+    """A sine whose frequency runs linearly from ``frequency_start`` to ``frequency_end`` in ``duration`` s, then stays."""
+
+    amplitude: float
+    frequency_start: float
+    frequency_end: float
+    duration: float
+    constant: float = 0.0
+
+    def __post_init__(self) -> None:
+        for name in ("amplitude", "constant"):
+            validate.number(name, getattr(self, name))
+        for name in ("frequency_start", "frequency_end"):
+            validate.not_negative(name, getattr(self, name))
+        validate.positive("duration", self.duration)
+
+    def __call__(self, t: Array) -> Array:
+        rate = (self.frequency_end - self.frequency_start) / self.duration
+        swept = np.minimum(t, self.duration)
+        phase = self.frequency_start * swept + rate * swept**2 / 2 + self.frequency_end * (t - swept)
+        return self.constant + self.amplitude * np.sin(phase)

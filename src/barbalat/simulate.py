@@ -1,0 +1,90 @@
+"""Simulate controllers on a problem, each alone on its own kernel, all side by side."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from barbalat.closed_loop import ClosedLoop
+from barbalat.engine import Batch, Progress, run
+from barbalat.grid import Simulation
+from barbalat.problem import Problem
+from barbalat.protocols import Controller
+from barbalat.result import Envelope, Result
+from barbalat.stepping import output_function, spectral_radius, step_program
+from barbalat.validate import Array, InputError
+
+JACOBIAN_SAMPLES = 200
+"""Recorded instants at which the Jacobian's spectrum is taken; the whole record would cost more than the run."""
+
+
+def simulate(
+    problem: Problem,
+    controllers: Sequence[Controller],
+    simulation: Simulation,
+    *,
+    threads: int | None = None,
+    progress: Progress | None = None,
+) -> dict[str, Result]:
+    """Run every controller on the problem; results by the controllers' names.
+
+    threads   all cores by default; results do not depend on it
+    progress  called with the fraction done
+
+    Raises InputError for controllers that don't fit the problem or share a name. A run that diverges is a result.
+    """
+    names = [controller.name for controller in controllers]
+    if not names:
+        raise InputError("at least one controller is needed, got none")
+    if twice := sorted({name for name in names if names.count(name) > 1}):
+        raise InputError(f"every controller needs a name of its own, but {twice[0]!r} stands {names.count(twice[0])} times")
+    loops = [ClosedLoop.of(problem, controller) for controller in controllers]
+    batches = []
+    for loop in loops:
+        program = step_program(loop, simulation.solver, simulation.dt)
+        batches.append(Batch(program, loop.initial()[:, None], np.zeros((0, 1)), record=True))
+    run(batches, problem.signals, simulation, threads=threads, progress=progress)
+    parts = zip(controllers, loops, batches, strict=True)
+    return {c.name: _result(problem, c, simulation, loop, batch) for c, loop, batch in parts}
+
+
+def _result(problem: Problem, controller: Controller, simulation: Simulation, loop: ClosedLoop, batch: Batch) -> Result:
+    t, states, accumulators = _record(simulation, batch)
+    metrics = batch.metrics(simulation, loop.theta_hat_rows)
+    if not np.isnan(metrics.diverged_at[0]):
+        kept = int(np.searchsorted(t, metrics.diverged_at[0]))  # the instants before it
+        t, states, accumulators = t[:kept], states[:kept], accumulators[: max(kept - 1, 0)]
+    signals = np.stack([signal(t) for signal in problem.signals])
+    e, u, theta_hat, x, x_m = (np.asarray(value).T for value in output_function(loop)(states.T, signals))
+    at = batch.totals.at
+    envelope = Envelope(**{
+        f"{quantity}_{side}": accumulators[:, at[quantity, side]] for quantity in ("e", "u", "theta_hat") for side in ("min", "max")
+    })  # fmt: skip
+    chosen = np.unique(np.linspace(0, len(t) - 1, min(len(t), JACOBIAN_SAMPLES)).astype(int))
+    radius = spectral_radius(loop, states[chosen], signals.T[chosen])
+    return Result(
+        problem=problem,
+        controller=controller,
+        simulation=simulation,
+        t=t,
+        x=x,
+        x_m=x_m,
+        e=e,
+        u=u[:, 0],
+        r=signals[0],
+        theta_hat=theta_hat,
+        envelope=envelope,
+        metrics=metrics,
+        h_lambda_max=float(simulation.dt * radius.max()),
+    )
+
+
+def _record(simulation: Simulation, batch: Batch) -> tuple[Array, Array, Array]:
+    """Instants (K,), states (K, size) and the accumulators between them (K - 1, ...) of a batch of one member."""
+    (group,) = batch.groups
+    blocks = np.concatenate([out[:, :, 0] for out in group.recorded])
+    starts = [s.start + np.arange(s.blocks) * s.length for s in simulation.segments()][: len(group.recorded)]
+    steps = np.append(np.concatenate(starts), simulation.steps)
+    states = np.vstack([blocks[:, : batch.program.shape.states], group.state[:, 0]])
+    return simulation.time(steps), states, blocks[:, batch.program.shape.states :]

@@ -1,0 +1,95 @@
+"""From a closed loop to a compiled kernel: one solver step with the figures' accumulators, traced once."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from barbalat.closed_loop import ClosedLoop, column, symbols
+from barbalat.lowering.llvm_ir import LoopShape
+from barbalat.lowering.machine import Kernel
+from barbalat.lowering.operations import Program, read
+from barbalat.lowering.optimize import optimize
+from barbalat.metrics import Accumulators
+from barbalat.protocols import Value
+from barbalat.solvers import Tableau
+
+
+@dataclass(frozen=True)
+class StepProgram:
+    """One step as an operation list; compile it for a number of lanes."""
+
+    program: Program
+    shape: LoopShape
+    accumulators: Accumulators | None
+
+    def compile(self, lanes: int) -> Kernel:
+        resets = () if self.accumulators is None else self.accumulators.resets
+        return _compile(self.program, self.shape, resets, lanes)
+
+
+@lru_cache(maxsize=64)
+def _compile(program: Program, shape: LoopShape, resets: tuple[float, ...], lanes: int) -> Kernel:
+    return Kernel(program, shape, resets, lanes)
+
+
+def step_function(loop: ClosedLoop, solver: Tableau, dt: float, parameters: object = None, *, figures: bool = True):  # type: ignore[no-untyped-def]
+    """The step as a CasADi function (state, accumulators, parameters, signals) -> (state, accumulators), and its accumulators.
+
+    ``loop`` may hold symbols; ``parameters`` is then their CasADi column. Without ``figures`` there are no accumulators.
+    """
+    import casadi as ca
+
+    state_column, state = symbols("state", loop.size)
+    channels = loop.signal_count
+    signal_column, table_row = symbols("signals", len(solver.nodes) * channels)
+    signals = {node: table_row[i * channels : (i + 1) * channels] for i, node in enumerate(solver.nodes)}
+    following = solver.advance(loop.derivative, loop.limit, state, signals, dt)
+    accumulators, old_column, new = None, ca.SX(0, 1), ca.SX(0, 1)
+    if figures:
+        accumulators = Accumulators(errors=len(loop.plant.b), parameters=len(loop.plant.b))
+        outputs = loop.outputs(state, signals[solver.nodes[0]])
+        theta_hat_next = loop.unpack(following).controller.theta_hat
+        old_column, old = symbols("accumulators", len(accumulators.resets))
+        new = column(accumulators.update(old, outputs, theta_hat_next, following))
+    inputs = [state_column, old_column, ca.SX(0, 1) if parameters is None else parameters, signal_column]
+    return ca.Function("step", inputs, [column(following), new], {"cse": True}), accumulators
+
+
+def step_program(loop: ClosedLoop, solver: Tableau, dt: float, parameters: object = None, *, figures: bool = True) -> StepProgram:
+    """Trace, optimise: see ``step_function``."""
+    function, accumulators = step_function(loop, solver, dt, parameters, figures=figures)
+    shape = LoopShape(*(function.nnz_in(i) for i in range(4)))
+    return StepProgram(optimize(read(function)), shape, accumulators)
+
+
+def output_function(loop: ClosedLoop):  # type: ignore[no-untyped-def]
+    """The outputs (e, u, theta_hat, x, x_m) as a CasADi function of (state, signals); columns of many instants may be given."""
+    import casadi as ca
+
+    state_column, state = symbols("state", loop.size)
+    signal_column, signals = symbols("signals", loop.signal_count)
+    outputs = loop.outputs(state, signals)
+    return ca.Function("outputs", [state_column, signal_column], [column(value) for value in outputs], {"cse": True})
+
+
+def jacobian_function(loop: ClosedLoop):  # type: ignore[no-untyped-def]
+    """The exact Jacobian of the loop's right-hand side, (size, size), as a CasADi function of (state, signals)."""
+    import casadi as ca
+
+    state_column, state = symbols("state", loop.size)
+    signal_column, signals = symbols("signals", loop.signal_count)
+    slope: Value = column(loop.derivative(state, signals))
+    jacobian = ca.densify(ca.jacobian(slope, state_column))
+    return ca.Function("jacobian", [state_column, signal_column], [jacobian], {"cse": True})
+
+
+def spectral_radius(loop: ClosedLoop, states: np.ndarray, signals: np.ndarray) -> np.ndarray:
+    """The largest |eigenvalue| [1/s] of the Jacobian at each of K instants; states (K, size), signals (K, channels)."""
+    function = jacobian_function(loop)
+    size = loop.size
+    flat = np.asarray(function(states.T, signals.T)).reshape(size, len(states), size, order="C")
+    matrices = flat.transpose(1, 0, 2)
+    return np.asarray(np.abs(np.linalg.eigvals(matrices)).max(axis=1))
