@@ -61,7 +61,7 @@ class ClosedLoop:
 
     @property
     def size(self) -> int:
-        return len(self.initial())
+        return len(flatten(self._initial))
 
     @property
     def theta_hat_rows(self) -> slice:
@@ -116,7 +116,7 @@ def _unflatten(template: Any, flat: Value, start: int) -> tuple[Any, int]:
             value, start = _unflatten(part, flat, start)
             parts.append(value)
         return type(template)(*parts), start
-    shape = np.shape(template)
+    shape = template.shape
     size = int(np.prod(shape))
     return flat[start : start + size].reshape(shape), start + size
 

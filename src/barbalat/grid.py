@@ -38,14 +38,18 @@ class Simulation:
         dt = validate.positive("simulation.dt", self.dt)
         validate.instance("simulation.solver", self.solver, Tableau)
         if not isinstance(self.record_points, int) or self.record_points < 2:
-            raise InputError(f"simulation.record_points must be a whole number of at least 2, got {validate.show(self.record_points)}")
+            raise InputError(
+                f"simulation.record_points must be a whole number of at least 2, got {validate.show(self.record_points)}"
+            )
         ratio = t_end / dt
         if ratio > 1e12:  # a day of computing on one core: surely a slip of the pen
             raise InputError(f"simulation.dt = {dt:g} makes {ratio:.3g} steps up to t_end = {t_end:g}; at most 1e12 are possible")
         steps = round(ratio)
         if steps < 1 or abs(steps * dt - t_end) > 1e-9 * t_end:
             nearest = t_end / max(steps, 1)
-            raise InputError(f"simulation.dt must divide simulation.t_end, but {t_end:g} / {dt:g} = {ratio:.9g}; {nearest:.9g} would")
+            raise InputError(
+                f"simulation.dt must divide simulation.t_end, but {t_end:g} / {dt:g} = {ratio:.9g}; {nearest:.9g} would"
+            )
         object.__setattr__(self, "t_end", t_end)
         object.__setattr__(self, "dt", dt)
         object.__setattr__(self, "steps", steps)
@@ -114,9 +118,11 @@ def final_row(signals: tuple[Signal, ...], simulation: Simulation) -> Array:
 
 
 def _evaluate(signal: object, t: Array) -> Array:
-    values = np.asarray(signal(t), dtype=float)  # type: ignore[operator]
+    values = np.asarray(signal(t), dtype=np.float64)  # type: ignore[operator]
     if values.shape != t.shape:
-        raise InputError(f"a signal must return one value for each time, got shape {values.shape} for {t.shape}: {validate.show(signal)}")
+        raise InputError(
+            f"a signal must return one value for each time, got shape {values.shape} for {t.shape}: {validate.show(signal)}"
+        )
     if not np.isfinite(values).all():
         i = int(np.flatnonzero(~np.isfinite(values))[0])
         raise InputError(f"a signal must be finite, got {values[i]} at t = {t[i]:g} s: {validate.show(signal)}")

@@ -153,10 +153,10 @@ class Totals:
 
         def magnitude(quantity: str, *parts: Array) -> Array:
             largest = [np.maximum(-part[at[quantity, "min"]], part[at[quantity, "max"]]) for part in parts]
-            return np.max(largest, axis=0)
+            return np.asarray(np.max(largest, axis=0))
 
         def finite_only(value: Array) -> Array:
-            return np.where(diverged, np.nan, value).T
+            return np.asarray(np.where(diverged, np.nan, value).T)
 
         squares = head[at["e^2", "sum"]] + tail[at["e^2", "sum"]]
         tail_time = float(simulation.t_end - simulation.time(simulation.tail_start))

@@ -78,7 +78,8 @@ class Result:
     def numerics(self) -> str:
         """Solver, step and stiffness in one line."""
         s = self.simulation
-        return f"{s.solver.name}, h = {s.dt:g} s, h |lambda| <= {self.h_lambda_max:.3g} (limit {s.solver.imaginary_limit:.3g} on the imaginary axis)"
+        limit = f"{s.solver.imaginary_limit:.3g} on the imaginary axis, {s.solver.real_limit:.3g} on the real one"
+        return f"{s.solver.name}, h = {s.dt:g} s, h |lambda| <= {self.h_lambda_max:.3g}; the solver's limit is {limit}"
 
     def columns(self) -> dict[str, Array]:
         """Scalar time series by name: x_1 ... u, r, theta_hat_1 ..., each (K,)."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -15,6 +16,9 @@ from barbalat.lowering.optimize import optimize
 from barbalat.metrics import Accumulators
 from barbalat.protocols import Value
 from barbalat.solvers import Tableau
+
+if TYPE_CHECKING:
+    import casadi as ca
 
 
 @dataclass(frozen=True)
@@ -35,7 +39,9 @@ def _compile(program: Program, shape: LoopShape, resets: tuple[float, ...], lane
     return Kernel(program, shape, resets, lanes)
 
 
-def step_function(loop: ClosedLoop, solver: Tableau, dt: float, parameters: object = None, *, figures: bool = True):  # type: ignore[no-untyped-def]
+def step_function(
+    loop: ClosedLoop, solver: Tableau, dt: float, parameters: ca.SX | None = None, *, figures: bool = True
+) -> tuple[ca.Function, Accumulators | None]:
     """The step as a CasADi function (state, accumulators, parameters, signals) -> (state, accumulators), and its accumulators.
 
     ``loop`` may hold symbols; ``parameters`` is then their CasADi column. Without ``figures`` there are no accumulators.
@@ -58,14 +64,16 @@ def step_function(loop: ClosedLoop, solver: Tableau, dt: float, parameters: obje
     return ca.Function("step", inputs, [column(following), new], {"cse": True}), accumulators
 
 
-def step_program(loop: ClosedLoop, solver: Tableau, dt: float, parameters: object = None, *, figures: bool = True) -> StepProgram:
+def step_program(
+    loop: ClosedLoop, solver: Tableau, dt: float, parameters: ca.SX | None = None, *, figures: bool = True
+) -> StepProgram:
     """Trace, optimise: see ``step_function``."""
     function, accumulators = step_function(loop, solver, dt, parameters, figures=figures)
     shape = LoopShape(*(function.nnz_in(i) for i in range(4)))
     return StepProgram(optimize(read(function)), shape, accumulators)
 
 
-def output_function(loop: ClosedLoop):  # type: ignore[no-untyped-def]
+def output_function(loop: ClosedLoop) -> ca.Function:
     """The outputs (e, u, theta_hat, x, x_m) as a CasADi function of (state, signals); columns of many instants may be given."""
     import casadi as ca
 
@@ -75,7 +83,7 @@ def output_function(loop: ClosedLoop):  # type: ignore[no-untyped-def]
     return ca.Function("outputs", [state_column, signal_column], [column(value) for value in outputs], {"cse": True})
 
 
-def jacobian_function(loop: ClosedLoop):  # type: ignore[no-untyped-def]
+def jacobian_function(loop: ClosedLoop) -> ca.Function:
     """The exact Jacobian of the loop's right-hand side, (size, size), as a CasADi function of (state, signals)."""
     import casadi as ca
 

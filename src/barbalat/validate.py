@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+Array = NDArray[Any]
+"""A NumPy array; its shape stands beside each name."""
 
 
 class InputError(ValueError):
@@ -35,6 +36,7 @@ def number(field: str, value: Any) -> float:
 
 
 def positive(field: str, value: Any) -> float:
+    """A finite number above zero."""
     result = number(field, value)
     if result <= 0:
         raise InputError(f"{field} must be positive, got {show(value)}")
@@ -42,6 +44,7 @@ def positive(field: str, value: Any) -> float:
 
 
 def not_negative(field: str, value: Any) -> float:
+    """A finite number, zero or above."""
     result = number(field, value)
     if result < 0:
         raise InputError(f"{field} must not be negative, got {show(value)}")
@@ -60,7 +63,9 @@ def array(field: str, value: Any, shape: tuple[int | None, ...]) -> Array:
     fits = result.ndim == len(shape) and all(s == k or (s is None and k > 0) for s, k in zip(shape, result.shape, strict=True))
     if not fits:
         wanted = " x ".join("n" if s is None else str(s) for s in shape)
-        raise InputError(f"{field} must have shape {wanted}, got {' x '.join(map(str, result.shape)) or 'a number'}: {show(value)}")
+        raise InputError(
+            f"{field} must have shape {wanted}, got {' x '.join(map(str, result.shape)) or 'a number'}: {show(value)}"
+        )
     if not np.isfinite(result).all():
         raise InputError(f"{field} must be finite, got {show(value)}")
     result.flags.writeable = False
@@ -68,10 +73,12 @@ def array(field: str, value: Any, shape: tuple[int | None, ...]) -> Array:
 
 
 def vector(field: str, value: Any, size: int | None = None) -> Array:
+    """A read-only vector (size,), of any size if none is given."""
     return array(field, value, (size,))
 
 
 def square_matrix(field: str, value: Any, size: int | None = None) -> Array:
+    """A read-only square matrix."""
     result = array(field, value, (size, size))
     if result.shape[0] != result.shape[1]:
         raise InputError(f"{field} must be square, got {result.shape[0]} x {result.shape[1]}: {show(value)}")
@@ -103,4 +110,6 @@ def controllable(fields: str, A: Array, b: Array) -> None:
     for eigenvalue in np.linalg.eigvals(A):
         pencil = np.column_stack([(eigenvalue * np.eye(n) - A) / scale, b / size])
         if np.linalg.svd(pencil, compute_uv=False)[-1] <= tolerance:
-            raise InputError(f"{fields} must be controllable, but the mode at {eigenvalue:.6g} cannot be reached from b = {show(b)}")
+            raise InputError(
+                f"{fields} must be controllable, but the mode at {eigenvalue:.6g} cannot be reached from b = {show(b)}"
+            )

@@ -15,6 +15,8 @@ from barbalat.validate import Array
 
 
 class Rates(NamedTuple):
+    """Time derivatives of what a law integrates."""
+
     theta_hat: Value  # (n,)
     covariance: Value  # (n, n), or (0, 0) for a law without one
 

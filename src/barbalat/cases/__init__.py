@@ -1,0 +1,1 @@
+"""The bundled cases and the case file: TOML in, validated objects out."""

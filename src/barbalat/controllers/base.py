@@ -28,5 +28,7 @@ def projection_box(projection: bool | None, known: Known) -> ParameterBox | None
     if projection is not None and not isinstance(projection, (bool, np.bool_)):
         raise InputError(f"projection must be true or false, got {validate.show(projection)}")
     if projection and known.box is None:
-        raise InputError("projection needs the known set: give uncertainty.lower and uncertainty.upper, or set projection = false")
+        raise InputError(
+            "projection needs the known set: give uncertainty.lower and uncertainty.upper, or set projection = false"
+        )
     return known.box if projection is None or projection else None

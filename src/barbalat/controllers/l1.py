@@ -17,6 +17,8 @@ from barbalat.validate import Array, InputError
 
 
 class State(NamedTuple):
+    """What the controller integrates."""
+
     theta_hat: Value  # (n,) estimate of theta
     x_hat: Value  # (n,) predictor
     filter: Value  # (order of C,) state of the filter C(s)

@@ -14,6 +14,8 @@ from barbalat.validate import Array
 
 
 class State(NamedTuple):
+    """What the controller integrates."""
+
     theta_hat: Value  # (n,) estimate of theta
 
 

@@ -5,7 +5,7 @@ The same equations without the auxiliary input are the normalised MRAC that Sect
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
@@ -22,6 +22,8 @@ from barbalat.validate import Array, InputError
 
 
 class State(NamedTuple):
+    """What the controller integrates."""
+
     theta_hat: Value  # (n,) estimate of theta
     covariance: Value  # (n, n) memory of a least-squares law; (0, 0) for a gradient law
     xi: Value  # (n,) the known part of x: xi' = A_m xi + b u, xi(0) = x(0)
@@ -41,6 +43,8 @@ class Estimation(NamedTuple):
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Equations:
+    """The law is driven by the estimation error of the parametric model (13)."""
+
     A_m: Array
     b: Array
     k_0: float
@@ -101,9 +105,9 @@ class Equations:
 class RobustMrac:
     """u = -theta_hat'x + k_0 r + u_a with a law on the linear parametric model and the auxiliary input u_a.
 
-    c_0            (n,); W_m(s) = c_0'(sI - A_m)^-1 b must be minimum phase
     tau            time constant of the auxiliary input [s], > 0
     law            LeastSquares (the paper's) or Gradient
+    c_0            (n,); W_m(s) = c_0'(sI - A_m)^-1 b must be minimum phase; P b by default
     normalization  of the estimation error: eq. (16)
     theta_hat0     (n,), zero by default; inside the known set
     projection     onto the known set; by default on where one is given
@@ -117,23 +121,21 @@ class RobustMrac:
     Source: eqs (13)-(16); Ioannou and Sun, section 9.4; Datta and Ioannou (1994).
     """
 
-    c_0: Array
     tau: float
     law: AdaptiveLaw
-    normalization: Normalization = Normalization()
+    c_0: Array | None = None
+    normalization: Normalization = field(default_factory=Normalization)
     theta_hat0: Array | None = None
     projection: bool | None = None
     printed_sign: bool = False
     name: str = "Robust MRAC"
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "c_0", validate.vector("c_0", self.c_0))
         object.__setattr__(self, "tau", validate.positive("tau", self.tau))
-        validate.instance("law", self.law, (LeastSquares, Gradient))
-        validate.instance("normalization", self.normalization, Normalization)
+        _check_model_and_law(self)
 
     def bind(self, known: Known) -> Equations:
-        Q = auxiliary_filter(minimum_phase_model(self.c_0, known), self.tau)
+        Q = auxiliary_filter(minimum_phase_model(_output_vector(self.c_0, known), known), self.tau)
         return _equations(self, known, Q, swapping_sign=-1.0 if self.printed_sign else 1.0)
 
 
@@ -141,33 +143,44 @@ class RobustMrac:
 class NormalizedMrac:
     """u = -theta_hat'x + k_0 r with a law driven by the normalised estimation error: RobustMrac without auxiliary input.
 
-    Parameters as there; the default law is the gradient. Source: Section II; Ioannou and Sun, section 6.5.
+    Parameters as there. Source: Section II; Ioannou and Sun, section 6.5.
     """
 
-    c_0: Array
     law: AdaptiveLaw
-    normalization: Normalization = Normalization()
+    c_0: Array | None = None
+    normalization: Normalization = field(default_factory=Normalization)
     theta_hat0: Array | None = None
     projection: bool | None = None
     name: str = "Normalised MRAC"
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "c_0", validate.vector("c_0", self.c_0))
-        validate.instance("law", self.law, (LeastSquares, Gradient))
-        validate.instance("normalization", self.normalization, Normalization)
+        _check_model_and_law(self)
 
     def bind(self, known: Known) -> Equations:
-        minimum_phase_model(self.c_0, known)
         return _equations(self, known, Q=None, swapping_sign=1.0)
 
 
+def _check_model_and_law(settings: RobustMrac | NormalizedMrac) -> None:
+    if settings.c_0 is not None:
+        object.__setattr__(settings, "c_0", validate.vector("c_0", settings.c_0))
+    validate.instance("law", settings.law, (LeastSquares, Gradient))
+    validate.instance("normalization", settings.normalization, Normalization)
+
+
+def _output_vector(c_0: Array | None, known: Known) -> Array:
+    """c_0, by default P b: W_m is then strictly positive real (Kalman-Yakubovich), so minimum phase of relative degree 1."""
+    return known.P @ known.b if c_0 is None else validate.vector("c_0", c_0, known.n)
+
+
 def _equations(settings: RobustMrac | NormalizedMrac, known: Known, Q: StateSpace | None, swapping_sign: float) -> Equations:
+    c_0 = _output_vector(settings.c_0, known)
+    minimum_phase_model(c_0, known)
     box = projection_box(settings.projection, known)
     return Equations(
         A_m=known.A_m,
         b=known.b,
         k_0=known.k_0,
-        c_0=settings.c_0,
+        c_0=c_0,
         Q=Q,
         swapping_sign=swapping_sign,
         law=settings.law,
@@ -180,7 +193,6 @@ def _equations(settings: RobustMrac | NormalizedMrac, known: Known, Q: StateSpac
 
 def minimum_phase_model(c_0: Array, known: Known) -> TransferFunction:
     """W_m(s) = c_0'(sI - A_m)^-1 b; InputError where it has a zero in Re s >= 0 or is zero."""
-    c_0 = validate.vector("c_0", c_0, known.n)
     W_m = transfer_function(c_0, known.A_m, known.b)
     if not W_m.num.any():
         raise InputError(f"c_0 must not be zero, got {validate.show(c_0)}")

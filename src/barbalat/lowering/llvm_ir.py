@@ -66,7 +66,9 @@ class _Printer:
         """Value i as a number; a truth value becomes 0 or 1."""
         if not self.truth[i]:
             return self.values[i]
-        return self.assign(f"select {self.mask} {self.values[i]}, {self.vector} {self.splat(1.0)}, {self.vector} {self.splat(0.0)}")
+        return self.assign(
+            f"select {self.mask} {self.values[i]}, {self.vector} {self.splat(1.0)}, {self.vector} {self.splat(0.0)}"
+        )
 
     def condition(self, i: int) -> str:
         if self.truth[i]:

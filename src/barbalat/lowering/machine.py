@@ -71,5 +71,7 @@ class Kernel:
         }
         for name, (array, size) in expected.items():
             if array.dtype != np.float64 or not array.flags.c_contiguous or array.size < size:
-                raise ValueError(f"{name} must be C-contiguous float64 with at least {size} entries, got {array.shape} {array.dtype}")
+                raise ValueError(
+                    f"{name} must be C-contiguous float64 with at least {size} entries, got {array.shape} {array.dtype}"
+                )
         self._call(blocks, steps, state.ctypes.data, parameters.ctypes.data, signals.ctypes.data, out.ctypes.data)

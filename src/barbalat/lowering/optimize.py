@@ -31,7 +31,7 @@ def _drop_dead(program: Program) -> Program:
         if i in alive:
             alive.update(program.operations[i].operands)
     place: dict[int, int] = {}
-    kept = []
+    kept: list[Operation] = []
     for i, op in enumerate(program.operations):
         if i in alive:
             place[i] = len(kept)

@@ -41,7 +41,7 @@ class Recorded(Continuous):
         except (OSError, ValueError) as error:
             reason = getattr(error, "strerror", None) or "it is not a text file"
             raise InputError(f"the data file {path} cannot be read: {reason}") from None
-        rows = []
+        rows: list[tuple[float, float]] = []
         for position, line in enumerate(lines, start=1):
             if not line.strip():
                 continue

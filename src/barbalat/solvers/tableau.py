@@ -45,7 +45,7 @@ class Tableau:
 
     @property
     def stability_polynomial(self) -> np.ndarray:
-        """Coefficients, lowest power first, of R(z) = 1 + z b'(I - z a)^-1 1, the growth in one step of x' = lambda x, z = h lambda."""
+        """R(z) = 1 + z b'(I - z a)^-1 1, lowest power first: the growth in one step of x' = lambda x, z = h lambda."""
         stages = len(self.b)
         a = np.array([[*row, *[0.0] * (stages - len(row))] for row in self.a])
         coefficients, power = [1.0], np.ones(stages)
@@ -56,7 +56,7 @@ class Tableau:
 
     def amplification(self, z: np.ndarray) -> np.ndarray:
         """R(z), for complex z of any shape."""
-        return np.polynomial.polynomial.polyval(np.asarray(z, dtype=complex), self.stability_polynomial)
+        return np.asarray(np.polynomial.polynomial.polyval(np.asarray(z, dtype=complex), self.stability_polynomial))
 
     @property
     def imaginary_limit(self) -> float:

@@ -58,9 +58,8 @@ def _result(problem: Problem, controller: Controller, simulation: Simulation, lo
     signals = np.stack([signal(t) for signal in problem.signals])
     e, u, theta_hat, x, x_m = (np.asarray(value).T for value in output_function(loop)(states.T, signals))
     at = batch.totals.at
-    envelope = Envelope(**{
-        f"{quantity}_{side}": accumulators[:, at[quantity, side]] for quantity in ("e", "u", "theta_hat") for side in ("min", "max")
-    })  # fmt: skip
+    extrema = [(quantity, side) for quantity in ("e", "u", "theta_hat") for side in ("min", "max")]
+    envelope = Envelope(**{f"{quantity}_{side}": accumulators[:, at[quantity, side]] for quantity, side in extrema})
     chosen = np.unique(np.linspace(0, len(t) - 1, min(len(t), JACOBIAN_SAMPLES)).astype(int))
     radius = spectral_radius(loop, states[chosen], signals.T[chosen])
     return Result(

@@ -1,0 +1,165 @@
+"""From the checked tables of a case file to the objects of the Python API."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TypeVar
+
+import numpy as np
+
+from barbalat import signals
+from barbalat.adaptation.laws import AdaptiveLaw, Gradient, LeastSquares
+from barbalat.adaptation.normalization import Normalization
+from barbalat.cases import schema
+from barbalat.controllers import L1Adaptive, Mrac, NormalizedMrac, RobustMrac
+from barbalat.grid import Simulation
+from barbalat.linear import TransferFunction, input_filter
+from barbalat.problem import ParameterBox, Plant, Problem, ReferenceModel
+from barbalat.protocols import Controller, Signal
+from barbalat.solvers import SOLVERS
+from barbalat.validate import InputError
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True, eq=False)
+class Case:
+    """A problem, the controllers to compare on it, and how to simulate."""
+
+    problem: Problem
+    controllers: tuple[Controller, ...]
+    simulation: Simulation
+
+    @property
+    def name(self) -> str:
+        return self.problem.name
+
+
+def build(table: schema.CaseTable, folder: Path) -> Case:
+    """Everything validated, controllers bound once; ``folder`` is where relative paths start."""
+    problem = Problem(
+        plant=_plant(table),
+        reference_model=ReferenceModel(k_0=table.reference_model.k_0),
+        reference=within("reference", lambda: _signal(table.reference, folder)),
+        uncertainty=None if table.uncertainty is None else ParameterBox(**dict(table.uncertainty)),
+        disturbance=None
+        if table.plant.disturbance is None
+        else within("plant.disturbance", lambda: _signal(table.plant.disturbance, folder)),
+        name=table.name,
+    )
+    controllers = []
+    for i, settings in enumerate(table.controller, start=1):
+        where = f"controller {i} ({settings.name or settings.scheme})"
+        controllers.append(within(where, lambda settings=settings: _bound(settings, problem)))  # type: ignore[misc]
+    names = [controller.name for controller in controllers]
+    if twice := sorted({name for name in names if names.count(name) > 1}):
+        raise InputError(f"every controller needs a name of its own, but {twice[0]!r} stands {names.count(twice[0])} times")
+    return Case(problem, tuple(controllers), _simulation(table.simulation))
+
+
+def within(where: str, make: Callable[[], T]) -> T:
+    """Run ``make``; an InputError gets the place in front of its sentence."""
+    try:
+        return make()
+    except InputError as error:
+        raise InputError(f"{where}: {error}") from None
+
+
+def _plant(table: schema.CaseTable) -> Plant:
+    plant, model = table.plant, table.reference_model
+    if plant.A is None:
+        if plant.A_m is None:
+            raise InputError("plant.A_m is missing (or give plant.A together with reference_model.A_m)")
+        if plant.theta is None:
+            raise InputError("plant.theta is missing")
+        if model.A_m is not None and model.A_m != plant.A_m:
+            raise InputError("reference_model.A_m differs from plant.A_m; give one of them, or plant.A with reference_model.A_m")
+        return Plant(A_m=plant.A_m, b=plant.b, theta=plant.theta, x0=plant.x0)  # type: ignore[arg-type]
+    if plant.A_m is not None:
+        raise InputError("plant.A and plant.A_m are both given; plant.A goes with reference_model.A_m")
+    if plant.theta is not None:
+        raise InputError("plant.A and plant.theta are both given; theta follows from plant.A and reference_model.A_m")
+    if model.A_m is None:
+        raise InputError("reference_model.A_m is missing; it goes with plant.A")
+    return Plant.matched(A=plant.A, A_m=model.A_m, b=plant.b, x0=plant.x0)
+
+
+def _signal(table: schema.Table | None, folder: Path) -> Signal:
+    assert table is not None
+    values = {key: tuple(value) if isinstance(value, list) else value for key, value in table if key != "kind"}
+    if isinstance(table, schema.CsvSignal):
+        return signals.Recorded.from_csv(folder / table.file)
+    kinds: dict[type[schema.Table], Callable[..., Signal]] = {
+        schema.ConstantSignal: signals.Constant,
+        schema.StepSignal: signals.Step,
+        schema.StepsSignal: signals.Steps,
+        schema.SineSignal: signals.Sine,
+        schema.SinesSignal: signals.Sines,
+        schema.SquareSignal: signals.Square,
+        schema.ChirpSignal: signals.Chirp,
+    }
+    return kinds[type(table)](**values)
+
+
+def _simulation(table: schema.SimulationTable) -> Simulation:
+    if table.solver not in SOLVERS:
+        raise InputError(f"simulation.solver must be one of {', '.join(SOLVERS)}, got {table.solver!r}")
+    return Simulation(
+        t_end=table.t_end, dt=table.dt, solver=SOLVERS[table.solver], record_points=table.record_points
+    )
+
+
+def _bound(table: schema.AdaptiveTable, problem: Problem) -> Controller:
+    """The controller, after it was bound to the problem once to see that the two fit."""
+    controller = _controller(table)
+    controller.bind(problem.known)
+    return controller
+
+
+def _controller(table: schema.AdaptiveTable) -> Controller:
+    match table:
+        case schema.MracTable():
+            return Mrac(gamma=table.gamma, **table.common())
+        case schema.L1Table():
+            return L1Adaptive(gamma=table.gamma, filter=_filter(table.filter), **table.common())
+        case schema.NormalizedMracTable():
+            if (table.law is None) == (table.gamma is None):
+                raise InputError("give either gamma, for the gradient law, or law")
+            law = Gradient(gamma=table.gamma) if table.law is None else _law(table.law)  # type: ignore[arg-type]
+            return NormalizedMrac(law=law, c_0=table.c_0, normalization=_normalization(table), **table.common())  # type: ignore[arg-type]
+        case schema.RobustMracTable():
+            return RobustMrac(
+                tau=table.tau,
+                law=_law(table.law),
+                c_0=table.c_0,  # type: ignore[arg-type]
+                normalization=_normalization(table),
+                printed_sign=table.printed_sign,
+                **table.common(),
+            )
+    raise AssertionError(f"the schema has a scheme that is not built here: {type(table).__name__}")
+
+
+def _filter(table: schema.FilterTable) -> TransferFunction | None:
+    if table.kappa is not None:
+        if table.num is not None or table.den is not None:
+            raise InputError("filter: give either kappa or num and den")
+        return None if table.kappa == 0 else input_filter(table.kappa)
+    if table.num is None or table.den is None:
+        raise InputError("filter: give kappa, or both num and den")
+    return within("filter", lambda: TransferFunction(np.array(table.num), np.array(table.den)))
+
+
+def _law(table: schema.LawTable) -> AdaptiveLaw:
+    wanted, other = ("covariance0", "gamma") if table.kind == "least-squares" else ("gamma", "covariance0")
+    value = getattr(table, wanted)
+    if value is None:
+        raise InputError(f"law.{wanted} is missing; the {table.kind} law needs it")
+    if getattr(table, other) is not None:
+        raise InputError(f"law.{other} has no meaning for the {table.kind} law")
+    return LeastSquares(covariance0=value) if wanted == "covariance0" else Gradient(gamma=value)
+
+
+def _normalization(table: schema.NormalizedMracTable | schema.RobustMracTable) -> Normalization:
+    return Normalization(alpha_0=table.normalization.alpha_0, delta_0=table.normalization.delta_0)

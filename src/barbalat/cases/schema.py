@@ -1,0 +1,219 @@
+"""The case file's keys, as pydantic models: types and spelling are checked here, meaning in the objects' constructors."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import AliasChoices, BaseModel, ConfigDict, Field
+
+Vector = list[float]
+Matrix = list[list[float]]
+
+
+class Table(BaseModel):
+    """A table of a case file: unknown keys are refused, and so is a text where a number is meant."""
+
+    model_config = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
+
+
+class ConstantSignal(Table):
+    """kind = "constant"."""
+
+    kind: Literal["constant"]
+    amplitude: float = Field(validation_alias=AliasChoices("amplitude", "value"))
+
+
+class StepSignal(Table):
+    """kind = "step"."""
+
+    kind: Literal["step"]
+    amplitude: float
+    start: float = 0.0
+    constant: float = 0.0
+
+
+class StepsSignal(Table):
+    """kind = "steps"."""
+
+    kind: Literal["steps"]
+    times: Vector
+    values: Vector
+    initial: float = 0.0
+
+
+class SineSignal(Table):
+    """kind = "sine"."""
+
+    kind: Literal["sine"]
+    amplitude: float
+    frequency: float
+    phase: float = 0.0
+    constant: float = 0.0
+
+
+class SinesSignal(Table):
+    """kind = "sines"."""
+
+    kind: Literal["sines"]
+    amplitudes: Vector
+    frequencies: Vector
+    phases: Vector = []
+    constant: float = 0.0
+
+
+class SquareSignal(Table):
+    """kind = "square"."""
+
+    kind: Literal["square"]
+    amplitude: float
+    frequency: float
+    phase: float = 0.0
+    constant: float = 0.0
+
+
+class ChirpSignal(Table):
+    """kind = "chirp"."""
+
+    kind: Literal["chirp"]
+    amplitude: float
+    frequency_start: float
+    frequency_end: float
+    duration: float
+    constant: float = 0.0
+
+
+class CsvSignal(Table):
+    """kind = "csv": a column of times and a column of values; the path is relative to the case file."""
+
+    kind: Literal["csv"]
+    file: str = Field(validation_alias=AliasChoices("file", "path"))
+
+
+Signal = Annotated[
+    ConstantSignal | StepSignal | StepsSignal | SineSignal | SinesSignal | SquareSignal | ChirpSignal | CsvSignal,
+    Field(discriminator="kind"),
+]
+
+
+class PlantTable(Table):
+    """[plant]."""
+
+    A_m: Matrix | None = None
+    A: Matrix | None = None
+    b: Vector
+    theta: Vector | None = None
+    x0: Vector = []
+    disturbance: Signal | None = None
+
+
+class ReferenceModelTable(Table):
+    """[reference_model]."""
+
+    k_0: float
+    A_m: Matrix | None = None
+
+
+class UncertaintyTable(Table):
+    """[uncertainty]."""
+
+    lower: Vector
+    upper: Vector
+
+
+class SimulationTable(Table):
+    """[simulation]."""
+
+    t_end: float
+    dt: float
+    solver: str = "rk4"
+    record_points: int = 2000
+
+
+class FilterTable(Table):
+    """filter = { kappa = ... } or { num = [...], den = [...] }."""
+
+    kappa: float | None = None
+    num: Vector | None = None
+    den: Vector | None = None
+
+
+class LawTable(Table):
+    """law = { kind = ... }."""
+
+    kind: Literal["least-squares", "gradient"]
+    covariance0: float | None = None
+    gamma: float | None = None
+
+
+class NormalizationTable(Table):
+    """normalization = { alpha_0 = ..., delta_0 = ... }."""
+
+    alpha_0: float = 0.0
+    delta_0: float = 0.1
+
+
+class AdaptiveTable(Table):
+    """What all adaptive schemes have in common."""
+
+    name: str | None = Field(default=None, min_length=1)
+    projection: bool | None = None
+    theta_hat0: Vector | None = None
+
+    def common(self) -> dict[str, Any]:
+        """The settings that were given."""
+        given = {"name": self.name, "projection": self.projection, "theta_hat0": self.theta_hat0}
+        return {key: value for key, value in given.items() if value is not None}
+
+
+class MracTable(AdaptiveTable):
+    """scheme = "mrac"."""
+
+    scheme: Literal["mrac"]
+    gamma: float
+
+
+class L1Table(AdaptiveTable):
+    """scheme = "l1"."""
+
+    scheme: Literal["l1"]
+    gamma: float
+    filter: FilterTable
+
+
+class NormalizedMracTable(AdaptiveTable):
+    """scheme = "mrac-normalized"; gamma alone means the gradient law."""
+
+    scheme: Literal["mrac-normalized"]
+    gamma: float | None = None
+    law: LawTable | None = None
+    c_0: Vector | None = None
+    normalization: NormalizationTable = NormalizationTable()
+
+
+class RobustMracTable(AdaptiveTable):
+    """scheme = "robust-mrac"."""
+
+    scheme: Literal["robust-mrac"]
+    tau: float
+    law: LawTable
+    c_0: Vector | None = None
+    normalization: NormalizationTable = NormalizationTable()
+    printed_sign: bool = False
+
+
+ControllerTable = Annotated[
+    MracTable | L1Table | NormalizedMracTable | RobustMracTable,
+    Field(discriminator="scheme"),
+]
+
+
+class CaseTable(Table):
+    """A whole case file."""
+
+    name: str
+    plant: PlantTable
+    reference_model: ReferenceModelTable
+    reference: Signal
+    uncertainty: UncertaintyTable | None = None
+    simulation: SimulationTable
+    controller: list[ControllerTable] = Field(min_length=1)

@@ -1,0 +1,126 @@
+"""Many runs at once: members that differ in any number of the plant, the settings or what follows from them."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, fields, is_dataclass
+from typing import Any
+
+import numpy as np
+
+from barbalat import validate
+from barbalat.closed_loop import ClosedLoop, symbols
+from barbalat.engine import Batch, Progress, run
+from barbalat.grid import Simulation
+from barbalat.metrics import Metrics
+from barbalat.problem import Problem
+from barbalat.protocols import Controller
+from barbalat.stepping import step_program
+from barbalat.validate import Array, InputError
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class EnsembleResult:
+    """Figures of M members, in the order given; ``varied`` counts the numbers in which they differ."""
+
+    simulation: Simulation
+    metrics: Metrics
+    varied: int
+
+    def __len__(self) -> int:
+        return len(self.metrics.diverged_at)
+
+
+def simulate_ensemble(
+    members: Sequence[tuple[Problem, Controller]],
+    simulation: Simulation,
+    *,
+    threads: int | None = None,
+    lanes: int | None = None,
+    progress: Progress | None = None,
+) -> EnsembleResult:
+    """Run every (problem, controller) and return the figures over all steps; no trajectory is kept.
+
+    All members have one structure (scheme, dimensions, projection or not, signals) and may differ in every number:
+    theta, x0, gamma, kappa, the box, A_m and with it P, ... Numbers that are the same for all are compiled in.
+
+    threads, lanes  only speed depends on them, not a single bit of the results
+    """
+    if not members:
+        raise InputError("an ensemble needs at least one member, got none")
+    signals = members[0][0].signals
+    for i, (problem, _) in enumerate(members):
+        if problem.signals != signals:
+            raise InputError(f"all members must share their signals, but member {i + 1} has {validate.show(problem.signals)}")
+    loops = [ClosedLoop.of(problem, controller) for problem, controller in members]
+    template, parameters, column = _symbolic_template(loops)
+    program = step_program(template, simulation.solver, simulation.dt, column)
+    states = np.column_stack([loop.initial() for loop in loops])
+    batch = Batch(program, states, parameters, lanes=lanes)
+    run([batch], signals, simulation, threads=threads, progress=progress)
+    return EnsembleResult(
+        simulation=simulation, metrics=batch.metrics(simulation, loops[0].theta_hat_rows), varied=len(parameters)
+    )
+
+
+def _symbolic_template(loops: list[ClosedLoop]) -> tuple[ClosedLoop, Array, Any]:
+    """The first loop with a symbol in place of each number that differs; the members' values (p, M); the symbols' column."""
+    structure = list(_structure(loops[0]))
+    numbers = np.empty((len(list(_numbers(loops[0]))), len(loops)))
+    for i, loop in enumerate(loops):
+        if list(_structure(loop)) != structure:
+            raise InputError(f"all members must have one structure (scheme, sizes, projection), but member {i + 1} differs")
+        numbers[:, i] = list(_numbers(loop))
+    differs = (numbers != numbers[:, :1]).any(axis=1)
+    column, parameters = symbols("parameters", int(differs.sum()))
+    places = np.cumsum(differs) - 1
+    values = iter([parameters[int(place)] if d else None for place, d in zip(places, differs, strict=True)])
+    return _replace(loops[0], values), numbers[differs], column
+
+
+def _structure(part: Any) -> Iterator[Any]:
+    """Everything about a part that is not a number: types, shapes, options."""
+    if is_dataclass(part):
+        yield type(part)
+        for field in fields(part):
+            yield field.name
+            yield from _structure(getattr(part, field.name))
+    elif isinstance(part, np.ndarray):
+        yield part.shape
+    elif not isinstance(part, float):
+        yield part
+
+
+def _numbers(part: Any) -> Iterator[float]:
+    if is_dataclass(part):
+        for field in fields(part):
+            yield from _numbers(getattr(part, field.name))
+    elif isinstance(part, np.ndarray):
+        yield from part.ravel().tolist()
+    elif isinstance(part, float):
+        yield part
+
+
+def _replace(part: Any, values: Iterator[Any]) -> Any:
+    """A copy with each number for which ``values`` has a symbol replaced by it, in the order of ``_numbers``."""
+    if is_dataclass(part):
+        twin = copy.copy(part)
+        for field in fields(part):
+            object.__setattr__(twin, field.name, _replace(getattr(part, field.name), values))
+        return twin
+    if isinstance(part, np.ndarray):
+        entries = [next(values) for _ in range(part.size)]
+        return part if all(entry is None for entry in entries) else _array_of(part, entries)
+    if isinstance(part, float):
+        symbol = next(values)
+        return part if symbol is None else symbol
+    return part
+
+
+def _array_of(numbers: Array, entries: list[Any]) -> Any:
+    """An array of expressions with the shape of ``numbers``."""
+    import casadi as ca
+
+    flat = [number if entry is None else ca.SX(entry) for number, entry in zip(numbers.ravel().tolist(), entries, strict=True)]
+    return ca.array(ca.vertcat(*flat)).reshape(numbers.shape)

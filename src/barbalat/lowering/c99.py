@@ -1,0 +1,159 @@
+"""Operation list -> C99 source of the same time loop: for embedded targets, and as an independent check of the kernel.
+
+Every operation becomes one local constant, in the list's order. Compiled with ``-ffp-contract=off``, the C code computes
+bit by bit what the LLVM kernel of the same list computes. ``-ffast-math`` is not for this code: it assumes that no value
+is infinite or NaN, but accumulators start at infinity, and a run that diverges is to be seen.
+"""
+
+from __future__ import annotations
+
+import math
+
+from barbalat.lowering.llvm_ir import ENTRY, LoopShape
+from barbalat.lowering.operations import COMPARISONS, Operation, Program
+
+_INFIX = {"add": "+", "sub": "-", "mul": "*", "div": "/", "lt": "<", "le": "<=", "eq": "==", "ne": "!="}
+_FUNCTIONS = {
+    "sqrt": 1, "fabs": 1, "floor": 1, "ceil": 1, "exp": 1, "log": 1, "sin": 1, "cos": 1, "tan": 1, "tanh": 1,
+    "pow": 2, "copysign": 2, "fma": 3,
+}  # fmt: skip
+
+_LOOP = """\
+#include <math.h>
+#include <stdint.h>
+
+void {name}(int64_t blocks, int64_t steps, double *restrict state, const double *restrict parameters,
+{indent}const double *restrict signals, double *restrict out)
+{{
+{declarations}{load}    for (int64_t block = 0; block < blocks; ++block) {{
+{begin}        for (int64_t k = 0; k < steps; ++k) {{
+{body}            signals += {signals};
+        }}
+{end}        out += {row};
+    }}
+{store}}}
+"""
+
+
+def constant(value: float) -> str:
+    """A double as C99 reads it exactly: a hexadecimal constant (section 6.4.4.2), or a macro of math.h."""
+    if math.isnan(value):
+        return "NAN"
+    if math.isinf(value):
+        return "INFINITY" if value > 0 else "-INFINITY"
+    return value.hex()
+
+
+def statements(program: Program, inputs: dict[tuple[int, int], str]) -> list[str]:
+    """One declaration for each operation; the value of operation i is called t<i>.
+
+    ``inputs`` gives the C text of each input by (argument, component). Raises ValueError for an operation without translation.
+    """
+    printer = _Printer(program)
+    lines = []
+    for i, op in enumerate(program.operations):
+        kind, remark = "int" if op.name in COMPARISONS else "double", ""
+        if op.name == "constant":
+            text = constant(op.value)
+            remark = f" /* {op.value!r} */" if math.isfinite(op.value) else ""
+        else:
+            text = inputs[op.source] if op.name == "input" else printer.expression(op)
+        lines.append(f"const {kind} t{i} = {text};{remark}")
+    return lines
+
+
+class _Printer:
+    def __init__(self, program: Program) -> None:
+        self.operations = program.operations
+
+    def is_truth(self, i: int) -> bool:
+        return self.operations[i].name in COMPARISONS
+
+    def number(self, i: int) -> str:
+        """Value i as a number; a truth value becomes 0 or 1, and then has a sign."""
+        return f"(double)t{i}" if self.is_truth(i) else f"t{i}"
+
+    def condition(self, i: int) -> str:
+        return f"t{i}" if self.is_truth(i) else f"(t{i} != 0.0)"
+
+    def expression(self, op: Operation) -> str:
+        name, operands = op.name, op.operands
+        if name in ("not", "and", "or"):
+            c = [self.condition(i) for i in operands]
+            return f"!{c[0]}" if name == "not" else f"{c[0]} {'&' if name == 'and' else '|'} {c[1]}"
+        if name in ("select", "if_else_zero"):
+            other = self.number(operands[2]) if name == "select" else "0.0"
+            return f"{self.condition(operands[0])} ? {self.number(operands[1])} : {other}"
+        x = [self.number(i) for i in operands]
+        if name in _INFIX:
+            return f"{x[0]} {_INFIX[name]} {x[1]}"
+        if name in ("fmin", "fmax"):
+            return self.extremum(name, operands, x)
+        if name == "neg":
+            return f"-{x[0]}"
+        if name == "fnma":
+            return f"fma(-{x[0]}, {x[1]}, {x[2]})"
+        if _FUNCTIONS.get(name) == len(x):
+            return f"{name}({', '.join(x)})"
+        raise ValueError(f"the operation {name} has no C translation")
+
+    def extremum(self, name: str, operands: tuple[int, ...], x: list[str]) -> str:
+        """Minimum or maximum that lets a NaN through, as the LLVM kernel's; C's fmin and fmax would replace it by the bound."""
+        if self.operations[operands[0]].name == "constant":
+            x = [x[1], x[0]]
+        return f"{x[0]} {'<' if name == 'fmax' else '>'} {x[1]} ? {x[1]} : {x[0]}"
+
+
+def loop(step: Program, shape: LoopShape, resets: tuple[float, ...], lanes: int = 1, *, name: str = ENTRY) -> str:
+    """C99 source of ``void name(blocks, steps, state*, parameters*, signals*, out*)``; arrays as of ``llvm_ir.loop``.
+
+    One lane keeps the state in local variables. More lanes are an inner loop over local arrays, which compilers vectorise.
+    """
+    n, m = shape.states, shape.accumulators
+    x, a = ([_local(letter, i, lanes) for i in range(size)] for letter, size in (("x", n), ("a", m)))
+    inputs = {(0, i): local for i, local in enumerate(x)} | {(1, i): local for i, local in enumerate(a)}
+    inputs |= {(2, i): _entry("parameters", i, lanes) for i in range(shape.parameters)}
+    inputs |= {(3, i): f"signals[{i}]" for i in range(shape.signals)}
+    printer = _Printer(step)
+    following = [printer.number(i) for row in step.outputs for i in row]
+    begin = [f"{_entry('out', i, lanes)} = {local};" for i, local in enumerate(x)]
+    begin += [f"{local} = {constant(reset)};" for local, reset in zip(a, resets, strict=True)]
+    body = statements(step, inputs) + [f"{local} = {value};" for local, value in zip(x + a, following, strict=True)]
+    return _LOOP.format(
+        name=name,
+        indent=" " * len(f"void {name}("),
+        declarations=_lines(_declarations(n, m, lanes), 4),
+        load=_lines(_each_lane([f"{local} = {_entry('state', i, lanes)};" for i, local in enumerate(x)], lanes), 4),
+        begin=_lines(_each_lane(begin, lanes), 8),
+        body=_lines(_each_lane(body, lanes), 12),
+        end=_lines(_each_lane([f"{_entry('out', n + i, lanes)} = {local};" for i, local in enumerate(a)], lanes), 8),
+        store=_lines(_each_lane([f"{_entry('state', i, lanes)} = {local};" for i, local in enumerate(x)], lanes), 4),
+        signals=shape.signals,
+        row=(n + m) * lanes,
+    )
+
+
+def _declarations(n: int, m: int, lanes: int) -> list[str]:
+    sizes = [(letter, size) for letter, size in (("x", n), ("a", m)) if size]
+    if lanes > 1:
+        return [f"double {letter}[{size}][{lanes}];" for letter, size in sizes]
+    return [f"double {', '.join(_local(letter, i, lanes) for i in range(size))};" for letter, size in sizes]
+
+
+def _local(letter: str, i: int, lanes: int) -> str:
+    return f"{letter}{i}" if lanes == 1 else f"{letter}[{i}][lane]"
+
+
+def _entry(array: str, i: int, lanes: int) -> str:
+    """Component i of this lane in an array that has the lanes side by side."""
+    return f"{array}[{i}]" if lanes == 1 else f"{array}[{i * lanes} + lane]"
+
+
+def _each_lane(lines: list[str], lanes: int) -> list[str]:
+    if lanes == 1 or not lines:
+        return lines
+    return [f"for (int lane = 0; lane < {lanes}; ++lane) {{", *("    " + line for line in lines), "}"]
+
+
+def _lines(lines: list[str], indent: int) -> str:
+    return "".join(f"{' ' * indent}{line}\n" for line in lines)
