@@ -59,7 +59,9 @@ def parse_case(text: str, folder: Path = Path(), source: str = "the case") -> Ca
     try:
         table = schema.CaseTable.model_validate(data)
     except ValidationError as error:
-        raise InputError(_sentence(error.errors(include_url=False)[0], data)) from None
+        # a misspelt key is also a missing one: speak of the spelling
+        findings = sorted(error.errors(include_url=False), key=lambda finding: finding["type"] != "extra_forbidden")
+        raise InputError(_sentence(findings[0], data)) from None
     return build(table, folder)
 
 
@@ -87,7 +89,7 @@ def _sentence(error: Any, data: dict[str, Any]) -> str:
         return f"{place} is missing"
     if kind == "extra_forbidden":
         known = _known_keys(error["loc"], tag)
-        near = difflib.get_close_matches(str(error["loc"][-1]), known, n=1, cutoff=0.5)
+        near = difflib.get_close_matches(str(error["loc"][-1]), known, n=1, cutoff=0.4)
         hint = f"did you mean {near[0]!r}?" if near else f"known here: {', '.join(known)}"
         return f"unknown key {place}; {hint}"
     if kind == "union_tag_not_found":

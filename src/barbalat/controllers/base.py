@@ -17,7 +17,7 @@ def initial_estimate(theta_hat0: Any, box: ParameterBox | None, n: int) -> Array
     if box is not None and not box.contains(estimate):
         given = "the default, " if theta_hat0 is None else ""
         raise InputError(
-            f"theta_hat0 must lie in the known set [{validate.show(box.lower)}, {validate.show(box.upper)}], "
+            f"theta_hat0 must lie in the known set, between {validate.show(box.lower)} and {validate.show(box.upper)}, "
             f"got {given}{validate.show(estimate)}"
         )
     return estimate

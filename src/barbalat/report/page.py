@@ -1,0 +1,60 @@
+"""Self-contained HTML pages: everything, pictures included, in one file."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Sequence
+from dataclasses import dataclass
+from importlib import resources
+
+from jinja2 import Environment, StrictUndefined
+
+import barbalat
+from barbalat.claims.claim import Claim, PaperFigure
+from barbalat.report.tables import number_text
+from barbalat.result import Result
+
+FIGURE_COLUMNS = {
+    "max_abs_e": "max |e|",
+    "rms_e": "RMS e",
+    "tail_max_abs_e": "max |e|, tail",
+    "max_abs_u": "max |u|",
+    "theta_hat_final": "estimates at the end",
+    "theta_hat_tail_min": "least in the tail",
+    "theta_hat_tail_max": "greatest in the tail",
+    "theta_hat_variation_rate": "variation, 1/s",
+}
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A drawn figure: where its PNG and SVG lie beside the page, and the PNG itself."""
+
+    name: str
+    png: bytes
+
+    @property
+    def data(self) -> str:
+        return "data:image/png;base64," + base64.b64encode(self.png).decode("ascii")
+
+
+def reproduction(
+    figures: Sequence[PaperFigure], claims: Sequence[Claim], pictures: dict[str, Picture], seconds: dict[str, float]
+) -> str:
+    """The page of ``barbalat reproduce``; ``pictures`` by figure key, ``seconds`` by part of the work."""
+    return _render("reproduction.html", figures=figures, claims=claims, pictures=pictures, seconds=seconds)
+
+
+def comparison(name: str, results: Sequence[Result], picture: Picture) -> str:
+    """The page of ``barbalat run``."""
+    return _render("comparison.html", name=name, results=results, picture=picture)
+
+
+def _render(template: str, **values: object) -> str:
+    folder = resources.files("barbalat.report") / "templates"
+    loader_environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+    loader_environment.filters["number"] = number_text
+    macros = (folder / "macros.html").read_text(encoding="utf-8")
+    body = (folder / template).read_text(encoding="utf-8")
+    values |= {"version": barbalat.__version__, "columns": FIGURE_COLUMNS}
+    return loader_environment.from_string(macros + body).render(**values)

@@ -1,0 +1,64 @@
+"""Tables on the terminal."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from rich.console import Console
+from rich.table import Table
+
+from barbalat.claims.claim import Claim, PaperFigure
+from barbalat.result import Result
+
+STYLES = {"confirmed": "green", "confirmed with conditions": "yellow", "not confirmed": "red", "erratum": "red"}
+
+
+def figures_of_runs(results: Sequence[Result]) -> Table:
+    """One row for each controller."""
+    table = Table(title="Figures over every solver step", caption="tail: the last quarter of the run", pad_edge=False)
+    for heading in ("controller", "max |e|", "RMS e", "max |e| in the tail", "max |u|", "estimates at the end", "their variation, 1/s", "h|λ|"):
+        table.add_column(heading, overflow="fold")
+    for result in results:
+        if result.diverged_at is not None:
+            table.add_row(result.name, f"[red]diverged at t = {result.diverged_at:.6g} s[/red]", *[""] * 5, f"{result.h_lambda_max:.3g}")
+            continue
+        f = result.figures
+        names = ("max_abs_e", "rms_e", "tail_max_abs_e", "max_abs_u", "theta_hat_final", "theta_hat_variation_rate")
+        table.add_row(result.name, *(number_text(f[name]) for name in names), f"{result.h_lambda_max:.3g}")
+    return table
+
+
+def number_text(value: float | list[float] | None, digits: int = 4) -> str:
+    """A figure for people: few digits, components side by side."""
+    if value is None:
+        return "-"
+    if isinstance(value, list):
+        return ", ".join("-" if v is None else f"{v:.{digits}g}" for v in value)
+    return f"{value:.{digits}g}"
+
+
+def checks_of_figures(figures: Sequence[PaperFigure]) -> Table:
+    """What each figure's description says, and what was measured."""
+    table = Table(title="Figures of Section V", pad_edge=False, show_lines=False)
+    for heading in ("figure", "the description says", "", "measured"):
+        table.add_column(heading, overflow="fold")
+    for figure in figures:
+        for i, check in enumerate(figure.checks):
+            mark = "[green]yes[/green]" if check.holds else "[red]no[/red]"
+            table.add_row(figure.key if i == 0 else "", check.statement, mark, check.measured, end_section=i == len(figure.checks) - 1)
+    return table
+
+
+def ledger(claims: Sequence[Claim]) -> Table:
+    """The claims with their verdicts."""
+    table = Table(title="Claims", pad_edge=False)
+    for heading in ("claim", "statement", "verdict", "measured"):
+        table.add_column(heading, overflow="fold")
+    for claim in claims:
+        table.add_row(claim.id, f"{claim.statement} ({claim.where})", f"[{STYLES[claim.verdict]}]{claim.verdict}[/]", claim.measured)
+    return table
+
+
+def console(*, to_standard_error: bool = False) -> Console:
+    """Where tables go, or notes and progress with ``to_standard_error``."""
+    return Console(stderr=to_standard_error, highlight=False)

@@ -1,0 +1,83 @@
+"""What the commands leave on disk: pictures, pages, JSON, trajectories."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import re
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from matplotlib.figure import Figure
+
+from barbalat.claims.claim import Claim, PaperFigure
+from barbalat.report import page, plots
+from barbalat.report.files import write
+from barbalat.result import Result
+
+
+def as_json(document: dict[str, Any]) -> str:
+    """JSON text; a NaN or an infinity in it would be an error of ours and is refused."""
+    return json.dumps(document, indent=2, allow_nan=False, ensure_ascii=False)
+
+
+def reproduction_document(figures: Sequence[PaperFigure], claims: Sequence[Claim], seconds: dict[str, float]) -> dict[str, Any]:
+    """The contract's document of ``reproduce --json``."""
+    return {
+        "figures": {figure.key: figure.as_json() for figure in figures},
+        "claims": [claim.as_json() for claim in claims],
+        "seconds": seconds,
+    }
+
+
+def run_document(case: str, results: Sequence[Result]) -> dict[str, Any]:
+    """The contract's document of ``run --json``; the numerics stand beside the contract's keys."""
+    simulation = results[0].simulation
+    return {
+        "case": case,
+        "simulation": {"t_end": simulation.t_end, "dt": simulation.dt, "solver": simulation.solver.name},
+        "controllers": {r.name: {**r.figures, "h_lambda_max": r.h_lambda_max} for r in results},
+    }
+
+
+def draw_reproduction(folder: Path, figures: Sequence[PaperFigure]) -> dict[str, page.Picture]:
+    """Draw every figure into the folder."""
+    pictures = {}
+    for figure in figures:
+        drawing = plots.comparison(figure.shown) if len(figure.shown) > 1 else plots.error_and_estimates(figure.shown[0])
+        pictures[figure.key] = _draw(folder, f"figure-{figure.key}", drawing)
+    return pictures
+
+
+def write_comparison(folder: Path, case: str, results: Sequence[Result]) -> list[Path]:
+    """Picture, page and one table of the trajectory for each controller."""
+    picture = _draw(folder, "comparison", plots.comparison(results))
+    written = [folder / "comparison.png", folder / "comparison.svg"]
+    written.append(write(folder / "report.html", page.comparison(case, results, picture)))
+    return written
+
+
+def write_trajectories(folder: Path, results: Sequence[Result]) -> list[Path]:
+    """One CSV for each controller, the recorded instants as rows."""
+    written = []
+    for i, result in enumerate(results, start=1):
+        buffer = io.StringIO()
+        columns = {"t": result.t} | result.columns()
+        writer = csv.writer(buffer, lineterminator="\n")
+        writer.writerow(columns)
+        writer.writerows(zip(*(column.tolist() for column in columns.values()), strict=True))
+        written.append(write(folder / f"{i}-{_file_name(result.name)}.csv", buffer.getvalue()))
+    return written
+
+
+def _draw(folder: Path, name: str, drawing: Figure) -> page.Picture:
+    png = plots.render(drawing, "png")
+    write(folder / f"{name}.png", png)
+    write(folder / f"{name}.svg", plots.render(drawing, "svg"))
+    return page.Picture(name, png)
+
+
+def _file_name(name: str) -> str:
+    return re.sub(r"[^A-Za-z0-9]+", "-", name).strip("-").lower() or "controller"

@@ -1,0 +1,100 @@
+"""Second methods for the tests: step by step with every sample kept, and a high-order adaptive integration.
+
+Nothing here uses the package's tableaux, tables, blocks, accumulators or machine code.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from barbalat.closed_loop import ClosedLoop
+from barbalat.controllers import L1Adaptive, Mrac, NormalizedMrac, RobustMrac
+from barbalat.adaptation.laws import Gradient, LeastSquares
+from barbalat.linear import input_filter
+from barbalat.validate import InputError
+
+EPS = np.finfo(float).eps
+
+
+def refusal(make: Callable[[], object]) -> str:
+    """The message with which ``make`` is refused; it is one sentence on one line."""
+    with pytest.raises(InputError) as caught:
+        make()
+    message = str(caught.value)
+    assert message and "\n" not in message
+    assert len(message) < 500
+    return message
+
+
+@dataclass
+class Samples:
+    """Every sample of a run, 0...steps: states (steps + 1, size); e, theta_hat (steps + 1, n); u (steps + 1,)."""
+
+    states: np.ndarray
+    e: np.ndarray
+    u: np.ndarray
+    theta_hat: np.ndarray
+
+
+def brute_force(loop: ClosedLoop, signals, solver: str, dt: float, steps: int) -> Samples:
+    """The textbook formulas of each method, written out; a step ends with the signals' limit from the left."""
+
+    def at(t: float) -> np.ndarray:
+        return np.array([float(signal(np.array(t))) for signal in signals])
+
+    def left(t: float) -> np.ndarray:
+        return np.array([float(signal.before(np.array(t))) for signal in signals])
+
+    f, limit = loop.derivative, loop.limit
+    y = loop.initial()
+    states = [y]
+    for k in range(steps):
+        start, middle, end = at(k * dt), at((k + 0.5) * dt), left((k + 1) * dt)
+        k_1 = f(y, start)
+        if solver == "euler":
+            y = limit(y + dt * k_1)
+        elif solver == "heun":
+            k_2 = f(limit(y + dt * k_1), end)
+            y = limit(y + dt / 2 * (k_1 + k_2))
+        elif solver == "rk4":
+            k_2 = f(limit(y + dt / 2 * k_1), middle)
+            k_3 = f(limit(y + dt / 2 * k_2), middle)
+            k_4 = f(limit(y + dt * k_3), end)
+            y = limit(y + dt / 6 * (k_1 + 2 * k_2 + 2 * k_3 + k_4))
+        else:
+            pytest.fail(f"no brute-force formulas for the solver {solver}: add them here")
+        states.append(y)
+    parts = [loop.unpack(state) for state in states]
+    u = [loop.equations.control(p.controller, p.x, p.x_m, at(k * dt)[0]) for k, p in enumerate(parts)]
+    return Samples(
+        states=np.array(states),
+        e=np.array([p.x - p.x_m for p in parts]),
+        u=np.array(u),
+        theta_hat=np.array([p.controller.theta_hat for p in parts]),
+    )
+
+
+def integrate(derivative, y0, t_end: float, t_eval=None, rtol: float = 1e-12, atol: float = 1e-12) -> np.ndarray:
+    """States (size, instants) by the eighth-order method of Dormand and Prince with error control."""
+    solution = solve_ivp(derivative, (0, t_end), y0, method="DOP853", rtol=rtol, atol=atol, t_eval=t_eval)
+    assert solution.success
+    return solution.y
+
+
+def example_controllers(n: int) -> dict[str, tuple]:
+    """For each registered scheme, settings with which the problem of order n is smooth and tracks; see conftest."""
+    gamma = {1: 10.0, 2: 2.0, 3: 20.0}[n]
+    return {
+        "mrac": (Mrac(gamma=gamma),),
+        "l1": (L1Adaptive(gamma=gamma, filter=input_filter(0.01)),),
+        "mrac-normalized": (NormalizedMrac(law=Gradient(gamma=200.0)), NormalizedMrac(law=LeastSquares(covariance0=50.0))),
+        "robust-mrac": (
+            RobustMrac(tau=0.2, law=LeastSquares(covariance0=50.0)),
+            RobustMrac(tau=0.2, law=Gradient(gamma=200.0)),
+        ),
+    }
