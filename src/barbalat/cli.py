@@ -41,7 +41,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
-        prog="barbalat", description="Design, certify, simulate adaptive controllers, and find out which claims about them are true."
+        prog="barbalat",
+        description="Design, certify, simulate adaptive controllers, and find out which claims about them are true.",
     )
     parser.add_argument("--version", action="version", version=f"barbalat {barbalat.__version__}")
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
@@ -54,7 +55,10 @@ def _parser() -> argparse.ArgumentParser:
     run = commands.add_parser("run", help="simulate and compare a case's controllers")
     run.add_argument("case", metavar="CASE", help="a case file, or a bundled case's name")
     run.add_argument(
-        "--out", type=Path, metavar="DIR", help="where pictures, page, JSON and trajectories go; default: barbalat-run, none with --json"
+        "--out",
+        type=Path,
+        metavar="DIR",
+        help="where pictures, page, JSON and trajectories go; default: barbalat-run, none with --json",
     )
     run.add_argument("--json", action="store_true", help="one JSON document on standard output")
     run.add_argument("--no-plots", action="store_true", help="no pictures and no page")
@@ -135,7 +139,7 @@ def _run(options: argparse.Namespace) -> int:
     return DONE
 
 
-def _cases(options: argparse.Namespace) -> int:
+def _cases(_: argparse.Namespace) -> int:
     from barbalat.cases.load import bundled, load_case
     from barbalat.report import tables
 

@@ -123,4 +123,4 @@ def _array_of(numbers: Array, entries: list[Any]) -> Any:
     import casadi as ca
 
     flat = [number if entry is None else ca.SX(entry) for number, entry in zip(numbers.ravel().tolist(), entries, strict=True)]
-    return ca.array(ca.vertcat(*flat)).reshape(numbers.shape)
+    return ca.array(ca.vertcat(*flat)).reshape(*numbers.shape)

@@ -28,7 +28,7 @@ class Plant:
     A_m: Array
     b: Array
     theta: Array
-    x0: Array = ()  # type: ignore[assignment]  # () stands for zeros of the size of b
+    x0: Array = ()  # () stands for zeros of the size of b
 
     def __post_init__(self) -> None:
         A_m = validate.square_matrix("plant.A_m", self.A_m)

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[Any]
-"""A NumPy array; its shape stands beside each name."""
+Array: TypeAlias = Any
+"""A float NumPy array; its shape stands beside each name. Constructors take whatever NumPy can turn into one, hence Any."""
 
 
 class InputError(ValueError):

@@ -76,7 +76,7 @@ def _plant(table: schema.CaseTable) -> Plant:
             raise InputError("plant.theta is missing")
         if model.A_m is not None and model.A_m != plant.A_m:
             raise InputError("reference_model.A_m differs from plant.A_m; give one of them, or plant.A with reference_model.A_m")
-        return Plant(A_m=plant.A_m, b=plant.b, theta=plant.theta, x0=plant.x0)  # type: ignore[arg-type]
+        return Plant(A_m=plant.A_m, b=plant.b, theta=plant.theta, x0=plant.x0)
     if plant.A_m is not None:
         raise InputError("plant.A and plant.A_m are both given; plant.A goes with reference_model.A_m")
     if plant.theta is not None:
@@ -106,9 +106,7 @@ def _signal(table: schema.Table | None, folder: Path) -> Signal:
 def _simulation(table: schema.SimulationTable) -> Simulation:
     if table.solver not in SOLVERS:
         raise InputError(f"simulation.solver must be one of {', '.join(SOLVERS)}, got {table.solver!r}")
-    return Simulation(
-        t_end=table.t_end, dt=table.dt, solver=SOLVERS[table.solver], record_points=table.record_points
-    )
+    return Simulation(t_end=table.t_end, dt=table.dt, solver=SOLVERS[table.solver], record_points=table.record_points)
 
 
 def _bound(table: schema.AdaptiveTable, problem: Problem) -> Controller:
@@ -128,12 +126,12 @@ def _controller(table: schema.AdaptiveTable) -> Controller:
             if (table.law is None) == (table.gamma is None):
                 raise InputError("give either gamma, for the gradient law, or law")
             law = Gradient(gamma=table.gamma) if table.law is None else _law(table.law)  # type: ignore[arg-type]
-            return NormalizedMrac(law=law, c_0=table.c_0, normalization=_normalization(table), **table.common())  # type: ignore[arg-type]
+            return NormalizedMrac(law=law, c_0=table.c_0, normalization=_normalization(table), **table.common())
         case schema.RobustMracTable():
             return RobustMrac(
                 tau=table.tau,
                 law=_law(table.law),
-                c_0=table.c_0,  # type: ignore[arg-type]
+                c_0=table.c_0,
                 normalization=_normalization(table),
                 printed_sign=table.printed_sign,
                 **table.common(),

@@ -8,7 +8,7 @@ from importlib import resources
 from pathlib import Path
 from typing import Any
 
-from pydantic import BaseModel, ValidationError
+from pydantic import ValidationError
 
 from barbalat.cases import schema
 from barbalat.cases.build import Case, build
@@ -122,7 +122,7 @@ def _place(location: tuple[int | str, ...], data: Any) -> tuple[str, str | None]
 
 def _known_keys(location: tuple[int | str, ...], tag: str | None) -> list[str]:
     """The keys of the table in which ``location`` found an unknown one."""
-    models: list[type[BaseModel]] = [m for m in vars(schema).values() if isinstance(m, type) and issubclass(m, schema.Table)]
+    models: list[type[schema.Table]] = [m for m in vars(schema).values() if isinstance(m, type) and issubclass(m, schema.Table)]
     parent = next((key for key in reversed(location[:-1]) if isinstance(key, str)), None)
     if tag is not None and parent == tag:
         for model in models:

@@ -140,7 +140,7 @@ def erratum_claim(runs: Runs) -> Claim:
             f"max |e| at tau = {tau:g} and {half:g} s: {_list(derived)} and {_list(derived_half)} with the sign of the swapping "
             f"lemma, {_list(printed)} and {_list(printed_half)} as printed"
         ),
-        how="Section V over 60 s, RK4, h = 1e-4 s, every step; the swapping lemma's identity itself is held to rounding by a test",
+        how="Section V over 60 s, RK4, h = 1e-4 s; the swapping lemma's identity itself is held to rounding by a test",
     )
 
 
@@ -194,4 +194,6 @@ def _diverges(result: Result) -> Check:
 
 def _bounded(result: Result, statement: str) -> Check:
     at = result.diverged_at
-    return Check(statement, at is None, f"max |e| {_list(_figure(result, 'max_abs_e'))}" if at is None else f"diverged at t = {at:.4f} s")
+    return Check(
+        statement, at is None, f"max |e| {_list(_figure(result, 'max_abs_e'))}" if at is None else f"diverged at t = {at:.4f} s"
+    )

@@ -38,7 +38,7 @@ class Runs:
 def robust_mrac(name: str, tau: float = TAU, *, printed_sign: bool = False, projection: bool = True) -> RobustMrac:
     """The robust MRAC as in Figure 2."""
     law = LeastSquares(covariance0=COVARIANCE0)
-    return RobustMrac(c_0=C_0, tau=tau, law=law, printed_sign=printed_sign, projection=projection, name=name)  # type: ignore[arg-type]
+    return RobustMrac(c_0=C_0, tau=tau, law=law, printed_sign=printed_sign, projection=projection, name=name)
 
 
 def l1(name: str, gamma: float, kappa: float = KAPPA, *, projection: bool = True) -> L1Adaptive:
@@ -56,7 +56,7 @@ def run(progress: Progress | None = None) -> Runs:
     coarse: list[Controller] = [
         robust_mrac("Robust MRAC"),
         robust_mrac("Robust MRAC, no projection", projection=False),
-        NormalizedMrac(c_0=C_0, law=LeastSquares(covariance0=COVARIANCE0), name="Robust MRAC, no auxiliary input"),  # type: ignore[arg-type]
+        NormalizedMrac(c_0=C_0, law=LeastSquares(covariance0=COVARIANCE0), name="Robust MRAC, no auxiliary input"),
         *(robust_mrac(f"tau {tau}", tau) for tau in ERRATUM_TAUS),
         *(robust_mrac(f"tau {tau}, printed sign", tau, printed_sign=True) for tau in ERRATUM_TAUS),
         l1("L1", 1e4),

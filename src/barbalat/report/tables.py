@@ -16,11 +16,22 @@ STYLES = {"confirmed": "green", "confirmed with conditions": "yellow", "not conf
 def figures_of_runs(results: Sequence[Result]) -> Table:
     """One row for each controller."""
     table = Table(title="Figures over every solver step", caption="tail: the last quarter of the run", pad_edge=False)
-    for heading in ("controller", "max |e|", "RMS e", "max |e| in the tail", "max |u|", "estimates at the end", "their variation, 1/s", "h|λ|"):
+    for heading in (
+        "controller",
+        "max |e|",
+        "RMS e",
+        "max |e| in the tail",
+        "max |u|",
+        "estimates at the end",
+        "their variation, 1/s",
+        "h|λ|",
+    ):
         table.add_column(heading, overflow="fold")
     for result in results:
         if result.diverged_at is not None:
-            table.add_row(result.name, f"[red]diverged at t = {result.diverged_at:.6g} s[/red]", *[""] * 5, f"{result.h_lambda_max:.3g}")
+            table.add_row(
+                result.name, f"[red]diverged at t = {result.diverged_at:.6g} s[/red]", *[""] * 5, f"{result.h_lambda_max:.3g}"
+            )
             continue
         f = result.figures
         names = ("max_abs_e", "rms_e", "tail_max_abs_e", "max_abs_u", "theta_hat_final", "theta_hat_variation_rate")
@@ -45,7 +56,9 @@ def checks_of_figures(figures: Sequence[PaperFigure]) -> Table:
     for figure in figures:
         for i, check in enumerate(figure.checks):
             mark = "[green]yes[/green]" if check.holds else "[red]no[/red]"
-            table.add_row(figure.key if i == 0 else "", check.statement, mark, check.measured, end_section=i == len(figure.checks) - 1)
+            table.add_row(
+                figure.key if i == 0 else "", check.statement, mark, check.measured, end_section=i == len(figure.checks) - 1
+            )
     return table
 
 
@@ -55,7 +68,9 @@ def ledger(claims: Sequence[Claim]) -> Table:
     for heading in ("claim", "statement", "verdict", "measured"):
         table.add_column(heading, overflow="fold")
     for claim in claims:
-        table.add_row(claim.id, f"{claim.statement} ({claim.where})", f"[{STYLES[claim.verdict]}]{claim.verdict}[/]", claim.measured)
+        table.add_row(
+            claim.id, f"{claim.statement} ({claim.where})", f"[{STYLES[claim.verdict]}]{claim.verdict}[/]", claim.measured
+        )
     return table
 
 

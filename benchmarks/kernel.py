@@ -1,0 +1,40 @@
+"""Our kernel as a contestant, and what every compiled loop needs to be one."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from barbalat.engine import best_lanes
+from barbalat.lowering.llvm_ir import LoopShape
+from benchmarks.loops import Case, command_table
+from benchmarks.race import Contestant
+
+Loop = Callable[[int, int, np.ndarray, np.ndarray, np.ndarray, np.ndarray], None]
+"""``loop(blocks, steps, state, parameters, signals, out)``, as of ``llvm_ir.loop``."""
+
+
+def advance(loop: Loop, shape: LoopShape, case: Case, lanes: int) -> Callable[[int], np.ndarray]:
+    """Run all members, ``lanes`` in a call, one call after another, in one thread."""
+    groups = [slice(first, first + lanes) for first in range(0, case.members, lanes)]
+    parameters = [np.ascontiguousarray(case.parameters[:, group]) for group in groups]
+    out = np.empty((shape.states + shape.accumulators, lanes))
+
+    def run(steps: int) -> np.ndarray:
+        final = np.empty_like(case.states)
+        for group, values in zip(groups, parameters, strict=True):
+            state = case.states[:, group].copy()
+            loop(1, steps, state, values, command_table(), out)
+            final[:, group] = state
+        return final
+
+    return run
+
+
+def contestant(case: Case, steps: int, *, figures: bool = False) -> Contestant:
+    """The kernel at the lane width that the engine chooses."""
+    program = case.optimised(figures=figures)
+    lanes = best_lanes(case.members)
+    name = f"barbalat, {lanes} lane{'s' * (lanes > 1)}{', all figures' * figures}"
+    return Contestant(name, steps, advance(program.compile(lanes), program.shape, case, lanes))

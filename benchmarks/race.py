@@ -1,0 +1,63 @@
+"""Contestants, the proof that they do the same work, and interleaved timing."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+CHECK_STEPS = 2000
+TOLERANCE = 1e-9
+"""Relative. Orders of summation differ by some 1e-16 a step and grow to about 1e-12 over 2000 steps of these loops;
+a wrong coefficient shows at 1e-3."""
+
+
+class Contestant(NamedTuple):
+    """``run(steps)`` advances every member from its initial state and returns the final states (size, M)."""
+
+    name: str
+    steps: int  # that one timed call makes
+    run: Callable[[int], np.ndarray]
+
+
+class Time(NamedTuple):
+    """Nanoseconds for one step of one member: the best of the repeats, and by which fraction the median is slower."""
+
+    name: str
+    best: float
+    spread: float
+
+    def __str__(self) -> str:
+        return f"{self.best:.4g} ns (median +{100 * self.spread:.0f}%)"
+
+
+class WrongNumbersError(Exception):
+    """A contestant does not compute what the kernel computes: its time would mean nothing."""
+
+
+def check(contestants: Sequence[Contestant], expected: np.ndarray) -> None:
+    """All must end ``CHECK_STEPS`` steps in the state that the kernel ends in; raises WrongNumbersError."""
+    scale = np.abs(expected).max()
+    for contestant in contestants:
+        error = np.abs(contestant.run(CHECK_STEPS) - expected).max() / scale
+        if not error <= TOLERANCE:
+            raise WrongNumbersError(f"{contestant.name}: relative error {error:.2g} after {CHECK_STEPS} steps, at most {TOLERANCE:g}")
+
+
+def race(contestants: Sequence[Contestant], members: int, repeats: int) -> dict[str, Time]:
+    """Time all in turn, again and again, so that a busy moment of the machine hits everyone."""
+    samples: dict[str, list[float]] = {contestant.name: [] for contestant in contestants}
+    for _ in range(repeats):
+        for contestant in contestants:
+            start = time.perf_counter()
+            contestant.run(contestant.steps)
+            samples[contestant.name].append((time.perf_counter() - start) / contestant.steps / members * 1e9)
+    return {name: Time(name, min(s), float(np.median(s)) / min(s) - 1) for name, s in samples.items()}
+
+
+def fastest(contestants: Sequence[Contestant], members: int, count: int) -> list[Contestant]:
+    """A short race first, so that only the best variants of a peer stay for the long one."""
+    times = race(contestants, members, 3)
+    return sorted(contestants, key=lambda contestant: times[contestant.name].best)[:count]
