@@ -32,15 +32,25 @@ def compile_loop(source: str, flags: str, folder: Path, stem: str) -> Loop:
     """Build a shared library from the source in ``folder``; arrays in, as the kernel takes them."""
     text, library = folder / f"{stem}.c", folder / f"{stem}.so"
     text.write_text(source)
-    command = ["gcc", "-std=c99", "-O3", "-march=native", *flags.split(), "-shared", "-fPIC", str(text), "-o", str(library), "-lm"]
+    command = [
+        "gcc",
+        "-std=c99",
+        "-O3",
+        "-march=native",
+        *flags.split(),
+        "-shared",
+        "-fPIC",
+        str(text),
+        "-o",
+        str(library),
+        "-lm",
+    ]
     subprocess.run(command, check=True)
     function = ctypes.CDLL(str(library))[llvm_ir.ENTRY]
     function.argtypes = [ctypes.c_int64] * 2 + [ctypes.c_void_p] * 4
     function.restype = None
 
-    def loop(
-        blocks: int, steps: int, state: np.ndarray, parameters: np.ndarray, signals: np.ndarray, out: np.ndarray
-    ) -> None:
+    def loop(blocks: int, steps: int, state: np.ndarray, parameters: np.ndarray, signals: np.ndarray, out: np.ndarray) -> None:
         function(blocks, steps, state.ctypes.data, parameters.ctypes.data, signals.ctypes.data, out.ctypes.data)
 
     return loop

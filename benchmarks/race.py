@@ -43,7 +43,9 @@ def check(contestants: Sequence[Contestant], expected: np.ndarray) -> None:
     for contestant in contestants:
         error = np.abs(contestant.run(CHECK_STEPS) - expected).max() / scale
         if not error <= TOLERANCE:
-            raise WrongNumbersError(f"{contestant.name}: relative error {error:.2g} after {CHECK_STEPS} steps, at most {TOLERANCE:g}")
+            raise WrongNumbersError(
+                f"{contestant.name}: relative error {error:.2g} after {CHECK_STEPS} steps, at most {TOLERANCE:g}"
+            )
 
 
 def race(contestants: Sequence[Contestant], members: int, repeats: int) -> dict[str, Time]:

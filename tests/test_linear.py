@@ -29,7 +29,7 @@ def companion(polynomial: np.ndarray) -> np.ndarray:
 def random_pair(random, n, relative_degree, rate=1.0):
     """(c, A, b, num, den): a system whose polynomials are known, in random coordinates of modest condition."""
     den = np.poly(-rate * random.uniform(0.3, 3.0, n))
-    num = random.uniform(0.5, 2.0) * np.poly(-rate * random.uniform(0.3, 3.0, n - relative_degree))
+    num = random.uniform(0.5, 2.0) * np.atleast_1d(np.poly(-rate * random.uniform(0.3, 3.0, n - relative_degree)))
     T = np.linalg.qr(random.normal(size=(n, n)))[0] @ np.diag(random.uniform(0.5, 2, n))
     c = np.zeros(n)
     c[: len(num)] = num[::-1]
@@ -44,7 +44,7 @@ def test_realisation_has_the_frequency_response(order, relative_degree):
         relative_degree = order
     random = np.random.default_rng(10 * order + relative_degree)
     den = np.poly(-random.uniform(0.1, 50, order))
-    num = 3.0 * np.poly(-random.uniform(0.1, 50, order - relative_degree))
+    num = 3.0 * np.atleast_1d(np.poly(-random.uniform(0.1, 50, order - relative_degree)))
     system = TransferFunction(num, den).realise()
     scipys = scipy_signal.freqs(num, den, FREQUENCIES)[1]
     controls = control.tf2ss(num, den)(1j * FREQUENCIES)
@@ -116,7 +116,7 @@ def test_relative_degree_at_any_time_scale(n, relative_degree, rate):
     """In phase variables the leading coefficients of the numerator are exact zeros and exact entries of c."""
     random = np.random.default_rng(n)
     den = np.poly(-rate * random.uniform(0.5, 2.0, n))
-    num = np.poly(-rate * random.uniform(0.5, 2.0, n - relative_degree))
+    num = np.atleast_1d(np.poly(-rate * random.uniform(0.5, 2.0, n - relative_degree)))
     c = np.zeros(n)
     c[: len(num)] = num[::-1]
     found = transfer_function(c, companion(den), np.eye(n)[-1])

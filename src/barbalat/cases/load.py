@@ -83,12 +83,12 @@ def _refuse_planned(data: dict[str, Any]) -> None:
 
 def _sentence(error: Any, data: dict[str, Any]) -> str:
     """pydantic's first finding as one sentence that names the field, the value and what would be right."""
-    place, tag = _place(error["loc"], data)
+    place = _place(error["loc"], data)
     kind, given = error["type"], show(error.get("input"))
     if kind == "missing":
         return f"{place} is missing"
     if kind == "extra_forbidden":
-        known = _known_keys(error["loc"], tag)
+        known = _known_keys(error["loc"])
         near = difflib.get_close_matches(str(error["loc"][-1]), known, n=1, cutoff=0.4)
         hint = f"did you mean {near[0]!r}?" if near else f"known here: {', '.join(known)}"
         return f"unknown key {place}; {hint}"
@@ -104,9 +104,10 @@ def _sentence(error: Any, data: dict[str, Any]) -> str:
     return f"{place} {message[0].lower()}{message[1:]}, got {given}"
 
 
-def _place(location: tuple[int | str, ...], data: Any) -> tuple[str, str | None]:
-    """The dotted name of a place, without the union tags that pydantic puts between; and the last such tag."""
-    parts, here, tag = [], data, None
+def _place(location: tuple[int | str, ...], data: Any) -> str:
+    """The dotted name of a place, without the tags that pydantic puts between for a kind or a scheme."""
+    parts: list[str] = []
+    here = data
     for position, key in enumerate(location):
         is_last = position == len(location) - 1
         if isinstance(here, dict) and (key in here or is_last):
@@ -115,23 +116,10 @@ def _place(location: tuple[int | str, ...], data: Any) -> tuple[str, str | None]
         elif isinstance(here, list) and isinstance(key, int):
             parts[-1] += f" {key + 1}"
             here = here[key] if key < len(here) else None
-        elif isinstance(key, str):
-            tag = key
-    return ".".join(parts), tag
+    return ".".join(parts)
 
 
-def _known_keys(location: tuple[int | str, ...], tag: str | None) -> list[str]:
+def _known_keys(location: tuple[int | str, ...]) -> list[str]:
     """The keys of the table in which ``location`` found an unknown one."""
-    models: list[type[schema.Table]] = [m for m in vars(schema).values() if isinstance(m, type) and issubclass(m, schema.Table)]
-    parent = next((key for key in reversed(location[:-1]) if isinstance(key, str)), None)
-    if tag is not None and parent == tag:
-        for model in models:
-            for key in ("kind", "scheme"):
-                if key in model.model_fields and tag in getattr(model.model_fields[key].annotation, "__args__", ()):
-                    return list(model.model_fields)
-    tables = {
-        None: schema.CaseTable, "plant": schema.PlantTable, "reference_model": schema.ReferenceModelTable,
-        "uncertainty": schema.UncertaintyTable, "simulation": schema.SimulationTable, "filter": schema.FilterTable,
-        "law": schema.LawTable, "normalization": schema.NormalizationTable,
-    }  # fmt: skip
-    return list(tables[parent].model_fields)
+    table = next((key for key in reversed(location[:-1]) if isinstance(key, str)), None)
+    return list(schema.TABLES[table].model_fields)

@@ -217,3 +217,28 @@ class CaseTable(Table):
     uncertainty: UncertaintyTable | None = None
     simulation: SimulationTable
     controller: list[ControllerTable] = Field(min_length=1)
+
+
+TABLES: dict[str | None, type[Table]] = {
+    None: CaseTable,
+    "plant": PlantTable,
+    "reference_model": ReferenceModelTable,
+    "uncertainty": UncertaintyTable,
+    "simulation": SimulationTable,
+    "filter": FilterTable,
+    "law": LawTable,
+    "normalization": NormalizationTable,
+    "constant": ConstantSignal,
+    "step": StepSignal,
+    "steps": StepsSignal,
+    "sine": SineSignal,
+    "sines": SinesSignal,
+    "square": SquareSignal,
+    "chirp": ChirpSignal,
+    "csv": CsvSignal,
+    "mrac": MracTable,
+    "l1": L1Table,
+    "mrac-normalized": NormalizedMracTable,
+    "robust-mrac": RobustMracTable,
+}
+"""Every table by the last name in its place: its key, or the kind or scheme that chose it."""

@@ -35,17 +35,15 @@ def figures_of_runs(results: Sequence[Result]) -> Table:
             continue
         f = result.figures
         names = ("max_abs_e", "rms_e", "tail_max_abs_e", "max_abs_u", "theta_hat_final", "theta_hat_variation_rate")
-        table.add_row(result.name, *(number_text(f[name]) for name in names), f"{result.h_lambda_max:.3g}")
+        table.add_row(result.name, *(number_text(f[name], "\n") for name in names), f"{result.h_lambda_max:.3g}", end_section=True)
     return table
 
 
-def number_text(value: float | list[float] | None, digits: int = 4) -> str:
-    """A figure for people: few digits, components side by side."""
-    if value is None:
-        return "-"
+def number_text(value: float | list[float] | None, separator: str = ", ") -> str:
+    """A figure for people: four digits, components with a separator between."""
     if isinstance(value, list):
-        return ", ".join("-" if v is None else f"{v:.{digits}g}" for v in value)
-    return f"{value:.{digits}g}"
+        return separator.join(number_text(v) for v in value)
+    return "-" if value is None else f"{value:.4g}"
 
 
 def checks_of_figures(figures: Sequence[PaperFigure]) -> Table:

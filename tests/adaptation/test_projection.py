@@ -1,0 +1,128 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from barbalat.adaptation.projection import limit, project, project_with_gain
+from barbalat.problem import ParameterBox
+
+REPRODUCIBLE = settings(max_examples=300, derandomize=True, database=None, deadline=None)
+ALWAYS = 1e-9  # of quantities of order 1 to 1e3: products of a few random matrices, a few hundred roundings
+
+
+@st.composite
+def situations(draw):
+    """(box, theta_hat, theta, rate, gain): an estimate inside, on faces, edges or corners; a theta in the box; a matrix gain."""
+    n = draw(st.integers(1, 4))
+    random = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
+    lower = random.uniform(-5, 5, n)
+    upper = lower + random.choice([0.0, 1.0, 10.0], n)  # also boxes that are flat in a direction
+    place = np.array(draw(st.lists(st.sampled_from(["lower", "inside", "upper"]), min_size=n, max_size=n)))
+    theta_hat = np.where(place == "lower", lower, np.where(place == "upper", upper, random.uniform(lower, upper)))
+    theta = random.uniform(lower, upper)
+    root = random.normal(size=(n, n))
+    gain = root @ root.T + 0.1 * np.eye(n)
+    return ParameterBox(lower=lower, upper=upper), theta_hat, theta, random.normal(size=n) * 10, gain
+
+
+def outward(rate, theta_hat, box):
+    """The part of a rate that leaves the box at once."""
+    return np.where(theta_hat >= box.upper, np.maximum(rate, 0), 0) + np.where(theta_hat <= box.lower, np.minimum(rate, 0), 0)
+
+
+@REPRODUCIBLE
+@given(situations())
+def test_a_diagonal_gain(situation):
+    """No component leaves the box, those inside are untouched, and V = |theta_tilde|^2/gamma does not grow by the projection."""
+    box, theta_hat, theta, rate, _ = situation
+    projected = project(rate, theta_hat, box)
+    assert not outward(projected, theta_hat, box).any()
+    free = outward(rate, theta_hat, box) == 0
+    assert (projected[free] == rate[free]).all()
+    assert (theta_hat - theta) @ (projected - rate) <= ALWAYS
+
+
+@REPRODUCIBLE
+@given(situations())
+def test_a_matrix_gain(situation):
+    """theta_tilde'P^-1 (projected - raw) <= 0: what the Lyapunov proof of (15) needs of the projection."""
+    box, theta_hat, theta, rate, gain = situation
+    projected = project_with_gain(rate, theta_hat, box, gain)
+    assert (theta_hat - theta) @ np.linalg.solve(gain, projected - rate) <= ALWAYS
+
+
+@REPRODUCIBLE
+@given(situations())
+def test_a_matrix_gain_points_inward_on_every_face(situation):
+    """Also on an edge or in a corner no component may leave the box: what remained would be cut by the limit, and a cut is
+    orthogonal in the wrong metric: it may raise V."""
+    box, theta_hat, _, rate, gain = situation
+    flat = box.lower == box.upper
+    projected = project_with_gain(rate, theta_hat, box, gain)
+    assert np.abs(outward(projected, theta_hat, box)[~flat]).max(initial=0) <= ALWAYS
+
+
+@REPRODUCIBLE
+@given(situations())
+def test_the_lyapunov_function_of_what_is_left_after_the_limit(situation):
+    """The limit holds what still points outward: the rate that counts is the one without it."""
+    box, theta_hat, theta, rate, gain = situation
+    projected = project_with_gain(rate, theta_hat, box, gain)
+    effective = projected - outward(projected, theta_hat, box)
+    assert (theta_hat - theta) @ np.linalg.solve(gain, effective - rate) <= ALWAYS
+
+
+@REPRODUCIBLE
+@given(situations())
+def test_one_face_against_the_quadratic_programme(situation):
+    """On a single face the projected rate is the nearest admissible one in the metric of P^-1: minimise |v - rate| over v_i <= 0.
+
+    The minimiser of a convex problem is characterised by its optimality: every admissible change is uphill.
+    """
+    box, theta_hat, _, rate, gain = situation
+    on_faces = (theta_hat >= box.upper) | (theta_hat <= box.lower)
+    if on_faces.sum() != 1 or (box.lower == box.upper).any():
+        return
+    projected = project_with_gain(rate, theta_hat, box, gain)
+    i = int(np.flatnonzero(on_faces)[0])
+    sign = 1.0 if theta_hat[i] >= box.upper[i] else -1.0
+    gradient = np.linalg.solve(gain, projected - rate)
+    assert sign * projected[i] <= ALWAYS  # admissible
+    others = np.delete(gradient, i)
+    assert np.abs(others).max(initial=0) <= ALWAYS  # no force along the face
+    assert sign * gradient[i] <= ALWAYS  # the wall only pushes inward
+    assert abs(gradient[i] * projected[i]) <= ALWAYS  # and only on what rests on it
+
+
+@REPRODUCIBLE
+@given(situations(), st.integers(0, 2**32 - 1))
+def test_a_march_never_leaves_the_box(situation, seed):
+    """Random rates, a long step: theta_hat after the limit is in the box, to the last bit."""
+    box, theta_hat, _, _, gain = situation
+    random = np.random.default_rng(seed)
+    for _ in range(20):
+        rate = 100 * random.normal(size=len(theta_hat))
+        theta_hat = limit(theta_hat + 0.1 * project_with_gain(gain @ rate, theta_hat, box, gain), box)
+        assert box.contains(theta_hat)
+        theta_hat = limit(theta_hat + 0.1 * project(rate, theta_hat, box), box)
+        assert box.contains(theta_hat)
+
+
+def test_without_a_box_nothing_is_projected():
+    rate, theta_hat = np.array([1.0, -2.0]), np.array([1e9, -1e9])
+    assert project(rate, theta_hat, None) is rate
+    assert project_with_gain(rate, theta_hat, None, np.eye(2)) is rate
+    assert limit(theta_hat, None) is theta_hat
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
+def test_a_bad_rate_inside_the_box_stays_visible(bad):
+    box = ParameterBox(lower=[-1.0, -1.0], upper=[1.0, 1.0])
+    for projected in (
+        project(np.array([bad, 1.0]), np.zeros(2), box),
+        project_with_gain(np.array([bad, 1.0]), np.zeros(2), box, np.eye(2)),
+    ):
+        np.testing.assert_array_equal(projected[0], bad)
+    assert np.isnan(limit(np.array([np.nan, 0.0]), box)[0])

@@ -1,0 +1,199 @@
+"""Case files: every key arrives where it should, and everything that can't be used is one clear sentence."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, example, given, settings
+from hypothesis import strategies as st
+
+from barbalat import InputError, L1Adaptive, Mrac, NormalizedMrac, RobustMrac
+from barbalat.adaptation.laws import Gradient
+from barbalat.cases.load import bundled, load_case, parse_case
+from barbalat.signals import Sines
+
+PAPER = bundled()["paper"].read_text()
+
+
+def edited(old: str, new: str) -> str:
+    assert old in PAPER
+    return PAPER.replace(old, new, 1)
+
+
+def test_paper_case_says_section_v():
+    case = load_case("paper")
+    plant = case.problem.plant
+    np.testing.assert_array_equal(plant.A_m, [[0, 1], [-0.3, -1]])
+    np.testing.assert_array_equal([*plant.b, *plant.theta, *plant.x0], [0, 1, 4, -3, 1, 1])
+    assert case.problem.reference_model.k_0 == 4
+    assert case.problem.reference(np.array([np.pi]))[0] == pytest.approx(50)
+    assert (case.simulation.t_end, case.simulation.dt, case.simulation.solver.name) == (60, 1e-4, "rk4")
+    robust, l1, mrac = case.controllers
+    assert isinstance(robust, RobustMrac) and robust.tau == 0.5 and robust.law.covariance0 == 500
+    assert isinstance(l1, L1Adaptive) and l1.gamma == 1e4
+    assert l1.filter.poles == pytest.approx([-50])
+    assert isinstance(mrac, Mrac)
+
+
+@pytest.mark.parametrize("name", [*bundled(), str(Path(str(bundled()["paper"])).with_name("template.toml"))])
+def test_every_bundled_file_loads(name):
+    assert load_case(name).controllers
+
+
+def test_other_keys():
+    text = edited(
+        'kind = "sine"\namplitude = 50.0\nfrequency = 0.5',
+        'kind = "sines"\namplitudes = [1, 2]\nfrequencies = [3, 4]\nconstant = 5',
+    )
+    text += '\n[[controller]]\nscheme = "mrac-normalized"\ngamma = 3\nprojection = false\ntheta_hat0 = [7.0, 8.0]\n'
+    case = parse_case(text)
+    assert isinstance(case.problem.reference, Sines)
+    assert case.problem.reference(np.zeros(1))[0] == 5
+    last = case.controllers[-1]
+    assert isinstance(last, NormalizedMrac) and last.law == Gradient(gamma=3.0)
+    equations = last.bind(case.problem.known)
+    assert equations.box is None and equations.theta_hat0.tolist() == [7, 8]
+
+
+def test_unstable_plant_by_matching():
+    text = edited("A_m = [[0.0, 1.0], [-0.3, -1.0]]", "A = [[0.0, 1.0], [3.7, -4.0]]").replace("theta = [4.0, -3.0]\n", "")
+    case = parse_case(text.replace("k_0 = 4.0", "k_0 = 4.0\nA_m = [[0.0, 1.0], [-0.3, -1.0]]"))
+    np.testing.assert_allclose(case.problem.plant.theta, [4, -3], atol=1e-12)  # A - A_m = b theta'
+
+
+def test_csv_is_relative_to_the_case_file(tmp_path):
+    (tmp_path / "r.csv").write_text("t,r\n0,0\n10,20\n")
+    (tmp_path / "case.toml").write_text(
+        edited('kind = "sine"\namplitude = 50.0\nfrequency = 0.5', 'kind = "csv"\nfile = "r.csv"')
+    )
+    assert load_case(tmp_path / "case.toml").problem.reference(np.array([5.0]))[0] == 10
+
+
+def test_disturbance():
+    case = parse_case(edited("x0 = [1.0, 1.0]", 'x0 = [1.0, 1.0]\ndisturbance = { kind = "step", amplitude = 2.0, start = 1.0 }'))
+    assert case.problem.disturbance(np.array([0.5, 1.0])).tolist() == [0, 2]
+
+
+BAD = [
+    ("A_m = ", "A_n = ", ["plant.A_n", "'A_m'"]),
+    ("kappa = 0.02", "kapa = 0.02", ["controller 2.filter.kapa", "'kappa'"]),
+    ("[simulation]", "[simulatoin]", ["simulatoin", "'simulation'"]),
+    ("frequency = 0.5", "frequency = 0.5\nfrequncy = 1", ["reference.frequncy", "'frequency'"]),
+    ("gamma = 1e4", "gamma = 'high'", ["controller 2.gamma", "'high'"]),
+    ("gamma = 1e4", "gamma = -1.0", ["controller 2 (L1)", "gamma must be positive", "-1.0"]),
+    ("gamma = 1e4", "gamma = true", ["controller 2.gamma", "True"]),
+    ('scheme = "l1"', 'scheme = "l2"', ["l2", "mrac, l1"]),
+    ('kind = "sine"', 'kind = "sinus"', ["reference.kind", "sinus", "'sines'"]),
+    ("k_0 = 4.0", "", ["reference_model.k_0 is missing"]),
+    ("theta = [4.0, -3.0]", "theta = [4.0, -3.0, 1.0]", ["plant.theta", "shape 2", "got 3"]),
+    ("theta = [4.0, -3.0]", "theta = [4.0, nan]", ["plant.theta 2", "finite", "nan"]),
+    ("[-0.3, -1.0]", "[0.3, -1.0]", ["plant.A_m", "Hurwitz", "0.2416"]),
+    ("b = [0.0, 1.0]", "b = [0.0, 0.0]", ["controllable", "[0., 0.]"]),
+    ("dt = 1e-4", "dt = 7e-4", ["simulation.dt", "divide", "0.0007"]),
+    ("dt = 1e-4", "dt = 0.0", ["simulation.dt", "positive"]),
+    ("t_end = 60.0", "t_end = inf", ["simulation.t_end", "finite"]),
+    ('solver = "rk4"', 'solver = "rk5"', ["euler, heun, rk4", "rk5"]),
+    ("kappa = 0.02", "num = [1.0], den = [1.0, -1.0]", ["stable", "real part 1"]),
+    ("kappa = 0.02", "num = [1.0, 1.0], den = [2.0, 1.0]", ["strictly proper"]),
+    ("kappa = 0.02", "num = [1.0, 1.0, 1.0], den = [2.0, 1.0]", ["strictly proper"]),
+    ("kappa = 0.02", "num = [2.0], den = [1.0, 1.0]", ["DC gain", "got 2"]),
+    ("kappa = 0.02", "num = [2.0]", ["filter"]),
+    ("kappa = 0.02", "kappa = -1", ["kappa", "-1"]),
+    ("c_0 = [1.0, 1.0]", "c_0 = [-1.0, 1.0]", ["minimum phase", "real part 1"]),
+    ("c_0 = [1.0, 1.0]", "c_0 = [0.0, 0.0]", ["c_0 must not be zero"]),
+    ("lower = [-5.0, -5.0]", "lower = [6.0, 6.0]", ["uncertainty.lower", "6 > 5", "empty"]),
+    ("upper = [5.0, 5.0]", "upper = [-1.0, 5.0]", ["theta_hat0", "known set"]),
+    ("upper = [5.0, 5.0]", "upper = [5.0]", ["uncertainty.upper"]),
+    ('name = "L1"', 'name = "MRAC"', ["'MRAC'", "2 times"]),
+    ('name = "L1"', 'name = ""', ["controller 2.name"]),
+    ("covariance0 = 500.0", "gamma = 1.0", ["law.covariance0 is missing"]),
+    ("[plant]", "[plant]\ninput = { delay = 0.1 }", ["plant.input", "not available"]),
+    ('scheme = "mrac"', 'scheme = "l1-output"', ["l1-output", "not available"]),
+    ("[[controller]]", "[controller]", ["TOML"]),
+    ('name = "Section V"', "name = 3", ["name", "3"]),
+]
+
+
+@pytest.mark.parametrize(("old", "new", "words"), BAD, ids=lambda value: value if isinstance(value, str) else "")
+def test_bad_input_is_one_clear_sentence(old, new, words):
+    with pytest.raises(InputError) as caught:
+        parse_case(edited(old, new))
+    sentence = str(caught.value)
+    assert "\n" not in sentence
+    for word in words:
+        assert word in sentence
+
+
+def test_unmatched_difference_names_the_rest():
+    text = edited("A_m = [[0.0, 1.0], [-0.3, -1.0]]", "A = [[0.5, 1.0], [3.7, -4.0]]").replace("theta = [4.0, -3.0]\n", "")
+    with pytest.raises(InputError, match=r"matched.*0\.5"):
+        parse_case(text.replace("k_0 = 4.0", "k_0 = 4.0\nA_m = [[0.0, 1.0], [-0.3, -1.0]]"))
+
+
+def test_unreadable_files(tmp_path):
+    with pytest.raises(InputError, match=r"neither a file nor a bundled case \(.*paper.*\)"):
+        load_case(tmp_path / "none.toml")
+    with pytest.raises(InputError, match="cannot be read"):
+        load_case(tmp_path)
+    (tmp_path / "binary.toml").write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(InputError, match="not UTF-8 text"):
+        load_case(tmp_path / "binary.toml")
+    (tmp_path / "csv.toml").write_text(
+        edited('kind = "sine"\namplitude = 50.0\nfrequency = 0.5', 'kind = "csv"\nfile = "gone.csv"')
+    )
+    with pytest.raises(InputError, match=r"reference: the data file .*gone\.csv cannot be read"):
+        load_case(tmp_path / "csv.toml")
+
+
+SCALARS = st.one_of(
+    st.floats(),
+    st.integers(),
+    st.integers(-(10**400), 10**400),
+    st.booleans(),
+    st.text(max_size=5),
+    st.just("l1"),
+    st.just("sine"),
+)
+VALUES = st.recursive(
+    SCALARS, lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=5), inner, max_size=3), max_leaves=9
+)
+
+
+def toml(value: object) -> str:
+    """A value as TOML text, good or bad."""
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, str):
+        return '"' + "".join(f"\\U{ord(c):08X}" if not 0xD800 <= ord(c) < 0xE000 else "?" for c in value) + '"'
+    if isinstance(value, list):
+        return "[" + ", ".join(map(toml, value)) + "]"
+    if isinstance(value, dict):
+        return "{" + ", ".join(f"{toml(key)} = {toml(entry)}" for key, entry in value.items()) + "}"
+    return repr(value)
+
+
+LINES = [line for line in PAPER.splitlines() if "=" in line and not line.startswith("#")]
+
+
+@settings(max_examples=400, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@given(line=st.sampled_from(LINES), value=VALUES)
+@example(line="gamma = 1e4", value=10**400)
+@example(line="b = [0.0, 1.0]", value=[])
+@example(line="A_m = [[0.0, 1.0], [-0.3, -1.0]]", value=[[-1.0], [-1.0, 2.0]])
+@example(line="theta = [4.0, -3.0]", value=[1e300, 1e300])
+def test_fuzz_values(line, value):
+    """Any value at any key gives a case or an InputError of one sentence; nothing else."""
+    try:
+        parse_case(PAPER.replace(line, f"{line.split('=')[0]}= {toml(value)}", 1))
+    except InputError as error:
+        assert "\n" not in str(error)
+
+
+@settings(max_examples=200, deadline=None)
+@given(start=st.integers(0, len(PAPER)), length=st.integers(0, 40), insert=st.text(max_size=8))
+def test_fuzz_text(start, length, insert):
+    """The same for damaged text."""
+    try:
+        parse_case(PAPER[:start] + insert + PAPER[start + length :])
+    except InputError as error:
+        assert str(error)

@@ -1,0 +1,136 @@
+"""The command line: exit codes, one JSON document, nothing written on bad input."""
+
+import json
+import math
+import subprocess
+import sys
+
+import pytest
+
+from barbalat.cases.load import bundled
+from barbalat.cli import main
+
+PAPER = bundled()["paper"].read_text()
+SHORT = PAPER.replace("t_end = 60.0", "t_end = 2.0").replace("dt = 1e-4", "dt = 1e-3").replace("gamma = 1e4", "gamma = 100.0")
+
+
+@pytest.fixture
+def case_file(tmp_path):
+    path = tmp_path / "case.toml"
+    path.write_text(SHORT)
+    return path
+
+
+def numbers(document):
+    if isinstance(document, dict):
+        document = list(document.values())
+    if isinstance(document, list):
+        return [x for part in document for x in numbers(part)]
+    return [document] if isinstance(document, float) else []
+
+
+def test_run_json_keeps_the_contract(case_file, capsys, monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    assert main(["run", str(case_file), "--json"]) == 0
+    document = json.loads(capsys.readouterr().out)
+    assert document["case"] == "Section V"
+    assert document["simulation"] == {"t_end": 2.0, "dt": 1e-3, "solver": "rk4"}
+    assert set(document["controllers"]) == {"L1", "MRAC", "Robust MRAC"}
+    for figures in document["controllers"].values():
+        for key in ("max_abs_e", "rms_e", "tail_max_abs_e", "theta_hat_final", "theta_hat_tail_min", "theta_hat_tail_max"):
+            assert len(figures[key]) == 2
+        assert len(figures["theta_hat_variation_rate"]) == 2
+        assert figures["diverged_at"] is None and figures["max_abs_u"] > 0
+    assert [path.name for path in tmp_path.iterdir()] == ["case.toml"]  # --json without --out writes nothing
+
+
+def test_diverged_run_is_a_finding(tmp_path, capsys):
+    path = tmp_path / "case.toml"
+    path.write_text(PAPER.replace("t_end = 60.0", "t_end = 4.0").replace("gamma = 1e4", "gamma = 1e4\nprojection = false"))
+    assert main(["run", str(path), "--json"]) == 0
+    text = capsys.readouterr().out
+    assert "NaN" not in text and "Infinity" not in text
+    figures = json.loads(text)["controllers"]["L1"]
+    assert 0 < figures["diverged_at"] < 4
+    assert figures["max_abs_u"] is None and figures["max_abs_e"] == [None, None]
+
+
+def test_run_writes_everything(case_file, tmp_path, capsys):
+    out = tmp_path / "deep" / "out"
+    assert main(["run", str(case_file), "--out", str(out)]) == 0
+    names = {path.name for path in out.iterdir()}
+    assert names == {"run.json", "report.html", "comparison.png", "comparison.svg", "1-robust-mrac.csv", "2-l1.csv", "3-mrac.csv"}
+    page = (out / "report.html").read_text()
+    assert 'src="data:image/png;base64,' in page and "http" not in page.replace("http-equiv", "")
+    header, first = (out / "2-l1.csv").read_text().splitlines()[:2]
+    assert header == "t,x_1,x_2,x_m_1,x_m_2,e_1,e_2,theta_hat_1,theta_hat_2,u,r"
+    assert first == "0.0,1.0,1.0,1.0,1.0,0.0,0.0,0.0,0.0,0.0,0.0"
+    assert "written to" in capsys.readouterr().out
+    assert all(math.isfinite(x) for x in numbers(json.loads((out / "run.json").read_text())))
+
+
+def test_no_plots(case_file, tmp_path):
+    out = tmp_path / "out"
+    assert main(["run", str(case_file), "--out", str(out), "--no-plots"]) == 0
+    assert {path.suffix for path in out.iterdir()} == {".json", ".csv"}
+
+
+@pytest.mark.parametrize("damage", [("gamma = 100.0", "gamma = -1.0"), ("dt = 1e-3", "dt = 3e-3"), ("b = ", "bb = ")])
+def test_bad_input_exits_2_and_writes_nothing(damage, tmp_path, capsys):
+    path, out = tmp_path / "case.toml", tmp_path / "out"
+    path.write_text(SHORT.replace(*damage))
+    assert main(["run", str(path), "--out", str(out)]) == 2
+    captured = capsys.readouterr()
+    assert captured.out == "" and len(captured.err.strip().splitlines()) == 1
+    assert not out.exists()
+
+
+def test_unusable_folder(case_file, tmp_path, capsys):
+    (tmp_path / "file").write_text("kept")
+    assert main(["run", str(case_file), "--out", str(tmp_path / "file")]) == 2
+    assert "output folder" in capsys.readouterr().err
+    assert (tmp_path / "file").read_text() == "kept"
+
+
+def test_new_writes_a_case_that_runs_and_never_overwrites(tmp_path, capsys):
+    path = tmp_path / "mine.toml"
+    assert main(["new", str(path)]) == 0
+    assert main(["run", str(path), "--json"]) == 0
+    path.write_text("mine")
+    assert main(["new", str(path)]) == 2
+    assert path.read_text() == "mine"
+
+
+def test_cases_lists_the_bundled_ones(capsys):
+    assert main(["cases"]) == 0
+    assert "paper" in capsys.readouterr().out
+
+
+def test_unknown_command_exits_2():
+    with pytest.raises(SystemExit) as stopped:
+        main(["simulat"])
+    assert stopped.value.code == 2
+
+
+def test_help_imports_nothing_heavy():
+    """A fast start by construction: no numerical package is loaded to print the help."""
+    code = "import sys; from barbalat.cli import main\ntry: main(['--help'])\nfinally: print(sorted({'numpy','casadi','rich','pydantic'} & set(sys.modules)))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.returncode == 0
+    assert done.stdout.strip().endswith("[]")
+
+
+def test_reproduce(tmp_path, capsys):
+    assert main(["reproduce", "--out", str(tmp_path), "--json"]) == 0
+    document = json.loads(capsys.readouterr().out)
+    assert set(document["figures"]) >= {"2", "3", "4", "5"}
+    assert all(figure["reproduced"] for figure in document["figures"].values())
+    assert document["figures"]["3"]["metrics"]["L1"]["theta_hat_tail_max"] == [5.0, 5.0]
+    verdicts = {claim["id"]: claim["verdict"] for claim in document["claims"]}
+    assert verdicts["erratum-14"] == "erratum"
+    assert document["seconds"]["total"] > 0
+    for key in ("2", "3", "4", "5", "added"):
+        assert (tmp_path / f"figure-{key}.png").stat().st_size > 10_000
+        assert (tmp_path / f"figure-{key}.svg").read_text().rstrip().endswith("</svg>")
+    page = (tmp_path / "report.html").read_text()
+    assert page.count('<img src="data:image/png;base64,') == 5
