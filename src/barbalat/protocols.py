@@ -31,6 +31,16 @@ class Signal(Protocol):
         ...
 
 
+@runtime_checkable
+class BoundedSignal(Signal, Protocol):
+    """A signal with a guaranteed bound, which certificates need; all signals of the package have one."""
+
+    @property
+    def bound(self) -> float:
+        """A number that |value| never exceeds."""
+        ...
+
+
 class Equations(Protocol):
     """A scheme bound to a plant's known part. The state is a NamedTuple of arrays that has a field ``theta_hat``, (n,)."""
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from barbalat.certify.numerics import Stiffness
 from barbalat.grid import Simulation
 from barbalat.metrics import Metrics
 from barbalat.problem import Problem
@@ -42,7 +43,7 @@ class Result:
     theta_hat         (K, n) estimates
     envelope          extrema between the recorded instants
     figures           over every solver step, see Metrics; ``diverged_at`` is in s or None
-    h_lambda_max      the largest h |eigenvalue| of the exact Jacobian at the recorded instants
+    stiffness         the largest h |eigenvalue| along the run, and since when the solver itself was unstable
     """
 
     problem: Problem
@@ -57,7 +58,7 @@ class Result:
     theta_hat: Array
     envelope: Envelope
     metrics: Metrics
-    h_lambda_max: float
+    stiffness: Stiffness
 
     @property
     def name(self) -> str:
@@ -75,11 +76,18 @@ class Result:
         return None if np.isnan(value) else value
 
     @property
+    def label(self) -> str | None:
+        """"numerically unstable from t = ..." for a run that left its solver's region of stability."""
+        start = self.stiffness.unstable_from
+        return None if start is None else f"numerically unstable from t = {start:.4g} s"
+
+    @property
     def numerics(self) -> str:
         """Solver, step and stiffness in one line."""
         s = self.simulation
         limit = f"{s.solver.imaginary_limit:.3g} on the imaginary axis, {s.solver.real_limit:.3g} on the real one"
-        return f"{s.solver.name}, h = {s.dt:g} s, h |lambda| <= {self.h_lambda_max:.3g}; the solver's limit is {limit}"
+        text = f"{s.solver.name}, h = {s.dt:g} s, h |lambda| <= {self.stiffness.h_lambda_max:.3g}; the solver's limit is {limit}"
+        return text if self.label is None else f"{text}; {self.label}"
 
     def columns(self) -> dict[str, Array]:
         """Scalar time series by name: x_1 ... u, r, theta_hat_1 ..., each (K,)."""
@@ -104,7 +112,7 @@ class Result:
         return xr.Dataset(
             variables,
             coords={"t": self.t, "component": np.arange(1, self.x.shape[1] + 1)},
-            attrs={"controller": self.name, "solver": s.solver.name, "dt": s.dt, "h_lambda_max": self.h_lambda_max},
+            attrs={"controller": self.name, "solver": s.solver.name, "dt": s.dt, "numerics": self.numerics},
         )
 
     def to_control(self) -> control.TimeResponseData:

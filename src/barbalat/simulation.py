@@ -3,20 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
+from barbalat.certify.numerics import Stiffness, stiffness
 from barbalat.closed_loop import ClosedLoop
 from barbalat.engine import Batch, Progress, run
 from barbalat.grid import Simulation
 from barbalat.problem import Problem
 from barbalat.protocols import Controller
 from barbalat.result import Envelope, Result
-from barbalat.stepping import output_function, spectral_radius, step_program
+from barbalat.stepping import output_function, step_program
 from barbalat.validate import Array, InputError
 
 JACOBIAN_SAMPLES = 200
-"""Recorded instants at which the Jacobian's spectrum is taken; the whole record would cost more than the run."""
+"""Recorded instants at which the spectrum is taken first; all of them only to date the first one outside the region."""
 
 
 def simulate(
@@ -60,8 +62,6 @@ def _result(problem: Problem, controller: Controller, simulation: Simulation, lo
     at = batch.totals.at
     extrema = [(quantity, side) for quantity in ("e", "u", "theta_hat") for side in ("min", "max")]
     envelope = Envelope(**{f"{quantity}_{side}": accumulators[:, at[quantity, side]] for quantity, side in extrema})
-    chosen = np.unique(np.linspace(0, len(t) - 1, min(len(t), JACOBIAN_SAMPLES)).astype(int))
-    radius = spectral_radius(loop, states[chosen], signals.T[chosen])
     return Result(
         problem=problem,
         controller=controller,
@@ -75,8 +75,17 @@ def _result(problem: Problem, controller: Controller, simulation: Simulation, lo
         theta_hat=theta_hat,
         envelope=envelope,
         metrics=metrics,
-        h_lambda_max=float(simulation.dt * radius.max()),
+        stiffness=_stiffness(loop, simulation, t, states, signals.T),
     )
+
+
+def _stiffness(loop: ClosedLoop, simulation: Simulation, t: Array, states: Array, signals: Array) -> Stiffness:
+    chosen = np.unique(np.linspace(0, len(t) - 1, min(len(t), JACOBIAN_SAMPLES)).astype(int))
+    found = stiffness(loop, simulation, t[chosen], states[chosen], signals[chosen])
+    if found.unstable_from is not None:
+        until = int(np.searchsorted(t, found.unstable_from)) + 1
+        return replace(found, unstable_from=stiffness(loop, simulation, t[:until], states[:until], signals[:until]).unstable_from)
+    return found
 
 
 def _record(simulation: Simulation, batch: Batch) -> tuple[Array, Array, Array]:

@@ -6,8 +6,6 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from barbalat.closed_loop import ClosedLoop, column, symbols
 from barbalat.lowering.llvm_ir import LoopShape
 from barbalat.lowering.machine import Kernel
@@ -92,12 +90,3 @@ def jacobian_function(loop: ClosedLoop) -> ca.Function:
     slope: Value = column(loop.derivative(state, signals))
     jacobian = ca.densify(ca.jacobian(slope, state_column))
     return ca.Function("jacobian", [state_column, signal_column], [jacobian], {"cse": True})
-
-
-def spectral_radius(loop: ClosedLoop, states: np.ndarray, signals: np.ndarray) -> np.ndarray:
-    """The largest |eigenvalue| [1/s] of the Jacobian at each of K instants; states (K, size), signals (K, channels)."""
-    function = jacobian_function(loop)
-    size = loop.size
-    flat = np.asarray(function(states.T, signals.T)).reshape(size, len(states), size, order="C")
-    matrices = flat.transpose(1, 0, 2)
-    return np.asarray(np.abs(np.linalg.eigvals(matrices)).max(axis=1))

@@ -30,12 +30,12 @@ def figures_of_runs(results: Sequence[Result]) -> Table:
     for result in results:
         if result.diverged_at is not None:
             table.add_row(
-                result.name, f"[red]diverged at t = {result.diverged_at:.6g} s[/red]", *[""] * 5, f"{result.h_lambda_max:.3g}"
+                result.name, f"[red]diverged at t = {result.diverged_at:.6g} s[/red]", *[""] * 5, f"{result.stiffness.h_lambda_max:.3g}"
             )
             continue
         f = result.figures
         names = ("max_abs_e", "rms_e", "tail_max_abs_e", "max_abs_u", "theta_hat_final", "theta_hat_variation_rate")
-        table.add_row(result.name, *(number_text(f[name], "\n") for name in names), f"{result.h_lambda_max:.3g}", end_section=True)
+        table.add_row(result.name, *(number_text(f[name], "\n") for name in names), f"{result.stiffness.h_lambda_max:.3g}", end_section=True)
     return table
 
 

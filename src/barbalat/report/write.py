@@ -38,8 +38,14 @@ def run_document(case: str, results: Sequence[Result]) -> dict[str, Any]:
     return {
         "case": case,
         "simulation": {"t_end": simulation.t_end, "dt": simulation.dt, "solver": simulation.solver.name},
-        "controllers": {r.name: {**r.figures, "h_lambda_max": r.h_lambda_max} for r in results},
+        "controllers": {r.name: run_block(r) for r in results},
     }
+
+
+def run_block(result: Result) -> dict[str, Any]:
+    """The contract's block for a controller, and the numerics beside its keys."""
+    found = result.stiffness
+    return {**result.figures, "h_lambda_max": found.h_lambda_max, "numerically_unstable_at": found.unstable_from}
 
 
 def draw_reproduction(folder: Path, figures: Sequence[PaperFigure]) -> dict[str, page.Picture]:

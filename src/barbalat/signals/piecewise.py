@@ -28,6 +28,10 @@ class Step:
     def before(self, t: Array) -> Array:
         return self.constant + self.amplitude * (np.asarray(t) > self.start)
 
+    @property
+    def bound(self) -> float:
+        return max(abs(self.constant), abs(self.constant + self.amplitude))
+
 
 @dataclass(frozen=True)
 class Steps:
@@ -51,6 +55,10 @@ class Steps:
 
     def before(self, t: Array) -> Array:
         return self._levels[np.searchsorted(self.times, t, side="left")]
+
+    @property
+    def bound(self) -> float:
+        return float(np.abs(self._levels).max())
 
     @property
     def _levels(self) -> Array:
@@ -78,6 +86,10 @@ class Square:
     def before(self, t: Array) -> Array:
         halves = self._half_periods(t)
         return self._level(np.ceil(halves) - 1)
+
+    @property
+    def bound(self) -> float:
+        return abs(self.constant) + abs(self.amplitude)
 
     def _half_periods(self, t: Array) -> Array:
         """Half periods since phase zero; a jump that lies within rounding of t is taken to lie at t."""

@@ -63,3 +63,7 @@ class Recorded(Continuous):
 
     def __call__(self, t: Array) -> Array:
         return np.interp(t, self.times, self.values)
+
+    @property
+    def bound(self) -> float:
+        return float(np.abs(self.values).max())

@@ -34,6 +34,10 @@ class Constant(Continuous):
     def __call__(self, t: Array) -> Array:
         return np.full(np.shape(t), float(self.amplitude))
 
+    @property
+    def bound(self) -> float:
+        return abs(float(self.amplitude))
+
 
 @dataclass(frozen=True)
 class Sine(Continuous):
@@ -51,6 +55,10 @@ class Sine(Continuous):
 
     def __call__(self, t: Array) -> Array:
         return self.constant + self.amplitude * np.sin(self.frequency * t + self.phase)
+
+    @property
+    def bound(self) -> float:
+        return abs(self.constant) + abs(self.amplitude)
 
 
 @dataclass(frozen=True)
@@ -79,6 +87,10 @@ class Sines(Continuous):
             result += amplitude * np.sin(frequency * t + phase)
         return result
 
+    @property
+    def bound(self) -> float:
+        return abs(self.constant) + sum(abs(amplitude) for amplitude in self.amplitudes)
+
 
 @dataclass(frozen=True)
 class Chirp(Continuous):
@@ -102,3 +114,7 @@ class Chirp(Continuous):
         swept = np.minimum(t, self.duration)
         phase = self.frequency_start * swept + rate * swept**2 / 2 + self.frequency_end * (t - swept)
         return self.constant + self.amplitude * np.sin(phase)
+
+    @property
+    def bound(self) -> float:
+        return abs(self.constant) + abs(self.amplitude)

@@ -1,0 +1,1 @@
+"""Conditions, bounds, norms, limits of the numerics and margins: computed before anything is simulated."""

@@ -1,0 +1,123 @@
+"""The linear loops that the schemes become: broken at the plant input, L from the plant's input v to -u.
+
+With the parameters known and with infinitely fast adaptation the loops are linear and exact; around a constant command the
+adaptive loop is linearised with its adaptive law inside.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from barbalat.closed_loop import ClosedLoop, column, flatten, symbols
+from barbalat.linear import StateSpace
+from barbalat.problem import Plant
+from barbalat.validate import Array
+
+
+def known_parameters(plant: Plant, theta_hat: Array, C: StateSpace | None = None) -> StateSpace:
+    """u = C(s)[-theta_hat'x] on the plant with its own theta: what MRAC (C = 1) or L1-AC is once the estimates rest."""
+    A = plant.A_m + np.outer(plant.b, plant.theta)
+    feedback = StateSpace(A, plant.b, np.array(theta_hat, dtype=float), 0.0)
+    return feedback if C is None else series(feedback, C)
+
+
+def fast_adaptation(plant: Plant, C: StateSpace) -> StateSpace:
+    """L1-AC for Gamma -> infinity, inside the projection bounds: an LTI controller.
+
+    The predictor error vanishes, so theta_hat'x becomes theta'x + v - u: what is missing of the desired dynamics. Then
+    u = -C [theta'x + v - u], that is L = C/(1 - C) (1 + theta'G), G = (sI - A_m - b theta')^-1 b.
+    """
+    A = plant.A_m + np.outer(plant.b, plant.theta)
+    disturbance = StateSpace(A, plant.b, plant.theta, 1.0)  # 1 + theta'G
+    # C/(1 - C): the filter with its output fed back to its input
+    integrator = StateSpace(C.A + np.outer(C.B, C.C), C.B, C.C, 0.0)
+    return series(disturbance, integrator)
+
+
+def around_equilibrium(loop: ClosedLoop, r: float) -> StateSpace:
+    """The adaptive loop linearised where e = 0, theta_hat = theta under the constant command r, the law included.
+
+    Exact Jacobians; any scheme whose state rests there (the predictor on x, filters settled).
+    """
+    import casadi as ca
+
+    state_column, state = symbols("state", loop.size)
+    input_column, v = symbols("v", 1)
+    parts = loop.unpack(state)
+    r_array = np.array(r)
+    u = loop.equations.control(parts.controller, parts.x, parts.x_m, r_array)
+    x_dot = loop.plant.A_m @ parts.x + loop.plant.b * (loop.plant.theta @ parts.x + v[0])
+    controller_dot = loop.equations.derivative(parts.controller, parts.x, parts.x_m, r_array, u)
+    x_m_dot = loop.plant.A_m @ parts.x_m + loop.plant.b * (loop.k_0 * r_array)
+    slope = column(flatten(type(parts)(x_dot, x_m_dot, controller_dot)))
+    jacobians = ca.Function(
+        "jacobians",
+        [state_column, input_column],
+        [ca.jacobian(slope, state_column), ca.jacobian(slope, input_column), ca.jacobian(column(u.reshape(1)), state_column)],
+    )
+    rest, u_rest = equilibrium(loop, r)
+    A, B, C = (np.array(value) for value in jacobians(rest, u_rest))
+    return minimal(StateSpace(A, B[:, 0], -C[0], 0.0))
+
+
+def minimal(loop: StateSpace) -> StateSpace:
+    """Without the states that v does not reach or u does not show: the model, estimates across x, settled filters."""
+    from scipy.linalg import matrix_balance
+
+    A, (scale, _) = matrix_balance(loop.A, permute=False, separate=True)
+    A, B, C = np.asarray(A), loop.B / scale, loop.C * scale
+    reached = _krylov_basis(A, B)
+    A, B, C = reached.T @ A @ reached, reached.T @ B, C @ reached
+    shown = _krylov_basis(A.T, C)
+    return StateSpace(shown.T @ A @ shown, shown.T @ B, C @ shown, loop.D)
+
+
+def _krylov_basis(A: Array, b: Array) -> Array:
+    """Orthonormal columns that span b, A b, A^2 b, ... (Arnoldi, orthogonalised twice); a direction below rounding ends it."""
+    n = len(b)
+    size = max(float(np.linalg.norm(A, 2)), 1e-300)
+    basis = np.zeros((n, 0))
+    direction, length = b, float(np.linalg.norm(b))
+    while basis.shape[1] < n and length > 0:
+        basis = np.column_stack([basis, direction / length])
+        direction = A @ basis[:, -1]
+        for _ in range(2):
+            direction = direction - basis @ (basis.T @ direction)
+        length = float(np.linalg.norm(direction))
+        if length <= 1e3 * n * np.finfo(float).eps * size:  # 1e3: the Jacobian itself carries roundings of the equilibrium
+            break
+    return basis
+
+
+def equilibrium(loop: ClosedLoop, r: float) -> tuple[Array, float]:
+    """The flat state with e = 0 and theta_hat = theta under the constant command r, and the control there.
+
+    Whatever else the controller integrates is solved for: a rest of its linear parts at the given x and u.
+    """
+    import casadi as ca
+
+    plant = loop.plant
+    x = -np.linalg.solve(plant.A_m, plant.b * (loop.k_0 * r))
+    state_column, state = symbols("state", loop.size)
+    slope = column(loop.derivative(state, np.array([r, 0.0])[: loop.signal_count]))
+    function = ca.Function("slope", [state_column], [slope, ca.jacobian(slope, state_column)])
+    rest = np.array(loop.initial())
+    n = len(plant.b)
+    rest[:n] = rest[n : 2 * n] = x
+    rest[loop.theta_hat_rows] = plant.theta
+    free = np.setdiff1d(np.arange(2 * n, loop.size), np.arange(loop.size)[loop.theta_hat_rows])
+    for _ in range(3):  # linear in what is free: the first step is exact, the others remove rounding
+        value, jacobian = (np.array(part) for part in function(rest))
+        if len(free):
+            rest[free] -= np.linalg.lstsq(jacobian[:, free], value[:, 0], rcond=None)[0]
+    parts = loop.unpack(rest)
+    return rest, float(loop.equations.control(parts.controller, parts.x, parts.x_m, np.array(r)))
+
+
+def series(first: StateSpace, second: StateSpace) -> StateSpace:
+    """second(s) first(s)."""
+    n, m = first.order, second.order
+    A = np.block([[first.A, np.zeros((n, m))], [np.outer(second.B, first.C), second.A]])
+    B = np.concatenate([first.B, second.B * first.D])
+    C = np.concatenate([second.D * first.C, second.C])
+    return StateSpace(A, B, C, second.D * first.D)
