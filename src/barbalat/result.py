@@ -77,7 +77,7 @@ class Result:
 
     @property
     def label(self) -> str | None:
-        """"numerically unstable from t = ..." for a run that left its solver's region of stability."""
+        """ "numerically unstable from t = ..." for a run that left its solver's region of stability."""
         start = self.stiffness.unstable_from
         return None if start is None else f"numerically unstable from t = {start:.4g} s"
 

@@ -37,7 +37,7 @@ def fast_adaptation(plant: Plant, C: StateSpace) -> StateSpace:
 def around_equilibrium(loop: ClosedLoop, r: float) -> StateSpace:
     """The adaptive loop linearised where e = 0, theta_hat = theta under the constant command r, the law included.
 
-    Exact Jacobians; any scheme whose state rests there (the predictor on x, filters settled).
+    Exact Jacobians; for laws of the form theta_hat' = (scalar) x, which are the MRAC's and the L1-AC's.
     """
     import casadi as ca
 
@@ -57,36 +57,24 @@ def around_equilibrium(loop: ClosedLoop, r: float) -> StateSpace:
     )
     rest, u_rest = equilibrium(loop, r)
     A, B, C = (np.array(value) for value in jacobians(rest, u_rest))
-    return minimal(StateSpace(A, B[:, 0], -C[0], 0.0))
+    moving = _moving_directions(loop, rest[: len(loop.plant.b)])
+    return StateSpace(moving.T @ A @ moving, moving.T @ B[:, 0], -C[0] @ moving, 0.0)
 
 
-def minimal(loop: StateSpace) -> StateSpace:
-    """Without the states that v does not reach or u does not show: the model, estimates across x, settled filters."""
-    from scipy.linalg import matrix_balance
+def _moving_directions(loop: ClosedLoop, x: Array) -> Array:
+    """Orthonormal columns that span what v moves: not the model, and of the estimates only the direction of x.
 
-    A, (scale, _) = matrix_balance(loop.A, permute=False, separate=True)
-    A, B, C = np.asarray(A), loop.B / scale, loop.C * scale
-    reached = _krylov_basis(A, B)
-    A, B, C = reached.T @ A @ reached, reached.T @ B, C @ reached
-    shown = _krylov_basis(A.T, C)
-    return StateSpace(shown.T @ A @ shown, shown.T @ B, C @ shown, loop.D)
-
-
-def _krylov_basis(A: Array, b: Array) -> Array:
-    """Orthonormal columns that span b, A b, A^2 b, ... (Arnoldi, orthogonalised twice); a direction below rounding ends it."""
-    n = len(b)
-    size = max(float(np.linalg.norm(A, 2)), 1e-300)
-    basis = np.zeros((n, 0))
-    direction, length = b, float(np.linalg.norm(b))
-    while basis.shape[1] < n and length > 0:
-        basis = np.column_stack([basis, direction / length])
-        direction = A @ basis[:, -1]
-        for _ in range(2):
-            direction = direction - basis @ (basis.T @ direction)
-        length = float(np.linalg.norm(direction))
-        if length <= 1e3 * n * np.finfo(float).eps * size:  # 1e3: the Jacobian itself carries roundings of the equilibrium
-            break
-    return basis
+    At rest the law's rate is x times a scalar, so the other directions neither move nor show in theta_hat'x.
+    """
+    n, rows = len(x), loop.theta_hat_rows
+    identity = np.eye(loop.size)
+    kept = [i for i in range(loop.size) if not n <= i < 2 * n and not rows.start <= i < rows.stop]
+    along = np.zeros(loop.size)
+    length = float(np.linalg.norm(x))
+    if length == 0:
+        return identity[:, kept]
+    along[rows] = x / length
+    return np.column_stack([identity[:, kept], along])
 
 
 def equilibrium(loop: ClosedLoop, r: float) -> tuple[Array, float]:

@@ -110,7 +110,9 @@ def _crossings(loop: StateSpace, function: Callable[[Array], Array], system: Sta
     values = function(points)
     found = [float(w) for w, value in zip(points, values, strict=True) if value == 0]
     for k in np.flatnonzero(values[:-1] * values[1:] < 0):
-        found.append(float(brentq(lambda w: float(function(np.array([w]))[0]), points[k], points[k + 1], xtol=1e-300, rtol=1e-13)))
+        found.append(
+            float(brentq(lambda w: float(function(np.array([w]))[0]), points[k], points[k + 1], xtol=1e-300, rtol=1e-13))
+        )
     return sorted(found)
 
 

@@ -23,7 +23,7 @@ def adaptation_frequency(gamma: float, x_largest: float, bPb: float) -> float:
 
 
 def gamma_limit(limit: float, h: float, bPb: float, offset: float, factor: float) -> float:
-    """The largest Gamma with h omega_a <= limit where |x|_2 <= offset + factor/sqrt(Gamma): h sqrt(b'Pb)(sqrt(Gamma) offset + factor)."""
+    """The largest Gamma with h omega_a <= limit, where |x|_2 <= offset + factor/sqrt(Gamma)."""
     room = limit / (h * math.sqrt(bPb)) - factor
     if room <= 0:
         return 0.0

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from rich.console import Console
 from rich.table import Table
 
+from barbalat.certify.certificate import Certificate
 from barbalat.claims.claim import Claim, PaperFigure
 from barbalat.result import Result
 
@@ -30,12 +31,17 @@ def figures_of_runs(results: Sequence[Result]) -> Table:
     for result in results:
         if result.diverged_at is not None:
             table.add_row(
-                result.name, f"[red]diverged at t = {result.diverged_at:.6g} s[/red]", *[""] * 5, f"{result.stiffness.h_lambda_max:.3g}"
+                result.name,
+                f"[red]diverged at t = {result.diverged_at:.6g} s[/red]",
+                *[""] * 5,
+                f"{result.stiffness.h_lambda_max:.3g}",
             )
             continue
         f = result.figures
         names = ("max_abs_e", "rms_e", "tail_max_abs_e", "max_abs_u", "theta_hat_final", "theta_hat_variation_rate")
-        table.add_row(result.name, *(number_text(f[name], "\n") for name in names), f"{result.stiffness.h_lambda_max:.3g}", end_section=True)
+        table.add_row(
+            result.name, *(number_text(f[name], "\n") for name in names), f"{result.stiffness.h_lambda_max:.3g}", end_section=True
+        )
     return table
 
 
@@ -69,6 +75,26 @@ def ledger(claims: Sequence[Claim]) -> Table:
         table.add_row(
             claim.id, f"{claim.statement} ({claim.where})", f"[{STYLES[claim.verdict]}]{claim.verdict}[/]", claim.measured
         )
+    return table
+
+
+def certificate(name: str, found: Certificate) -> Table:
+    """One controller's certificate: what is a guaranteed bound, what an estimate."""
+    table = Table(title=name, title_justify="left", pad_edge=False)
+    for heading in ("quantity", "value", ""):
+        table.add_column(heading, overflow="fold")
+    for key, value in found.values.items():
+        if value is None:
+            continue
+        kind = "guaranteed" if key in found.guaranteed else ""
+        if key == "norms":
+            for norm, ends in value.items():
+                table.add_row(f"L1 norm of {norm}", f"{ends['lower']:.10g} ... {ends['upper']:.10g}", kind)
+        elif key == "condition":
+            verdict = "[green]holds[/green]" if value["holds"] else "[red]not shown to hold[/red]"
+            table.add_row("||W_b (1 - C)||_1 theta_max < 1", f"{value['value_upper']:.6g}: {verdict}", kind)
+        else:
+            table.add_row(key, value if isinstance(value, str) else f"{value:.6g}", kind)
     return table
 
 

@@ -1,0 +1,212 @@
+"""The certificate of each controller of a problem, put together from conditions, bounds, limits and margins."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from barbalat.certify import theorem1
+from barbalat.certify.certificate import Certificate
+from barbalat.certify.enclosure import Enclosure
+from barbalat.certify.loops import around_equilibrium, fast_adaptation, known_parameters
+from barbalat.certify.margins import margins
+from barbalat.certify.numerics import adaptation_frequency, gamma_limit
+from barbalat.closed_loop import ClosedLoop
+from barbalat.controllers import L1Adaptive, Mrac, NormalizedMrac, RobustMrac
+from barbalat.grid import Simulation
+from barbalat.linear import StateSpace
+from barbalat.problem import Problem
+from barbalat.protocols import Controller
+from barbalat.validate import InputError
+
+MATCHED = "the plant is (1): matched uncertainty, no unmodelled dynamics, continuous time"
+NO_DISTURBANCE = "no disturbance acts"
+EXACT_START = "x_m(0) = x(0), and the predictor starts there too"
+IN_THE_SET = "theta and theta_hat(0) lie in the known set, and the estimates are projected onto it"
+FROZEN = "gamma_max and step_max look at the frozen linear oscillator of adaptation: advice, no guarantee"
+LINEAR = "margins are exact for the linear loop named, not for the adaptive loop in motion"
+
+
+def certify(problem: Problem, controllers: tuple[Controller, ...], simulation: Simulation) -> dict[str, Certificate]:
+    """Certificates by the controllers' names; nothing is simulated."""
+    return {controller.name: _certificate(problem, controller, simulation) for controller in controllers}
+
+
+def _certificate(problem: Problem, controller: Controller, simulation: Simulation) -> Certificate:
+    match controller:
+        case Mrac():
+            return _mrac(problem, controller, simulation)
+        case L1Adaptive():
+            return _l1(problem, controller, simulation)
+        case RobustMrac() | NormalizedMrac():
+            return _normalized(problem, controller)
+    raise InputError(f"no certificate is known for {type(controller).__name__}")
+
+
+def _mrac(problem: Problem, controller: Mrac, simulation: Simulation) -> Certificate:
+    plant = problem.plant
+    loop = ClosedLoop.of(problem, controller)
+    values, findings = _parameter_errors(problem, loop)
+    values["error_bound"] = theorem1.mrac_bound(values["nu_0"], controller.gamma)
+    guaranteed = {"nu_0", "error_bound"}
+    if "nu_0_worst" in values:
+        values["error_bound_worst"] = theorem1.mrac_bound(values["nu_0_worst"], controller.gamma)
+        guaranteed |= {"nu_0_worst", "error_bound_worst"}
+    model = theorem1.model_bounds(problem)
+    values |= _limits(problem, controller.gamma, simulation, model.x_m_euclidean, values["nu_0"])
+    values |= _margins(known_parameters(plant, plant.theta), "with the estimates at rest on theta", findings)
+    values |= _adapting_margins(problem, loop, findings)
+    assumptions = [MATCHED, EXACT_START, FROZEN, LINEAR]
+    if loop.equations.box is not None:  # type: ignore[attr-defined]
+        assumptions.insert(1, IN_THE_SET)
+    return _finish(problem, values, guaranteed, assumptions, findings)
+
+
+def _l1(problem: Problem, controller: L1Adaptive, simulation: Simulation) -> Certificate:
+    known, plant = problem.known, problem.plant
+    loop = ClosedLoop.of(problem, controller)
+    equations: Any = loop.equations
+    C: StateSpace = equations.C
+    values, findings = _parameter_errors(problem, loop)
+    guaranteed = {"nu_0", *(key for key in ("nu_0_worst",) if key in values)}
+    assumptions = [MATCHED, EXACT_START, "the filter starts at rest", FROZEN, LINEAR]
+    offset, factor = math.inf, math.inf
+    if equations.box is None:
+        findings.append("without projection there is no theta_max, so the condition on C(s) and the bound (10) have no meaning")
+    else:
+        assumptions.insert(1, IN_THE_SET)
+        theta_max = equations.box.theta_max
+        model = theorem1.model_bounds(problem)
+        condition = theorem1.filter_condition(known, C, theta_max)
+        slope = theorem1.derivative_norm(known)
+        values["norms"] = {"W_b(1-C)": _norm(condition.norm), "sW_b": _norm(slope)}
+        values["condition"] = {"value_upper": condition.value_upper, "limit": 1.0, "holds": condition.holds}
+        values["kappa_admissible"] = _finite(theorem1.kappa_admissible(known, theta_max))
+        values["kappa_max"] = _finite(theorem1.kappa_max(slope, theta_max))
+        guaranteed |= {"norms", "condition", "kappa_admissible", "kappa_max"}
+        gamma, k_0 = controller.gamma, known.k_0
+        bound = theorem1.l1_bound(values["nu_0"], gamma, condition, theta_max, k_0, model)
+        kappa = theorem1.time_constant(controller.filter)
+        constants = None if not kappa else theorem1.first_order_constants(values["nu_0"], kappa, slope, theta_max, k_0, model)
+        if constants is not None:
+            values["nu_1"], values["nu_2"] = constants
+            guaranteed |= {"nu_1", "nu_2"}
+        if condition.holds:
+            values["error_bound"] = bound
+            guaranteed |= {"error_bound"}
+            bias = bound - values["nu_0"] / math.sqrt(gamma) / (1 - condition.value_upper)
+            offset = model.x_m_euclidean + math.sqrt(known.n) * bias
+            factor = math.sqrt(known.n) * values["nu_0"] / (1 - condition.value_upper)
+        else:
+            findings.append(
+                f"||W_b (1 - C)||_1 theta_max = {condition.value_upper:.4g} is not below 1: bound (10) says nothing here"
+            )
+    if math.isinf(offset):  # no bound on x: take what the model asks for, and say so
+        offset, factor = theorem1.model_bounds(problem).x_m_euclidean, values["nu_0"]
+        assumptions.append("|x| in the adaptation frequency is the model's bound plus nu_0/sqrt(Gamma): an estimate")
+    values |= _limits(problem, controller.gamma, simulation, offset, factor)
+    if controller.filter is None:
+        values |= _margins(known_parameters(plant, plant.theta), "with the estimates at rest on theta", findings)
+    else:
+        values |= _margins(fast_adaptation(plant, C), "in the limit of fast adaptation", findings)
+    values |= _adapting_margins(problem, loop, findings)
+    return _finish(problem, values, guaranteed, assumptions, findings)
+
+
+def _normalized(problem: Problem, controller: RobustMrac | NormalizedMrac) -> Certificate:
+    """What is guaranteed is Lemma 1's boundedness and convergence; its constants are not computable from the case."""
+    plant = problem.plant
+    loop = ClosedLoop.of(problem, controller)
+    values, findings = _parameter_errors(problem, loop)
+    del values["nu_0"]
+    values.pop("nu_0_worst", None)
+    values["initial_parameter_error"] = theorem1.initial_parameter_error(loop.equations.initial().theta_hat, plant.theta)  # type: ignore[attr-defined]
+    values |= _margins(known_parameters(plant, plant.theta), "with the estimates at rest on theta", findings)
+    if isinstance(controller, RobustMrac):
+        values["tau_below"] = 1 / controller.normalization.delta_0  # Theorem 2: tau in (tau_min, 1/delta_0)
+        if not controller.tau < values["tau_below"]:
+            findings.append(
+                f"Theorem 2 asks for tau < 1/delta_0 = {values['tau_below']:.4g} s, and tau is {controller.tau:.4g} s"
+            )
+    assumptions = [
+        MATCHED + "; with modelling error only Theorem 2's existence statement remains",
+        EXACT_START,
+        "c_0 makes W_m minimum phase (checked)",
+        "the tracking error converges to zero and theta_hat, epsilon m_s stay bounded (Lemma 1, Theorem 2); no number bounds e",
+        LINEAR,
+    ]
+    return _finish(problem, values, {"initial_parameter_error"}, assumptions, findings)
+
+
+def _parameter_errors(problem: Problem, loop: ClosedLoop) -> tuple[dict[str, Any], list[str]]:
+    """nu_0 for the case's theta, and for the worst theta in the known set."""
+    theta_hat0 = loop.equations.initial().theta_hat  # type: ignore[attr-defined]
+    known, box = problem.known, problem.uncertainty
+    findings: list[str] = []
+    values: dict[str, Any] = {"nu_0": theorem1.nu_0(theorem1.initial_parameter_error(theta_hat0, problem.plant.theta), known)}
+    if box is not None:
+        worst = theorem1.largest_parameter_error(theta_hat0, box.lower, box.upper)
+        values["nu_0_worst"] = theorem1.nu_0(worst, known)
+        if not box.contains(problem.plant.theta):
+            findings.append("the true theta lies outside the known set: with projection, none of the bounds holds")
+    return values, findings
+
+
+def _limits(problem: Problem, gamma: float, simulation: Simulation, offset: float, factor: float) -> dict[str, Any]:
+    """omega_a, Gamma_max(h), h_max(Gamma) for |x|_2 <= offset + factor/sqrt(Gamma)."""
+    known = problem.known
+    bPb = float(known.b @ known.P @ known.b)
+    limit = simulation.solver.imaginary_limit
+    frequency = adaptation_frequency(gamma, offset + factor / math.sqrt(gamma), bPb)
+    values: dict[str, Any] = {"adaptation_frequency": frequency}
+    if limit > 0:
+        values["gamma_max"] = _finite(gamma_limit(limit, simulation.dt, bPb, offset, factor))
+        values["step_max"] = limit / frequency if frequency > 0 else None
+    return values
+
+
+def _margins(loop: StateSpace, which: str, findings: list[str]) -> dict[str, Any]:
+    try:
+        found = margins(loop)
+    except InputError as error:
+        findings.append(f"linear loop {which}: {error}")
+        return {}
+    return {
+        "delay_margin": _finite(found.delay),
+        "phase_margin": _finite(found.phase),
+        "gain_margin": _finite(found.gain_up),
+        "gain_reduction_margin": found.gain_down,
+        "margins_of": f"the linear loop {which}, broken at the plant input",
+    }
+
+
+def _adapting_margins(problem: Problem, loop: ClosedLoop, findings: list[str]) -> dict[str, Any]:
+    """The delay margin of the adaptive loop linearised at the constant command sup |r|."""
+    level = problem.reference.bound  # type: ignore[attr-defined]  # model_bounds has checked that it is there
+    if level == 0:
+        return {}
+    found = _margins(around_equilibrium(loop, level), f"linearised at the constant command {level:g}", findings)
+    return {"delay_margin_adapting": found["delay_margin"]} if "delay_margin" in found else {}
+
+
+def _finish(
+    problem: Problem, values: dict[str, Any], guaranteed: set[str], assumptions: list[str], findings: list[str]
+) -> Certificate:
+    if problem.disturbance is None:
+        assumptions.append(NO_DISTURBANCE)
+    else:
+        findings.append("a disturbance acts: the bounds (9) and (10) don't cover it")
+        guaranteed = guaranteed - {"error_bound", "error_bound_worst"}
+    if any("outside the known set" in finding for finding in findings):
+        guaranteed = guaranteed & {"norms", "condition", "kappa_admissible", "kappa_max"}
+    return Certificate(values, frozenset(guaranteed), tuple(assumptions), tuple(findings))
+
+
+def _norm(enclosure: Enclosure) -> dict[str, float]:
+    return {"lower": enclosure.lower, "upper": enclosure.upper}
+
+
+def _finite(value: float) -> float | None:
+    return value if np.isfinite(value) else None

@@ -1,0 +1,8 @@
+"""One file for each command: its options, and what it does. Heavy imports wait until it runs."""
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    import argparse
+
+    Commands = argparse._SubParsersAction[argparse.ArgumentParser]

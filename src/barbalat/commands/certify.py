@@ -1,0 +1,39 @@
+"""``barbalat certify``: conditions, bounds, norms, gain limits, margins; nothing is simulated."""
+
+from __future__ import annotations
+
+import argparse
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from barbalat.commands import Commands
+
+
+def add(commands: Commands) -> None:
+    """Register the command and its options."""
+    parser = commands.add_parser("certify", help="conditions, bounds, norms, gain limits and margins of a case's controllers")
+    parser.add_argument("case", metavar="CASE", help="a case file, or a bundled case's name")
+    parser.add_argument("--json", action="store_true", help="one JSON document on standard output")
+    parser.set_defaults(execute=execute)
+
+
+def execute(options: argparse.Namespace) -> int:
+    """Run the command; returns the exit code."""
+    from barbalat.cases.load import load_case
+    from barbalat.certify.table import certify
+    from barbalat.report import tables
+    from barbalat.report.write import as_json
+
+    case = load_case(options.case)
+    certificates = certify(case.problem, case.controllers, case.simulation)
+    if options.json:
+        document = {"case": case.name, "controllers": {name: c.as_json() for name, c in certificates.items()}}
+        print(as_json(document))  # noqa: T201
+        return 0
+    console = tables.console()
+    for name, certificate in certificates.items():
+        console.print(tables.certificate(name, certificate))
+        for finding in certificate.findings:
+            console.print(f"[red]{finding}[/red]")
+        console.print("Assumed: " + "; ".join(certificate.assumptions) + ".\n")
+    return 0

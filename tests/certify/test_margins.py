@@ -1,0 +1,141 @@
+"""Margins against python-control, against Pade approximations of the delay, and against closed forms."""
+
+import math
+
+import control
+import numpy as np
+import pytest
+
+from barbalat import InputError, L1Adaptive, Mrac, input_filter
+from barbalat.cases.load import load_case
+from barbalat.certify.loops import around_equilibrium, equilibrium, fast_adaptation, known_parameters, series
+from barbalat.certify.margins import margins, response
+from barbalat.closed_loop import ClosedLoop
+from barbalat.linear import StateSpace, TransferFunction
+
+
+def random_loops(count: int) -> list[StateSpace]:
+    """Random loops that are stable when closed."""
+    rng = np.random.default_rng(5)
+    found: list[StateSpace] = []
+    while len(found) < count:
+        n = int(rng.integers(1, 6))
+        loop = StateSpace(rng.normal(size=(n, n)) * 10 ** rng.uniform(-1, 2), rng.normal(size=n), rng.normal(size=n), 0.0)
+        if np.linalg.eigvals(loop.A - np.outer(loop.B, loop.C)).real.max() < 0:
+            found.append(loop)
+    return found
+
+
+def pade_closed_loop(loop: StateSpace, delay: float, order: int = 12) -> float:
+    """The closed loop's largest real part with the delay as a Pade approximation."""
+    num, den = control.pade(delay, order)
+    delayed = series(loop, TransferFunction(np.array(num), np.array(den)).realise())
+    return float(np.linalg.eigvals(delayed.A - np.outer(delayed.B, delayed.C) / (1 + delayed.D)).real.max())
+
+
+@pytest.mark.parametrize("loop", random_loops(60))
+def test_against_python_control(loop):
+    found = margins(loop)
+    gains, phases, _, _, crossovers, _ = control.stability_margins(
+        control.ss(loop.A, loop.B[:, None], loop.C[None], 0), returnall=True
+    )
+    np.testing.assert_allclose(found.crossovers, np.sort(crossovers), rtol=1e-6)
+    assert found.gain_up == pytest.approx(min((g for g in gains if g > 1), default=math.inf), rel=1e-6)
+    assert found.gain_down == pytest.approx(max((g for g in gains if 0 < g < 1), default=0), rel=1e-6)
+    if len(crossovers):
+        assert found.phase == pytest.approx(np.deg2rad(np.abs(phases).min()), rel=1e-6)
+
+
+def test_delay_margin_is_where_the_delayed_loop_loses_stability():
+    checked = 0
+    for loop in random_loops(60):
+        delay = margins(loop).delay
+        if not np.isfinite(delay) or delay * max(margins(loop).crossovers) > 6:
+            continue  # a Pade approximation of order 12 follows the phase up to about two turns
+        assert pade_closed_loop(loop, delay * 0.99) < 0
+        assert pade_closed_loop(loop, delay * 1.01) > 0
+        checked += 1
+    assert checked >= 10
+
+
+def test_all_crossovers_count():
+    """Two resonances: the delay margin belongs to the higher crossover, although the first has the smaller phase margin."""
+    slow = TransferFunction(np.array([0.02]), np.array([1.0, 0.02, 0.01])).realise()
+    fast = TransferFunction(np.array([60.0]), np.array([1.0, 0.5, 10000.0])).realise()
+    both = StateSpace(
+        np.block([[slow.A, np.zeros((2, 2))], [np.zeros((2, 2)), fast.A]]),
+        np.concatenate([slow.B, fast.B]),
+        np.concatenate([slow.C, fast.C]),
+        0.0,
+    )
+    found = margins(both)
+    assert len(found.crossovers) >= 3
+    first = min(found.crossovers)
+    lag = np.angle(-response(both, np.array([first]))[0]) % (2 * np.pi)
+    assert found.delay < lag / first / 10
+    assert pade_closed_loop(both, found.delay * 1.05, 8) > 0 > pade_closed_loop(both, found.delay * 0.9, 8)
+
+
+def test_closed_forms():
+    # k/(s(s + 1)): crossover from w^2 (w^2 + 1) = k^2, phase margin pi/2 - atan w, no finite gain margin
+    k = 3.0
+    w = math.sqrt((-1 + math.sqrt(1 + 4 * k * k)) / 2)
+    found = margins(TransferFunction(np.array([k]), np.array([1.0, 1.0, 0.0])).realise())
+    assert found.crossovers == pytest.approx([w], rel=1e-12)
+    assert found.phase == pytest.approx(math.pi / 2 - math.atan(w), rel=1e-10)
+    assert found.delay == pytest.approx((math.pi / 2 - math.atan(w)) / w, rel=1e-10)
+    assert (found.gain_up, found.gain_down) == (math.inf, 0.0)
+    # 2/(s + 1)^3: phase crossover at sqrt 3, where |L| = 2/8
+    found = margins(TransferFunction(np.array([2.0]), np.poly([-1, -1, -1])).realise())
+    assert found.gain_up == pytest.approx(4, rel=1e-9)
+
+
+def test_unstable_and_ill_posed_loops_are_refused():
+    with pytest.raises(InputError, match=r"largest eigenvalue has real part 1"):
+        margins(TransferFunction(np.array([1.0]), np.array([1.0, -2.0])).realise())
+    with pytest.raises(InputError, match="not well posed"):
+        margins(StateSpace(np.zeros((0, 0)), np.zeros(0), np.zeros(0), -1.0))
+
+
+def test_fast_adaptation_is_the_limit_of_the_adaptive_loop():
+    """The loop linearised with the law inside tends to the LTI limit as 1/sqrt(Gamma), below the adaptation frequency."""
+    problem = load_case("paper").problem
+    C = input_filter(0.1)
+    limit = fast_adaptation(problem.plant, C.realise())
+    w = np.array([0.3, 1.0, 5.0, 20.0])
+    distances = []
+    for gamma in (1e4, 1e6, 1e8):
+        loop = around_equilibrium(ClosedLoop.of(problem, L1Adaptive(gamma=gamma, filter=C)), 1.0)
+        distances.append(np.abs(response(loop, w) / response(limit, w) - 1).max())
+    assert distances[0] < 0.05
+    assert distances[2] < distances[0] / 100
+    # by hand: C/(1 - C) = 1/(0.1 s), and 1 + theta'G = a_m(s)/a(s)
+    s = 1j * w
+    a_m = s**2 + s + 0.3
+    by_hand = a_m / (a_m - (4 - 3 * s)) / (0.1 * s)
+    np.testing.assert_allclose(response(limit, w), by_hand, rtol=1e-10)
+
+
+def test_mrac_around_a_constant_command_by_hand():
+    """theta_hat'x* integrates Gamma |x*|^2 b'P e: L = theta'G + (Gamma |x*|^2/s) b'P G."""
+    problem = load_case("paper").problem
+    plant, gamma, r = problem.plant, 2.0, 3.0
+    loop = ClosedLoop.of(problem, Mrac(gamma=gamma))
+    x = -np.linalg.solve(plant.A_m, plant.b * 4 * r)
+    found = around_equilibrium(loop, r)
+    A = plant.A_m + np.outer(plant.b, plant.theta)
+    for w in (0.5, 3.0, 40.0):
+        G = np.linalg.solve(1j * w * np.eye(2) - A, plant.b)
+        by_hand = plant.theta @ G + gamma * (x @ x) / (1j * w) * (plant.b @ problem.known.P @ G)
+        assert response(found, np.array([w]))[0] == pytest.approx(by_hand, rel=1e-9)
+    rest, _ = equilibrium(loop, r)
+    assert np.abs(loop.derivative(rest, np.array([r]))).max() < 1e-9
+
+
+def test_known_parameters_with_and_without_filter():
+    plant = load_case("paper").problem.plant
+    w = np.array([0.1, 1.0, 10.0])
+    G = np.array([np.linalg.solve(1j * s * np.eye(2) - plant.A_m - np.outer(plant.b, plant.theta), plant.b) for s in w])
+    np.testing.assert_allclose(response(known_parameters(plant, plant.theta), w), G @ plant.theta, rtol=1e-12)
+    filtered = known_parameters(plant, plant.theta, input_filter(0.5).realise())
+    np.testing.assert_allclose(response(filtered, w), G @ plant.theta / (0.5j * w + 1), rtol=1e-12)
