@@ -12,14 +12,18 @@ import numpy as np
 
 from barbalat.lowering import c99, llvm_ir
 from barbalat.lowering.operations import Program
-from benchmarks.kernel import Loop, advance
+from benchmarks.kernel import WITH_FIGURES, Loop, advance
 from benchmarks.loops import Case
 from benchmarks.race import Contestant
 
-STRICT = ("", "-fno-trapping-math", "-fno-trapping-math -mprefer-vector-width=512")
-LOOSE = ("-ffast-math", "-ffast-math -mprefer-vector-width=512")
+PLAIN = ("", "-ffp-contract=off", "-ffast-math", "-ffast-math -mprefer-vector-width=512")
 """-ffast-math assumes that nothing is infinite or NaN. The loops hold an infinite constant in the projection, which gcc 12
-happens to treat well, as the check shows; the figures start at infinity, so that there only the strict flags are fair."""
+happens to treat well, as the check shows; the figures start at infinity, so that there it must stay off."""
+
+NO_TRAPS = ("-fno-trapping-math", "-fno-trapping-math -mprefer-vector-width=512")
+"""What LLVM assumes by default: nobody looks at the floating-point flags. NaN and infinity keep their meaning."""
+
+FIGURES = ("", *NO_TRAPS)
 
 WIDTHS = (8, 16, 32, 64)
 
@@ -32,20 +36,8 @@ def compile_loop(source: str, flags: str, folder: Path, stem: str) -> Loop:
     """Build a shared library from the source in ``folder``; arrays in, as the kernel takes them."""
     text, library = folder / f"{stem}.c", folder / f"{stem}.so"
     text.write_text(source)
-    command = [
-        "gcc",
-        "-std=c99",
-        "-O3",
-        "-march=native",
-        *flags.split(),
-        "-shared",
-        "-fPIC",
-        str(text),
-        "-o",
-        str(library),
-        "-lm",
-    ]
-    subprocess.run(command, check=True)
+    command = f"gcc -O3 -march=native {flags} -shared -fPIC".split()
+    subprocess.run([*command, str(text), "-o", str(library), "-lm"], check=True)
     function = ctypes.CDLL(str(library))[llvm_ir.ENTRY]
     function.argtypes = [ctypes.c_int64] * 2 + [ctypes.c_void_p] * 4
     function.restype = None
@@ -56,20 +48,19 @@ def compile_loop(source: str, flags: str, folder: Path, stem: str) -> Loop:
     return loop
 
 
-def contestants(case: Case, steps: int, folder: Path, *, figures: bool = False, quick: bool = False) -> list[Contestant]:
-    """Every variant; ``quick`` keeps those that have come out on top so far."""
+def contestants(
+    case: Case, steps: int, folder: Path, flag_sets: tuple[str, ...], *, figures: bool = False, quick: bool = False
+) -> list[Contestant]:
+    """Every variant; ``quick`` keeps the width that has come out on top so far."""
     ours = case.optimised(figures=figures)
     lists: dict[str, Program] = {"our order": ours.program, "CasADi's order": case.as_read(figures=figures)}
     widths = (1,) if case.members == 1 else (64,) if quick else WIDTHS
-    flag_sets = STRICT if figures else STRICT + LOOSE
-    if quick:
-        flag_sets = ("-fno-trapping-math",) if figures else ("", "-ffast-math")
     resets = () if ours.accumulators is None else ours.accumulators.resets
     result = []
     for (order, program), lanes, flags in itertools.product(lists.items(), widths, flag_sets):
         source = c99.loop(program, ours.shape, resets, lanes)
         stem = f"{case.name}-{case.members}-{figures}-{order}-{lanes}-{flags}".replace(" ", "_").replace("'", "")
         loop = compile_loop(source, flags, folder, stem)
-        name = f"C, {order}" + (f", {lanes} wide" if lanes > 1 else "") + (f", {flags}" if flags else "")
+        name = f"{order}{WITH_FIGURES * figures}" + (f", {lanes} wide" if lanes > 1 else "") + (f", {flags}" if flags else "")
         result.append(Contestant(name, steps, advance(loop, ours.shape, case, lanes)))
     return result

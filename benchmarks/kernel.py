@@ -11,6 +11,8 @@ from barbalat.lowering.llvm_ir import LoopShape
 from benchmarks.loops import Case, command_table
 from benchmarks.race import Contestant
 
+WITH_FIGURES = ", all figures"
+
 Loop = Callable[[int, int, np.ndarray, np.ndarray, np.ndarray, np.ndarray], None]
 """``loop(blocks, steps, state, parameters, signals, out)``, as of ``llvm_ir.loop``."""
 
@@ -36,5 +38,5 @@ def contestant(case: Case, steps: int, *, figures: bool = False) -> Contestant:
     """The kernel at the lane width that the engine chooses."""
     program = case.optimised(figures=figures)
     lanes = best_lanes(case.members)
-    name = f"barbalat, {lanes} lane{'s' * (lanes > 1)}{', all figures' * figures}"
+    name = f"barbalat, {lanes} lane{'s' * (lanes > 1)}{WITH_FIGURES * figures}"
     return Contestant(name, steps, advance(program.compile(lanes), program.shape, case, lanes))

@@ -44,13 +44,15 @@ def check(contestants: Sequence[Contestant], expected: np.ndarray) -> None:
         error = np.abs(contestant.run(CHECK_STEPS) - expected).max() / scale
         if not error <= TOLERANCE:
             raise WrongNumbersError(
-                f"{contestant.name}: relative error {error:.2g} after {CHECK_STEPS} steps, at most {TOLERANCE:g}"
+                f"{contestant.name} is {error:.2g} (relative) off the kernel after {CHECK_STEPS} steps; "
+                f"rounding explains at most {TOLERANCE:g}"
             )
 
 
 def race(contestants: Sequence[Contestant], members: int, repeats: int) -> dict[str, Time]:
     """Time all in turn, again and again, so that a busy moment of the machine hits everyone."""
     samples: dict[str, list[float]] = {contestant.name: [] for contestant in contestants}
+    assert len(samples) == len(contestants), "two contestants of one name would share their times"
     for _ in range(repeats):
         for contestant in contestants:
             start = time.perf_counter()

@@ -36,6 +36,8 @@ class Row:
 
 
 def show(title: str, rows: list[Row], notes: list[str]) -> None:
+    if not rows:
+        console.print(title, style="bold")
     table = Table(title=title, title_justify="left", title_style="bold", pad_edge=False)
     for name in ("what", "ours", "peer"):
         table.add_column(name)
@@ -43,7 +45,8 @@ def show(title: str, rows: list[Row], notes: list[str]) -> None:
         table.add_column(name, justify="right", no_wrap=True)
     for row in rows:
         table.add_row(row.what, row.ours, row.peer, f"{row.ratio:.3g}", row.target, row.met)
-    console.print(table)
+    if rows:
+        console.print(table)
     for note in notes:
         console.print(f"  {note}", highlight=False)
     console.print()

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from barbalat.ensemble import EnsembleResult, simulate_ensemble
     from barbalat.grid import Simulation
     from barbalat.linear import TransferFunction, input_filter
-    from barbalat.problem import ParameterBox, Plant, Problem, ReferenceModel
+    from barbalat.problem import ParameterBox, Plant, PlantInput, Problem, ReferenceModel
     from barbalat.result import Result
     from barbalat.signals import Chirp, Constant, Recorded, Sine, Sines, Square, Step, Steps
     from barbalat.simulation import simulate
@@ -29,7 +29,7 @@ _HOME = {
     "ensemble": ("EnsembleResult", "simulate_ensemble"),
     "grid": ("Simulation",),
     "linear": ("TransferFunction", "input_filter"),
-    "problem": ("ParameterBox", "Plant", "Problem", "ReferenceModel"),
+    "problem": ("ParameterBox", "Plant", "PlantInput", "Problem", "ReferenceModel"),
     "result": ("Result",),
     "signals": ("Chirp", "Constant", "Recorded", "Sine", "Sines", "Square", "Step", "Steps"),
     "simulation": ("simulate",),
@@ -40,7 +40,7 @@ _MODULE_OF = {name: module for module, names in _HOME.items() for name in names}
 
 __all__ = [
     "EULER", "HEUN", "RK4", "Chirp", "Constant", "EnsembleResult", "Gradient", "InputError", "L1Adaptive", "LeastSquares", "Mrac",
-    "Normalization", "NormalizedMrac", "ParameterBox", "Plant", "Problem", "Recorded", "ReferenceModel", "Result",
+    "Normalization", "NormalizedMrac", "ParameterBox", "Plant", "PlantInput", "Problem", "Recorded", "ReferenceModel", "Result",
     "RobustMrac", "Simulation", "Sine", "Sines", "Square", "Step", "Steps", "TransferFunction", "input_filter", "simulate",
     "simulate_ensemble",
 ]  # fmt: skip

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from barbalat import validate
+from barbalat.linear import StateSpace
 from barbalat.problem import Plant, Problem
 from barbalat.protocols import Controller, Equations, Value
 from barbalat.validate import Array
@@ -21,6 +22,7 @@ class LoopState(NamedTuple):
 
     x: Value  # (n,) plant
     x_m: Value  # (n,) reference model
+    input: Value  # (order of 1 + Delta_m,) unmodelled dynamics at the plant's input
     controller: Any
 
 
@@ -41,7 +43,9 @@ class ClosedLoop:
     plant: Plant
     k_0: float
     equations: Equations
-    signal_count: int = 1  # (r,), or (r, d)
+    input: StateSpace | None = None  # 1 + Delta_m
+    disturbed: bool = False
+    delayed: bool = False
 
     @classmethod
     def of(cls, problem: Problem, controller: Controller) -> ClosedLoop:
@@ -49,7 +53,15 @@ class ClosedLoop:
         if not isinstance(controller, Controller):
             raise validate.InputError(f"a controller must have a name and a method bind, got {validate.show(controller)}")
         equations = controller.bind(problem.known)
-        return cls(problem.plant, problem.reference_model.k_0, equations, len(problem.signals))
+        dynamics = None if problem.plant.input is None else problem.plant.input.dynamics
+        return cls(
+            problem.plant,
+            problem.reference_model.k_0,
+            equations,
+            input=None if dynamics is None else dynamics.realise(),
+            disturbed=problem.disturbance is not None,
+            delayed=problem.delay > 0,
+        )
 
     def initial(self) -> Array:
         """The flat state at t = 0; the model starts where the plant does."""
@@ -57,7 +69,13 @@ class ClosedLoop:
 
     @property
     def _initial(self) -> LoopState:
-        return LoopState(self.plant.x0, self.plant.x0, self.equations.initial())
+        at_rest = np.zeros(0 if self.input is None else self.input.order)
+        return LoopState(self.plant.x0, self.plant.x0, at_rest, self.equations.initial())
+
+    @property
+    def signal_count(self) -> int:
+        """Entries of ``signals``: r, the disturbance if any, the delayed plant input if any."""
+        return 1 + self.disturbed + self.delayed
 
     @property
     def size(self) -> int:
@@ -77,22 +95,36 @@ class ClosedLoop:
         return state  # type: ignore[no-any-return]
 
     def derivative(self, flat: Value, signals: Value) -> Value:
-        """d/dt of the flat state; ``signals`` is (r,) or (r, d)."""
-        x, x_m, controller = self.unpack(flat)
+        """d/dt of the flat state; ``signals`` is r, then d if there is one, then the delayed plant input if there is one."""
+        x, x_m, input_state, controller = self.unpack(flat)
         A_m, b, theta = self.plant.A_m, self.plant.b, self.plant.theta
         r = signals[0]
         u = self.equations.control(controller, x, x_m, r)
-        plant_input = theta @ x + u if self.signal_count == 1 else theta @ x + u + signals[1]
-        x_dot = A_m @ x + b * plant_input  # (1)
-        x_m_dot = A_m @ x_m + b * (self.k_0 * r)  # (2)
-        return flatten(LoopState(x_dot, x_m_dot, self.equations.derivative(controller, x, x_m, r, u)))
+        v = signals[-1] if self.delayed else self._through_dynamics(input_state, u)
+        matched = theta @ x + v + signals[1] if self.disturbed else theta @ x + v
+        return flatten(
+            LoopState(
+                x=A_m @ x + b * matched,  # (1), with (11)'s input
+                x_m=A_m @ x_m + b * (self.k_0 * r),  # (2)
+                input=input_state if self.input is None else self.input.derivative(input_state, u),
+                controller=self.equations.derivative(controller, x, x_m, r, u),
+            )
+        )
+
+    def undelayed_input(self, flat: Value, signals: Value) -> Value:
+        """What enters the delay: (1 + Delta_m)[u]."""
+        x, x_m, input_state, controller = self.unpack(flat)
+        return self._through_dynamics(input_state, self.equations.control(controller, x, x_m, signals[0]))
+
+    def _through_dynamics(self, input_state: Value, u: Value) -> Value:
+        return u if self.input is None else self.input.output(input_state, u)
 
     def limit(self, flat: Value) -> Value:
         state = self.unpack(flat)
         return flatten(state._replace(controller=self.equations.limit(state.controller)))
 
     def outputs(self, flat: Value, signals: Value) -> Outputs:
-        x, x_m, controller = self.unpack(flat)
+        x, x_m, _, controller = self.unpack(flat)
         u = self.equations.control(controller, x, x_m, signals[0])
         return Outputs(x - x_m, u.reshape(1), controller.theta_hat, x, x_m)
 

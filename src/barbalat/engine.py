@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from barbalat.grid import Segment, Simulation, final_row, signal_table
-from barbalat.lowering.machine import vector_width
+from barbalat.lowering.machine import Kernel, Past, vector_width
 from barbalat.metrics import Metrics, Totals
 from barbalat.protocols import Signal
 from barbalat.stepping import StepProgram
@@ -31,7 +31,8 @@ def best_lanes(members: int) -> int:
 class Batch:
     """Members of one structure: the same step program, each with its own initial state and parameters.
 
-    states (size, M), parameters (p, M). ``record`` keeps every block's start state and accumulators.
+    states (size, M), parameters (p, M), lags (M,) for a step with a delay, see ``delay.lag``. ``record`` keeps every block's
+    start state and accumulators.
     """
 
     program: StepProgram
@@ -39,6 +40,7 @@ class Batch:
     parameters: Array
     record: bool = False
     lanes: int | None = None
+    lags: Array | None = None
     totals: Totals = field(init=False)
     groups: list[Group] = field(init=False)
 
@@ -53,7 +55,8 @@ class Batch:
             index = np.minimum(np.arange(first, first + width), members - 1)  # the last group repeats the last member
             columns = slice(first, min(first + width, members))
             state, parameters = (np.ascontiguousarray(part[:, index]) for part in (self.states, self.parameters))
-            self.groups.append(Group(self, kernel, columns, state, parameters))
+            past = None if self.lags is None else Past(self.lags[index], self.program.shape.delayed)
+            self.groups.append(Group(self, kernel, columns, state, parameters, past))
 
     @property
     def final_states(self) -> Array:
@@ -68,10 +71,11 @@ class Group:
     """As many members as the kernel has lanes."""
 
     batch: Batch
-    kernel: object
+    kernel: Kernel
     columns: slice
     state: Array
     parameters: Array
+    past: Past | None
     recorded: list[Array] = field(default_factory=list)
 
     def advance(self, segment: Segment, table: Array) -> None:
@@ -90,7 +94,7 @@ class Group:
     def _call(self, blocks: int, length: int, state: Array, table: Array) -> Array:
         shape = self.batch.program.shape
         out = np.empty((blocks, shape.states + shape.accumulators, self.state.shape[1]))
-        self.kernel(blocks, length, state, self.parameters, table, out)  # type: ignore[operator]
+        self.kernel(blocks, length, state, self.parameters, table, out, self.past)
         return out[:, :, : self.columns.stop - self.columns.start]
 
 
@@ -103,7 +107,7 @@ def run(
     progress: Progress | None = None,
 ) -> None:
     """Advance all batches from 0 to t_end. Memory does not grow with t_end, except for what a batch records."""
-    segments = list(simulation.segments())
+    segments = list(simulation.segments(recorded=any(batch.record for batch in batches)))
     groups = [group for batch in batches for group in batch.groups]
     with ThreadPoolExecutor(threads or os.cpu_count() or 1) as pool:
 

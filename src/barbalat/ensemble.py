@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from barbalat import validate
+from barbalat import delay, validate
 from barbalat.closed_loop import ClosedLoop, symbols
 from barbalat.engine import Batch, Progress, run
 from barbalat.grid import Simulation
@@ -54,29 +54,51 @@ def simulate_ensemble(
         if problem.signals != signals:
             raise InputError(f"all members must share their signals, but member {i + 1} has {validate.show(problem.signals)}")
     loops = [ClosedLoop.of(problem, controller) for problem, controller in members]
-    template, parameters, column = _symbolic_template(loops)
-    program = step_program(template, simulation.solver, simulation.dt, column)
+    delays = [problem.delay for problem, _ in members]
+    weights, lags = [None] * len(loops), None
+    if loops[0].delayed:
+        weights = [delay.weights(value, simulation.dt, simulation.solver.nodes) for value in delays]
+        lags = np.array([delay.lag(value, simulation.dt) for value in delays])
+    template, parameters, column = _symbolic_template([Member(*pair) for pair in zip(loops, weights, strict=True)])
+    program = step_program(
+        template.loop,
+        simulation.solver,
+        simulation.dt,
+        column,
+        delay_weights=template.delay_weights,
+        lag_per_member=lags is not None and bool((lags != lags[0]).any()),
+    )
     states = np.column_stack([loop.initial() for loop in loops])
-    batch = Batch(program, states, parameters, lanes=lanes)
+    batch = Batch(program, states, parameters, lags=lags, lanes=lanes)
     run([batch], signals, simulation, threads=threads, progress=progress)
     return EnsembleResult(
         simulation=simulation, metrics=batch.metrics(simulation, loops[0].theta_hat_rows), varied=len(parameters)
     )
 
 
-def _symbolic_template(loops: list[ClosedLoop]) -> tuple[ClosedLoop, Array, Any]:
-    """The first loop with a symbol in place of each number that differs; the members' values (p, M); the symbols' column."""
-    structure = list(_structure(loops[0]))
-    numbers = np.empty((len(list(_numbers(loops[0]))), len(loops)))
-    for i, loop in enumerate(loops):
-        if list(_structure(loop)) != structure:
-            raise InputError(f"all members must have one structure (scheme, sizes, projection), but member {i + 1} differs")
-        numbers[:, i] = list(_numbers(loop))
+@dataclass(frozen=True, eq=False)
+class Member:
+    """Everything that a member's step depends on."""
+
+    loop: ClosedLoop
+    delay_weights: Array | None  # (nodes, TAPS)
+
+
+def _symbolic_template(members: list[Member]) -> tuple[Member, Array, Any]:
+    """The first member with a symbol in place of each number that differs; the members' values (p, M); the symbols' column."""
+    structure = list(_structure(members[0]))
+    numbers = np.empty((len(list(_numbers(members[0]))), len(members)))
+    for i, member in enumerate(members):
+        if list(_structure(member)) != structure:
+            raise InputError(
+                f"all members must have one structure (scheme, sizes, projection, delay), but member {i + 1} differs"
+            )
+        numbers[:, i] = list(_numbers(member))
     differs = (numbers != numbers[:, :1]).any(axis=1)
     column, parameters = symbols("parameters", int(differs.sum()))
     places = np.cumsum(differs) - 1
     values = iter([parameters[int(place)] if d else None for place, d in zip(places, differs, strict=True)])
-    return _replace(loops[0], values), numbers[differs], column
+    return _replace(members[0], values), numbers[differs], column
 
 
 def _structure(part: Any) -> Iterator[Any]:

@@ -63,9 +63,12 @@ class Simulation:
         """The step at which the tail, the last quarter of [0, t_end], begins."""
         return self.steps - self.steps // 4
 
-    def segments(self) -> Iterator[Segment]:
-        """The run cut into kernel calls; blocks never straddle the tail's start, so that figures of the tail are exact."""
-        length = max(1, round(self.steps / self.record_points))
+    def segments(self, *, recorded: bool) -> Iterator[Segment]:
+        """The run cut into kernel calls; blocks never straddle the tail's start, so that figures of the tail are exact.
+
+        A recorded run has one block between two instants that are kept; any other has one for each call.
+        """
+        length = max(1, round(self.steps / self.record_points)) if recorded else CHUNK_STEPS
         per_chunk = max(1, CHUNK_STEPS // length)
         for start, stop in ((0, self.tail_start), (self.tail_start, self.steps)):
             whole = (stop - start) // length

@@ -63,6 +63,9 @@ class TransferFunction:
             return cls(np.asarray(converted.num[0][0], float), np.asarray(converted.den[0][0], float))
         raise InputError(f"{field} must be a TransferFunction or a python-control system, got {validate.show(system)}")
 
+    def __mul__(self, other: TransferFunction) -> TransferFunction:
+        return TransferFunction(np.polymul(self.num, other.num), np.polymul(self.den, other.den))
+
     @property
     def poles(self) -> Array:
         return np.roots(self.den)

@@ -8,9 +8,49 @@ from typing import Any
 import numpy as np
 
 from barbalat import validate
+from barbalat.linear import TransferFunction
 from barbalat.protocols import Signal
 from barbalat.signals import Constant
 from barbalat.validate import Array, InputError
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class PlantInput:
+    """What lies between the controller's output and the plant: (1 + Delta_m(s)) e^(-delay s), eq. (11). No controller knows it.
+
+    actuator        G_a(s) = 1 + Delta_m(s), proper and stable
+    multiplicative  Delta_m(s) itself, likewise; with an actuator the two are in series
+    delay           [s], exact; 0, or at least two solver steps. Before t = 0 the input was zero
+
+    The dynamics start at rest. Raises InputError.
+    """
+
+    actuator: TransferFunction | None = None
+    multiplicative: TransferFunction | None = None
+    delay: float = 0.0
+
+    def __post_init__(self) -> None:
+        parts = {"actuator": self.actuator, "multiplicative": self.multiplicative}
+        for name, part in parts.items():
+            if part is None:
+                continue
+            system = TransferFunction.accept(f"plant.input.{name}", part)
+            if system.relative_degree < 0 or not system.is_stable:
+                raise InputError(
+                    f"plant.input.{name} must be proper and stable, got num = {validate.show(system.num)}, "
+                    f"den = {validate.show(system.den)}"
+                )
+            _freeze(self, **{name: system})
+        _freeze(self, delay=validate.not_negative("plant.input.delay", self.delay))
+
+    @property
+    def dynamics(self) -> TransferFunction | None:
+        """The linear part without the delay; ``None`` where there is none."""
+        total: TransferFunction | None = self.actuator
+        if self.multiplicative is not None:
+            one_plus = TransferFunction(np.polyadd(self.multiplicative.den, self.multiplicative.num), self.multiplicative.den)
+            total = one_plus if total is None else total * one_plus
+        return total
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -21,6 +61,7 @@ class Plant:
     b      (n,)    known; (A_m, b) controllable
     theta  (n,)    the true parameters; no controller sees them
     x0     (n,)    initial state, measured; zero by default
+    input          unmodelled dynamics and delay at the input, eq. (11); none by default
 
     Raises InputError for wrong shapes, a non-Hurwitz A_m, an uncontrollable pair.
     """
@@ -29,6 +70,7 @@ class Plant:
     b: Array
     theta: Array
     x0: Array = ()  # () stands for zeros of the size of b
+    input: PlantInput | None = None
 
     def __post_init__(self) -> None:
         A_m = validate.square_matrix("plant.A_m", self.A_m)
@@ -40,11 +82,13 @@ class Plant:
             theta=validate.vector("plant.theta", self.theta, n),
             x0=validate.vector("plant.x0", np.zeros(n) if np.size(self.x0) == 0 else self.x0, n),
         )
+        if self.input is not None:
+            validate.instance("plant.input", self.input, PlantInput)
         validate.hurwitz("plant.A_m", A_m)
         validate.controllable("(plant.A_m, plant.b)", A_m, self.b)
 
     @classmethod
-    def matched(cls, *, A: Any, A_m: Any, b: Any, x0: Any = ()) -> Plant:
+    def matched(cls, *, A: Any, A_m: Any, b: Any, x0: Any = (), input: PlantInput | None = None) -> Plant:
         """The same plant given as x' = A x + b u: theta solves the matching condition A = A_m + b theta'.
 
         Raises InputError, with the unmatched rest, when no theta does.
@@ -63,7 +107,7 @@ class Plant:
                 "plant.A - reference_model.A_m must be matched (equal to b theta' for some theta), "
                 f"but the part {validate.show(rest)} is out of the reach of b = {validate.show(b)}"
             )
-        return cls(A_m=A_m, b=b, theta=theta, x0=x0)
+        return cls(A_m=A_m, b=b, theta=theta, x0=x0, input=input)
 
     @property
     def n(self) -> int:
@@ -159,6 +203,11 @@ class Problem:
     def known(self) -> Known:
         p = self.plant
         return Known(A_m=p.A_m, b=p.b, k_0=self.reference_model.k_0, x0=p.x0, box=self.uncertainty)
+
+    @property
+    def delay(self) -> float:
+        """The delay at the plant's input [s]."""
+        return 0.0 if self.plant.input is None else self.plant.input.delay
 
     @property
     def signals(self) -> tuple[Signal, ...]:

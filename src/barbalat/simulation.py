@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from barbalat import delay
 from barbalat.certify.numerics import Stiffness, stiffness
 from barbalat.closed_loop import ClosedLoop
 from barbalat.engine import Batch, Progress, run
@@ -44,8 +45,12 @@ def simulate(
     loops = [ClosedLoop.of(problem, controller) for controller in controllers]
     batches = []
     for loop in loops:
-        program = step_program(loop, simulation.solver, simulation.dt)
-        batches.append(Batch(program, loop.initial()[:, None], np.zeros((0, 1)), record=True))
+        weights, lags = None, None
+        if loop.delayed:
+            weights = delay.weights(problem.delay, simulation.dt, simulation.solver.nodes)
+            lags = np.array([delay.lag(problem.delay, simulation.dt)])
+        program = step_program(loop, simulation.solver, simulation.dt, delay_weights=weights)
+        batches.append(Batch(program, loop.initial()[:, None], np.zeros((0, 1)), lags=lags, record=True))
     run(batches, problem.signals, simulation, threads=threads, progress=progress)
     parts = zip(controllers, loops, batches, strict=True)
     return {c.name: _result(problem, c, simulation, loop, batch) for c, loop, batch in parts}
@@ -57,7 +62,8 @@ def _result(problem: Problem, controller: Controller, simulation: Simulation, lo
     if not np.isnan(metrics.diverged_at[0]):
         kept = int(np.searchsorted(t, metrics.diverged_at[0]))  # the instants before it
         t, states, accumulators = t[:kept], states[:kept], accumulators[: max(kept - 1, 0)]
-    signals = np.stack([signal(t) for signal in problem.signals])
+    unused = [np.zeros_like(t)] if loop.delayed else []  # the delayed input: no output and no frozen Jacobian depends on it
+    signals = np.stack([*(signal(t) for signal in problem.signals), *unused])
     e, u, theta_hat, x, x_m = (np.asarray(value).T for value in output_function(loop)(states.T, signals))
     at = batch.totals.at
     extrema = [(quantity, side) for quantity in ("e", "u", "theta_hat") for side in ("min", "max")]
@@ -92,7 +98,7 @@ def _record(simulation: Simulation, batch: Batch) -> tuple[Array, Array, Array]:
     """Instants (K,), states (K, size) and the accumulators between them (K - 1, ...) of a batch of one member."""
     (group,) = batch.groups
     blocks = np.concatenate([out[:, :, 0] for out in group.recorded])
-    starts = [s.start + np.arange(s.blocks) * s.length for s in simulation.segments()][: len(group.recorded)]
+    starts = [s.start + np.arange(s.blocks) * s.length for s in simulation.segments(recorded=True)][: len(group.recorded)]
     steps = np.append(np.concatenate(starts), simulation.steps)
     states = np.vstack([blocks[:, : batch.program.shape.states], group.state[:, 0]])
     return simulation.time(steps), states, blocks[:, batch.program.shape.states :]

@@ -6,8 +6,10 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from barbalat.closed_loop import ClosedLoop, column, symbols
-from barbalat.lowering.llvm_ir import LoopShape
+from barbalat.lowering.llvm_ir import TAPS, LoopShape
 from barbalat.lowering.machine import Kernel
 from barbalat.lowering.operations import Program, read
 from barbalat.lowering.optimize import optimize
@@ -38,18 +40,32 @@ def _compile(program: Program, shape: LoopShape, resets: tuple[float, ...], lane
 
 
 def step_function(
-    loop: ClosedLoop, solver: Tableau, dt: float, parameters: ca.SX | None = None, *, figures: bool = True
+    loop: ClosedLoop,
+    solver: Tableau,
+    dt: float,
+    parameters: ca.SX | None = None,
+    *,
+    delay_weights: Value = None,
+    figures: bool = True,
 ) -> tuple[ca.Function, Accumulators | None]:
     """The step as a CasADi function (state, accumulators, parameters, signals) -> (state, accumulators), and its accumulators.
 
-    ``loop`` may hold symbols; ``parameters`` is then their CasADi column. Without ``figures`` there are no accumulators.
+    With a delay, for which ``delay_weights`` (nodes, TAPS) stand, also past -> what to remember. ``loop`` and the weights may
+    hold symbols; ``parameters`` is then their CasADi column. Without ``figures`` there are no accumulators.
     """
     import casadi as ca
 
     state_column, state = symbols("state", loop.size)
-    channels = loop.signal_count
+    channels = loop.signal_count - loop.delayed
     signal_column, table_row = symbols("signals", len(solver.nodes) * channels)
     signals = {node: table_row[i * channels : (i + 1) * channels] for i, node in enumerate(solver.nodes)}
+    past_inputs, remembered = [], []
+    if loop.delayed:
+        past_column, past = symbols("past", TAPS)
+        for i, node in enumerate(solver.nodes):
+            signals[node] = np.concatenate([signals[node], (delay_weights[i] @ past).reshape(1)])
+        past_inputs = [past_column]
+        remembered = [column(loop.undelayed_input(state, signals[solver.nodes[0]]))]
     following = solver.advance(loop.derivative, loop.limit, state, signals, dt)
     accumulators, old_column, new = None, ca.SX(0, 1), ca.SX(0, 1)
     if figures:
@@ -58,16 +74,24 @@ def step_function(
         theta_hat_next = loop.unpack(following).controller.theta_hat
         old_column, old = symbols("accumulators", len(accumulators.resets))
         new = column(accumulators.update(old, outputs, theta_hat_next, following))
-    inputs = [state_column, old_column, ca.SX(0, 1) if parameters is None else parameters, signal_column]
-    return ca.Function("step", inputs, [column(following), new], {"cse": True}), accumulators
+    inputs = [state_column, old_column, ca.SX(0, 1) if parameters is None else parameters, signal_column, *past_inputs]
+    return ca.Function("step", inputs, [column(following), new, *remembered], {"cse": True}), accumulators
 
 
 def step_program(
-    loop: ClosedLoop, solver: Tableau, dt: float, parameters: ca.SX | None = None, *, figures: bool = True
+    loop: ClosedLoop,
+    solver: Tableau,
+    dt: float,
+    parameters: ca.SX | None = None,
+    *,
+    delay_weights: Value = None,
+    lag_per_member: bool = False,
+    figures: bool = True,
 ) -> StepProgram:
     """Trace, optimise: see ``step_function``."""
-    function, accumulators = step_function(loop, solver, dt, parameters, figures=figures)
-    shape = LoopShape(*(function.nnz_in(i) for i in range(4)))
+    function, accumulators = step_function(loop, solver, dt, parameters, delay_weights=delay_weights, figures=figures)
+    states, accumulated, varied, signals = (function.nnz_in(i) for i in range(4))
+    shape = LoopShape(states, accumulated, varied, signals, delayed=int(loop.delayed), lag_per_member=lag_per_member)
     return StepProgram(optimize(read(function)), shape, accumulators)
 
 

@@ -74,6 +74,12 @@ def test_disturbance():
     assert case.problem.disturbance(np.array([0.5, 1.0])).tolist() == [0, 2]
 
 
+def test_input_dynamics():
+    case = parse_case(edited("[plant]", "[plant]\ninput = { delay = 0.01, actuator = { num = [2500], den = [1, 100, 2500] } }"))
+    assert case.problem.delay == 0.01
+    assert case.problem.plant.input.dynamics.poles == pytest.approx([-50, -50])
+
+
 BAD = [
     ("A_m = ", "A_n = ", ["plant.A_n", "'A_m'"]),
     ("kappa = 0.02", "kapa = 0.02", ["controller 2.filter.kapa", "'kappa'"]),
@@ -107,7 +113,9 @@ BAD = [
     ('name = "L1"', 'name = "MRAC"', ["'MRAC'", "2 times"]),
     ('name = "L1"', 'name = ""', ["controller 2.name"]),
     ("covariance0 = 500.0", "gamma = 1.0", ["law.covariance0 is missing"]),
-    ("[plant]", "[plant]\ninput = { delay = 0.1 }", ["plant.input", "not available"]),
+    ("[plant]", "[plant]\ninput = { saturation = [-1, 1] }", ["plant.input.saturation", "not available"]),
+    ("[plant]", "[plant]\ninput = { delay = 1.5e-4 }", ["plant.input.delay", "two solver steps"]),
+    ("[plant]", "[plant]\ninput = { actuator = { num = [1], den = [1, -1] } }", ["plant.input.actuator", "stable"]),
     ('scheme = "mrac"', 'scheme = "l1-output"', ["l1-output", "not available"]),
     ("[[controller]]", "[controller]", ["TOML"]),
     ('name = "Section V"', "name = 3", ["name", "3"]),

@@ -9,14 +9,14 @@ from typing import TypeVar
 
 import numpy as np
 
-from barbalat import signals
+from barbalat import delay, signals
 from barbalat.adaptation.laws import AdaptiveLaw, Gradient, LeastSquares
 from barbalat.adaptation.normalization import Normalization
 from barbalat.cases import schema
 from barbalat.controllers import L1Adaptive, Mrac, NormalizedMrac, RobustMrac
 from barbalat.grid import Simulation
 from barbalat.linear import TransferFunction, input_filter
-from barbalat.problem import ParameterBox, Plant, Problem, ReferenceModel
+from barbalat.problem import ParameterBox, Plant, PlantInput, Problem, ReferenceModel
 from barbalat.protocols import Controller, Signal
 from barbalat.solvers import SOLVERS
 from barbalat.validate import InputError
@@ -56,7 +56,10 @@ def build(table: schema.CaseTable, folder: Path) -> Case:
     names = [controller.name for controller in controllers]
     if twice := sorted({name for name in names if names.count(name) > 1}):
         raise InputError(f"every controller needs a name of its own, but {twice[0]!r} stands {names.count(twice[0])} times")
-    return Case(problem, tuple(controllers), _simulation(table.simulation))
+    simulation = _simulation(table.simulation)
+    if problem.delay > 0:
+        delay.lag(problem.delay, simulation.dt)  # refuses a delay that this step can't carry
+    return Case(problem, tuple(controllers), simulation)
 
 
 def within(where: str, make: Callable[[], T]) -> T:
@@ -76,14 +79,28 @@ def _plant(table: schema.CaseTable) -> Plant:
             raise InputError("plant.theta is missing")
         if model.A_m is not None and model.A_m != plant.A_m:
             raise InputError("reference_model.A_m differs from plant.A_m; give one of them, or plant.A with reference_model.A_m")
-        return Plant(A_m=plant.A_m, b=plant.b, theta=plant.theta, x0=plant.x0)
+        return Plant(A_m=plant.A_m, b=plant.b, theta=plant.theta, x0=plant.x0, input=_plant_input(plant.input))
     if plant.A_m is not None:
         raise InputError("plant.A and plant.A_m are both given; plant.A goes with reference_model.A_m")
     if plant.theta is not None:
         raise InputError("plant.A and plant.theta are both given; theta follows from plant.A and reference_model.A_m")
     if model.A_m is None:
         raise InputError("reference_model.A_m is missing; it goes with plant.A")
-    return Plant.matched(A=plant.A, A_m=model.A_m, b=plant.b, x0=plant.x0)
+    return Plant.matched(A=plant.A, A_m=model.A_m, b=plant.b, x0=plant.x0, input=_plant_input(plant.input))
+
+
+def _plant_input(table: schema.InputTable | None) -> PlantInput | None:
+    if table is None:
+        return None
+
+    def system(name: str, given: schema.TransferFunctionTable | None) -> TransferFunction | None:
+        return None if given is None else within(f"plant.input.{name}", lambda: TransferFunction(given.num, given.den))
+
+    return PlantInput(
+        actuator=system("actuator", table.actuator),
+        multiplicative=system("multiplicative", table.multiplicative),
+        delay=table.delay,
+    )
 
 
 def _signal(table: schema.Table | None, folder: Path) -> Signal:

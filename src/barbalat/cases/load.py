@@ -15,7 +15,8 @@ from barbalat.cases.build import Case, build
 from barbalat.validate import InputError, show
 
 PLANNED = {
-    "plant.input": "input dynamics and limits",
+    "plant.input.saturation": "input limits",
+    "plant.input.rate_limit": "input limits",
     "plant.transfer_function": "output feedback",
     "reference_model.transfer_function": "output feedback",
 }
@@ -67,8 +68,10 @@ def parse_case(text: str, folder: Path = Path(), source: str = "the case") -> Ca
 
 def _refuse_planned(data: dict[str, Any]) -> None:
     for key, topic in PLANNED.items():
-        table, _, entry = key.partition(".")
-        if isinstance(data.get(table), dict) and entry in data[table]:
+        here: Any = data
+        for entry in key.split("."):
+            here = here.get(entry) if isinstance(here, dict) else None
+        if here is not None:
             raise InputError(f"{key} ({topic}) is not available in this version")
     controllers = data.get("controller")
     for i, settings in enumerate(controllers if isinstance(controllers, list) else [], start=1):

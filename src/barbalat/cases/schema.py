@@ -95,6 +95,21 @@ Signal = Annotated[
 ]
 
 
+class TransferFunctionTable(Table):
+    """{ num = [...], den = [...] }, highest power first."""
+
+    num: Vector
+    den: Vector
+
+
+class InputTable(Table):
+    """[plant.input]."""
+
+    delay: float = 0.0
+    actuator: TransferFunctionTable | None = None
+    multiplicative: TransferFunctionTable | None = None
+
+
 class PlantTable(Table):
     """[plant]."""
 
@@ -103,6 +118,7 @@ class PlantTable(Table):
     b: Vector
     theta: Vector | None = None
     x0: Vector = []
+    input: InputTable | None = None
     disturbance: Signal | None = None
 
 
@@ -222,6 +238,9 @@ class CaseTable(Table):
 TABLES: dict[str | None, type[Table]] = {
     None: CaseTable,
     "plant": PlantTable,
+    "input": InputTable,
+    "actuator": TransferFunctionTable,
+    "multiplicative": TransferFunctionTable,
     "reference_model": ReferenceModelTable,
     "uncertainty": UncertaintyTable,
     "simulation": SimulationTable,

@@ -49,7 +49,7 @@ def around_equilibrium(loop: ClosedLoop, r: float) -> StateSpace:
     x_dot = loop.plant.A_m @ parts.x + loop.plant.b * (loop.plant.theta @ parts.x + v[0])
     controller_dot = loop.equations.derivative(parts.controller, parts.x, parts.x_m, r_array, u)
     x_m_dot = loop.plant.A_m @ parts.x_m + loop.plant.b * (loop.k_0 * r_array)
-    slope = column(flatten(type(parts)(x_dot, x_m_dot, controller_dot)))
+    slope = column(flatten(type(parts)(x_dot, x_m_dot, parts.input, controller_dot)))
     jacobians = ca.Function(
         "jacobians",
         [state_column, input_column],

@@ -10,7 +10,7 @@ import numpy as np
 from barbalat.certify import theorem1
 from barbalat.certify.certificate import Certificate
 from barbalat.certify.enclosure import Enclosure
-from barbalat.certify.loops import around_equilibrium, fast_adaptation, known_parameters
+from barbalat.certify.loops import around_equilibrium, fast_adaptation, known_parameters, series
 from barbalat.certify.margins import margins
 from barbalat.certify.numerics import adaptation_frequency, gamma_limit
 from barbalat.closed_loop import ClosedLoop
@@ -56,7 +56,7 @@ def _mrac(problem: Problem, controller: Mrac, simulation: Simulation) -> Certifi
         guaranteed |= {"nu_0_worst", "error_bound_worst"}
     model = theorem1.model_bounds(problem)
     values |= _limits(problem, controller.gamma, simulation, model.x_m_euclidean, values["nu_0"])
-    values |= _margins(known_parameters(plant, plant.theta), "with the estimates at rest on theta", findings)
+    values |= _margins(problem, known_parameters(plant, plant.theta), "with the estimates at rest on theta", findings)
     values |= _adapting_margins(problem, loop, findings)
     assumptions = [MATCHED, EXACT_START, FROZEN, LINEAR]
     if loop.equations.box is not None:  # type: ignore[attr-defined]
@@ -108,9 +108,9 @@ def _l1(problem: Problem, controller: L1Adaptive, simulation: Simulation) -> Cer
         assumptions.append("|x| in the adaptation frequency is the model's bound plus nu_0/sqrt(Gamma): an estimate")
     values |= _limits(problem, controller.gamma, simulation, offset, factor)
     if controller.filter is None:
-        values |= _margins(known_parameters(plant, plant.theta), "with the estimates at rest on theta", findings)
+        values |= _margins(problem, known_parameters(plant, plant.theta), "with the estimates at rest on theta", findings)
     else:
-        values |= _margins(fast_adaptation(plant, C), "in the limit of fast adaptation", findings)
+        values |= _margins(problem, fast_adaptation(plant, C), "in the limit of fast adaptation", findings)
     values |= _adapting_margins(problem, loop, findings)
     return _finish(problem, values, guaranteed, assumptions, findings)
 
@@ -123,7 +123,7 @@ def _normalized(problem: Problem, controller: RobustMrac | NormalizedMrac) -> Ce
     del values["nu_0"]
     values.pop("nu_0_worst", None)
     values["initial_parameter_error"] = theorem1.initial_parameter_error(loop.equations.initial().theta_hat, plant.theta)  # type: ignore[attr-defined]
-    values |= _margins(known_parameters(plant, plant.theta), "with the estimates at rest on theta", findings)
+    values |= _margins(problem, known_parameters(plant, plant.theta), "with the estimates at rest on theta", findings)
     if isinstance(controller, RobustMrac):
         values["tau_below"] = 1 / controller.normalization.delta_0  # Theorem 2: tau in (tau_min, 1/delta_0)
         if not controller.tau < values["tau_below"]:
@@ -167,12 +167,22 @@ def _limits(problem: Problem, gamma: float, simulation: Simulation, offset: floa
     return values
 
 
-def _margins(loop: StateSpace, which: str, findings: list[str]) -> dict[str, Any]:
+def _margins(problem: Problem, loop: StateSpace, which: str, findings: list[str]) -> dict[str, Any]:
+    """Margins of the loop with the plant's input dynamics in it; the delay margin is what is left beside the plant's delay."""
+    dynamics = None if problem.plant.input is None else problem.plant.input.dynamics
     try:
-        found = margins(loop)
+        found = margins(loop if dynamics is None else series(dynamics.realise(), loop))
     except InputError as error:
         findings.append(f"linear loop {which}: {error}")
         return {}
+    left = found.delay - problem.delay
+    if problem.delay > 0:
+        if left <= 0:
+            findings.append(
+                f"linear loop {which}: unstable, it bears a delay of {found.delay:.4g} s and has {problem.delay:.4g} s"
+            )
+            return {}
+        return {"delay_margin": _finite(left), "margins_of": f"the linear loop {which}, beside the delay the plant has"}
     return {
         "delay_margin": _finite(found.delay),
         "phase_margin": _finite(found.phase),
@@ -187,7 +197,7 @@ def _adapting_margins(problem: Problem, loop: ClosedLoop, findings: list[str]) -
     level = problem.reference.bound  # type: ignore[attr-defined]  # model_bounds has checked that it is there
     if level == 0:
         return {}
-    found = _margins(around_equilibrium(loop, level), f"linearised at the constant command {level:g}", findings)
+    found = _margins(problem, around_equilibrium(loop, level), f"linearised at the constant command {level:g}", findings)
     return {"delay_margin_adapting": found["delay_margin"]} if "delay_margin" in found else {}
 
 
@@ -198,6 +208,9 @@ def _finish(
         assumptions.append(NO_DISTURBANCE)
     else:
         findings.append("a disturbance acts: the bounds (9) and (10) don't cover it")
+        guaranteed = guaranteed - {"error_bound", "error_bound_worst"}
+    if problem.plant.input is not None and (problem.plant.input.dynamics is not None or problem.delay > 0):
+        findings.append("the plant has unmodelled input dynamics: the bounds (9) and (10) don't cover them")
         guaranteed = guaranteed - {"error_bound", "error_bound_worst"}
     if any("outside the known set" in finding for finding in findings):
         guaranteed = guaranteed & {"norms", "condition", "kappa_admissible", "kappa_max"}

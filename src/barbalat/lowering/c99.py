@@ -88,7 +88,7 @@ class _Printer:
         if name in _INFIX:
             return f"{x[0]} {_INFIX[name]} {x[1]}"
         if name in ("fmin", "fmax"):
-            return self.extremum(name, operands, x)
+            return self.extremum(name, x)
         if name == "neg":
             return f"-{x[0]}"
         if name == "fnma":
@@ -97,10 +97,8 @@ class _Printer:
             return f"{name}({', '.join(x)})"
         raise ValueError(f"the operation {name} has no C translation")
 
-    def extremum(self, name: str, operands: tuple[int, ...], x: list[str]) -> str:
-        """Minimum or maximum that lets a NaN through, as the LLVM kernel's; C's fmin and fmax would replace it by the bound."""
-        if self.operations[operands[0]].name == "constant":
-            x = [x[1], x[0]]
+    def extremum(self, name: str, x: list[str]) -> str:
+        """Minimum or maximum that lets the first operand's NaN through, as the LLVM kernel's; C's fmin and fmax would not."""
         return f"{x[0]} {'<' if name == 'fmax' else '>'} {x[1]} ? {x[1]} : {x[0]}"
 
 
@@ -109,6 +107,8 @@ def loop(step: Program, shape: LoopShape, resets: tuple[float, ...], lanes: int 
 
     One lane keeps the state in local variables. More lanes are an inner loop over local arrays, which compilers vectorise.
     """
+    if shape.delayed:
+        raise ValueError("a step with a delay has no C translation yet")
     n, m = shape.states, shape.accumulators
     x, a = ([_local(letter, i, lanes) for i in range(size)] for letter, size in (("x", n), ("a", m)))
     inputs = {(0, i): local for i, local in enumerate(x)} | {(1, i): local for i, local in enumerate(a)}

@@ -23,12 +23,22 @@ _INTRINSICS = {
 
 @dataclass(frozen=True, slots=True)
 class LoopShape:
-    """Sizes of a step function's arguments: state, accumulators, parameters, signals."""
+    """Sizes of a step function's arguments: state, accumulators, parameters, signals, and its memory of the past.
+
+    delayed            channels whose value at every step is remembered; the step gets TAPS consecutive ones of each back
+    lag_per_member     whether members look back differently far
+    """
 
     states: int
     accumulators: int
     parameters: int
     signals: int
+    delayed: int = 0
+    lag_per_member: bool = False
+
+
+TAPS = 4
+"""Remembered values handed to a step for each delayed channel: enough for the cubic between them."""
 
 
 def constant(value: float) -> str:
@@ -110,7 +120,7 @@ class _Printer:
         if name in _COMPARE:
             return self.assign(f"fcmp {_COMPARE[name]} {self.vector} {x[0]}, {x[1]}")
         if name in ("fmin", "fmax"):
-            return self.extremum(name, operands, x)
+            return self.extremum(name, x)
         if name == "neg":
             return self.assign(f"fneg {self.vector} {x[0]}")
         if name == "fma":
@@ -121,27 +131,29 @@ class _Printer:
             return self.intrinsic(name, *x)
         raise ValueError(f"the operation {name} has no LLVM translation")
 
-    def extremum(self, name: str, operands: tuple[int, ...], x: list[str]) -> str:
-        """Minimum or maximum that lets a NaN through instead of replacing it by the bound: a blow-up must stay visible."""
-        if self.program.operations[operands[0]].name == "constant":
-            x = [x[1], x[0]]
+    def extremum(self, name: str, x: list[str]) -> str:
+        """Minimum or maximum that lets the first operand's NaN through instead of the bound: a blow-up must stay visible."""
         relation = "olt" if name == "fmax" else "ogt"
         return self.select(self.assign(f"fcmp {relation} {self.vector} {x[0]}, {x[1]}"), x[1], x[0])
 
 
 def loop(step: Program, shape: LoopShape, resets: tuple[float, ...], lanes: int) -> str:
-    """IR of ``void barbalat_loop(blocks, steps, state*, parameters*, signals*, out*)``.
+    """IR of ``void barbalat_loop(blocks, steps, state*, parameters*, signals*, out*, start, lags*, ring*, mask)``.
 
     state       [states][W], in and out
     parameters  [parameters][W]
     signals     [blocks * steps][signals], the same for all W members
     out         [blocks][states + accumulators][W]: the state at a block's start, the accumulators at its end
+    start       number of the first step since t = 0
+    lags        [W]: the newest value handed back is that of ``lag`` steps ago, at least 1
+    ring        [mask + 1][delayed][W]: remembered values, a power of two of steps; what stands there first is the past
     """
     n, m = shape.states, shape.accumulators
     inputs = {(0, i): f"%x{i}" for i in range(n)}
     inputs |= {(1, i): f"%a{i}" for i in range(m)}
     inputs |= {(2, i): f"%p{i}" for i in range(shape.parameters)}
     inputs |= {(3, i): f"%s{i}" for i in range(shape.signals)}
+    inputs |= {(4, i): f"%d{i}" for i in range(shape.delayed * TAPS)}
     printer = _Printer(step, lanes, inputs)
     values = printer.run()
     new = [values[i] if not printer.truth[i] else printer.number(i) for row in step.outputs for i in row]
@@ -159,12 +171,14 @@ def loop(step: Program, shape: LoopShape, resets: tuple[float, ...], lanes: int)
             f"  store {vector} {value}, ptr %{name}.to, {align}",
         ]
 
+    # the stack is aligned for whole vectors: otherwise every value that does not fit into registers costs unaligned accesses
     lines = [
         f"define void @{ENTRY}(i64 %blocks, i64 %steps, ptr noalias %state, ptr noalias %parameters, "
-        "ptr noalias %signals, ptr noalias %out) {",
+        "ptr noalias %signals, ptr noalias %out, i64 %start, ptr noalias %lags, ptr noalias %ring, i64 %mask) alignstack(64) {",
         "entry:",
         *(line for i in range(n) for line in load(f"x{i}.0", "%state", str(i))),
         *(line for i in range(shape.parameters) for line in load(f"p{i}", "%parameters", str(i))),
+        *_lag_loads(shape, lanes),
         "  br label %block",
         "block:",
         "  %b = phi i64 [ 0, %entry ], [ %b.next, %block.end ]",
@@ -180,7 +194,9 @@ def loop(step: Program, shape: LoopShape, resets: tuple[float, ...], lanes: int)
         *(f"  %x{i} = phi {vector} [ %x{i}.b, %block ], [ {new[i]}, %step ]" for i in range(n)),
         *(f"  %a{i} = phi {vector} [ {printer.splat(resets[i])}, %block ], [ {new[n + i]}, %step ]" for i in range(m)),
         *_signal_loads(shape.signals, lanes, vector),
+        *_past_loads(shape, lanes, vector),
         *printer.lines,
+        *_remember(shape, vector, new[n + m :]),
         "  %k.next = add i64 %k, 1",
         "  %more = icmp ult i64 %k.next, %last",
         "  br i1 %more, label %step, label %block.end",
@@ -212,4 +228,67 @@ def _signal_loads(count: int, lanes: int, vector: str) -> list[str]:
                 f"  %s{i}.in = insertelement {vector} poison, double {scalar}, i64 0",
                 f"  %s{i} = shufflevector {vector} %s{i}.in, {vector} poison, <{lanes} x i32> zeroinitializer",
             ]
+    return lines
+
+
+def _lag_loads(shape: LoopShape, lanes: int) -> list[str]:
+    if not shape.delayed:
+        return []
+    count = lanes if shape.lag_per_member else 1
+    lines = []
+    for j in range(count):
+        lines += [f"  %lag{j}.at = getelementptr i64, ptr %lags, i64 {j}", f"  %lag{j} = load i64, ptr %lag{j}.at, align 8"]
+    return lines
+
+
+def _past_loads(shape: LoopShape, lanes: int, vector: str) -> list[str]:
+    """%d{channel * TAPS + tap}: what was remembered lag + tap steps ago."""
+    if not shape.delayed:
+        return []
+    lines = ["  %now = add i64 %k, %start"]
+    width = lanes if shape.lag_per_member else 1
+    for j in range(width):
+        lines.append(f"  %then{j}.0 = sub i64 %now, %lag{j}")
+        for tap in range(TAPS):
+            lines += [
+                f"  %then{j}.{tap}.t = sub i64 %then{j}.0, {tap}",
+                f"  %slot{j}.{tap} = and i64 %then{j}.{tap}.t, %mask",
+                f"  %base{j}.{tap} = mul i64 %slot{j}.{tap}, {shape.delayed}",
+            ]
+    for channel in range(shape.delayed):
+        for tap in range(TAPS):
+            name = f"d{channel * TAPS + tap}"
+            for j in range(width):
+                lines.append(f"  %{name}.{j}.row = add i64 %base{j}.{tap}, {channel}")
+            if not shape.lag_per_member or lanes == 1:
+                lines += [
+                    f"  %{name}.at = getelementptr {vector}, ptr %ring, i64 %{name}.0.row",
+                    f"  %{name} = load {vector}, ptr %{name}.at, align 8",
+                ]
+                continue
+            previous = "poison"
+            for j in range(lanes):
+                last = f"%{name}" if j == lanes - 1 else f"%{name}.in{j}"
+                lines += [
+                    f"  %{name}.{j}.one = mul i64 %{name}.{j}.row, {lanes}",
+                    f"  %{name}.{j}.two = add i64 %{name}.{j}.one, {j}",
+                    f"  %{name}.{j}.at = getelementptr double, ptr %ring, i64 %{name}.{j}.two",
+                    f"  %{name}.{j}.value = load double, ptr %{name}.{j}.at, align 8",
+                    f"  {last} = insertelement {vector} {previous}, double %{name}.{j}.value, i64 {j}",
+                ]
+                previous = last
+    return lines
+
+
+def _remember(shape: LoopShape, vector: str, values: list[str]) -> list[str]:
+    """Store the channels' values at the step's start, after the past was read."""
+    if not shape.delayed:
+        return []
+    lines = ["  %slot.now = and i64 %now, %mask", f"  %base.now = mul i64 %slot.now, {shape.delayed}"]
+    for channel, value in enumerate(values):
+        lines += [
+            f"  %keep{channel}.row = add i64 %base.now, {channel}",
+            f"  %keep{channel}.at = getelementptr {vector}, ptr %ring, i64 %keep{channel}.row",
+            f"  store {vector} {value}, ptr %keep{channel}.at, align 8",
+        ]
     return lines

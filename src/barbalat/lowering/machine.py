@@ -27,6 +27,21 @@ def vector_width() -> int:
     return 8 if features.get("avx512f") else 4 if features.get("avx") else 2
 
 
+class Past:
+    """The memory of a group of members between calls; before t = 0 every channel was zero.
+
+    lags  (W,) int64, at least 1: how many steps ago the newest value lies that a member's step gets back
+    """
+
+    def __init__(self, lags: np.ndarray, channels: int) -> None:
+        if lags.min() < 1:
+            raise ValueError(f"lags must be at least 1, got {lags.min()}")
+        self.lags = np.ascontiguousarray(lags, dtype=np.int64)
+        depth = int(lags.max()) + llvm_ir.TAPS
+        self.ring = np.zeros((1 << (depth - 1).bit_length(), channels, len(lags)))
+        self.step = 0
+
+
 class Kernel:
     """A compiled loop; one call advances ``lanes`` members by ``blocks * steps`` steps.
 
@@ -55,13 +70,20 @@ class Kernel:
         self._engine = llvm.create_mcjit_compiler(module, machine)
         self._engine.finalize_object()
         i64, pointer = ctypes.c_int64, ctypes.c_void_p
-        prototype = ctypes.CFUNCTYPE(None, i64, i64, pointer, pointer, pointer, pointer)
+        prototype = ctypes.CFUNCTYPE(None, i64, i64, pointer, pointer, pointer, pointer, i64, pointer, pointer, i64)
         self._call = prototype(self._engine.get_function_address(llvm_ir.ENTRY))
 
     def __call__(
-        self, blocks: int, steps: int, state: np.ndarray, parameters: np.ndarray, signals: np.ndarray, out: np.ndarray
+        self,
+        blocks: int,
+        steps: int,
+        state: np.ndarray,
+        parameters: np.ndarray,
+        signals: np.ndarray,
+        out: np.ndarray,
+        past: Past | None = None,
     ) -> None:
-        """Shapes: see ``llvm_ir.loop``; all arrays are C-contiguous float64."""
+        """Shapes: see ``llvm_ir.loop``; all arrays are C-contiguous float64. ``past`` goes with a step that has delays."""
         w, s = self.lanes, self.shape
         expected = {
             "state": (state, s.states * w),
@@ -74,4 +96,13 @@ class Kernel:
                 raise ValueError(
                     f"{name} must be C-contiguous float64 with at least {size} entries, got {array.shape} {array.dtype}"
                 )
-        self._call(blocks, steps, state.ctypes.data, parameters.ctypes.data, signals.ctypes.data, out.ctypes.data)
+        if (past is None) != (s.delayed == 0):
+            raise ValueError(
+                f"a kernel with {s.delayed} delayed channels was called {'without' if past is None else 'with'} a past"
+            )
+        arrays = (state.ctypes.data, parameters.ctypes.data, signals.ctypes.data, out.ctypes.data)
+        if past is None:
+            self._call(blocks, steps, *arrays, 0, None, None, 0)
+        else:
+            self._call(blocks, steps, *arrays, past.step, past.lags.ctypes.data, past.ring.ctypes.data, len(past.ring) - 1)
+            past.step += blocks * steps
