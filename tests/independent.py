@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from barbalat.adaptation.laws import Gradient, LeastSquares
 from barbalat.closed_loop import ClosedLoop
 from barbalat.controllers import L1Adaptive, Mrac, NormalizedMrac, RobustMrac
-from barbalat.adaptation.laws import Gradient, LeastSquares
 from barbalat.linear import input_filter
 from barbalat.validate import InputError
 
@@ -89,12 +89,13 @@ def integrate(derivative, y0, t_end: float, t_eval=None, rtol: float = 1e-12, at
 def example_controllers(n: int) -> dict[str, tuple]:
     """For each registered scheme, settings with which the problem of order n is smooth and tracks; see conftest."""
     gamma = {1: 10.0, 2: 2.0, 3: 20.0}[n]
+    covariance0 = {1: 50.0, 2: 50.0, 3: 500.0}[n]
     return {
         "mrac": (Mrac(gamma=gamma),),
         "l1": (L1Adaptive(gamma=gamma, filter=input_filter(0.01)),),
-        "mrac-normalized": (NormalizedMrac(law=Gradient(gamma=200.0)), NormalizedMrac(law=LeastSquares(covariance0=50.0))),
+        "mrac-normalized": (NormalizedMrac(law=Gradient(gamma=200.0)), NormalizedMrac(law=LeastSquares(covariance0=covariance0))),
         "robust-mrac": (
-            RobustMrac(tau=0.2, law=LeastSquares(covariance0=50.0)),
+            RobustMrac(tau=0.2, law=LeastSquares(covariance0=covariance0)),
             RobustMrac(tau=0.2, law=Gradient(gamma=200.0)),
         ),
     }

@@ -114,7 +114,14 @@ def test_unknown_command_exits_2():
 
 def test_help_imports_nothing_heavy():
     """A fast start by construction: no numerical package is loaded to print the help."""
-    code = "import sys; from barbalat.cli import main\ntry: main(['--help'])\nfinally: print(sorted({'numpy','casadi','rich','pydantic'} & set(sys.modules)))"
+    code = """
+import sys
+from barbalat.cli import main
+try:
+    main(["--help"])
+finally:
+    print(sorted({"numpy", "casadi", "rich", "pydantic"} & set(sys.modules)))
+"""
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert done.returncode == 0
     assert done.stdout.strip().endswith("[]")

@@ -46,7 +46,7 @@ def method_of_steps(given: Problem, gamma: float, t_end: float) -> np.ndarray:
         return control(pieces[-1](t), t) if pieces else 0.0  # the last piece covers one delay before the current one
 
     def slope(t, y):
-        x, x_m, theta_hat = y[:2], y[2:4], y[4:6]
+        x, x_m = y[:2], y[2:4]
         x_dot = A_M @ x + B * (THETA @ x + past_input(t - tau))
         x_m_dot = A_M @ x_m + B * 2.0 * r(np.array([t]))[0]
         return np.concatenate([x_dot, x_m_dot, gamma * ((x - x_m) @ P @ B) * x])

@@ -84,7 +84,7 @@ def test_bad_ensembles():
     one, two = random_problem(rng), random_problem(rng)
     with pytest.raises(InputError, match="at least one member"):
         simulate_ensemble([], SIMULATION)
-    with pytest.raises(InputError, match="one structure.*member 2"):
+    with pytest.raises(InputError, match=r"one structure.*member 2"):
         simulate_ensemble([(one, Mrac(gamma=1)), (two, L1Adaptive(gamma=1, filter=input_filter(0.1)))], SIMULATION)
     other = Problem(plant=two.plant, reference=Sine(amplitude=1, frequency=1), uncertainty=two.uncertainty)
     with pytest.raises(InputError, match="share their signals"):

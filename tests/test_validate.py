@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from independent import refusal
 
 from barbalat.adaptation.laws import Gradient, LeastSquares
 from barbalat.adaptation.normalization import Normalization
@@ -23,6 +22,7 @@ from barbalat.signals import Chirp, Constant, Recorded, Sine, Sines, Square, Ste
 from barbalat.simulation import simulate
 from barbalat.solvers import RK4
 from barbalat.validate import InputError
+from independent import refusal
 
 A_M = [[0.0, 1.0], [-0.3, -1.0]]
 LAW = LeastSquares(covariance0=500.0)
@@ -77,7 +77,11 @@ REFUSED = {
     "box empty": (lambda p: ParameterBox(lower=[-5, 6], upper=[5, 5]), "uncertainty.lower", "6 > 5"),
     "box lopsided": (lambda p: ParameterBox(lower=[-5, -5], upper=[5]), "uncertainty.upper", "[5]"),
     "box infinite": (lambda p: ParameterBox(lower=[-5, -np.inf], upper=[5, 5]), "uncertainty.lower", "-inf"),
-    "box of another size": (lambda p: Problem(plant=plant(), uncertainty=ParameterBox(lower=[-1], upper=[1])), "uncertainty", "1"),
+    "box of another size": (
+        lambda p: Problem(plant=plant(), uncertainty=ParameterBox(lower=[-1], upper=[1])),
+        "uncertainty",
+        "1",
+    ),
     "reference a number": (lambda p: Problem(plant=plant(), reference=50.0), "reference", "50.0"),
     "reference a plain function": (lambda p: Problem(plant=plant(), reference=np.sin), "reference", "sin"),
     "reference a class": (lambda p: Problem(plant=plant(), reference=Sine), "reference", "Sine"),
@@ -91,7 +95,11 @@ REFUSED = {
     "filter zero": (lambda p: l1([0], [1, 1]), "filter", "got 0"),
     "filter den zero": (lambda p: l1([1], [0, 0]), "den", "[0, 0]"),
     "filter a number": (lambda p: L1Adaptive(gamma=1.0, filter=0.02), "filter", "0.02"),
-    "filter of two inputs": (lambda p: L1Adaptive(gamma=1.0, filter=control.ss(-np.eye(2), np.eye(2), np.eye(2), 0)), "filter", "2"),
+    "filter of two inputs": (
+        lambda p: L1Adaptive(gamma=1.0, filter=control.ss(-np.eye(2), np.eye(2), np.eye(2), 0)),
+        "filter",
+        "2",
+    ),
     "filter discrete": (lambda p: L1Adaptive(gamma=1.0, filter=control.tf([0.5], [1, -0.5], 0.1)), "filter", "0.1"),
     "filter frequency data": (lambda p: L1Adaptive(gamma=1.0, filter=control.frd([1, 2], [1, 2])), "filter", "FrequencyResponse"),
     "kappa negative": (lambda p: input_filter(-0.02), "kappa", "-0.02"),
@@ -101,7 +109,7 @@ REFUSED = {
     "gamma NaN": (lambda p: L1Adaptive(gamma=np.nan, filter=None), "gamma", "nan"),
     "gamma true": (lambda p: Mrac(gamma=True), "gamma", "True"),
     "theta_hat0 outside": (lambda p: bind(Mrac(gamma=1.0, theta_hat0=[0.0, 5.5]), p), "theta_hat0", "5.5"),
-    "theta_hat0 too short": (lambda p: bind(Mrac(gamma=1.0, theta_hat0=[0.0]), p), "theta_hat0", "[0.0]"),
+    "theta_hat0 too short": (lambda p: bind(Mrac(gamma=1.0, theta_hat0=[0.0]), p), "theta_hat0", "0."),
     "theta_hat0 NaN": (lambda p: bind(RobustMrac(tau=1.0, law=LAW, theta_hat0=[0.0, np.nan]), p), "theta_hat0", "nan"),
     "projection text": (lambda p: bind(Mrac(gamma=1.0, projection="no"), p), "projection", "'no'"),
     "projection without box": (
@@ -199,36 +207,47 @@ def test_numbers_of_numpy_are_numbers():
 
 # --- whatever is given: an InputError in one sentence, or an object ---
 
-ODD_NUMBERS = st.one_of(
+ODD_OBJECTS = {
+    "a huge integer": lambda: 10**400, "int8": lambda: np.int8(3), "float32": lambda: np.float32(0.5),
+    "longdouble": lambda: np.longdouble(1),
+    "bool_": lambda: np.bool_(True), "object": object, "a class": lambda: Sine, "a signal": lambda: Sine(1.0, 2.0),
+    "a scheme": lambda: Mrac,
+    "a solver": lambda: RK4, "a law": lambda: LAW, "bytes": lambda: b"1", "a dict": dict, "a set": lambda: {1.0},
+    "a range": lambda: range(3),
+    "a slice": lambda: slice(2), "empty": lambda: np.zeros((0, 0)), "2 x 2": lambda: np.zeros((2, 2)), "cube": lambda: np.zeros((2, 2, 2)),
+    "array of None": lambda: np.array(None), "complex": lambda: np.array([1j, 2]), "texts": lambda: np.array(["a", "b"]),
+    "array of objects": lambda: np.array([object(), 1]), "list of arrays": lambda: [np.eye(2), np.eye(2)],
+    "masked": lambda: np.ma.masked_array([1.0, 2.0], mask=[True, False]), "a date": lambda: np.datetime64("2020-01-01"),
+    "large": lambda: np.full((2, 2), 1e308), "large and stable": lambda: [[-1e308, 1e308], [-1e308, -1e308]],
+    "denormal": lambda: [1e-320, 1e-320], "SX": lambda: ca.SX.sym("a", 2), "MX": lambda: ca.MX.sym("a", 2), "DM": lambda: ca.DM([1, 2]),
+    "list with SX": lambda: [ca.SX.sym("a"), 1.0], "beyond a double": lambda: np.full(2, np.longdouble(10) ** 400), "digits": lambda: "12",
+    "tuples": lambda: ((1, 2), (3, 4)), "an iterator": lambda: iter([1.0, 2.0]), "a generator": lambda: (v for v in [1.0]),
+}  # fmt: skip
+ODD = st.one_of(
     st.none(),
     st.booleans(),
     st.integers(),
-    st.sampled_from([10**400, np.int8(3), np.float32(0.5), np.float64(2.0), np.bool_(True), np.longdouble(1)]),
     st.floats(),
     st.complex_numbers(),
     st.text(max_size=5),
-    st.sampled_from([object(), Sine, Sine(1.0, 2.0), Mrac, RK4, LAW, b"1", {}, {1.0}, range(3), slice(2), np.nan]),
-)
-ODD_ARRAYS = st.one_of(
     st.lists(st.floats(), max_size=4),
     st.lists(st.lists(st.floats(-10, 10), max_size=3), max_size=3),
-    st.lists(ODD_NUMBERS, max_size=3),
-    st.sampled_from([
-        np.zeros((0, 0)), np.zeros((2, 2)), np.zeros((2, 2, 2)), np.array(None), np.array([1j, 2]), np.array(["a", "b"]),
-        np.array([object(), 1]), [np.eye(2), np.eye(2)], np.ma.masked_array([1.0, 2.0], mask=[True, False]),
-        np.datetime64("2020-01-01"), np.full((2, 2), 1e308), [[-1e308, 1e308], [-1e308, -1e308]], [1e-320, 1e-320],
-        ca.SX.sym("a", 2), ca.MX.sym("a", 2), ca.DM([1, 2]), [ca.SX.sym("a"), 1.0], np.full(2, np.longdouble(10) ** 400),
-        "12", ((1, 2), (3, 4)), iter([1.0, 2.0]),
-    ]),
-)  # fmt: skip
-ODD = st.one_of(ODD_NUMBERS, ODD_ARRAYS)
+    st.lists(st.one_of(st.none(), st.floats(), st.text(max_size=2)), max_size=3),
+    st.sampled_from(sorted(ODD_OBJECTS)).map(lambda name: ODD_OBJECTS[name]()),
+)
 
 VALID = {
     Plant: {"A_m": A_M, "b": [0.0, 1.0], "theta": [4.0, -3.0], "x0": [1.0, 1.0]},
     Plant.matched: {"A": [[0.0, 1.0], [3.7, -4.0]], "A_m": A_M, "b": [0.0, 1.0], "x0": [1.0, 1.0]},
     ReferenceModel: {"k_0": 4.0},
     ParameterBox: {"lower": [-5.0, -5.0], "upper": [5.0, 5.0]},
-    Problem: {"plant": plant(), "reference_model": ReferenceModel(), "reference": Constant(), "uncertainty": None, "disturbance": None},
+    Problem: {
+        "plant": plant(),
+        "reference_model": ReferenceModel(),
+        "reference": Constant(),
+        "uncertainty": None,
+        "disturbance": None,
+    },
     TransferFunction: {"num": [1.0], "den": [1.0, 1.0]},
     input_filter: {"kappa": 0.02},
     Simulation: {"t_end": 1.0, "dt": 0.01, "solver": RK4, "record_points": 10},

@@ -50,7 +50,7 @@ class ClosedLoop:
     @classmethod
     def of(cls, problem: Problem, controller: Controller) -> ClosedLoop:
         validate.instance("problem", problem, Problem)
-        if not isinstance(controller, Controller):
+        if not isinstance(controller, Controller) or isinstance(controller, type):
             raise validate.InputError(f"a controller must have a name and a method bind, got {validate.show(controller)}")
         equations = controller.bind(problem.known)
         dynamics = None if problem.plant.input is None else problem.plant.input.dynamics

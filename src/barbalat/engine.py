@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from barbalat import validate
 from barbalat.grid import Segment, Simulation, final_row, signal_table
 from barbalat.lowering.machine import Kernel, Past, vector_width
 from barbalat.metrics import Metrics, Totals
@@ -107,6 +108,8 @@ def run(
     progress: Progress | None = None,
 ) -> None:
     """Advance all batches from 0 to t_end. Memory does not grow with t_end, except for what a batch records."""
+    if threads is not None:
+        validate.whole("threads", threads, least=1)
     segments = list(simulation.segments(recorded=any(batch.record for batch in batches)))
     groups = [group for batch in batches for group in batch.groups]
     with ThreadPoolExecutor(threads or os.cpu_count() or 1) as pool:

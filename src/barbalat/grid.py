@@ -37,10 +37,7 @@ class Simulation:
         t_end = validate.positive("simulation.t_end", self.t_end)
         dt = validate.positive("simulation.dt", self.dt)
         validate.instance("simulation.solver", self.solver, Tableau)
-        if not isinstance(self.record_points, int) or self.record_points < 2:
-            raise InputError(
-                f"simulation.record_points must be a whole number of at least 2, got {validate.show(self.record_points)}"
-            )
+        record_points = validate.whole("simulation.record_points", self.record_points, least=2)
         ratio = t_end / dt
         if ratio > 1e12:  # a day of computing on one core: surely a slip of the pen
             raise InputError(f"simulation.dt = {dt:g} makes {ratio:.3g} steps up to t_end = {t_end:g}; at most 1e12 are possible")
@@ -52,6 +49,7 @@ class Simulation:
             )
         object.__setattr__(self, "t_end", t_end)
         object.__setattr__(self, "dt", dt)
+        object.__setattr__(self, "record_points", record_points)
         object.__setattr__(self, "steps", steps)
 
     def time(self, step: Array | float) -> Array:
@@ -68,7 +66,7 @@ class Simulation:
 
         A recorded run has one block between two instants that are kept; any other has one for each call.
         """
-        length = max(1, round(self.steps / self.record_points)) if recorded else CHUNK_STEPS
+        length = min(max(1, round(self.steps / self.record_points)), CHUNK_STEPS) if recorded else CHUNK_STEPS
         per_chunk = max(1, CHUNK_STEPS // length)
         for start, stop in ((0, self.tail_start), (self.tail_start, self.steps)):
             whole = (stop - start) // length

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from barbalat import validate
+from barbalat.conditions import balance
 from barbalat.protocols import Value
 from barbalat.validate import Array, InputError
 
@@ -44,8 +45,9 @@ class TransferFunction:
         if len(den) == 0:
             raise InputError(f"den must not be zero, got {validate.show(self.den)}")
         num = num if len(num) else np.zeros(1)
-        object.__setattr__(self, "num", num / den[0])
-        object.__setattr__(self, "den", den / den[0])
+        with np.errstate(over="ignore"):  # refused below, with the coefficients
+            object.__setattr__(self, "num", num / den[0])
+            object.__setattr__(self, "den", den / den[0])
         if not (np.isfinite(self.num).all() and np.isfinite(self.den).all()):
             raise InputError(f"num/den must stay finite when den is made monic, got den = {validate.show(den)}")
 
@@ -57,8 +59,12 @@ class TransferFunction:
         if all(hasattr(system, name) for name in ("ninputs", "noutputs", "dt")):
             import control
 
-            if (system.ninputs, system.noutputs) != (1, 1) or system.dt not in (0, None):
-                raise InputError(f"{field} must be a continuous-time system with one input and one output")
+            if (system.ninputs, system.noutputs) != (1, 1):
+                raise InputError(f"{field} must have one input and one output, got {system.ninputs} and {system.noutputs}")
+            if system.dt not in (0, None):
+                raise InputError(f"{field} must be a continuous-time system, got one with the sample time {system.dt}")
+            if not isinstance(system, (control.TransferFunction, control.StateSpace)):
+                raise InputError(f"{field} must be a transfer function or state space, got {type(system).__name__}")
             converted = control.tf(system)
             return cls(np.asarray(converted.num[0][0], float), np.asarray(converted.den[0][0], float))
         raise InputError(f"{field} must be a TransferFunction or a python-control system, got {validate.show(system)}")
@@ -86,10 +92,16 @@ class TransferFunction:
     def is_stable(self) -> bool:
         return bool((self.poles.real < 0).all())
 
+    @property
+    def is_minimum_phase(self) -> bool:
+        """Every zero in the open left half plane, by more than rounding; a zero on the axis is not enough for an inverse."""
+        if len(self.num) == 1:
+            return True
+        size = max(float(np.abs(self.poles).max(initial=0)), float(np.abs(self.zeros).max()))
+        return bool(self.zeros.real.max() < -100 * len(self.den) * np.finfo(float).eps * size)
+
     def realise(self) -> StateSpace:
         """Controllable canonical form, states scaled by powers of two so that no rounding is added."""
-        from scipy.linalg import matrix_balance
-
         order = len(self.den) - 1
         if self.relative_degree < 0:
             raise InputError(f"only a proper system has a realisation, got num {self.num} over den {self.den}")
@@ -100,8 +112,8 @@ class TransferFunction:
         A = np.vstack([-self.den[1:], np.eye(order)[:-1]])
         B = np.eye(order)[0]
         C = num[1:] - D * self.den[1:]
-        A, (scale, _) = matrix_balance(A, permute=False, separate=True)
-        return StateSpace(np.asarray(A), B / scale, C * scale, D)
+        A, scale = balance(A)
+        return StateSpace(A, B / scale, C * scale, D)
 
 
 def input_filter(kappa: float) -> TransferFunction:
@@ -116,6 +128,8 @@ def transfer_function(c: Array, A: Array, b: Array) -> TransferFunction:
     Leading coefficients of the numerator that are zero up to rounding are dropped: they decide the relative degree.
     """
     n = len(b)
+    A, scale = balance(A)
+    b, c = b / scale, c * scale
     den, num = [1.0], []
     adjugate = np.eye(n)  # coefficient of s^(n-1-k) in adj(sI - A)
     for k in range(n):

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from barbalat.closed_loop import Outputs
+from barbalat.closed_loop import LoopState, Outputs
 from barbalat.protocols import Value
 from barbalat.validate import Array
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from barbalat.grid import Segment, Simulation
 
 DIVERGENCE_LIMIT = 1e12
-"""A run has diverged when the magnitudes of its states add up to more than this, or to no number at all."""
+"""A run has diverged when the magnitudes of x, x_m and theta_hat add up to more than this, or any state is no finite number."""
 
 _RESETS = {"min": np.inf, "max": -np.inf, "sum": 0.0, "steps": 0.0, "alive": 1.0}
 
@@ -51,10 +51,13 @@ class Accumulators:
             start += size
         return result
 
-    def update(self, old: Value, outputs: Outputs, theta_hat_next: Value, state_next: Value) -> Value:
+    def update(self, old: Value, outputs: Outputs, after: LoopState, state_next: Value) -> Value:
         """The accumulators after one step, as an expression; ``outputs`` are those at the step's start."""
         at = self.slices()
-        good = np.where(np.sum(np.abs(state_next)) <= DIVERGENCE_LIMIT, 1.0, 0.0)
+        theta_hat_next = after.controller.theta_hat
+        physical = np.sum(np.abs(after.x)) + np.sum(np.abs(after.x_m)) + np.sum(np.abs(theta_hat_next))
+        # what else is integrated may be large by its unit or by choice (u^2, a covariance): it only has to be a number
+        good = np.where(physical <= DIVERGENCE_LIMIT, 1.0, 0.0) * np.where(np.sum(np.abs(state_next)) < np.inf, 1.0, 0.0)
         alive = old[at["good", "alive"]] * good
         values = {"e": outputs.e, "u": outputs.u, "theta_hat": outputs.theta_hat}
         new = []
@@ -158,9 +161,9 @@ class Totals:
         def finite_only(value: Array) -> Array:
             return np.asarray(np.where(diverged, np.nan, value).T)
 
-        squares = head[at["e^2", "sum"]] + tail[at["e^2", "sum"]]
         tail_time = float(simulation.t_end - simulation.time(simulation.tail_start))
-        with np.errstate(invalid="ignore", divide="ignore"):  # a diverged member's totals may be infinite; they become NaN
+        with np.errstate(all="ignore"):  # a diverged member's totals may be infinite; they become NaN
+            squares = head[at["e^2", "sum"]] + tail[at["e^2", "sum"]]
             rate = tail[at["variation", "sum"]] / tail_time if tail_time else np.zeros_like(theta_hat_final)
             return Metrics(
                 diverged_at=simulation.time(self.diverged_step),

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from barbalat import validate
+from barbalat.conditions import require_controllable, require_hurwitz
 from barbalat.linear import TransferFunction
 from barbalat.protocols import Signal
 from barbalat.signals import Constant
@@ -69,7 +70,7 @@ class Plant:
     A_m: Array
     b: Array
     theta: Array
-    x0: Array = ()  # () stands for zeros of the size of b
+    x0: Array | None = None
     input: PlantInput | None = None
 
     def __post_init__(self) -> None:
@@ -80,15 +81,15 @@ class Plant:
             A_m=A_m,
             b=validate.vector("plant.b", self.b, n),
             theta=validate.vector("plant.theta", self.theta, n),
-            x0=validate.vector("plant.x0", np.zeros(n) if np.size(self.x0) == 0 else self.x0, n),
+            x0=validate.vector("plant.x0", np.zeros(n) if self.x0 is None else self.x0, n),
         )
         if self.input is not None:
             validate.instance("plant.input", self.input, PlantInput)
-        validate.hurwitz("plant.A_m", A_m)
-        validate.controllable("(plant.A_m, plant.b)", A_m, self.b)
+        require_hurwitz("plant.A_m", A_m)
+        require_controllable("(plant.A_m, plant.b)", A_m, self.b)
 
     @classmethod
-    def matched(cls, *, A: Any, A_m: Any, b: Any, x0: Any = (), input: PlantInput | None = None) -> Plant:
+    def matched(cls, *, A: Any, A_m: Any, b: Any, x0: Any = None, input: PlantInput | None = None) -> Plant:
         """The same plant given as x' = A x + b u: theta solves the matching condition A = A_m + b theta'.
 
         Raises InputError, with the unmatched rest, when no theta does.
@@ -100,13 +101,16 @@ class Plant:
         if not b.any():
             raise InputError("plant.b must not be zero")
         difference = A - A_m
-        theta = b @ difference / (b @ b)
-        rest = difference - np.outer(b, theta)
+        direction = b / np.abs(b).max()  # squares of very large or small entries would leave the range of floats
+        along = direction @ difference / (direction @ direction)
+        rest = difference - np.outer(direction, along)
         if np.abs(rest).max() > 1e-9 * max(1.0, float(np.abs(A).max()), float(np.abs(A_m).max())):
             raise InputError(
                 "plant.A - reference_model.A_m must be matched (equal to b theta' for some theta), "
                 f"but the part {validate.show(rest)} is out of the reach of b = {validate.show(b)}"
             )
+        with np.errstate(over="ignore"):  # an infinite theta is refused by the constructor
+            theta = along / np.abs(b).max()
         return cls(A_m=A_m, b=b, theta=theta, x0=x0, input=input)
 
     @property
@@ -196,7 +200,7 @@ class Problem:
             if size != n:
                 raise InputError(f"uncertainty.lower must have {n} entries, one for each state, got {size}")
         for name, signal in (("reference", self.reference), ("disturbance", self.disturbance)):
-            if signal is not None and not isinstance(signal, Signal):
+            if signal is not None and (not isinstance(signal, Signal) or isinstance(signal, type)):
                 raise InputError(f"{name} must be a signal such as Sine(amplitude=1, frequency=2), got {validate.show(signal)}")
 
     @property

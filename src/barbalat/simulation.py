@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from barbalat import delay
+from barbalat import delay, validate
 from barbalat.certify.numerics import Stiffness, stiffness
 from barbalat.closed_loop import ClosedLoop
 from barbalat.engine import Batch, Progress, run
@@ -37,12 +37,15 @@ def simulate(
 
     Raises InputError for controllers that don't fit the problem or share a name. A run that diverges is a result.
     """
-    names = [controller.name for controller in controllers]
-    if not names:
+    validate.instance("simulation", simulation, Simulation)
+    if not isinstance(controllers, (list, tuple)):
+        raise InputError(f"controllers must be a list of controllers, got {validate.show(controllers)}")
+    if not controllers:
         raise InputError("at least one controller is needed, got none")
+    loops = [ClosedLoop.of(problem, controller) for controller in controllers]
+    names = [controller.name for controller in controllers]
     if twice := sorted({name for name in names if names.count(name) > 1}):
         raise InputError(f"every controller needs a name of its own, but {twice[0]!r} stands {names.count(twice[0])} times")
-    loops = [ClosedLoop.of(problem, controller) for controller in controllers]
     batches = []
     for loop in loops:
         weights, lags = None, None

@@ -71,9 +71,9 @@ def step_function(
     if figures:
         accumulators = Accumulators(errors=len(loop.plant.b), parameters=len(loop.plant.b))
         outputs = loop.outputs(state, signals[solver.nodes[0]])
-        theta_hat_next = loop.unpack(following).controller.theta_hat
+        after = loop.unpack(following)
         old_column, old = symbols("accumulators", len(accumulators.resets))
-        new = column(accumulators.update(old, outputs, theta_hat_next, following))
+        new = column(accumulators.update(old, outputs, after, following))
     inputs = [state_column, old_column, ca.SX(0, 1) if parameters is None else parameters, signal_column, *past_inputs]
     return ca.Function("step", inputs, [column(following), new, *remembered], {"cse": True}), accumulators
 

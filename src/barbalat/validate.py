@@ -17,7 +17,8 @@ class InputError(ValueError):
 
 def show(value: Any) -> str:
     """A value as it appears in a message: short, on one line."""
-    text = " ".join(np.array2string(value, separator=", ").split()) if isinstance(value, np.ndarray) else repr(value)
+    text = np.array2string(value, separator=", ") if isinstance(value, np.ndarray) else repr(value)
+    text = " ".join(text.split())
     return text if len(text) <= 100 else text[:97] + "..."
 
 
@@ -32,6 +33,13 @@ def number(field: str, value: Any) -> float:
     if not math.isfinite(result):
         raise InputError(f"{field} must be finite, got {show(value)}")
     return result
+
+
+def whole(field: str, value: Any, least: int) -> int:
+    """A whole number of at least ``least``."""
+    if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value < least:
+        raise InputError(f"{field} must be a whole number of at least {least}, got {show(value)}")
+    return int(value)
 
 
 def positive(field: str, value: Any) -> float:
@@ -51,20 +59,20 @@ def not_negative(field: str, value: Any) -> float:
 
 
 def array(field: str, value: Any, shape: tuple[int | None, ...]) -> Array:
-    """A read-only float array of finite numbers; ``None`` in ``shape`` stands for any positive size."""
+    """A read-only float array of finite numbers, a copy; ``None`` in ``shape`` stands for any positive size."""
     try:
         given = np.asarray(value)
-        result = np.array(given, dtype=np.float64)
     except (TypeError, ValueError, OverflowError):
         raise InputError(f"{field} must be an array of numbers, got {show(value)}") from None
     if given.dtype.kind not in "iuf":
         raise InputError(f"{field} must be an array of real numbers, got {show(value)}")
+    with np.errstate(over="ignore"):  # a longer float that does not fit becomes infinite and is refused below
+        result = np.array(given, dtype=np.float64)
     fits = result.ndim == len(shape) and all(s == k or (s is None and k > 0) for s, k in zip(shape, result.shape, strict=True))
     if not fits:
         wanted = " x ".join("n" if s is None else str(s) for s in shape)
-        raise InputError(
-            f"{field} must have shape {wanted}, got {' x '.join(map(str, result.shape)) or 'a number'}: {show(value)}"
-        )
+        got = " x ".join(map(str, result.shape)) or "a number"
+        raise InputError(f"{field} must have shape {wanted}, got {got}: {show(value)}")
     if not np.isfinite(result).all():
         raise InputError(f"{field} must be finite, got {show(value)}")
     result.flags.writeable = False
@@ -86,29 +94,13 @@ def square_matrix(field: str, value: Any, size: int | None = None) -> Array:
 
 def instance(field: str, value: Any, kind: type | tuple[type, ...]) -> None:
     """Refuse an object of another kind, with the kinds that would be right."""
-    if not isinstance(value, kind):
+    if not isinstance(value, kind) or isinstance(value, type):  # a class has the attributes that a protocol asks for
         names = " or ".join(k.__name__ for k in (kind if isinstance(kind, tuple) else (kind,)))
         raise InputError(f"{field} must be a {names}, got {show(value)}")
 
 
-def hurwitz(field: str, A: Array) -> None:
-    """Every eigenvalue has a negative real part."""
-    if A.size == 0:
-        return
-    largest = float(np.linalg.eigvals(A).real.max())
-    if largest >= 0:
-        raise InputError(f"{field} must be Hurwitz, but its largest eigenvalue has real part {largest:.6g}: {show(A)}")
-
-
-def controllable(fields: str, A: Array, b: Array) -> None:
-    """Popov-Belevitch-Hautus test: [lambda I - A, b] has full rank at every eigenvalue lambda of A."""
-    n = A.shape[0]
-    tolerance = 100 * n * np.finfo(float).eps  # relative; 100: eigenvalues themselves carry a few roundings
-    scale = max(float(np.linalg.norm(A, 2)), 1e-300)
-    size = max(float(np.linalg.norm(b)), 1e-300)
-    for eigenvalue in np.linalg.eigvals(A):
-        pencil = np.column_stack([(eigenvalue * np.eye(n) - A) / scale, b / size])
-        if np.linalg.svd(pencil, compute_uv=False)[-1] <= tolerance:
-            raise InputError(
-                f"{fields} must be controllable, but the mode at {eigenvalue:.6g} cannot be reached from b = {show(b)}"
-            )
+def label(field: str, value: Any) -> str:
+    """A name: text that is not empty."""
+    if not isinstance(value, str) or not value:
+        raise InputError(f"{field} must be a text that is not empty, got {show(value)}")
+    return value

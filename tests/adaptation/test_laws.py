@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
-from independent import integrate
 from scipy.integrate import quad_vec
 
 from barbalat.adaptation.laws import Gradient, LeastSquares
 from barbalat.adaptation.normalization import Normalization
+from independent import integrate
 
 THETA = np.array([4.0, -3.0, 0.5])
 THETA_HAT0 = np.array([0.2, 1.0, -1.0])
@@ -39,10 +41,12 @@ def flow(law):
 
 @pytest.mark.parametrize("covariance0", [0.1, 5.0, 500.0])
 def test_least_squares_is_the_regularised_least_squares_solution(covariance0):
-    """P^-1(t) = P_0^-1 + int phi phi'/m^2 and theta_hat(t) = argmin |theta_hat - theta_hat_0|^2/p_0 + int (z - theta'phi)^2/m^2."""
+    """P^-1(t) = P_0^-1 + int phi phi'/m^2; theta_hat(t) = argmin |theta_hat - theta_hat_0|^2/p_0 + int (z - theta'phi)^2/m^2."""
     theta_hat, covariance = flow(LeastSquares(covariance0=covariance0))
     for i, t in enumerate(TIMES):
-        information = quad_vec(lambda s: np.outer(phi(s), phi(s)) / m_s_squared(s), 0, t, epsabs=1e-13)[0] if t else np.zeros((3, 3))
+        information = (
+            quad_vec(lambda s: np.outer(phi(s), phi(s)) / m_s_squared(s), 0, t, epsabs=1e-13)[0] if t else np.zeros((3, 3))
+        )
         normal = np.eye(3) / covariance0 + information
         # 1e-8: the integration's 1e-12 times the condition of the information matrix, at most 1e4 here
         np.testing.assert_allclose(covariance[i] @ normal, np.eye(3), atol=1e-8)
@@ -52,7 +56,7 @@ def test_least_squares_is_the_regularised_least_squares_solution(covariance0):
 
 def test_the_covariance_stays_symmetric_and_decreases():
     _, covariance = flow(LeastSquares(covariance0=50.0))
-    for earlier, later in zip(covariance[:-1], covariance[1:], strict=True):
+    for earlier, later in pairwise(covariance):
         np.testing.assert_allclose(later, later.T, atol=1e-10)
         assert np.linalg.eigvalsh(later).min() > 0
         assert np.linalg.eigvalsh(earlier - later).min() > -1e-10  # the accuracy of the integration of entries up to 50

@@ -149,7 +149,7 @@ def test_unreadable_files(tmp_path):
     (tmp_path / "csv.toml").write_text(
         edited('kind = "sine"\namplitude = 50.0\nfrequency = 0.5', 'kind = "csv"\nfile = "gone.csv"')
     )
-    with pytest.raises(InputError, match=r"reference: the data file .*gone\.csv cannot be read"):
+    with pytest.raises(InputError, match=r"reference: the data file .*gone\.csv' cannot be read"):
         load_case(tmp_path / "csv.toml")
 
 

@@ -63,7 +63,6 @@ def test_bound_9_is_never_violated(n):
     assert len(ratio) == SYSTEMS * MEMBERS
     assert np.all(ratio < 1)
     assert ratio.max() > 0.05  # some problem comes near: the bound is not empty
-    print(f"n = {n}: bound (9) used up to {ratio.max():.2f} of itself, median {np.median(ratio):.3f}")
 
 
 @pytest.mark.parametrize("n", range(1, 6))
@@ -79,11 +78,11 @@ def test_bound_10_is_never_violated(n):
         if kappa < 0.004:  # four steps: a faster filter would test the step instead of the theorem
             continue
         C = input_filter(kappa)
+        condition = theorem1.filter_condition(known, C.realise(), 1.0)
         for problem in group:
             gamma, theta_max = 10 ** rng.uniform(-1, 3), problem.uncertainty.theta_max
             members.append((problem, L1Adaptive(gamma=gamma, filter=C)))
             model = theorem1.model_bounds(problem) if problem.plant.x0.any() else shared_bounds(problem)
-            condition = theorem1.filter_condition(known, C.realise(), theta_max) if problem is group[0] else condition
             scaled = theorem1.FilterCondition(condition.norm, condition.norm.upper * theta_max * theorem1.OUTWARD, True)
             nu = theorem1.nu_0(theorem1.initial_parameter_error(np.zeros(n), problem.plant.theta), known)
             bounds.append(theorem1.l1_bound(nu, gamma, scaled, theta_max, known.k_0, model))
@@ -92,7 +91,6 @@ def test_bound_10_is_never_violated(n):
     assert len(ratio) >= SYSTEMS * MEMBERS
     assert np.all(ratio < 1)
     assert ratio.max() > 0.02
-    print(f"n = {n}: bound (10) used up to {ratio.max():.2f} of itself, median {np.median(ratio):.3f}")
 
 
 _BOUNDS: dict[bytes, theorem1.ModelBounds] = {}
@@ -156,7 +154,7 @@ def test_model_bounds_hold_along_the_model():
     problem = load_case("paper").problem
     bounds = theorem1.model_bounds(problem)
     ones = simulate_ensemble([(problem, Mrac(gamma=1.0))], Simulation(t_end=60, dt=1e-3))
-    assert bounds.r == 50
+    assert 50 <= bounds.r < 50 * (1 + 1e-14)
     # |x| <= |x_m| + |e|; the run's largest e is far below the model's size
     assert ones.metrics.max_abs_e.max() < 2
     t = np.arange(0, 60, 0.01)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from independent import integrate
 from scipy import linalg
 from scipy import signal as scipy_signal
 
@@ -14,6 +13,7 @@ from barbalat.linear import TransferFunction, input_filter
 from barbalat.problem import Problem
 from barbalat.signals import Sine
 from barbalat.simulation import simulate
+from independent import integrate
 
 T_END = 4.0
 STEP = 2.0**-10  # RK4's error is of the order of h^4 = 1e-12 times derivatives
@@ -123,7 +123,9 @@ def test_the_lyapunov_function_never_grows(problems, n):
     """V = e'Pe + |theta_tilde|^2/gamma, V' = -|e|^2: V plus the integral of |e|^2 is constant, by Theorem 1's proof."""
     problem, gamma = problems[n], 10.0
     steps = 2**12
-    result = simulate(problem, [Mrac(gamma=gamma, projection=False)], Simulation(t_end=8.0, dt=8 / steps, record_points=steps))["MRAC"]
+    result = simulate(problem, [Mrac(gamma=gamma, projection=False)], Simulation(t_end=8.0, dt=8 / steps, record_points=steps))[
+        "MRAC"
+    ]
     P = linalg.solve_continuous_are(problem.plant.A_m, np.zeros((n, 1)), np.eye(n), np.eye(1))  # with no input: Lyapunov
     V = np.einsum("ki,ij,kj->k", result.e, P, result.e) + ((result.theta_hat - problem.plant.theta) ** 2).sum(axis=1) / gamma
     dissipated = np.concatenate([[0.0], np.cumsum((result.e[1:] ** 2 + result.e[:-1] ** 2).sum(axis=1)) * 8 / steps / 2])

@@ -27,8 +27,9 @@ def project_with_gain(rate: Value, theta_hat: Value, box: ParameterBox | None, g
     """proj(.) of (15) for the gain matrix ``gain`` = P(t), (n, n): rate - P g max(0, g'rate)/(g'P g) on a face with normal g.
 
     Every correction is -P g times something that is not negative, and theta_tilde'P^-1 P g = theta_tilde'g >= 0 for an
-    outward normal g, so V = theta_tilde'P^-1 theta_tilde never grows by it. On several faces at once the corrections follow
-    one another; what little may still point outward there is caught by the limit at every stage.
+    outward normal g, so V = theta_tilde'P^-1 theta_tilde never grows by it. On one face, and for a diagonal gain, nothing is
+    left that points outward. In a corner of several faces the corrections follow one another once; what may still point
+    outward is cut off by the limit at every stage, for which that inequality is not claimed.
     """
     if box is None:
         return rate

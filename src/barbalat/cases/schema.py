@@ -57,7 +57,7 @@ class SinesSignal(Table):
     kind: Literal["sines"]
     amplitudes: Vector
     frequencies: Vector
-    phases: Vector = []
+    phases: Vector | None = None
     constant: float = 0.0
 
 
@@ -117,7 +117,7 @@ class PlantTable(Table):
     A: Matrix | None = None
     b: Vector
     theta: Vector | None = None
-    x0: Vector = []
+    x0: Vector | None = None
     input: InputTable | None = None
     disturbance: Signal | None = None
 

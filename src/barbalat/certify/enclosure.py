@@ -93,7 +93,12 @@ def scaled(A: FloatMatrix, B: FloatMatrix, C: FloatMatrix) -> ScaledSystem:
     _, _, _, scaling, _ = dgebal(A, scale=1, permute=0)
     exponents = [math.frexp(float(scale))[1] - 1 for scale in scaling]
     rows = A.tolist()
-    shifts = [math.frexp(rows[i][j])[1] + exponents[j] - exponents[i] for i in range(n) for j in range(n) if rows[i][j]]
+    shifts = [
+        math.frexp(rows[i][j])[1] + exponents[j] - exponents[i]
+        for i in range(n)
+        for j in range(n)
+        if rows[i][j]
+    ]
     time = max(shifts)
     up = [arb(2) ** exponent for exponent in exponents]
     down = [arb(2) ** -(exponent + time) for exponent in exponents]
@@ -134,7 +139,8 @@ def require_hurwitz(A: FloatMatrix) -> None:
             quoted = float(largest.mid())
         if unstable or bits >= _SPECTRUM_BITS_LIMIT:
             raise ValueError(
-                f"the L1 norm needs a matrix A certainly Hurwitz, but its largest eigenvalue real part is {quoted:.6g}"
+                "the L1 norm needs a matrix A certainly Hurwitz, "
+                f"but its largest eigenvalue real part is {quoted:.6g}"
             )
         bits *= 2
 
@@ -161,7 +167,9 @@ class DecayCertificate:
         return norm / (2 * self.rate).sqrt()
 
 
-def decay_certificate(A: arb_mat, C: arb_mat, spectrum: Sequence[complex], rate: float) -> DecayCertificate | None:
+def decay_certificate(
+    A: arb_mat, C: arb_mat, spectrum: Sequence[complex], rate: float
+) -> DecayCertificate | None:
     """Return a verified certificate for A (n, n), C (p, n) at the rate (1/s), None if this precision fails.
 
     `spectrum` holds approximate eigenvalues of A, only used to steer the iteration. P is found by Smith's
@@ -199,7 +207,9 @@ def identity(n: int) -> arb_mat:
 
 def _approximate_lyapunov(M: arb_mat, weight: arb_mat, spectrum: Sequence[complex]) -> arb_mat | None:
     """Return an approximate symmetric solution P of M'P + PM = -weight; None if a solve or sum breaks down."""
-    shift = math.sqrt(min(abs(value) for value in spectrum)) * math.sqrt(max(abs(value) for value in spectrum))
+    shift = math.sqrt(min(abs(value) for value in spectrum)) * math.sqrt(
+        max(abs(value) for value in spectrum)
+    )
     if not (0.0 < shift < math.inf) or any(value.real >= 0.0 for value in spectrum):
         return None
     unit = identity(M.nrows()) * arb(shift)

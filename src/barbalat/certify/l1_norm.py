@@ -121,7 +121,9 @@ def _static(D: FloatMatrix, width: float) -> Enclosure:
         return _enclosure(sums, sums, _Counters(), 128, width)
 
 
-def _enclosure(lowers: list[arb], uppers: list[arb], counters: _Counters, bits: int, width: float) -> Enclosure:
+def _enclosure(
+    lowers: list[arb], uppers: list[arb], counters: _Counters, bits: int, width: float
+) -> Enclosure:
     """Return the largest of the row sums enclosed by the balls, as floats rounded outward."""
     lower = max(0.0, *(float_below(value) for value in lowers))
     upper = max(float_above(value) for value in uppers)
@@ -233,7 +235,9 @@ class _Search:
             attempts += 1
             tightening *= _TIGHTENING
         if self.best is None:
-            raise ArithmeticError(f"the L1 norm needs {bits} bits of precision, more than the limit of {_PRECISION_LIMIT}")
+            raise ArithmeticError(
+                f"the L1 norm needs {bits} bits of precision, more than the limit of {_PRECISION_LIMIT}"
+            )
         return self.best
 
     def _attempt(self, bits: int, tightening: float) -> int:
@@ -343,7 +347,9 @@ def _tolerances(model: _Model, start: arb_mat, budget: arb) -> _Tolerances:
     return _Tolerances(share / horizon, share, share / pieces, horizon)
 
 
-def _integrate(model: _Model, budget: arb, counters: _Counters, work_limit: int) -> tuple[list[arb], list[arb]]:
+def _integrate(
+    model: _Model, budget: arb, counters: _Counters, work_limit: int
+) -> tuple[list[arb], list[arb]]:
     """Return lower and upper bounds (as balls) of each output row's sum over inputs of |D| + integral |h|."""
     ladder = _Ladder(model)
     lowers = [sum(row, arb(0)) for row in model.feedthrough]
@@ -391,7 +397,9 @@ class _Ladder:
     def _transition(self, exponent: int) -> arb_mat:
         if exponent not in self._transitions:
             shorter = self._transitions.get(exponent - 1)
-            self._transitions[exponent] = (self.model.A * arb(2) ** exponent).exp() if shorter is None else shorter * shorter
+            self._transitions[exponent] = (
+                (self.model.A * arb(2) ** exponent).exp() if shorter is None else shorter * shorter
+            )
         return self._transitions[exponent]
 
     def _build(self, exponent: int) -> _Rung:

@@ -11,6 +11,13 @@ from barbalat.problem import Known, ParameterBox
 from barbalat.validate import Array, InputError
 
 
+def check_common(settings: Any) -> None:
+    """What every adaptive controller's settings share: a name, and an initial estimate of their own, if one is given."""
+    validate.label("name", settings.name)
+    if settings.theta_hat0 is not None:
+        object.__setattr__(settings, "theta_hat0", validate.vector("theta_hat0", settings.theta_hat0))
+
+
 def initial_estimate(theta_hat0: Any, box: ParameterBox | None, n: int) -> Array:
     """theta_hat(0), (n,): zero unless given; inside the box if there is one."""
     estimate = validate.vector("theta_hat0", np.zeros(n) if theta_hat0 is None else theta_hat0, n)

@@ -9,7 +9,7 @@ import numpy as np
 
 from barbalat import validate
 from barbalat.adaptation.projection import limit, project
-from barbalat.controllers.base import initial_estimate, projection_box
+from barbalat.controllers.base import check_common, initial_estimate, projection_box
 from barbalat.linear import StateSpace, TransferFunction
 from barbalat.problem import Known, ParameterBox
 from barbalat.protocols import Value
@@ -77,6 +77,7 @@ class L1Adaptive:
     name: str = "L1"
 
     def __post_init__(self) -> None:
+        check_common(self)
         object.__setattr__(self, "gamma", validate.positive("gamma", self.gamma))
         if self.filter is not None:
             object.__setattr__(self, "filter", _admissible(TransferFunction.accept("filter", self.filter)))

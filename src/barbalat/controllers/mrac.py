@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from barbalat import validate
 from barbalat.adaptation.projection import limit, project
-from barbalat.controllers.base import initial_estimate, projection_box
+from barbalat.controllers.base import check_common, initial_estimate, projection_box
 from barbalat.problem import Known, ParameterBox
 from barbalat.protocols import Value
 from barbalat.validate import Array
@@ -62,6 +62,7 @@ class Mrac:
     name: str = "MRAC"
 
     def __post_init__(self) -> None:
+        check_common(self)
         object.__setattr__(self, "gamma", validate.positive("gamma", self.gamma))
 
     def bind(self, known: Known) -> Equations:

@@ -14,7 +14,7 @@ from barbalat import validate
 from barbalat.adaptation.laws import AdaptiveLaw, Gradient, LeastSquares
 from barbalat.adaptation.normalization import Normalization
 from barbalat.adaptation.projection import limit
-from barbalat.controllers.base import initial_estimate, projection_box
+from barbalat.controllers.base import check_common, initial_estimate, projection_box
 from barbalat.linear import StateSpace, TransferFunction, transfer_function
 from barbalat.problem import Known, ParameterBox
 from barbalat.protocols import Value
@@ -161,6 +161,7 @@ class NormalizedMrac:
 
 
 def _check_model_and_law(settings: RobustMrac | NormalizedMrac) -> None:
+    check_common(settings)
     if settings.c_0 is not None:
         object.__setattr__(settings, "c_0", validate.vector("c_0", settings.c_0))
     validate.instance("law", settings.law, (LeastSquares, Gradient))
@@ -196,11 +197,10 @@ def minimum_phase_model(c_0: Array, known: Known) -> TransferFunction:
     W_m = transfer_function(c_0, known.A_m, known.b)
     if not W_m.num.any():
         raise InputError(f"c_0 must not be zero, got {validate.show(c_0)}")
-    zeros = W_m.zeros
-    if len(zeros) and zeros.real.max() >= 0:
+    if not W_m.is_minimum_phase:
         raise InputError(
             f"c_0 must make W_m(s) = c_0'(sI - A_m)^-1 b minimum phase, but c_0 = {validate.show(c_0)} "
-            f"gives a zero with real part {zeros.real.max():.6g}"
+            f"gives a zero with real part {W_m.zeros.real.max():.6g}"
         )
     return W_m
 

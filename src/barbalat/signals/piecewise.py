@@ -7,7 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from barbalat import validate
+from barbalat.signals.smooth import outward, store_numbers
 from barbalat.validate import Array, InputError
+
+
+def rounding_of(t: Array) -> Array:
+    """A few roundings of a time: a jump that lies so near to a time of the grid is meant to lie at it."""
+    return 4 * np.finfo(float).eps * np.abs(np.asarray(t, dtype=float))
 
 
 @dataclass(frozen=True)
@@ -19,18 +25,17 @@ class Step:
     constant: float = 0.0
 
     def __post_init__(self) -> None:
-        for name in ("amplitude", "start", "constant"):
-            validate.number(name, getattr(self, name))
+        store_numbers(self, "amplitude", "start", "constant")
 
     def __call__(self, t: Array) -> Array:
-        return self.constant + self.amplitude * (np.asarray(t) >= self.start)
+        return self.constant + self.amplitude * (np.asarray(t) >= self.start - rounding_of(t))
 
     def before(self, t: Array) -> Array:
-        return self.constant + self.amplitude * (np.asarray(t) > self.start)
+        return self.constant + self.amplitude * (np.asarray(t) > self.start + rounding_of(t))
 
     @property
     def bound(self) -> float:
-        return max(abs(self.constant), abs(self.constant + self.amplitude))
+        return outward(max(abs(self.constant), abs(self.constant + self.amplitude)))
 
 
 @dataclass(frozen=True)
@@ -44,17 +49,17 @@ class Steps:
     def __post_init__(self) -> None:
         times = validate.vector("times", self.times)
         values = validate.vector("values", self.values, len(times))
-        validate.number("initial", self.initial)
+        store_numbers(self, "initial")
         if (np.diff(times) <= 0).any():
             raise InputError(f"times must be increasing, got {validate.show(times)}")
         object.__setattr__(self, "times", tuple(times.tolist()))
         object.__setattr__(self, "values", tuple(values.tolist()))
 
     def __call__(self, t: Array) -> Array:
-        return self._levels[np.searchsorted(self.times, t, side="right")]
+        return self._levels[np.searchsorted(self.times, np.asarray(t) + rounding_of(t), side="right")]
 
     def before(self, t: Array) -> Array:
-        return self._levels[np.searchsorted(self.times, t, side="left")]
+        return self._levels[np.searchsorted(self.times, np.asarray(t) - rounding_of(t), side="left")]
 
     @property
     def bound(self) -> float:
@@ -75,8 +80,7 @@ class Square:
     constant: float = 0.0
 
     def __post_init__(self) -> None:
-        for name in ("amplitude", "phase", "constant"):
-            validate.number(name, getattr(self, name))
+        store_numbers(self, "amplitude", "frequency", "phase", "constant")
         validate.positive("frequency", self.frequency)
 
     def __call__(self, t: Array) -> Array:
@@ -89,7 +93,7 @@ class Square:
 
     @property
     def bound(self) -> float:
-        return abs(self.constant) + abs(self.amplitude)
+        return outward(abs(self.constant) + abs(self.amplitude))
 
     def _half_periods(self, t: Array) -> Array:
         """Half periods since phase zero; a jump that lies within rounding of t is taken to lie at t."""

@@ -35,12 +35,14 @@ class Recorded(Continuous):
 
         Raises InputError that names the file and, where there is one, the line.
         """
+        if not isinstance(file, (str, Path)):
+            raise InputError(f"file must be a path, got {validate.show(file)}")
         path = Path(file)
         try:
             lines = path.read_text(encoding="utf-8-sig").splitlines()
         except (OSError, ValueError) as error:
             reason = getattr(error, "strerror", None) or "it is not a text file"
-            raise InputError(f"the data file {path} cannot be read: {reason}") from None
+            raise InputError(f"the data file {validate.show(str(path))} cannot be read: {reason}") from None
         rows: list[tuple[float, float]] = []
         for position, line in enumerate(lines, start=1):
             if not line.strip():
@@ -49,12 +51,12 @@ class Recorded(Continuous):
             try:
                 time, value = (float(cell) for cell in cells)
             except ValueError:
-                if not rows and position == 1:
+                if position == 1 and not any(_is_number(cell) for cell in cells):
                     continue  # the header
                 raise InputError(f"{path}, line {position}: expected a time and a value, got {validate.show(line)}") from None
             rows.append((time, value))
         if not rows:
-            raise InputError(f"the data file {path} has no rows of a time and a value")
+            raise InputError(f"the data file {validate.show(str(path))} has no rows of a time and a value")
         data = np.array(rows)
         try:
             return cls(data[:, 0], data[:, 1])
@@ -67,3 +69,11 @@ class Recorded(Continuous):
     @property
     def bound(self) -> float:
         return float(np.abs(self.values).max())
+
+
+def _is_number(cell: str) -> bool:
+    try:
+        float(cell)
+    except ValueError:
+        return False
+    return True

@@ -11,6 +11,17 @@ from barbalat import validate
 from barbalat.validate import Array, InputError
 
 
+def outward(bound: float, operations: int = 3) -> float:
+    """A bound on magnitudes that also covers the roundings of so many operations in the value itself."""
+    return bound * (1 + 2 * operations * float(np.finfo(float).eps))
+
+
+def store_numbers(signal: object, *names: str) -> None:
+    """Check that fields are finite numbers and keep them as floats."""
+    for name in names:
+        object.__setattr__(signal, name, validate.number(name, getattr(signal, name)))
+
+
 class Continuous(ABC):
     """A signal without jumps: its limit from the left is its value."""
 
@@ -29,7 +40,7 @@ class Constant(Continuous):
     amplitude: float = 0.0
 
     def __post_init__(self) -> None:
-        validate.number("amplitude", self.amplitude)
+        store_numbers(self, "amplitude")
 
     def __call__(self, t: Array) -> Array:
         return np.full(np.shape(t), float(self.amplitude))
@@ -49,8 +60,7 @@ class Sine(Continuous):
     constant: float = 0.0
 
     def __post_init__(self) -> None:
-        for name in ("amplitude", "phase", "constant"):
-            validate.number(name, getattr(self, name))
+        store_numbers(self, "amplitude", "frequency", "phase", "constant")
         validate.positive("frequency", self.frequency)
 
     def __call__(self, t: Array) -> Array:
@@ -58,7 +68,7 @@ class Sine(Continuous):
 
     @property
     def bound(self) -> float:
-        return abs(self.constant) + abs(self.amplitude)
+        return outward(abs(self.constant) + abs(self.amplitude))
 
 
 @dataclass(frozen=True)
@@ -67,15 +77,15 @@ class Sines(Continuous):
 
     amplitudes: tuple[float, ...]
     frequencies: tuple[float, ...]
-    phases: tuple[float, ...] = ()
+    phases: tuple[float, ...] | None = None
     constant: float = 0.0
 
     def __post_init__(self) -> None:
         amplitudes = validate.vector("amplitudes", self.amplitudes)
         count = len(amplitudes)
         frequencies = validate.vector("frequencies", self.frequencies, count)
-        phases = validate.vector("phases", self.phases if len(self.phases) else [0.0] * count, count)
-        validate.number("constant", self.constant)
+        phases = validate.vector("phases", [0.0] * count if self.phases is None else self.phases, count)
+        store_numbers(self, "constant")
         if (frequencies <= 0).any():
             raise InputError(f"frequencies must be positive, got {validate.show(frequencies)}")
         for name, values in (("amplitudes", amplitudes), ("frequencies", frequencies), ("phases", phases)):
@@ -83,13 +93,13 @@ class Sines(Continuous):
 
     def __call__(self, t: Array) -> Array:
         result = np.full(np.shape(t), float(self.constant))
-        for amplitude, frequency, phase in zip(self.amplitudes, self.frequencies, self.phases, strict=True):
+        for amplitude, frequency, phase in zip(self.amplitudes, self.frequencies, self.phases or (), strict=True):
             result += amplitude * np.sin(frequency * t + phase)
         return result
 
     @property
     def bound(self) -> float:
-        return abs(self.constant) + sum(abs(amplitude) for amplitude in self.amplitudes)
+        return outward(abs(self.constant) + sum(abs(amplitude) for amplitude in self.amplitudes), 2 + len(self.amplitudes))
 
 
 @dataclass(frozen=True)
@@ -103,8 +113,7 @@ class Chirp(Continuous):
     constant: float = 0.0
 
     def __post_init__(self) -> None:
-        for name in ("amplitude", "constant"):
-            validate.number(name, getattr(self, name))
+        store_numbers(self, "amplitude", "frequency_start", "frequency_end", "duration", "constant")
         for name in ("frequency_start", "frequency_end"):
             validate.not_negative(name, getattr(self, name))
         validate.positive("duration", self.duration)
@@ -117,4 +126,4 @@ class Chirp(Continuous):
 
     @property
     def bound(self) -> float:
-        return abs(self.constant) + abs(self.amplitude)
+        return outward(abs(self.constant) + abs(self.amplitude))

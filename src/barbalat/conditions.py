@@ -1,0 +1,42 @@
+"""What matrices must satisfy: Hurwitz, controllable; judged in balanced coordinates, where roundings are of one size."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from barbalat.validate import Array, InputError, show
+
+
+def balance(A: Array) -> tuple[Array, Array]:
+    """(S^-1 A S, s) with S = diag(s) of powers of two, so that nothing is rounded; time scales no longer skew the norm."""
+    from scipy.linalg import matrix_balance
+
+    balanced, (scale, _) = matrix_balance(A, permute=False, separate=True)
+    return np.asarray(balanced), np.asarray(scale)
+
+
+def rounding(A: Array) -> float:
+    """What a few roundings amount to in an eigenvalue of the balanced A: below this, zero and not zero look the same."""
+    return 10 * len(A) * float(np.finfo(float).eps * np.linalg.norm(A, 2))
+
+
+def require_hurwitz(field: str, A: Array) -> None:
+    """InputError unless every eigenvalue has a negative real part, by more than rounding."""
+    balanced, _ = balance(A)
+    largest = float(np.linalg.eigvals(balanced).real.max())
+    if not largest < -rounding(balanced):
+        raise InputError(f"{field} must be Hurwitz, but its largest eigenvalue has real part {largest:.6g}: {show(A)}")
+
+
+def require_controllable(fields: str, A: Array, b: Array) -> None:
+    """InputError unless [lambda I - A, b] has full rank at every eigenvalue (Popov, Belevitch, Hautus)."""
+    balanced, scale = balance(A)
+    column = b / scale
+    size = float(np.abs(column).max())
+    n = len(b)
+    norm = float(np.linalg.norm(balanced, 2))
+    for eigenvalue in np.linalg.eigvals(balanced):
+        pencil = np.column_stack([(eigenvalue * np.eye(n) - balanced) / norm, column / size if size else column])
+        # 100: the eigenvalue itself carries a few roundings
+        if np.linalg.svd(pencil, compute_uv=False)[-1] <= 100 * n * np.finfo(float).eps:
+            raise InputError(f"{fields} must be controllable, but b = {show(b)} does not reach the mode at {eigenvalue:.6g}")

@@ -1,0 +1,219 @@
+"""What every registered scheme owes: a new scheme joins SCHEMES, gets an example in independent.py, and is tested here."""
+
+from __future__ import annotations
+
+from dataclasses import FrozenInstanceError, fields
+from functools import cache
+
+import numpy as np
+import pytest
+
+from barbalat.closed_loop import ClosedLoop, column, symbols
+from barbalat.controllers import SCHEMES, Mrac
+from barbalat.grid import Simulation
+from barbalat.problem import ParameterBox, Plant, Problem
+from barbalat.protocols import Controller
+from barbalat.signals import Constant, Sine
+from barbalat.simulation import simulate
+from barbalat.solvers import SOLVERS
+from barbalat.stepping import jacobian_function
+from independent import brute_force, example_controllers, refusal
+
+ORDERS = (1, 2, 3)
+EXAMPLES = [(name, n, i) for name in SCHEMES for n in ORDERS for i in range(len(example_controllers(n).get(name, [None])))]
+
+
+@pytest.fixture(params=EXAMPLES, ids=[f"{name}-n{n}-{i}" for name, n, i in EXAMPLES])
+def example(request, problems):
+    name, n, i = request.param
+    table = example_controllers(n)
+    if name not in table:
+        pytest.fail(f"the scheme {name!r} is registered but has no example settings: add them to tests/independent.py")
+    return problems[n], table[name][i]
+
+
+@cache
+def long_run(problem, controller):
+    """64 s: ten periods of the slowest command; enough for the estimates to do their work."""
+    return simulate(problem, [controller], Simulation(t_end=64.0, dt=2.0**-6))[controller.name]
+
+
+def test_the_registry_knows_the_class(example):
+    _, controller = example
+    assert type(controller) in SCHEMES.values()
+    assert isinstance(controller, Controller)
+    assert isinstance(controller.name, str)
+
+
+def test_symbols_and_numbers_agree(example):
+    """The derivative traced by CasADi and evaluated by it, and the same lines on NumPy arrays, at random states."""
+    import casadi as ca
+
+    problem, controller = example
+    loop = ClosedLoop.of(problem, controller)
+    state_column, state = symbols("state", loop.size)
+    signal_column, signal = symbols("signals", 1)
+    outputs = [loop.derivative(state, signal), loop.limit(state), np.concatenate(loop.outputs(state, signal))]
+    traced = ca.Function("f", [state_column, signal_column], [column(value) for value in outputs])
+    random = np.random.default_rng(5)
+    for _ in range(20):
+        y, r = 3 * random.normal(size=loop.size), random.normal(size=1)
+        numbers = [loop.derivative(y, r), loop.limit(y), np.concatenate(loop.outputs(y, r))]
+        for symbolic, numeric in zip(traced(y, r), numbers, strict=True):
+            # the same sums in another order: a few dozen roundings of terms up to 1e4
+            np.testing.assert_allclose(np.asarray(symbolic)[:, 0], numeric, rtol=1e-10, atol=1e-10)
+
+
+def test_the_flat_state_and_its_parts(example):
+    problem, controller = example
+    loop = ClosedLoop.of(problem, controller)
+    parts = loop.unpack(loop.initial())
+    assert parts.x.tolist() == parts.x_m.tolist() == problem.plant.x0.tolist()
+    marked = np.arange(loop.size)
+    assert marked[loop.theta_hat_rows].tolist() == loop.unpack(marked).controller.theta_hat.tolist()
+    with pytest.raises(ValueError, match="entries"):
+        loop.unpack(np.zeros(loop.size + 1))
+
+
+@pytest.mark.parametrize("solver", SOLVERS)
+def test_the_kernel_does_what_plain_stepping_does(example, solver):
+    """Machine code, tables, blocks and record against a Python loop over the textbook formulas.
+
+    1e-9: 320 steps of roundings of 1e-16 times terms up to 1e3, in loops that do not amplify.
+    """
+    problem, controller = example
+    dt, steps = 2.0**-7, 320
+    samples = brute_force(ClosedLoop.of(problem, controller), problem.signals, solver, dt, steps)
+    simulation = Simulation(t_end=steps * dt, dt=dt, solver=SOLVERS[solver], record_points=steps)
+    result = simulate(problem, [controller], simulation)[controller.name]
+    assert len(result.t) == steps + 1
+    np.testing.assert_allclose(result.e, samples.e, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(result.theta_hat, samples.theta_hat, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(result.u, samples.u, rtol=0, atol=1e-8)  # u multiplies theta_hat by x and adds 1/tau times e
+
+
+def with_setting(controller, **changes):
+    """The same settings but for some."""
+    return type(controller)(**({f.name: getattr(controller, f.name) for f in fields(controller)} | changes))
+
+
+def test_the_estimate_stays_in_a_box_that_it_wants_to_leave(example):
+    """A box that ends at 0.8 theta, started in its corner: the law pushes outward; over every step, to the last bit."""
+    problem, controller = example
+    corner = 0.8 * problem.plant.theta
+    box = ParameterBox(lower=-np.abs(corner), upper=np.abs(corner))
+    given = Problem(plant=problem.plant, reference_model=problem.reference_model, reference=problem.reference, uncertainty=box)
+    started = with_setting(controller, theta_hat0=corner)
+    simulation = Simulation(t_end=16.0, dt=2.0**-7)
+    inside = simulate(given, [started], simulation)[controller.name]
+    outside = simulate(given, [with_setting(started, projection=False)], simulation)[controller.name]
+    assert inside.diverged_at is None
+    assert (inside.envelope.theta_hat_min >= box.lower).all()
+    assert (inside.envelope.theta_hat_max <= box.upper).all()
+    assert (np.abs(outside.theta_hat) > box.upper).any()  # it did want to
+
+
+def test_tracking_at_a_moderate_gain(example):
+    """The tail error is a fraction of that of the same plant left alone (theta_hat = 0): what adaptation is for."""
+    problem, controller = example
+    left_alone = long_run(problem, Mrac(gamma=1e-30))
+    adapted = long_run(problem, controller)
+    assert adapted.diverged_at is None
+    limit = np.inf if left_alone.diverged_at else max(left_alone.figures["tail_max_abs_e"])
+    assert max(adapted.figures["tail_max_abs_e"]) < 0.75 * limit
+
+
+def test_shapes_and_numbers_of_a_result(example):
+    problem, controller = example
+    n, result = problem.plant.n, long_run(problem, controller)
+    count = len(result.t)
+    assert result.t[0] == 0
+    assert result.t[-1] == 64
+    assert (np.diff(result.t) > 0).all()
+    for name in ("x", "x_m", "e", "theta_hat"):
+        assert getattr(result, name).shape == (count, n)
+    assert result.u.shape == result.r.shape == (count,)
+    for field in fields(result.envelope):
+        expected = (count - 1, 1 if field.name.startswith("u_") else n)
+        assert getattr(result.envelope, field.name).shape == expected
+    for value in [*result.columns().values(), result.stiffness.h_lambda_max]:
+        assert np.isfinite(value).all()
+    np.testing.assert_allclose(result.e, result.x - result.x_m, atol=1e-14)
+    np.testing.assert_allclose(result.r, problem.reference(result.t), rtol=1e-14)
+    assert result.name == controller.name
+    assert controller.name == result.controller.name
+
+
+def test_the_exact_jacobian_against_differences(example):
+    """Central differences of the right-hand side: h^2 = 1e-10 times third derivatives, and eps/h = 1e-11 times values."""
+    problem, controller = example
+    loop = ClosedLoop.of(problem, controller)
+    random = np.random.default_rng(2)
+    y, signals = loop.initial() + 0.1 * random.uniform(0.5, 1.0, loop.size), np.array([0.7])
+    columns = []
+    for i in range(loop.size):
+        d = 1e-5 * np.eye(loop.size)[i]
+        columns.append((loop.derivative(y + d, signals) - loop.derivative(y - d, signals)) / 2e-5)
+    exact = np.asarray(jacobian_function(loop)(y, signals))
+    np.testing.assert_allclose(exact, np.array(columns).T, rtol=1e-5, atol=1e-5 * max(1, np.abs(exact).max()))
+
+
+def test_projection_is_on_where_the_set_is_known_and_can_be_switched_off(example):
+    problem, controller = example
+    assert controller.bind(problem.known).box is problem.uncertainty
+    without = Problem(plant=problem.plant, reference=problem.reference)
+    assert controller.bind(without.known).box is None
+    assert with_setting(controller, projection=False).bind(problem.known).box is None
+    assert "uncertainty" in refusal(lambda: with_setting(controller, projection=True).bind(without.known))
+
+
+@pytest.mark.parametrize("theta_hat0", [np.zeros(5), [1e6], "0", [np.nan]])
+def test_a_misfit_is_refused(example, theta_hat0):
+    problem, controller = example
+    assert "theta_hat0" in refusal(lambda: with_setting(controller, theta_hat0=theta_hat0).bind(problem.known))
+
+
+def test_settings_are_frozen(example):
+    _, controller = example
+    for field in fields(controller):
+        with pytest.raises(FrozenInstanceError):
+            setattr(controller, field.name, 1.0)
+
+
+def test_settings_do_not_share_what_the_user_may_change(example):
+    """The initial estimate does not follow when the array that was given is changed afterwards."""
+    problem, controller = example
+    given = np.full(problem.plant.n, 0.1)
+    settings = with_setting(controller, theta_hat0=given)
+    given[:] = 0.2
+    assert settings.bind(problem.known).initial().theta_hat.tolist() == [0.1] * problem.plant.n
+
+
+def test_the_initial_estimate_is_where_the_run_starts(example):
+    problem, controller = example
+    started = with_setting(controller, theta_hat0=[0.5] * problem.plant.n)
+    result = simulate(problem, [started], Simulation(t_end=0.25, dt=2.0**-6))[controller.name]
+    assert result.theta_hat[0].tolist() == [0.5] * problem.plant.n
+
+
+def test_rest_stays_rest(example):
+    """x(0) = 0, r = 0, d = 0: nothing moves, not even by a rounding."""
+    given, controller = example
+    p = given.plant
+    problem = Problem(plant=Plant(A_m=p.A_m, b=p.b, theta=p.theta), reference=Constant(0.0))
+    result = simulate(problem, [controller], Simulation(t_end=1.0, dt=2.0**-6))[controller.name]
+    for value in (result.x, result.u, result.theta_hat, result.e):
+        assert not value.any()
+
+
+def test_a_disturbance_reaches_the_plant(example):
+    """With d the run differs; with d = 0 it is the run without, to the roundings of sums that are associated otherwise."""
+    given, controller = example
+    arguments = {"plant": given.plant, "reference": given.reference, "uncertainty": given.uncertainty}
+    simulation = Simulation(t_end=4.0, dt=2.0**-8)
+    without, zero, some = (
+        simulate(Problem(**arguments, disturbance=d), [controller], simulation)[controller.name]
+        for d in (None, Constant(0.0), Sine(1.0, 2.0))
+    )
+    np.testing.assert_allclose(zero.x, without.x, atol=1e-11)
+    assert np.abs(some.x - without.x).max() > 1e-2

@@ -1,0 +1,90 @@
+"""What every registered solver owes; the methods' own mathematics is in tests/solvers."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from barbalat.closed_loop import ClosedLoop
+from barbalat.controllers import L1Adaptive
+from barbalat.grid import Simulation
+from barbalat.linear import input_filter
+from barbalat.problem import ParameterBox, Problem
+from barbalat.simulation import simulate
+from barbalat.solvers import SOLVERS
+from independent import brute_force
+
+
+@pytest.fixture(params=SOLVERS)
+def solver(request):
+    return SOLVERS[request.param]
+
+
+def test_the_registry_uses_the_name(solver):
+    assert SOLVERS[solver.name] is solver
+
+
+def test_it_is_explicit(solver):
+    """Row i of a has i entries: a stage uses earlier ones only."""
+    assert [len(row) for row in solver.a] == list(range(len(solver.b)))
+    assert len(solver.c) == len(solver.b)
+    assert solver.c[0] == 0
+
+
+def test_it_is_frozen_and_can_be_a_key(solver):
+    with pytest.raises(AttributeError):
+        solver.order = 9
+    assert {solver: 1}[solver] == 1
+
+
+def test_a_polynomial_of_its_degree_is_integrated_exactly(solver):
+    """x' = t^(p-1): a method of order p gives t^p/p to rounding."""
+    h, x = 0.5, 0.0
+    for k in range(4):
+        signals = {node: np.float64((k + node) * h) ** (solver.order - 1) for node in solver.nodes}
+        x = solver.advance(lambda _, s: s, lambda y: y, x, signals, h)
+    assert x == pytest.approx(2.0**solver.order / solver.order, rel=1e-15)
+
+
+def test_the_limit_acts_on_every_stage(solver):
+    """Each value that the derivative is asked at, and the result, has passed the limit: equations.md, section 2."""
+    asked = []
+
+    def derivative(y, _):
+        asked.append(float(y))
+        return 1000.0
+
+    result = solver.advance(derivative, lambda y: np.minimum(y, 1.0), 0.5, dict.fromkeys(solver.nodes, 0.0), 0.1)
+    assert result == 1.0
+    assert max(asked) <= 1.0
+    assert len(asked) == len(solver.b)
+
+
+def test_high_gain_stays_bounded_through_the_limit(section_v, solver):
+    """Fig. 3's setting at ten times its step: the estimate saturates at the box and nothing becomes NaN."""
+    controller = L1Adaptive(gamma=1e4, filter=input_filter(0.02))
+    result = simulate(section_v, [controller], Simulation(t_end=10.0, dt=1e-3, solver=solver))["L1"]
+    assert result.diverged_at is None
+    assert np.abs(result.theta_hat).max() == 5.0
+
+
+def test_through_the_projection_as_plain_stepping(problems, solver):
+    """The box leaves theta_1 = 1 out, so the estimate rests on a face part of the time, at a gain without numerical chaos.
+
+    1e-10: 1500 steps of roundings of states of order 1, not amplified.
+    """
+    given = problems[2]
+    problem = Problem(
+        plant=given.plant,
+        reference_model=given.reference_model,
+        reference=given.reference,
+        uncertainty=ParameterBox(lower=[-0.8, -0.8], upper=[0.8, 0.8]),
+    )
+    controller = L1Adaptive(gamma=20.0, filter=input_filter(0.05))
+    dt, steps = 2.0**-7, 1500
+    samples = brute_force(ClosedLoop.of(problem, controller), problem.signals, solver.name, dt, steps)
+    result = simulate(problem, [controller], Simulation(t_end=steps * dt, dt=dt, solver=solver, record_points=steps))["L1"]
+    resting = (np.abs(samples.theta_hat) == 0.8).any(axis=1).mean()
+    assert 0.1 < resting < 0.9
+    np.testing.assert_allclose(result.theta_hat, samples.theta_hat, rtol=0, atol=1e-10)
+    np.testing.assert_allclose(result.x, samples.states[:, :2], rtol=0, atol=1e-10)

@@ -1,0 +1,111 @@
+"""The time loop around a step: blocks, resets, signals, what is written out; and bit-identity of whole runs."""
+
+from __future__ import annotations
+
+import casadi as ca
+import numpy as np
+import pytest
+
+from barbalat.closed_loop import ClosedLoop
+from barbalat.engine import Batch, run
+from barbalat.grid import Simulation, signal_table
+from barbalat.lowering.llvm_ir import LoopShape
+from barbalat.lowering.machine import Kernel
+from barbalat.lowering.operations import read
+from barbalat.lowering.optimize import optimize
+from barbalat.solvers import RK4
+from barbalat.stepping import step_function, step_program
+from independent import example_controllers
+
+
+@pytest.mark.parametrize("lanes", [1, 4])
+def test_blocks_resets_signals_and_parameters(lanes):
+    """x += p s; a sum and a maximum over each block: by hand with NumPy."""
+    x, a, p, s = ca.SX.sym("x"), ca.SX.sym("a", 2), ca.SX.sym("p"), ca.SX.sym("s", 2)
+    function = ca.Function("f", [x, a, p, s], [x + p * s[0], ca.vertcat(a[0] + x, ca.fmax(a[1], s[1]))])
+    kernel = Kernel(optimize(read(function)), LoopShape(1, 2, 1, 2), (10.0, -np.inf), lanes)
+    random = np.random.default_rng(0)
+    signals = random.integers(-9, 9, (12, 2)).astype(float)  # whole numbers: every sum is exact
+    start, parameters = np.arange(1.0, lanes + 1)[None], 2.0 * np.arange(1.0, lanes + 1)[None]
+    state, out = start.copy(), np.full((3, 3, lanes), np.nan)
+    kernel(3, 4, state, parameters, signals, out)
+    path = start[0] + parameters[0] * np.concatenate([[0.0], np.cumsum(signals[:, 0])])[:, None]
+    np.testing.assert_array_equal(state[0], path[-1])
+    for block in range(3):
+        steps = slice(4 * block, 4 * block + 4)
+        np.testing.assert_array_equal(out[block, 0], path[4 * block])
+        np.testing.assert_array_equal(out[block, 1], 10 + path[steps].sum(axis=0))
+        np.testing.assert_array_equal(out[block, 2], np.full(lanes, signals[steps, 1].max()))
+
+
+@pytest.mark.parametrize("scheme", ["mrac", "l1", "robust-mrac"])
+def test_kernel_against_stepping_the_casadi_function(problems, scheme):
+    """200 steps by calling the traced function from Python. 1e-11: roundings of sums in another order, not amplified."""
+    problem, controller = problems[2], example_controllers(2)[scheme][0]
+    loop = ClosedLoop.of(problem, controller)
+    simulation = Simulation(t_end=200 * 2.0**-7, dt=2.0**-7)
+    function, accumulators = step_function(loop, RK4, simulation.dt)
+    table = signal_table(problem.signals, simulation, 0, 200)
+    state, figures = loop.initial(), np.array(accumulators.resets)
+    for row in table:
+        state, figures = (np.asarray(part)[:, 0] for part in function(state, figures, [], row))
+    kernel = step_program(loop, RK4, simulation.dt).compile(1)
+    final, out = loop.initial()[:, None].copy(), np.empty((1, loop.size + len(figures), 1))
+    kernel(1, 200, final, np.zeros((0, 1)), table, out)
+    np.testing.assert_allclose(final[:, 0], state, rtol=1e-11, atol=1e-11)
+    np.testing.assert_allclose(out[0, loop.size :, 0], figures, rtol=1e-11, atol=1e-11)
+    np.testing.assert_array_equal(out[0, : loop.size, 0], loop.initial())
+
+
+def batch_of(problem, controller, starts, simulation, lanes):
+    loop = ClosedLoop.of(problem, controller)
+    states = loop.initial()[:, None].repeat(starts.shape[1], axis=1)
+    states[: len(starts)] += starts
+    return Batch(step_program(loop, simulation.solver, simulation.dt), states, np.zeros((0, starts.shape[1])), lanes=lanes), loop
+
+
+def figures_of(problem, controller, starts, simulation, lanes, threads):
+    batch, loop = batch_of(problem, controller, starts, simulation, lanes)
+    run([batch], problem.signals, simulation, threads=threads)
+    metrics = batch.metrics(simulation, loop.theta_hat_rows)
+    return [batch.final_states, *(getattr(metrics, name) for name in metrics.__dataclass_fields__)]
+
+
+@pytest.mark.parametrize(("n", "scheme"), [(1, "mrac"), (2, "l1"), (2, "robust-mrac")])
+def test_bit_identity_over_lanes_and_threads(problems, n, scheme):
+    """13 members, a multiple of no width above 1; thousands of blocks, so that also the merging of blocks must not depend on
+    how members lie in memory. Every number equal to the last bit."""
+    problem, controller = problems[n], example_controllers(n)[scheme][0]
+    starts = np.random.default_rng(1).normal(size=(n, 13))
+    simulation = Simulation(t_end=5000 * 2.0**-7, dt=2.0**-7)
+    expected = figures_of(problem, controller, starts, simulation, lanes=1, threads=1)
+    for lanes, threads in [(1, 4), (2, 2), (4, 1), (8, 4), (16, 1), (32, 2), (None, None)]:
+        found = figures_of(problem, controller, starts, simulation, lanes, threads)
+        for one, other in zip(found, expected, strict=True):
+            assert np.array_equal(one, other, equal_nan=True), f"{lanes} lanes, {threads} threads"
+
+
+@pytest.mark.parametrize(("n", "scheme"), [(1, "mrac"), (2, "l1")])
+def test_a_member_is_what_it_is_alone(problems, n, scheme):
+    problem, controller = problems[n], example_controllers(n)[scheme][0]
+    starts = np.random.default_rng(2).normal(size=(n, 9))
+    simulation = Simulation(t_end=3000 * 2.0**-7, dt=2.0**-7)
+    together = figures_of(problem, controller, starts, simulation, lanes=8, threads=2)
+    for i in (0, 7, 8):
+        alone = figures_of(problem, controller, starts[:, i : i + 1], simulation, lanes=None, threads=1)
+        assert np.array_equal(alone[0][:, 0], together[0][:, i])
+        for one, all_ in zip(alone[1:], together[1:], strict=True):
+            assert np.array_equal(one[0], all_[i], equal_nan=True)
+
+
+def test_two_runs_are_the_same_run(section_v):
+    """In the regime of numerical chaos, where one bit would become a different trajectory."""
+    from barbalat.controllers import L1Adaptive
+    from barbalat.linear import input_filter
+    from barbalat.simulation import simulate
+
+    controller = L1Adaptive(gamma=1e4, filter=input_filter(0.02))
+    simulation = Simulation(t_end=5.0, dt=1e-4)
+    first, second = (simulate(section_v, [controller], simulation, threads=threads)["L1"] for threads in (1, 4))
+    assert np.array_equal(first.theta_hat, second.theta_hat)
+    assert first.figures == second.figures
