@@ -128,7 +128,7 @@ finally:
 
 
 def test_reproduce(tmp_path, capsys):
-    assert main(["reproduce", "--out", str(tmp_path), "--json"]) == 0
+    assert main(["reproduce", "--quick", "--out", str(tmp_path), "--json"]) == 0
     document = json.loads(capsys.readouterr().out)
     assert set(document["figures"]) >= {"2", "3", "4", "5"}
     assert all(figure["reproduced"] for figure in document["figures"].values())

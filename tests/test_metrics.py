@@ -136,6 +136,22 @@ def test_the_time_of_divergence(factor, record_points):
     assert np.isfinite(result.x).all()
 
 
+@pytest.mark.parametrize("record_points", [2, 9, 2000])
+def test_a_run_that_comes_back_has_diverged_all_the_same(record_points):
+    """A stable plant whose transient passes 1e12 and decays again within one block: the first crossing counts."""
+    plant = Plant(A_m=[[-1.0, 6.0], [0.0, -1.0]], b=[0.0, 1.0], theta=[0.0, 0.0], x0=[0.0, 3e11])
+    problem = Problem(plant=plant, uncertainty=ParameterBox(lower=[0.0, 0.0], upper=[0.0, 0.0]))
+    steps, h = 400, 2.0**-5
+    samples = brute_force(ClosedLoop.of(problem, NOTHING), problem.signals, "rk4", h, steps)
+    size = np.abs(samples.states).sum(axis=1)
+    first = int(np.flatnonzero(size > DIVERGENCE_LIMIT)[0])
+    assert 0 < first < steps
+    assert size[-1] < 0.1 * DIVERGENCE_LIMIT
+    result = simulate(problem, [NOTHING], Simulation(t_end=steps * h, dt=h, record_points=record_points))["MRAC"]
+    assert result.diverged_at == first * h
+    assert result.figures["max_abs_u"] is None
+
+
 def test_divergence_in_the_last_step_and_never():
     factor = 1e3  # 1e12 after four steps is not above the limit by itself, but x_m comes on top; after five it is
     for steps, expected in ((3, None), (4, 4.0), (5, 4.0)):

@@ -189,11 +189,25 @@ def test_an_uncontrollable_pair_is_refused_in_random_coordinates(n):
         assert "controllable" in refusal(lambda A_m=A_m, b=T @ b: Plant(A_m=A_m, b=b, theta=np.zeros(len(b))))
 
 
-@pytest.mark.parametrize(("t_end", "dt"), [(1.0, 0.3), (1.0, 0.15), (60.0, 0.07), (2.0, 0.3), (10.0, 0.0033), (7.0, 5.0)])
-def test_the_step_that_the_message_proposes_is_accepted(t_end, dt):
-    message = refusal(lambda: Simulation(t_end=t_end, dt=dt))
-    proposed = float(message.split(";")[-1].replace("would", ""))
-    assert Simulation(t_end=t_end, dt=proposed).steps == round(t_end / dt)
+def test_the_step_that_the_message_proposes_is_accepted():
+    """Typed back as it is printed, for 500 pairs as a user would give them."""
+    random = np.random.default_rng(0)
+    for _ in range(500):
+        t_end, dt = float(f"{random.uniform(0.1, 100):.3g}"), float(f"{10 ** random.uniform(-5, 0):.2g}")
+        if abs(t_end / dt - round(t_end / dt)) < 1e-6 or t_end < dt:
+            continue
+        message = refusal(lambda t_end=t_end, dt=dt: Simulation(t_end=t_end, dt=dt))
+        proposed = float(message.split(";")[-1].replace("would", ""))
+        assert Simulation(t_end=t_end, dt=proposed).steps == round(t_end / dt)
+
+
+@pytest.mark.parametrize("tau", [1e-300, 4.4e-212, 1e-160, 1e30, 4.2e37, 1e200])
+def test_an_absurd_tau_is_carried_or_refused(section_v, tau):
+    """Q = W_m^-1/(tau s + 1)^n* leaves the range of doubles: no warning, no infinite matrix."""
+    for c_0 in ([1.0, 1.0], [1.0, 0.0]):
+        equations = accepted_or_refused_well(RobustMrac(tau=tau, law=LAW, c_0=c_0).bind, {}, "known", section_v.known)
+        if equations is not None:
+            assert all(np.isfinite(part).all() for part in (equations.Q.A, equations.Q.B, equations.Q.C, equations.Q.D))
 
 
 def test_numbers_of_numpy_are_numbers():
@@ -214,13 +228,16 @@ ODD_OBJECTS = {
     "a scheme": lambda: Mrac,
     "a solver": lambda: RK4, "a law": lambda: LAW, "bytes": lambda: b"1", "a dict": dict, "a set": lambda: {1.0},
     "a range": lambda: range(3),
-    "a slice": lambda: slice(2), "empty": lambda: np.zeros((0, 0)), "2 x 2": lambda: np.zeros((2, 2)), "cube": lambda: np.zeros((2, 2, 2)),
+    "a slice": lambda: slice(2), "empty": lambda: np.zeros((0, 0)), "2 x 2": lambda: np.zeros((2, 2)),
+    "cube": lambda: np.zeros((2, 2, 2)),
     "array of None": lambda: np.array(None), "complex": lambda: np.array([1j, 2]), "texts": lambda: np.array(["a", "b"]),
     "array of objects": lambda: np.array([object(), 1]), "list of arrays": lambda: [np.eye(2), np.eye(2)],
     "masked": lambda: np.ma.masked_array([1.0, 2.0], mask=[True, False]), "a date": lambda: np.datetime64("2020-01-01"),
     "large": lambda: np.full((2, 2), 1e308), "large and stable": lambda: [[-1e308, 1e308], [-1e308, -1e308]],
-    "denormal": lambda: [1e-320, 1e-320], "SX": lambda: ca.SX.sym("a", 2), "MX": lambda: ca.MX.sym("a", 2), "DM": lambda: ca.DM([1, 2]),
-    "list with SX": lambda: [ca.SX.sym("a"), 1.0], "beyond a double": lambda: np.full(2, np.longdouble(10) ** 400), "digits": lambda: "12",
+    "denormal": lambda: [1e-320, 1e-320], "SX": lambda: ca.SX.sym("a", 2), "MX": lambda: ca.MX.sym("a", 2),
+    "DM": lambda: ca.DM([1, 2]),
+    "list with SX": lambda: [ca.SX.sym("a"), 1.0], "beyond a double": lambda: np.full(2, np.longdouble(10) ** 400),
+    "digits": lambda: "12",
     "tuples": lambda: ((1, 2), (3, 4)), "an iterator": lambda: iter([1.0, 2.0]), "a generator": lambda: (v for v in [1.0]),
 }  # fmt: skip
 ODD = st.one_of(
@@ -307,7 +324,7 @@ def test_whatever_a_scheme_is_given(section_v, make):
     def fuzz(field, value):
         controller = accepted_or_refused_well(make, SCHEMES[make], field, value)
         if controller is not None:
-            accepted_or_refused_well(lambda known: controller.bind(known), {}, "known", section_v.known)
+            accepted_or_refused_well(controller.bind, {}, "known", section_v.known)
 
     fuzz()
 

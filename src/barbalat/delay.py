@@ -11,9 +11,14 @@ import numpy as np
 from barbalat.lowering.llvm_ir import TAPS
 from barbalat.validate import Array, InputError
 
+LONGEST = 10_000_000
+"""Steps that a member may remember: 80 MB each."""
+
 
 def lag(delay: float, dt: float) -> int:
     """Steps back to the newest remembered value that a step needs; InputError for a delay below two steps."""
+    if delay / dt > LONGEST:
+        raise InputError(f"plant.input.delay must be at most {LONGEST:g} solver steps, got {delay:g} s at dt = {dt:g} s")
     whole = whole_steps(delay, dt)
     if whole < 2:
         raise InputError(f"plant.input.delay must be 0 or at least two solver steps, got {delay:g} s at dt = {dt:g} s")

@@ -47,8 +47,16 @@ def simulate_ensemble(
 
     threads, lanes  only speed depends on them, not a single bit of the results
     """
+    if lanes is not None and (validate.whole("lanes", lanes, least=1) & (lanes - 1)):
+        raise InputError(f"lanes must be a power of two, got {lanes}")
+    if not isinstance(members, (list, tuple)):
+        raise InputError(f"members must be a list of pairs (problem, controller), got {validate.show(members)}")
     if not members:
         raise InputError("an ensemble needs at least one member, got none")
+    validate.instance("simulation", simulation, Simulation)
+    for i, member in enumerate(members, start=1):
+        if not (isinstance(member, tuple) and len(member) == 2 and isinstance(member[0], Problem)):
+            raise InputError(f"member {i} must be a pair (problem, controller), got {validate.show(member)}")
     signals = members[0][0].signals
     for i, (problem, _) in enumerate(members):
         if problem.signals != signals:

@@ -45,7 +45,7 @@ class Simulation:
         if steps < 1 or abs(steps * dt - t_end) > 1e-9 * t_end:
             nearest = t_end / max(steps, 1)
             raise InputError(
-                f"simulation.dt must divide simulation.t_end, but {t_end:g} / {dt:g} = {ratio:.9g}; {nearest:.9g} would"
+                f"simulation.dt must divide simulation.t_end, but {t_end:g} / {dt:g} = {ratio:.9g}; {nearest!r} would"
             )
         object.__setattr__(self, "t_end", t_end)
         object.__setattr__(self, "dt", dt)

@@ -109,11 +109,12 @@ class TransferFunction:
         D = float(num[0])
         if order == 0:
             return StateSpace(np.zeros((0, 0)), np.zeros(0), np.zeros(0), D)
-        A = np.vstack([-self.den[1:], np.eye(order)[:-1]])
-        B = np.eye(order)[0]
-        C = num[1:] - D * self.den[1:]
-        A, scale = balance(A)
-        return StateSpace(A, B / scale, C * scale, D)
+        with np.errstate(over="ignore", invalid="ignore"):  # what leaves the range of floats is refused below
+            A, scale = balance(np.vstack([-self.den[1:], np.eye(order)[:-1]]))
+            B, C = np.eye(order)[0] / scale, (num[1:] - D * self.den[1:]) * scale
+        if not all(np.isfinite(part).all() for part in (A, B, C, D)):
+            raise InputError(f"the system's coefficients are too far apart to be realised: num {self.num}, den {self.den}")
+        return StateSpace(A, B, C, D)
 
 
 def input_filter(kappa: float) -> TransferFunction:

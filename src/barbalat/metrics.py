@@ -129,7 +129,7 @@ class Totals:
             elif operation == "max":
                 total[rows] = np.maximum(total[rows], out[:, rows].max(axis=0))
             elif operation == "sum":
-                total[rows] += out[:, rows].sum(axis=0)
+                total[rows] += out[:, rows].cumsum(axis=0)[-1]  # block by block: sum() would group them by the memory layout
         good_steps = out[:, self.at["good", "steps"].start]
         bad = good_steps < segment.length
         first = bad.argmax(axis=0)

@@ -127,6 +127,32 @@ def test_random_graphs(graph):
         np.testing.assert_array_equal(run_kernel(optimised, points, lanes=lanes), np.array(expected)[:, None].repeat(3, axis=1))
 
 
+def grown(random, depth):
+    """A tree of sums, differences, products and signs; every part is used once, so all of it may be associated anew."""
+    if depth == 0 or random.random() < 0.1:
+        return ("constant", float(random.integers(-3, 4))) if random.random() < 0.4 else ("input", int(random.integers(6)))
+    name = str(random.choice(["add", "sub", "mul", "mul", "neg"]))
+    return (name, *(grown(random, depth - 1) for _ in range(1 if name == "neg" else 2)))
+
+
+def value_of(tree, x):
+    if tree[0] in ("constant", "input"):
+        return tree[1] if tree[0] == "constant" else x[tree[1]]
+    return GRAPH_OPERATIONS[tree[0]][1](*(value_of(part, x) for part in tree[1:]))
+
+
+@REPRODUCIBLE
+@given(st.integers(0, 2**32 - 1))
+def test_random_trees(seed):
+    """Signs, fused products and collected constants: whole numbers below 2^53 (3^16 at depth 4), so equality is exact."""
+    random = np.random.default_rng(seed)
+    trees, numbers = [grown(random, 4) for _ in range(6)], [float(v) for v in random.integers(-3, 4, 6)]
+    program = optimize(read(traced(lambda x, _: [value_of(tree, x) for tree in trees], 6)))
+    expected = [value_of(tree, numbers) for tree in trees]
+    assert interpret(program, numbers) == expected
+    assert run_kernel(program, np.array(numbers)[:, None], lanes=1)[:, 0].tolist() == expected
+
+
 @REPRODUCIBLE
 @given(st.integers(0, 2**32 - 1), st.integers(2, 30))
 def test_sums_of_products_of_reals(seed, terms):

@@ -57,30 +57,33 @@ def test_kernel_against_stepping_the_casadi_function(problems, scheme):
     np.testing.assert_array_equal(out[0, : loop.size, 0], loop.initial())
 
 
-def batch_of(problem, controller, starts, simulation, lanes):
+def batch_of(problem, controller, starts, simulation, lanes, record):
     loop = ClosedLoop.of(problem, controller)
     states = loop.initial()[:, None].repeat(starts.shape[1], axis=1)
     states[: len(starts)] += starts
-    return Batch(step_program(loop, simulation.solver, simulation.dt), states, np.zeros((0, starts.shape[1])), lanes=lanes), loop
+    return Batch(
+        step_program(loop, simulation.solver, simulation.dt), states, np.zeros((0, starts.shape[1])), record=record, lanes=lanes
+    ), loop
 
 
-def figures_of(problem, controller, starts, simulation, lanes, threads):
-    batch, loop = batch_of(problem, controller, starts, simulation, lanes)
+def figures_of(problem, controller, starts, simulation, lanes, threads, record=False):
+    batch, loop = batch_of(problem, controller, starts, simulation, lanes, record)
     run([batch], problem.signals, simulation, threads=threads)
     metrics = batch.metrics(simulation, loop.theta_hat_rows)
     return [batch.final_states, *(getattr(metrics, name) for name in metrics.__dataclass_fields__)]
 
 
 @pytest.mark.parametrize(("n", "scheme"), [(1, "mrac"), (2, "l1"), (2, "robust-mrac")])
-def test_bit_identity_over_lanes_and_threads(problems, n, scheme):
+@pytest.mark.parametrize("record", [False, True])
+def test_bit_identity_over_lanes_and_threads(problems, n, scheme, record):
     """13 members, a multiple of no width above 1; thousands of blocks, so that also the merging of blocks must not depend on
     how members lie in memory. Every number equal to the last bit."""
     problem, controller = problems[n], example_controllers(n)[scheme][0]
     starts = np.random.default_rng(1).normal(size=(n, 13))
     simulation = Simulation(t_end=5000 * 2.0**-7, dt=2.0**-7)
-    expected = figures_of(problem, controller, starts, simulation, lanes=1, threads=1)
+    expected = figures_of(problem, controller, starts, simulation, lanes=1, threads=1, record=record)
     for lanes, threads in [(1, 4), (2, 2), (4, 1), (8, 4), (16, 1), (32, 2), (None, None)]:
-        found = figures_of(problem, controller, starts, simulation, lanes, threads)
+        found = figures_of(problem, controller, starts, simulation, lanes, threads, record)
         for one, other in zip(found, expected, strict=True):
             assert np.array_equal(one, other, equal_nan=True), f"{lanes} lanes, {threads} threads"
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from barbalat.certify import theorem1
 from barbalat.certify.certificate import Certificate
-from barbalat.certify.enclosure import Enclosure
+from barbalat.certify.l1 import Enclosure
 from barbalat.certify.loops import around_equilibrium, fast_adaptation, known_parameters, series
 from barbalat.certify.margins import margins
 from barbalat.certify.numerics import adaptation_frequency, gamma_limit

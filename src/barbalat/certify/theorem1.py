@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from barbalat.certify.enclosure import Enclosure, float_above
-from barbalat.certify.l1_norm import l1_norm
+from barbalat.certify.l1 import Enclosure, float_above, l1_norm
 from barbalat.linear import StateSpace, TransferFunction, input_filter
 from barbalat.problem import Known, Problem
 from barbalat.protocols import BoundedSignal

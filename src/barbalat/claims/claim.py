@@ -7,7 +7,15 @@ from typing import Any, Literal
 
 from barbalat.result import Result
 
-Verdict = Literal["confirmed", "confirmed with conditions", "not confirmed", "erratum"]
+Verdict = Literal["confirmed", "confirmed with conditions", "not confirmed", "erratum", "pending"]
+"""The contract's words, and "pending" for a statement about a scheme that is not in yet."""
+
+
+def verdict(*, holds: bool, conditional: bool = False) -> Verdict:
+    """The verdict on a statement that was measured to hold, to hold under a condition that the paper does not name, or not."""
+    if not holds:
+        return "not confirmed"
+    return "confirmed with conditions" if conditional else "confirmed"
 
 
 @dataclass(frozen=True)

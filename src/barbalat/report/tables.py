@@ -11,7 +11,7 @@ from barbalat.certify.certificate import Certificate
 from barbalat.claims.claim import Claim, PaperFigure
 from barbalat.result import Result
 
-STYLES = {"confirmed": "green", "confirmed with conditions": "yellow", "not confirmed": "red", "erratum": "red"}
+STYLES = {"confirmed": "green", "confirmed with conditions": "yellow", "not confirmed": "red", "erratum": "red", "pending": "dim"}
 
 
 def figures_of_runs(results: Sequence[Result]) -> Table:

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from barbalat import validate
-from barbalat.signals.smooth import Continuous
+from barbalat.signals.smooth import Continuous, outward
 from barbalat.validate import Array, InputError
 
 
@@ -68,7 +68,7 @@ class Recorded(Continuous):
 
     @property
     def bound(self) -> float:
-        return float(np.abs(self.values).max())
+        return outward(float(np.abs(self.values).max()))
 
 
 def _is_number(cell: str) -> bool:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import cast
 
 import numpy as np
 from flint import acb, arb, arb_mat, ctx, fmpz_mat
@@ -93,12 +94,7 @@ def scaled(A: FloatMatrix, B: FloatMatrix, C: FloatMatrix) -> ScaledSystem:
     _, _, _, scaling, _ = dgebal(A, scale=1, permute=0)
     exponents = [math.frexp(float(scale))[1] - 1 for scale in scaling]
     rows = A.tolist()
-    shifts = [
-        math.frexp(rows[i][j])[1] + exponents[j] - exponents[i]
-        for i in range(n)
-        for j in range(n)
-        if rows[i][j]
-    ]
+    shifts = [math.frexp(rows[i][j])[1] + exponents[j] - exponents[i] for i in range(n) for j in range(n) if rows[i][j]]
     time = max(shifts)
     up = [arb(2) ** exponent for exponent in exponents]
     down = [arb(2) ** -(exponent + time) for exponent in exponents]
@@ -121,7 +117,8 @@ def eigenvalues(A: FloatMatrix) -> list[tuple[acb, int]]:
     fractions = [value.as_integer_ratio() for value in entries]
     denominator = max(bottom for _, bottom in fractions)  # a power of two, and so a multiple of the others
     integers = fmpz_mat(n, n, [top * (denominator // bottom) for top, bottom in fractions])
-    roots = integers.charpoly().complex_roots()
+    # The stub of python-flint 0.9 types the (root, multiplicity) pairs as single roots.
+    roots = cast("list[tuple[acb, int]]", integers.charpoly().complex_roots())
     scale = arb(denominator)
     return [(acb(root) / scale, int(multiplicity)) for root, multiplicity in roots]
 
@@ -139,8 +136,7 @@ def require_hurwitz(A: FloatMatrix) -> None:
             quoted = float(largest.mid())
         if unstable or bits >= _SPECTRUM_BITS_LIMIT:
             raise ValueError(
-                "the L1 norm needs a matrix A certainly Hurwitz, "
-                f"but its largest eigenvalue real part is {quoted:.6g}"
+                f"the L1 norm needs a matrix A certainly Hurwitz, but its largest eigenvalue real part is {quoted:.6g}"
             )
         bits *= 2
 
@@ -149,8 +145,8 @@ def require_hurwitz(A: FloatMatrix) -> None:
 class DecayCertificate:
     """Verified quadratic form P with |C e^(As) x|, weighted by e^(rate s), bounded in L2 by sqrt(x'Px).
 
-    P is positive definite and A'P + PA + 2 rate P + C'C <= 0 in ball arithmetic. Integrating the derivative of
-    e^(2 rate s) x(s)'P x(s) along x(s) = e^(As) x gives, for every row c of C (p, n),
+    P is positive definite and A'P + PA + 2 rate P + C'C <= 0 in ball arithmetic. Integrating the derivative
+    of e^(2 rate s) x(s)'P x(s) along x(s) = e^(As) x gives, for every row c of C (p, n),
     integral_0^inf e^(2 rate s) (c x(s))^2 ds <= x'Px, and norm(x(s)) <= e^(-rate s) norm(x). The existence of
     P proves that A is Hurwitz with all real parts <= -rate (Khalil, Nonlinear Systems, Theorem 4.6).
     """
@@ -167,9 +163,7 @@ class DecayCertificate:
         return norm / (2 * self.rate).sqrt()
 
 
-def decay_certificate(
-    A: arb_mat, C: arb_mat, spectrum: Sequence[complex], rate: float
-) -> DecayCertificate | None:
+def decay_certificate(A: arb_mat, C: arb_mat, spectrum: Sequence[complex], rate: float) -> DecayCertificate | None:
     """Return a verified certificate for A (n, n), C (p, n) at the rate (1/s), None if this precision fails.
 
     `spectrum` holds approximate eigenvalues of A, only used to steer the iteration. P is found by Smith's
@@ -177,8 +171,8 @@ def decay_certificate(
     """
     n = A.nrows()
     shifted = A + identity(n) * arb(rate)
-    # C'C alone may be singular; the added multiple of I makes P definite and absorbs the rounding of P. A third
-    # of the digits keeps it far below C'C and far above the rounding.
+    # C'C alone may be singular; the added multiple of I makes P definite and absorbs the rounding of P.
+    # A third of the digits keeps it far below C'C and far above the rounding.
     gram = C.transpose() * C
     largest = max((abs(gram[i, i]) for i in range(n)), key=float).upper()
     slack = (largest if largest > 0 else arb(1)) * arb(2) ** (-(ctx.prec // 3))
@@ -206,10 +200,8 @@ def identity(n: int) -> arb_mat:
 
 
 def _approximate_lyapunov(M: arb_mat, weight: arb_mat, spectrum: Sequence[complex]) -> arb_mat | None:
-    """Return an approximate symmetric solution P of M'P + PM = -weight; None if a solve or sum breaks down."""
-    shift = math.sqrt(min(abs(value) for value in spectrum)) * math.sqrt(
-        max(abs(value) for value in spectrum)
-    )
+    """Return an approximate symmetric solution P of M'P + PM = -weight, None if that breaks down."""
+    shift = math.sqrt(min(abs(value) for value in spectrum)) * math.sqrt(max(abs(value) for value in spectrum))
     if not (0.0 < shift < math.inf) or any(value.real >= 0.0 for value in spectrum):
         return None
     unit = identity(M.nrows()) * arb(shift)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from flint import acb, acb_mat, arb, arb_mat, ctx
 
-from barbalat.certify.enclosure import DecayCertificate, decay_certificate, identity
+from barbalat.certify.l1.enclosure import DecayCertificate, decay_certificate, identity
 
 # Marching time takes about one segment a sign change; the closed form costs about as much as this many.
 _WORTHWHILE_SIGN_CHANGES = 12.0
@@ -20,8 +20,8 @@ class SlowOscillation:
     """Simple complex pair eigenvalue, conj(eigenvalue) that outlives every other mode.
 
     `projector` (n, n) is the complex spectral projector on the eigenvalue with positive imaginary part;
-    `complement` is I - 2 Re(projector), the projector on all other modes. `remainder` bounds the motion of the
-    other modes, None if there are none (n = 2).
+    `complement` is I - 2 Re(projector), the projector on all other modes. `remainder` bounds the motion of
+    the other modes, None if there are none (n = 2).
     """
 
     eigenvalue: acb

@@ -1,0 +1,132 @@
+"""Polynomials on a segment of time: the sign of each proved with Bernstein coefficients, or charged."""
+
+from __future__ import annotations
+
+import math
+from functools import lru_cache
+
+from flint import arb, arb_mat, arb_poly, ctx
+
+# Taylor degree of a segment. At degree d the remainder reaches 1e-12 for frequency * step = (1e-12 d!)^(1/d),
+# 3 rad at d = 24: about one sign change a segment, which one set of Bernstein coefficients still resolves.
+DEGREE = 24
+# A piece halved this often is shorter than rounding of its ends; its unresolved sign is then simply charged.
+_HALVINGS_LIMIT = 64
+# Newton doubles the digits each time: from one digit to beyond float64 in four or five steps.
+_NEWTON_STEPS = 8
+# A root this close to an end (relative) is left to halving, to keep the pieces from degenerating.
+_NEAREST_SPLIT = 2.0**-40
+
+
+@lru_cache(maxsize=8)
+def bernstein_matrix(bits: int) -> arb_mat:
+    """Return the matrix from Taylor to Bernstein coefficients of degree DEGREE on [0, 1], at `bits` bits.
+
+    b_i = sum over k <= i of binomial(i, k)/binomial(d, k) a_k (Farouki, The Bernstein polynomial basis,
+    2012).
+    """
+    size = DEGREE + 1
+    with ctx.workprec(bits):
+        inverses = [1 / arb(math.comb(DEGREE, k)) for k in range(size)]
+        return arb_mat([[inverses[k] * math.comb(i, k) for k in range(size)] for i in range(size)])
+
+
+def remainder_constant(length: arb) -> arb:
+    """Return K: |h - Taylor polynomial| averages at most K norm(A^(d+1) x) over [0, length], d = DEGREE.
+
+    The remainder integral_0^s (s-u)^d/d! c A^(d+1) e^(Au) x du is at most, by Cauchy-Schwarz and the
+    certificate, s^(d+1/2)/(d! sqrt(2d+1)) norm(A^(d+1) x); its mean over the segment divides by d + 3/2.
+    """
+    degree = arb(DEGREE)
+    power = length**DEGREE * length.sqrt()
+    return power / (arb(math.factorial(DEGREE)) * (2 * degree + 1).sqrt() * (degree + arb(1.5)))
+
+
+class Piece:
+    """Polynomial on [0, 1] by its Bernstein coefficients: |total| <= integral |p| <= |total| + gap.
+
+    The mean of the coefficients is the integral; min(negative, positive part) of p is at most the same part
+    of its coefficients, as the Bernstein polynomials are nonnegative, and 2 min(...) is the gap.
+    """
+
+    __slots__ = ("coefficients", "gap", "total")
+
+    def __init__(self, coefficients: list[arb]) -> None:
+        self.coefficients = coefficients
+        self.total: arb = sum(coefficients, arb(0)) / len(coefficients)
+        negative = [-value for value in coefficients if not value >= 0]
+        positive = [value for value in coefficients if not value <= 0]
+        self.gap: arb = arb(0)
+        if negative and positive:
+            below = sum((value.upper() for value in negative), arb(0))
+            above = sum((value.upper() for value in positive), arb(0))
+            self.gap = 2 * min(below, above) / len(coefficients)
+
+    def blurred(self) -> bool:
+        """Say whether the gap comes from the radii of the coefficients, which halving cannot shrink."""
+        noise = sum((value.rad() for value in self.coefficients), arb(0)) / len(self.coefficients)
+        # A coefficient known only as noise adds at most twice its radius, and the gap counts it twice.
+        return not self.gap > 4 * noise
+
+    def sign_variations(self) -> tuple[int, float]:
+        """Return the number of sign variations and where the first lies on the control polygon, in [0, 1]."""
+        values = [float(value) for value in self.coefficients]
+        scale = max(abs(value) for value in values)
+        variations, place, last = 0, 0.5, 0
+        for i, value in enumerate(values):
+            if abs(value) <= 2.0**-52 * scale:  # noise of the float image
+                continue
+            if values[last] * value < 0.0:
+                variations += 1
+                if variations == 1:
+                    before = abs(values[last])
+                    place = (last + (i - last) * before / (before + abs(value))) / (len(values) - 1)
+            last = i
+        return variations, place
+
+
+def resolved(polynomial: arb_poly, piece: Piece, tolerance: arb, room: int) -> list[Piece]:
+    """Return pieces, in order of time, whose gaps are within the tolerance, about `room` pieces at most.
+
+    Pieces that cannot be resolved at this precision or within the room keep their larger gap.
+
+    A child on [u, v] is p(u + (v - u) s) (v - u), so that integrals over [0, 1] of the children add up.
+    """
+    pending = [(polynomial, piece, 0)]
+    done: list[Piece] = []
+    while pending:
+        polynomial, piece, halvings = pending.pop()
+        full = halvings >= _HALVINGS_LIMIT or len(done) + len(pending) >= room
+        if full or piece.gap <= tolerance or piece.blurred():
+            done.append(piece)
+            continue
+        split = _split_point(polynomial, piece)
+        for start, length in ((split, 1 - split), (arb(0), split)):
+            child = polynomial(arb_poly([start, length])) * length
+            coefficients = child.coeffs()
+            coefficients += [arb(0)] * (DEGREE + 1 - len(coefficients))
+            column = arb_mat(DEGREE + 1, 1, coefficients)
+            values = (bernstein_matrix(ctx.prec) * column).entries()
+            pending.append((child, Piece(values), halvings + 1))
+    return done
+
+
+def _split_point(polynomial: arb_poly, piece: Piece) -> arb:
+    """Return an exact point of (0, 1): close to the only root if there is one, else the middle."""
+    variations, place = piece.sign_variations()
+    middle = arb(0.5)
+    if variations != 1:
+        return middle
+    derivative = polynomial.derivative()
+    point = arb(place)
+    for _ in range(_NEWTON_STEPS):
+        slope = derivative(point).mid()
+        if slope == 0:
+            return middle
+        correction = (polynomial(point).mid() / slope).mid()
+        point = (point - correction).mid()
+        if not (point > _NEAREST_SPLIT and point < 1 - _NEAREST_SPLIT):
+            return middle
+        if abs(correction) < _NEAREST_SPLIT:  # the next error is its square, beyond float64
+            return point
+    return middle
