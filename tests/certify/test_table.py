@@ -1,0 +1,73 @@
+"""The certificates of whole cases: contract keys, what is called guaranteed, and what is said when nothing can be."""
+
+import json
+
+import pytest
+
+from barbalat import InputError, L1Adaptive, Mrac, PlantInput, TransferFunction, input_filter
+from barbalat.cases.load import load_case
+from barbalat.certify.table import certify
+from barbalat.claims.variants import variant
+from barbalat.cli import main
+from barbalat.grid import Simulation
+
+SIMULATION = Simulation(t_end=60.0, dt=1e-4)
+
+
+def test_json_of_the_paper_case(capsys):
+    assert main(["certify", "paper", "--json"]) == 0
+    document = json.loads(capsys.readouterr().out)
+    l1 = document["controllers"]["L1"]
+    assert l1["condition"]["holds"] is True and l1["condition"]["limit"] == 1.0
+    assert l1["condition"]["value_upper"] == pytest.approx(0.4301, abs=1e-4)
+    for norm in ("W_b(1-C)", "sW_b"):
+        ends = l1["norms"][norm]
+        assert 0 < ends["lower"] <= ends["upper"] <= ends["lower"] * (1 + 1e-9)
+    assert 0.0495 < l1["kappa_admissible"] < 0.05
+    assert l1["kappa_max"] == pytest.approx(1 / (10 * 2.305242232582694), rel=1e-9)
+    for key in ("nu_0", "error_bound", "adaptation_frequency", "gamma_max", "step_max", "delay_margin", "assumptions"):
+        assert key in l1
+    assert document["controllers"]["MRAC"]["error_bound"] == pytest.approx(6.6035, abs=1e-3)
+    assert "norms" not in document["controllers"]["MRAC"] and "error_bound" not in document["controllers"]["Robust MRAC"]
+
+
+def test_gain_and_step_limits_agree():
+    """At gamma_max the limit of the step is the step; both follow from h omega_a = 2.83."""
+    case = load_case("paper")
+    first = certify(case.problem, (Mrac(gamma=1.0),), case.simulation)["MRAC"].values
+    again = certify(case.problem, (Mrac(gamma=first["gamma_max"]),), case.simulation)["MRAC"].values
+    assert again["step_max"] == pytest.approx(case.simulation.dt, rel=1e-9)
+
+
+def test_unmodelled_dynamics_take_the_guarantee_away():
+    given = variant(input=PlantInput(actuator=TransferFunction([2500.0], [1.0, 100.0, 2500.0])))
+    found = certify(given, (Mrac(gamma=1.0),), SIMULATION)["MRAC"]
+    assert "error_bound" not in found.guaranteed
+    assert any("unmodelled" in finding for finding in found.findings)
+    plain = certify(variant(), (Mrac(gamma=1.0),), SIMULATION)["MRAC"]
+    assert found.values["delay_margin"] < plain.values["delay_margin"]  # the actuator's lag is spent
+
+
+def test_a_delay_is_taken_off_the_margin():
+    plain = certify(variant(), (Mrac(gamma=1.0),), SIMULATION)["MRAC"].values["delay_margin"]
+    delayed = certify(variant(input=PlantInput(delay=0.1)), (Mrac(gamma=1.0),), SIMULATION)["MRAC"].values["delay_margin"]
+    assert delayed == pytest.approx(plain - 0.1, rel=1e-9)
+
+
+def test_theta_outside_the_set_and_a_failed_condition():
+    outside = certify(variant(theta=[7.0, 0.0]), (Mrac(gamma=1.0),), SIMULATION)["MRAC"]
+    assert "error_bound" not in outside.guaranteed and any("outside" in finding for finding in outside.findings)
+    slow = certify(variant(), (L1Adaptive(gamma=1.0, filter=input_filter(0.06)),), SIMULATION)["L1"]
+    assert slow.values["condition"]["holds"] is False
+    assert "error_bound" not in slow.values and any("not below 1" in finding for finding in slow.findings)
+
+
+def test_a_reference_without_a_bound_is_refused():
+    class Unbounded:
+        def __call__(self, t):
+            return t
+
+        before = __call__
+
+    with pytest.raises(InputError, match="needs a reference with a bound"):
+        certify(variant(reference=Unbounded()), (Mrac(gamma=1.0),), SIMULATION)
