@@ -4,11 +4,14 @@ import json
 
 import pytest
 
-from barbalat import InputError, L1Adaptive, Mrac, PlantInput, TransferFunction, input_filter
+from barbalat import Constant, InputError, L1Adaptive, Mrac, PlantInput, TransferFunction, input_filter
 from barbalat.cases.load import load_case
+from barbalat.certify.loops import around_equilibrium, series
+from barbalat.certify.margins import margins
 from barbalat.certify.table import certify
 from barbalat.claims.variants import variant
 from barbalat.cli import main
+from barbalat.closed_loop import ClosedLoop
 from barbalat.grid import Simulation
 
 SIMULATION = Simulation(t_end=60.0, dt=1e-4)
@@ -46,6 +49,15 @@ def test_unmodelled_dynamics_take_the_guarantee_away():
     assert any("unmodelled" in finding for finding in found.findings)
     plain = certify(variant(), (Mrac(gamma=1.0),), SIMULATION)["MRAC"]
     assert found.values["delay_margin"] < plain.values["delay_margin"]  # the actuator's lag is spent
+
+
+def test_the_adapting_loop_gets_the_input_dynamics_once():
+    """Its margin with an actuator is that of the plain loop in series with the actuator."""
+    actuator = TransferFunction([2500.0], [1.0, 100.0, 2500.0])
+    given = variant(input=PlantInput(actuator=actuator), reference=Constant(0.02))
+    found = certify(given, (Mrac(gamma=1.0),), SIMULATION)["MRAC"].values["delay_margin_adapting"]
+    plain = around_equilibrium(ClosedLoop.of(variant(), Mrac(gamma=1.0)), 0.02)
+    assert found == pytest.approx(margins(series(actuator.realise(), plain)).delay, rel=1e-9)
 
 
 def test_a_delay_is_taken_off_the_margin():

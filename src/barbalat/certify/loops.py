@@ -37,6 +37,8 @@ def fast_adaptation(plant: Plant, C: StateSpace) -> StateSpace:
 def around_equilibrium(loop: ClosedLoop, r: float) -> StateSpace:
     """The adaptive loop linearised where e = 0, theta_hat = theta under the constant command r, the law included.
 
+    From the plant's input to the controller's output: unmodelled dynamics between the two are left to the caller.
+
     Exact Jacobians; for laws of the form theta_hat' = (scalar) x, which are the MRAC's and the L1-AC's.
     """
     import casadi as ca
@@ -62,13 +64,14 @@ def around_equilibrium(loop: ClosedLoop, r: float) -> StateSpace:
 
 
 def _moving_directions(loop: ClosedLoop, x: Array) -> Array:
-    """Orthonormal columns that span what v moves: not the model, and of the estimates only the direction of x.
+    """Orthonormal columns that span what v moves: not the model, not what lies before v, and of the estimates only along x.
 
     At rest the law's rate is x times a scalar, so the other directions neither move nor show in theta_hat'x.
     """
     n, rows = len(x), loop.theta_hat_rows
     identity = np.eye(loop.size)
-    kept = [i for i in range(loop.size) if not n <= i < 2 * n and not rows.start <= i < rows.stop]
+    before = 0 if loop.input is None else loop.input.order
+    kept = [i for i in range(loop.size) if not n <= i < 2 * n + before and not rows.start <= i < rows.stop]
     along = np.zeros(loop.size)
     length = float(np.linalg.norm(x))
     if length == 0:
