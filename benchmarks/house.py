@@ -105,12 +105,12 @@ def command_line(*, quick: bool) -> Section:
     if not command.exists():
         return [], [f"skipped: the command barbalat is not installed beside {Path(sys.executable).name}"]
     rows, notes = [], []
-    for argument, limit, repeats in (("--help", 0.3, 5), ("reproduce", 10.0, 1 if quick else 2)):
+    for argument, limit, repeats in (("--help", 0.3, 5), ("reproduce --quick", 10.0, 1 if quick else 2)):
         with tempfile.TemporaryDirectory() as folder:
             samples, done = [], None
             for _ in range(repeats):
                 start = time.perf_counter()
-                done = subprocess.run([command, argument], capture_output=True, text=True, check=False, cwd=folder)
+                done = subprocess.run([command, *argument.split()], capture_output=True, text=True, check=False, cwd=folder)
                 samples.append(time.perf_counter() - start)
         if done is not None and done.returncode:
             notes.append(f"barbalat {argument} ends with code {done.returncode}: {done.stderr.strip()[-120:]}")

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from barbalat.engine import best_lanes
-from barbalat.lowering.llvm_ir import LoopShape
+from barbalat.lowering.shape import LoopShape
 from benchmarks.loops import Case, command_table
 from benchmarks.race import Contestant
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from barbalat.lowering.llvm_ir import TAPS
+from barbalat.lowering.shape import TAPS
 from barbalat.validate import Array, InputError
 
 LONGEST = 10_000_000

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from barbalat.closed_loop import ClosedLoop, column, symbols
-from barbalat.lowering.llvm_ir import TAPS, LoopShape
 from barbalat.lowering.machine import Kernel
 from barbalat.lowering.operations import Program, read
 from barbalat.lowering.optimize import optimize
+from barbalat.lowering.shape import TAPS, LoopShape
 from barbalat.metrics import Accumulators
 from barbalat.protocols import Value
 from barbalat.solvers import Tableau

@@ -16,10 +16,10 @@ import pytest
 from barbalat import RK4, L1Adaptive, LeastSquares, ParameterBox, Plant, Problem, ReferenceModel, RobustMrac, input_filter
 from barbalat.closed_loop import ClosedLoop
 from barbalat.lowering import c99, llvm_ir
-from barbalat.lowering.llvm_ir import LoopShape
 from barbalat.lowering.machine import Kernel
 from barbalat.lowering.operations import Operation, Program, read
 from barbalat.lowering.optimize import optimize
+from barbalat.lowering.shape import LoopShape
 from barbalat.stepping import step_program
 
 needs_gcc = pytest.mark.skipif(shutil.which("gcc") is None, reason="gcc is not installed")

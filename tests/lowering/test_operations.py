@@ -10,10 +10,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from barbalat.lowering.llvm_ir import LoopShape
 from barbalat.lowering.machine import Kernel
 from barbalat.lowering.operations import COMPARISONS, Program, read
 from barbalat.lowering.optimize import optimize
+from barbalat.lowering.shape import LoopShape
 
 REPRODUCIBLE = settings(max_examples=100, derandomize=True, database=None, deadline=None)
 WIDTHS = (1, 2, 4, 8, 16, 32)

@@ -9,10 +9,10 @@ import pytest
 from barbalat.closed_loop import ClosedLoop
 from barbalat.engine import Batch, run
 from barbalat.grid import Simulation, signal_table
-from barbalat.lowering.llvm_ir import LoopShape
 from barbalat.lowering.machine import Kernel
 from barbalat.lowering.operations import read
 from barbalat.lowering.optimize import optimize
+from barbalat.lowering.shape import LoopShape
 from barbalat.solvers import RK4
 from barbalat.stepping import step_function, step_program
 from independent import example_controllers

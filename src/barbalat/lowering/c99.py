@@ -9,8 +9,9 @@ from __future__ import annotations
 
 import math
 
-from barbalat.lowering.llvm_ir import ENTRY, LoopShape
+from barbalat.lowering.llvm_ir import ENTRY
 from barbalat.lowering.operations import COMPARISONS, Operation, Program
+from barbalat.lowering.shape import LoopShape
 
 _INFIX = {"add": "+", "sub": "-", "mul": "*", "div": "/", "lt": "<", "le": "<=", "eq": "==", "ne": "!="}
 _FUNCTIONS = {

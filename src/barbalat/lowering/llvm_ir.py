@@ -7,9 +7,10 @@ block of steps and written out at its end, so that figures over all steps cost n
 from __future__ import annotations
 
 import struct
-from dataclasses import dataclass
 
+from barbalat.lowering.llvm_past import lag_loads, past_loads, remember
 from barbalat.lowering.operations import COMPARISONS, Program
+from barbalat.lowering.shape import TAPS, LoopShape
 
 ENTRY = "barbalat_loop"
 
@@ -19,26 +20,6 @@ _INTRINSICS = {
     "sqrt": 1, "fabs": 1, "floor": 1, "ceil": 1, "exp": 1, "log": 1, "sin": 1, "cos": 1, "tan": 1, "tanh": 1,
     "pow": 2, "copysign": 2,
 }  # fmt: skip
-
-
-@dataclass(frozen=True, slots=True)
-class LoopShape:
-    """Sizes of a step function's arguments: state, accumulators, parameters, signals, and its memory of the past.
-
-    delayed            channels whose value at every step is remembered; the step gets TAPS consecutive ones of each back
-    lag_per_member     whether members look back differently far
-    """
-
-    states: int
-    accumulators: int
-    parameters: int
-    signals: int
-    delayed: int = 0
-    lag_per_member: bool = False
-
-
-TAPS = 4
-"""Remembered values handed to a step for each delayed channel: enough for the cubic between them."""
 
 
 def constant(value: float) -> str:
@@ -178,7 +159,7 @@ def loop(step: Program, shape: LoopShape, resets: tuple[float, ...], lanes: int)
         "entry:",
         *(line for i in range(n) for line in load(f"x{i}.0", "%state", str(i))),
         *(line for i in range(shape.parameters) for line in load(f"p{i}", "%parameters", str(i))),
-        *_lag_loads(shape, lanes),
+        *lag_loads(shape, lanes),
         "  br label %block",
         "block:",
         "  %b = phi i64 [ 0, %entry ], [ %b.next, %block.end ]",
@@ -194,9 +175,9 @@ def loop(step: Program, shape: LoopShape, resets: tuple[float, ...], lanes: int)
         *(f"  %x{i} = phi {vector} [ %x{i}.b, %block ], [ {new[i]}, %step ]" for i in range(n)),
         *(f"  %a{i} = phi {vector} [ {printer.splat(resets[i])}, %block ], [ {new[n + i]}, %step ]" for i in range(m)),
         *_signal_loads(shape.signals, lanes, vector),
-        *_past_loads(shape, lanes, vector),
+        *past_loads(shape, lanes, vector),
         *printer.lines,
-        *_remember(shape, vector, new[n + m :]),
+        *remember(shape, vector, new[n + m :]),
         "  %k.next = add i64 %k, 1",
         "  %more = icmp ult i64 %k.next, %last",
         "  br i1 %more, label %step, label %block.end",
@@ -228,67 +209,4 @@ def _signal_loads(count: int, lanes: int, vector: str) -> list[str]:
                 f"  %s{i}.in = insertelement {vector} poison, double {scalar}, i64 0",
                 f"  %s{i} = shufflevector {vector} %s{i}.in, {vector} poison, <{lanes} x i32> zeroinitializer",
             ]
-    return lines
-
-
-def _lag_loads(shape: LoopShape, lanes: int) -> list[str]:
-    if not shape.delayed:
-        return []
-    count = lanes if shape.lag_per_member else 1
-    lines = []
-    for j in range(count):
-        lines += [f"  %lag{j}.at = getelementptr i64, ptr %lags, i64 {j}", f"  %lag{j} = load i64, ptr %lag{j}.at, align 8"]
-    return lines
-
-
-def _past_loads(shape: LoopShape, lanes: int, vector: str) -> list[str]:
-    """%d{channel * TAPS + tap}: what was remembered lag + tap steps ago."""
-    if not shape.delayed:
-        return []
-    lines = ["  %now = add i64 %k, %start"]
-    width = lanes if shape.lag_per_member else 1
-    for j in range(width):
-        lines.append(f"  %then{j}.0 = sub i64 %now, %lag{j}")
-        for tap in range(TAPS):
-            lines += [
-                f"  %then{j}.{tap}.t = sub i64 %then{j}.0, {tap}",
-                f"  %slot{j}.{tap} = and i64 %then{j}.{tap}.t, %mask",
-                f"  %base{j}.{tap} = mul i64 %slot{j}.{tap}, {shape.delayed}",
-            ]
-    for channel in range(shape.delayed):
-        for tap in range(TAPS):
-            name = f"d{channel * TAPS + tap}"
-            for j in range(width):
-                lines.append(f"  %{name}.{j}.row = add i64 %base{j}.{tap}, {channel}")
-            if not shape.lag_per_member or lanes == 1:
-                lines += [
-                    f"  %{name}.at = getelementptr {vector}, ptr %ring, i64 %{name}.0.row",
-                    f"  %{name} = load {vector}, ptr %{name}.at, align 8",
-                ]
-                continue
-            previous = "poison"
-            for j in range(lanes):
-                last = f"%{name}" if j == lanes - 1 else f"%{name}.in{j}"
-                lines += [
-                    f"  %{name}.{j}.one = mul i64 %{name}.{j}.row, {lanes}",
-                    f"  %{name}.{j}.two = add i64 %{name}.{j}.one, {j}",
-                    f"  %{name}.{j}.at = getelementptr double, ptr %ring, i64 %{name}.{j}.two",
-                    f"  %{name}.{j}.value = load double, ptr %{name}.{j}.at, align 8",
-                    f"  {last} = insertelement {vector} {previous}, double %{name}.{j}.value, i64 {j}",
-                ]
-                previous = last
-    return lines
-
-
-def _remember(shape: LoopShape, vector: str, values: list[str]) -> list[str]:
-    """Store the channels' values at the step's start, after the past was read."""
-    if not shape.delayed:
-        return []
-    lines = ["  %slot.now = and i64 %now, %mask", f"  %base.now = mul i64 %slot.now, {shape.delayed}"]
-    for channel, value in enumerate(values):
-        lines += [
-            f"  %keep{channel}.row = add i64 %base.now, {channel}",
-            f"  %keep{channel}.at = getelementptr {vector}, ptr %ring, i64 %keep{channel}.row",
-            f"  store {vector} {value}, ptr %keep{channel}.at, align 8",
-        ]
     return lines

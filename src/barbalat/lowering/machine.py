@@ -9,8 +9,8 @@ import llvmlite.binding as llvm
 import numpy as np
 
 from barbalat.lowering import llvm_ir
-from barbalat.lowering.llvm_ir import LoopShape
 from barbalat.lowering.operations import Program
+from barbalat.lowering.shape import TAPS, LoopShape
 
 
 @cache
@@ -37,7 +37,7 @@ class Past:
         if lags.min() < 1:
             raise ValueError(f"lags must be at least 1, got {lags.min()}")
         self.lags = np.ascontiguousarray(lags, dtype=np.int64)
-        depth = int(lags.max()) + llvm_ir.TAPS
+        depth = int(lags.max()) + TAPS
         self.ring = np.zeros((1 << (depth - 1).bit_length(), channels, len(lags)))
         self.step = 0
 

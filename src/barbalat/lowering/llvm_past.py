@@ -1,0 +1,69 @@
+"""IR for a step that remembers: a ring of past values beside the loop, one for each delayed channel."""
+
+from __future__ import annotations
+
+from barbalat.lowering.shape import TAPS, LoopShape
+
+
+def lag_loads(shape: LoopShape, lanes: int) -> list[str]:
+    """Once, at the start: how far each member looks back."""
+    if not shape.delayed:
+        return []
+    count = lanes if shape.lag_per_member else 1
+    lines = []
+    for j in range(count):
+        lines += [f"  %lag{j}.at = getelementptr i64, ptr %lags, i64 {j}", f"  %lag{j} = load i64, ptr %lag{j}.at, align 8"]
+    return lines
+
+
+def past_loads(shape: LoopShape, lanes: int, vector: str) -> list[str]:
+    """%d{channel * TAPS + tap}: what was remembered lag + tap steps ago."""
+    if not shape.delayed:
+        return []
+    lines = ["  %now = add i64 %k, %start"]
+    width = lanes if shape.lag_per_member else 1
+    for j in range(width):
+        lines.append(f"  %then{j}.0 = sub i64 %now, %lag{j}")
+        for tap in range(TAPS):
+            lines += [
+                f"  %then{j}.{tap}.t = sub i64 %then{j}.0, {tap}",
+                f"  %slot{j}.{tap} = and i64 %then{j}.{tap}.t, %mask",
+                f"  %base{j}.{tap} = mul i64 %slot{j}.{tap}, {shape.delayed}",
+            ]
+    for channel in range(shape.delayed):
+        for tap in range(TAPS):
+            name = f"d{channel * TAPS + tap}"
+            for j in range(width):
+                lines.append(f"  %{name}.{j}.row = add i64 %base{j}.{tap}, {channel}")
+            if not shape.lag_per_member or lanes == 1:
+                lines += [
+                    f"  %{name}.at = getelementptr {vector}, ptr %ring, i64 %{name}.0.row",
+                    f"  %{name} = load {vector}, ptr %{name}.at, align 8",
+                ]
+                continue
+            previous = "poison"
+            for j in range(lanes):
+                last = f"%{name}" if j == lanes - 1 else f"%{name}.in{j}"
+                lines += [
+                    f"  %{name}.{j}.one = mul i64 %{name}.{j}.row, {lanes}",
+                    f"  %{name}.{j}.two = add i64 %{name}.{j}.one, {j}",
+                    f"  %{name}.{j}.at = getelementptr double, ptr %ring, i64 %{name}.{j}.two",
+                    f"  %{name}.{j}.value = load double, ptr %{name}.{j}.at, align 8",
+                    f"  {last} = insertelement {vector} {previous}, double %{name}.{j}.value, i64 {j}",
+                ]
+                previous = last
+    return lines
+
+
+def remember(shape: LoopShape, vector: str, values: list[str]) -> list[str]:
+    """Store the channels' values at the step's start, after the past was read."""
+    if not shape.delayed:
+        return []
+    lines = ["  %slot.now = and i64 %now, %mask", f"  %base.now = mul i64 %slot.now, {shape.delayed}"]
+    for channel, value in enumerate(values):
+        lines += [
+            f"  %keep{channel}.row = add i64 %base.now, {channel}",
+            f"  %keep{channel}.at = getelementptr {vector}, ptr %ring, i64 %keep{channel}.row",
+            f"  store {vector} {value}, ptr %keep{channel}.at, align 8",
+        ]
+    return lines
