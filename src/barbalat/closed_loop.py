@@ -9,7 +9,7 @@ import numpy as np
 
 from barbalat import validate
 from barbalat.linear import StateSpace
-from barbalat.problem import Plant, Problem
+from barbalat.problem import Model, Plant, Problem
 from barbalat.protocols import Controller, Equations, Value
 from barbalat.validate import Array
 
@@ -29,11 +29,20 @@ class LoopState(NamedTuple):
 class Outputs(NamedTuple):
     """What is measured at every solver step and recorded."""
 
-    e: Value  # (n,) tracking error x - x_m
+    e: Value  # (n,) tracking error x - x_m, or y - y_m where the output is fed back
     u: Value  # (1,) control
     theta_hat: Value  # (n,) estimates
     x: Value  # (n,)
     x_m: Value  # (n,)
+
+
+class Controlled(NamedTuple):
+    """What stands around the controller at one instant."""
+
+    r: Value  # command
+    u: Value  # control
+    y: Value  # what is measured: x, or the output of an output-feedback problem
+    y_m: Value  # what it is to follow
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,7 +50,7 @@ class ClosedLoop:
     """One controller on one problem. Flat states are vectors of length ``size``."""
 
     plant: Plant
-    k_0: float
+    model: Model
     equations: Equations
     input: StateSpace | None = None  # 1 + Delta_m
     disturbed: bool = False
@@ -56,7 +65,7 @@ class ClosedLoop:
         dynamics = None if problem.plant.input is None else problem.plant.input.dynamics
         return cls(
             problem.plant,
-            problem.reference_model.k_0,
+            problem.model,
             equations,
             input=None if dynamics is None else dynamics.realise(),
             disturbed=problem.disturbance is not None,
@@ -70,7 +79,7 @@ class ClosedLoop:
     @property
     def _initial(self) -> LoopState:
         at_rest = np.zeros(0 if self.input is None else self.input.order)
-        return LoopState(self.plant.x0, self.plant.x0, at_rest, self.equations.initial())
+        return LoopState(self.plant.x0, self.model.x0, at_rest, self.equations.initial())
 
     @property
     def signal_count(self) -> int:
@@ -94,27 +103,38 @@ class ClosedLoop:
             raise ValueError(f"a flat state of this loop has {used} entries, got {len(flat)}")
         return state  # type: ignore[no-any-return]
 
+    @property
+    def errors(self) -> int:
+        """Components of the tracking error e."""
+        return int(self.model.output(self.model.x0).size)
+
+    @property
+    def parameters(self) -> int:
+        """Components of the estimate theta_hat."""
+        return int(self._initial.controller.theta_hat.size)
+
     def derivative(self, flat: Value, signals: Value) -> Value:
         """d/dt of the flat state; ``signals`` is r, then d if there is one, then the delayed plant input if there is one."""
-        x, x_m, input_state, controller = self.unpack(flat)
-        A_m, b, theta = self.plant.A_m, self.plant.b, self.plant.theta
-        r = signals[0]
-        u = self.equations.control(controller, x, x_m, r)
-        v = signals[-1] if self.delayed else self._through_dynamics(input_state, u)
-        matched = theta @ x + v + signals[1] if self.disturbed else theta @ x + v
+        state = self.unpack(flat)
+        r, u, y, y_m = self._controlled(state, signals)
+        v = signals[-1] if self.delayed else self._through_dynamics(state.input, u)
         return flatten(
             LoopState(
-                x=A_m @ x + b * matched,  # (1), with (11)'s input
-                x_m=A_m @ x_m + b * (self.k_0 * r),  # (2)
-                input=input_state if self.input is None else self.input.derivative(input_state, u),
-                controller=self.equations.derivative(controller, x, x_m, r, u),
+                x=self.plant.derivative(state.x, v + signals[1] if self.disturbed else v),  # (1), with (11)'s input
+                x_m=self.model.derivative(state.x_m, r),  # (2)
+                input=state.input if self.input is None else self.input.derivative(state.input, u),
+                controller=self.equations.derivative(state.controller, y, y_m, r, u),
             )
         )
 
     def undelayed_input(self, flat: Value, signals: Value) -> Value:
         """What enters the delay: (1 + Delta_m)[u]."""
-        x, x_m, input_state, controller = self.unpack(flat)
-        return self._through_dynamics(input_state, self.equations.control(controller, x, x_m, signals[0]))
+        state = self.unpack(flat)
+        return self._through_dynamics(state.input, self._controlled(state, signals).u)
+
+    def _controlled(self, state: LoopState, signals: Value) -> Controlled:
+        y, y_m, r = self.plant.output(state.x), self.model.output(state.x_m), signals[0]
+        return Controlled(r, self.equations.control(state.controller, y, y_m, r), y, y_m)
 
     def _through_dynamics(self, input_state: Value, u: Value) -> Value:
         return u if self.input is None else self.input.output(input_state, u)
@@ -124,9 +144,9 @@ class ClosedLoop:
         return flatten(state._replace(controller=self.equations.limit(state.controller)))
 
     def outputs(self, flat: Value, signals: Value) -> Outputs:
-        x, x_m, _, controller = self.unpack(flat)
-        u = self.equations.control(controller, x, x_m, signals[0])
-        return Outputs(x - x_m, u.reshape(1), controller.theta_hat, x, x_m)
+        state = self.unpack(flat)
+        _, u, y, y_m = self._controlled(state, signals)
+        return Outputs((y - y_m).reshape(-1), u.reshape(1), state.controller.theta_hat, state.x, state.x_m)
 
 
 def flatten(state: Any) -> Value:

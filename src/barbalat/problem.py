@@ -10,7 +10,7 @@ import numpy as np
 from barbalat import validate
 from barbalat.conditions import require_controllable, require_hurwitz
 from barbalat.linear import TransferFunction
-from barbalat.protocols import Signal
+from barbalat.protocols import Signal, Value
 from barbalat.signals import Constant
 from barbalat.validate import Array, InputError
 
@@ -118,6 +118,31 @@ class Plant:
         """State dimension."""
         return len(self.b)
 
+    def derivative(self, x: Value, v: Value) -> Value:
+        """x' for the matched input v: what reaches the plant of u, and d."""
+        return self.A_m @ x + self.b * (self.theta @ x + v)  # (1)
+
+    def output(self, x: Value) -> Value:
+        """What is measured: the state."""
+        return x
+
+
+@dataclass(frozen=True, eq=False)
+class Model:
+    """The reference model as a system of its own, which the loop integrates beside the plant."""
+
+    A_m: Array
+    b: Array
+    k_0: float
+    x0: Array
+
+    def derivative(self, x_m: Value, r: Value) -> Value:
+        return self.A_m @ x_m + self.b * (self.k_0 * r)  # (2)
+
+    def output(self, x_m: Value) -> Value:
+        """What the plant's output is to follow."""
+        return x_m
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ReferenceModel:
@@ -207,6 +232,12 @@ class Problem:
     def known(self) -> Known:
         p = self.plant
         return Known(A_m=p.A_m, b=p.b, k_0=self.reference_model.k_0, x0=p.x0, box=self.uncertainty)
+
+    @property
+    def model(self) -> Model:
+        """The reference model (2), which starts where the plant does."""
+        p = self.plant
+        return Model(p.A_m, p.b, self.reference_model.k_0, p.x0)
 
     @property
     def delay(self) -> float:

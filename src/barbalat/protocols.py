@@ -49,7 +49,10 @@ class Equations(Protocol):
         ...
 
     def control(self, state: Any, x: Value, x_m: Value, r: Value) -> Value:
-        """The control u, a scalar, from the plant's and the model's state, both (n,), and the command."""
+        """The control u, a scalar, from the plant's and the model's state, both (n,), and the command.
+
+        Where only the output is fed back, y and y_m, scalars, stand in the place of the states.
+        """
         ...
 
     def derivative(self, state: Any, x: Value, x_m: Value, r: Value, u: Value) -> NamedTuple:

@@ -69,7 +69,7 @@ def step_function(
     following = solver.advance(loop.derivative, loop.limit, state, signals, dt)
     accumulators, old_column, new = None, ca.SX(0, 1), ca.SX(0, 1)
     if figures:
-        accumulators = Accumulators(errors=len(loop.plant.b), parameters=len(loop.plant.b))
+        accumulators = Accumulators(errors=loop.errors, parameters=loop.parameters)
         outputs = loop.outputs(state, signals[solver.nodes[0]])
         after = loop.unpack(following)
         old_column, old = symbols("accumulators", len(accumulators.resets))

@@ -48,9 +48,9 @@ def around_equilibrium(loop: ClosedLoop, r: float) -> StateSpace:
     parts = loop.unpack(state)
     r_array = np.array(r)
     u = loop.equations.control(parts.controller, parts.x, parts.x_m, r_array)
-    x_dot = loop.plant.A_m @ parts.x + loop.plant.b * (loop.plant.theta @ parts.x + v[0])
+    x_dot = loop.plant.derivative(parts.x, v[0])
     controller_dot = loop.equations.derivative(parts.controller, parts.x, parts.x_m, r_array, u)
-    x_m_dot = loop.plant.A_m @ parts.x_m + loop.plant.b * (loop.k_0 * r_array)
+    x_m_dot = loop.model.derivative(parts.x_m, r_array)
     slope = column(flatten(type(parts)(x_dot, x_m_dot, parts.input, controller_dot)))
     jacobians = ca.Function(
         "jacobians",
@@ -88,7 +88,7 @@ def equilibrium(loop: ClosedLoop, r: float) -> tuple[Array, float]:
     import casadi as ca
 
     plant = loop.plant
-    x = -np.linalg.solve(plant.A_m, plant.b * (loop.k_0 * r))
+    x = -np.linalg.solve(plant.A_m, plant.b * (loop.model.k_0 * r))
     state_column, state = symbols("state", loop.size)
     slope = column(loop.derivative(state, np.array([r, 0.0])[: loop.signal_count]))
     function = ca.Function("slope", [state_column], [slope, ca.jacobian(slope, state_column)])
