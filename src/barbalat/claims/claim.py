@@ -1,11 +1,15 @@
-"""What a measured statement is: of a figure (Check), of the paper's text (Claim)."""
+"""What a measured statement is: of a figure (Check), of the paper's text (Claim), over a plane of settings (Map)."""
 
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass
 from typing import Any, Literal
 
+import numpy as np
+
+from barbalat import validate
 from barbalat.result import Result
+from barbalat.validate import Array, InputError
 
 Verdict = Literal["confirmed", "confirmed with conditions", "not confirmed", "erratum", "pending"]
 """The contract's words, and "pending" for a statement about a scheme that is not in yet."""
@@ -27,9 +31,77 @@ class Check:
     measured: str
 
 
+@dataclass(frozen=True, eq=False)
+class Axis:
+    """An axis of a map: its cells are centred at ``values``, which ascend; geometrically centred if ``logarithmic``."""
+
+    label: str
+    values: Array
+    logarithmic: bool = False
+
+    def __post_init__(self) -> None:
+        values = validate.vector(f"the values of axis {self.label!r}", self.values)
+        if len(values) < 2 or not (np.diff(values) > 0).all() or (self.logarithmic and values[0] <= 0):
+            raise InputError(
+                f"axis {self.label!r} needs two or more ascending values{', all above zero' if self.logarithmic else ''}, "
+                f"got {validate.show(self.values)}"
+            )
+        object.__setattr__(self, "values", values)
+
+
+@dataclass(frozen=True, eq=False)
+class Curve:
+    """A line across a map, such as a predicted boundary: x (k,), y (k,)."""
+
+    label: str
+    x: Array
+    y: Array
+
+    def __post_init__(self) -> None:
+        for name in ("x", "y"):
+            object.__setattr__(self, name, validate.vector(f"{name} of curve {self.label!r}", getattr(self, name)))
+        if len(self.x) != len(self.y):
+            raise InputError(f"curve {self.label!r} has {len(self.x)} values of x and {len(self.y)} of y; they must be as many")
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Map:
+    """A quantity over the plane of two settings. Texts are plain Unicode: they stand in the picture and on the page.
+
+    key          the name of the map and of its files, of small letters, digits and hyphens
+    values       (len(y), len(x)); NaN where the run is lost
+    quantity     what the values are, with its unit; on a logarithmic scale of colours if ``logarithmic``
+    lost         what NaN means here, for the legend
+    curves       lines drawn over it
+    """
+
+    key: str
+    title: str
+    caption: str
+    x: Axis
+    y: Axis
+    values: Array
+    quantity: str
+    logarithmic: bool = False
+    lost: str = "diverged"
+    curves: tuple[Curve, ...] = ()
+
+    def __post_init__(self) -> None:
+        values = np.array(self.values, dtype=float)
+        values.flags.writeable = False
+        shape = (len(self.y.values), len(self.x.values))
+        if values.shape != shape:
+            raise InputError(f"map {self.key!r} needs values of the shape (y, x) = {shape}, got {values.shape}")
+        if not self.key or not set(self.key) <= set("abcdefghijklmnopqrstuvwxyz0123456789-"):
+            raise InputError(f"a map's key must consist of small letters, digits and hyphens, got {self.key!r}")
+        if self.logarithmic and (values <= 0).any():
+            raise InputError(f"map {self.key!r} has a logarithmic scale, but its least value is {np.nanmin(values):g}")
+        object.__setattr__(self, "values", values)
+
+
 @dataclass(frozen=True)
 class Claim:
-    """A statement of the paper in our words, with a verdict, the number behind it and how it was obtained."""
+    """A statement of the paper in our words, with a verdict, the number behind it, how it was obtained, and maps of it."""
 
     id: str
     where: str
@@ -37,10 +109,11 @@ class Claim:
     verdict: Verdict
     measured: str
     how: str
+    maps: tuple[Map, ...] = ()
 
     def as_json(self) -> dict[str, str]:
         """The JSON contract's block for a claim."""
-        return asdict(self)
+        return {name: getattr(self, name) for name in ("id", "where", "statement", "verdict", "measured", "how")}
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -40,11 +40,11 @@ def execute(options: argparse.Namespace) -> int:
     with progress_bar("measuring the claims") as progress:
         claims = ledger.measure(runs, quick=options.quick, progress=progress)
     seconds["claims"] = time.perf_counter() - started - sum(seconds.values())
-    pictures = write.draw_reproduction(folder, figures)
+    pictures, maps = write.draw_reproduction(folder, figures), write.draw_maps(folder, claims)
     seconds["pictures"] = time.perf_counter() - started - sum(seconds.values())
     seconds["total"] = time.perf_counter() - started
     document = write.as_json(write.reproduction_document(figures, claims, seconds))
-    write_file(folder / "report.html", page.reproduction(figures, claims, pictures, seconds))
+    write_file(folder / "report.html", page.reproduction(figures, claims, pictures, maps, seconds))
     write_file(folder / "report.json", document)
     if options.json:
         print(document)  # noqa: T201

@@ -39,10 +39,14 @@ class Picture:
 
 
 def reproduction(
-    figures: Sequence[PaperFigure], claims: Sequence[Claim], pictures: dict[str, Picture], seconds: dict[str, float]
+    figures: Sequence[PaperFigure],
+    claims: Sequence[Claim],
+    pictures: dict[str, Picture],
+    maps: dict[str, Picture],
+    seconds: dict[str, float],
 ) -> str:
-    """The page of ``barbalat reproduce``; ``pictures`` by figure key, ``seconds`` by part of the work."""
-    return _render("reproduction.html", figures=figures, claims=claims, pictures=pictures, seconds=seconds)
+    """The page of ``barbalat reproduce``; ``pictures`` by figure key, ``maps`` by map key, ``seconds`` by part of the work."""
+    return _render("reproduction.html", figures=figures, claims=claims, pictures=pictures, maps=maps, seconds=seconds)
 
 
 def comparison(name: str, results: Sequence[Result], picture: Picture) -> str:

@@ -13,7 +13,7 @@ from typing import Any
 from matplotlib.figure import Figure
 
 from barbalat.claims.claim import Claim, PaperFigure
-from barbalat.report import page, plots
+from barbalat.report import maps, page, plots
 from barbalat.report.files import write
 from barbalat.result import Result
 
@@ -55,6 +55,11 @@ def draw_reproduction(folder: Path, figures: Sequence[PaperFigure]) -> dict[str,
         drawing = plots.comparison(figure.shown) if len(figure.shown) > 1 else plots.error_and_estimates(figure.shown[0])
         pictures[figure.key] = _draw(folder, f"figure-{figure.key}", drawing)
     return pictures
+
+
+def draw_maps(folder: Path, claims: Sequence[Claim]) -> dict[str, page.Picture]:
+    """Draw every map of the claims into the folder; pictures by the maps' keys."""
+    return {shown.key: _draw(folder, f"map-{shown.key}", maps.draw(shown)) for claim in claims for shown in claim.maps}
 
 
 def write_comparison(folder: Path, case: str, results: Sequence[Result]) -> list[Path]:

@@ -1,0 +1,62 @@
+"""Drawings of maps: a quantity in colour over two settings, what is lost hatched in grey, predicted boundaries as lines."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.colors import LogNorm, Normalize
+from matplotlib.figure import Figure
+from matplotlib.patches import Patch
+from matplotlib.patheffects import Normal, withStroke
+
+from barbalat.claims.claim import Axis, Map
+from barbalat.report.plots import DASHES
+from barbalat.validate import Array
+
+COLOURS = "viridis"
+"""Even in lightness: it reads the same on a grey print and with the common colour blindnesses."""
+
+
+def draw(shown: Map) -> Figure:
+    """The map as a figure."""
+    figure = Figure(figsize=(7, 4.8), layout="constrained")
+    FigureCanvasAgg(figure)
+    axes = figure.add_subplot()
+    axes.patch.set(facecolor="0.85", edgecolor="0.45", hatch="////", linewidth=0)  # seen wherever the map has no colour
+    x, y = _edges(shown.x), _edges(shown.y)
+    lost = np.isnan(shown.values)
+    handles: list[Artist] = []
+    if not lost.all():
+        found = shown.values[~lost]
+        scale = (LogNorm if shown.logarithmic else Normalize)(found.min(), found.max())
+        mesh = axes.pcolormesh(x, y, np.ma.masked_array(shown.values, lost), cmap=COLOURS, norm=scale)
+        mesh.set_rasterized(True)  # as vectors, the cells show hairlines between them
+        figure.colorbar(mesh, ax=axes, label=shown.quantity)
+    if lost.any():
+        handles.append(Patch(facecolor="0.85", edgecolor="0.45", hatch="////", linewidth=0, label=shown.lost))
+    for k, curve in enumerate(shown.curves):
+        handles += axes.plot(
+            curve.x,
+            curve.y,
+            DASHES[k % len(DASHES)],
+            color="black",
+            linewidth=1.4,
+            label=curve.label,
+            path_effects=[withStroke(linewidth=3, foreground="white"), Normal()],  # to be seen on dark cells
+        )
+    for name, axis, edges in (("x", shown.x, x), ("y", shown.y, y)):
+        axes.set(**{f"{name}scale": "log" if axis.logarithmic else "linear", f"{name}label": axis.label})
+        axes.set(**{f"{name}lim": (edges[0], edges[-1])})
+    axes.set_title(shown.title, fontsize="medium")
+    if handles:
+        figure.legend(handles=handles, loc="outside lower center", fontsize="small", frameon=False, ncols=min(len(handles), 3))
+    return figure
+
+
+def _edges(axis: Axis) -> Array:
+    """The borders of the cells around an axis' values."""
+    values = np.log(axis.values) if axis.logarithmic else axis.values
+    middle = (values[1:] + values[:-1]) / 2
+    edges = np.concatenate([[2 * values[0] - middle[0]], middle, [2 * values[-1] - middle[-1]]])
+    return np.exp(edges) if axis.logarithmic else edges
