@@ -2,6 +2,7 @@
 
 import re
 
+import numpy as np
 import pytest
 
 from barbalat.claims import figures, ledger, section_v
@@ -53,6 +54,15 @@ def test_numbers_that_theory_predicts(claims):
     assert power == pytest.approx(-1, abs=0.1)
     low, high = map(float, re.search(r"(\d\.\d+) to (\d\.\d+) times the delay", claims["tau-limit-delay"].measured).groups())
     assert 0.45 < low <= high < 0.66  # tau s = e^(-delay s) is stable for tau > 2/pi delay
+
+
+def test_the_map_of_gain_and_step_agrees_with_the_stability_region(claims):
+    (shown,) = claims["boundary"].maps
+    h_omega = shown.y.values[:, None] * np.sqrt(shown.x.values)  # up to a factor that all cells share
+    oscillates = shown.values > 20
+    lowest, highest = h_omega[oscillates].min(), h_omega[~oscillates].max()
+    assert lowest > highest * (1 - 1e-4)  # one number separates the cells; the steps divide the run, so not to rounding
+    assert oscillates.any(axis=1).all() and (~oscillates).any(axis=1).all()  # every step has both
 
 
 def test_figures_and_quick_ledger(runs):

@@ -51,11 +51,12 @@ class Axis:
 
 @dataclass(frozen=True, eq=False)
 class Curve:
-    """A line across a map, such as a predicted boundary: x (k,), y (k,)."""
+    """A line across a map, such as a predicted boundary, or marks at its points alone: x (k,), y (k,)."""
 
     label: str
     x: Array
     y: Array
+    marks: bool = False
 
     def __post_init__(self) -> None:
         for name in ("x", "y"):

@@ -6,19 +6,17 @@ import numpy as np
 
 from barbalat.claims import section_v
 from barbalat.claims.claim import Claim, verdict
+from barbalat.claims.onset import boundary
 from barbalat.claims.section_v import Runs
 from barbalat.claims.variants import figures, numbers
 from barbalat.controllers import Mrac
-from barbalat.grid import Simulation
-from barbalat.protocols import Controller
-from barbalat.simulation import simulate
 from barbalat.solvers import RK4
 from barbalat.validate import Array
 
 
 def claims(runs: Runs) -> list[Claim]:
     """All of this group; ``runs`` are those of the figures."""
-    return [come_and_go(runs), boundary(), without_filter(), smaller_gain(), small_tau()]
+    return [come_and_go(runs), boundary(runs), without_filter(), smaller_gain(), small_tau()]
 
 
 def come_and_go(runs: Runs) -> Claim:
@@ -34,36 +32,6 @@ def come_and_go(runs: Runs) -> Claim:
         f"variation of the estimates per s in the tail: {numbers(rates[0])}, {numbers(rates[1])}, {numbers(rates[2])}",
         "Figures 3, 4, 5, every step",
     )  # fmt: skip
-
-
-def boundary() -> Claim:
-    """The gain at which the estimates begin to oscillate against h omega_a = 2.83, for both schemes and three steps."""
-    ratios, observed_gains = [], []
-    steps = (2e-4, 1e-4, 5e-5)
-    for make in (lambda g: section_v.l1("L1", g), lambda g: Mrac(gamma=g)):
-        for h in steps:
-            predicted = _predicted_gain(make(100.0), h)
-            gains = predicted * np.geomspace(0.1, 10, 61)
-            rates = figures([(section_v.problem(), make(float(g))) for g in gains], 30.0, h).theta_hat_variation_rate.max(axis=1)
-            first = int(np.flatnonzero(rates > 10 * np.median(rates[:20]))[0])  # a jump by decades: 10 or 100 make no difference
-            ratios.append(float(gains[first] / predicted))
-            observed_gains.append(float(gains[first]))
-    exponent = np.polyfit(np.log(steps), np.log(observed_gains[:3]), 1)[0]
-    return Claim(
-        "boundary", "Section V", "The oscillations begin where h omega_a passes the solver's limit on the imaginary axis",
-        verdict(holds=bool(min(ratios) > 0.9 and max(ratios) < 1.5 and abs(exponent + 2) < 0.1)),
-        f"observed gain / predicted: L1-AC {numbers(np.array(ratios[:3]))}, MRAC {numbers(np.array(ratios[3:]))} at h {numbers(np.array(steps))} s; "
-        f"the gain falls as h^{exponent:.2f}. The prediction is a little early: at the crest of |x| the loop has some damping",
-        "Section V, RK4, 61 gains around (2.83/h)^2/(max |x|^2 b'P b) for each h, 30 s; onset: the estimates' variation jumps",
-    )  # fmt: skip
-
-
-def _predicted_gain(controller: Controller, h: float) -> float:
-    given = section_v.problem()
-    (run,) = simulate(given, [controller], Simulation(t_end=30.0, dt=1e-4)).values()
-    known = given.known
-    largest = float(np.linalg.norm(run.x, axis=1).max())
-    return (RK4.imaginary_limit / h) ** 2 / (largest**2 * float(known.b @ known.P @ known.b))
 
 
 def without_filter() -> Claim:

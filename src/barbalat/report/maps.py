@@ -4,18 +4,20 @@ from __future__ import annotations
 
 import numpy as np
 from matplotlib.artist import Artist
+from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import LogNorm, Normalize
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 from matplotlib.patheffects import Normal, withStroke
 
-from barbalat.claims.claim import Axis, Map
+from barbalat.claims.claim import Axis, Curve, Map
 from barbalat.report.plots import DASHES
 from barbalat.validate import Array
 
 COLOURS = "viridis"
 """Even in lightness: it reads the same on a grey print and with the common colour blindnesses."""
+MARKS = ("o", "s", "^", "D", "v")
 
 
 def draw(shown: Map) -> Figure:
@@ -35,16 +37,7 @@ def draw(shown: Map) -> Figure:
         figure.colorbar(mesh, ax=axes, label=shown.quantity)
     if lost.any():
         handles.append(Patch(facecolor="0.85", edgecolor="0.45", hatch="////", linewidth=0, label=shown.lost))
-    for k, curve in enumerate(shown.curves):
-        handles += axes.plot(
-            curve.x,
-            curve.y,
-            DASHES[k % len(DASHES)],
-            color="black",
-            linewidth=1.4,
-            label=curve.label,
-            path_effects=[withStroke(linewidth=3, foreground="white"), Normal()],  # to be seen on dark cells
-        )
+    handles += [_curve(axes, k, curve) for k, curve in enumerate(shown.curves)]
     for name, axis, edges in (("x", shown.x, x), ("y", shown.y, y)):
         axes.set(**{f"{name}scale": "log" if axis.logarithmic else "linear", f"{name}label": axis.label})
         axes.set(**{f"{name}lim": (edges[0], edges[-1])})
@@ -52,6 +45,14 @@ def draw(shown: Map) -> Figure:
     if handles:
         figure.legend(handles=handles, loc="outside lower center", fontsize="small", frameon=False, ncols=min(len(handles), 3))
     return figure
+
+
+def _curve(axes: Axes, k: int, curve: Curve) -> Artist:
+    """A line, or marks where the curve is a set of points; both with a white rim, to be seen on dark cells."""
+    style = {"linestyle": "", "marker": MARKS[k % len(MARKS)]} if curve.marks else {"linestyle": DASHES[k % len(DASHES)]}
+    rim = [withStroke(linewidth=3, foreground="white"), Normal()]
+    (line,) = axes.plot(curve.x, curve.y, color="black", linewidth=1.4, label=curve.label, path_effects=rim, **style)
+    return line
 
 
 def _edges(axis: Axis) -> Array:
