@@ -9,13 +9,15 @@ from typing import TYPE_CHECKING, Any
 __version__ = "0.1.0"
 
 if TYPE_CHECKING:
+    from barbalat.actuation import PlantInput
     from barbalat.adaptation.laws import Gradient, LeastSquares
     from barbalat.adaptation.normalization import Normalization
     from barbalat.controllers import L1Adaptive, Mrac, NormalizedMrac, RobustMrac
     from barbalat.ensemble import EnsembleResult, simulate_ensemble
     from barbalat.grid import Simulation
     from barbalat.linear import TransferFunction, input_filter
-    from barbalat.problem import ParameterBox, Plant, PlantInput, Problem, ReferenceModel
+    from barbalat.measurement import Noise, Sensor
+    from barbalat.problem import Disturbance, ParameterBox, Plant, Problem, ReferenceModel
     from barbalat.result import Result
     from barbalat.signals import Chirp, Constant, Recorded, Sine, Sines, Square, Step, Steps
     from barbalat.simulation import simulate
@@ -23,13 +25,15 @@ if TYPE_CHECKING:
     from barbalat.validate import InputError
 
 _HOME = {
+    "actuation": ("PlantInput",),
     "adaptation.laws": ("Gradient", "LeastSquares"),
     "adaptation.normalization": ("Normalization",),
     "controllers": ("L1Adaptive", "Mrac", "NormalizedMrac", "RobustMrac"),
     "ensemble": ("EnsembleResult", "simulate_ensemble"),
     "grid": ("Simulation",),
     "linear": ("TransferFunction", "input_filter"),
-    "problem": ("ParameterBox", "Plant", "PlantInput", "Problem", "ReferenceModel"),
+    "measurement": ("Noise", "Sensor"),
+    "problem": ("Disturbance", "ParameterBox", "Plant", "Problem", "ReferenceModel"),
     "result": ("Result",),
     "signals": ("Chirp", "Constant", "Recorded", "Sine", "Sines", "Square", "Step", "Steps"),
     "simulation": ("simulate",),
@@ -39,10 +43,10 @@ _HOME = {
 _MODULE_OF = {name: module for module, names in _HOME.items() for name in names}
 
 __all__ = [
-    "EULER", "HEUN", "RK4", "Chirp", "Constant", "EnsembleResult", "Gradient", "InputError", "L1Adaptive", "LeastSquares", "Mrac",
-    "Normalization", "NormalizedMrac", "ParameterBox", "Plant", "PlantInput", "Problem", "Recorded", "ReferenceModel", "Result",
-    "RobustMrac", "Simulation", "Sine", "Sines", "Square", "Step", "Steps", "TransferFunction", "input_filter", "simulate",
-    "simulate_ensemble",
+    "EULER", "HEUN", "RK4", "Chirp", "Constant", "Disturbance", "EnsembleResult", "Gradient", "InputError", "L1Adaptive",
+    "LeastSquares", "Mrac", "Noise", "Normalization", "NormalizedMrac", "ParameterBox", "Plant", "PlantInput", "Problem",
+    "Recorded", "ReferenceModel", "Result", "RobustMrac", "Sensor", "Simulation", "Sine", "Sines", "Square", "Step", "Steps",
+    "TransferFunction", "input_filter", "simulate", "simulate_ensemble",
 ]  # fmt: skip
 
 

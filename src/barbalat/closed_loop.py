@@ -3,27 +3,39 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from barbalat import validate
-from barbalat.linear import StateSpace
+from barbalat.actuation import InputPath
+from barbalat.measurement import Sensor
 from barbalat.problem import Model, Plant, Problem
-from barbalat.protocols import Controller, Equations, Value
+from barbalat.protocols import Controller, Equations, Sample, SampledEquations, Value
 from barbalat.validate import Array
 
 if TYPE_CHECKING:
     import casadi
 
 
+class Held(NamedTuple):
+    """What a sampled controller keeps from one sample to the next."""
+
+    u: Value  # the control
+    before: Sample  # what was sampled
+    started: Value  # 0 before the first sample, then 1
+
+
 class LoopState(NamedTuple):
-    """The loop's state; ``controller`` is the scheme's own NamedTuple."""
+    """The loop's state; what a loop has not is an empty tuple or array."""
 
     x: Value  # (n,) plant
     x_m: Value  # (n,) reference model
-    input: Value  # (order of 1 + Delta_m,) unmodelled dynamics at the plant's input
-    controller: Any
+    input: Any  # InputState: limits and unmodelled dynamics at the plant's input
+    sensor: Value  # (n,) lagged measurement
+    controller: Any  # the scheme's own NamedTuple
+    held: Any  # Held
 
 
 class Outputs(NamedTuple):
@@ -36,13 +48,14 @@ class Outputs(NamedTuple):
     x_m: Value  # (n,)
 
 
-class Controlled(NamedTuple):
-    """What stands around the controller at one instant."""
+class Signals(NamedTuple):
+    """What drives the loop at one instant."""
 
     r: Value  # command
-    u: Value  # control
-    y: Value  # what is measured: x, or the output of an output-feedback problem
-    y_m: Value  # what it is to follow
+    matched: Value  # (0,) or (1,) matched disturbance
+    unmatched: Value  # (k,) other disturbances
+    noise: Value  # (n,) or (0,): standard Gaussian numbers of the measurement
+    delayed: Value  # (0,) or (1,): what leaves the delay at the plant's input
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,10 +64,15 @@ class ClosedLoop:
 
     plant: Plant
     model: Model
-    equations: Equations
-    input: StateSpace | None = None  # 1 + Delta_m
+    equations: Equations | SampledEquations
+    input: InputPath | None = None
+    lag: Sensor | None = None  # of the sensor
+    noise_std: Array | None = None
     disturbed: bool = False
+    directions: tuple[Array, ...] = ()  # of the unmatched disturbances
     delayed: bool = False
+    sampled: bool = False
+    step: float | None = None  # the solver's [s]; only a rate limiter needs it
 
     @classmethod
     def of(cls, problem: Problem, controller: Controller) -> ClosedLoop:
@@ -62,14 +80,18 @@ class ClosedLoop:
         if not isinstance(controller, Controller) or isinstance(controller, type):
             raise validate.InputError(f"a controller must have a name and a method bind, got {validate.show(controller)}")
         equations = controller.bind(problem.known)
-        dynamics = None if problem.plant.input is None else problem.plant.input.dynamics
+        sensor, noise = problem.sensor, problem.noise
         return cls(
             problem.plant,
             problem.model,
             equations,
-            input=None if dynamics is None else dynamics.realise(),
+            input=None if problem.plant.input is None else problem.plant.input.path(),
+            lag=sensor if sensor is not None and sensor.lag > 0 else None,
+            noise_std=None if noise is None else noise.std * np.ones(problem.plant.outputs),
             disturbed=problem.disturbance is not None,
+            directions=tuple(disturbance.direction for disturbance in problem.unmatched),
             delayed=problem.delay > 0,
+            sampled=isinstance(equations, SampledEquations),
         )
 
     def initial(self) -> Array:
@@ -78,30 +100,34 @@ class ClosedLoop:
 
     @property
     def _initial(self) -> LoopState:
-        at_rest = np.zeros(0 if self.input is None else self.input.order)
-        return LoopState(self.plant.x0, self.model.x0, at_rest, self.equations.initial())
+        y, y_m = self.plant.output(self.plant.x0), self.model.output(self.model.x0)
+        return LoopState(
+            x=self.plant.x0,
+            x_m=self.model.x0,
+            input=() if self.input is None else self.input.initial(),
+            sensor=np.zeros(0) if self.lag is None else y,
+            controller=self.equations.initial(),
+            held=Held(np.zeros(()), Sample(0 * y, 0 * y_m, np.zeros(())), np.zeros(())) if self.sampled else (),
+        )
+
+    @property
+    def noise(self) -> int:
+        """Noisy measured quantities."""
+        return 0 if self.noise_std is None else len(self.noise_std)
+
+    @property
+    def timed(self) -> int:
+        """Entries of ``signals`` that are functions of time: r, the disturbances."""
+        return 1 + self.disturbed + len(self.directions)
 
     @property
     def signal_count(self) -> int:
-        """Entries of ``signals``: r, the disturbance if any, the delayed plant input if any."""
-        return 1 + self.disturbed + self.delayed
+        """Entries of ``signals``: the functions of time, the noise, the delayed plant input."""
+        return self.timed + self.noise + self.delayed
 
     @property
     def size(self) -> int:
         return len(flatten(self._initial))
-
-    @property
-    def theta_hat_rows(self) -> slice:
-        """Where the estimates stand in a flat state."""
-        marked = self.unpack(np.arange(self.size)).controller.theta_hat
-        return slice(int(marked[0]), int(marked[-1]) + 1)
-
-    def unpack(self, flat: Value) -> LoopState:
-        """The named parts of a flat state, numbers or symbols."""
-        state, used = _unflatten(self._initial, flat, 0)
-        if used != len(flat):
-            raise ValueError(f"a flat state of this loop has {used} entries, got {len(flat)}")
-        return state  # type: ignore[no-any-return]
 
     @property
     def errors(self) -> int:
@@ -113,45 +139,108 @@ class ClosedLoop:
         """Components of the estimate theta_hat."""
         return int(self._initial.controller.theta_hat.size)
 
+    @property
+    def theta_hat_rows(self) -> slice:
+        """Where the estimates stand in a flat state."""
+        marked = self.unpack(np.arange(self.size)).controller.theta_hat.reshape(-1)
+        return slice(int(marked[0]), int(marked[-1]) + 1) if len(marked) else slice(0, 0)
+
+    def unpack(self, flat: Value) -> LoopState:
+        """The named parts of a flat state, numbers or symbols."""
+        state, used = _unflatten(self._initial, flat, 0)
+        if used != len(flat):
+            raise ValueError(f"a flat state of this loop has {used} entries, got {len(flat)}")
+        return state  # type: ignore[no-any-return]
+
     def derivative(self, flat: Value, signals: Value) -> Value:
-        """d/dt of the flat state; ``signals`` is r, then d if there is one, then the delayed plant input if there is one."""
-        state = self.unpack(flat)
-        r, u, y, y_m = self._controlled(state, signals)
-        v = signals[-1] if self.delayed else self._through_dynamics(state.input, u)
-        return flatten(
-            LoopState(
-                x=self.plant.derivative(state.x, v + signals[1] if self.disturbed else v),  # (1), with (11)'s input
-                x_m=self.model.derivative(state.x_m, r),  # (2)
-                input=state.input if self.input is None else self.input.derivative(state.input, u),
-                controller=self.equations.derivative(state.controller, y, y_m, r, u),
-            )
+        """d/dt of the flat state; ``signals`` (signal_count,) stand in the order of ``Signals``."""
+        state, given = self.unpack(flat), self._signals(signals)
+        u = self._control(state, given)
+        v = given.delayed[0] if self.delayed else self._through_input(state, u)
+        return flatten(self._rates(state, given, u, v))
+
+    def derivative_given_input(self, flat: Value, signals: Value, v: Value) -> tuple[Value, Value]:
+        """d/dt of the flat state, and the control u, when the scalar v reaches the plant instead of u: the loop broken there."""
+        state, given = self.unpack(flat), self._signals(signals)
+        u = self._control(state, given)
+        return flatten(self._rates(state, given, u, v)), u
+
+    def _rates(self, state: LoopState, given: Signals, u: Value, v: Value) -> LoopState:
+        x_dot = self.plant.derivative(state.x, v + given.matched[0] if self.disturbed else v)  # (1), with (11)'s input
+        for i, direction in enumerate(self.directions):
+            x_dot = x_dot + direction * given.unmatched[i]
+        y, y_m = self._measured(state, given), self.model.output(state.x_m)
+        controller, held = state.controller, state.held
+        if self.sampled:
+            controller, held = (_map(lambda value: 0 * value, part) for part in (controller, held))
+        else:
+            controller = self.equations.derivative(controller, y, y_m, given.r, u)  # type: ignore[union-attr]
+        return LoopState(
+            x=x_dot,
+            x_m=self.model.derivative(state.x_m, given.r),  # (2)
+            input=state.input if self.input is None else self.input.derivative(state.input, u, self.step),
+            sensor=state.sensor if self.lag is None else self.lag.derivative(state.sensor, self.plant.output(state.x)),
+            controller=controller,
+            held=held,
         )
 
+    def sample(self, flat: Value, signals: Value) -> Value:
+        """The flat state after a sampled controller has acted: it advances from the last sample to this one and sets u."""
+        assert isinstance(self.equations, SampledEquations)
+        state, given = self.unpack(flat), self._signals(signals)
+        now = Sample(self._measured(state, given), self.model.output(state.x_m), given.r)
+        advanced = self.equations.advance(state.controller, state.held.before, state.held.u, now)
+        old = flatten(state.controller)
+        chosen = np.where(state.held.started > 0, flatten(advanced), old)
+        controller, _ = _unflatten(self._initial.controller, chosen, 0)
+        u = self.equations.control(controller, *now)
+        return flatten(state._replace(controller=controller, held=Held(u, now, 0 * state.held.started + 1)))
+
     def undelayed_input(self, flat: Value, signals: Value) -> Value:
-        """What enters the delay: (1 + Delta_m)[u]."""
+        """What enters the delay."""
         state = self.unpack(flat)
-        return self._through_dynamics(state.input, self._controlled(state, signals).u)
+        return self._through_input(state, self._control(state, self._signals(signals)))
 
-    def _controlled(self, state: LoopState, signals: Value) -> Controlled:
-        y, y_m, r = self.plant.output(state.x), self.model.output(state.x_m), signals[0]
-        return Controlled(r, self.equations.control(state.controller, y, y_m, r), y, y_m)
+    def _signals(self, flat: Value) -> Signals:
+        ends = np.cumsum([1, self.disturbed, len(self.directions), self.noise, self.delayed])
+        return Signals(flat[0], *(flat[start:end] for start, end in pairwise(ends)))
 
-    def _through_dynamics(self, input_state: Value, u: Value) -> Value:
-        return u if self.input is None else self.input.output(input_state, u)
+    def _measured(self, state: LoopState, given: Signals) -> Value:
+        y = self.plant.output(state.x) if self.lag is None else state.sensor
+        return y if self.noise_std is None else y + (self.noise_std * given.noise).reshape(y.shape)
+
+    def _control(self, state: LoopState, given: Signals) -> Value:
+        if self.sampled:
+            return state.held.u
+        return self.equations.control(state.controller, self._measured(state, given), self.model.output(state.x_m), given.r)
+
+    def _through_input(self, state: LoopState, u: Value) -> Value:
+        return u if self.input is None else self.input.output(state.input, u)
 
     def limit(self, flat: Value) -> Value:
+        if self.sampled:
+            return flat
         state = self.unpack(flat)
-        return flatten(state._replace(controller=self.equations.limit(state.controller)))
+        return flatten(state._replace(controller=self.equations.limit(state.controller)))  # type: ignore[union-attr]
 
     def outputs(self, flat: Value, signals: Value) -> Outputs:
         state = self.unpack(flat)
-        _, u, y, y_m = self._controlled(state, signals)
-        return Outputs((y - y_m).reshape(-1), u.reshape(1), state.controller.theta_hat, state.x, state.x_m)
+        u = self._control(state, self._signals(signals))
+        e = (self.plant.output(state.x) - self.model.output(state.x_m)).reshape(-1)
+        return Outputs(e, u.reshape(1), state.controller.theta_hat.reshape(-1), state.x, state.x_m)
 
 
 def flatten(state: Any) -> Value:
     """All arrays of a nested NamedTuple, one after another, row by row."""
     return np.concatenate([leaf.reshape(-1) for leaf in _leaves(state)])
+
+
+def _map(function: Any, state: Any) -> Any:
+    """A nested NamedTuple with the function applied to every array."""
+    if isinstance(state, tuple):
+        parts = [_map(function, part) for part in state]
+        return type(state)(*parts) if parts else state
+    return function(state)
 
 
 def _leaves(state: Any) -> list[Value]:
@@ -167,7 +256,7 @@ def _unflatten(template: Any, flat: Value, start: int) -> tuple[Any, int]:
         for part in template:
             value, start = _unflatten(part, flat, start)
             parts.append(value)
-        return type(template)(*parts), start
+        return type(template)(*parts) if parts else template, start
     shape = template.shape
     size = int(np.prod(shape))
     return flat[start : start + size].reshape(shape), start + size

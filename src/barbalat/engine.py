@@ -12,6 +12,7 @@ import numpy as np
 from barbalat import validate
 from barbalat.grid import Segment, Simulation, final_row, signal_table
 from barbalat.lowering.machine import Kernel, Past, vector_width
+from barbalat.measurement import standard_normal
 from barbalat.metrics import Metrics, Totals
 from barbalat.protocols import Signal
 from barbalat.stepping import StepProgram
@@ -32,8 +33,8 @@ def best_lanes(members: int) -> int:
 class Batch:
     """Members of one structure: the same step program, each with its own initial state and parameters.
 
-    states (size, M), parameters (p, M), lags (M,) for a step with a delay, see ``delay.lag``. ``record`` keeps every block's
-    start state and accumulators.
+    states (size, M), parameters (p, M), lags (M,) for a step with a delay, see ``delay.lag``, seeds (M,) for one with noise.
+    ``record`` keeps every block's start state and accumulators.
     """
 
     program: StepProgram
@@ -42,6 +43,7 @@ class Batch:
     record: bool = False
     lanes: int | None = None
     lags: Array | None = None
+    seeds: Array | None = None
     totals: Totals = field(init=False)
     groups: list[Group] = field(init=False)
 
@@ -57,7 +59,8 @@ class Batch:
             columns = slice(first, min(first + width, members))
             state, parameters = (np.ascontiguousarray(part[:, index]) for part in (self.states, self.parameters))
             past = None if self.lags is None else Past(self.lags[index], self.program.shape.delayed)
-            self.groups.append(Group(self, kernel, columns, state, parameters, past))
+            streams = None if self.seeds is None else [(int(self.seeds[i]), int(i)) for i in index]
+            self.groups.append(Group(self, kernel, columns, state, parameters, past, streams))
 
     @property
     def final_states(self) -> Array:
@@ -77,26 +80,37 @@ class Group:
     state: Array
     parameters: Array
     past: Past | None
+    streams: list[tuple[int, int]] | None  # seed and number of each member: its noise
     recorded: list[Array] = field(default_factory=list)
 
     def advance(self, segment: Segment, table: Array) -> None:
         if not np.isnan(self.batch.totals.diverged_step[self.columns]).any():
             return  # every member has diverged
-        out = self._call(segment.blocks, segment.length, self.state, table)
+        out = self._call(segment.start, segment.blocks, segment.length, self.state, table)
         self.batch.totals.merge(segment, out[:, self.batch.program.shape.states :], self.columns)
         if self.batch.record:
             self.recorded.append(out)
 
-    def finish(self, row: Array) -> None:
-        """The outputs at t_end: one more step whose end state is thrown away."""
-        out = self._call(1, 1, self.state.copy(), row)
+    def finish(self, steps: int, row: Array) -> None:
+        """The outputs at t_end, after all ``steps``: one more step whose end state is thrown away."""
+        out = self._call(steps, 1, 1, self.state.copy(), row)
         self.batch.totals.merge_final(out[0, self.batch.program.shape.states :], self.columns)
 
-    def _call(self, blocks: int, length: int, state: Array, table: Array) -> Array:
+    def _call(self, start: int, blocks: int, length: int, state: Array, table: Array) -> Array:
         shape = self.batch.program.shape
         out = np.empty((blocks, shape.states + shape.accumulators, self.state.shape[1]))
-        self.kernel(blocks, length, state, self.parameters, table, out, self.past)
+        noise = self._noise(start, blocks * length)
+        self.kernel(blocks, length, state, self.parameters, table, out, self.past, noise, start=start)
         return out[:, :, : self.columns.stop - self.columns.start]
+
+    def _noise(self, start: int, steps: int) -> Array | None:
+        """The rows of every member's noise that these steps need, (rows, channels, W)."""
+        if self.streams is None:
+            return None
+        shape = self.batch.program.shape
+        first, last = start // shape.noise_hold, (start + steps - 1) // shape.noise_hold
+        streams = [standard_normal(*stream, first, last - first + 1, shape.noise) for stream in self.streams]
+        return np.ascontiguousarray(np.stack(streams, axis=2))
 
 
 def run(
@@ -131,4 +145,4 @@ def run(
                 progress((segment.start + segment.steps) / simulation.steps)
     last = final_row(signals, simulation)
     for group in groups:
-        group.finish(last)
+        group.finish(simulation.steps, last)

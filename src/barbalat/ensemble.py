@@ -62,6 +62,11 @@ def simulate_ensemble(
         if problem.signals != signals:
             raise InputError(f"all members must share their signals, but member {i + 1} has {validate.show(problem.signals)}")
     loops = [ClosedLoop.of(problem, controller) for problem, controller in members]
+    noise_times = [None if problem.noise is None else problem.noise.sample_time for problem, _ in members]
+    sample_times = [getattr(loop.equations, "sample_time", None) for loop in loops]
+    for what, times in (("the noise's sample time", noise_times), ("the controller's sample time", sample_times)):
+        if any(time != times[0] for time in times):
+            raise InputError(f"all members must share {what}")
     delays = [problem.delay for problem, _ in members]
     weights, lags = [None] * len(loops), None
     if loops[0].delayed:
@@ -75,9 +80,11 @@ def simulate_ensemble(
         column,
         delay_weights=template.delay_weights,
         lag_per_member=lags is not None and bool((lags != lags[0]).any()),
+        noise_time=noise_times[0],
     )
     states = np.column_stack([loop.initial() for loop in loops])
-    batch = Batch(program, states, parameters, lags=lags, lanes=lanes)
+    seeds = None if loops[0].noise == 0 else np.array([problem.noise.seed for problem, _ in members if problem.noise is not None])
+    batch = Batch(program, states, parameters, lags=lags, seeds=seeds, lanes=lanes)
     run([batch], signals, simulation, threads=threads, progress=progress)
     return EnsembleResult(
         simulation=simulation, metrics=batch.metrics(simulation, loops[0].theta_hat_rows), varied=len(parameters)

@@ -8,50 +8,12 @@ from typing import Any
 import numpy as np
 
 from barbalat import validate
+from barbalat.actuation import PlantInput
 from barbalat.conditions import require_controllable, require_hurwitz
-from barbalat.linear import TransferFunction
+from barbalat.measurement import Noise, Sensor
 from barbalat.protocols import Signal, Value
 from barbalat.signals import Constant
-from barbalat.validate import Array, InputError
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class PlantInput:
-    """What lies between the controller's output and the plant: (1 + Delta_m(s)) e^(-delay s), eq. (11). No controller knows it.
-
-    actuator        G_a(s) = 1 + Delta_m(s), proper and stable
-    multiplicative  Delta_m(s) itself, likewise; with an actuator the two are in series
-    delay           [s], exact; 0, or at least two solver steps. Before t = 0 the input was zero
-
-    The dynamics start at rest. Raises InputError.
-    """
-
-    actuator: TransferFunction | None = None
-    multiplicative: TransferFunction | None = None
-    delay: float = 0.0
-
-    def __post_init__(self) -> None:
-        parts = {"actuator": self.actuator, "multiplicative": self.multiplicative}
-        for name, part in parts.items():
-            if part is None:
-                continue
-            system = TransferFunction.accept(f"plant.input.{name}", part)
-            if system.relative_degree < 0 or not system.is_stable:
-                raise InputError(
-                    f"plant.input.{name} must be proper and stable, got num = {validate.show(system.num)}, "
-                    f"den = {validate.show(system.den)}"
-                )
-            _freeze(self, **{name: system})
-        _freeze(self, delay=validate.not_negative("plant.input.delay", self.delay))
-
-    @property
-    def dynamics(self) -> TransferFunction | None:
-        """The linear part without the delay; ``None`` where there is none."""
-        total: TransferFunction | None = self.actuator
-        if self.multiplicative is not None:
-            one_plus = TransferFunction(np.polyadd(self.multiplicative.den, self.multiplicative.num), self.multiplicative.den)
-            total = one_plus if total is None else total * one_plus
-        return total
+from barbalat.validate import Array, InputError, freeze
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -76,7 +38,7 @@ class Plant:
     def __post_init__(self) -> None:
         A_m = validate.square_matrix("plant.A_m", self.A_m)
         n = A_m.shape[0]
-        _freeze(
+        freeze(
             self,
             A_m=A_m,
             b=validate.vector("plant.b", self.b, n),
@@ -118,6 +80,11 @@ class Plant:
         """State dimension."""
         return len(self.b)
 
+    @property
+    def outputs(self) -> int:
+        """Measured quantities."""
+        return self.n
+
     def derivative(self, x: Value, v: Value) -> Value:
         """x' for the matched input v: what reaches the plant of u, and d."""
         return self.A_m @ x + self.b * (self.theta @ x + v)  # (1)
@@ -151,7 +118,7 @@ class ReferenceModel:
     k_0: float = 1.0
 
     def __post_init__(self) -> None:
-        _freeze(self, k_0=validate.number("reference_model.k_0", self.k_0))
+        freeze(self, k_0=validate.number("reference_model.k_0", self.k_0))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -171,7 +138,7 @@ class ParameterBox:
                 f"uncertainty.lower must not exceed uncertainty.upper, but in component {i + 1} "
                 f"{lower[i]:g} > {upper[i]:g}: the set is empty"
             )
-        _freeze(self, lower=lower, upper=upper)
+        freeze(self, lower=lower, upper=upper)
 
     def contains(self, theta: Array) -> bool:
         return bool((self.lower <= theta).all() and (theta <= self.upper).all())
@@ -206,14 +173,35 @@ class Known:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
+class Disturbance:
+    """direction * signal(t), added to x': for what no control can cancel. ``direction`` is (n,)."""
+
+    direction: Array
+    signal: Signal
+
+    def __post_init__(self) -> None:
+        freeze(self, direction=validate.vector("unmatched.direction", self.direction))
+        require_signal("unmatched.signal", self.signal)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Problem:
-    """The tracking problem of Section II: plant, model, command r(t), known set, matched disturbance d(t)."""
+    """The tracking problem of Section II.
+
+    plant, reference_model, reference  eqs (1) and (2), and the command r(t)
+    uncertainty                        the known set Omega
+    disturbance                        matched: d(t) in x' = A_m x + b (theta'x + u + d)
+    unmatched                          others, each along a direction of its own
+    sensor                             how the plant's state is measured; exactly by default
+    """
 
     plant: Plant
     reference_model: ReferenceModel = field(default_factory=ReferenceModel)
     reference: Signal = field(default_factory=Constant)
     uncertainty: ParameterBox | None = None
     disturbance: Signal | None = None
+    unmatched: tuple[Disturbance, ...] = ()
+    sensor: Sensor | None = None
     name: str = "problem"
 
     def __post_init__(self) -> None:
@@ -224,9 +212,18 @@ class Problem:
             size, n = len(self.uncertainty.lower), self.plant.n
             if size != n:
                 raise InputError(f"uncertainty.lower must have {n} entries, one for each state, got {size}")
-        for name, signal in (("reference", self.reference), ("disturbance", self.disturbance)):
-            if signal is not None and (not isinstance(signal, Signal) or isinstance(signal, type)):
-                raise InputError(f"{name} must be a signal such as Sine(amplitude=1, frequency=2), got {validate.show(signal)}")
+        require_signal("reference", self.reference)
+        if self.disturbance is not None:
+            require_signal("disturbance", self.disturbance)
+        if self.sensor is not None:
+            validate.instance("sensor", self.sensor, Sensor)
+            _one_for_each_state("sensor.noise.std", () if self.sensor.noise is None else self.sensor.noise.std, self.plant.n)
+        if not isinstance(self.unmatched, (list, tuple)):
+            raise InputError(f"unmatched must be a list of Disturbance, got {validate.show(self.unmatched)}")
+        for disturbance in self.unmatched:
+            validate.instance("unmatched", disturbance, Disturbance)
+            validate.vector("unmatched.direction", disturbance.direction, self.plant.n)
+        freeze(self, unmatched=tuple(self.unmatched))
 
     @property
     def known(self) -> Known:
@@ -245,12 +242,23 @@ class Problem:
         return 0.0 if self.plant.input is None else self.plant.input.delay
 
     @property
+    def noise(self) -> Noise | None:
+        """The measurement's noise."""
+        return None if self.sensor is None else self.sensor.noise
+
+    @property
     def signals(self) -> tuple[Signal, ...]:
         """The time functions that drive the loop, in the order in which ``ClosedLoop`` takes them."""
-        return (self.reference,) if self.disturbance is None else (self.reference, self.disturbance)
+        matched = () if self.disturbance is None else (self.disturbance,)
+        return (self.reference, *matched, *(disturbance.signal for disturbance in self.unmatched))
 
 
-def _freeze(part: Any, **values: Any) -> None:
-    """Set fields of a frozen dataclass to their validated values, in its constructor."""
-    for name, value in values.items():
-        object.__setattr__(part, name, value)
+def require_signal(field: str, signal: Any) -> None:
+    """InputError, naming the field, for what is no signal."""
+    if not isinstance(signal, Signal) or isinstance(signal, type):
+        raise InputError(f"{field} must be a signal such as Sine(amplitude=1, frequency=2), got {validate.show(signal)}")
+
+
+def _one_for_each_state(field: str, values: Any, n: int) -> None:
+    if len(values) > 1:
+        validate.vector(field, values, n)

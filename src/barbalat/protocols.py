@@ -64,6 +64,36 @@ class Equations(Protocol):
         ...
 
 
+class Sample(NamedTuple):
+    """What a sampled controller measures at one instant."""
+
+    x: Value  # (n,), or the output y
+    x_m: Value  # the model's
+    r: Value
+
+
+@runtime_checkable
+class SampledEquations(Protocol):
+    """A controller that acts every ``sample_time`` and holds its control in between. The state as of ``Equations``."""
+
+    @property
+    def sample_time(self) -> float:
+        """[s]."""
+        ...
+
+    def initial(self) -> NamedTuple:
+        """The state at t = 0, in numbers."""
+        ...
+
+    def control(self, state: Any, x: Value, x_m: Value, r: Value) -> Value:
+        """The control from now to the next sample."""
+        ...
+
+    def advance(self, state: Any, before: Sample, u: Value, now: Sample) -> NamedTuple:
+        """The state at this sample, from that at the one before, since when u was held."""
+        ...
+
+
 @runtime_checkable
 class Controller(Protocol):
     """A controller's settings: a frozen dataclass, validated in its constructor."""
@@ -73,6 +103,6 @@ class Controller(Protocol):
         """The name in results, tables and figures."""
         ...
 
-    def bind(self, known: Known) -> Equations:
+    def bind(self, known: Known) -> Equations | SampledEquations:
         """Join the settings with the plant's known part; raises InputError where they don't fit."""
         ...

@@ -12,10 +12,11 @@ from barbalat.certify.numerics import Stiffness, stiffness
 from barbalat.closed_loop import ClosedLoop
 from barbalat.engine import Batch, Progress, run
 from barbalat.grid import Simulation
+from barbalat.measurement import standard_normal
 from barbalat.problem import Problem
 from barbalat.protocols import Controller
 from barbalat.result import Envelope, Result
-from barbalat.stepping import output_function, step_program
+from barbalat.stepping import output_function, sampled_states, step_program
 from barbalat.validate import Array, InputError
 
 JACOBIAN_SAMPLES = 200
@@ -48,25 +49,30 @@ def simulate(
         raise InputError(f"every controller needs a name of its own, but {twice[0]!r} stands {names.count(twice[0])} times")
     batches = []
     for loop in loops:
-        weights, lags = None, None
+        weights, lags, seeds, noise_time = None, None, None, None
+        if problem.noise is not None:
+            seeds, noise_time = np.array([problem.noise.seed]), problem.noise.sample_time
         if loop.delayed:
             weights = delay.weights(problem.delay, simulation.dt, simulation.solver.nodes)
             lags = np.array([delay.lag(problem.delay, simulation.dt)])
-        program = step_program(loop, simulation.solver, simulation.dt, delay_weights=weights)
-        batches.append(Batch(program, loop.initial()[:, None], np.zeros((0, 1)), lags=lags, record=True))
+        program = step_program(loop, simulation.solver, simulation.dt, delay_weights=weights, noise_time=noise_time)
+        batches.append(Batch(program, loop.initial()[:, None], np.zeros((0, 1)), lags=lags, seeds=seeds, record=True))
     run(batches, problem.signals, simulation, threads=threads, progress=progress)
     parts = zip(controllers, loops, batches, strict=True)
     return {c.name: _result(problem, c, simulation, loop, batch) for c, loop, batch in parts}
 
 
 def _result(problem: Problem, controller: Controller, simulation: Simulation, loop: ClosedLoop, batch: Batch) -> Result:
-    t, states, accumulators = _record(simulation, batch)
+    steps, states, accumulators = _record(simulation, batch)
+    t = simulation.time(steps)
     metrics = batch.metrics(simulation, loop.theta_hat_rows)
     if not np.isnan(metrics.diverged_at[0]):
         kept = int(np.searchsorted(t, metrics.diverged_at[0]))  # the instants before it
-        t, states, accumulators = t[:kept], states[:kept], accumulators[: max(kept - 1, 0)]
-    unused = [np.zeros_like(t)] if loop.delayed else []  # the delayed input: no output and no frozen Jacobian depends on it
-    signals = np.stack([*(signal(t) for signal in problem.signals), *unused])
+        steps, t, states, accumulators = steps[:kept], t[:kept], states[:kept], accumulators[: max(kept - 1, 0)]
+    signals = _recorded_signals(problem, loop, batch, steps, t)
+    if loop.sampled:
+        due = steps % batch.program.shape.sample_every == 0  # recorded before the controller acted
+        states[due] = np.asarray(sampled_states(loop)(states[due].T, signals[:, due])).T
     e, u, theta_hat, x, x_m = (np.asarray(value).T for value in output_function(loop)(states.T, signals))
     at = batch.totals.at
     extrema = [(quantity, side) for quantity in ("e", "u", "theta_hat") for side in ("min", "max")]
@@ -88,6 +94,18 @@ def _result(problem: Problem, controller: Controller, simulation: Simulation, lo
     )
 
 
+def _recorded_signals(problem: Problem, loop: ClosedLoop, batch: Batch, steps: Array, t: Array) -> Array:
+    """(signal_count, K). The delayed input is left at zero: no output and no frozen Jacobian depends on it."""
+    signals = np.zeros((loop.signal_count, len(t)))
+    for i, signal in enumerate(problem.signals):
+        signals[i] = signal(t)
+    if problem.noise is not None and len(t):
+        rows = steps // batch.program.shape.noise_hold
+        drawn = [standard_normal(problem.noise.seed, 0, int(row), 1, loop.noise) for row in rows]
+        signals[loop.timed : loop.timed + loop.noise] = np.concatenate(drawn).T
+    return signals
+
+
 def _stiffness(loop: ClosedLoop, simulation: Simulation, t: Array, states: Array, signals: Array) -> Stiffness:
     chosen = np.unique(np.linspace(0, len(t) - 1, min(len(t), JACOBIAN_SAMPLES)).astype(int))
     found = stiffness(loop, simulation, t[chosen], states[chosen], signals[chosen])
@@ -98,10 +116,10 @@ def _stiffness(loop: ClosedLoop, simulation: Simulation, t: Array, states: Array
 
 
 def _record(simulation: Simulation, batch: Batch) -> tuple[Array, Array, Array]:
-    """Instants (K,), states (K, size) and the accumulators between them (K - 1, ...) of a batch of one member."""
+    """Steps (K,), states (K, size) and the accumulators between them (K - 1, ...) of a batch of one member."""
     (group,) = batch.groups
     blocks = np.concatenate([out[:, :, 0] for out in group.recorded])
     starts = [s.start + np.arange(s.blocks) * s.length for s in simulation.segments(recorded=True)][: len(group.recorded)]
     steps = np.append(np.concatenate(starts), simulation.steps)
     states = np.vstack([blocks[:, : batch.program.shape.states], group.state[:, 0]])
-    return simulation.time(steps), states, blocks[:, batch.program.shape.states :]
+    return steps, states, blocks[:, batch.program.shape.states :]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
@@ -14,8 +14,9 @@ from barbalat.lowering.operations import Program, read
 from barbalat.lowering.optimize import optimize
 from barbalat.lowering.shape import TAPS, LoopShape
 from barbalat.metrics import Accumulators
-from barbalat.protocols import Value
+from barbalat.protocols import SampledEquations, Value
 from barbalat.solvers import Tableau
+from barbalat.validate import InputError
 
 if TYPE_CHECKING:
     import casadi as ca
@@ -23,20 +24,45 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class StepProgram:
-    """One step as an operation list; compile it for a number of lanes."""
+    """One step as an operation list, and what a sampled controller does before it; compile it for a number of lanes."""
 
     program: Program
     shape: LoopShape
     accumulators: Accumulators | None
+    sample: Program | None = None
 
     def compile(self, lanes: int) -> Kernel:
         resets = () if self.accumulators is None else self.accumulators.resets
-        return _compile(self.program, self.shape, resets, lanes)
+        return _compile(self.program, self.shape, resets, lanes, self.sample)
 
 
 @lru_cache(maxsize=64)
-def _compile(program: Program, shape: LoopShape, resets: tuple[float, ...], lanes: int) -> Kernel:
-    return Kernel(program, shape, resets, lanes)
+def _compile(program: Program, shape: LoopShape, resets: tuple[float, ...], lanes: int, sample: Program | None) -> Kernel:
+    return Kernel(program, shape, resets, lanes, sample)
+
+
+@dataclass(frozen=True, eq=False)
+class Rhythm:
+    """How often, in solver steps, what happens at instants of its own: a controller's samples, new noise."""
+
+    sample_every: int = 0
+    noise_hold: int = 1
+
+    @classmethod
+    def of(cls, loop: ClosedLoop, noise_time: float | None, dt: float) -> Rhythm:
+        """InputError where a time is not a whole number of steps."""
+        sample_time = loop.equations.sample_time if isinstance(loop.equations, SampledEquations) else None
+        return cls(
+            0 if sample_time is None else _whole_steps("sample_time", sample_time, dt),
+            1 if noise_time is None else _whole_steps("sensor.noise.sample_time", noise_time, dt),
+        )
+
+
+def _whole_steps(field: str, time: float, dt: float) -> int:
+    steps = round(time / dt)
+    if steps < 1 or abs(steps * dt - time) > 1e-9 * time:
+        raise InputError(f"{field} must be a whole number of solver steps, got {time:g} s at dt = {dt:g} s")
+    return steps
 
 
 def step_function(
@@ -48,24 +74,24 @@ def step_function(
     delay_weights: Value = None,
     figures: bool = True,
 ) -> tuple[ca.Function, Accumulators | None]:
-    """The step as a CasADi function (state, accumulators, parameters, signals) -> (state, accumulators), and its accumulators.
+    """The step as a CasADi function (state, accumulators, parameters, signals, past, noise) -> (state, accumulators, remember).
 
-    With a delay, for which ``delay_weights`` (nodes, TAPS) stand, also past -> what to remember. ``loop`` and the weights may
-    hold symbols; ``parameters`` is then their CasADi column. Without ``figures`` there are no accumulators.
+    Also its accumulators; without ``figures`` there are none. ``delay_weights`` (nodes, TAPS) go with a delay: past then holds
+    the remembered values and ``remember`` the one to add. ``loop`` and the weights may hold symbols; ``parameters`` is then
+    their CasADi column.
     """
     import casadi as ca
 
+    loop = replace(loop, step=dt)
     state_column, state = symbols("state", loop.size)
-    channels = loop.signal_count - loop.delayed
-    signal_column, table_row = symbols("signals", len(solver.nodes) * channels)
-    signals = {node: table_row[i * channels : (i + 1) * channels] for i, node in enumerate(solver.nodes)}
-    past_inputs, remembered = [], []
-    if loop.delayed:
-        past_column, past = symbols("past", TAPS)
-        for i, node in enumerate(solver.nodes):
-            signals[node] = np.concatenate([signals[node], (delay_weights[i] @ past).reshape(1)])
-        past_inputs = [past_column]
-        remembered = [column(loop.undelayed_input(state, signals[solver.nodes[0]]))]
+    signal_column, table_row = symbols("signals", len(solver.nodes) * loop.timed)
+    noise_column, noise = symbols("noise", loop.noise)
+    past_column, past = symbols("past", TAPS if loop.delayed else 0)
+    signals = {}
+    for i, node in enumerate(solver.nodes):
+        delayed = [(delay_weights[i] @ past).reshape(1)] if loop.delayed else []
+        signals[node] = np.concatenate([table_row[i * loop.timed : (i + 1) * loop.timed], noise, *delayed])
+    remembered = column(loop.undelayed_input(state, signals[solver.nodes[0]])) if loop.delayed else ca.SX(0, 1)
     following = solver.advance(loop.derivative, loop.limit, state, signals, dt)
     accumulators, old_column, new = None, ca.SX(0, 1), ca.SX(0, 1)
     if figures:
@@ -74,8 +100,36 @@ def step_function(
         after = loop.unpack(following)
         old_column, old = symbols("accumulators", len(accumulators.resets))
         new = column(accumulators.update(old, outputs, after, following))
-    inputs = [state_column, old_column, ca.SX(0, 1) if parameters is None else parameters, signal_column, *past_inputs]
-    return ca.Function("step", inputs, [column(following), new, *remembered], {"cse": True}), accumulators
+    inputs = [state_column, old_column, _column(parameters), signal_column, past_column, noise_column]
+    return ca.Function("step", inputs, [column(following), new, remembered], {"cse": True}), accumulators
+
+
+def sample_function(loop: ClosedLoop, solver: Tableau, parameters: ca.SX | None = None) -> ca.Function:
+    """What a sampled controller does before a step, with the arguments of ``step_function``, -> state."""
+    import casadi as ca
+
+    state_column, state = symbols("state", loop.size)
+    signal_column, table_row = symbols("signals", len(solver.nodes) * loop.timed)
+    noise_column, noise = symbols("noise", loop.noise)
+    first = np.concatenate([table_row[: loop.timed], noise, np.zeros(int(loop.delayed))])
+    sampled = column(loop.sample(state, first))
+    inputs = [state_column, ca.SX(0, 1), _column(parameters), signal_column, ca.SX(0, 1), noise_column]
+    return ca.Function("sample", inputs, [sampled], {"cse": True})
+
+
+def sampled_states(loop: ClosedLoop) -> ca.Function:
+    """What a sampled controller makes of a state: (state, signals) -> state, columns of many instants may be given."""
+    import casadi as ca
+
+    state_column, state = symbols("state", loop.size)
+    signal_column, signals = symbols("signals", loop.signal_count)
+    return ca.Function("sampled", [state_column, signal_column], [column(loop.sample(state, signals))], {"cse": True})
+
+
+def _column(parameters: ca.SX | None) -> ca.SX:
+    import casadi as ca
+
+    return ca.SX(0, 1) if parameters is None else parameters
 
 
 def step_program(
@@ -86,13 +140,26 @@ def step_program(
     *,
     delay_weights: Value = None,
     lag_per_member: bool = False,
+    noise_time: float | None = None,
     figures: bool = True,
 ) -> StepProgram:
-    """Trace, optimise: see ``step_function``."""
+    """Trace, optimise: see ``step_function``. ``noise_time`` is the noise's sample time [s], for a loop that has noise."""
     function, accumulators = step_function(loop, solver, dt, parameters, delay_weights=delay_weights, figures=figures)
     states, accumulated, varied, signals = (function.nnz_in(i) for i in range(4))
-    shape = LoopShape(states, accumulated, varied, signals, delayed=int(loop.delayed), lag_per_member=lag_per_member)
-    return StepProgram(optimize(read(function)), shape, accumulators)
+    rhythm = Rhythm.of(loop, noise_time, dt)
+    shape = LoopShape(
+        states,
+        accumulated,
+        varied,
+        signals,
+        delayed=int(loop.delayed),
+        lag_per_member=lag_per_member,
+        noise=loop.noise,
+        noise_hold=rhythm.noise_hold,
+        sample_every=rhythm.sample_every,
+    )
+    sample = optimize(read(sample_function(loop, solver, parameters))) if loop.sampled else None
+    return StepProgram(optimize(read(function)), shape, accumulators, sample)
 
 
 def output_function(loop: ClosedLoop) -> ca.Function:
@@ -105,10 +172,11 @@ def output_function(loop: ClosedLoop) -> ca.Function:
     return ca.Function("outputs", [state_column, signal_column], [column(value) for value in outputs], {"cse": True})
 
 
-def jacobian_function(loop: ClosedLoop) -> ca.Function:
+def jacobian_function(loop: ClosedLoop, dt: float) -> ca.Function:
     """The exact Jacobian of the loop's right-hand side, (size, size), as a CasADi function of (state, signals)."""
     import casadi as ca
 
+    loop = replace(loop, step=dt)
     state_column, state = symbols("state", loop.size)
     signal_column, signals = symbols("signals", loop.signal_count)
     slope: Value = column(loop.derivative(state, signals))

@@ -104,3 +104,9 @@ def label(field: str, value: Any) -> str:
     if not isinstance(value, str) or not value:
         raise InputError(f"{field} must be a text that is not empty, got {show(value)}")
     return value
+
+
+def freeze(part: Any, **values: Any) -> None:
+    """Set fields of a frozen dataclass to their validated values, in its constructor."""
+    for name, value in values.items():
+        object.__setattr__(part, name, value)

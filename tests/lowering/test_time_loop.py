@@ -48,7 +48,7 @@ def test_kernel_against_stepping_the_casadi_function(problems, scheme):
     table = signal_table(problem.signals, simulation, 0, 200)
     state, figures = loop.initial(), np.array(accumulators.resets)
     for row in table:
-        state, figures = (np.asarray(part)[:, 0] for part in function(state, figures, [], row))
+        state, figures = (np.asarray(part)[:, 0] for part in function(state, figures, [], row, [], [])[:2])
     kernel = step_program(loop, RK4, simulation.dt).compile(1)
     final, out = loop.initial()[:, None].copy(), np.empty((1, loop.size + len(figures), 1))
     kernel(1, 200, final, np.zeros((0, 1)), table, out)

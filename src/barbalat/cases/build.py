@@ -10,13 +10,14 @@ from typing import TypeVar
 import numpy as np
 
 from barbalat import delay, signals
+from barbalat.actuation import PlantInput
 from barbalat.adaptation.laws import AdaptiveLaw, Gradient, LeastSquares
 from barbalat.adaptation.normalization import Normalization
 from barbalat.cases import schema
 from barbalat.controllers import L1Adaptive, Mrac, NormalizedMrac, RobustMrac
 from barbalat.grid import Simulation
 from barbalat.linear import TransferFunction, input_filter
-from barbalat.problem import ParameterBox, Plant, PlantInput, Problem, ReferenceModel
+from barbalat.problem import ParameterBox, Plant, Problem, ReferenceModel
 from barbalat.protocols import Controller, Signal
 from barbalat.solvers import SOLVERS
 from barbalat.validate import InputError

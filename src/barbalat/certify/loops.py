@@ -45,13 +45,8 @@ def around_equilibrium(loop: ClosedLoop, r: float) -> StateSpace:
 
     state_column, state = symbols("state", loop.size)
     input_column, v = symbols("v", 1)
-    parts = loop.unpack(state)
-    r_array = np.array(r)
-    u = loop.equations.control(parts.controller, parts.x, parts.x_m, r_array)
-    x_dot = loop.plant.derivative(parts.x, v[0])
-    controller_dot = loop.equations.derivative(parts.controller, parts.x, parts.x_m, r_array, u)
-    x_m_dot = loop.model.derivative(parts.x_m, r_array)
-    slope = column(flatten(type(parts)(x_dot, x_m_dot, parts.input, controller_dot)))
+    slope, u = loop.derivative_given_input(state, signals_at_rest(loop, r), v[0])
+    slope = column(slope)
     jacobians = ca.Function(
         "jacobians",
         [state_column, input_column],
@@ -70,7 +65,7 @@ def _moving_directions(loop: ClosedLoop, x: Array) -> Array:
     """
     n, rows = len(x), loop.theta_hat_rows
     identity = np.eye(loop.size)
-    before = 0 if loop.input is None else loop.input.order
+    before = 0 if loop.input is None else len(flatten(loop.input.initial()))
     kept = [i for i in range(loop.size) if not n <= i < 2 * n + before and not rows.start <= i < rows.stop]
     along = np.zeros(loop.size)
     length = float(np.linalg.norm(x))
@@ -90,7 +85,7 @@ def equilibrium(loop: ClosedLoop, r: float) -> tuple[Array, float]:
     plant = loop.plant
     x = -np.linalg.solve(plant.A_m, plant.b * (loop.model.k_0 * r))
     state_column, state = symbols("state", loop.size)
-    slope = column(loop.derivative(state, np.array([r, 0.0])[: loop.signal_count]))
+    slope = column(loop.derivative(state, signals_at_rest(loop, r)))
     function = ca.Function("slope", [state_column], [slope, ca.jacobian(slope, state_column)])
     rest = np.array(loop.initial())
     n = len(plant.b)
@@ -101,8 +96,12 @@ def equilibrium(loop: ClosedLoop, r: float) -> tuple[Array, float]:
         value, jacobian = (np.array(part) for part in function(rest))
         if len(free):
             rest[free] -= np.linalg.lstsq(jacobian[:, free], value[:, 0], rcond=None)[0]
-    parts = loop.unpack(rest)
-    return rest, float(loop.equations.control(parts.controller, parts.x, parts.x_m, np.array(r)))
+    return rest, float(loop.outputs(rest, signals_at_rest(loop, r)).u[0])
+
+
+def signals_at_rest(loop: ClosedLoop, r: float) -> Array:
+    """A constant command, no disturbance, no noise."""
+    return np.array([r] + [0.0] * (loop.signal_count - 1))
 
 
 def series(first: StateSpace, second: StateSpace) -> StateSpace:

@@ -49,7 +49,7 @@ def stiffness(loop: ClosedLoop, simulation: Simulation, t: Array, states: Array,
     whole run, that would make a factor e: a fixed threshold would blame Euler's method for its harmless growth of slow modes.
     """
     size = loop.size
-    flat = np.asarray(jacobian_function(loop)(states.T, signals.T))
+    flat = np.asarray(jacobian_function(loop, simulation.dt)(states.T, signals.T))
     z = simulation.dt * np.linalg.eigvals(flat.reshape(size, len(states), size).transpose(1, 0, 2))
     with np.errstate(divide="ignore"):  # R may vanish: no growth at all
         spurious = np.log(np.abs(simulation.solver.amplification(z))) - np.maximum(z.real, 0)

@@ -59,7 +59,8 @@ def _mrac(problem: Problem, controller: Mrac, simulation: Simulation) -> Certifi
     values |= _margins(problem, known_parameters(plant, plant.theta), "with the estimates at rest on theta", findings)
     values |= _adapting_margins(problem, loop, findings)
     assumptions = [MATCHED, EXACT_START, FROZEN, LINEAR]
-    if loop.equations.box is not None:  # type: ignore[attr-defined]
+    equations: Any = loop.equations
+    if equations.box is not None:
         assumptions.insert(1, IN_THE_SET)
     return _finish(problem, values, guaranteed, assumptions, findings)
 

@@ -6,6 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from barbalat.actuation import PlantInput
 from barbalat.certify.loops import around_equilibrium, fast_adaptation, known_parameters
 from barbalat.certify.margins import margins
 from barbalat.claims import section_v
@@ -14,7 +15,6 @@ from barbalat.claims.variants import figures, numbers, variant
 from barbalat.closed_loop import ClosedLoop
 from barbalat.controllers import Mrac
 from barbalat.linear import TransferFunction, input_filter
-from barbalat.problem import PlantInput
 from barbalat.protocols import Controller, Signal
 from barbalat.signals import Constant, Sine
 from barbalat.validate import Array

@@ -7,11 +7,12 @@ from typing import Any
 
 import numpy as np
 
+from barbalat.actuation import PlantInput
 from barbalat.claims import section_v
 from barbalat.ensemble import simulate_ensemble
 from barbalat.grid import Simulation
 from barbalat.metrics import Metrics
-from barbalat.problem import ParameterBox, Plant, PlantInput, Problem, ReferenceModel
+from barbalat.problem import ParameterBox, Plant, Problem, ReferenceModel
 from barbalat.protocols import Controller, Signal
 from barbalat.validate import Array
 

@@ -30,8 +30,9 @@ def constant(value: float) -> str:
 class _Printer:
     """Prints the operations of one step; ``values`` maps a position to the text of its value."""
 
-    def __init__(self, program: Program, lanes: int, inputs: dict[tuple[int, int], str]) -> None:
+    def __init__(self, program: Program, lanes: int, inputs: dict[tuple[int, int], str], prefix: str = "v") -> None:
         self.program = program
+        self.prefix = prefix
         self.lanes = lanes
         self.inputs = inputs
         self.vector = "double" if lanes == 1 else f"<{lanes} x double>"
@@ -49,7 +50,7 @@ class _Printer:
 
     def assign(self, text: str) -> str:
         self.temporaries += 1
-        name = f"%v{self.temporaries}"
+        name = f"%{self.prefix}{self.temporaries}"
         self.lines.append(f"  {name} = {text}")
         return name
 
@@ -76,6 +77,7 @@ class _Printer:
         return self.assign(f"select {self.mask} {condition}, {self.vector} {a}, {self.vector} {b}")
 
     def run(self) -> list[str]:
+        """The outputs' values, argument by argument."""
         for op in self.program.operations:
             if op.name == "constant":
                 value = self.splat(op.value)
@@ -85,7 +87,7 @@ class _Printer:
                 value = self.operation(op.name, op.operands)
             self.values.append(value)
             self.truth.append(op.name in COMPARISONS)
-        return self.values
+        return [self.number(i) for row in self.program.outputs for i in row]
 
     def operation(self, name: str, operands: tuple[int, ...]) -> str:
         if name in ("not", "and", "or"):
@@ -118,8 +120,8 @@ class _Printer:
         return self.select(self.assign(f"fcmp {relation} {self.vector} {x[0]}, {x[1]}"), x[1], x[0])
 
 
-def loop(step: Program, shape: LoopShape, resets: tuple[float, ...], lanes: int) -> str:
-    """IR of ``void barbalat_loop(blocks, steps, state*, parameters*, signals*, out*, start, lags*, ring*, mask)``.
+def loop(step: Program, shape: LoopShape, resets: tuple[float, ...], lanes: int, sample: Program | None = None) -> str:
+    """IR of ``void barbalat_loop(blocks, steps, state*, parameters*, signals*, out*, start, lags*, ring*, mask, noise*)``.
 
     state       [states][W], in and out
     parameters  [parameters][W]
@@ -128,17 +130,38 @@ def loop(step: Program, shape: LoopShape, resets: tuple[float, ...], lanes: int)
     start       number of the first step since t = 0
     lags        [W]: the newest value handed back is that of ``lag`` steps ago, at least 1
     ring        [mask + 1][delayed][W]: remembered values, a power of two of steps; what stands there first is the past
+    noise       [rows][noise][W]: a row for each ``noise_hold`` steps since t = 0, the first row that of ``start``
+
+    Before a step whose number is a multiple of ``sample_every``, ``sample`` replaces the state.
     """
+    if (sample is None) != (shape.sample_every == 0):
+        raise ValueError("a loop has a sampled part exactly where its shape says how often it acts")
     n, m = shape.states, shape.accumulators
     inputs = {(0, i): f"%x{i}" for i in range(n)}
     inputs |= {(1, i): f"%a{i}" for i in range(m)}
     inputs |= {(2, i): f"%p{i}" for i in range(shape.parameters)}
     inputs |= {(3, i): f"%s{i}" for i in range(shape.signals)}
     inputs |= {(4, i): f"%d{i}" for i in range(shape.delayed * TAPS)}
+    inputs |= {(5, i): f"%n{i}" for i in range(shape.noise)}
     printer = _Printer(step, lanes, inputs)
-    values = printer.run()
-    new = [values[i] if not printer.truth[i] else printer.number(i) for row in step.outputs for i in row]
+    new = printer.run()
     vector, align = printer.vector, "align 8"
+    sampling, held, last = [], "", "step"  # without a sampled part the step is one block
+    if sample is not None:
+        sampler = _Printer(sample, lanes, inputs | {(0, i): f"%x{i}.held" for i in range(n)}, prefix="w")
+        sampled = sampler.run()
+        printer.intrinsics |= sampler.intrinsics
+        held, last = ".held", "go"
+        sampling = [
+            f"  %phase = urem i64 %now, {shape.sample_every}",
+            "  %due = icmp eq i64 %phase, 0",
+            "  br i1 %due, label %sample, label %go",
+            "sample:",
+            *sampler.lines,
+            "  br label %go",
+            "go:",
+            *(f"  %x{i} = phi {vector} [ %x{i}.held, %step ], [ {sampled[i]}, %sample ]" for i in range(n)),
+        ]
 
     def load(name: str, base: str, offset: str) -> list[str]:
         return [
@@ -155,11 +178,13 @@ def loop(step: Program, shape: LoopShape, resets: tuple[float, ...], lanes: int)
     # the stack is aligned for whole vectors: otherwise every value that does not fit into registers costs unaligned accesses
     lines = [
         f"define void @{ENTRY}(i64 %blocks, i64 %steps, ptr noalias %state, ptr noalias %parameters, "
-        "ptr noalias %signals, ptr noalias %out, i64 %start, ptr noalias %lags, ptr noalias %ring, i64 %mask) alignstack(64) {",
+        "ptr noalias %signals, ptr noalias %out, i64 %start, ptr noalias %lags, ptr noalias %ring, i64 %mask, "
+        "ptr noalias %noise) alignstack(64) {",
         "entry:",
         *(line for i in range(n) for line in load(f"x{i}.0", "%state", str(i))),
         *(line for i in range(shape.parameters) for line in load(f"p{i}", "%parameters", str(i))),
         *lag_loads(shape, lanes),
+        f"  %noise.first = udiv i64 %start, {shape.noise_hold}",
         "  br label %block",
         "block:",
         "  %b = phi i64 [ 0, %entry ], [ %b.next, %block.end ]",
@@ -171,10 +196,13 @@ def loop(step: Program, shape: LoopShape, resets: tuple[float, ...], lanes: int)
         "  %last = add i64 %first, %steps",
         "  br label %step",
         "step:",
-        "  %k = phi i64 [ %first, %block ], [ %k.next, %step ]",
-        *(f"  %x{i} = phi {vector} [ %x{i}.b, %block ], [ {new[i]}, %step ]" for i in range(n)),
-        *(f"  %a{i} = phi {vector} [ {printer.splat(resets[i])}, %block ], [ {new[n + i]}, %step ]" for i in range(m)),
+        f"  %k = phi i64 [ %first, %block ], [ %k.next, %{last} ]",
+        *(f"  %x{i}{held} = phi {vector} [ %x{i}.b, %block ], [ {new[i]}, %{last} ]" for i in range(n)),
+        *(f"  %a{i} = phi {vector} [ {printer.splat(resets[i])}, %block ], [ {new[n + i]}, %{last} ]" for i in range(m)),
+        "  %now = add i64 %k, %start",
         *_signal_loads(shape.signals, lanes, vector),
+        *_noise_loads(shape, vector),
+        *sampling,
         *past_loads(shape, lanes, vector),
         *printer.lines,
         *remember(shape, vector, new[n + m :]),
@@ -193,6 +221,23 @@ def loop(step: Program, shape: LoopShape, resets: tuple[float, ...], lanes: int)
         *sorted(printer.intrinsics),
     ]
     return "\n".join(lines)
+
+
+def _noise_loads(shape: LoopShape, vector: str) -> list[str]:
+    if not shape.noise:
+        return []
+    lines = [
+        f"  %noise.at = udiv i64 %now, {shape.noise_hold}",
+        "  %noise.row = sub i64 %noise.at, %noise.first",
+        f"  %noise.base = mul i64 %noise.row, {shape.noise}",
+    ]
+    for i in range(shape.noise):
+        lines += [
+            f"  %n{i}.index = add i64 %noise.base, {i}",
+            f"  %n{i}.at = getelementptr {vector}, ptr %noise, i64 %n{i}.index",
+            f"  %n{i} = load {vector}, ptr %n{i}.at, align 8",
+        ]
+    return lines
 
 
 def _signal_loads(count: int, lanes: int, vector: str) -> list[str]:

@@ -20,7 +20,7 @@ def past_loads(shape: LoopShape, lanes: int, vector: str) -> list[str]:
     """%d{channel * TAPS + tap}: what was remembered lag + tap steps ago."""
     if not shape.delayed:
         return []
-    lines = ["  %now = add i64 %k, %start"]
+    lines = []
     width = lanes if shape.lag_per_member else 1
     for j in range(width):
         lines.append(f"  %then{j}.0 = sub i64 %now, %lag{j}")

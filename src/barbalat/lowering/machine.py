@@ -39,7 +39,6 @@ class Past:
         self.lags = np.ascontiguousarray(lags, dtype=np.int64)
         depth = int(lags.max()) + TAPS
         self.ring = np.zeros((1 << (depth - 1).bit_length(), channels, len(lags)))
-        self.step = 0
 
 
 class Kernel:
@@ -48,12 +47,14 @@ class Kernel:
     The call releases the interpreter's lock, writes only into the arrays it is given, and may run in many threads at once.
     """
 
-    def __init__(self, step: Program, shape: LoopShape, resets: tuple[float, ...], lanes: int) -> None:
+    def __init__(
+        self, step: Program, shape: LoopShape, resets: tuple[float, ...], lanes: int, sample: Program | None = None
+    ) -> None:
         if lanes < 1 or lanes & (lanes - 1):
             raise ValueError(f"lanes must be a power of two, got {lanes}")
         self.shape = shape
         self.lanes = lanes
-        self.ir = llvm_ir.loop(step, shape, resets, lanes)
+        self.ir = llvm_ir.loop(step, shape, resets, lanes, sample)
         target = _target()
         machine = target.create_target_machine(
             cpu=llvm.get_host_cpu_name(), features=llvm.get_host_cpu_features().flatten(), opt=3
@@ -70,7 +71,7 @@ class Kernel:
         self._engine = llvm.create_mcjit_compiler(module, machine)
         self._engine.finalize_object()
         i64, pointer = ctypes.c_int64, ctypes.c_void_p
-        prototype = ctypes.CFUNCTYPE(None, i64, i64, pointer, pointer, pointer, pointer, i64, pointer, pointer, i64)
+        prototype = ctypes.CFUNCTYPE(None, i64, i64, pointer, pointer, pointer, pointer, i64, pointer, pointer, i64, pointer)
         self._call = prototype(self._engine.get_function_address(llvm_ir.ENTRY))
 
     def __call__(
@@ -82,27 +83,36 @@ class Kernel:
         signals: np.ndarray,
         out: np.ndarray,
         past: Past | None = None,
+        noise: np.ndarray | None = None,
+        *,
+        start: int = 0,
     ) -> None:
-        """Shapes: see ``llvm_ir.loop``; all arrays are C-contiguous float64. ``past`` goes with a step that has delays."""
+        """Shapes: see ``llvm_ir.loop``; all arrays are C-contiguous float64.
+
+        past   goes with a step that has delays
+        noise  goes with a step that has noise
+        start  number of the first step since t = 0
+        """
         w, s = self.lanes, self.shape
+        rows = (start + blocks * steps - 1) // s.noise_hold - start // s.noise_hold + 1
         expected = {
             "state": (state, s.states * w),
             "parameters": (parameters, s.parameters * w),
             "signals": (signals, blocks * steps * s.signals),
             "out": (out, blocks * (s.states + s.accumulators) * w),
         }
+        if noise is not None:
+            expected["noise"] = (noise, rows * s.noise * w)
         for name, (array, size) in expected.items():
             if array.dtype != np.float64 or not array.flags.c_contiguous or array.size < size:
                 raise ValueError(
                     f"{name} must be C-contiguous float64 with at least {size} entries, got {array.shape} {array.dtype}"
                 )
-        if (past is None) != (s.delayed == 0):
-            raise ValueError(
-                f"a kernel with {s.delayed} delayed channels was called {'without' if past is None else 'with'} a past"
-            )
+        for what, given, count in (("a past", past, s.delayed), ("noise", noise, s.noise)):
+            if (given is None) != (count == 0):
+                raise ValueError(
+                    f"a kernel with {count} channels that need {what} was called {'without' if given is None else 'with'} it"
+                )
         arrays = (state.ctypes.data, parameters.ctypes.data, signals.ctypes.data, out.ctypes.data)
-        if past is None:
-            self._call(blocks, steps, *arrays, 0, None, None, 0)
-        else:
-            self._call(blocks, steps, *arrays, past.step, past.lags.ctypes.data, past.ring.ctypes.data, len(past.ring) - 1)
-            past.step += blocks * steps
+        memory = (None, None, 0) if past is None else (past.lags.ctypes.data, past.ring.ctypes.data, len(past.ring) - 1)
+        self._call(blocks, steps, *arrays, start, *memory, None if noise is None else noise.ctypes.data)

@@ -11,6 +11,8 @@ class LoopShape:
 
     delayed            channels whose value at every step is remembered; the step gets TAPS consecutive ones of each back
     lag_per_member     whether members look back differently far
+    noise              numbers of its own that each member gets at every step, the same for ``noise_hold`` steps
+    sample_every       steps between two calls of the sampled part, which acts on the state before the step; 0: there is none
     """
 
     states: int
@@ -19,6 +21,9 @@ class LoopShape:
     signals: int
     delayed: int = 0
     lag_per_member: bool = False
+    noise: int = 0
+    noise_hold: int = 1
+    sample_every: int = 0
 
 
 TAPS = 4
