@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from barbalat.actuation import PlantInput
     from barbalat.adaptation.laws import Gradient, LeastSquares
     from barbalat.adaptation.normalization import Normalization
-    from barbalat.controllers import L1Adaptive, Mrac, NormalizedMrac, RobustMrac
+    from barbalat.controllers import L1Adaptive, Mrac, NormalizedMrac, RobustMrac, Sampled
     from barbalat.ensemble import EnsembleResult, simulate_ensemble
     from barbalat.grid import Simulation
     from barbalat.linear import TransferFunction, input_filter
@@ -28,7 +28,7 @@ _HOME = {
     "actuation": ("PlantInput",),
     "adaptation.laws": ("Gradient", "LeastSquares"),
     "adaptation.normalization": ("Normalization",),
-    "controllers": ("L1Adaptive", "Mrac", "NormalizedMrac", "RobustMrac"),
+    "controllers": ("L1Adaptive", "Mrac", "NormalizedMrac", "RobustMrac", "Sampled"),
     "ensemble": ("EnsembleResult", "simulate_ensemble"),
     "grid": ("Simulation",),
     "linear": ("TransferFunction", "input_filter"),
@@ -45,8 +45,8 @@ _MODULE_OF = {name: module for module, names in _HOME.items() for name in names}
 __all__ = [
     "EULER", "HEUN", "RK4", "Chirp", "Constant", "Disturbance", "EnsembleResult", "Gradient", "InputError", "L1Adaptive",
     "LeastSquares", "Mrac", "Noise", "Normalization", "NormalizedMrac", "ParameterBox", "Plant", "PlantInput", "Problem",
-    "Recorded", "ReferenceModel", "Result", "RobustMrac", "Sensor", "Simulation", "Sine", "Sines", "Square", "Step", "Steps",
-    "TransferFunction", "input_filter", "simulate", "simulate_ensemble",
+    "Recorded", "ReferenceModel", "Result", "RobustMrac", "Sampled", "Sensor", "Simulation", "Sine", "Sines", "Square", "Step",
+    "Steps", "TransferFunction", "input_filter", "simulate", "simulate_ensemble",
 ]  # fmt: skip
 
 

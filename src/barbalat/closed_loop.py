@@ -25,6 +25,7 @@ class Held(NamedTuple):
     u: Value  # the control
     before: Sample  # what was sampled
     started: Value  # 0 before the first sample, then 1
+    theta_hat: Value  # the estimates as they were before this step's sample, if it has one
 
 
 class LoopState(NamedTuple):
@@ -101,13 +102,16 @@ class ClosedLoop:
     @property
     def _initial(self) -> LoopState:
         y, y_m = self.plant.output(self.plant.x0), self.model.output(self.model.x0)
+        controller: Any = self.equations.initial()
         return LoopState(
             x=self.plant.x0,
             x_m=self.model.x0,
             input=() if self.input is None else self.input.initial(),
             sensor=np.zeros(0) if self.lag is None else y,
-            controller=self.equations.initial(),
-            held=Held(np.zeros(()), Sample(0 * y, 0 * y_m, np.zeros(())), np.zeros(())) if self.sampled else (),
+            controller=controller,
+            held=Held(np.zeros(()), Sample(0 * y, 0 * y_m, np.zeros(())), np.zeros(()), controller.theta_hat)
+            if self.sampled
+            else (),
         )
 
     @property
@@ -194,7 +198,8 @@ class ClosedLoop:
         chosen = np.where(state.held.started > 0, flatten(advanced), old)
         controller, _ = _unflatten(self._initial.controller, chosen, 0)
         u = self.equations.control(controller, *now)
-        return flatten(state._replace(controller=controller, held=Held(u, now, 0 * state.held.started + 1)))
+        held = Held(u, now, 0 * state.held.started + 1, state.controller.theta_hat)
+        return flatten(state._replace(controller=controller, held=held))
 
     def undelayed_input(self, flat: Value, signals: Value) -> Value:
         """What enters the delay."""
@@ -218,10 +223,18 @@ class ClosedLoop:
         return u if self.input is None else self.input.output(state.input, u)
 
     def limit(self, flat: Value) -> Value:
-        if self.sampled:
-            return flat
+        """The state with the estimates limited to the known set; applied at every stage and at a step's end."""
         state = self.unpack(flat)
+        if self.sampled:  # the estimates have moved and are counted
+            return flatten(state._replace(held=state.held._replace(theta_hat=state.controller.theta_hat)))
         return flatten(state._replace(controller=self.equations.limit(state.controller)))  # type: ignore[union-attr]
+
+    def estimates_moved(self, flat: Value, following: Value) -> Value:
+        """|change of theta_hat| by a step from ``flat`` to ``following``, a sample at its start included, (n,)."""
+        state = self.unpack(flat)
+        now = state.controller.theta_hat
+        moved = now - state.held.theta_hat if self.sampled else self.unpack(following).controller.theta_hat - now
+        return np.abs(moved.reshape(-1))
 
     def outputs(self, flat: Value, signals: Value) -> Outputs:
         state = self.unpack(flat)

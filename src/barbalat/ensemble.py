@@ -80,7 +80,7 @@ def simulate_ensemble(
         column,
         delay_weights=template.delay_weights,
         lag_per_member=lags is not None and bool((lags != lags[0]).any()),
-        noise_time=noise_times[0],
+        noise=members[0][0].noise,
     )
     states = np.column_stack([loop.initial() for loop in loops])
     seeds = None if loops[0].noise == 0 else np.array([problem.noise.seed for problem, _ in members if problem.noise is not None])

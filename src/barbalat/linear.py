@@ -22,6 +22,11 @@ class StateSpace:
     C: Array
     D: float
 
+    @classmethod
+    def gain(cls, D: float) -> StateSpace:
+        """A number, without dynamics."""
+        return cls(np.zeros((0, 0)), np.zeros(0), np.zeros(0), D)
+
     def derivative(self, state: Value, u: Value) -> Value:
         return self.A @ state + self.B * u
 

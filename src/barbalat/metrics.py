@@ -51,8 +51,8 @@ class Accumulators:
             start += size
         return result
 
-    def update(self, old: Value, outputs: Outputs, after: LoopState, state_next: Value) -> Value:
-        """The accumulators after one step, as an expression; ``outputs`` are those at the step's start."""
+    def update(self, old: Value, outputs: Outputs, after: LoopState, state_next: Value, moved: Value) -> Value:
+        """The accumulators after one step; ``outputs`` are those at its start, ``moved`` is |change of theta_hat|."""
         at = self.slices()
         theta_hat_next = after.controller.theta_hat
         physical = np.sum(np.abs(after.x)) + np.sum(np.abs(after.x_m)) + np.sum(np.abs(theta_hat_next))
@@ -70,7 +70,7 @@ class Accumulators:
             elif quantity == "e^2":
                 new.append(previous + outputs.e * outputs.e)
             elif quantity == "variation":
-                new.append(previous + np.abs(theta_hat_next - outputs.theta_hat))
+                new.append(previous + moved)
             else:
                 new.append(alive if operation == "alive" else previous + alive)
         return np.concatenate(new)

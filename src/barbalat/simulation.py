@@ -49,13 +49,12 @@ def simulate(
         raise InputError(f"every controller needs a name of its own, but {twice[0]!r} stands {names.count(twice[0])} times")
     batches = []
     for loop in loops:
-        weights, lags, seeds, noise_time = None, None, None, None
-        if problem.noise is not None:
-            seeds, noise_time = np.array([problem.noise.seed]), problem.noise.sample_time
+        weights, lags = None, None
+        seeds = None if problem.noise is None else np.array([problem.noise.seed])
         if loop.delayed:
             weights = delay.weights(problem.delay, simulation.dt, simulation.solver.nodes)
             lags = np.array([delay.lag(problem.delay, simulation.dt)])
-        program = step_program(loop, simulation.solver, simulation.dt, delay_weights=weights, noise_time=noise_time)
+        program = step_program(loop, simulation.solver, simulation.dt, delay_weights=weights, noise=problem.noise)
         batches.append(Batch(program, loop.initial()[:, None], np.zeros((0, 1)), lags=lags, seeds=seeds, record=True))
     run(batches, problem.signals, simulation, threads=threads, progress=progress)
     parts = zip(controllers, loops, batches, strict=True)

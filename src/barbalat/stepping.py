@@ -13,6 +13,7 @@ from barbalat.lowering.machine import Kernel
 from barbalat.lowering.operations import Program, read
 from barbalat.lowering.optimize import optimize
 from barbalat.lowering.shape import TAPS, LoopShape
+from barbalat.measurement import Noise
 from barbalat.metrics import Accumulators
 from barbalat.protocols import SampledEquations, Value
 from barbalat.solvers import Tableau
@@ -49,12 +50,12 @@ class Rhythm:
     noise_hold: int = 1
 
     @classmethod
-    def of(cls, loop: ClosedLoop, noise_time: float | None, dt: float) -> Rhythm:
+    def of(cls, loop: ClosedLoop, noise: Noise | None, dt: float) -> Rhythm:
         """InputError where a time is not a whole number of steps."""
         sample_time = loop.equations.sample_time if isinstance(loop.equations, SampledEquations) else None
         return cls(
             0 if sample_time is None else _whole_steps("sample_time", sample_time, dt),
-            1 if noise_time is None else _whole_steps("sensor.noise.sample_time", noise_time, dt),
+            1 if noise is None else _whole_steps("sensor.noise.sample_time", noise.sample_time, dt),
         )
 
 
@@ -99,7 +100,8 @@ def step_function(
         outputs = loop.outputs(state, signals[solver.nodes[0]])
         after = loop.unpack(following)
         old_column, old = symbols("accumulators", len(accumulators.resets))
-        new = column(accumulators.update(old, outputs, after, following))
+        moved = loop.estimates_moved(state, following)
+        new = column(accumulators.update(old, outputs, after, following, moved))
     inputs = [state_column, old_column, _column(parameters), signal_column, past_column, noise_column]
     return ca.Function("step", inputs, [column(following), new, remembered], {"cse": True}), accumulators
 
@@ -140,13 +142,13 @@ def step_program(
     *,
     delay_weights: Value = None,
     lag_per_member: bool = False,
-    noise_time: float | None = None,
+    noise: Noise | None = None,
     figures: bool = True,
 ) -> StepProgram:
-    """Trace, optimise: see ``step_function``. ``noise_time`` is the noise's sample time [s], for a loop that has noise."""
+    """Trace, optimise: see ``step_function``. ``noise`` is the measurement's."""
     function, accumulators = step_function(loop, solver, dt, parameters, delay_weights=delay_weights, figures=figures)
     states, accumulated, varied, signals = (function.nnz_in(i) for i in range(4))
-    rhythm = Rhythm.of(loop, noise_time, dt)
+    rhythm = Rhythm.of(loop, noise, dt)
     shape = LoopShape(
         states,
         accumulated,

@@ -14,12 +14,15 @@ from barbalat.actuation import PlantInput
 from barbalat.adaptation.laws import AdaptiveLaw, Gradient, LeastSquares
 from barbalat.adaptation.normalization import Normalization
 from barbalat.cases import schema
-from barbalat.controllers import L1Adaptive, Mrac, NormalizedMrac, RobustMrac
+from barbalat.closed_loop import ClosedLoop
+from barbalat.controllers import L1Adaptive, Mrac, NormalizedMrac, RobustMrac, Sampled
 from barbalat.grid import Simulation
 from barbalat.linear import TransferFunction, input_filter
-from barbalat.problem import ParameterBox, Plant, Problem, ReferenceModel
+from barbalat.measurement import Noise, Sensor
+from barbalat.problem import Disturbance, ParameterBox, Plant, Problem, ReferenceModel
 from barbalat.protocols import Controller, Signal
 from barbalat.solvers import SOLVERS
+from barbalat.stepping import Rhythm
 from barbalat.validate import InputError
 
 T = TypeVar("T")
@@ -48,6 +51,8 @@ def build(table: schema.CaseTable, folder: Path) -> Case:
         disturbance=None
         if table.plant.disturbance is None
         else within("plant.disturbance", lambda: _signal(table.plant.disturbance, folder)),
+        unmatched=tuple(_unmatched(i, given, folder) for i, given in enumerate(table.plant.unmatched, start=1)),
+        sensor=None if table.sensor is None else _sensor(table.sensor),
         name=table.name,
     )
     controllers = []
@@ -60,6 +65,8 @@ def build(table: schema.CaseTable, folder: Path) -> Case:
     simulation = _simulation(table.simulation)
     if problem.delay > 0:
         delay.lag(problem.delay, simulation.dt)  # refuses a delay that this step can't carry
+    for controller in controllers:
+        Rhythm.of(ClosedLoop.of(problem, controller), problem.noise, simulation.dt)  # likewise what happens between steps
     return Case(problem, tuple(controllers), simulation)
 
 
@@ -98,10 +105,23 @@ def _plant_input(table: schema.InputTable | None) -> PlantInput | None:
         return None if given is None else within(f"plant.input.{name}", lambda: TransferFunction(given.num, given.den))
 
     return PlantInput(
+        quantization=table.quantization,
+        saturation=table.saturation,
+        rate_limit=table.rate_limit,
         actuator=system("actuator", table.actuator),
         multiplicative=system("multiplicative", table.multiplicative),
         delay=table.delay,
     )
+
+
+def _unmatched(i: int, table: schema.UnmatchedTable, folder: Path) -> Disturbance:
+    signal = within(f"plant.unmatched {i}", lambda: _signal(table.signal, folder))
+    return within(f"plant.unmatched {i}", lambda: Disturbance(direction=table.direction, signal=signal))
+
+
+def _sensor(table: schema.SensorTable) -> Sensor:
+    noise = None if table.noise is None else Noise(**dict(table.noise))
+    return Sensor(lag=table.lag, noise=noise)
 
 
 def _signal(table: schema.Table | None, folder: Path) -> Signal:
@@ -130,6 +150,12 @@ def _simulation(table: schema.SimulationTable) -> Simulation:
 def _bound(table: schema.AdaptiveTable, problem: Problem) -> Controller:
     """The controller, after it was bound to the problem once to see that the two fit."""
     controller = _controller(table)
+    if table.sample_time is not None:
+        controller = Sampled(
+            controller=controller, sample_time=table.sample_time, discretization=table.discretization or "midpoint"
+        )
+    elif table.discretization is not None:
+        raise InputError("discretization goes with sample_time, which is missing")
     controller.bind(problem.known)
     return controller
 

@@ -15,14 +15,11 @@ from barbalat.cases.build import Case, build
 from barbalat.validate import InputError, show
 
 PLANNED = {
-    "plant.input.saturation": "input limits",
-    "plant.input.rate_limit": "input limits",
     "plant.transfer_function": "output feedback",
     "reference_model.transfer_function": "output feedback",
 }
 """Keys of the case-file contract that this version does not serve yet, and what they are about."""
 
-PLANNED_CONTROLLER = {"sample_time": "sampled controllers", "discretization": "sampled controllers"}
 PLANNED_SCHEMES = ("l1-output", "mrac-output", "linear")
 
 
@@ -77,9 +74,6 @@ def _refuse_planned(data: dict[str, Any]) -> None:
     for i, settings in enumerate(controllers if isinstance(controllers, list) else [], start=1):
         if not isinstance(settings, dict):
             continue
-        for entry, topic in PLANNED_CONTROLLER.items():
-            if entry in settings:
-                raise InputError(f"controller {i}: {entry} ({topic}) is not available in this version")
         if settings.get("scheme") in PLANNED_SCHEMES:
             raise InputError(f"controller {i}: the scheme {settings['scheme']!r} is not available in this version")
 

@@ -105,9 +105,34 @@ class TransferFunctionTable(Table):
 class InputTable(Table):
     """[plant.input]."""
 
+    quantization: float | None = None
+    saturation: Vector | None = None
+    rate_limit: float | None = None
     delay: float = 0.0
     actuator: TransferFunctionTable | None = None
     multiplicative: TransferFunctionTable | None = None
+
+
+class NoiseTable(Table):
+    """[sensor.noise]."""
+
+    std: float | Vector
+    sample_time: float
+    seed: int = 0
+
+
+class SensorTable(Table):
+    """[sensor]."""
+
+    lag: float = 0.0
+    noise: NoiseTable | None = None
+
+
+class UnmatchedTable(Table):
+    """[[plant.unmatched]]."""
+
+    direction: Vector
+    signal: Signal
 
 
 class PlantTable(Table):
@@ -120,6 +145,7 @@ class PlantTable(Table):
     x0: Vector | None = None
     input: InputTable | None = None
     disturbance: Signal | None = None
+    unmatched: list[UnmatchedTable] = []
 
 
 class ReferenceModelTable(Table):
@@ -174,6 +200,8 @@ class AdaptiveTable(Table):
     name: str | None = Field(default=None, min_length=1)
     projection: bool | None = None
     theta_hat0: Vector | None = None
+    sample_time: float | None = None
+    discretization: Literal["midpoint", "euler"] | None = None
 
     def common(self) -> dict[str, Any]:
         """The settings that were given."""
@@ -231,6 +259,7 @@ class CaseTable(Table):
     reference_model: ReferenceModelTable
     reference: Signal
     uncertainty: UncertaintyTable | None = None
+    sensor: SensorTable | None = None
     simulation: SimulationTable
     controller: list[ControllerTable] = Field(min_length=1)
 
@@ -241,6 +270,9 @@ TABLES: dict[str | None, type[Table]] = {
     "input": InputTable,
     "actuator": TransferFunctionTable,
     "multiplicative": TransferFunctionTable,
+    "unmatched": UnmatchedTable,
+    "sensor": SensorTable,
+    "noise": NoiseTable,
     "reference_model": ReferenceModelTable,
     "uncertainty": UncertaintyTable,
     "simulation": SimulationTable,

@@ -14,7 +14,7 @@ from barbalat.certify.loops import around_equilibrium, fast_adaptation, known_pa
 from barbalat.certify.margins import margins
 from barbalat.certify.numerics import adaptation_frequency, gamma_limit
 from barbalat.closed_loop import ClosedLoop
-from barbalat.controllers import L1Adaptive, Mrac, NormalizedMrac, RobustMrac
+from barbalat.controllers import L1Adaptive, Mrac, NormalizedMrac, RobustMrac, Sampled
 from barbalat.grid import Simulation
 from barbalat.linear import StateSpace
 from barbalat.problem import Problem
@@ -42,7 +42,25 @@ def _certificate(problem: Problem, controller: Controller, simulation: Simulatio
             return _l1(problem, controller, simulation)
         case RobustMrac() | NormalizedMrac():
             return _normalized(problem, controller)
+        case Sampled():
+            return _sampled(_certificate(problem, controller.controller, simulation), controller)
     raise InputError(f"no certificate is known for {type(controller).__name__}")
+
+
+def _sampled(continuous: Certificate, controller: Sampled) -> Certificate:
+    """The continuous controller's certificate, less what sampling takes away from it."""
+    values = {key: value for key, value in continuous.values.items() if key not in ("gamma_max", "step_max")}
+    what = f"the controller runs sampled every {controller.sample_time:g} s ({controller.discretization})"
+    law = {
+        "midpoint": "no gain makes its law numerically unstable, so there is no gamma_max and no step_max",
+        "euler": "its Euler law chatters at gains far below the solver's limits",
+    }[controller.discretization]
+    return Certificate(
+        values,
+        continuous.guaranteed & {"norms", "condition", "kappa_admissible", "kappa_max", "nu_0", "nu_0_worst"},
+        (*continuous.assumptions, "bounds and margins are of the continuous controller: estimates for the sampled one"),
+        (*continuous.findings, f"{what}; {law}"),
+    )
 
 
 def _mrac(problem: Problem, controller: Mrac, simulation: Simulation) -> Certificate:
@@ -210,8 +228,12 @@ def _finish(
     else:
         findings.append("a disturbance acts: the bounds (9) and (10) don't cover it")
         guaranteed = guaranteed - {"error_bound", "error_bound_worst"}
-    if problem.plant.input is not None and (problem.plant.input.dynamics is not None or problem.delay > 0):
-        findings.append("the plant has unmodelled input dynamics: the bounds (9) and (10) don't cover them")
+    path = problem.plant.input
+    if path is not None and (path.dynamics is not None or problem.delay > 0 or not path.is_linear):
+        findings.append("the plant has unmodelled dynamics or limits at its input: the bounds (9) and (10) don't cover them")
+        guaranteed = guaranteed - {"error_bound", "error_bound_worst"}
+    if problem.unmatched or problem.sensor is not None:
+        findings.append("unmatched disturbances, sensor lag and noise are not covered by bounds and margins")
         guaranteed = guaranteed - {"error_bound", "error_bound_worst"}
     if any("outside the known set" in finding for finding in findings):
         guaranteed = guaranteed & {"norms", "condition", "kappa_admissible", "kappa_max"}

@@ -3,6 +3,7 @@
 from barbalat.controllers.l1 import L1Adaptive
 from barbalat.controllers.mrac import Mrac
 from barbalat.controllers.robust_mrac import NormalizedMrac, RobustMrac
+from barbalat.controllers.sampled import Sampled
 
 SCHEMES = {
     "mrac": Mrac,
@@ -11,4 +12,4 @@ SCHEMES = {
     "robust-mrac": RobustMrac,
 }
 
-__all__ = ["SCHEMES", "L1Adaptive", "Mrac", "NormalizedMrac", "RobustMrac"]
+__all__ = ["SCHEMES", "L1Adaptive", "Mrac", "NormalizedMrac", "RobustMrac", "Sampled"]

@@ -90,7 +90,7 @@ class L1Adaptive:
             k_0=known.k_0,
             P=known.P,
             gamma=self.gamma,
-            C=TransferFunction(np.ones(1), np.ones(1)).realise() if self.filter is None else self.filter.realise(),
+            C=StateSpace.gain(1.0) if self.filter is None else self.filter.realise(),
             theta_hat0=initial_estimate(self.theta_hat0, box, known.n),
             x0=known.x0,
             box=box,

@@ -1,0 +1,90 @@
+"""Any controller as a flight computer runs it: measured at its sample times, its control held in between."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+from barbalat import validate
+from barbalat.controllers import l1, midpoint, mrac, robust_mrac
+from barbalat.linear import StateSpace
+from barbalat.problem import Known
+from barbalat.protocols import Controller, Equations, Sample, SampledEquations, Value
+from barbalat.validate import InputError
+
+DISCRETIZATIONS = ("midpoint", "euler")
+
+
+@dataclass(frozen=True, eq=False)
+class Euler:
+    """The continuous equations with explicit Euler steps from sample to sample: what is often done, and what chatters."""
+
+    continuous: Equations
+    sample_time: float
+
+    def initial(self) -> NamedTuple:
+        return self.continuous.initial()
+
+    def control(self, state: Any, x: Value, x_m: Value, r: Value) -> Value:
+        return self.continuous.control(state, x, x_m, r)
+
+    def advance(self, state: Any, before: Sample, u: Value, now: Sample) -> Any:
+        rates = self.continuous.derivative(state, *before, u)
+        moved = [old + self.sample_time * rate for old, rate in zip(state, rates, strict=True)]
+        return self.continuous.limit(type(state)(*moved))
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Sampled:
+    """A controller that acts every ``sample_time`` and holds u in between, while the plant moves on.
+
+    controller      any of the schemes
+    sample_time     [s], a whole number of solver steps
+    discretization  "midpoint", whose Lyapunov function no gain and no sample time can make grow (docs/sampled.md), or "euler"
+
+    The MRAC's midpoint form has a predictor, as the L1-AC has, and is driven by the prediction error: in continuous time the
+    two are the same. Raises InputError.
+    """
+
+    controller: Controller
+    sample_time: float
+    discretization: str = "midpoint"
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.controller, Controller) or isinstance(self.controller, (type, Sampled)):
+            raise InputError(f"controller must be a continuous controller, got {validate.show(self.controller)}")
+        validate.freeze(self, sample_time=validate.positive("sample_time", self.sample_time))
+        if self.discretization not in DISCRETIZATIONS:
+            raise InputError(f"discretization must be 'midpoint' or 'euler', got {validate.show(self.discretization)}")
+
+    @property
+    def name(self) -> str:
+        return self.controller.name
+
+    def bind(self, known: Known) -> SampledEquations:
+        equations, T = self.controller.bind(known), self.sample_time
+        if self.discretization == "euler":
+            return Euler(equations, T)  # type: ignore[arg-type]
+        match equations:
+            case l1.Equations():
+                return midpoint.Predictor.of(equations, T)
+            case mrac.Equations():
+                return midpoint.Predictor.of(_with_predictor(equations, known), T)
+            case robust_mrac.Equations():
+                return midpoint.Estimator.of(equations, T)
+        raise InputError(f"discretization = 'midpoint' is not available for {self.name}; 'euler' is")
+
+
+def _with_predictor(equations: mrac.Equations, known: Known) -> l1.Equations:
+    """The MRAC as L1-AC with C = 1: its predictor is then the model."""
+    return l1.Equations(
+        A_m=known.A_m,
+        b=known.b,
+        k_0=known.k_0,
+        P=known.P,
+        gamma=equations.gamma,
+        C=StateSpace.gain(1.0),
+        theta_hat0=equations.theta_hat0,
+        x0=known.x0,
+        box=equations.box,
+    )
