@@ -49,9 +49,9 @@ def draw(shown: Map) -> Figure:
 
 def _curve(axes: Axes, k: int, curve: Curve) -> Artist:
     """A line, or marks where the curve is a set of points; both with a white rim, to be seen on dark cells."""
-    style = {"linestyle": "", "marker": MARKS[k % len(MARKS)]} if curve.marks else {"linestyle": DASHES[k % len(DASHES)]}
+    style = MARKS[k % len(MARKS)] if curve.marks else DASHES[k % len(DASHES)]
     rim = [withStroke(linewidth=3, foreground="white"), Normal()]
-    (line,) = axes.plot(curve.x, curve.y, color="black", linewidth=1.4, label=curve.label, path_effects=rim, **style)
+    (line,) = axes.plot(curve.x, curve.y, style, color="black", linewidth=1.4, label=curve.label, path_effects=rim)
     return line
 
 
