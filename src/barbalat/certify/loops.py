@@ -6,9 +6,11 @@ adaptive loop is linearised with its adaptive law inside.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
-from barbalat.closed_loop import ClosedLoop, column, flatten, symbols
+from barbalat.closed_loop import ClosedLoop, column, symbols
 from barbalat.linear import StateSpace
 from barbalat.problem import Plant
 from barbalat.validate import Array
@@ -43,6 +45,7 @@ def around_equilibrium(loop: ClosedLoop, r: float) -> StateSpace:
     """
     import casadi as ca
 
+    loop = replace(loop, input=None, delayed=False)
     state_column, state = symbols("state", loop.size)
     input_column, v = symbols("v", 1)
     slope, u = loop.derivative_given_input(state, signals_at_rest(loop, r), v[0])
@@ -59,14 +62,13 @@ def around_equilibrium(loop: ClosedLoop, r: float) -> StateSpace:
 
 
 def _moving_directions(loop: ClosedLoop, x: Array) -> Array:
-    """Orthonormal columns that span what v moves: not the model, not what lies before v, and of the estimates only along x.
+    """Orthonormal columns that span what v moves: not the model, and of the estimates only along x.
 
     At rest the law's rate is x times a scalar, so the other directions neither move nor show in theta_hat'x.
     """
     n, rows = len(x), loop.theta_hat_rows
     identity = np.eye(loop.size)
-    before = 0 if loop.input is None else len(flatten(loop.input.initial()))
-    kept = [i for i in range(loop.size) if not n <= i < 2 * n + before and not rows.start <= i < rows.stop]
+    kept = [i for i in range(loop.size) if not n <= i < 2 * n and not rows.start <= i < rows.stop]
     along = np.zeros(loop.size)
     length = float(np.linalg.norm(x))
     if length == 0:

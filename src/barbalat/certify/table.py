@@ -223,9 +223,9 @@ def _adapting_margins(problem: Problem, loop: ClosedLoop, findings: list[str]) -
 def _finish(
     problem: Problem, values: dict[str, Any], guaranteed: set[str], assumptions: list[str], findings: list[str]
 ) -> Certificate:
-    if problem.disturbance is None:
+    if problem.disturbance is None and not problem.unmatched:
         assumptions.append(NO_DISTURBANCE)
-    else:
+    elif problem.disturbance is not None:
         findings.append("a disturbance acts: the bounds (9) and (10) don't cover it")
         guaranteed = guaranteed - {"error_bound", "error_bound_worst"}
     path = problem.plant.input
