@@ -33,6 +33,10 @@ class StateSpace:
     def output(self, state: Value, u: Value) -> Value:
         return self.C @ state + self.D * u
 
+    def response(self, w: Array) -> Array:
+        """C (j w I - A)^-1 B + D at frequencies (K,) in rad/s."""
+        return np.asarray(states_response(self.A, self.B, w) @ self.C + self.D)
+
     @property
     def order(self) -> int:
         return len(self.B)
@@ -120,6 +124,13 @@ class TransferFunction:
         if not all(np.isfinite(part).all() for part in (A, B, C, D)):
             raise InputError(f"the system's coefficients are too far apart to be realised: num {self.num}, den {self.den}")
         return StateSpace(A, B, C, D)
+
+
+def states_response(A: Array, b: Array, w: Array) -> Array:
+    """(j w I - A)^-1 b at frequencies (K,) in rad/s, (K, n)."""
+    w = np.atleast_1d(np.asarray(w, dtype=float))
+    pencils = 1j * w[:, None, None] * np.eye(len(b)) - A
+    return np.asarray(np.linalg.solve(pencils, np.broadcast_to(b[:, None], (len(w), len(b), 1)))[..., 0])
 
 
 def input_filter(kappa: float) -> TransferFunction:

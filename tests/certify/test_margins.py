@@ -9,7 +9,7 @@ import pytest
 from barbalat import InputError, L1Adaptive, Mrac, input_filter
 from barbalat.cases.load import load_case
 from barbalat.certify.loops import around_equilibrium, equilibrium, fast_adaptation, known_parameters, series
-from barbalat.certify.margins import margins, response
+from barbalat.certify.margins import margins
 from barbalat.closed_loop import ClosedLoop
 from barbalat.linear import StateSpace, TransferFunction
 
@@ -71,7 +71,7 @@ def test_all_crossovers_count():
     found = margins(both)
     assert len(found.crossovers) >= 3
     first = min(found.crossovers)
-    lag = np.angle(-response(both, np.array([first]))[0]) % (2 * np.pi)
+    lag = np.angle(-both.response(np.array([first]))[0]) % (2 * np.pi)
     assert found.delay < lag / first / 10
     assert pade_closed_loop(both, found.delay * 1.05, 8) > 0 > pade_closed_loop(both, found.delay * 0.9, 8)
 
@@ -106,14 +106,14 @@ def test_fast_adaptation_is_the_limit_of_the_adaptive_loop():
     distances = []
     for gamma in (1e4, 1e6, 1e8):
         loop = around_equilibrium(ClosedLoop.of(problem, L1Adaptive(gamma=gamma, filter=C)), 1.0)
-        distances.append(np.abs(response(loop, w) / response(limit, w) - 1).max())
+        distances.append(np.abs(loop.response(w) / limit.response(w) - 1).max())
     assert distances[0] < 0.05
     assert distances[2] < distances[0] / 100
     # by hand: C/(1 - C) = 1/(0.1 s), and 1 + theta'G = a_m(s)/a(s)
     s = 1j * w
     a_m = s**2 + s + 0.3
     by_hand = a_m / (a_m - (4 - 3 * s)) / (0.1 * s)
-    np.testing.assert_allclose(response(limit, w), by_hand, rtol=1e-10)
+    np.testing.assert_allclose(limit.response(w), by_hand, rtol=1e-10)
 
 
 def test_mrac_around_a_constant_command_by_hand():
@@ -127,7 +127,7 @@ def test_mrac_around_a_constant_command_by_hand():
     for w in (0.5, 3.0, 40.0):
         G = np.linalg.solve(1j * w * np.eye(2) - A, plant.b)
         by_hand = plant.theta @ G + gamma * (x @ x) / (1j * w) * (plant.b @ problem.known.P @ G)
-        assert response(found, np.array([w]))[0] == pytest.approx(by_hand, rel=1e-9)
+        assert found.response(np.array([w]))[0] == pytest.approx(by_hand, rel=1e-9)
     rest, _ = equilibrium(loop, r)
     assert np.abs(loop.derivative(rest, np.array([r]))).max() < 1e-9
 
@@ -136,6 +136,6 @@ def test_known_parameters_with_and_without_filter():
     plant = load_case("paper").problem.plant
     w = np.array([0.1, 1.0, 10.0])
     G = np.array([np.linalg.solve(1j * s * np.eye(2) - plant.A_m - np.outer(plant.b, plant.theta), plant.b) for s in w])
-    np.testing.assert_allclose(response(known_parameters(plant, plant.theta), w), G @ plant.theta, rtol=1e-12)
+    np.testing.assert_allclose(known_parameters(plant, plant.theta).response(w), G @ plant.theta, rtol=1e-12)
     filtered = known_parameters(plant, plant.theta, input_filter(0.5).realise())
-    np.testing.assert_allclose(response(filtered, w), G @ plant.theta / (0.5j * w + 1), rtol=1e-12)
+    np.testing.assert_allclose(filtered.response(w), G @ plant.theta / (0.5j * w + 1), rtol=1e-12)

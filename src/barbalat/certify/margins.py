@@ -37,13 +37,11 @@ def margins(loop: StateSpace) -> Margins:
 
     A loop with |L(j w)| -> 1 for w -> infinity has no delay margin and is refused too.
     """
-    if abs(1 + loop.D) < 1e-12:
-        raise InputError(f"the closed loop is not well posed: 1 + L(infinity) = {1 + loop.D:.3g}")
-    closed = loop.A - np.outer(loop.B, loop.C) / (1 + loop.D)
+    closed = sensitivity(loop).A
     largest = float(np.linalg.eigvals(closed).real.max()) if loop.order else -np.inf
     if largest >= 0:
         raise InputError(f"margins need a stable closed loop, but its largest eigenvalue has real part {largest:.6g}")
-    crossovers = _crossings(loop, lambda w: np.abs(response(loop, w)) - 1, _one_minus_magnitude(loop))
+    crossovers = _crossings(loop, lambda w: np.abs(loop.response(w)) - 1, one_minus_magnitude(loop))
     phases = [_phase_to_minus_one(loop, w) for w in crossovers]
     delays = [phase / w for phase, w in zip(phases, crossovers, strict=True)]
     delay = min(delays, default=np.inf)
@@ -54,26 +52,33 @@ def margins(loop: StateSpace) -> Margins:
     return Margins(up, down, min(nearest, default=np.inf), float(delay), tuple(crossovers))
 
 
-def response(loop: StateSpace, w: Array) -> Array:
-    """L(j w) for frequencies (K,) in rad/s."""
-    w = np.atleast_1d(np.asarray(w, dtype=float))
-    pencils = 1j * w[:, None, None] * np.eye(loop.order) - loop.A
-    right = np.broadcast_to(loop.B[:, None], (len(w), loop.order, 1))
-    return np.asarray((np.linalg.solve(pencils, right)[..., 0] @ loop.C) + loop.D)
+def sensitivity(loop: StateSpace) -> StateSpace:
+    """S = 1/(1 + L); InputError where 1 + L(infinity) = 0."""
+    return_difference = 1 + loop.D
+    if abs(return_difference) < 1e-12:
+        raise InputError(f"the closed loop is not well posed: 1 + L(infinity) = {return_difference:.3g}")
+    closed = loop.A - np.outer(loop.B, loop.C) / return_difference
+    return StateSpace(closed, loop.B / return_difference, -loop.C / return_difference, 1 / return_difference)
+
+
+def complementary_sensitivity(loop: StateSpace) -> StateSpace:
+    """T = 1 - S = L/(1 + L)."""
+    S = sensitivity(loop)
+    return StateSpace(S.A, S.B, -S.C, 1 - S.D)
 
 
 def _phase_to_minus_one(loop: StateSpace, w: float) -> float:
     """The lag in (0, 2 pi] that turns L(j w) to the negative real axis."""
-    lag = float(np.angle(-response(loop, np.array([w]))[0])) % (2 * np.pi)
+    lag = float(np.angle(-loop.response(np.array([w]))[0])) % (2 * np.pi)
     return lag if lag > 0 else 2 * np.pi
 
 
 def _gain_factors(loop: StateSpace) -> tuple[float, float]:
     """The factors next to 1, above and below, that bring L(j w) to -1 at some w, zero and infinity included."""
-    at = _crossings(loop, lambda w: response(loop, w).imag, _imaginary_part(loop))
-    values = [float(response(loop, np.array([w]))[0].real) for w in at]
+    at = _crossings(loop, lambda w: loop.response(w).imag, _imaginary_part(loop))
+    values = [float(loop.response(np.array([w]))[0].real) for w in at]
     if loop.order == 0 or np.linalg.cond(loop.A) < 1 / np.finfo(float).eps:
-        values.append(float(response(loop, np.zeros(1))[0].real))
+        values.append(float(loop.response(np.zeros(1))[0].real))
     values.append(loop.D)
     factors = [-1 / value for value in values if value < 0]
     up = min((k for k in factors if k > 1), default=np.inf)
@@ -81,7 +86,7 @@ def _gain_factors(loop: StateSpace) -> tuple[float, float]:
     return float(up), float(down)
 
 
-def _one_minus_magnitude(loop: StateSpace) -> StateSpace:
+def one_minus_magnitude(loop: StateSpace) -> StateSpace:
     """1 - L(-s)L(s): L(-s) is (-A', -C', B', D), in series behind L. On the imaginary axis it is 1 - |L|^2."""
     A, B, C, D = loop.A, loop.B, loop.C, loop.D
     n = loop.order
@@ -105,8 +110,8 @@ def _crossings(loop: StateSpace, function: Callable[[Array], Array], system: Sta
     """
     from scipy.optimize import brentq
 
-    candidates = _axis_zeros(system)
-    points = np.unique(np.concatenate([_grid(loop), *(w * (1 + _SPREAD) for w in candidates)]))
+    candidates = axis_zeros(system)
+    points = np.unique(np.concatenate([frequency_grid(loop), *(w * (1 + _SPREAD) for w in candidates)]))
     values = function(points)
     found = [float(w) for w, value in zip(points, values, strict=True) if value == 0]
     for k in np.flatnonzero(values[:-1] * values[1:] < 0):
@@ -120,7 +125,7 @@ _SPREAD = np.concatenate([-np.logspace(-2, -12, 21), np.logspace(-12, -2, 21)])
 """Relative distances around a computed zero that bracket the true one whatever rounding did to it."""
 
 
-def _grid(loop: StateSpace) -> Array:
+def frequency_grid(loop: StateSpace) -> Array:
     """Frequencies from far below to far above the poles, dense where a lightly damped one makes a narrow peak."""
     poles = np.linalg.eigvals(loop.A)
     sizes = np.abs(poles[np.abs(poles) > 0])
@@ -133,7 +138,7 @@ def _grid(loop: StateSpace) -> Array:
     return np.asarray(grid[grid > 0])
 
 
-def _axis_zeros(system: StateSpace) -> Array:
+def axis_zeros(system: StateSpace) -> Array:
     """The positive w near which the system vanishes at s = j w: generalised eigenvalues of its pencil."""
     from scipy.linalg import eig
 
