@@ -53,6 +53,7 @@ def test_diverged_run_is_a_finding(tmp_path, capsys):
     figures = json.loads(text)["controllers"]["L1"]
     assert 0 < figures["diverged_at"] < 4
     assert figures["max_abs_u"] is None and figures["max_abs_e"] == [None, None]
+    assert figures["finer_step"]["origin"] == "solver" and figures["finer_step"]["dt"] == pytest.approx(1e-5)
 
 
 def test_run_writes_everything(case_file, tmp_path, capsys):

@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from barbalat.actuation import PlantInput
     from barbalat.adaptation.laws import Gradient, LeastSquares
     from barbalat.adaptation.normalization import Normalization
+    from barbalat.checking import check_numerics
     from barbalat.controllers import L1Adaptive, Mrac, NormalizedMrac, RobustMrac, Sampled
     from barbalat.ensemble import EnsembleResult, simulate_ensemble
     from barbalat.grid import Simulation
@@ -28,6 +29,7 @@ _HOME = {
     "actuation": ("PlantInput",),
     "adaptation.laws": ("Gradient", "LeastSquares"),
     "adaptation.normalization": ("Normalization",),
+    "checking": ("check_numerics",),
     "controllers": ("L1Adaptive", "Mrac", "NormalizedMrac", "RobustMrac", "Sampled"),
     "ensemble": ("EnsembleResult", "simulate_ensemble"),
     "grid": ("Simulation",),
@@ -46,7 +48,7 @@ __all__ = [
     "EULER", "HEUN", "RK4", "Chirp", "Constant", "Disturbance", "EnsembleResult", "Gradient", "InputError", "L1Adaptive",
     "LeastSquares", "Mrac", "Noise", "Normalization", "NormalizedMrac", "ParameterBox", "Plant", "PlantInput", "Problem",
     "Recorded", "ReferenceModel", "Result", "RobustMrac", "Sampled", "Sensor", "Simulation", "Sine", "Sines", "Square", "Step",
-    "Steps", "TransferFunction", "input_filter", "simulate", "simulate_ensemble",
+    "Steps", "TransferFunction", "check_numerics", "input_filter", "simulate", "simulate_ensemble",
 ]  # fmt: skip
 
 

@@ -22,6 +22,11 @@ Progress = Callable[[float], None]
 """Called with the fraction done, in [0, 1]."""
 
 
+def part(progress: Progress | None, start: float, width: float) -> Progress | None:
+    """What tells ``progress`` of a part of the work, from ``start`` to ``start + width``."""
+    return None if progress is None else lambda fraction: progress(start + width * fraction)
+
+
 def best_lanes(members: int) -> int:
     """Members in one kernel call: alone, or two vector registers, whose chains of operations then overlap."""
     if members == 1:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from barbalat.certify.finer_step import FinerStep
 from barbalat.certify.numerics import Stiffness
 from barbalat.grid import Simulation
 from barbalat.metrics import Metrics
@@ -44,6 +45,7 @@ class Result:
     envelope          extrema between the recorded instants
     figures           over every solver step, see Metrics; ``diverged_at`` is in s or None
     stiffness         the largest h |eigenvalue| along the run, and since when the solver itself was unstable
+    check             what a finer step says of a run that is labelled numerically unstable, from ``check_numerics``
     """
 
     problem: Problem
@@ -59,6 +61,7 @@ class Result:
     envelope: Envelope
     metrics: Metrics
     stiffness: Stiffness
+    check: FinerStep | None = None
 
     @property
     def name(self) -> str:
@@ -87,7 +90,7 @@ class Result:
         s = self.simulation
         limit = f"{s.solver.imaginary_limit:.3g} on the imaginary axis, {s.solver.real_limit:.3g} on the real one"
         text = f"{s.solver.name}, h = {s.dt:g} s, h |lambda| <= {self.stiffness.h_lambda_max:.3g}; the solver's limit is {limit}"
-        return text if self.label is None else f"{text}; {self.label}"
+        return "; ".join([text, *([self.label] if self.label else []), *([self.check.sentence] if self.check else [])])
 
     def columns(self) -> dict[str, Array]:
         """Scalar time series by name: x_1 ... u, r, theta_hat_1 ..., each (K,)."""

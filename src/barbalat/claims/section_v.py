@@ -6,8 +6,9 @@ from dataclasses import dataclass
 
 from barbalat.adaptation.laws import LeastSquares
 from barbalat.cases.load import load_case
+from barbalat.checking import check_numerics
 from barbalat.controllers import L1Adaptive, Mrac, NormalizedMrac, RobustMrac
-from barbalat.engine import Progress
+from barbalat.engine import Progress, part
 from barbalat.grid import Simulation
 from barbalat.linear import input_filter
 from barbalat.problem import Problem
@@ -52,7 +53,7 @@ def problem() -> Problem:
 
 
 def run(progress: Progress | None = None) -> Runs:
-    """All runs; the fine step takes ten times the coarse one's share of the progress."""
+    """All runs, those that are labelled numerically unstable with their check at a finer step."""
     coarse: list[Controller] = [
         robust_mrac("Robust MRAC"),
         robust_mrac("Robust MRAC, no projection", projection=False),
@@ -71,12 +72,11 @@ def run(progress: Progress | None = None) -> Runs:
         l1("L1, gamma 1e6, no projection", 1e6, projection=False),
     ]
     given = problem()
-    share = 0.3  # ten runs of 600,000 steps beside four of 6,000,000, two of which end early
-
-    def part(start: float, width: float) -> Progress | None:
-        return None if progress is None else lambda fraction: progress(start + width * fraction)
-
+    runs = Runs(
+        coarse=simulate(given, coarse, Simulation(t_end=T_END, dt=COARSE), progress=part(progress, 0.0, 0.1)),
+        fine=simulate(given, fine, Simulation(t_end=T_END, dt=FINE), progress=part(progress, 0.1, 0.3)),
+    )
     return Runs(
-        coarse=simulate(given, coarse, Simulation(t_end=T_END, dt=COARSE), progress=part(0.0, share)),
-        fine=simulate(given, fine, Simulation(t_end=T_END, dt=FINE), progress=part(share, 1 - share)),
+        coarse=check_numerics(runs.coarse, progress=part(progress, 0.4, 0.2)),
+        fine=check_numerics(runs.fine, progress=part(progress, 0.6, 0.4)),
     )

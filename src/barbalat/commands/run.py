@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from barbalat.commands.screen import progress_bar
+from barbalat.commands.screen import progress_bar, say
 
 if TYPE_CHECKING:
     from barbalat.commands import Commands
@@ -30,6 +30,7 @@ def add(commands: Commands) -> None:
 def execute(options: argparse.Namespace) -> int:
     """Run the command; returns the exit code."""
     from barbalat.cases.load import load_case
+    from barbalat.checking import check_numerics
     from barbalat.simulation import simulate
 
     case = load_case(options.case)
@@ -41,7 +42,13 @@ def execute(options: argparse.Namespace) -> int:
 
         prepare_folder(folder)
     with progress_bar("simulating") as progress:
-        results = list(simulate(case.problem, case.controllers, case.simulation, progress=progress).values())
+        found = simulate(case.problem, case.controllers, case.simulation, progress=progress)
+    labelled = [name for name, result in found.items() if result.label is not None]
+    if labelled:
+        say(f"numerically unstable, repeated at a finer step: {', '.join(labelled)}")
+        with progress_bar("checking the numerics") as progress:
+            found = check_numerics(found, progress=progress)
+    results = list(found.values())
 
     from barbalat.report import tables, write
     from barbalat.report.files import write as write_file

@@ -45,7 +45,13 @@ def run_document(case: str, results: Sequence[Result]) -> dict[str, Any]:
 def run_block(result: Result) -> dict[str, Any]:
     """The contract's block for a controller, and the numerics beside its keys."""
     found = result.stiffness
-    return {**result.figures, "h_lambda_max": found.h_lambda_max, "numerically_unstable_at": found.unstable_from}
+    check = None if result.check is None else result.check.as_json()
+    return {
+        **result.figures,
+        "h_lambda_max": found.h_lambda_max,
+        "numerically_unstable_at": found.unstable_from,
+        "finer_step": check,
+    }
 
 
 def draw_reproduction(folder: Path, figures: Sequence[PaperFigure]) -> dict[str, page.Picture]:
