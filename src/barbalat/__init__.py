@@ -10,15 +10,29 @@ __version__ = "0.1.0"
 
 if TYPE_CHECKING:
     from barbalat.actuation import PlantInput
-    from barbalat.adaptation.laws import Gradient, LeastSquares
+    from barbalat.adaptation.dead_zone import DeadZone
+    from barbalat.adaptation.epsilon_modification import EpsilonModification
+    from barbalat.adaptation.fixed_sigma import FixedSigma
+    from barbalat.adaptation.laws import (
+        Gradient,
+        IntegralCost,
+        LeastSquares,
+        LeastSquaresBounded,
+        LeastSquaresBoundedGain,
+        LeastSquaresForgetting,
+        LeastSquaresResetting,
+    )
+    from barbalat.adaptation.learning import CompositeLearning
     from barbalat.adaptation.normalization import Normalization
+    from barbalat.adaptation.switching_sigma import SwitchingSigma
     from barbalat.checking import check_numerics
     from barbalat.controllers import L1Adaptive, Mrac, NormalizedMrac, RobustMrac, Sampled
     from barbalat.ensemble import EnsembleResult, simulate_ensemble
     from barbalat.grid import Simulation
+    from barbalat.known_set import ParameterBall, ParameterBox
     from barbalat.linear import TransferFunction, input_filter
     from barbalat.measurement import Noise, Sensor
-    from barbalat.problem import Disturbance, ParameterBox, Plant, Problem, ReferenceModel
+    from barbalat.problem import Disturbance, Plant, Problem, ReferenceModel
     from barbalat.result import Result
     from barbalat.signals import Chirp, Constant, Recorded, Sine, Sines, Square, Step, Steps
     from barbalat.simulation import simulate
@@ -27,15 +41,29 @@ if TYPE_CHECKING:
 
 _HOME = {
     "actuation": ("PlantInput",),
-    "adaptation.laws": ("Gradient", "LeastSquares"),
+    "adaptation.dead_zone": ("DeadZone",),
+    "adaptation.epsilon_modification": ("EpsilonModification",),
+    "adaptation.fixed_sigma": ("FixedSigma",),
+    "adaptation.laws": (
+        "Gradient",
+        "IntegralCost",
+        "LeastSquares",
+        "LeastSquaresBounded",
+        "LeastSquaresBoundedGain",
+        "LeastSquaresForgetting",
+        "LeastSquaresResetting",
+    ),
+    "adaptation.learning": ("CompositeLearning",),
     "adaptation.normalization": ("Normalization",),
+    "adaptation.switching_sigma": ("SwitchingSigma",),
     "checking": ("check_numerics",),
     "controllers": ("L1Adaptive", "Mrac", "NormalizedMrac", "RobustMrac", "Sampled"),
     "ensemble": ("EnsembleResult", "simulate_ensemble"),
     "grid": ("Simulation",),
     "linear": ("TransferFunction", "input_filter"),
+    "known_set": ("ParameterBall", "ParameterBox"),
     "measurement": ("Noise", "Sensor"),
-    "problem": ("Disturbance", "ParameterBox", "Plant", "Problem", "ReferenceModel"),
+    "problem": ("Disturbance", "Plant", "Problem", "ReferenceModel"),
     "result": ("Result",),
     "signals": ("Chirp", "Constant", "Recorded", "Sine", "Sines", "Square", "Step", "Steps"),
     "simulation": ("simulate",),
@@ -45,10 +73,12 @@ _HOME = {
 _MODULE_OF = {name: module for module, names in _HOME.items() for name in names}
 
 __all__ = [
-    "EULER", "HEUN", "RK4", "Chirp", "Constant", "Disturbance", "EnsembleResult", "Gradient", "InputError", "L1Adaptive",
-    "LeastSquares", "Mrac", "Noise", "Normalization", "NormalizedMrac", "ParameterBox", "Plant", "PlantInput", "Problem",
-    "Recorded", "ReferenceModel", "Result", "RobustMrac", "Sampled", "Sensor", "Simulation", "Sine", "Sines", "Square", "Step",
-    "Steps", "TransferFunction", "check_numerics", "input_filter", "simulate", "simulate_ensemble",
+    "EULER", "HEUN", "RK4", "Chirp", "CompositeLearning", "Constant", "DeadZone", "Disturbance", "EnsembleResult",
+    "EpsilonModification", "FixedSigma", "Gradient", "InputError", "IntegralCost", "L1Adaptive", "LeastSquares",
+    "LeastSquaresBounded", "LeastSquaresBoundedGain", "LeastSquaresForgetting", "LeastSquaresResetting", "Mrac", "Noise",
+    "Normalization", "NormalizedMrac", "ParameterBall", "ParameterBox", "Plant", "PlantInput", "Problem", "Recorded",
+    "ReferenceModel", "Result", "RobustMrac", "Sampled", "Sensor", "Simulation", "Sine", "Sines", "Square", "Step", "Steps",
+    "SwitchingSigma", "TransferFunction", "check_numerics", "input_filter", "simulate", "simulate_ensemble",
 ]  # fmt: skip
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from barbalat import validate
 from barbalat.actuation import PlantInput
 from barbalat.conditions import require_controllable, require_hurwitz
+from barbalat.known_set import KnownSet, ParameterBall, ParameterBox
 from barbalat.measurement import Noise, Sensor
 from barbalat.protocols import Signal, Value
 from barbalat.signals import Constant
@@ -122,34 +123,6 @@ class ReferenceModel:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class ParameterBox:
-    """The known convex set Omega = {lower <= theta <= upper}, componentwise; both (n,)."""
-
-    lower: Array
-    upper: Array
-
-    def __post_init__(self) -> None:
-        lower = validate.vector("uncertainty.lower", self.lower)
-        upper = validate.vector("uncertainty.upper", self.upper, len(lower))
-        empty = np.flatnonzero(lower > upper)
-        if len(empty):
-            i = int(empty[0])
-            raise InputError(
-                f"uncertainty.lower must not exceed uncertainty.upper, but in component {i + 1} "
-                f"{lower[i]:g} > {upper[i]:g}: the set is empty"
-            )
-        freeze(self, lower=lower, upper=upper)
-
-    def contains(self, theta: Array) -> bool:
-        return bool((self.lower <= theta).all() and (theta <= self.upper).all())
-
-    @property
-    def theta_max(self) -> float:
-        """The largest 1-norm in the set."""
-        return float(np.maximum(np.abs(self.lower), np.abs(self.upper)).sum())
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
 class Known:
     """What a designer knows of the problem and a controller may therefore use: everything but theta and d."""
 
@@ -157,7 +130,7 @@ class Known:
     b: Array  # (n,)
     k_0: float
     x0: Array  # (n,) the state is measured, so is its initial value
-    box: ParameterBox | None
+    box: KnownSet | None
 
     @property
     def n(self) -> int:
@@ -198,7 +171,7 @@ class Problem:
     plant: Plant
     reference_model: ReferenceModel = field(default_factory=ReferenceModel)
     reference: Signal = field(default_factory=Constant)
-    uncertainty: ParameterBox | None = None
+    uncertainty: KnownSet | None = None
     disturbance: Signal | None = None
     unmatched: tuple[Disturbance, ...] = ()
     sensor: Sensor | None = None
@@ -208,10 +181,11 @@ class Problem:
         validate.instance("plant", self.plant, Plant)
         validate.instance("reference_model", self.reference_model, ReferenceModel)
         if self.uncertainty is not None:
-            validate.instance("uncertainty", self.uncertainty, ParameterBox)
-            size, n = len(self.uncertainty.lower), self.plant.n
+            validate.instance("uncertainty", self.uncertainty, (ParameterBox, ParameterBall))
+            size, n = self.uncertainty.size, self.plant.n
             if size != n:
-                raise InputError(f"uncertainty.lower must have {n} entries, one for each state, got {size}")
+                first = "lower" if isinstance(self.uncertainty, ParameterBox) else "center"
+                raise InputError(f"uncertainty.{first} must have {n} entries, one for each state, got {size}")
         require_signal("reference", self.reference)
         if self.disturbance is not None:
             require_signal("disturbance", self.disturbance)

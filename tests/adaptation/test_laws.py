@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from scipy.integrate import quad_vec
 
-from barbalat.adaptation.laws import Gradient, LeastSquares
+from barbalat.adaptation.covariance import Memory
+from barbalat.adaptation.laws import Estimation, Gradient, LeastSquares
 from barbalat.adaptation.normalization import Normalization
 from independent import integrate
 
@@ -26,14 +27,14 @@ def m_s_squared(t):
 
 
 def flow(law):
-    """theta_hat and covariance at TIMES: (7, 3), (7, 3, 3) or (7, 0, 0)."""
-    covariance0 = law.initial_covariance(3)
+    """theta_hat and covariance at TIMES: (7, 3), (7, 3, 3)."""
+    covariance0 = law.initial(3).covariance
 
     def derivative(t, y):
         theta_hat, covariance = y[:3], y[3:].reshape(covariance0.shape)
         epsilon = (THETA - theta_hat) @ phi(t) / m_s_squared(t)
-        rates = law.rates(theta_hat, covariance, epsilon, phi(t), m_s_squared(t), None)
-        return np.concatenate([rates.theta_hat, rates.covariance.ravel()])
+        rates = law.rates(theta_hat, Memory(covariance), Estimation(phi(t), m_s_squared(t), epsilon), None)
+        return np.concatenate([rates.theta_hat, rates.memory.covariance.ravel()])
 
     y = integrate(derivative, np.concatenate([THETA_HAT0, covariance0.ravel()]), TIMES[-1], TIMES).T
     return y[:, :3], y[:, 3:].reshape(-1, *covariance0.shape)
@@ -69,7 +70,7 @@ def test_gradient_decreases_its_lyapunov_function_at_the_right_rate():
     def derivative(t, y):
         theta_hat = y[:3]
         epsilon = (THETA - theta_hat) @ phi(t) / m_s_squared(t)
-        rates = Gradient(gamma=gamma).rates(theta_hat, np.zeros((0, 0)), epsilon, phi(t), m_s_squared(t), None)
+        rates = Gradient(gamma=gamma).rates(theta_hat, (), Estimation(phi(t), m_s_squared(t), epsilon), None)
         return np.append(rates.theta_hat, epsilon**2 * m_s_squared(t))
 
     y = integrate(derivative, np.append(THETA_HAT0, 0.0), 6.0)
@@ -82,7 +83,7 @@ def test_gradient_of_one_parameter_is_an_exponential():
     law = Gradient(gamma=0.8)
 
     def derivative(t, y):
-        return law.rates(y, np.zeros((0, 0)), (3.0 - y[0]) / 2, np.ones(1), 2.0, None).theta_hat
+        return law.rates(y, (), Estimation(np.ones(1), 2.0, (3.0 - y[0]) / 2), None).theta_hat
 
     y = integrate(derivative, [0.0], 4.0, [4.0])
     assert y[0, -1] == pytest.approx(3 * (1 - np.exp(-0.8 * 4 / 2)), rel=1e-10)

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from barbalat.adaptation.projection import limit, project, project_with_gain
+from barbalat.adaptation.projection import limit, project
 from barbalat.problem import ParameterBox
 
 REPRODUCIBLE = settings(max_examples=300, derandomize=True, database=None, deadline=None)
@@ -49,7 +49,7 @@ def test_a_diagonal_gain(situation):
 def test_a_matrix_gain(situation):
     """theta_tilde'P^-1 (projected - raw) <= 0: what the Lyapunov proof of (15) needs of the projection."""
     box, theta_hat, theta, rate, gain = situation
-    projected = project_with_gain(rate, theta_hat, box, gain)
+    projected = project(rate, theta_hat, box, gain)
     assert (theta_hat - theta) @ np.linalg.solve(gain, projected - rate) <= ALWAYS
 
 
@@ -61,7 +61,7 @@ def test_two_parameters_also_in_a_corner(situation):
     box, theta_hat, theta, rate, gain = situation
     if len(rate) > 2:
         return
-    projected = project_with_gain(rate, theta_hat, box, gain)
+    projected = project(rate, theta_hat, box, gain)
     kept = np.where(theta_hat >= box.upper, np.minimum(projected, 0), projected)
     kept = np.where(theta_hat <= box.lower, np.maximum(kept, 0), kept)
     assert (theta_hat - theta) @ np.linalg.solve(gain, kept - rate) <= ALWAYS
@@ -78,7 +78,7 @@ def test_one_face_against_the_quadratic_programme(situation):
     on_faces = (theta_hat >= box.upper) | (theta_hat <= box.lower)
     if on_faces.sum() != 1 or (box.lower == box.upper).any():
         return
-    projected = project_with_gain(rate, theta_hat, box, gain)
+    projected = project(rate, theta_hat, box, gain)
     i = int(np.flatnonzero(on_faces)[0])
     sign = 1.0 if theta_hat[i] >= box.upper[i] else -1.0
     gradient = np.linalg.solve(gain, projected - rate)
@@ -97,7 +97,7 @@ def test_a_march_never_leaves_the_box(situation, seed):
     random = np.random.default_rng(seed)
     for _ in range(20):
         rate = 100 * random.normal(size=len(theta_hat))
-        theta_hat = limit(theta_hat + 0.1 * project_with_gain(gain @ rate, theta_hat, box, gain), box)
+        theta_hat = limit(theta_hat + 0.1 * project(gain @ rate, theta_hat, box, gain), box)
         assert box.contains(theta_hat)
         theta_hat = limit(theta_hat + 0.1 * project(rate, theta_hat, box), box)
         assert box.contains(theta_hat)
@@ -106,7 +106,7 @@ def test_a_march_never_leaves_the_box(situation, seed):
 def test_without_a_box_nothing_is_projected():
     rate, theta_hat = np.array([1.0, -2.0]), np.array([1e9, -1e9])
     assert project(rate, theta_hat, None) is rate
-    assert project_with_gain(rate, theta_hat, None, np.eye(2)) is rate
+    assert project(rate, theta_hat, None, np.eye(2)) is rate
     assert limit(theta_hat, None) is theta_hat
 
 
@@ -116,7 +116,7 @@ def test_a_bad_rate_inside_the_box_stays_visible(bad):
     rate = np.array([bad, 1.0])
     np.testing.assert_array_equal(project(rate, np.zeros(2), box), rate)
     with np.errstate(invalid="ignore"):  # inf - inf on the way is no finding
-        assert not np.isfinite(project_with_gain(rate, np.zeros(2), box, np.eye(2))[0])
+        assert not np.isfinite(project(rate, np.zeros(2), box, np.eye(2))[0])
 
 
 def test_a_bad_estimate_is_not_limited_to_a_good_one():

@@ -50,7 +50,7 @@ def test_other_keys():
     assert isinstance(case.problem.reference, Sines)
     assert case.problem.reference(np.zeros(1))[0] == 5
     last = case.controllers[-1]
-    assert isinstance(last, NormalizedMrac) and last.law == Gradient(gamma=3.0)
+    assert isinstance(last, NormalizedMrac) and isinstance(last.law, Gradient) and last.law.gamma == 3.0
     equations = last.bind(case.problem.known)
     assert equations.box is None and equations.theta_hat0.tolist() == [7, 8]
 

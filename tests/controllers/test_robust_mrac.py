@@ -236,7 +236,7 @@ def test_the_covariance_of_the_run(problems, n):
     weights = np.ones(steps + 1)
     weights[1:-1:2], weights[2:-1:2] = 4, 2
     information = np.einsum("k,kij->ij", weights, integrand) * (8 / steps) / 3
-    covariance = loop.unpack(samples.states[-1]).controller.covariance
+    covariance = loop.unpack(samples.states[-1]).controller.memory.covariance
     np.testing.assert_allclose(covariance @ (np.eye(n) / 20 + information), np.eye(n), atol=1e-6)
     np.testing.assert_allclose(covariance, covariance.T, atol=1e-12)
 
@@ -256,7 +256,7 @@ def test_the_normalised_scheme_has_no_auxiliary_input(section_v):
 def test_states_of_absent_parts_are_empty(section_v):
     state = NormalizedMrac(law=LAWS["gradient"]).bind(section_v.known).initial()
     assert isinstance(state, State)
-    assert (state.covariance.size, state.swapping.size, state.filter.size) == (0, 0, 0)
+    assert (state.memory, state.swapping.size, state.filter.size) == ((), 0, 0)
 
 
 def test_the_default_c_0_makes_W_m_positive_real(problems):

@@ -1,1 +1,1 @@
-"""What the schemes share: projection, adaptive laws, normalisation."""
+"""What the schemes share: laws, their modifications, projection, normalisation. One file each; ``laws`` has the registry."""

@@ -5,11 +5,15 @@ Each solves its law for the end of the sample with regressor and normalising sig
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
+from barbalat.adaptation import gain
+from barbalat.adaptation.covariance import Memory
 from barbalat.adaptation.laws import AdaptiveLaw, Gradient, LeastSquares, Rates
 from barbalat.adaptation.projection import limit
-from barbalat.problem import ParameterBox
+from barbalat.known_set import KnownSet, ParameterBall, ParameterBox
 from barbalat.protocols import Value
 from barbalat.validate import InputError
 
@@ -17,40 +21,58 @@ SWEEPS = 3
 """Passes over the faces of the box for a matrix gain; what is left outside after them is cut off."""
 
 
-def require_implicit(law: AdaptiveLaw) -> None:
+def require_implicit(law: AdaptiveLaw, known_set: KnownSet | None) -> None:
     """InputError for a law for which no decreasing step is known."""
     if not isinstance(law, (Gradient, LeastSquares)):
-        raise InputError(f"discretization = 'midpoint' is proven for the gradient and the pure least-squares law, not for {law}")
+        raise InputError(
+            f"discretization = 'midpoint' is proven for the gradient and the pure least-squares law, not for {type(law).__name__}"
+        )
+    if law.leakage is not None or law.dead_zone is not None:
+        raise InputError("discretization = 'midpoint' is proven for laws without leakage and dead zone; 'euler' takes all")
+    require_projectable(law.gamma if isinstance(law, Gradient) else np.eye(1), known_set)
+
+
+def require_projectable(gamma: Any, known_set: KnownSet | None) -> None:
+    """InputError for a ball and a gain other than a number: the nearest point in that metric has no closed form."""
+    if isinstance(known_set, ParameterBall) and np.ndim(gamma) > 0:
+        raise InputError(
+            "discretization = 'midpoint' projects onto a ball for a scalar gain only (not for a matrix or least squares); "
+            "give a box, projection = false, or discretization = 'euler'"
+        )
 
 
 def step(
     law: AdaptiveLaw,
     T: float,
     theta_hat: Value,
-    covariance: Value,
+    memory: Any,
     z: Value,
     phi: Value,
     m_s_squared: Value,
-    box: ParameterBox | None,
+    known_set: KnownSet | None,
 ) -> Rates:
-    """The estimate and the covariance one sample of length T [s] later (not their rates)."""
+    """The estimate and the law's memory one sample of length T [s] later (not their rates)."""
     innovation = z - theta_hat @ phi
     if isinstance(law, Gradient):
-        gain = law.gamma * phi
-        moved = theta_hat + T * gain * innovation / (m_s_squared + T / 2 * (phi @ gain))  # implicit midpoint
-        return Rates(limit(moved, box), covariance)
-    gain = covariance @ phi
-    scale = m_s_squared + T * (phi @ gain)
-    following = covariance - T / scale * np.outer(gain, gain)  # P^-1 grows by T phi phi'/m_s^2, exactly
-    return Rates(_into(theta_hat + T / scale * gain * innovation, box, following), following)
+        gamma_phi = gain.times(law.gamma, phi)
+        moved = theta_hat + T * gamma_phi * innovation / (m_s_squared + T / 2 * (phi @ gamma_phi))  # implicit midpoint
+        return Rates(into(moved, known_set, law.gamma), memory)
+    P = memory.covariance
+    P_phi = P @ phi
+    scale = m_s_squared + T * (phi @ P_phi)
+    following = P - T / scale * np.outer(P_phi, P_phi)  # P^-1 grows by T phi phi'/m_s^2, exactly
+    return Rates(into(theta_hat + T / scale * P_phi * innovation, known_set, following), Memory(following))
 
 
-def _into(theta_hat: Value, box: ParameterBox | None, covariance: Value) -> Value:
-    """Towards the box by projections onto its half spaces, each orthogonal in the metric P^-1, which takes no V up."""
-    if box is None:
-        return theta_hat
-    for _ in range(SWEEPS if len(box.lower) > 1 else 1):
-        for i in range(len(box.lower)):
-            excess = theta_hat[i] - np.clip(theta_hat[i], box.lower[i], box.upper[i])
-            theta_hat = theta_hat - covariance[:, i] * (excess / covariance[i, i])
-    return limit(theta_hat, box)
+def into(theta_hat: Value, known_set: KnownSet | None, gamma: Value) -> Value:
+    """The estimate brought into the set without taking V = theta_tilde'Gamma^-1 theta_tilde up.
+
+    For a matrix and a box by projections onto its half spaces, each orthogonal in the metric Gamma^-1.
+    """
+    if not gain.is_matrix(gamma) or not isinstance(known_set, ParameterBox):
+        return limit(theta_hat, known_set)
+    for _ in range(SWEEPS if known_set.size > 1 else 1):
+        for i in range(known_set.size):
+            excess = theta_hat[i] - np.clip(theta_hat[i], known_set.lower[i], known_set.upper[i])
+            theta_hat = theta_hat - gamma[:, i] * (excess / gamma[i, i])
+    return limit(theta_hat, known_set)

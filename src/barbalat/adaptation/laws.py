@@ -1,70 +1,25 @@
-"""Adaptive laws for the linear parametric model z = theta'phi, driven by the estimation error epsilon."""
+"""The registry of the laws on the parametric model, by the names of case files. The contract tests run over it."""
 
-from __future__ import annotations
+from barbalat.adaptation.bounded_covariance import LeastSquaresBounded
+from barbalat.adaptation.bounded_gain import LeastSquaresBoundedGain
+from barbalat.adaptation.forgetting import LeastSquaresForgetting
+from barbalat.adaptation.gradient import Gradient
+from barbalat.adaptation.integral_cost import IntegralCost
+from barbalat.adaptation.law import AdaptiveLaw, Estimation, Rates
+from barbalat.adaptation.least_squares import LeastSquares
+from barbalat.adaptation.resetting import LeastSquaresResetting
 
-from dataclasses import dataclass
-from typing import NamedTuple, Protocol
+LAWS = {
+    "gradient": Gradient,
+    "integral-cost": IntegralCost,
+    "least-squares": LeastSquares,
+    "least-squares-forgetting": LeastSquaresForgetting,
+    "least-squares-resetting": LeastSquaresResetting,
+    "least-squares-bounded": LeastSquaresBounded,
+    "least-squares-bounded-gain": LeastSquaresBoundedGain,
+}
 
-import numpy as np
-
-from barbalat import validate
-from barbalat.adaptation.projection import project, project_with_gain
-from barbalat.problem import ParameterBox
-from barbalat.protocols import Value
-from barbalat.validate import Array
-
-
-class Rates(NamedTuple):
-    """Time derivatives of what a law integrates."""
-
-    theta_hat: Value  # (n,)
-    covariance: Value  # (n, n), or (0, 0) for a law without one
-
-
-class AdaptiveLaw(Protocol):
-    """A law gives the rates of the estimate and of its own memory, the covariance."""
-
-    def initial_covariance(self, n: int) -> Array: ...
-
-    def rates(
-        self, theta_hat: Value, covariance: Value, epsilon: Value, phi: Value, m_s_squared: Value, box: ParameterBox | None
-    ) -> Rates: ...
-
-
-@dataclass(frozen=True, kw_only=True)
-class Gradient:
-    """theta_hat' = proj(Gamma epsilon phi), with a scalar gain Gamma > 0. Source: Ioannou and Fidan, section 3.6."""
-
-    gamma: float
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "gamma", validate.positive("law.gamma", self.gamma))
-
-    def initial_covariance(self, n: int) -> Array:
-        return np.zeros((0, 0))
-
-    def rates(
-        self, theta_hat: Value, covariance: Value, epsilon: Value, phi: Value, m_s_squared: Value, box: ParameterBox | None
-    ) -> Rates:
-        return Rates(project(self.gamma * epsilon * phi, theta_hat, box), covariance)
-
-
-@dataclass(frozen=True, kw_only=True)
-class LeastSquares:
-    """Pure least squares: theta_hat' = proj(P epsilon phi), P' = -P phi phi'P / m_s^2, P(0) = covariance0 I: eq. (15)."""
-
-    covariance0: float
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "covariance0", validate.positive("law.covariance0", self.covariance0))
-
-    def initial_covariance(self, n: int) -> Array:
-        return self.covariance0 * np.eye(n)
-
-    def rates(
-        self, theta_hat: Value, covariance: Value, epsilon: Value, phi: Value, m_s_squared: Value, box: ParameterBox | None
-    ) -> Rates:
-        P_phi = covariance @ phi
-        theta_hat_dot = project_with_gain(P_phi * epsilon, theta_hat, box, covariance)  # (15)
-        covariance_dot = -np.outer(P_phi, P_phi) / m_s_squared  # (15)
-        return Rates(theta_hat_dot, covariance_dot)
+__all__ = [
+    "LAWS", "AdaptiveLaw", "Estimation", "Gradient", "IntegralCost", "LeastSquares", "LeastSquaresBounded",
+    "LeastSquaresBoundedGain", "LeastSquaresForgetting", "LeastSquaresResetting", "Rates",
+]  # fmt: skip

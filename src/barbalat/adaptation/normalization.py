@@ -20,8 +20,8 @@ class Normalization:
     delta_0: float = 0.1
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "alpha_0", validate.not_negative("normalization.alpha_0", self.alpha_0))
-        object.__setattr__(self, "delta_0", validate.positive("normalization.delta_0", self.delta_0))
+        validate.freeze(self, alpha_0=validate.not_negative("normalization.alpha_0", self.alpha_0))
+        validate.freeze(self, delta_0=validate.positive("normalization.delta_0", self.delta_0))
 
     def m_s_squared(self, phi: Value, n_d: Value) -> Value:
         return 1 + phi @ phi + self.alpha_0 * n_d  # (16)

@@ -17,9 +17,10 @@ from barbalat.cases import schema
 from barbalat.closed_loop import ClosedLoop
 from barbalat.controllers import L1Adaptive, Mrac, NormalizedMrac, RobustMrac, Sampled
 from barbalat.grid import Simulation
+from barbalat.known_set import ParameterBox
 from barbalat.linear import TransferFunction, input_filter
 from barbalat.measurement import Noise, Sensor
-from barbalat.problem import Disturbance, ParameterBox, Plant, Problem, ReferenceModel
+from barbalat.problem import Disturbance, Plant, Problem, ReferenceModel
 from barbalat.protocols import Controller, Signal
 from barbalat.solvers import SOLVERS
 from barbalat.stepping import Rhythm
@@ -169,7 +170,7 @@ def _controller(table: schema.AdaptiveTable) -> Controller:
         case schema.NormalizedMracTable():
             if (table.law is None) == (table.gamma is None):
                 raise InputError("give either gamma, for the gradient law, or law")
-            law = Gradient(gamma=table.gamma) if table.law is None else _law(table.law)  # type: ignore[arg-type]
+            law = Gradient(gamma=table.gamma) if table.law is None else _law(table.law)
             return NormalizedMrac(law=law, c_0=table.c_0, normalization=_normalization(table), **table.common())
         case schema.RobustMracTable():
             return RobustMrac(

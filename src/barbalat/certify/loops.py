@@ -7,9 +7,11 @@ adaptive loop is linearised with its adaptive law inside.
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
+from barbalat.adaptation.gain import times
 from barbalat.closed_loop import ClosedLoop, column, symbols
 from barbalat.linear import StateSpace
 from barbalat.problem import Plant
@@ -41,7 +43,7 @@ def around_equilibrium(loop: ClosedLoop, r: float) -> StateSpace:
 
     From the plant's input to the controller's output: unmodelled dynamics between the two are left to the caller.
 
-    Exact Jacobians; for laws of the form theta_hat' = (scalar) x, which are the MRAC's and the L1-AC's.
+    Exact Jacobians; for laws of the form theta_hat' = Gamma x (scalar), which are the MRAC's and the L1-AC's.
     """
     import casadi as ca
 
@@ -62,18 +64,20 @@ def around_equilibrium(loop: ClosedLoop, r: float) -> StateSpace:
 
 
 def _moving_directions(loop: ClosedLoop, x: Array) -> Array:
-    """Orthonormal columns that span what v moves: not the model, and of the estimates only along x.
+    """Orthonormal columns that span what v moves: not the model, and of the estimates only along Gamma x.
 
-    At rest the law's rate is x times a scalar, so the other directions neither move nor show in theta_hat'x.
+    At rest the law's rate is Gamma x times a scalar, so the other directions neither move nor show in theta_hat'x.
     """
     n, rows = len(x), loop.theta_hat_rows
     identity = np.eye(loop.size)
     kept = [i for i in range(loop.size) if not n <= i < 2 * n and not rows.start <= i < rows.stop]
     along = np.zeros(loop.size)
-    length = float(np.linalg.norm(x))
+    equations: Any = loop.equations
+    direction = times(equations.gamma, x)
+    length = float(np.linalg.norm(direction))
     if length == 0:
         return identity[:, kept]
-    along[rows] = x / length
+    along[rows] = direction / length
     return np.column_stack([identity[:, kept], along])
 
 

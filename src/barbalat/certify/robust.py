@@ -12,8 +12,8 @@ import numpy as np
 
 from barbalat.certify.margins import frequency_grid, sensitivity
 from barbalat.certify.mu import destabilising, mu_of_family
+from barbalat.known_set import ParameterBox
 from barbalat.linear import StateSpace, TransferFunction, states_response
-from barbalat.problem import ParameterBox
 from barbalat.validate import Array, InputError
 
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from barbalat.certify import theorem1
+from barbalat.certify import laws, theorem1
 from barbalat.certify.certificate import Certificate
 from barbalat.certify.l1 import Enclosure
 from barbalat.certify.loops import around_equilibrium, fast_adaptation, known_parameters, series
@@ -19,7 +19,7 @@ from barbalat.grid import Simulation
 from barbalat.linear import StateSpace
 from barbalat.problem import Problem
 from barbalat.protocols import Controller
-from barbalat.validate import InputError
+from barbalat.validate import Array, InputError
 
 MATCHED = "the plant is (1): matched uncertainty, no unmodelled dynamics, continuous time"
 NO_DISTURBANCE = "no disturbance acts"
@@ -67,11 +67,15 @@ def _mrac(problem: Problem, controller: Mrac, simulation: Simulation) -> Certifi
     plant = problem.plant
     loop = ClosedLoop.of(problem, controller)
     values, findings = _parameter_errors(problem, loop)
-    values["error_bound"] = theorem1.mrac_bound(values["nu_0"], controller.gamma)
-    guaranteed = {"nu_0", "error_bound"}
-    if "nu_0_worst" in values:
-        values["error_bound_worst"] = theorem1.mrac_bound(values["nu_0_worst"], controller.gamma)
-        guaranteed |= {"nu_0_worst", "error_bound_worst"}
+    guaranteed = {"nu_0", "nu_0_worst"}
+    void = laws.why_no_bound(controller, problem)
+    if void is not None:
+        findings.append(void)
+    else:
+        values["error_bound"] = laws.error_level(problem, controller, values["nu_0"])
+        if "nu_0_worst" in values:
+            values["error_bound_worst"] = theorem1.mrac_bound(values["nu_0_worst"], laws.least_gain(controller.gamma))
+        guaranteed |= {"error_bound", "error_bound_worst"}
     model = theorem1.model_bounds(problem)
     values |= _limits(problem, controller.gamma, simulation, model.x_m_euclidean, values["nu_0"])
     values |= _margins(problem, known_parameters(plant, plant.theta), "with the estimates at rest on theta", findings)
@@ -105,17 +109,22 @@ def _l1(problem: Problem, controller: L1Adaptive, simulation: Simulation) -> Cer
         values["kappa_admissible"] = _finite(theorem1.kappa_admissible(known, theta_max))
         values["kappa_max"] = _finite(theorem1.kappa_max(slope, theta_max))
         guaranteed |= {"norms", "condition", "kappa_admissible", "kappa_max"}
-        gamma, k_0 = controller.gamma, known.k_0
-        bound = theorem1.l1_bound(values["nu_0"], gamma, condition, theta_max, k_0, model)
+        void, k_0 = laws.why_no_bound(controller, problem), known.k_0
+        level = laws.error_level(problem, controller, values["nu_0"])
+        bound = theorem1.l1_bound(level, 1.0, condition, theta_max, k_0, model)
         kappa = theorem1.time_constant(controller.filter)
-        constants = None if not kappa else theorem1.first_order_constants(values["nu_0"], kappa, slope, theta_max, k_0, model)
+        constants = None
+        if kappa and void is None and np.ndim(controller.gamma) == 0:
+            constants = theorem1.first_order_constants(values["nu_0"], kappa, slope, theta_max, k_0, model)
         if constants is not None:
             values["nu_1"], values["nu_2"] = constants
             guaranteed |= {"nu_1", "nu_2"}
-        if condition.holds:
+        if void is not None:
+            findings.append(void)
+        elif condition.holds:
             values["error_bound"] = bound
             guaranteed |= {"error_bound"}
-            bias = bound - values["nu_0"] / math.sqrt(gamma) / (1 - condition.value_upper)
+            bias = bound - level / (1 - condition.value_upper)
             offset = model.x_m_euclidean + math.sqrt(known.n) * bias
             factor = math.sqrt(known.n) * values["nu_0"] / (1 - condition.value_upper)
         else:
@@ -153,7 +162,7 @@ def _normalized(problem: Problem, controller: RobustMrac | NormalizedMrac) -> Ce
         MATCHED + "; with modelling error only Theorem 2's existence statement remains",
         EXACT_START,
         "c_0 makes W_m minimum phase (checked)",
-        "the tracking error converges to zero and theta_hat, epsilon m_s stay bounded (Lemma 1, Theorem 2); no number bounds e",
+        laws.convergence(controller.law) + "; no number bounds e",
         LINEAR,
     ]
     return _finish(problem, values, {"initial_parameter_error"}, assumptions, findings)
@@ -166,22 +175,23 @@ def _parameter_errors(problem: Problem, loop: ClosedLoop) -> tuple[dict[str, Any
     findings: list[str] = []
     values: dict[str, Any] = {"nu_0": theorem1.nu_0(theorem1.initial_parameter_error(theta_hat0, problem.plant.theta), known)}
     if box is not None:
-        worst = theorem1.largest_parameter_error(theta_hat0, box.lower, box.upper)
+        worst = theorem1.largest_parameter_error(theta_hat0, box)
         values["nu_0_worst"] = theorem1.nu_0(worst, known)
         if not box.contains(problem.plant.theta):
             findings.append("the true theta lies outside the known set: with projection, none of the bounds holds")
     return values, findings
 
 
-def _limits(problem: Problem, gamma: float, simulation: Simulation, offset: float, factor: float) -> dict[str, Any]:
-    """omega_a, Gamma_max(h), h_max(Gamma) for |x|_2 <= offset + factor/sqrt(Gamma)."""
+def _limits(problem: Problem, gamma: float | Array, simulation: Simulation, offset: float, factor: float) -> dict[str, Any]:
+    """omega_a, Gamma_max(h), h_max(Gamma) for |x|_2 <= offset + factor/sqrt(Gamma); for a matrix by its extreme eigenvalues."""
     known = problem.known
     bPb = float(known.b @ known.P @ known.b)
     limit = simulation.solver.imaginary_limit
-    frequency = adaptation_frequency(gamma, offset + factor / math.sqrt(gamma), bPb)
+    frequency = adaptation_frequency(laws.largest_gain(gamma), offset + factor / math.sqrt(laws.least_gain(gamma)), bPb)
     values: dict[str, Any] = {"adaptation_frequency": frequency}
     if limit > 0:
-        values["gamma_max"] = _finite(gamma_limit(limit, simulation.dt, bPb, offset, factor))
+        if np.ndim(gamma) == 0:
+            values["gamma_max"] = _finite(gamma_limit(limit, simulation.dt, bPb, offset, factor))
         values["step_max"] = limit / frequency if frequency > 0 else None
     return values
 
@@ -215,6 +225,10 @@ def _adapting_margins(problem: Problem, loop: ClosedLoop, findings: list[str]) -
     """The delay margin of the adaptive loop linearised at the constant command sup |r|."""
     level = problem.reference.bound  # type: ignore[attr-defined]  # model_bounds has checked that it is there
     if level == 0:
+        return {}
+    equations: Any = loop.equations
+    if not equations.modifications.is_off:
+        findings.append("the adapting loop's margin is given for the plain law only: with the modification it rests elsewhere")
         return {}
     found = _margins(problem, around_equilibrium(loop, level), f"linearised at the constant command {level:g}", findings)
     return {"delay_margin_adapting": found["delay_margin"]} if "delay_margin" in found else {}

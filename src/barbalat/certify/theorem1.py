@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from barbalat.certify.l1 import Enclosure, float_above, l1_norm
+from barbalat.known_set import KnownSet
 from barbalat.linear import StateSpace, TransferFunction, input_filter
 from barbalat.problem import Known, Problem
 from barbalat.protocols import BoundedSignal
@@ -168,9 +169,9 @@ def initial_parameter_error(theta_hat0: Array, theta: Array) -> float:
     return float(np.linalg.norm(theta_hat0 - theta)) * OUTWARD
 
 
-def largest_parameter_error(theta_hat0: Array, lower: Array, upper: Array) -> float:
-    """The same for the worst theta in the box."""
-    return float(np.linalg.norm(np.maximum(np.abs(theta_hat0 - lower), np.abs(upper - theta_hat0)))) * OUTWARD
+def largest_parameter_error(theta_hat0: Array, known_set: KnownSet) -> float:
+    """The same for the worst theta in the known set."""
+    return known_set.farthest(theta_hat0) * OUTWARD
 
 
 def nu_0(parameter_error: float, known: Known) -> float:

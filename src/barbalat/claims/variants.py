@@ -11,8 +11,9 @@ from barbalat.actuation import PlantInput
 from barbalat.claims import section_v
 from barbalat.ensemble import simulate_ensemble
 from barbalat.grid import Simulation
+from barbalat.known_set import ParameterBox
 from barbalat.metrics import Metrics
-from barbalat.problem import ParameterBox, Plant, Problem, ReferenceModel
+from barbalat.problem import Plant, Problem, ReferenceModel
 from barbalat.protocols import Controller, Signal
 from barbalat.validate import Array
 

@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import NamedTuple
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from barbalat import validate
-from barbalat.adaptation.projection import limit, project
+from barbalat.adaptation import gain
+from barbalat.adaptation.dead_zone import DeadZone
+from barbalat.adaptation.leakage import Leakage
+from barbalat.adaptation.learning import CompositeLearning
+from barbalat.adaptation.lyapunov import Modifications
+from barbalat.adaptation.projection import limit
 from barbalat.controllers.base import check_common, initial_estimate, projection_box
+from barbalat.known_set import KnownSet
 from barbalat.linear import StateSpace, TransferFunction
-from barbalat.problem import Known, ParameterBox
+from barbalat.problem import Known
 from barbalat.protocols import Value
 from barbalat.validate import Array, InputError
 
@@ -22,6 +28,7 @@ class State(NamedTuple):
     theta_hat: Value  # (n,) estimate of theta
     x_hat: Value  # (n,) predictor
     filter: Value  # (order of C,) state of the filter C(s)
+    memory: Any = ()  # of composite learning
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -32,14 +39,15 @@ class Equations:
     b: Array
     k_0: float
     P: Array
-    gamma: float
+    gamma: float | Array
     C: StateSpace
     theta_hat0: Array
     x0: Array
-    box: ParameterBox | None
+    box: KnownSet | None
+    modifications: Modifications = field(default_factory=Modifications)
 
     def initial(self) -> State:
-        return State(self.theta_hat0, self.x0, np.zeros(self.C.order))
+        return State(self.theta_hat0, self.x0, np.zeros(self.C.order), self.modifications.initial(self.b, self.x0))
 
     def control(self, state: State, x: Value, x_m: Value, r: Value) -> Value:
         return self.C.output(state.filter, self.unfiltered_control(state, x, r))  # (5)
@@ -49,10 +57,11 @@ class Equations:
 
     def derivative(self, state: State, x: Value, x_m: Value, r: Value, u: Value) -> State:
         x_tilde = x - state.x_hat
-        theta_hat_dot = project(self.gamma * (x_tilde @ (self.P @ self.b)) * x, state.theta_hat, self.box)  # (7)
+        law = self.modifications
+        theta_hat_dot = law.rate(self.gamma, x_tilde, self.P, self.b, x, state.theta_hat, state.memory, self.box)  # (7)
         x_hat_dot = self.A_m @ state.x_hat + self.b * (state.theta_hat @ x + u)  # (8)
         filter_dot = self.C.derivative(state.filter, self.unfiltered_control(state, x, r))
-        return State(theta_hat_dot, x_hat_dot, filter_dot)
+        return State(theta_hat_dot, x_hat_dot, filter_dot, law.memory_rates(state.memory, self.A_m, self.b, x, u))
 
     def limit(self, state: State) -> State:
         return state._replace(theta_hat=limit(state.theta_hat, self.box))
@@ -62,27 +71,36 @@ class Equations:
 class L1Adaptive:
     """u = C(s)[-theta_hat'x + k_0 r], predictor x_hat, law theta_hat' = proj(Gamma (x_tilde'P b) x).
 
-    gamma       adaptive gain Gamma > 0, scalar
+    gamma       adaptive gain Gamma > 0: a number, a diagonal (n,) or an s.p.d. matrix (n, n)
     filter      C(s): stable, strictly proper, C(0) = 1; starts at rest. ``None`` means C = 1, which is the standard MRAC
     theta_hat0  (n,), zero by default; inside the known set
     projection  onto the known set; by default on where one is given
+    leakage, dead_zone, learning  modifications of the law, none by default: see ``adaptation.lyapunov``
 
     Source: eqs (5)-(8); Hovakimyan and Cao, L1 Adaptive Control Theory, section 2.1.
     """
 
-    gamma: float
+    gamma: float | Array
     filter: TransferFunction | None
     theta_hat0: Array | None = None
     projection: bool | None = None
+    leakage: Leakage | None = None
+    dead_zone: DeadZone | None = None
+    learning: CompositeLearning | None = None
     name: str = "L1"
 
     def __post_init__(self) -> None:
         check_common(self)
-        object.__setattr__(self, "gamma", validate.positive("gamma", self.gamma))
+        object.__setattr__(self, "gamma", gain.accept("gamma", self.gamma))
+        self._modifications()  # refuses what can't go together
         if self.filter is not None:
             object.__setattr__(self, "filter", _admissible(TransferFunction.accept("filter", self.filter)))
 
+    def _modifications(self) -> Modifications:
+        return Modifications(leakage=self.leakage, dead_zone=self.dead_zone, learning=self.learning)
+
     def bind(self, known: Known) -> Equations:
+        gain.require_size("gamma", self.gamma, known.n)
         box = projection_box(self.projection, known)
         return Equations(
             A_m=known.A_m,
@@ -94,6 +112,7 @@ class L1Adaptive:
             theta_hat0=initial_estimate(self.theta_hat0, box, known.n),
             x0=known.x0,
             box=box,
+            modifications=self._modifications(),
         )
 
 

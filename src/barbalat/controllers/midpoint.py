@@ -10,11 +10,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from barbalat.adaptation import implicit
-from barbalat.adaptation.projection import limit
+from barbalat.adaptation.gain import times
 from barbalat.controllers import l1, robust_mrac
 from barbalat.linear import StateSpace
 from barbalat.protocols import Sample, Value
-from barbalat.validate import Array
+from barbalat.validate import Array, InputError
 
 
 def half_step(A: Array, T: float) -> Array:
@@ -70,6 +70,9 @@ class Predictor:
 
     @classmethod
     def of(cls, equations: l1.Equations, T: float) -> Predictor:
+        if not equations.modifications.is_off:
+            raise InputError("discretization = 'midpoint' is proven for the plain law, without leakage, dead zone and learning")
+        implicit.require_projectable(equations.gamma, equations.box)
         model = LinearStep.of(equations.A_m, T)
         coupling = T**2 / 4 * float(equations.b @ equations.P @ model.half @ equations.b)
         return cls(equations, T, model, Filter.of(equations.C, T), coupling)
@@ -83,13 +86,13 @@ class Predictor:
     def advance(self, state: l1.State, before: Sample, u: Value, now: Sample) -> l1.State:
         c, T = self.continuous, self.sample_time
         x_mid = (before.x + now.x) / 2
-        gain = c.gamma * x_mid
+        gain = times(c.gamma, x_mid)
         # the predictor's middle, were the estimates to rest; that they move with it costs one division: the coupling is rank one
         at_rest = self.model.middle(state.x_hat, c.b * (state.theta_hat @ x_mid + u))
         s = ((x_mid - at_rest) @ (c.P @ c.b)) / (1 + self.coupling * (x_mid @ gain))
         theta_hat_mid = state.theta_hat + T / 2 * gain * s
         x_hat = self.model.end(state.x_hat, c.b * (theta_hat_mid @ x_mid + u))
-        theta_hat = limit(state.theta_hat + T * gain * s, c.box)
+        theta_hat = implicit.into(state.theta_hat + T * gain * s, c.box, c.gamma)
         following = l1.State(theta_hat, x_hat, state.filter)
         wanted = c.unfiltered_control(state, before.x, before.r), c.unfiltered_control(following, now.x, now.r)
         return following._replace(filter=self.filter.end(state.filter, *wanted))
@@ -106,7 +109,7 @@ class Estimator:
 
     @classmethod
     def of(cls, equations: robust_mrac.Equations, T: float) -> Estimator:
-        implicit.require_implicit(equations.law)
+        implicit.require_implicit(equations.law, equations.box)
         Q = None if equations.Q is None else Filter.of(equations.Q, T)
         return cls(equations, T, LinearStep.of(equations.A_m, T), Q)
 
@@ -126,10 +129,10 @@ class Estimator:
         decay = np.exp(-c.normalization.delta_0 * T)
         n_d = decay * state.n_d + (1 - decay) / c.normalization.delta_0 * (u * u)  # (16), exact for the u that was held
         m_s_squared = c.normalization.m_s_squared(phi, (state.n_d + n_d) / 2)
-        theta_hat, covariance = implicit.step(c.law, T, state.theta_hat, state.covariance, z, phi, m_s_squared, c.box)
+        theta_hat, memory = implicit.step(c.law, T, state.theta_hat, state.memory, z, phi, m_s_squared, c.box)
         following = robust_mrac.State(
             theta_hat=theta_hat,
-            covariance=covariance,
+            memory=memory,
             xi=2 * xi_mid - state.xi,
             Xi=2 * Xi_mid - state.Xi,
             n_d=n_d,

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import NamedTuple
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
 
-from barbalat import validate
-from barbalat.adaptation.projection import limit, project
+from barbalat.adaptation import gain
+from barbalat.adaptation.dead_zone import DeadZone
+from barbalat.adaptation.leakage import Leakage
+from barbalat.adaptation.learning import CompositeLearning
+from barbalat.adaptation.lyapunov import Modifications
+from barbalat.adaptation.projection import limit
 from barbalat.controllers.base import check_common, initial_estimate, projection_box
-from barbalat.problem import Known, ParameterBox
+from barbalat.known_set import KnownSet
+from barbalat.problem import Known
 from barbalat.protocols import Value
 from barbalat.validate import Array
 
@@ -17,29 +22,35 @@ class State(NamedTuple):
     """What the controller integrates."""
 
     theta_hat: Value  # (n,) estimate of theta
+    memory: Any = ()  # of composite learning
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Equations:
     """The law is driven by the tracking error."""
 
+    A_m: Array
     b: Array
     k_0: float
     P: Array
-    gamma: float
+    gamma: float | Array
     theta_hat0: Array
-    box: ParameterBox | None
+    x0: Array
+    box: KnownSet | None
+    modifications: Modifications = field(default_factory=Modifications)
 
     def initial(self) -> State:
-        return State(self.theta_hat0)
+        return State(self.theta_hat0, self.modifications.initial(self.b, self.x0))
 
     def control(self, state: State, x: Value, x_m: Value, r: Value) -> Value:
         return -state.theta_hat @ x + self.k_0 * r  # (3)
 
     def derivative(self, state: State, x: Value, x_m: Value, r: Value, u: Value) -> State:
         e = x - x_m
-        theta_hat_dot = project(self.gamma * (e @ (self.P @ self.b)) * x, state.theta_hat, self.box)  # (4)
-        return State(theta_hat_dot)
+        return State(
+            self.modifications.rate(self.gamma, e, self.P, self.b, x, state.theta_hat, state.memory, self.box),  # (4)
+            self.modifications.memory_rates(state.memory, self.A_m, self.b, x, u),
+        )
 
     def limit(self, state: State) -> State:
         return state._replace(theta_hat=limit(state.theta_hat, self.box))
@@ -49,29 +60,41 @@ class Equations:
 class Mrac:
     """u = -theta_hat'x + k_0 r with the Lyapunov law theta_hat' = proj(Gamma (e'P b) x).
 
-    gamma       adaptive gain Gamma > 0, scalar
+    gamma       adaptive gain Gamma > 0: a number, a diagonal (n,) or an s.p.d. matrix (n, n)
     theta_hat0  (n,), zero by default; inside the known set
     projection  onto the known set; by default on where one is given
+    leakage, dead_zone, learning  modifications of the law, none by default: see ``adaptation.lyapunov``
 
     Source: eqs (3)-(4); Ioannou and Sun, Robust Adaptive Control, section 6.2.
     """
 
-    gamma: float
+    gamma: float | Array
     theta_hat0: Array | None = None
     projection: bool | None = None
+    leakage: Leakage | None = None
+    dead_zone: DeadZone | None = None
+    learning: CompositeLearning | None = None
     name: str = "MRAC"
 
     def __post_init__(self) -> None:
         check_common(self)
-        object.__setattr__(self, "gamma", validate.positive("gamma", self.gamma))
+        object.__setattr__(self, "gamma", gain.accept("gamma", self.gamma))
+        self._modifications()  # refuses what can't go together
+
+    def _modifications(self) -> Modifications:
+        return Modifications(leakage=self.leakage, dead_zone=self.dead_zone, learning=self.learning)
 
     def bind(self, known: Known) -> Equations:
+        gain.require_size("gamma", self.gamma, known.n)
         box = projection_box(self.projection, known)
         return Equations(
+            A_m=known.A_m,
             b=known.b,
             k_0=known.k_0,
             P=known.P,
             gamma=self.gamma,
             theta_hat0=initial_estimate(self.theta_hat0, box, known.n),
+            x0=known.x0,
             box=box,
+            modifications=self._modifications(),
         )

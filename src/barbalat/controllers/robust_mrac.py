@@ -6,17 +6,18 @@ The same equations without the auxiliary input are the normalised MRAC that Sect
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from barbalat import validate
-from barbalat.adaptation.laws import AdaptiveLaw, Gradient, LeastSquares
+from barbalat.adaptation.laws import LAWS, AdaptiveLaw, Estimation
 from barbalat.adaptation.normalization import Normalization
 from barbalat.adaptation.projection import limit
 from barbalat.controllers.base import check_common, initial_estimate, projection_box
+from barbalat.known_set import KnownSet
 from barbalat.linear import StateSpace, TransferFunction, transfer_function
-from barbalat.problem import Known, ParameterBox
+from barbalat.problem import Known
 from barbalat.protocols import Value
 from barbalat.validate import Array, InputError
 
@@ -25,20 +26,12 @@ class State(NamedTuple):
     """What the controller integrates."""
 
     theta_hat: Value  # (n,) estimate of theta
-    covariance: Value  # (n, n) memory of a least-squares law; (0, 0) for a gradient law
+    memory: Any  # of the law
     xi: Value  # (n,) the known part of x: xi' = A_m xi + b u, xi(0) = x(0)
     Xi: Value  # (n, n) W_b(s)[x']
     n_d: Value  # scalar, dynamic normalising signal
     swapping: Value  # (n,) (sI - A_m)^-1 [Xi theta_hat']; (0,) without auxiliary input
     filter: Value  # (n,) state of Q(s); (0,) without auxiliary input
-
-
-class Estimation(NamedTuple):
-    """The linear parametric model (13) at one instant; all of it is measured."""
-
-    phi: Value  # (n,) regressor W_m(s)[x]
-    m_s_squared: Value
-    epsilon: Value  # estimation error
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -55,13 +48,13 @@ class Equations:
     normalization: Normalization
     theta_hat0: Array
     x0: Array
-    box: ParameterBox | None
+    box: KnownSet | None
 
     def initial(self) -> State:
         n = len(self.b)
         auxiliary = np.zeros(0 if self.Q is None else n)
-        covariance0 = self.law.initial_covariance(n)
-        return State(self.theta_hat0, covariance0, self.x0, np.zeros((n, n)), np.zeros(()), auxiliary, auxiliary)
+        memory = self.law.initial(n)
+        return State(self.theta_hat0, memory, self.x0, np.zeros((n, n)), np.zeros(()), auxiliary, auxiliary)
 
     def estimation(self, state: State, x: Value) -> Estimation:
         z = self.c_0 @ (x - state.xi)  # (13)
@@ -81,15 +74,14 @@ class Equations:
         return u - self.Q.output(state.filter, self.auxiliary_input_argument(state, x))  # (14)
 
     def derivative(self, state: State, x: Value, x_m: Value, r: Value, u: Value) -> State:
-        phi, m_s_squared, epsilon = self.estimation(state, x)
-        rates = self.law.rates(state.theta_hat, state.covariance, epsilon, phi, m_s_squared, self.box)  # (15)
+        rates = self.law.rates(state.theta_hat, state.memory, self.estimation(state, x), self.box)  # (15)
         swapping_dot, filter_dot = state.swapping, state.filter
         if self.Q is not None:
             swapping_dot = self.A_m @ state.swapping + state.Xi @ rates.theta_hat
             filter_dot = self.Q.derivative(state.filter, self.auxiliary_input_argument(state, x))
         return State(
             theta_hat=rates.theta_hat,
-            covariance=rates.covariance,
+            memory=rates.memory,
             xi=self.A_m @ state.xi + self.b * u,
             Xi=self.A_m @ state.Xi + np.outer(self.b, x),
             n_d=self.normalization.n_d_dot(state.n_d, u),
@@ -98,7 +90,7 @@ class Equations:
         )
 
     def limit(self, state: State) -> State:
-        return state._replace(theta_hat=limit(state.theta_hat, self.box))
+        return state._replace(theta_hat=limit(state.theta_hat, self.box), memory=self.law.limit(state.memory))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -106,7 +98,7 @@ class RobustMrac:
     """u = -theta_hat'x + k_0 r + u_a with a law on the linear parametric model and the auxiliary input u_a.
 
     tau            time constant of the auxiliary input [s], > 0
-    law            LeastSquares (the paper's) or Gradient
+    law            LeastSquares (the paper's) or another of ``adaptation.laws``
     c_0            (n,); W_m(s) = c_0'(sI - A_m)^-1 b must be minimum phase; P b by default
     normalization  of the estimation error: eq. (16)
     theta_hat0     (n,), zero by default; inside the known set
@@ -164,7 +156,7 @@ def _check_model_and_law(settings: RobustMrac | NormalizedMrac) -> None:
     check_common(settings)
     if settings.c_0 is not None:
         object.__setattr__(settings, "c_0", validate.vector("c_0", settings.c_0))
-    validate.instance("law", settings.law, (LeastSquares, Gradient))
+    validate.instance("law", settings.law, tuple(LAWS.values()))
     validate.instance("normalization", settings.normalization, Normalization)
 
 

@@ -30,8 +30,15 @@ class Euler:
 
     def advance(self, state: Any, before: Sample, u: Value, now: Sample) -> Any:
         rates = self.continuous.derivative(state, *before, u)
-        moved = [old + self.sample_time * rate for old, rate in zip(state, rates, strict=True)]
-        return self.continuous.limit(type(state)(*moved))
+        return self.continuous.limit(_moved(state, rates, self.sample_time))
+
+
+def _moved(state: Any, rates: Any, T: float) -> Any:
+    """state + T rates, through nested NamedTuples."""
+    if not isinstance(state, tuple):
+        return state + T * rates
+    parts = [_moved(old, rate, T) for old, rate in zip(state, rates, strict=True)]
+    return type(state)(*parts)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -87,4 +94,5 @@ def _with_predictor(equations: mrac.Equations, known: Known) -> l1.Equations:
         theta_hat0=equations.theta_hat0,
         x0=known.x0,
         box=equations.box,
+        modifications=equations.modifications,
     )

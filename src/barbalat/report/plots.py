@@ -97,11 +97,11 @@ def _line(axes: Axes, t: Array, value: Array, band: tuple[Array, Array], colour:
 
 
 def _bounds(axes: Axes, result: Result) -> None:
-    """The faces of the known set."""
-    box = result.problem.uncertainty
-    if box is None:
+    """How far the known set reaches in each component."""
+    known_set = result.problem.uncertainty
+    if known_set is None:
         return
-    for bound in sorted({*box.lower.tolist(), *box.upper.tolist()}):
+    for bound in sorted({value for side in known_set.extent for value in side.tolist()}):
         axes.axhline(bound, color="0.6", linestyle=":", linewidth=0.8)
 
 

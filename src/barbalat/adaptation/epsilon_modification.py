@@ -1,0 +1,28 @@
+"""Epsilon-modification (e1-modification)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from barbalat import validate
+from barbalat.protocols import Value
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class EpsilonModification:
+    """w = nu |error|, error = epsilon m_s, or e'P b for the Lyapunov laws: the leakage fades with the error, nu > 0.
+
+    Its proof needs a V' that is proportional to |error|: V' <= |error| (d_0 + ... - nu theta_tilde'theta_hat).
+
+    Source: Narendra and Annaswamy (1987), IEEE TAC 32(2); Ioannou and Sun, section 8.4.1.
+    """
+
+    nu: float
+
+    def __post_init__(self) -> None:
+        validate.freeze(self, nu=validate.positive("nu", self.nu))
+
+    def coefficient(self, theta_hat: Value, error: Value) -> Value:
+        return self.nu * np.abs(error)

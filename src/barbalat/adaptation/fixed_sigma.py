@@ -1,0 +1,27 @@
+"""Fixed sigma-modification."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from barbalat import validate
+from barbalat.protocols import Value
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class FixedSigma:
+    """w = sigma > 0: the estimates stay bounded under bounded modelling errors without a known set.
+
+    The price: V' = ... - sigma theta_tilde'theta_hat may be positive, so also without modelling error the tracking error does
+    not converge to zero, only to a set of the order of sqrt(sigma) |theta|.
+
+    Source: Ioannou and Kokotovic (1983); Ioannou and Sun, section 8.4.1.
+    """
+
+    sigma: float
+
+    def __post_init__(self) -> None:
+        validate.freeze(self, sigma=validate.positive("sigma", self.sigma))
+
+    def coefficient(self, theta_hat: Value, error: Value) -> Value:
+        return self.sigma

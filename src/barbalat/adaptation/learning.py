@@ -1,0 +1,82 @@
+"""Composite learning: the Lyapunov laws of MRAC and L1-AC with a memory of past data beside the present error."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from barbalat import validate
+from barbalat.protocols import Value
+from barbalat.validate import Array
+
+
+class Memory(NamedTuple):
+    """What the memory integrates."""
+
+    zeta: Value  # scalar, the part of b^+ x that the known dynamics explain, through the filter
+    phi: Value  # (n,) x/(tau_f s + 1)
+    R: Value  # (n, n) int weight phi phi'/m^2
+    Q: Value  # (n,) int weight z phi/m^2
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class CompositeLearning:
+    """theta_hat' = proj(Gamma (x e'P b + gamma_c (Q - R theta_hat))): the data seen so far pull the estimates to theta.
+
+    gamma_c        weight of the memory against the tracking error, > 0
+    time_constant  tau_f of the regressor's filter [s], > 0
+    forgetting     beta of the memory [1/s], >= 0; none by default: what was learnt stays
+    capacity       of the memory [s], > 0: data count by 1 - trace(R)/capacity. Unlimited by default; then, without
+                   forgetting, R grows like t, and with it the law's own rate Gamma gamma_c R, which the step must resolve
+
+    With b^+ = b'/(b'b), x' = A_m x + b (theta'x + u) gives z = theta'phi for z = (b^+ x - zeta)/tau_f,
+    zeta' = z + b^+ A_m x + u, zeta(0) = b^+ x(0); phi' = (x - phi)/tau_f, phi(0) = 0; no derivative of x is needed. With
+    m^2 = 1 + phi'phi and the weight a: R' = a phi phi'/m^2 - beta R, Q' = a z phi/m^2 - beta Q, so that Q = R theta, and
+    V = e'P e + theta_tilde'Gamma^-1 theta_tilde has V' = -|e|^2 - 2 gamma_c theta_tilde'R theta_tilde. Without forgetting
+    lambda_min(R) never falls: once the data have excited all directions for a finite time, e and theta_tilde converge
+    exponentially, without persistent excitation. What disturbs the plant is remembered as well: the memory's bias is not
+    removed by a dead zone or an epsilon-modification.
+
+    Source: Slotine and Li (1989), composite adaptation; Chowdhary and Johnson (2010), concurrent learning (CDC); the
+    memory in this form: Cho, Shin, Kim and Kim (2018), IEEE TAC 63(3); Pan and Yu (2016), IEEE TAC 61(6).
+    """
+
+    gamma_c: float
+    time_constant: float
+    forgetting: float = 0.0
+    capacity: float | None = None
+
+    def __post_init__(self) -> None:
+        validate.freeze(self, gamma_c=validate.positive("learning.gamma_c", self.gamma_c))
+        validate.freeze(self, time_constant=validate.positive("learning.time_constant", self.time_constant))
+        validate.freeze(self, forgetting=validate.not_negative("learning.forgetting", self.forgetting))
+        if self.capacity is not None:
+            validate.freeze(self, capacity=validate.positive("learning.capacity", self.capacity))
+
+    def initial(self, b: Array, x0: Array) -> Memory:
+        n = len(b)
+        return Memory(np.asarray(_left_inverse(b) @ x0), np.zeros(n), np.zeros((n, n)), np.zeros(n))
+
+    def rates(self, memory: Memory, A_m: Array, b: Array, x: Value, u: Value) -> Memory:
+        zeta, phi, R, Q = memory
+        b_plus = _left_inverse(b)
+        z = (b_plus @ x - zeta) / self.time_constant
+        share = 1 / (1 + phi @ phi)
+        if self.capacity is not None:
+            share = share * np.maximum(1 - sum(R[i, i] for i in range(len(b))) / self.capacity, 0.0)
+        return Memory(
+            zeta=z + b_plus @ (A_m @ x) + u,
+            phi=(x - phi) / self.time_constant,
+            R=share * np.outer(phi, phi) - self.forgetting * R,
+            Q=share * z * phi - self.forgetting * Q,
+        )
+
+    def pull(self, memory: Memory, theta_hat: Value) -> Value:
+        """gamma_c (Q - R theta_hat)."""
+        return self.gamma_c * (memory.Q - memory.R @ theta_hat)
+
+
+def _left_inverse(b: Value) -> Value:
+    return b / (b @ b)

@@ -1,0 +1,68 @@
+"""The Lyapunov laws of MRAC (4) and L1-AC (7), with their modifications."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from barbalat import validate
+from barbalat.adaptation import dead_zone as zone
+from barbalat.adaptation import gain
+from barbalat.adaptation import leakage as leak
+from barbalat.adaptation.learning import CompositeLearning
+from barbalat.adaptation.projection import project
+from barbalat.known_set import KnownSet
+from barbalat.protocols import Value
+from barbalat.validate import Array, InputError
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Modifications:
+    """theta_hat' = proj(Gamma (a x e'P b + gamma_c (Q - R theta_hat) - w theta_hat)); each part is off unless given.
+
+    leakage    w, with error = a e'P b
+    dead_zone  a, on sqrt(e'P e)
+    learning   the memory Q, R of composite learning
+    """
+
+    leakage: leak.Leakage | None = None
+    dead_zone: zone.DeadZone | None = None
+    learning: CompositeLearning | None = None
+
+    def __post_init__(self) -> None:
+        zone.accept(self.dead_zone)
+        if self.learning is None:
+            leak.accept(self.leakage, "the Lyapunov law")
+            return
+        validate.instance("learning", self.learning, CompositeLearning)
+        leak.accept(self.leakage, "composite learning", leak.SIGMA, "its V' is not proportional to the present error")
+        if self.dead_zone is not None:
+            raise InputError(
+                "a dead zone can't go with composite learning: the memory keeps adapting inside the zone, on data that hold "
+                "what the zone is to keep out"
+            )
+
+    @property
+    def is_off(self) -> bool:
+        return self.leakage is None and self.dead_zone is None and self.learning is None
+
+    def initial(self, b: Array, x0: Array) -> Any:
+        """The memory at t = 0: () without learning."""
+        return () if self.learning is None else self.learning.initial(b, x0)
+
+    def memory_rates(self, memory: Any, A_m: Array, b: Array, x: Value, u: Value) -> Any:
+        return memory if self.learning is None else self.learning.rates(memory, A_m, b, x, u)
+
+    def rate(
+        self, gamma: Value, e: Value, P: Array, b: Array, x: Value, theta_hat: Value, memory: Any, known_set: KnownSet | None
+    ) -> Value:
+        """theta_hat' for the error ``e``: of tracking for MRAC, of prediction for L1-AC."""
+        error = e @ (P @ b)
+        if self.dead_zone is not None:
+            error = error * self.dead_zone.weight(e @ (P @ e))
+        rate = gain.scaled(gamma, error, x)
+        if self.learning is not None:
+            rate = rate + gain.times(gamma, self.learning.pull(memory, theta_hat))
+        if self.leakage is not None:
+            rate = rate - gain.times(gamma, self.leakage.coefficient(theta_hat, error) * theta_hat)
+        return project(rate, theta_hat, known_set, gamma)

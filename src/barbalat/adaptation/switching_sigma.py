@@ -1,0 +1,32 @@
+"""Switching sigma-modification."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from barbalat import validate
+from barbalat.protocols import Value
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class SwitchingSigma:
+    """w = 0 for |theta_hat| <= M_0, sigma (|theta_hat|/M_0 - 1) up to 2 M_0, sigma beyond; Euclidean norm.
+
+    Where |theta| <= M_0, w theta_tilde'theta_hat >= w |theta_hat| (|theta_hat| - M_0) >= 0: what holds without modelling error
+    holds with it as well, for every law. M_0 must be a bound of |theta|.
+
+    Source: Ioannou and Tsakalis (1986); Ioannou and Sun, section 8.4.1, with q_0 = 1.
+    """
+
+    sigma: float
+    M_0: float
+
+    def __post_init__(self) -> None:
+        validate.freeze(self, sigma=validate.positive("sigma", self.sigma))
+        validate.freeze(self, M_0=validate.positive("M_0", self.M_0))
+
+    def coefficient(self, theta_hat: Value, error: Value) -> Value:
+        size = np.sqrt(np.maximum(theta_hat @ theta_hat, self.M_0 * self.M_0))
+        return self.sigma * np.minimum(size / self.M_0 - 1, 1.0)

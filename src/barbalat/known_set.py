@@ -1,0 +1,99 @@
+"""The known convex set of the unknown parameters: a box or a ball."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+
+from barbalat import validate
+from barbalat.validate import Array, InputError
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ParameterBox:
+    """The known convex set Omega = {lower <= theta <= upper}, componentwise; both (n,)."""
+
+    lower: Array
+    upper: Array
+
+    def __post_init__(self) -> None:
+        lower = validate.vector("uncertainty.lower", self.lower)
+        upper = validate.vector("uncertainty.upper", self.upper, len(lower))
+        empty = np.flatnonzero(lower > upper)
+        if len(empty):
+            i = int(empty[0])
+            raise InputError(
+                f"uncertainty.lower must not exceed uncertainty.upper, but in component {i + 1} "
+                f"{lower[i]:g} > {upper[i]:g}: the set is empty"
+            )
+        validate.freeze(self, lower=lower)
+        validate.freeze(self, upper=upper)
+
+    def __str__(self) -> str:
+        return f"between {validate.show(self.lower)} and {validate.show(self.upper)}"
+
+    @property
+    def size(self) -> int:
+        """The number of parameters."""
+        return len(self.lower)
+
+    def contains(self, theta: Array) -> bool:
+        return bool((self.lower <= theta).all() and (theta <= self.upper).all())
+
+    @property
+    def extent(self) -> tuple[Array, Array]:
+        """The least and the largest value of each component in the set."""
+        return self.lower, self.upper
+
+    @property
+    def theta_max(self) -> float:
+        """The largest 1-norm in the set."""
+        return float(np.maximum(np.abs(self.lower), np.abs(self.upper)).sum())
+
+    def farthest(self, theta: Array) -> float:
+        """The largest Euclidean distance from ``theta`` to a point of the set."""
+        return float(np.linalg.norm(np.maximum(np.abs(theta - self.lower), np.abs(self.upper - theta))))
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ParameterBall:
+    """The known convex set Omega = {|theta - center|_2 <= radius}; center (n,), radius > 0."""
+
+    center: Array
+    radius: float
+
+    def __post_init__(self) -> None:
+        validate.freeze(self, center=validate.vector("uncertainty.center", self.center))
+        validate.freeze(self, radius=validate.positive("uncertainty.radius", self.radius))
+
+    def __str__(self) -> str:
+        return f"within {self.radius:g} of {validate.show(self.center)}"
+
+    @property
+    def size(self) -> int:
+        """The number of parameters."""
+        return len(self.center)
+
+    def contains(self, theta: Array) -> bool:
+        return bool(math.hypot(*(theta - self.center)) <= self.radius)
+
+    @property
+    def extent(self) -> tuple[Array, Array]:
+        """The least and the largest value of each component in the set."""
+        return self.center - self.radius, self.center + self.radius
+
+    @property
+    def theta_max(self) -> float:
+        """The largest 1-norm in the set: |center|_1 + radius sqrt(n), where every component moves outward alike."""
+        return float(np.abs(self.center).sum() + self.radius * math.sqrt(self.size))
+
+    def farthest(self, theta: Array) -> float:
+        """The largest Euclidean distance from ``theta`` to a point of the set."""
+        return math.hypot(*(theta - self.center)) + self.radius
+
+
+KnownSet: TypeAlias = ParameterBox | ParameterBall
+"""What an estimate can be projected onto."""
