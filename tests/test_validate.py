@@ -17,7 +17,7 @@ from barbalat.closed_loop import ClosedLoop
 from barbalat.controllers import L1Adaptive, Mrac, NormalizedMrac, RobustMrac
 from barbalat.grid import Simulation
 from barbalat.linear import TransferFunction, input_filter
-from barbalat.problem import ParameterBox, Plant, Problem, ReferenceModel
+from barbalat.problem import ParameterBall, ParameterBox, Plant, Problem, ReferenceModel
 from barbalat.signals import Chirp, Constant, Recorded, Sine, Sines, Square, Step, Steps
 from barbalat.simulation import simulate
 from barbalat.solvers import RK4
@@ -128,7 +128,16 @@ REFUSED = {
     "normalization missing": (lambda p: RobustMrac(tau=0.5, law=LAW, normalization=None), "normalization", "None"),
     "alpha_0 negative": (lambda p: Normalization(alpha_0=-1.0), "alpha_0", "-1"),
     "delta_0 zero": (lambda p: Normalization(delta_0=0.0), "delta_0", "0"),
-    "covariance0 a matrix": (lambda p: LeastSquares(covariance0=np.eye(2)), "covariance0", "1."),
+    "covariance0 indefinite": (lambda p: LeastSquares(covariance0=[[1.0, 2.0], [2.0, 1.0]]), "law.covariance0", "[2., 1.]"),
+    "covariance0 lopsided": (lambda p: LeastSquares(covariance0=[[1.0, 2.0], [0.0, 1.0]]), "law.covariance0", "symmetric"),
+    "gain diagonal with a zero": (lambda p: Mrac(gamma=[1.0, 0.0]), "gamma", "[1., 0.]"),
+    "gain too long": (lambda p: bind(Mrac(gamma=[1.0, 1.0, 1.0]), p), "gamma", "2 parameters"),
+    "ball without a radius": (lambda p: ParameterBall(center=[0, 0], radius=0.0), "uncertainty.radius", "0.0"),
+    "ball too small": (
+        lambda p: Problem(plant=plant(), uncertainty=ParameterBall(center=[0], radius=1.0)),
+        "uncertainty.center",
+        "1",
+    ),
     "law gamma": (lambda p: Gradient(gamma=-3.0), "gamma", "-3.0"),
     "t_end zero": (lambda p: simulation(t_end=0.0), "simulation.t_end", "0.0"),
     "dt negative": (lambda p: simulation(dt=-0.01), "simulation.dt", "-0.01"),
