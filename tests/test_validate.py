@@ -11,6 +11,18 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from barbalat import (
+    CompositeLearning,
+    DeadZone,
+    EpsilonModification,
+    FixedSigma,
+    IntegralCost,
+    LeastSquaresBounded,
+    LeastSquaresBoundedGain,
+    LeastSquaresForgetting,
+    LeastSquaresResetting,
+    SwitchingSigma,
+)
 from barbalat.adaptation.laws import Gradient, LeastSquares
 from barbalat.adaptation.normalization import Normalization
 from barbalat.closed_loop import ClosedLoop
@@ -287,11 +299,22 @@ VALID = {
     Recorded: {"times": [0.0, 1.0], "values": [1.0, 2.0]},
     Recorded.from_csv: {"file": "nowhere.csv"},
     Gradient: {"gamma": 1.0},
-    LeastSquares: {"covariance0": 1.0},
+    LeastSquares: {"covariance0": 1.0, "leakage": SwitchingSigma(sigma=1.0, M_0=1.0), "dead_zone": DeadZone(g_0=0.1)},
+    LeastSquaresForgetting: {"covariance0": 1.0, "forgetting": 0.1},
+    LeastSquaresResetting: {"rho_0": 1.0, "rho_1": 0.1, "leakage": FixedSigma(sigma=1.0)},
+    LeastSquaresBounded: {"covariance0": 1.0, "forgetting": 0.1, "covariance_bound": 10.0},
+    LeastSquaresBoundedGain: {"covariance0": 1.0, "forgetting": 0.1, "covariance_bound": 10.0},
+    IntegralCost: {"gamma": 1.0, "forgetting": 0.1, "leakage": FixedSigma(sigma=1.0)},
+    FixedSigma: {"sigma": 1.0},
+    SwitchingSigma: {"sigma": 1.0, "M_0": 5.0},
+    EpsilonModification: {"nu": 1.0},
+    DeadZone: {"g_0": 0.1},
+    CompositeLearning: {"gamma_c": 1.0, "time_constant": 0.1, "forgetting": 0.0, "capacity": None},
+    ParameterBall: {"center": [0.0, 0.0], "radius": 5.0},
     Normalization: {"alpha_0": 1.0, "delta_0": 0.1},
 }
 SCHEMES = {
-    Mrac: {"gamma": 1.0, "theta_hat0": [0.0, 0.0], "projection": True},
+    Mrac: {"gamma": 1.0, "theta_hat0": [0.0, 0.0], "projection": True, "leakage": None, "dead_zone": None, "learning": None},
     L1Adaptive: {"gamma": 1.0, "filter": input_filter(0.02), "theta_hat0": [0.0, 0.0], "projection": True},
     NormalizedMrac: {"law": LAW, "c_0": [1.0, 1.0], "normalization": Normalization(), "theta_hat0": None, "projection": None},
     RobustMrac: {"law": LAW, "c_0": [1.0, 1.0], "tau": 0.5, "normalization": Normalization(), "theta_hat0": None},

@@ -17,8 +17,8 @@ def accept(field: str, value: Any) -> Any:
         return validate.positive(field, value)
     kinds = f"{field} must be a positive number, a list of them (a diagonal) or a symmetric positive definite matrix"
     try:
-        dimensions = np.ndim(value)
-    except ValueError:  # rows of different lengths
+        dimensions = np.asarray(value).ndim
+    except (TypeError, ValueError, OverflowError):  # rows of different lengths, ...
         dimensions = 0
     if dimensions == 1:
         diagonal = validate.vector(field, value)
