@@ -88,3 +88,17 @@ def test_through_the_projection_as_plain_stepping(problems, solver):
     assert 0.1 < resting < 0.9
     np.testing.assert_allclose(result.theta_hat, samples.theta_hat, rtol=0, atol=1e-10)
     np.testing.assert_allclose(result.x, samples.states[:, :2], rtol=0, atol=1e-10)
+
+
+def test_the_region_of_stability_is_left_once_along_a_ray_into_the_left_half_plane(solver):
+    """The search for the largest step bisects on this; 1e-13: roundings of the growth at the start of a ray."""
+    for angle in np.linspace(np.pi / 2 + 1e-6, np.pi, 500):
+        outside = solver.growth(np.geomspace(1e-4, 2 * solver.reach, 2000) * np.exp(1j * angle)) > 1e-13
+        assert (np.diff(outside.astype(int)) >= 0).all()
+
+
+def test_growth_is_the_amplification_less_one(solver):
+    z = np.array([0.3 - 0.2j, -1.0 + 2.0j, 5j, -40.0])
+    np.testing.assert_allclose(solver.growth(z), np.abs(solver.amplification(z)) ** 2 - 1, rtol=1e-12)
+    assert solver.growth(np.array([-1e-20]))[0] == pytest.approx(-2e-20, rel=1e-12)  # lost without the care
+    assert solver.reach > max(solver.imaginary_limit, solver.real_limit)

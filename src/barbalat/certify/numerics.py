@@ -1,12 +1,7 @@
-"""What a fixed step can bear: the adaptation's own frequency, the largest gain and step, and the spectrum along a run.
-
-Source: docs/numerics.md; equations: x_tilde' = A_m x_tilde - b theta_tilde'x, theta_tilde' = Gamma (x_tilde'P b) x is, for
-fast adaptation, an oscillator of frequency sqrt(Gamma |x|^2 b'P b), which an explicit method must still resolve.
-"""
+"""The spectrum along a run: whether it stayed inside its solver's region of stability. Source: docs/numerics.md."""
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,19 +10,6 @@ from barbalat.closed_loop import ClosedLoop
 from barbalat.grid import Simulation
 from barbalat.stepping import jacobian_function
 from barbalat.validate import Array
-
-
-def adaptation_frequency(gamma: float, x_largest: float, bPb: float) -> float:
-    """sqrt(Gamma |x|^2 b'P b) [rad/s] for the largest |x|_2."""
-    return math.sqrt(gamma * bPb) * x_largest
-
-
-def gamma_limit(limit: float, h: float, bPb: float, offset: float, factor: float) -> float:
-    """The largest Gamma with h omega_a <= limit, where |x|_2 <= offset + factor/sqrt(Gamma)."""
-    room = limit / (h * math.sqrt(bPb)) - factor
-    if room <= 0:
-        return 0.0
-    return math.inf if offset == 0 else (room / offset) ** 2
 
 
 @dataclass(frozen=True)

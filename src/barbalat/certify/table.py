@@ -7,25 +7,24 @@ from typing import Any
 
 import numpy as np
 
-from barbalat.certify import laws, theorem1
+from barbalat.certify import laws, limits, theorem1
 from barbalat.certify.certificate import Certificate
 from barbalat.certify.l1 import Enclosure
 from barbalat.certify.loops import around_equilibrium, fast_adaptation, known_parameters, series
 from barbalat.certify.margins import margins
-from barbalat.certify.numerics import adaptation_frequency, gamma_limit
 from barbalat.closed_loop import ClosedLoop
 from barbalat.controllers import L1Adaptive, Mrac, NormalizedMrac, RobustMrac, Sampled
 from barbalat.grid import Simulation
 from barbalat.linear import StateSpace
 from barbalat.problem import Problem
 from barbalat.protocols import Controller
-from barbalat.validate import Array, InputError
+from barbalat.validate import InputError
 
 MATCHED = "the plant is (1): matched uncertainty, no unmodelled dynamics, continuous time"
 NO_DISTURBANCE = "no disturbance acts"
 EXACT_START = "x_m(0) = x(0), and the predictor starts there too"
 IN_THE_SET = "theta and theta_hat(0) lie in the known set, and the estimates are projected onto it"
-FROZEN = "gamma_max and step_max look at the frozen linear oscillator of adaptation: advice, no guarantee"
+FROZEN = "gamma_max and step_max freeze the state or the regressor in the plain adaptive law: estimates, no guarantee"
 LINEAR = "margins are exact for the linear loop named, not for the adaptive loop in motion"
 
 
@@ -41,7 +40,7 @@ def _certificate(problem: Problem, controller: Controller, simulation: Simulatio
         case L1Adaptive():
             return _l1(problem, controller, simulation)
         case RobustMrac() | NormalizedMrac():
-            return _normalized(problem, controller)
+            return _normalized(problem, controller, simulation)
         case Sampled():
             return _sampled(_certificate(problem, controller.controller, simulation), controller)
     raise InputError(f"no certificate is known for {type(controller).__name__}")
@@ -77,7 +76,7 @@ def _mrac(problem: Problem, controller: Mrac, simulation: Simulation) -> Certifi
             values["error_bound_worst"] = theorem1.mrac_bound(values["nu_0_worst"], laws.least_gain(controller.gamma))
         guaranteed |= {"error_bound", "error_bound_worst"}
     model = theorem1.model_bounds(problem)
-    values |= _limits(problem, controller.gamma, simulation, model.x_m_euclidean, values["nu_0"])
+    values |= limits.of_lyapunov_law(problem, controller.gamma, simulation, model.x_m_euclidean, values["nu_0"])
     values |= _margins(problem, known_parameters(plant, plant.theta), "with the estimates at rest on theta", findings)
     values |= _adapting_margins(problem, loop, findings)
     assumptions = [MATCHED, EXACT_START, FROZEN, LINEAR]
@@ -134,7 +133,7 @@ def _l1(problem: Problem, controller: L1Adaptive, simulation: Simulation) -> Cer
     if math.isinf(offset):  # no bound on x: take what the model asks for, and say so
         offset, factor = theorem1.model_bounds(problem).x_m_euclidean, values["nu_0"]
         assumptions.append("|x| in the adaptation frequency is the model's bound plus nu_0/sqrt(Gamma): an estimate")
-    values |= _limits(problem, controller.gamma, simulation, offset, factor)
+    values |= limits.of_lyapunov_law(problem, controller.gamma, simulation, offset, factor, np.linalg.eigvals(C.A))
     if controller.filter is None:
         values |= _margins(problem, known_parameters(plant, plant.theta), "with the estimates at rest on theta", findings)
     else:
@@ -143,7 +142,7 @@ def _l1(problem: Problem, controller: L1Adaptive, simulation: Simulation) -> Cer
     return _finish(problem, values, guaranteed, assumptions, findings)
 
 
-def _normalized(problem: Problem, controller: RobustMrac | NormalizedMrac) -> Certificate:
+def _normalized(problem: Problem, controller: RobustMrac | NormalizedMrac, simulation: Simulation) -> Certificate:
     """What is guaranteed is Lemma 1's boundedness and convergence; its constants are not computable from the case."""
     plant = problem.plant
     loop = ClosedLoop.of(problem, controller)
@@ -151,6 +150,8 @@ def _normalized(problem: Problem, controller: RobustMrac | NormalizedMrac) -> Ce
     del values["nu_0"]
     values.pop("nu_0_worst", None)
     values["initial_parameter_error"] = theorem1.initial_parameter_error(loop.equations.initial().theta_hat, plant.theta)  # type: ignore[attr-defined]
+    equations: Any = loop.equations
+    values |= limits.of_parametric_model(problem, controller, equations, simulation)
     values |= _margins(problem, known_parameters(plant, plant.theta), "with the estimates at rest on theta", findings)
     if isinstance(controller, RobustMrac):
         values["tau_below"] = 1 / controller.normalization.delta_0  # Theorem 2: tau in (tau_min, 1/delta_0)
@@ -162,6 +163,7 @@ def _normalized(problem: Problem, controller: RobustMrac | NormalizedMrac) -> Ce
         MATCHED + "; with modelling error only Theorem 2's existence statement remains",
         EXACT_START,
         "c_0 makes W_m minimum phase (checked)",
+        FROZEN,
         laws.convergence(controller.law) + "; no number bounds e",
         LINEAR,
     ]
@@ -180,20 +182,6 @@ def _parameter_errors(problem: Problem, loop: ClosedLoop) -> tuple[dict[str, Any
         if not box.contains(problem.plant.theta):
             findings.append("the true theta lies outside the known set: with projection, none of the bounds holds")
     return values, findings
-
-
-def _limits(problem: Problem, gamma: float | Array, simulation: Simulation, offset: float, factor: float) -> dict[str, Any]:
-    """omega_a, Gamma_max(h), h_max(Gamma) for |x|_2 <= offset + factor/sqrt(Gamma); for a matrix by its extreme eigenvalues."""
-    known = problem.known
-    bPb = float(known.b @ known.P @ known.b)
-    limit = simulation.solver.imaginary_limit
-    frequency = adaptation_frequency(laws.largest_gain(gamma), offset + factor / math.sqrt(laws.least_gain(gamma)), bPb)
-    values: dict[str, Any] = {"adaptation_frequency": frequency}
-    if limit > 0:
-        if np.ndim(gamma) == 0:
-            values["gamma_max"] = _finite(gamma_limit(limit, simulation.dt, bPb, offset, factor))
-        values["step_max"] = limit / frequency if frequency > 0 else None
-    return values
 
 
 def _margins(problem: Problem, loop: StateSpace, which: str, findings: list[str]) -> dict[str, Any]:

@@ -58,6 +58,19 @@ class Tableau:
         """R(z), for complex z of any shape."""
         return np.asarray(np.polynomial.polynomial.polyval(np.asarray(z, dtype=complex), self.stability_polynomial))
 
+    def growth(self, z: np.ndarray) -> np.ndarray:
+        """|R(z)|^2 - 1 without the cancellation against 1: its sign tells a faint decay from a faint growth."""
+        z = np.asarray(z, dtype=complex)
+        rest = z * np.polynomial.polynomial.polyval(z, self.stability_polynomial[1:])  # R - 1
+        return np.asarray(2 * rest.real + np.abs(rest) ** 2)
+
+    @property
+    def reach(self) -> float:
+        """No z with |z| beyond this has |R(z)| <= 1: Cauchy's bound of the roots of R - c, |c| <= 1."""
+        smaller, leading = self.stability_polynomial[:-1].copy(), self.stability_polynomial[-1]
+        smaller[0] += 1
+        return 1 + float(np.abs(smaller).max() / abs(leading))
+
     @property
     def imaginary_limit(self) -> float:
         """The largest beta with |R(i y)| <= 1 on 0 <= y <= beta: an undamped oscillation of frequency w needs h w <= beta."""
