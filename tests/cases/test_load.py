@@ -1,5 +1,6 @@
 """Case files: every key arrives where it should, and everything that can't be used is one clear sentence."""
 
+from operator import attrgetter
 from pathlib import Path
 
 import numpy as np
@@ -8,11 +9,20 @@ from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
 from barbalat import InputError, L1Adaptive, Mrac, NormalizedMrac, RobustMrac
-from barbalat.adaptation.laws import Gradient
+from barbalat.adaptation.laws import (
+    Gradient,
+    IntegralCost,
+    LeastSquares,
+    LeastSquaresBounded,
+    LeastSquaresBoundedGain,
+    LeastSquaresForgetting,
+    LeastSquaresResetting,
+)
 from barbalat.cases.load import bundled, load_case, parse_case
 from barbalat.signals import Sines
 
 PAPER = bundled()["paper"].read_text()
+LAW = '{ kind = "least-squares", covariance0 = 500.0 }'
 
 
 def edited(old: str, new: str) -> str:
@@ -53,6 +63,50 @@ def test_other_keys():
     assert isinstance(last, NormalizedMrac) and isinstance(last.law, Gradient) and last.law.gamma == 3.0
     equations = last.bind(case.problem.known)
     assert equations.box is None and equations.theta_hat0.tolist() == [7, 8]
+
+
+LAW_TABLES = {
+    'kind = "gradient", gamma = [1, 2]': (Gradient, {"gamma": [1, 2]}),
+    'kind = "gradient", gamma = [[2, 1], [1, 2]], sigma = 0.1': (Gradient, {"gamma": [[2, 1], [1, 2]], "leakage.sigma": 0.1}),
+    'kind = "gradient", gamma = 1, nu = 0.1, g_0 = 0.2': (Gradient, {"leakage.nu": 0.1, "dead_zone.g_0": 0.2}),
+    'kind = "integral-cost", gamma = 1, forgetting = 0.5': (IntegralCost, {"forgetting": 0.5}),
+    'kind = "least-squares", covariance0 = [3, 4]': (LeastSquares, {"covariance0": [3, 4]}),
+    'kind = "least-squares-forgetting", covariance0 = 3, forgetting = 0.2': (LeastSquaresForgetting, {"forgetting": 0.2}),
+    'kind = "least-squares-resetting", rho_0 = 3, rho_1 = 0.2': (LeastSquaresResetting, {"rho_0": 3, "rho_1": 0.2}),
+    'kind = "least-squares-bounded", covariance0 = 3, forgetting = 0.2, covariance_bound = 9, sigma = 1, M_0 = 5': (
+        LeastSquaresBounded,
+        {"covariance_bound": 9, "leakage.sigma": 1, "leakage.M_0": 5},
+    ),
+    'kind = "least-squares-bounded-gain", covariance0 = 3, forgetting = 0.2, covariance_bound = 9': (
+        LeastSquaresBoundedGain,
+        {"covariance_bound": 9},
+    ),
+}
+
+
+@pytest.mark.parametrize("keys", LAW_TABLES)
+def test_every_law_of_a_case_file(keys):
+    kind, values = LAW_TABLES[keys]
+    law = parse_case(edited(LAW, f"{{ {keys} }}")).controllers[0].law
+    assert type(law) is kind
+    for path, value in values.items():
+        np.testing.assert_array_equal(attrgetter(path)(law), value)
+
+
+def test_modifications_and_learning_of_the_lyapunov_laws():
+    learning = "learning = { gamma_c = 2.0, time_constant = 0.5, forgetting = 0.1, capacity = 3.0 }"
+    mrac = parse_case(edited("gamma = 1.0", f"gamma = [1.0, 2.0]\nmodification = {{ sigma = 0.1, M_0 = 9.0 }}\n{learning}"))
+    settings = mrac.controllers[-1]
+    assert (settings.leakage.sigma, settings.leakage.M_0, settings.learning.capacity) == (0.1, 9.0, 3.0)
+    l1 = parse_case(edited("gamma = 1e4", "gamma = 1e4\nmodification = { nu = 0.1, g_0 = 0.2 }")).controllers[1]
+    assert (l1.leakage.nu, l1.dead_zone.g_0, l1.learning) == (0.1, 0.2, None)
+
+
+def test_a_ball_in_a_case_file():
+    known_set = parse_case(
+        edited("lower = [-5.0, -5.0]\nupper = [5.0, 5.0]", "center = [1.0, 0.0]\nradius = 6.0")
+    ).problem.uncertainty
+    assert (known_set.center.tolist(), known_set.radius) == ([1, 0], 6)
 
 
 def test_unstable_plant_by_matching():
@@ -113,6 +167,23 @@ BAD = [
     ('name = "L1"', 'name = "MRAC"', ["'MRAC'", "2 times"]),
     ('name = "L1"', 'name = ""', ["controller 2.name"]),
     ("covariance0 = 500.0", "gamma = 1.0", ["law.covariance0 is missing"]),
+    ("covariance0 = 500.0", "covariance0 = 500.0, gamma = 1.0", ["law.gamma", "no meaning", "least-squares"]),
+    ("covariance0 = 500.0", "covariance0 = [1.0, 2.0, 3.0]", ["law.covariance0", "2 parameters"]),
+    ("covariance0 = 500.0", "covariance0 = 500.0, sigma = 0.1", ["FixedSigma", "lower bound", "SwitchingSigma"]),
+    ("covariance0 = 500.0", "covariance0 = 500.0, M_0 = 5.0", ["M_0 goes with sigma"]),
+    ("covariance0 = 500.0", "covariance0 = 500.0, M_0 = 5.0, nu = 1.0", ["either sigma", "nu"]),
+    (LAW, '{ kind = "least-squares-forgetting", covariance0 = 5.0, forgetting = 0.1, g_0 = 0.1 }', ["dead zone", "grows"]),
+    (LAW, '{ kind = "integral-cost", gamma = 5.0, forgetting = 0.1, g_0 = 0.1 }', ["law.g_0", "integral"]),
+    (LAW, '{ kind = "integral-cost", gamma = 5.0, forgetting = 0.1, nu = 0.1 }', ["EpsilonModification", "integral-cost"]),
+    (LAW, '{ kind = "least-squares-resetting", rho_0 = 1.0, rho_1 = 2.0 }', ["law.rho_1", "below", "2"]),
+    (LAW, '{ kind = "least-squares-bounded", covariance0 = 9.0, forgetting = 1.0, covariance_bound = 10.0 }', ["Frobenius"]),
+    (LAW, '{ kind = "kalman" }', ["law.kind", "kalman"]),
+    ("gamma = 1.0", "gamma = [1.0, -1.0]", ["gamma", "-1"]),
+    ("gamma = 1.0", "gamma = [[1.0, 2.0], [2.0, 1.0]]", ["gamma", "positive definite"]),
+    ("gamma = 1.0", 'gamma = "high"', ["gamma", "high"]),
+    ("gamma = 1.0", "gamma = 1.0\nmodification = { sigam = 1.0 }", ["modification.sigam", "'sigma'"]),
+    ("gamma = 1.0", "gamma = 1.0\nmodification = { g_0 = 1.0 }\nlearning = { gamma_c = 1, time_constant = 1 }", ["dead zone"]),
+    ("upper = [5.0, 5.0]", "radius = 5.0", ["either lower and upper, or center and radius", "lower, radius"]),
     ("[plant]", "[plant]\ninput = { saturation = [1, 2] }", ["plant.input.saturation", "lower < 0 < upper"]),
     ("[plant]", "[plant]\ninput = { rate_limit = 0.0 }", ["plant.input.rate_limit", "positive"]),
     ("[plant]", "[plant]\ninput = { quantization = -1.0 }", ["plant.input.quantization", "positive"]),

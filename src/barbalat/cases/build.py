@@ -5,19 +5,19 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
 from barbalat import delay, signals
 from barbalat.actuation import PlantInput
-from barbalat.adaptation.laws import AdaptiveLaw, Gradient, LeastSquares
-from barbalat.adaptation.normalization import Normalization
+from barbalat.adaptation.laws import Gradient
 from barbalat.cases import schema
+from barbalat.cases.tables import Table
 from barbalat.closed_loop import ClosedLoop
 from barbalat.controllers import L1Adaptive, Mrac, NormalizedMrac, RobustMrac, Sampled
 from barbalat.grid import Simulation
-from barbalat.known_set import ParameterBox
+from barbalat.known_set import KnownSet, ParameterBall, ParameterBox
 from barbalat.linear import TransferFunction, input_filter
 from barbalat.measurement import Noise, Sensor
 from barbalat.problem import Disturbance, Plant, Problem, ReferenceModel
@@ -48,7 +48,7 @@ def build(table: schema.CaseTable, folder: Path) -> Case:
         plant=_plant(table),
         reference_model=ReferenceModel(k_0=table.reference_model.k_0),
         reference=within("reference", lambda: _signal(table.reference, folder)),
-        uncertainty=None if table.uncertainty is None else ParameterBox(**dict(table.uncertainty)),
+        uncertainty=_known_set(table.uncertainty),
         disturbance=None
         if table.plant.disturbance is None
         else within("plant.disturbance", lambda: _signal(table.plant.disturbance, folder)),
@@ -125,12 +125,12 @@ def _sensor(table: schema.SensorTable) -> Sensor:
     return Sensor(lag=table.lag, noise=noise)
 
 
-def _signal(table: schema.Table | None, folder: Path) -> Signal:
+def _signal(table: Table | None, folder: Path) -> Signal:
     assert table is not None
     values = {key: tuple(value) if isinstance(value, list) else value for key, value in table if key != "kind"}
     if isinstance(table, schema.CsvSignal):
         return signals.Recorded.from_csv(folder / table.file)
-    kinds: dict[type[schema.Table], Callable[..., Signal]] = {
+    kinds: dict[type[Table], Callable[..., Signal]] = {
         schema.ConstantSignal: signals.Constant,
         schema.StepSignal: signals.Step,
         schema.StepsSignal: signals.Steps,
@@ -164,24 +164,46 @@ def _bound(table: schema.AdaptiveTable, problem: Problem) -> Controller:
 def _controller(table: schema.AdaptiveTable) -> Controller:
     match table:
         case schema.MracTable():
-            return Mrac(gamma=table.gamma, **table.common())
+            return Mrac(gamma=table.gamma, **_modifications(table), **table.common())
         case schema.L1Table():
-            return L1Adaptive(gamma=table.gamma, filter=_filter(table.filter), **table.common())
+            return L1Adaptive(gamma=table.gamma, filter=_filter(table.filter), **_modifications(table), **table.common())
         case schema.NormalizedMracTable():
             if (table.law is None) == (table.gamma is None):
                 raise InputError("give either gamma, for the gradient law, or law")
-            law = Gradient(gamma=table.gamma) if table.law is None else _law(table.law)
-            return NormalizedMrac(law=law, c_0=table.c_0, normalization=_normalization(table), **table.common())
+            law = Gradient(gamma=table.gamma) if table.law is None else table.law.build()
+            return NormalizedMrac(law=law, c_0=table.c_0, normalization=table.normalization.build(), **table.common())
         case schema.RobustMracTable():
             return RobustMrac(
                 tau=table.tau,
-                law=_law(table.law),
+                law=table.law.build(),
                 c_0=table.c_0,
-                normalization=_normalization(table),
+                normalization=table.normalization.build(),
                 printed_sign=table.printed_sign,
                 **table.common(),
             )
     raise AssertionError(f"the schema has a scheme that is not built here: {type(table).__name__}")
+
+
+def _modifications(table: schema.MracTable | schema.L1Table) -> dict[str, Any]:
+    """What changes the Lyapunov law of a scheme."""
+    settings: dict[str, Any] = {}
+    if table.modification is not None:
+        settings |= {"leakage": table.modification.leakage(), "dead_zone": table.modification.dead_zone()}
+    if table.learning is not None:
+        settings["learning"] = table.learning.build()
+    return settings
+
+
+def _known_set(table: schema.UncertaintyTable | None) -> KnownSet | None:
+    """[uncertainty]: exactly one of a box and a ball."""
+    if table is None:
+        return None
+    box, ball = {"lower": table.lower, "upper": table.upper}, {"center": table.center, "radius": table.radius}
+    given = {key for key, value in (box | ball).items() if value is not None}
+    if given not in ({"lower", "upper"}, {"center", "radius"}):
+        got = ", ".join(sorted(given)) or "nothing"
+        raise InputError(f"uncertainty must have either lower and upper, or center and radius, got {got}")
+    return ParameterBox(**box) if "lower" in given else ParameterBall(**ball)  # type: ignore[arg-type]
 
 
 def _filter(table: schema.FilterTable) -> TransferFunction | None:
@@ -192,17 +214,3 @@ def _filter(table: schema.FilterTable) -> TransferFunction | None:
     if table.num is None or table.den is None:
         raise InputError("filter: give kappa, or both num and den")
     return within("filter", lambda: TransferFunction(np.array(table.num), np.array(table.den)))
-
-
-def _law(table: schema.LawTable) -> AdaptiveLaw:
-    wanted, other = ("covariance0", "gamma") if table.kind == "least-squares" else ("gamma", "covariance0")
-    value = getattr(table, wanted)
-    if value is None:
-        raise InputError(f"law.{wanted} is missing; the {table.kind} law needs it")
-    if getattr(table, other) is not None:
-        raise InputError(f"law.{other} has no meaning for the {table.kind} law")
-    return LeastSquares(covariance0=value) if wanted == "covariance0" else Gradient(gamma=value)
-
-
-def _normalization(table: schema.NormalizedMracTable | schema.RobustMracTable) -> Normalization:
-    return Normalization(alpha_0=table.normalization.alpha_0, delta_0=table.normalization.delta_0)

@@ -4,16 +4,10 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import AliasChoices, BaseModel, ConfigDict, Field
+from pydantic import AliasChoices, Field
 
-Vector = list[float]
-Matrix = list[list[float]]
-
-
-class Table(BaseModel):
-    """A table of a case file: unknown keys are refused, and so is a text where a number is meant."""
-
-    model_config = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
+from barbalat.cases.law_tables import LawTable, LearningTable, ModificationTable, NormalizationTable
+from barbalat.cases.tables import Gain, Matrix, Table, Vector
 
 
 class ConstantSignal(Table):
@@ -145,7 +139,7 @@ class PlantTable(Table):
     x0: Vector | None = None
     input: InputTable | None = None
     disturbance: Signal | None = None
-    unmatched: list[UnmatchedTable] = []
+    unmatched: list[UnmatchedTable] = Field(default_factory=list)
 
 
 class ReferenceModelTable(Table):
@@ -156,10 +150,12 @@ class ReferenceModelTable(Table):
 
 
 class UncertaintyTable(Table):
-    """[uncertainty]."""
+    """[uncertainty]: a box (lower, upper) or a ball (center, radius)."""
 
-    lower: Vector
-    upper: Vector
+    lower: Vector | None = None
+    upper: Vector | None = None
+    center: Vector | None = None
+    radius: float | None = None
 
 
 class SimulationTable(Table):
@@ -177,21 +173,6 @@ class FilterTable(Table):
     kappa: float | None = None
     num: Vector | None = None
     den: Vector | None = None
-
-
-class LawTable(Table):
-    """law = { kind = ... }."""
-
-    kind: Literal["least-squares", "gradient"]
-    covariance0: float | None = None
-    gamma: float | None = None
-
-
-class NormalizationTable(Table):
-    """normalization = { alpha_0 = ..., delta_0 = ... }."""
-
-    alpha_0: float = 0.0
-    delta_0: float = 0.1
 
 
 class AdaptiveTable(Table):
@@ -213,22 +194,26 @@ class MracTable(AdaptiveTable):
     """scheme = "mrac"."""
 
     scheme: Literal["mrac"]
-    gamma: float
+    gamma: Gain
+    modification: ModificationTable | None = None
+    learning: LearningTable | None = None
 
 
 class L1Table(AdaptiveTable):
     """scheme = "l1"."""
 
     scheme: Literal["l1"]
-    gamma: float
+    gamma: Gain
     filter: FilterTable
+    modification: ModificationTable | None = None
+    learning: LearningTable | None = None
 
 
 class NormalizedMracTable(AdaptiveTable):
     """scheme = "mrac-normalized"; gamma alone means the gradient law."""
 
     scheme: Literal["mrac-normalized"]
-    gamma: float | None = None
+    gamma: Gain | None = None
     law: LawTable | None = None
     c_0: Vector | None = None
     normalization: NormalizationTable = NormalizationTable()
@@ -278,6 +263,8 @@ TABLES: dict[str | None, type[Table]] = {
     "simulation": SimulationTable,
     "filter": FilterTable,
     "law": LawTable,
+    "modification": ModificationTable,
+    "learning": LearningTable,
     "normalization": NormalizationTable,
     "constant": ConstantSignal,
     "step": StepSignal,

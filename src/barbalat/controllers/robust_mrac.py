@@ -168,6 +168,7 @@ def _output_vector(c_0: Array | None, known: Known) -> Array:
 def _equations(settings: RobustMrac | NormalizedMrac, known: Known, Q: StateSpace | None, swapping_sign: float) -> Equations:
     c_0 = _output_vector(settings.c_0, known)
     minimum_phase_model(c_0, known)
+    settings.law.initial(known.n)  # refuses settings of another size
     box = projection_box(settings.projection, known)
     return Equations(
         A_m=known.A_m,
