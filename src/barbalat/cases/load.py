@@ -59,7 +59,7 @@ def parse_case(text: str, folder: Path = Path(), source: str = "the case") -> Ca
     except ValidationError as error:
         # a misspelt key is also a missing one: speak of the spelling
         findings = sorted(error.errors(include_url=False), key=lambda finding: finding["type"] != "extra_forbidden")
-        raise InputError(_sentence(findings[0], data)) from None
+        raise InputError(" ".join(_sentence(findings[0], data).split())) from None  # a key may hold line breaks
     return build(table, folder)
 
 
