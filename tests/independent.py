@@ -14,8 +14,8 @@ from scipy.integrate import solve_ivp
 
 from barbalat.adaptation.laws import Gradient, LeastSquares
 from barbalat.closed_loop import ClosedLoop
-from barbalat.controllers import L1Adaptive, Mrac, NormalizedMrac, RobustMrac
-from barbalat.linear import input_filter
+from barbalat.controllers import L1Adaptive, LinearFeedback, Mrac, NormalizedMrac, RobustMrac
+from barbalat.linear import TransferFunction, input_filter
 from barbalat.validate import InputError
 
 EPS = np.finfo(float).eps
@@ -97,5 +97,9 @@ def example_controllers(n: int) -> dict[str, tuple]:
         "robust-mrac": (
             RobustMrac(tau=0.2, law=LeastSquares(covariance0=covariance0)),
             RobustMrac(tau=0.2, law=Gradient(gamma=200.0)),
+        ),
+        "linear": (
+            LinearFeedback(controller=TransferFunction([50.0, 40.0], [1.0, 0.0])),
+            LinearFeedback(controller=TransferFunction([50.0], [1.0, 10.0]), output=np.arange(1.0, n + 1), nominal=np.ones(n)),
         ),
     }

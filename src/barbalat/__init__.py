@@ -26,11 +26,12 @@ if TYPE_CHECKING:
     from barbalat.adaptation.normalization import Normalization
     from barbalat.adaptation.switching_sigma import SwitchingSigma
     from barbalat.checking import check_numerics
-    from barbalat.controllers import L1Adaptive, Mrac, NormalizedMrac, RobustMrac, Sampled
+    from barbalat.controllers import L1Adaptive, LinearFeedback, Mrac, NormalizedMrac, RobustMrac, Sampled
     from barbalat.ensemble import EnsembleResult, simulate_ensemble
     from barbalat.grid import Simulation
     from barbalat.known_set import ParameterBall, ParameterBox
     from barbalat.linear import TransferFunction, input_filter
+    from barbalat.linear_design import hinf_feedback, pi_feedback
     from barbalat.measurement import Noise, Sensor
     from barbalat.problem import Disturbance, Plant, Problem, ReferenceModel
     from barbalat.result import Result
@@ -57,9 +58,10 @@ _HOME = {
     "adaptation.normalization": ("Normalization",),
     "adaptation.switching_sigma": ("SwitchingSigma",),
     "checking": ("check_numerics",),
-    "controllers": ("L1Adaptive", "Mrac", "NormalizedMrac", "RobustMrac", "Sampled"),
+    "controllers": ("L1Adaptive", "LinearFeedback", "Mrac", "NormalizedMrac", "RobustMrac", "Sampled"),
     "ensemble": ("EnsembleResult", "simulate_ensemble"),
     "grid": ("Simulation",),
+    "linear_design": ("hinf_feedback", "pi_feedback"),
     "linear": ("TransferFunction", "input_filter"),
     "known_set": ("ParameterBall", "ParameterBox"),
     "measurement": ("Noise", "Sensor"),
@@ -75,10 +77,11 @@ _MODULE_OF = {name: module for module, names in _HOME.items() for name in names}
 __all__ = [
     "EULER", "HEUN", "RK4", "Chirp", "CompositeLearning", "Constant", "DeadZone", "Disturbance", "EnsembleResult",
     "EpsilonModification", "FixedSigma", "Gradient", "InputError", "IntegralCost", "L1Adaptive", "LeastSquares",
-    "LeastSquaresBounded", "LeastSquaresBoundedGain", "LeastSquaresForgetting", "LeastSquaresResetting", "Mrac", "Noise",
-    "Normalization", "NormalizedMrac", "ParameterBall", "ParameterBox", "Plant", "PlantInput", "Problem", "Recorded",
-    "ReferenceModel", "Result", "RobustMrac", "Sampled", "Sensor", "Simulation", "Sine", "Sines", "Square", "Step", "Steps",
-    "SwitchingSigma", "TransferFunction", "check_numerics", "input_filter", "simulate", "simulate_ensemble",
+    "LeastSquaresBounded", "LeastSquaresBoundedGain", "LeastSquaresForgetting", "LeastSquaresResetting", "LinearFeedback", "Mrac",
+    "Noise", "Normalization", "NormalizedMrac", "ParameterBall", "ParameterBox", "Plant", "PlantInput", "Problem", "Recorded",
+    "ReferenceModel", "Result", "RobustMrac", "Sampled", "Sensor", "Simulation", "Sine", "Sines", "Square", "Step",
+    "Steps", "SwitchingSigma", "TransferFunction", "check_numerics", "hinf_feedback", "input_filter", "pi_feedback", "simulate",
+    "simulate_ensemble",
 ]  # fmt: skip
 
 

@@ -51,7 +51,16 @@ class ParameterBox:
     @property
     def theta_max(self) -> float:
         """The largest 1-norm in the set."""
-        return float(np.maximum(np.abs(self.lower), np.abs(self.upper)).sum())
+        return self.farthest_1(np.zeros(self.size))
+
+    @property
+    def middle(self) -> Array:
+        """The set's centre, (n,)."""
+        return np.asarray((self.lower + self.upper) / 2)
+
+    def farthest_1(self, theta: Array) -> float:
+        """The largest 1-norm of the difference between ``theta`` and a point of the set."""
+        return float(np.maximum(np.abs(theta - self.lower), np.abs(self.upper - theta)).sum())
 
     def farthest(self, theta: Array) -> float:
         """The largest Euclidean distance from ``theta`` to a point of the set."""
@@ -88,7 +97,16 @@ class ParameterBall:
     @property
     def theta_max(self) -> float:
         """The largest 1-norm in the set: |center|_1 + radius sqrt(n), where every component moves outward alike."""
-        return float(np.abs(self.center).sum() + self.radius * math.sqrt(self.size))
+        return self.farthest_1(np.zeros(self.size))
+
+    @property
+    def middle(self) -> Array:
+        """The set's centre, (n,)."""
+        return self.center
+
+    def farthest_1(self, theta: Array) -> float:
+        """The largest 1-norm of the difference between ``theta`` and a point of the set."""
+        return float(np.abs(self.center - theta).sum() + self.radius * math.sqrt(self.size))
 
     def farthest(self, theta: Array) -> float:
         """The largest Euclidean distance from ``theta`` to a point of the set."""

@@ -41,6 +41,25 @@ class StateSpace:
     def order(self) -> int:
         return len(self.B)
 
+    @classmethod
+    def accept(cls, field: str, system: Any) -> StateSpace:
+        """One of ours, a proper TransferFunction, or a SISO python-control system; InputError names the field.
+
+        A python-control StateSpace is taken as it is: by way of polynomials slow and fast poles together would lose digits.
+        """
+        if isinstance(system, cls):
+            return system
+        if all(hasattr(system, name) for name in ("A", "B", "C", "D")) and getattr(system, "dt", None) in (0, None):
+            A, B, C, D = (np.asarray(getattr(system, name), dtype=float) for name in "ABCD")
+            if D.shape == (1, 1):
+                return cls(A, B[:, 0], C[0], float(D[0, 0]))
+        found = TransferFunction.accept(field, system)
+        if found.relative_degree < 0:
+            raise InputError(
+                f"{field} must be proper, got num = {validate.show(found.num)} over den = {validate.show(found.den)}"
+            )
+        return found.realise()
+
 
 @dataclass(frozen=True, eq=False)
 class TransferFunction:
@@ -80,6 +99,10 @@ class TransferFunction:
 
     def __mul__(self, other: TransferFunction) -> TransferFunction:
         return TransferFunction(np.polymul(self.num, other.num), np.polymul(self.den, other.den))
+
+    def at(self, s: Array) -> Array:
+        """The value at complex numbers s."""
+        return np.polyval(self.num, s) / np.polyval(self.den, s)
 
     @property
     def poles(self) -> Array:

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
-from barbalat import InputError, L1Adaptive, Mrac, NormalizedMrac, RobustMrac
+from barbalat import InputError, L1Adaptive, LinearFeedback, Mrac, NormalizedMrac, RobustMrac
 from barbalat.adaptation.laws import (
     Gradient,
     IntegralCost,
@@ -43,6 +43,48 @@ def test_paper_case_says_section_v():
     assert isinstance(l1, L1Adaptive) and l1.gamma == 1e4
     assert l1.filter.poles == pytest.approx([-50])
     assert isinstance(mrac, Mrac)
+
+
+LINEAR = """
+[[controller]]
+name = "K"
+scheme = "linear"
+"""
+
+
+def test_linear_controllers():
+    settings = LINEAR + "controller = { num = [20.0, 30.0], den = [1.0, 0.0] }\noutput = [1.0, 1.0]\nunmodelled_delay = 0.02\n"
+    *_, given = parse_case(PAPER + settings).controllers
+    assert isinstance(given, LinearFeedback)
+    assert given.controller.response(np.array([2.0]))[0] == pytest.approx((20 * 2j + 30) / 2j)
+    assert given.output.tolist() == [1.0, 1.0]
+    assert abs(given.unmodelled.at(1j)) == pytest.approx(0.02, rel=1e-3)
+    *_, pi = parse_case(PAPER + LINEAR + 'design = "pi"\n').controllers
+    assert pi.controller.order == 1
+
+
+def test_the_hinf_design():
+    pytest.importorskip("slycot")
+    *_, designed = parse_case(PAPER + LINEAR + 'design = "hinf"\nbandwidth = 5.0\n').controllers
+    assert isinstance(designed, LinearFeedback) and designed.name == "K"
+
+
+@pytest.mark.parametrize(
+    ("settings", "words"),
+    [
+        ("", "either controller"),
+        ('design = "pi"\ncontroller = { num = [1.0], den = [1.0] }', "either controller"),
+        ('design = "pi"\nbandwidth = 3.0', "bandwidth"),
+        ('design = "pi"\nunmodelled_delay = -1.0', "unmodelled_delay"),
+        ('design = "pi"\ntheta_hat0 = [0.0, 0.0]', "theta_hat0"),
+        ('design = "lqg"', "design"),
+        ("controller = { num = [1.0, 0.0], den = [1.0] }", "proper"),
+        ('design = "pi"\nsample_time = 0.001\ndiscretization = "midpoint"', "euler"),
+    ],
+)
+def test_linear_controllers_that_cannot_be(settings, words):
+    with pytest.raises(InputError, match=words):
+        parse_case(PAPER + LINEAR + settings)
 
 
 @pytest.mark.parametrize("name", [*bundled(), str(Path(str(bundled()["paper"])).with_name("template.toml"))])

@@ -9,9 +9,10 @@ from scipy.optimize import minimize_scalar
 from barbalat import InputError
 from barbalat.certify.loops import fast_adaptation, known_parameters
 from barbalat.certify.mu import destabilising, mu_of_family
-from barbalat.certify.robust import MatchedFamily, centre_and_width, robust_stability
+from barbalat.certify.robust import MatchedFamily, robust_stability
+from barbalat.known_set import ParameterBox
 from barbalat.linear import StateSpace, TransferFunction, input_filter
-from barbalat.problem import ParameterBox, Plant
+from barbalat.problem import Plant
 from independent import refusal
 
 parts = st.floats(-3, 3).map(lambda v: round(v, 3))
@@ -105,7 +106,7 @@ def test_a_scalar_plant_with_dynamics():
 @pytest.mark.parametrize("kappa", [0.02, 0.05, 0.1, 0.5])
 def test_the_section_v_family_by_brute_force(section_v, kappa):
     """No theta of a fine grid inside 1/mu destabilises, the one that is named does just outside."""
-    centre, width = centre_and_width(section_v.uncertainty)
+    centre, width = section_v.uncertainty.middle, section_v.uncertainty.upper
     plant = Plant(A_m=section_v.plant.A_m, b=section_v.plant.b, theta=centre)
     C = input_filter(kappa).realise()
     family = MatchedFamily(loop=fast_adaptation(plant, C), width=width)
@@ -123,7 +124,7 @@ def test_the_section_v_family_by_brute_force(section_v, kappa):
 
 
 def test_third_order_box_by_random_search(third_order):
-    centre, width = centre_and_width(third_order.uncertainty)
+    centre, width = third_order.uncertainty.middle, third_order.uncertainty.upper
     p = third_order.plant
     loop = known_parameters(Plant(A_m=p.A_m, b=p.b, theta=centre), np.array([2.0, 1.0, 1.0]))
     family = MatchedFamily(loop=loop, width=width)
@@ -150,7 +151,7 @@ def test_a_single_uncertain_parameter_acts_only_where_its_response_is_real(secti
 
 def test_an_unstable_centre_is_refused():
     box = ParameterBox(lower=[0.0], upper=[8.0])
-    centre, width = centre_and_width(box)
+    centre, width = box.middle, box.upper - box.middle
     loop = known_parameters(Plant(A_m=[[-1.0]], b=[1.0], theta=centre), np.array([2.0]))
     assert "centre" in refusal(lambda: MatchedFamily(loop=loop, width=width))
     with pytest.raises(InputError):

@@ -15,12 +15,13 @@ from barbalat.adaptation.laws import Gradient
 from barbalat.cases import schema
 from barbalat.cases.tables import Table
 from barbalat.closed_loop import ClosedLoop
-from barbalat.controllers import L1Adaptive, Mrac, NormalizedMrac, RobustMrac, Sampled
+from barbalat.controllers import L1Adaptive, LinearFeedback, Mrac, NormalizedMrac, RobustMrac, Sampled
 from barbalat.grid import Simulation
 from barbalat.known_set import KnownSet, ParameterBall, ParameterBox
 from barbalat.linear import TransferFunction, input_filter
+from barbalat.linear_design import delay_weight, hinf_feedback, pi_feedback
 from barbalat.measurement import Noise, Sensor
-from barbalat.problem import Disturbance, Plant, Problem, ReferenceModel
+from barbalat.problem import Disturbance, Known, Plant, Problem, ReferenceModel
 from barbalat.protocols import Controller, Signal
 from barbalat.solvers import SOLVERS
 from barbalat.stepping import Rhythm
@@ -148,9 +149,9 @@ def _simulation(table: schema.SimulationTable) -> Simulation:
     return Simulation(t_end=table.t_end, dt=table.dt, solver=SOLVERS[table.solver], record_points=table.record_points)
 
 
-def _bound(table: schema.AdaptiveTable, problem: Problem) -> Controller:
+def _bound(table: schema.SchemeTable, problem: Problem) -> Controller:
     """The controller, after it was bound to the problem once to see that the two fit."""
-    controller = _controller(table)
+    controller = _linear(table, problem.known) if isinstance(table, schema.LinearTable) else _controller(table)
     if table.sample_time is not None:
         controller = Sampled(
             controller=controller, sample_time=table.sample_time, discretization=table.discretization or "midpoint"
@@ -161,7 +162,7 @@ def _bound(table: schema.AdaptiveTable, problem: Problem) -> Controller:
     return controller
 
 
-def _controller(table: schema.AdaptiveTable) -> Controller:
+def _controller(table: schema.SchemeTable) -> Controller:
     match table:
         case schema.MracTable():
             return Mrac(gamma=table.gamma, **_modifications(table), **table.common())
@@ -204,6 +205,24 @@ def _known_set(table: schema.UncertaintyTable | None) -> KnownSet | None:
         got = ", ".join(sorted(given)) or "nothing"
         raise InputError(f"uncertainty must have either lower and upper, or center and radius, got {got}")
     return ParameterBox(**box) if "lower" in given else ParameterBall(**ball)  # type: ignore[arg-type]
+
+
+def _linear(table: schema.LinearTable, known: Known) -> LinearFeedback:
+    """The controller that is given, or designed for the problem's known part."""
+    if (table.controller is None) == (table.design is None):
+        raise InputError('give either controller = { num, den } or design = "hinf" or "pi"')
+    if table.bandwidth is not None and table.design != "hinf":
+        raise InputError('bandwidth goes with design = "hinf"')
+    settings: dict[str, Any] = {"output": table.output, "nominal": table.nominal}
+    if table.name is not None:
+        settings["name"] = table.name
+    if table.controller is not None:
+        K = within("controller", lambda: TransferFunction(table.controller.num, table.controller.den))  # type: ignore[union-attr]
+        W = None if table.unmodelled_delay is None else delay_weight(table.unmodelled_delay)
+        return LinearFeedback(controller=K, unmodelled=W, **settings)
+    if table.design == "pi":
+        return pi_feedback(known, unmodelled_delay=table.unmodelled_delay, **settings)
+    return hinf_feedback(known, unmodelled_delay=table.unmodelled_delay, bandwidth=table.bandwidth, **settings)
 
 
 def _filter(table: schema.FilterTable) -> TransferFunction | None:

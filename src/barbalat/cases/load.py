@@ -20,7 +20,7 @@ PLANNED = {
 }
 """Keys of the case-file contract that this version does not serve yet, and what they are about."""
 
-PLANNED_SCHEMES = ("l1-output", "mrac-output", "linear")
+PLANNED_SCHEMES = ("l1-output", "mrac-output")
 
 
 def bundled() -> dict[str, Path]:
@@ -108,7 +108,7 @@ def _place(location: tuple[int | str, ...], data: Any) -> str:
     for position, key in enumerate(location):
         is_last = position == len(location) - 1
         if isinstance(here, dict) and (key in here or is_last):
-            parts.append(str(key))
+            parts.append(str(key) if str(key).isprintable() else repr(key))  # a key in quotes may hold anything
             here = here.get(key)
         elif isinstance(here, list) and isinstance(key, int):
             parts[-1] += f" {key + 1}"

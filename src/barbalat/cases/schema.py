@@ -175,14 +175,19 @@ class FilterTable(Table):
     den: Vector | None = None
 
 
-class AdaptiveTable(Table):
-    """What all adaptive schemes have in common."""
+class SchemeTable(Table):
+    """What all schemes have in common."""
 
     name: str | None = Field(default=None, min_length=1)
-    projection: bool | None = None
-    theta_hat0: Vector | None = None
     sample_time: float | None = None
     discretization: Literal["midpoint", "euler"] | None = None
+
+
+class AdaptiveTable(SchemeTable):
+    """What all adaptive schemes have in common."""
+
+    projection: bool | None = None
+    theta_hat0: Vector | None = None
 
     def common(self) -> dict[str, Any]:
         """The settings that were given."""
@@ -230,8 +235,20 @@ class RobustMracTable(AdaptiveTable):
     printed_sign: bool = False
 
 
+class LinearTable(SchemeTable):
+    """scheme = "linear": a transfer function, or a design."""
+
+    scheme: Literal["linear"]
+    controller: TransferFunctionTable | None = None
+    design: Literal["hinf", "pi"] | None = None
+    unmodelled_delay: float | None = None
+    bandwidth: float | None = None
+    output: Vector | None = None
+    nominal: Vector | None = None
+
+
 ControllerTable = Annotated[
-    MracTable | L1Table | NormalizedMracTable | RobustMracTable,
+    MracTable | L1Table | NormalizedMracTable | RobustMracTable | LinearTable,
     Field(discriminator="scheme"),
 ]
 
@@ -278,5 +295,6 @@ TABLES: dict[str | None, type[Table]] = {
     "l1": L1Table,
     "mrac-normalized": NormalizedMracTable,
     "robust-mrac": RobustMracTable,
+    "linear": LinearTable,
 }
 """Every table by the last name in its place: its key, or the kind or scheme that chose it."""

@@ -12,7 +12,6 @@ import numpy as np
 
 from barbalat.certify.margins import frequency_grid, sensitivity
 from barbalat.certify.mu import destabilising, mu_of_family
-from barbalat.known_set import ParameterBox
 from barbalat.linear import StateSpace, TransferFunction, states_response
 from barbalat.validate import Array, InputError
 
@@ -45,9 +44,7 @@ class MatchedFamily:
         a = states_response(S.A, S.B, w)[:, : len(self.width)] * self.width
         if self.weight is None:
             return a, np.zeros(len(a))
-        s = 1j * np.atleast_1d(w)
-        W = np.polyval(self.weight.num, s) / np.polyval(self.weight.den, s)
-        return a, np.abs(W * (1 - S.response(w)))
+        return a, np.abs(self.weight.at(1j * w) * (1 - S.response(w)))
 
     def largest_real_part(self, delta: Array) -> float:
         """Of the closed loop's eigenvalues at theta = centre + width delta, without unmodelled dynamics."""
@@ -123,8 +120,3 @@ def _real_crossings(family: MatchedFamily, grid: Array) -> Array:
         for k in np.flatnonzero(values[:-1, i] * values[1:, i] < 0):
             found.append(float(brentq(imaginary, grid[k], grid[k + 1], args=(int(i),), xtol=1e-300, rtol=1e-14)))
     return np.array(found)
-
-
-def centre_and_width(box: ParameterBox) -> tuple[Array, Array]:
-    """The middle of a known set, and half its sides, both (n,)."""
-    return (box.lower + box.upper) / 2, (box.upper - box.lower) / 2

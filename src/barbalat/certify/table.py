@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from barbalat.certify import laws, limits, theorem1
+from barbalat.certify import laws, limits, linear, theorem1
 from barbalat.certify.certificate import Certificate
-from barbalat.certify.l1 import Enclosure
-from barbalat.certify.loops import around_equilibrium, fast_adaptation, known_parameters, series
-from barbalat.certify.margins import margins
+from barbalat.certify.loop_values import adapting_margins, finite, margins_of
+from barbalat.certify.loops import fast_adaptation, known_parameters
 from barbalat.closed_loop import ClosedLoop
-from barbalat.controllers import L1Adaptive, Mrac, NormalizedMrac, RobustMrac, Sampled
+from barbalat.controllers import L1Adaptive, LinearFeedback, Mrac, NormalizedMrac, RobustMrac, Sampled
 from barbalat.grid import Simulation
 from barbalat.linear import StateSpace
 from barbalat.problem import Problem
@@ -24,6 +24,8 @@ MATCHED = "the plant is (1): matched uncertainty, no unmodelled dynamics, contin
 NO_DISTURBANCE = "no disturbance acts"
 EXACT_START = "x_m(0) = x(0), and the predictor starts there too"
 IN_THE_SET = "theta and theta_hat(0) lie in the known set, and the estimates are projected onto it"
+TRIED = "mu is exact at the frequencies that were tried: a grid, the critical ones, and each peak refined; not between them"
+CONTINUOUS = "bounds and margins are of the continuous controller: estimates for the sampled one"
 FROZEN = "gamma_max and step_max freeze the state or the regressor in the plain adaptive law: estimates, no guarantee"
 LINEAR = "margins are exact for the linear loop named, not for the adaptive loop in motion"
 
@@ -41,6 +43,8 @@ def _certificate(problem: Problem, controller: Controller, simulation: Simulatio
             return _l1(problem, controller, simulation)
         case RobustMrac() | NormalizedMrac():
             return _normalized(problem, controller, simulation)
+        case LinearFeedback():
+            return _linear(problem, controller)
         case Sampled():
             return _sampled(_certificate(problem, controller.controller, simulation), controller)
     raise InputError(f"no certificate is known for {type(controller).__name__}")
@@ -50,6 +54,13 @@ def _sampled(continuous: Certificate, controller: Sampled) -> Certificate:
     """The continuous controller's certificate, less what sampling takes away from it."""
     values = {key: value for key, value in continuous.values.items() if key not in ("gamma_max", "step_max")}
     what = f"the controller runs sampled every {controller.sample_time:g} s ({controller.discretization})"
+    if isinstance(controller.controller, LinearFeedback):
+        return replace(
+            continuous,
+            guaranteed=continuous.guaranteed & {"norms", "condition"},
+            assumptions=(*continuous.assumptions, CONTINUOUS),
+            findings=(*continuous.findings, what),
+        )
     law = {
         "midpoint": "no gain makes its law numerically unstable, so there is no gamma_max and no step_max",
         "euler": "its Euler law chatters at gains far below the solver's limits",
@@ -57,7 +68,7 @@ def _sampled(continuous: Certificate, controller: Sampled) -> Certificate:
     return Certificate(
         values,
         continuous.guaranteed & {"norms", "condition", "kappa_admissible", "kappa_max", "nu_0", "nu_0_worst"},
-        (*continuous.assumptions, "bounds and margins are of the continuous controller: estimates for the sampled one"),
+        (*continuous.assumptions, CONTINUOUS),
         (*continuous.findings, f"{what}; {law}"),
     )
 
@@ -77,8 +88,8 @@ def _mrac(problem: Problem, controller: Mrac, simulation: Simulation) -> Certifi
         guaranteed |= {"error_bound", "error_bound_worst"}
     model = theorem1.model_bounds(problem)
     values |= limits.of_lyapunov_law(problem, controller.gamma, simulation, model.x_m_euclidean, values["nu_0"])
-    values |= _margins(problem, known_parameters(plant, plant.theta), "with the estimates at rest on theta", findings)
-    values |= _adapting_margins(problem, loop, findings)
+    values |= margins_of(problem, known_parameters(plant, plant.theta), "with the estimates at rest on theta", findings)
+    values |= adapting_margins(problem, loop, findings)
     assumptions = [MATCHED, EXACT_START, FROZEN, LINEAR]
     equations: Any = loop.equations
     if equations.box is not None:
@@ -103,10 +114,10 @@ def _l1(problem: Problem, controller: L1Adaptive, simulation: Simulation) -> Cer
         model = theorem1.model_bounds(problem)
         condition = theorem1.filter_condition(known, C, theta_max)
         slope = theorem1.derivative_norm(known)
-        values["norms"] = {"W_b(1-C)": _norm(condition.norm), "sW_b": _norm(slope)}
+        values["norms"] = {"W_b(1-C)": condition.norm.ends, "sW_b": slope.ends}
         values["condition"] = {"value_upper": condition.value_upper, "limit": 1.0, "holds": condition.holds}
-        values["kappa_admissible"] = _finite(theorem1.kappa_admissible(known, theta_max))
-        values["kappa_max"] = _finite(theorem1.kappa_max(slope, theta_max))
+        values["kappa_admissible"] = finite(theorem1.kappa_admissible(known, theta_max))
+        values["kappa_max"] = finite(theorem1.kappa_max(slope, theta_max))
         guaranteed |= {"norms", "condition", "kappa_admissible", "kappa_max"}
         void, k_0 = laws.why_no_bound(controller, problem), known.k_0
         level = laws.error_level(problem, controller, values["nu_0"])
@@ -135,11 +146,22 @@ def _l1(problem: Problem, controller: L1Adaptive, simulation: Simulation) -> Cer
         assumptions.append("|x| in the adaptation frequency is the model's bound plus nu_0/sqrt(Gamma): an estimate")
     values |= limits.of_lyapunov_law(problem, controller.gamma, simulation, offset, factor, np.linalg.eigvals(C.A))
     if controller.filter is None:
-        values |= _margins(problem, known_parameters(plant, plant.theta), "with the estimates at rest on theta", findings)
+        values |= margins_of(problem, known_parameters(plant, plant.theta), "with the estimates at rest on theta", findings)
     else:
-        values |= _margins(problem, fast_adaptation(plant, C), "in the limit of fast adaptation", findings)
-    values |= _adapting_margins(problem, loop, findings)
+        values |= _margins_of_the_limit(problem, equations, assumptions, findings)
+    values |= adapting_margins(problem, loop, findings)
     return _finish(problem, values, guaranteed, assumptions, findings)
+
+
+def _margins_of_the_limit(problem: Problem, equations: Any, assumptions: list[str], findings: list[str]) -> dict[str, Any]:
+    """Margins and mu of what L1-AC tends to for fast adaptation: a linear controller with S = 1 - C at theta = 0."""
+    plant, C, known_set = problem.plant, equations.C, equations.box
+    values = margins_of(problem, fast_adaptation(plant, C), "in the limit of fast adaptation", findings)
+    if known_set is not None:
+        at_centre = fast_adaptation(replace(plant, theta=known_set.middle), C)
+        values |= linear.robustness(at_centre, known_set, None, findings)
+        assumptions.append(f"{TRIED}; its loop is the limit of fast adaptation inside the projection bounds")
+    return values
 
 
 def _normalized(problem: Problem, controller: RobustMrac | NormalizedMrac, simulation: Simulation) -> Certificate:
@@ -152,7 +174,7 @@ def _normalized(problem: Problem, controller: RobustMrac | NormalizedMrac, simul
     values["initial_parameter_error"] = theorem1.initial_parameter_error(loop.equations.initial().theta_hat, plant.theta)  # type: ignore[attr-defined]
     equations: Any = loop.equations
     values |= limits.of_parametric_model(problem, controller, equations, simulation)
-    values |= _margins(problem, known_parameters(plant, plant.theta), "with the estimates at rest on theta", findings)
+    values |= margins_of(problem, known_parameters(plant, plant.theta), "with the estimates at rest on theta", findings)
     if isinstance(controller, RobustMrac):
         values["tau_below"] = 1 / controller.normalization.delta_0  # Theorem 2: tau in (tau_min, 1/delta_0)
         if not controller.tau < values["tau_below"]:
@@ -170,6 +192,13 @@ def _normalized(problem: Problem, controller: RobustMrac | NormalizedMrac, simul
     return _finish(problem, values, {"initial_parameter_error"}, assumptions, findings)
 
 
+def _linear(problem: Problem, controller: LinearFeedback) -> Certificate:
+    """The error's bound in Theorem 1's form, margins and peaks on the true plant, mu of the family."""
+    values, guaranteed, findings = linear.certificate_values(problem, controller)
+    assumptions = [MATCHED, "x_m(0) = x(0), and K(s) starts at rest", "theta lies in the known set", TRIED]
+    return _finish(problem, values, guaranteed, assumptions, findings)
+
+
 def _parameter_errors(problem: Problem, loop: ClosedLoop) -> tuple[dict[str, Any], list[str]]:
     """nu_0 for the case's theta, and for the worst theta in the known set."""
     theta_hat0 = loop.equations.initial().theta_hat  # type: ignore[attr-defined]
@@ -182,44 +211,6 @@ def _parameter_errors(problem: Problem, loop: ClosedLoop) -> tuple[dict[str, Any
         if not box.contains(problem.plant.theta):
             findings.append("the true theta lies outside the known set: with projection, none of the bounds holds")
     return values, findings
-
-
-def _margins(problem: Problem, loop: StateSpace, which: str, findings: list[str]) -> dict[str, Any]:
-    """Margins of the loop with the plant's input dynamics in it; the delay margin is what is left beside the plant's delay."""
-    dynamics = None if problem.plant.input is None else problem.plant.input.dynamics
-    try:
-        found = margins(loop if dynamics is None else series(dynamics.realise(), loop))
-    except InputError as error:
-        findings.append(f"linear loop {which}: {error}")
-        return {}
-    left = found.delay - problem.delay
-    if problem.delay > 0:
-        if left <= 0:
-            findings.append(
-                f"linear loop {which}: unstable, it bears a delay of {found.delay:.4g} s and has {problem.delay:.4g} s"
-            )
-            return {}
-        return {"delay_margin": _finite(left), "margins_of": f"the linear loop {which}, beside the delay the plant has"}
-    return {
-        "delay_margin": _finite(found.delay),
-        "phase_margin": _finite(found.phase),
-        "gain_margin": _finite(found.gain_up),
-        "gain_reduction_margin": found.gain_down,
-        "margins_of": f"the linear loop {which}, broken at the plant input",
-    }
-
-
-def _adapting_margins(problem: Problem, loop: ClosedLoop, findings: list[str]) -> dict[str, Any]:
-    """The delay margin of the adaptive loop linearised at the constant command sup |r|."""
-    level = problem.reference.bound  # type: ignore[attr-defined]  # model_bounds has checked that it is there
-    if level == 0:
-        return {}
-    equations: Any = loop.equations
-    if not equations.modifications.is_off:
-        findings.append("the adapting loop's margin is given for the plain law only: with the modification it rests elsewhere")
-        return {}
-    found = _margins(problem, around_equilibrium(loop, level), f"linearised at the constant command {level:g}", findings)
-    return {"delay_margin_adapting": found["delay_margin"]} if "delay_margin" in found else {}
 
 
 def _finish(
@@ -240,11 +231,3 @@ def _finish(
     if any("outside the known set" in finding for finding in findings):
         guaranteed = guaranteed & {"norms", "condition", "kappa_admissible", "kappa_max"}
     return Certificate(values, frozenset(guaranteed), tuple(assumptions), tuple(findings))
-
-
-def _norm(enclosure: Enclosure) -> dict[str, float]:
-    return {"lower": enclosure.lower, "upper": enclosure.upper}
-
-
-def _finite(value: float) -> float | None:
-    return value if np.isfinite(value) else None

@@ -96,7 +96,11 @@ def filtered_model(known: Known, C: StateSpace) -> tuple[Array, Array, Array, Ar
 
 def filter_condition(known: Known, C: StateSpace, theta_max: float) -> FilterCondition:
     """The condition under which Theorem 1 (ii) speaks."""
-    norm = l1_norm(*filtered_model(known, C))
+    return small_gain(l1_norm(*filtered_model(known, C)), theta_max)
+
+
+def small_gain(norm: Enclosure, theta_max: float) -> FilterCondition:
+    """norm theta_max < 1, with the product rounded up."""
     value = norm.upper * theta_max * OUTWARD
     return FilterCondition(norm, value, value < 1)
 

@@ -1,6 +1,7 @@
 """The registry: one line for each scheme, by the name that case files use. The contract tests run over it."""
 
 from barbalat.controllers.l1 import L1Adaptive
+from barbalat.controllers.linear_feedback import LinearFeedback
 from barbalat.controllers.mrac import Mrac
 from barbalat.controllers.robust_mrac import NormalizedMrac, RobustMrac
 from barbalat.controllers.sampled import Sampled
@@ -10,6 +11,7 @@ SCHEMES = {
     "mrac-normalized": NormalizedMrac,
     "l1": L1Adaptive,
     "robust-mrac": RobustMrac,
+    "linear": LinearFeedback,
 }
 
-__all__ = ["SCHEMES", "L1Adaptive", "Mrac", "NormalizedMrac", "RobustMrac", "Sampled"]
+__all__ = ["SCHEMES", "L1Adaptive", "LinearFeedback", "Mrac", "NormalizedMrac", "RobustMrac", "Sampled"]

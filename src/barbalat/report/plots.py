@@ -51,17 +51,22 @@ def comparison(results: Sequence[Result]) -> Figure:
     right.set_ylabel("control $u$")
     axes = [left, right]
     for k, result in enumerate(results):
-        error, estimates = figure.add_subplot(grid[k + 1, 0]), figure.add_subplot(grid[k + 1, 1])
+        error = figure.add_subplot(grid[k + 1, 0] if result.theta_hat.shape[1] else grid[k + 1, :])
+        error.set_ylabel(f"{result.name}\n$e$")
+        axes.append(error)
         envelope = result.envelope
         for i in range(result.e.shape[1]):
             band = (envelope.e_min[:, i], envelope.e_max[:, i])
             _line(error, result.t, result.e[:, i], band, COLOURS[k % 6], f"$e_{i + 1}$", DASHES[i % 4])
+        if not result.theta_hat.shape[1]:
+            continue
+        estimates = figure.add_subplot(grid[k + 1, 1])
+        for i in range(result.theta_hat.shape[1]):
             band = (envelope.theta_hat_min[:, i], envelope.theta_hat_max[:, i])
             _line(estimates, result.t, result.theta_hat[:, i], band, COLOURS[k % 6], rf"$\hat\theta_{i + 1}$", DASHES[i % 4])
         _bounds(estimates, result)
-        error.set_ylabel(f"{result.name}\n$e$")
         estimates.set_ylabel(r"$\hat\theta$")
-        axes += [error, estimates]
+        axes.append(estimates)
     _finish(axes, results)
     return figure
 

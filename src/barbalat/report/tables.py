@@ -48,7 +48,7 @@ def figures_of_runs(results: Sequence[Result]) -> Table:
 def number_text(value: float | list[float] | None, separator: str = ", ") -> str:
     """A figure for people: four digits, components with a separator between."""
     if isinstance(value, list):
-        return separator.join(number_text(v) for v in value)
+        return separator.join(number_text(v) for v in value) or "-"
     return "-" if value is None else f"{value:.4g}"
 
 
@@ -92,9 +92,11 @@ def certificate(name: str, found: Certificate) -> Table:
                 table.add_row(f"L1 norm of {norm}", f"{ends['lower']:.10g} ... {ends['upper']:.10g}", kind)
         elif key == "condition":
             verdict = "[green]holds[/green]" if value["holds"] else "[red]not shown to hold[/red]"
-            table.add_row("||W_b (1 - C)||_1 theta_max < 1", f"{value['value_upper']:.6g}: {verdict}", kind)
+            table.add_row(f"||{value.get('of', 'W_b (1 - C)')}||_1 theta_max < 1", f"{value['value_upper']:.6g}: {verdict}", kind)
         else:
-            table.add_row(key, value if isinstance(value, str) else f"{value:.6g}", kind)
+            table.add_row(
+                key, f"{value:.6g}" if isinstance(value, float) else value if isinstance(value, str) else number_text(value), kind
+            )
     return table
 
 

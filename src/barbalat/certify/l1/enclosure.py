@@ -41,6 +41,11 @@ class Enclosure:
     precision_bits: int = 53
 
     @property
+    def ends(self) -> dict[str, float]:
+        """Both ends, by name: the certificate's block of a norm."""
+        return {"lower": self.lower, "upper": self.upper}
+
+    @property
     def midpoint(self) -> float:
         """Centre of the interval (rounded to nearest)."""
         return self.lower + 0.5 * (self.upper - self.lower)
