@@ -9,6 +9,7 @@ import numpy as np
 
 from barbalat.certify.finer_step import FinerStep
 from barbalat.certify.numerics import Stiffness
+from barbalat.closed_loop import ClosedLoop
 from barbalat.grid import Simulation
 from barbalat.metrics import Metrics
 from barbalat.problem import Problem
@@ -42,6 +43,7 @@ class Result:
     u                 (K,) control
     r                 (K,) command
     theta_hat         (K, n) estimates
+    states            (K, size) all that is integrated; ``loop.unpack`` names the parts of a row
     envelope          extrema between the recorded instants
     figures           over every solver step, see Metrics; ``diverged_at`` is in s or None
     stiffness         the largest h |eigenvalue| along the run, and since when the solver itself was unstable
@@ -58,6 +60,7 @@ class Result:
     u: Array
     r: Array
     theta_hat: Array
+    states: Array
     envelope: Envelope
     metrics: Metrics
     stiffness: Stiffness
@@ -66,6 +69,11 @@ class Result:
     @property
     def name(self) -> str:
         return self.controller.name
+
+    @property
+    def loop(self) -> ClosedLoop:
+        """The equations of the run."""
+        return ClosedLoop.of(self.problem, self.controller)
 
     @property
     def figures(self) -> dict[str, float | list[float] | None]:

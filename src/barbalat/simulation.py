@@ -87,6 +87,7 @@ def _result(problem: Problem, controller: Controller, simulation: Simulation, lo
         u=u[:, 0],
         r=signals[0],
         theta_hat=theta_hat,
+        states=states,
         envelope=envelope,
         metrics=metrics,
         stiffness=_stiffness(loop, simulation, t, states, signals.T),

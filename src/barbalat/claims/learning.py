@@ -18,11 +18,6 @@ from barbalat.simulation import simulate
 from barbalat.validate import Array
 
 
-def claims(runs: Runs) -> list[Claim]:
-    """All of this group; ``runs`` are those of the figures."""
-    return [loss_of_learning(runs), exponential()]
-
-
 def loss_of_learning(runs: Runs) -> Claim:
     """The estimates of L1-AC at both steps beside the robust MRAC's, on the same exciting signals."""
     coarse, fine, robust = runs.coarse["L1"], runs.fine["L1, gamma 1e4"], runs.coarse["Robust MRAC"]

@@ -6,17 +6,11 @@ import numpy as np
 
 from barbalat.claims import section_v
 from barbalat.claims.claim import Claim, verdict
-from barbalat.claims.onset import boundary
 from barbalat.claims.section_v import Runs
 from barbalat.claims.variants import figures, numbers
 from barbalat.controllers import Mrac
 from barbalat.solvers import RK4
 from barbalat.validate import Array
-
-
-def claims(runs: Runs) -> list[Claim]:
-    """All of this group; ``runs`` are those of the figures."""
-    return [come_and_go(runs), boundary(runs), without_filter(), smaller_gain(), small_tau()]
 
 
 def come_and_go(runs: Runs) -> Claim:

@@ -5,30 +5,15 @@ from __future__ import annotations
 import numpy as np
 
 from barbalat.certify import theorem1
-from barbalat.certify.loops import fast_adaptation
 from barbalat.claims import section_v
 from barbalat.claims.claim import Claim, verdict
 from barbalat.claims.variants import figures, numbers, variant
 from barbalat.controllers import L1Adaptive, Mrac
-from barbalat.linear import StateSpace, input_filter
+from barbalat.linear import input_filter
 from barbalat.signals import Constant
 
 MEMBERS = 192
 SEED = 20130819  # any fixed number: the draws are the same on every machine
-
-
-def claims() -> list[Claim]:
-    """All of this group."""
-    return [
-        bound_9(),
-        bound_10(),
-        bias_is_proportional(),
-        best_at_zero(),
-        constant_command(),
-        is_mrac(),
-        condition(),
-        uncertainty(),
-    ]
 
 
 def bound_9() -> Claim:
@@ -148,30 +133,3 @@ def condition() -> Claim:
         f"it flips at kappa = {kappa:.5f} s, just below the rounded 0.05",
         "certified enclosures of the norm, bisection to 1e-6",
     )  # fmt: skip
-
-
-def uncertainty() -> Claim:
-    """The filtered loop loses stability for large theta, the unfiltered one does not."""
-    C, direction = input_filter(section_v.KAPPA).realise(), np.array([4.0, -3.0])
-    low, high = 1.0, 64.0
-    for _ in range(40):
-        middle = (low * high) ** 0.5
-        low, high = (middle, high) if _is_stable(fast_adaptation(variant(theta=middle * direction).plant, C)) else (low, middle)
-    inside = [variant(theta=s * direction) for s in (0.8 * low, 1.25 * low)]
-    # r = 1 and no projection keep the numerics out of it: h omega_a stays near 0.1
-    small = [variant(theta=p.plant.theta, reference=Constant(1.0)) for p in inside]
-    filtered = figures([(p, section_v.l1("L1", 100.0, projection=False)) for p in small], 60.0, 1e-4)
-    unfiltered = figures([(p, Mrac(gamma=100.0, projection=False)) for p in small], 60.0, 1e-4)
-    f, m = filtered.tail_max_abs_e.max(axis=1), unfiltered.tail_max_abs_e.max(axis=1)
-    stays, goes = bool(f[0] < 1), bool(np.isnan(f[1]) or f[1] > 10)
-    return Claim(
-        "filter-limits-theta", "after Theorem 1", "The filter puts a limit on the size of the unknown parameters",
-        verdict(holds=stays and goes and bool((m < 1).all())),
-        f"with kappa = 0.02 s the limit loop is unstable beyond theta = {low:.2f} [4, -3]; simulated at 0.8 and 1.25 of it: tail error of "
-        f"L1-AC {numbers(f)} (nan: diverged), of MRAC {numbers(m)}",
-        "bisection on the exact eigenvalues of the fast-adaptation loop; RK4, h = 1e-4 s, Gamma = 100, r = 1",
-    )  # fmt: skip
-
-
-def _is_stable(loop: StateSpace) -> bool:
-    return bool(np.linalg.eigvals(loop.A - np.outer(loop.B, loop.C) / (1 + loop.D)).real.max() < 0)

@@ -1,0 +1,204 @@
+"""Lemma 1 along runs: the adaptive law (15) with and without a modelling error eta.
+
+With V = theta_tilde'P^-1 theta_tilde, (13) and (15) give V' = -(epsilon m_s)^2 + eta^2/m_s^2 between the projection's bounds, and
+no more than that at them. So the integral of (epsilon m_s)^2 from 0 is at most V(0) plus that of eta^2/m_s^2: the constant of
+S(eta^2/m_s^2) is at most max(1, V(0)) for intervals that begin at 0, and max(1, V(t)) for those that begin at t. Pure least squares
+sets no bound on V(t) under an error that lasts: there the constants are measured. The integrals are states of the simulated loop.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from barbalat.actuation import PlantInput
+from barbalat.adaptation.laws import LeastSquares
+from barbalat.adaptation.normalization import Normalization
+from barbalat.claims import section_v
+from barbalat.claims.claim import Claim, verdict
+from barbalat.claims.variants import numbers, variant
+from barbalat.controllers import RobustMrac
+from barbalat.controllers.robust_mrac import Equations as RobustEquations
+from barbalat.controllers.robust_mrac import Estimation
+from barbalat.grid import Simulation
+from barbalat.linear import TransferFunction
+from barbalat.problem import Known, Problem
+from barbalat.protocols import Value
+from barbalat.simulation import simulate
+from barbalat.validate import Array
+
+MUS = (0.0, 0.005, 0.02, 0.1)
+"""Of Delta_m = -mu s/(0.001 s + 1): none, and three that tau = 0.5 s bears."""
+HOW = "robust MRAC of Figure 2 with {}, RK4, h = 1e-4 s, 60 s; {}"
+
+
+def claims() -> list[Claim]:
+    """All of this group."""
+    runs = {mu: _run(mu) for mu in MUS}
+    return [bounded(runs), without_error(runs[0.0]), with_error(runs)]
+
+
+def bounded(runs: dict[float, Along]) -> Claim:
+    """(i): a finite run shows no more than that the suprema were reached early."""
+    names = ("epsilon", "error", "theta_hat", "rate")
+    halves = {name: np.array([_half_suprema(getattr(run, name)) for run in runs.values()]) for name in names}
+    return Claim(
+        "lemma-1-bounded", "Lemma 1 (i)", "epsilon, epsilon m_s, theta_hat and theta_hat' are bounded",
+        verdict(holds=all(bool((np.isfinite(v).all(axis=1) & (v[:, 1] <= 1.05 * v[:, 0])).all()) for v in halves.values())),
+        f"for mu {numbers(np.array(list(runs)))} s the largest |epsilon| {numbers(halves['epsilon'][:, 0])}, |epsilon m_s| "
+        f"{numbers(halves['error'][:, 0])}, |theta_hat_i| {numbers(halves['theta_hat'][:, 0])}, |theta_hat'| {numbers(halves['rate'][:, 0])}; "
+        f"after half of the run {', '.join(numbers(v[:, 1]) for v in halves.values())}",
+        HOW.format("Delta_m = -mu s/(0.001 s + 1)", "3000 instants; reading: none of the suprema grows in the second half"),
+    )  # fmt: skip
+
+
+def without_error(run: Along) -> Claim:
+    """eta = 0: V falls, and by exactly the integral."""
+    V, spent = run.V, run.integrals["error"]
+    gap = np.abs(V + spent - V[0]).max() / V[0]
+    late = {name: 1 - part[3 * len(part) // 4] / part[-1] for name, part in run.integrals.items() if name != "eta"}
+    return Claim(
+        "lemma-1-no-error", "Lemma 1 (ii), proof", "Without modelling error V = theta_tilde'P^-1 theta_tilde falls, and epsilon, epsilon m_s and theta_hat' are in L2",
+        verdict(holds=bool((np.diff(V) <= 1e-12 * V[0]).all() and spent[-1] <= V[0] and max(late.values()) < 0.01)),
+        f"V falls from {V[0]:.3g} to {V[-1]:.2g} and never rises; V + integral of (epsilon m_s)^2 is V(0) within {gap:.0e} of it; the integrals "
+        f"of epsilon^2, (epsilon m_s)^2, |theta_hat'|^2 reach {run.integrals['epsilon'][-1]:.3g}, {spent[-1]:.4g}, {run.integrals['rate'][-1]:.3g}, "
+        f"the last quarter adding at most {max(late.values()):.0e} of each",
+        HOW.format("Delta_m = 0", "the integrals are integrated with the loop; V at 3000 instants"),
+    )  # fmt: skip
+
+
+def with_error(runs: dict[float, Along]) -> Claim:
+    """eta not 0: the constants of S(eta^2/m_s^2)."""
+    mus = np.array([mu for mu in runs if mu])
+    some = [runs[mu] for mu in mus]
+    constants = {name: np.array([run.constant(name) for run in some]) for name in ("epsilon", "error", "rate")}
+    gap = max(float(np.abs(run.V + run.integrals["error"] - run.integrals["eta"] - run.V[0]).max() / run.V[0]) for run in some)
+    return Claim(
+        "lemma-1-small", "Lemma 1 (ii)", "With a modelling error epsilon, epsilon m_s and theta_hat' are small in the mean, S(eta^2/m_s^2)",
+        verdict(holds=bool((constants["error"] <= 1).all() and (constants["epsilon"] <= 1).all() and (constants["rate"] <= section_v.COVARIANCE0**2).all())),
+        f"for mu {numbers(mus)} s, |eta|/m_s up to {numbers(np.array([np.abs(run.eta).max() for run in some]))}: the least nu for epsilon "
+        f"{numbers(constants['epsilon'])}, for epsilon m_s {numbers(constants['error'])}, both at most max(1, V) = 1 by V', for theta_hat' "
+        f"{numbers(constants['rate'])}, at most |P(0)|^2 = {section_v.COVARIANCE0**2:g}; V' = -(epsilon m_s)^2 + eta^2/m_s^2 holds within {gap:.0e} "
+        f"of V(0), so V may rise: up to {numbers(np.array([run.V.max() / run.V[0] for run in some]))} V(0)",
+        HOW.format("Delta_m = -mu s/(0.001 s + 1), alpha_0 = 1", "nu: integral over [t, t + T] <= nu (that of eta^2/m_s^2 + 1), over every pair of 3000 instants"),
+    )  # fmt: skip
+
+
+def _half_suprema(values: Array) -> tuple[float, float]:
+    """The largest magnitude in the first and in the second half."""
+    half = len(values) // 2
+    return float(np.abs(values[:half]).max()), float(np.abs(values[half:]).max())
+
+
+class State(NamedTuple):
+    """The scheme's own state, and integrals along the run."""
+
+    scheme: Any
+    eta: Value  # of eta^2/m_s^2
+    error: Value  # of (epsilon m_s)^2
+    epsilon: Value  # of epsilon^2
+    rate: Value  # of |theta_hat'|^2
+
+    @property
+    def theta_hat(self) -> Value:
+        return self.scheme.theta_hat
+
+
+@dataclass(frozen=True, eq=False)
+class Equations:
+    """The robust MRAC's equations, and the integrals of Lemma 1; theta, which no controller knows, enters these alone."""
+
+    scheme: RobustEquations
+    theta: Array
+
+    def initial(self) -> State:
+        return State(self.scheme.initial(), *(np.zeros(()) for _ in range(4)))
+
+    def control(self, state: State, x: Value, x_m: Value, r: Value) -> Value:
+        return self.scheme.control(state.scheme, x, x_m, r)
+
+    def eta(self, state: State, x: Value) -> Value:
+        phi, m_s_squared, epsilon = self.scheme.estimation(state.scheme, x)
+        return epsilon * m_s_squared + (state.theta_hat - self.theta) @ phi  # (13): z - theta'phi
+
+    def derivative(self, state: State, x: Value, x_m: Value, r: Value, u: Value) -> State:
+        rates = self.scheme.derivative(state.scheme, x, x_m, r, u)
+        _, m_s_squared, epsilon = self.scheme.estimation(state.scheme, x)
+        return State(
+            scheme=rates,
+            eta=self.eta(state, x) ** 2 / m_s_squared,
+            error=epsilon * epsilon * m_s_squared,
+            epsilon=epsilon * epsilon,
+            rate=rates.theta_hat @ rates.theta_hat,
+        )
+
+    def limit(self, state: State) -> State:
+        return state._replace(scheme=self.scheme.limit(state.scheme))
+
+
+@dataclass(frozen=True, eq=False)
+class Observed:
+    """A robust MRAC with Lemma 1's integrals."""
+
+    scheme: RobustMrac
+    theta: Array
+    name: str = "observed"
+
+    def bind(self, known: Known) -> Equations:
+        return Equations(self.scheme.bind(known), self.theta)
+
+
+@dataclass(frozen=True, eq=False)
+class Along:
+    """What Lemma 1 speaks of, at K instants of a run, (K, ...); the integrals run from 0."""
+
+    epsilon: Array
+    error: Array  # epsilon m_s
+    rate: Array  # |theta_hat'|
+    theta_hat: Array
+    eta: Array  # over m_s
+    V: Array
+    integrals: dict[str, Array]
+
+    def constant(self, name: str) -> float:
+        """The least nu with: integral over [t, t + T] <= nu (integral of eta^2/m_s^2 over it + 1), over all pairs of instants."""
+        part, allowed = self.integrals[name], self.integrals["eta"]
+        return max(float(((part[i:] - part[i]) / (allowed[i:] - allowed[i] + 1)).max()) for i in range(len(part)))
+
+
+def along(problem: Problem, controller: RobustMrac, simulation: Simulation) -> Along:
+    """Simulate, and evaluate at the recorded instants."""
+    (run,) = simulate(problem, [Observed(controller, problem.plant.theta)], simulation).values()
+    equations, loop = controller.bind(problem.known), run.loop
+    rows = [loop.unpack(flat) for flat in run.states]
+    states = [row.controller for row in rows]
+    found = [equations.estimation(state.scheme, row.x) for state, row in zip(states, rows, strict=True)]
+    phi, m_s_squared, epsilon = (np.array([getattr(f, name) for f in found]) for name in Estimation._fields)
+    covariance, theta_tilde = np.array([s.scheme.covariance for s in states]), run.theta_hat - problem.plant.theta
+    laws = zip(run.theta_hat, covariance, epsilon, phi, m_s_squared, strict=True)
+    rates = [equations.law.rates(*values, equations.box).theta_hat for values in laws]
+    m_s = np.sqrt(m_s_squared)
+    return Along(
+        epsilon=epsilon,
+        error=epsilon * m_s,
+        theta_hat=run.theta_hat,
+        rate=np.linalg.norm(rates, axis=1),
+        eta=(epsilon * m_s_squared + (theta_tilde * phi).sum(axis=1)) / m_s,
+        V=(theta_tilde * np.linalg.solve(covariance, theta_tilde[..., None])[..., 0]).sum(axis=1),
+        integrals={name: np.array([getattr(s, name) for s in states]) for name in ("eta", "error", "epsilon", "rate")},
+    )
+
+
+def _run(mu: float) -> Along:
+    """Section V with the robust MRAC of Figure 2, the dynamic normalising signal on where there is a modelling error."""
+    dynamics = TransferFunction([-mu, 0.0], [1e-3, 1.0])
+    scheme = RobustMrac(
+        c_0=section_v.C_0,
+        tau=section_v.TAU,
+        law=LeastSquares(covariance0=section_v.COVARIANCE0),
+        normalization=Normalization(alpha_0=1.0 if mu else 0.0),
+    )
+    problem = variant(input=PlantInput(multiplicative=dynamics)) if mu else section_v.problem()
+    return along(problem, scheme, Simulation(t_end=section_v.T_END, dt=1e-4, record_points=3000))
