@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from barbalat.actuation import PlantInput
+from barbalat.adaptation.law import Estimation
 from barbalat.adaptation.laws import LeastSquares
 from barbalat.adaptation.normalization import Normalization
 from barbalat.claims import section_v
@@ -21,7 +22,6 @@ from barbalat.claims.claim import Claim, verdict
 from barbalat.claims.variants import numbers, variant
 from barbalat.controllers import RobustMrac
 from barbalat.controllers.robust_mrac import Equations as RobustEquations
-from barbalat.controllers.robust_mrac import Estimation
 from barbalat.grid import Simulation
 from barbalat.linear import TransferFunction
 from barbalat.problem import Known, Problem
@@ -176,9 +176,9 @@ def along(problem: Problem, controller: RobustMrac, simulation: Simulation) -> A
     states = [row.controller for row in rows]
     found = [equations.estimation(state.scheme, row.x) for state, row in zip(states, rows, strict=True)]
     phi, m_s_squared, epsilon = (np.array([getattr(f, name) for f in found]) for name in Estimation._fields)
-    covariance, theta_tilde = np.array([s.scheme.covariance for s in states]), run.theta_hat - problem.plant.theta
-    laws = zip(run.theta_hat, covariance, epsilon, phi, m_s_squared, strict=True)
-    rates = [equations.law.rates(*values, equations.box).theta_hat for values in laws]
+    covariance, theta_tilde = np.array([s.scheme.memory.covariance for s in states]), run.theta_hat - problem.plant.theta
+    pairs = zip((state.scheme for state in states), found, strict=True)
+    rates = [equations.law.rates(scheme.theta_hat, scheme.memory, f, equations.box).theta_hat for scheme, f in pairs]
     m_s = np.sqrt(m_s_squared)
     return Along(
         epsilon=epsilon,
