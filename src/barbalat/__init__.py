@@ -33,7 +33,9 @@ if TYPE_CHECKING:
     from barbalat.linear import TransferFunction, input_filter
     from barbalat.linear_design import hinf_feedback, pi_feedback
     from barbalat.measurement import Noise, Sensor
-    from barbalat.problem import Disturbance, Plant, Problem, ReferenceModel
+    from barbalat.plant import Plant, ReferenceModel
+    from barbalat.problem import Disturbance, Problem
+    from barbalat.regressors import GaussianRBF, Linear, Polynomial, Terms
     from barbalat.result import Result
     from barbalat.signals import Chirp, Constant, Recorded, Sine, Sines, Square, Step, Steps
     from barbalat.simulation import simulate
@@ -65,7 +67,9 @@ _HOME = {
     "linear": ("TransferFunction", "input_filter"),
     "known_set": ("ParameterBall", "ParameterBox"),
     "measurement": ("Noise", "Sensor"),
-    "problem": ("Disturbance", "Plant", "Problem", "ReferenceModel"),
+    "plant": ("Plant", "ReferenceModel"),
+    "problem": ("Disturbance", "Problem"),
+    "regressors": ("GaussianRBF", "Linear", "Polynomial", "Terms"),
     "result": ("Result",),
     "signals": ("Chirp", "Constant", "Recorded", "Sine", "Sines", "Square", "Step", "Steps"),
     "simulation": ("simulate",),
@@ -75,14 +79,61 @@ _HOME = {
 _MODULE_OF = {name: module for module, names in _HOME.items() for name in names}
 
 __all__ = [
-    "EULER", "HEUN", "RK4", "Chirp", "CompositeLearning", "Constant", "DeadZone", "Disturbance", "EnsembleResult",
-    "EpsilonModification", "FixedSigma", "Gradient", "InputError", "IntegralCost", "L1Adaptive", "LeastSquares",
-    "LeastSquaresBounded", "LeastSquaresBoundedGain", "LeastSquaresForgetting", "LeastSquaresResetting", "LinearFeedback", "Mrac",
-    "Noise", "Normalization", "NormalizedMrac", "ParameterBall", "ParameterBox", "Plant", "PlantInput", "Problem", "Recorded",
-    "ReferenceModel", "Result", "RobustMrac", "Sampled", "Sensor", "Simulation", "Sine", "Sines", "Square", "Step",
-    "Steps", "SwitchingSigma", "TransferFunction", "check_numerics", "hinf_feedback", "input_filter", "pi_feedback", "simulate",
+    "EULER",
+    "HEUN",
+    "RK4",
+    "Chirp",
+    "CompositeLearning",
+    "Constant",
+    "DeadZone",
+    "Disturbance",
+    "EnsembleResult",
+    "EpsilonModification",
+    "FixedSigma",
+    "GaussianRBF",
+    "Gradient",
+    "InputError",
+    "IntegralCost",
+    "L1Adaptive",
+    "LeastSquares",
+    "LeastSquaresBounded",
+    "LeastSquaresBoundedGain",
+    "LeastSquaresForgetting",
+    "LeastSquaresResetting",
+    "Linear",
+    "LinearFeedback",
+    "Mrac",
+    "Noise",
+    "Normalization",
+    "NormalizedMrac",
+    "ParameterBall",
+    "ParameterBox",
+    "Plant",
+    "PlantInput",
+    "Polynomial",
+    "Problem",
+    "Recorded",
+    "ReferenceModel",
+    "Result",
+    "RobustMrac",
+    "Sampled",
+    "Sensor",
+    "Simulation",
+    "Sine",
+    "Sines",
+    "Square",
+    "Step",
+    "Steps",
+    "SwitchingSigma",
+    "Terms",
+    "TransferFunction",
+    "check_numerics",
+    "hinf_feedback",
+    "input_filter",
+    "pi_feedback",
+    "simulate",
     "simulate_ensemble",
-]  # fmt: skip
+]
 
 
 def __getattr__(name: str) -> Any:

@@ -15,13 +15,14 @@ from barbalat.validate import Array, InputError
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class PlantInput:
-    """The path of u to the plant: quantised, saturated, rate-limited, through (1 + Delta_m(s)), delayed; in this order.
+    """The path of u to the plant: quantised, saturated, rate-limited, through omega (1 + Delta_m(s)), delayed; in this order.
 
     quantization    step of a converter's output [unit of u]: u becomes the nearest multiple
     saturation      (lower, upper) with lower < 0 < upper
     rate_limit      largest |rate| [unit of u per s]; below it the output follows within a solver step
     actuator        G_a(s) = 1 + Delta_m(s), proper and stable: eq. (11)
     multiplicative  Delta_m(s) itself, likewise; with an actuator the two are in series
+    gain            the effectiveness omega > 0; 1 unless given
     delay           [s], exact; 0, or at least two solver steps. Before t = 0 the input was zero
 
     The dynamics start at rest. A delay commutes with everything else here, which does not change with time. Raises InputError.
@@ -32,6 +33,7 @@ class PlantInput:
     rate_limit: float | None = None
     actuator: TransferFunction | None = None
     multiplicative: TransferFunction | None = None
+    gain: float = 1.0
     delay: float = 0.0
 
     def __post_init__(self) -> None:
@@ -56,21 +58,29 @@ class PlantInput:
                     f"den = {validate.show(system.den)}"
                 )
             validate.freeze(self, **{name: system})
+        validate.freeze(self, gain=validate.positive("plant.input.gain", self.gain))
         validate.freeze(self, delay=validate.not_negative("plant.input.delay", self.delay))
 
     @property
     def dynamics(self) -> TransferFunction | None:
-        """The linear part without the delay; ``None`` where there is none."""
+        """The linear part without the delay, omega (1 + Delta_m(s)); ``None`` where that is 1."""
         total: TransferFunction | None = self.actuator
         if self.multiplicative is not None:
             one_plus = TransferFunction(np.polyadd(self.multiplicative.den, self.multiplicative.num), self.multiplicative.den)
             total = one_plus if total is None else total * one_plus
-        return total
+        if self.gain == 1:
+            return total
+        return TransferFunction([self.gain], [1.0]) * (total or TransferFunction([1.0], [1.0]))
 
     @property
     def is_linear(self) -> bool:
         """Whether nothing is quantised, saturated or rate-limited."""
         return self.quantization is None and self.saturation is None and self.rate_limit is None
+
+    @property
+    def is_static_gain(self) -> bool:
+        """Whether nothing but the gain and the delay stands before the plant."""
+        return self.is_linear and self.actuator is None and self.multiplicative is None
 
     def path(self) -> InputPath | None:
         """The equations of everything but the delay; ``None`` where u reaches the plant as it is."""

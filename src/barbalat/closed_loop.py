@@ -11,7 +11,8 @@ import numpy as np
 from barbalat import validate
 from barbalat.actuation import InputPath
 from barbalat.measurement import Sensor
-from barbalat.problem import Model, Plant, Problem
+from barbalat.plant import Model, Plant
+from barbalat.problem import Problem
 from barbalat.protocols import Controller, Equations, Sample, SampledEquations, Value
 from barbalat.validate import Array
 
@@ -33,7 +34,7 @@ class LoopState(NamedTuple):
 
     x: Value  # (n,) plant
     x_m: Value  # (n,) reference model
-    input: Any  # InputState: limits and unmodelled dynamics at the plant's input
+    input: Any  # an InputState for each input with limits or unmodelled dynamics
     sensor: Value  # (n,) lagged measurement
     controller: Any  # the scheme's own NamedTuple
     held: Any  # Held
@@ -43,7 +44,7 @@ class Outputs(NamedTuple):
     """What is measured at every solver step and recorded."""
 
     e: Value  # (n,) tracking error x - x_m, or y - y_m where the output is fed back
-    u: Value  # (1,) control
+    u: Value  # (m,) control
     theta_hat: Value  # (n,) estimates
     x: Value  # (n,)
     x_m: Value  # (n,)
@@ -52,11 +53,11 @@ class Outputs(NamedTuple):
 class Signals(NamedTuple):
     """What drives the loop at one instant."""
 
-    r: Value  # command
+    r: Value  # command, or (q,) commands
     matched: Value  # (0,) or (1,) matched disturbance
     unmatched: Value  # (k,) other disturbances
     noise: Value  # (n,) or (0,): standard Gaussian numbers of the measurement
-    delayed: Value  # (0,) or (1,): what leaves the delay at the plant's input
+    delayed: Value  # (0,) or (m,): what leaves the delay at the plant's input
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +67,8 @@ class ClosedLoop:
     plant: Plant
     model: Model
     equations: Equations | SampledEquations
-    input: InputPath | None = None
+    paths: tuple[InputPath | None, ...] = (None,)  # for each input
+    commands: int | None = None  # None for one command, a scalar
     lag: Sensor | None = None  # of the sensor
     noise_std: Array | None = None
     disturbed: bool = False
@@ -86,7 +88,8 @@ class ClosedLoop:
             problem.plant,
             problem.model,
             equations,
-            input=None if problem.plant.input is None else problem.plant.input.path(),
+            paths=tuple(path.path() for path in problem.plant.paths),
+            commands=len(problem.commands) if isinstance(problem.reference, tuple) else None,
             lag=sensor if sensor is not None and sensor.lag > 0 else None,
             noise_std=None if noise is None else noise.std * np.ones(problem.plant.outputs),
             disturbed=problem.disturbance is not None,
@@ -106,13 +109,28 @@ class ClosedLoop:
         return LoopState(
             x=self.plant.x0,
             x_m=self.model.x0,
-            input=() if self.input is None else self.input.initial(),
+            input=tuple(() if path is None else path.initial() for path in self.paths),
             sensor=np.zeros(0) if self.lag is None else y,
             controller=controller,
-            held=Held(np.zeros(()), Sample(0 * y, 0 * y_m, np.zeros(())), np.zeros(()), controller.theta_hat)
+            held=Held(
+                np.zeros(() if self.inputs == 1 else self.inputs),
+                Sample(0 * y, 0 * y_m, np.zeros(() if self.commands is None else self.commands)),
+                np.zeros(()),
+                controller.theta_hat,
+            )
             if self.sampled
             else (),
         )
+
+    @property
+    def inputs(self) -> int:
+        """Entries of u."""
+        return len(self.paths)
+
+    @property
+    def delayed_inputs(self) -> int:
+        """Inputs with a delay."""
+        return self.inputs if self.delayed else 0
 
     @property
     def noise(self) -> int:
@@ -122,12 +140,12 @@ class ClosedLoop:
     @property
     def timed(self) -> int:
         """Entries of ``signals`` that are functions of time: r, the disturbances."""
-        return 1 + self.disturbed + len(self.directions)
+        return (self.commands or 1) + self.disturbed + len(self.directions)
 
     @property
     def signal_count(self) -> int:
         """Entries of ``signals``: the functions of time, the noise, the delayed plant input."""
-        return self.timed + self.noise + self.delayed
+        return self.timed + self.noise + self.delayed_inputs
 
     @property
     def size(self) -> int:
@@ -160,11 +178,11 @@ class ClosedLoop:
         """d/dt of the flat state; ``signals`` (signal_count,) stand in the order of ``Signals``."""
         state, given = self.unpack(flat), self._signals(signals)
         u = self._control(state, given)
-        v = given.delayed[0] if self.delayed else self._through_input(state, u)
+        v = given.delayed.reshape(u.shape) if self.delayed else self._through_input(state, u)
         return flatten(self._rates(state, given, u, v))
 
     def derivative_given_input(self, flat: Value, signals: Value, v: Value) -> tuple[Value, Value]:
-        """d/dt of the flat state, and the control u, when the scalar v reaches the plant instead of u: the loop broken there."""
+        """d/dt of the flat state, and the control u, when v reaches the plant instead of u: the loop broken there."""
         state, given = self.unpack(flat), self._signals(signals)
         u = self._control(state, given)
         return flatten(self._rates(state, given, u, v)), u
@@ -182,7 +200,10 @@ class ClosedLoop:
         return LoopState(
             x=x_dot,
             x_m=self.model.derivative(state.x_m, given.r),  # (2)
-            input=state.input if self.input is None else self.input.derivative(state.input, u, self.step),
+            input=tuple(
+                part if path is None else path.derivative(part, u.reshape(-1)[i], self.step)
+                for i, (path, part) in enumerate(zip(self.paths, state.input, strict=True))
+            ),
             sensor=state.sensor if self.lag is None else self.lag.derivative(state.sensor, self.plant.output(state.x)),
             controller=controller,
             held=held,
@@ -207,8 +228,10 @@ class ClosedLoop:
         return self._through_input(state, self._control(state, self._signals(signals)))
 
     def _signals(self, flat: Value) -> Signals:
-        ends = np.cumsum([1, self.disturbed, len(self.directions), self.noise, self.delayed])
-        return Signals(flat[0], *(flat[start:end] for start, end in pairwise(ends)))
+        commands = self.commands or 1
+        ends = np.cumsum([commands, self.disturbed, len(self.directions), self.noise, self.delayed_inputs])
+        r = flat[0] if self.commands is None else flat[:commands]
+        return Signals(r, *(flat[start:end] for start, end in pairwise(ends)))
 
     def _measured(self, state: LoopState, given: Signals) -> Value:
         y = self.plant.output(state.x) if self.lag is None else state.sensor
@@ -220,7 +243,12 @@ class ClosedLoop:
         return self.equations.control(state.controller, self._measured(state, given), self.model.output(state.x_m), given.r)
 
     def _through_input(self, state: LoopState, u: Value) -> Value:
-        return u if self.input is None else self.input.output(state.input, u)
+        if all(path is None for path in self.paths):
+            return u
+        flat, passed = u.reshape(-1), []
+        for i, (path, part) in enumerate(zip(self.paths, state.input, strict=True)):
+            passed.append((flat[i] if path is None else path.output(part, flat[i])).reshape(1))
+        return np.concatenate(passed).reshape(u.shape)
 
     def limit(self, flat: Value) -> Value:
         """The state with the estimates limited to the known set; applied at every stage and at a step's end."""
@@ -240,7 +268,7 @@ class ClosedLoop:
         state = self.unpack(flat)
         u = self._control(state, self._signals(signals))
         e = (self.plant.output(state.x) - self.model.output(state.x_m)).reshape(-1)
-        return Outputs(e, u.reshape(1), state.controller.theta_hat.reshape(-1), state.x, state.x_m)
+        return Outputs(e, u.reshape(-1), state.controller.theta_hat.reshape(-1), state.x, state.x_m)
 
 
 def flatten(state: Any) -> Value:
@@ -252,8 +280,13 @@ def _map(function: Any, state: Any) -> Any:
     """A nested NamedTuple with the function applied to every array."""
     if isinstance(state, tuple):
         parts = [_map(function, part) for part in state]
-        return type(state)(*parts) if parts else state
+        return _like(state, parts)
     return function(state)
+
+
+def _like(template: Any, parts: list[Any]) -> Any:
+    """A tuple of the template's kind: plain, or named."""
+    return tuple(parts) if type(template) is tuple else type(template)(*parts)
 
 
 def _leaves(state: Any) -> list[Value]:
@@ -269,7 +302,7 @@ def _unflatten(template: Any, flat: Value, start: int) -> tuple[Any, int]:
         for part in template:
             value, start = _unflatten(part, flat, start)
             parts.append(value)
-        return type(template)(*parts) if parts else template, start
+        return _like(template, parts), start
     shape = template.shape
     size = int(np.prod(shape))
     return flat[start : start + size].reshape(shape), start + size

@@ -31,7 +31,7 @@ def require_hurwitz(field: str, A: Array) -> None:
 def require_controllable(fields: str, A: Array, b: Array) -> None:
     """InputError unless [lambda I - A, b] has full rank at every eigenvalue (Popov, Belevitch, Hautus)."""
     balanced, scale = balance(A)
-    column = b / scale
+    column = b / (scale if b.ndim == 1 else scale[:, None])
     size = float(np.abs(column).max())
     n = len(b)
     norm = float(np.linalg.norm(balanced, 2))

@@ -123,6 +123,10 @@ def _structure(part: Any) -> Iterator[Any]:
         for field in fields(part):
             yield field.name
             yield from _structure(getattr(part, field.name))
+    elif isinstance(part, tuple):
+        yield len(part)
+        for entry in part:
+            yield from _structure(entry)
     elif isinstance(part, np.ndarray):
         yield part.shape
     elif not isinstance(part, float):
@@ -133,6 +137,9 @@ def _numbers(part: Any) -> Iterator[float]:
     if is_dataclass(part):
         for field in fields(part):
             yield from _numbers(getattr(part, field.name))
+    elif isinstance(part, tuple):
+        for entry in part:
+            yield from _numbers(entry)
     elif isinstance(part, np.ndarray):
         yield from part.ravel().tolist()
     elif isinstance(part, float):
@@ -146,6 +153,8 @@ def _replace(part: Any, values: Iterator[Any]) -> Any:
         for field in fields(part):
             object.__setattr__(twin, field.name, _replace(getattr(part, field.name), values))
         return twin
+    if isinstance(part, tuple):
+        return tuple(_replace(entry, values) for entry in part)
     if isinstance(part, np.ndarray):
         entries = [next(values) for _ in range(part.size)]
         return part if all(entry is None for entry in entries) else _array_of(part, entries)

@@ -28,7 +28,8 @@ class StateSpace:
         return cls(np.zeros((0, 0)), np.zeros(0), np.zeros(0), D)
 
     def derivative(self, state: Value, u: Value) -> Value:
-        return self.A @ state + self.B * u
+        """x'; with a state (n, m) m copies of the system, for u (m,)."""
+        return self.A @ state + (self.B * u if state.ndim == 1 else np.outer(self.B, u))
 
     def output(self, state: Value, u: Value) -> Value:
         return self.C @ state + self.D * u

@@ -30,12 +30,13 @@ class Accumulators:
 
     errors: int
     parameters: int
+    inputs: int = 1
 
     @property
     def layout(self) -> tuple[tuple[str, str, int], ...]:
-        n, p = self.errors, self.parameters
+        n, p, m = self.errors, self.parameters, self.inputs
         return (
-            ("e", "min", n), ("e", "max", n), ("u", "min", 1), ("u", "max", 1),
+            ("e", "min", n), ("e", "max", n), ("u", "min", m), ("u", "max", m),
             ("theta_hat", "min", p), ("theta_hat", "max", p), ("e^2", "sum", n),
             ("variation", "sum", p), ("good", "alive", 1), ("good", "steps", 1),
         )  # fmt: skip
@@ -80,7 +81,8 @@ class Accumulators:
 class Metrics:
     """Figures of a run or of an ensemble: every array has the members' axis first, (M, ...).
 
-    max_abs_e, rms_e, tail_max_abs_e (M, n); max_abs_u (M,); theta_hat_final, theta_hat_tail_min, theta_hat_tail_max,
+    max_abs_e, rms_e, tail_max_abs_e (M, n); max_abs_u (M,), or (M, m) with m inputs;
+    theta_hat_final, theta_hat_tail_min, theta_hat_tail_max,
     theta_hat_variation_rate [1/s] (M, n); diverged_at (M,) [s], NaN where the run stayed bounded. All other figures of a
     run that diverged are NaN. The tail is the last quarter of [0, t_end].
     """
@@ -164,13 +166,14 @@ class Totals:
         tail_time = float(simulation.t_end - simulation.time(simulation.tail_start))
         with np.errstate(all="ignore"):  # a diverged member's totals may be infinite; they become NaN
             squares = head[at["e^2", "sum"]] + tail[at["e^2", "sum"]]
+            of_inputs = magnitude("u", head, tail)
             rate = tail[at["variation", "sum"]] / tail_time if tail_time else np.zeros_like(theta_hat_final)
             return Metrics(
                 diverged_at=simulation.time(self.diverged_step),
                 max_abs_e=finite_only(magnitude("e", head, tail)),
                 rms_e=finite_only(np.sqrt(squares / (simulation.steps + 1))),
                 tail_max_abs_e=finite_only(magnitude("e", tail)),
-                max_abs_u=finite_only(magnitude("u", head, tail)[0]),
+                max_abs_u=finite_only(of_inputs[0] if len(of_inputs) == 1 else of_inputs),
                 theta_hat_final=finite_only(theta_hat_final),
                 theta_hat_tail_min=finite_only(tail[at["theta_hat", "min"]]),
                 theta_hat_tail_max=finite_only(tail[at["theta_hat", "max"]]),

@@ -1,4 +1,4 @@
-"""What is given: the plant (1), the reference model (2), the known set of the unknown parameters, the command."""
+"""What is given: a plant and its model, the known set of the unknown parameters, commands, disturbances, measurement."""
 
 from __future__ import annotations
 
@@ -8,118 +8,13 @@ from typing import Any
 import numpy as np
 
 from barbalat import validate
-from barbalat.actuation import PlantInput
-from barbalat.conditions import require_controllable, require_hurwitz
 from barbalat.known_set import KnownSet, ParameterBall, ParameterBox
 from barbalat.measurement import Noise, Sensor
-from barbalat.protocols import Signal, Value
+from barbalat.plant import Model, Plant, ReferenceModel
+from barbalat.protocols import Signal
+from barbalat.regressors import Linear, Uncertainty
 from barbalat.signals import Constant
 from barbalat.validate import Array, InputError, freeze
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Plant:
-    """Plant with matched linear uncertainty, x' = A_m x + b (theta'x + u + d), x(0) = x0: eq. (1).
-
-    A_m    (n, n)  known, Hurwitz, [1/s]
-    b      (n,)    known; (A_m, b) controllable
-    theta  (n,)    the true parameters; no controller sees them
-    x0     (n,)    initial state, measured; zero by default
-    input          unmodelled dynamics and delay at the input, eq. (11); none by default
-
-    Raises InputError for wrong shapes, a non-Hurwitz A_m, an uncontrollable pair.
-    """
-
-    A_m: Array
-    b: Array
-    theta: Array
-    x0: Array | None = None
-    input: PlantInput | None = None
-
-    def __post_init__(self) -> None:
-        A_m = validate.square_matrix("plant.A_m", self.A_m)
-        n = A_m.shape[0]
-        freeze(
-            self,
-            A_m=A_m,
-            b=validate.vector("plant.b", self.b, n),
-            theta=validate.vector("plant.theta", self.theta, n),
-            x0=validate.vector("plant.x0", np.zeros(n) if self.x0 is None else self.x0, n),
-        )
-        if self.input is not None:
-            validate.instance("plant.input", self.input, PlantInput)
-        require_hurwitz("plant.A_m", A_m)
-        require_controllable("(plant.A_m, plant.b)", A_m, self.b)
-
-    @classmethod
-    def matched(cls, *, A: Any, A_m: Any, b: Any, x0: Any = None, input: PlantInput | None = None) -> Plant:
-        """The same plant given as x' = A x + b u: theta solves the matching condition A = A_m + b theta'.
-
-        Raises InputError, with the unmatched rest, when no theta does.
-        """
-        A_m = validate.square_matrix("reference_model.A_m", A_m)
-        n = A_m.shape[0]
-        A = validate.square_matrix("plant.A", A, n)
-        b = validate.vector("plant.b", b, n)
-        if not b.any():
-            raise InputError("plant.b must not be zero")
-        difference = A - A_m
-        direction = b / np.abs(b).max()  # squares of very large or small entries would leave the range of floats
-        along = direction @ difference / (direction @ direction)
-        rest = difference - np.outer(direction, along)
-        if np.abs(rest).max() > 1e-9 * max(1.0, float(np.abs(A).max()), float(np.abs(A_m).max())):
-            raise InputError(
-                "plant.A - reference_model.A_m must be matched (equal to b theta' for some theta), "
-                f"but the part {validate.show(rest)} is out of the reach of b = {validate.show(b)}"
-            )
-        with np.errstate(over="ignore"):  # an infinite theta is refused by the constructor
-            theta = along / np.abs(b).max()
-        return cls(A_m=A_m, b=b, theta=theta, x0=x0, input=input)
-
-    @property
-    def n(self) -> int:
-        """State dimension."""
-        return len(self.b)
-
-    @property
-    def outputs(self) -> int:
-        """Measured quantities."""
-        return self.n
-
-    def derivative(self, x: Value, v: Value) -> Value:
-        """x' for the matched input v: what reaches the plant of u, and d."""
-        return self.A_m @ x + self.b * (self.theta @ x + v)  # (1)
-
-    def output(self, x: Value) -> Value:
-        """What is measured: the state."""
-        return x
-
-
-@dataclass(frozen=True, eq=False)
-class Model:
-    """The reference model as a system of its own, which the loop integrates beside the plant."""
-
-    A_m: Array
-    b: Array
-    k_0: float
-    x0: Array
-
-    def derivative(self, x_m: Value, r: Value) -> Value:
-        return self.A_m @ x_m + self.b * (self.k_0 * r)  # (2)
-
-    def output(self, x_m: Value) -> Value:
-        """What the plant's output is to follow."""
-        return x_m
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class ReferenceModel:
-    """x_m' = A_m x_m + k_0 b r, x_m(0) = x(0): eq. (2). ``k_0`` is a scalar; A_m and b are the plant's."""
-
-    k_0: float = 1.0
-
-    def __post_init__(self) -> None:
-        freeze(self, k_0=validate.number("reference_model.k_0", self.k_0))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -127,10 +22,21 @@ class Known:
     """What a designer knows of the problem and a controller may therefore use: everything but theta and d."""
 
     A_m: Array  # (n, n)
-    b: Array  # (n,)
-    k_0: float
+    b: Array  # (n,), or (n, m)
+    k_0: Array | float
     x0: Array  # (n,) the state is measured, so is its initial value
-    box: KnownSet | None
+    box: KnownSet | None  # of all that is estimated: theta, and the input gains where they are unknown
+    uncertainty: Uncertainty = Uncertainty(Linear(), inputs=1)  # noqa: RUF009  # immutable; Phi(x)
+
+    @property
+    def inputs(self) -> int:
+        return self.uncertainty.inputs
+
+    @property
+    def parameters(self) -> int:
+        """How many are estimated."""
+        theta = self.uncertainty.regressor.size(self.n) * self.inputs
+        return theta + self.inputs if self.uncertainty.gain_unknown else theta
 
     @property
     def n(self) -> int:
@@ -161,17 +67,19 @@ class Disturbance:
 class Problem:
     """The tracking problem of Section II.
 
-    plant, reference_model, reference  eqs (1) and (2), and the command r(t)
+    plant, reference_model, reference  eqs (1) and (2), and the command r(t); a list of commands where k_0 is a matrix
     uncertainty                        the known set Omega
     disturbance                        matched: d(t) in x' = A_m x + b (theta'x + u + d)
     unmatched                          others, each along a direction of its own
+    input_gain                         (lower, upper) > 0: the input's gain omega is unknown and estimated with theta
     sensor                             how the plant's state is measured; exactly by default
     """
 
     plant: Plant
     reference_model: ReferenceModel = field(default_factory=ReferenceModel)
-    reference: Signal = field(default_factory=Constant)
+    reference: Signal | tuple[Signal, ...] = field(default_factory=Constant)
     uncertainty: KnownSet | None = None
+    input_gain: tuple[float, float] | None = None
     disturbance: Signal | None = None
     unmatched: tuple[Disturbance, ...] = ()
     sensor: Sensor | None = None
@@ -182,13 +90,17 @@ class Problem:
         validate.instance("reference_model", self.reference_model, ReferenceModel)
         if self.uncertainty is not None:
             validate.instance("uncertainty", self.uncertainty, (ParameterBox, ParameterBall))
-            size, n = self.uncertainty.size, self.plant.n
-            if size != n:
+            size, wanted = self.uncertainty.size, len(self.plant.theta)
+            if size != wanted:
                 first = "lower" if isinstance(self.uncertainty, ParameterBox) else "center"
-                raise InputError(f"uncertainty.{first} must have {n} entries, one for each state, got {size}")
-        require_signal("reference", self.reference)
+                raise InputError(f"uncertainty.{first} must have {wanted} entries, one for each parameter, got {size}")
+        if self.input_gain is not None:
+            self._check_input_gain()
+        self._check_commands()
         if self.disturbance is not None:
             require_signal("disturbance", self.disturbance)
+            if self.plant.inputs > 1:
+                raise InputError("disturbance needs a plant with one input; give unmatched with a direction instead")
         if self.sensor is not None:
             validate.instance("sensor", self.sensor, Sensor)
             _one_for_each_state("sensor.noise.std", () if self.sensor.noise is None else self.sensor.noise.std, self.plant.n)
@@ -199,10 +111,52 @@ class Problem:
             validate.vector("unmatched.direction", disturbance.direction, self.plant.n)
         freeze(self, unmatched=tuple(self.unmatched))
 
+    def _check_input_gain(self) -> None:
+        low, high = gains = validate.vector("uncertainty.input_gain", self.input_gain, 2)
+        if not 0 < low <= high:
+            raise InputError(f"uncertainty.input_gain must be [lower, upper] with 0 < lower <= upper, got {validate.show(gains)}")
+        if not isinstance(self.uncertainty, ParameterBox):
+            raise InputError("uncertainty.input_gain needs uncertainty.lower and uncertainty.upper beside it")
+        freeze(self, input_gain=(float(low), float(high)))
+
+    def _check_commands(self) -> None:
+        several = isinstance(self.reference, (list, tuple))
+        commands = tuple(self.reference) if several else (self.reference,)  # type: ignore[arg-type]
+        for command in commands:
+            require_signal("reference", command)
+        shape = np.shape(self.reference_model.k_0)
+        wanted = (self.plant.inputs, len(commands)) if several or self.plant.inputs > 1 else ()
+        if shape != wanted:
+            asked = f"a matrix {wanted[0]} x {wanted[1]} (inputs x commands)" if wanted else "a number"
+            raise InputError(f"reference_model.k_0 must be {asked}, got {validate.show(self.reference_model.k_0)}")
+        freeze(self, reference=commands if several else self.reference)
+
     @property
     def known(self) -> Known:
-        p = self.plant
-        return Known(A_m=p.A_m, b=p.b, k_0=self.reference_model.k_0, x0=p.x0, box=self.uncertainty)
+        p, box = self.plant, self.uncertainty
+        if isinstance(box, ParameterBox) and self.input_gain is not None:
+            low, high = (np.full(p.inputs, bound) for bound in self.input_gain)
+            box = ParameterBox(lower=np.concatenate([box.lower, low]), upper=np.concatenate([box.upper, high]))
+        return Known(
+            A_m=p.A_m,
+            b=p.b,
+            k_0=self.reference_model.k_0,
+            x0=p.x0,
+            box=box,
+            uncertainty=Uncertainty(p.regressor, p.inputs, self.input_gain is not None),
+        )
+
+    @property
+    def parameters(self) -> Array:
+        """The true values of all that is estimated: theta, and the input gains where they are unknown."""
+        if self.input_gain is None:
+            return self.plant.theta
+        return np.concatenate([self.plant.theta, [path.gain for path in self.plant.paths]])
+
+    @property
+    def commands(self) -> tuple[Signal, ...]:
+        """The reference signals."""
+        return self.reference if isinstance(self.reference, tuple) else (self.reference,)
 
     @property
     def model(self) -> Model:
@@ -213,7 +167,7 @@ class Problem:
     @property
     def delay(self) -> float:
         """The delay at the plant's input [s]."""
-        return 0.0 if self.plant.input is None else self.plant.input.delay
+        return self.plant.paths[0].delay
 
     @property
     def noise(self) -> Noise | None:
@@ -224,7 +178,7 @@ class Problem:
     def signals(self) -> tuple[Signal, ...]:
         """The time functions that drive the loop, in the order in which ``ClosedLoop`` takes them."""
         matched = () if self.disturbance is None else (self.disturbance,)
-        return (self.reference, *matched, *(disturbance.signal for disturbance in self.unmatched))
+        return (*self.commands, *matched, *(disturbance.signal for disturbance in self.unmatched))
 
 
 def require_signal(field: str, signal: Any) -> None:

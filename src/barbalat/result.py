@@ -40,8 +40,8 @@ class Result:
 
     t                 (K,) recorded instants [s], from 0 to t_end, or to the divergence
     x, x_m, e         (K, n) plant, model, tracking error x - x_m
-    u                 (K,) control
-    r                 (K,) command
+    u                 (K,) control, or (K, m) with m inputs
+    r                 (K,) command, or (K, q) where k_0 is a matrix
     theta_hat         (K, n) estimates
     states            (K, size) all that is integrated; ``loop.unpack`` names the parts of a row
     envelope          extrema between the recorded instants
@@ -102,9 +102,10 @@ class Result:
 
     def columns(self) -> dict[str, Array]:
         """Scalar time series by name: x_1 ... u, r, theta_hat_1 ..., each (K,)."""
-        vectors = {"x": self.x, "x_m": self.x_m, "e": self.e, "theta_hat": self.theta_hat}
+        series = {name: getattr(self, name) for name in ("x", "x_m", "e", "theta_hat", "u", "r")}
+        vectors = {name: value for name, value in series.items() if value.ndim > 1}
         result = {f"{name}_{i + 1}": value[:, i] for name, value in vectors.items() for i in range(value.shape[1])}
-        return result | {"u": self.u, "r": self.r}
+        return result | {name: value for name, value in series.items() if value.ndim == 1}
 
     def to_pandas(self) -> pandas.DataFrame:
         """A table with the time [s] as its index and one column for each scalar series."""
@@ -113,16 +114,22 @@ class Result:
         return pd.DataFrame(self.columns(), index=pd.Index(self.t, name="t"))
 
     def to_xarray(self) -> xarray.Dataset:
-        """A dataset over the coordinates t [s] and component (1 ... n); solver and step are attributes."""
+        """A dataset over the coordinates t [s], component (1 ... n) and parameter (1 ... p); solver and step are attributes."""
         import xarray as xr
 
-        vectors = {"x": self.x, "x_m": self.x_m, "e": self.e, "theta_hat": self.theta_hat}
-        variables: dict[str, Any] = {name: (("t", "component"), value) for name, value in vectors.items()}
-        variables |= {"u": ("t", self.u), "r": ("t", self.r)}
+        second = {"theta_hat": "parameter", "u": "input", "r": "command"}
+        series = {name: getattr(self, name) for name in ("x", "x_m", "e", "theta_hat", "u", "r")}
+        variables: dict[str, Any] = {
+            name: (("t", second.get(name, "component"))[: value.ndim], value) for name, value in series.items()
+        }
         s = self.simulation
         return xr.Dataset(
             variables,
-            coords={"t": self.t, "component": np.arange(1, self.x.shape[1] + 1)},
+            coords={
+                "t": self.t,
+                "component": np.arange(1, self.x.shape[1] + 1),
+                "parameter": np.arange(1, self.theta_hat.shape[1] + 1),
+            },
             attrs={"controller": self.name, "solver": s.solver.name, "dt": s.dt, "numerics": self.numerics},
         )
 
@@ -136,9 +143,9 @@ class Result:
             self.t,
             self.x.T,
             np.vstack([self.x.T, self.x_m.T]),
-            np.vstack([self.r, self.u]),
+            np.vstack([self.r.T, self.u.T]),
             output_labels=[f"x_{i}" for i in numbers],
             state_labels=[*(f"x_{i}" for i in numbers), *(f"x_m_{i}" for i in numbers)],
-            input_labels=["r", "u"],
+            input_labels=[name for name in self.columns() if name.split("_")[0] in ("r", "u")],
             title=self.name,
         )

@@ -87,16 +87,16 @@ def step_function(
     state_column, state = symbols("state", loop.size)
     signal_column, table_row = symbols("signals", len(solver.nodes) * loop.timed)
     noise_column, noise = symbols("noise", loop.noise)
-    past_column, past = symbols("past", TAPS if loop.delayed else 0)
+    past_column, past = symbols("past", TAPS * loop.delayed_inputs)
     signals = {}
     for i, node in enumerate(solver.nodes):
-        delayed = [(delay_weights[i] @ past).reshape(1)] if loop.delayed else []
+        delayed = [(past.reshape(loop.inputs, TAPS) @ delay_weights[i]).reshape(-1)] if loop.delayed else []
         signals[node] = np.concatenate([table_row[i * loop.timed : (i + 1) * loop.timed], noise, *delayed])
     remembered = column(loop.undelayed_input(state, signals[solver.nodes[0]])) if loop.delayed else ca.SX(0, 1)
     following = solver.advance(loop.derivative, loop.limit, state, signals, dt)
     accumulators, old_column, new = None, ca.SX(0, 1), ca.SX(0, 1)
     if figures:
-        accumulators = Accumulators(errors=loop.errors, parameters=loop.parameters)
+        accumulators = Accumulators(errors=loop.errors, parameters=loop.parameters, inputs=loop.inputs)
         outputs = loop.outputs(state, signals[solver.nodes[0]])
         after = loop.unpack(following)
         old_column, old = symbols("accumulators", len(accumulators.resets))
@@ -113,7 +113,7 @@ def sample_function(loop: ClosedLoop, solver: Tableau, parameters: ca.SX | None 
     state_column, state = symbols("state", loop.size)
     signal_column, table_row = symbols("signals", len(solver.nodes) * loop.timed)
     noise_column, noise = symbols("noise", loop.noise)
-    first = np.concatenate([table_row[: loop.timed], noise, np.zeros(int(loop.delayed))])
+    first = np.concatenate([table_row[: loop.timed], noise, np.zeros(loop.delayed_inputs)])
     sampled = column(loop.sample(state, first))
     inputs = [state_column, ca.SX(0, 1), _column(parameters), signal_column, ca.SX(0, 1), noise_column]
     return ca.Function("sample", inputs, [sampled], {"cse": True})
@@ -154,7 +154,7 @@ def step_program(
         accumulated,
         varied,
         signals,
-        delayed=int(loop.delayed),
+        delayed=loop.delayed_inputs,
         lag_per_member=lag_per_member,
         noise=loop.noise,
         noise_hold=rhythm.noise_hold,

@@ -16,9 +16,9 @@ class Memory(NamedTuple):
     """What the memory integrates."""
 
     zeta: Value  # scalar, the part of b^+ x that the known dynamics explain, through the filter
-    phi: Value  # (n,) x/(tau_f s + 1)
-    R: Value  # (n, n) int weight phi phi'/m^2
-    Q: Value  # (n,) int weight z phi/m^2
+    phi: Value  # (p,) phi(x)/(tau_f s + 1)
+    R: Value  # (p, p) int weight phi phi'/m^2
+    Q: Value  # (p,) int weight z phi/m^2
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -32,7 +32,7 @@ class CompositeLearning:
                    forgetting, R grows like t, and with it the law's own rate Gamma gamma_c R, which the step must resolve
 
     With b^+ = b'/(b'b), x' = A_m x + b (theta'x + u) gives z = theta'phi for z = (b^+ x - zeta)/tau_f,
-    zeta' = z + b^+ A_m x + u, zeta(0) = b^+ x(0); phi' = (x - phi)/tau_f, phi(0) = 0; no derivative of x is needed. With
+    zeta' = z + b^+ A_m x + u, zeta(0) = b^+ x(0); phi' = (phi(x) - phi)/tau_f, phi(0) = 0; no derivative of x is needed. With
     m^2 = 1 + phi'phi and the weight a: R' = a phi phi'/m^2 - beta R, Q' = a z phi/m^2 - beta Q, so that Q = R theta, and
     V = e'P e + theta_tilde'Gamma^-1 theta_tilde has V' = -|e|^2 - 2 gamma_c theta_tilde'R theta_tilde. Without forgetting
     lambda_min(R) never falls: once the data have excited all directions for a finite time, e and theta_tilde converge
@@ -55,20 +55,20 @@ class CompositeLearning:
         if self.capacity is not None:
             validate.freeze(self, capacity=validate.positive("learning.capacity", self.capacity))
 
-    def initial(self, b: Array, x0: Array) -> Memory:
-        n = len(b)
-        return Memory(np.asarray(_left_inverse(b) @ x0), np.zeros(n), np.zeros((n, n)), np.zeros(n))
+    def initial(self, b: Array, x0: Array, parameters: int) -> Memory:
+        p = parameters
+        return Memory(np.asarray(_left_inverse(b) @ x0), np.zeros(p), np.zeros((p, p)), np.zeros(p))
 
-    def rates(self, memory: Memory, A_m: Array, b: Array, x: Value, u: Value) -> Memory:
+    def rates(self, memory: Memory, A_m: Array, b: Array, x: Value, regressor: Value, u: Value) -> Memory:
         zeta, phi, R, Q = memory
         b_plus = _left_inverse(b)
         z = (b_plus @ x - zeta) / self.time_constant
         share = 1 / (1 + phi @ phi)
         if self.capacity is not None:
-            share = share * np.maximum(1 - sum(R[i, i] for i in range(len(b))) / self.capacity, 0.0)
+            share = share * np.maximum(1 - sum(R[i, i] for i in range(phi.shape[0])) / self.capacity, 0.0)
         return Memory(
             zeta=z + b_plus @ (A_m @ x) + u,
-            phi=(x - phi) / self.time_constant,
+            phi=(regressor - phi) / self.time_constant,
             R=share * np.outer(phi, phi) - self.forgetting * R,
             Q=share * z * phi - self.forgetting * Q,
         )

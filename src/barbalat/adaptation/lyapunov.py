@@ -9,6 +9,7 @@ from barbalat import validate
 from barbalat.adaptation import dead_zone as zone
 from barbalat.adaptation import gain
 from barbalat.adaptation import leakage as leak
+from barbalat.adaptation.epsilon_modification import EpsilonModification
 from barbalat.adaptation.learning import CompositeLearning
 from barbalat.adaptation.projection import project
 from barbalat.known_set import KnownSet
@@ -18,7 +19,7 @@ from barbalat.validate import Array, InputError
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Modifications:
-    """theta_hat' = proj(Gamma (a x e'P b + gamma_c (Q - R theta_hat) - w theta_hat)); each part is off unless given.
+    """theta_hat' = proj(Gamma (a Phi(x) b'P e + gamma_c (Q - R theta_hat) - w theta_hat)); each part is off unless given.
 
     leakage    w, with error = a e'P b
     dead_zone  a, on sqrt(e'P e)
@@ -46,21 +47,28 @@ class Modifications:
     def is_off(self) -> bool:
         return self.leakage is None and self.dead_zone is None and self.learning is None
 
-    def initial(self, b: Array, x0: Array) -> Any:
+    def initial(self, b: Array, x0: Array, parameters: int) -> Any:
         """The memory at t = 0: () without learning."""
-        return () if self.learning is None else self.learning.initial(b, x0)
+        return () if self.learning is None else self.learning.initial(b, x0, parameters)
 
-    def memory_rates(self, memory: Any, A_m: Array, b: Array, x: Value, u: Value) -> Any:
-        return memory if self.learning is None else self.learning.rates(memory, A_m, b, x, u)
+    def memory_rates(self, memory: Any, A_m: Array, b: Array, x: Value, phi: Value, u: Value) -> Any:
+        """``u`` is what enters besides theta'phi."""
+        return memory if self.learning is None else self.learning.rates(memory, A_m, b, x, phi, u)
+
+    def require_fit(self, inputs: int) -> None:
+        """InputError for a modification that is known for one input only."""
+        for part in (self.learning, self.leakage):
+            if inputs > 1 and isinstance(part, (CompositeLearning, EpsilonModification)):
+                raise InputError(f"{type(part).__name__} takes plants with one input, got {inputs}")
 
     def rate(
-        self, gamma: Value, e: Value, P: Array, b: Array, x: Value, theta_hat: Value, memory: Any, known_set: KnownSet | None
+        self, gamma: Value, e: Value, P: Array, b: Array, phi: Value, theta_hat: Value, memory: Any, known_set: KnownSet | None
     ) -> Value:
         """theta_hat' for the error ``e``: of tracking for MRAC, of prediction for L1-AC."""
         error = e @ (P @ b)
         if self.dead_zone is not None:
             error = error * self.dead_zone.weight(e @ (P @ e))
-        rate = gain.scaled(gamma, error, x)
+        rate = gain.scaled(gamma, error, phi) if len(phi.shape) == 1 else gain.times(gamma, phi @ error)
         if self.learning is not None:
             rate = rate + gain.times(gamma, self.learning.pull(memory, theta_hat))
         if self.leakage is not None:

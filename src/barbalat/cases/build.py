@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 
 from barbalat import delay, signals
-from barbalat.actuation import PlantInput
 from barbalat.adaptation.laws import Gradient
 from barbalat.cases import schema
+from barbalat.cases.plant import build_plant, within
 from barbalat.cases.tables import Table
 from barbalat.closed_loop import ClosedLoop
 from barbalat.controllers import L1Adaptive, LinearFeedback, Mrac, NormalizedMrac, RobustMrac, Sampled
@@ -21,13 +21,12 @@ from barbalat.known_set import KnownSet, ParameterBall, ParameterBox
 from barbalat.linear import TransferFunction, input_filter
 from barbalat.linear_design import delay_weight, hinf_feedback, pi_feedback
 from barbalat.measurement import Noise, Sensor
-from barbalat.problem import Disturbance, Known, Plant, Problem, ReferenceModel
+from barbalat.plant import ReferenceModel
+from barbalat.problem import Disturbance, Known, Problem
 from barbalat.protocols import Controller, Signal
 from barbalat.solvers import SOLVERS
 from barbalat.stepping import Rhythm
 from barbalat.validate import InputError
-
-T = TypeVar("T")
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,10 +45,11 @@ class Case:
 def build(table: schema.CaseTable, folder: Path) -> Case:
     """Everything validated, controllers bound once; ``folder`` is where relative paths start."""
     problem = Problem(
-        plant=_plant(table),
+        plant=build_plant(table),
         reference_model=ReferenceModel(k_0=table.reference_model.k_0),
-        reference=within("reference", lambda: _signal(table.reference, folder)),
+        reference=_commands(table, folder),
         uncertainty=_known_set(table.uncertainty),
+        input_gain=None if table.uncertainty is None else table.uncertainty.input_gain,  # type: ignore[arg-type]
         disturbance=None
         if table.plant.disturbance is None
         else within("plant.disturbance", lambda: _signal(table.plant.disturbance, folder)),
@@ -72,48 +72,11 @@ def build(table: schema.CaseTable, folder: Path) -> Case:
     return Case(problem, tuple(controllers), simulation)
 
 
-def within(where: str, make: Callable[[], T]) -> T:
-    """Run ``make``; an InputError gets the place in front of its sentence."""
-    try:
-        return make()
-    except InputError as error:
-        raise InputError(f"{where}: {error}") from None
-
-
-def _plant(table: schema.CaseTable) -> Plant:
-    plant, model = table.plant, table.reference_model
-    if plant.A is None:
-        if plant.A_m is None:
-            raise InputError("plant.A_m is missing (or give plant.A together with reference_model.A_m)")
-        if plant.theta is None:
-            raise InputError("plant.theta is missing")
-        if model.A_m is not None and model.A_m != plant.A_m:
-            raise InputError("reference_model.A_m differs from plant.A_m; give one of them, or plant.A with reference_model.A_m")
-        return Plant(A_m=plant.A_m, b=plant.b, theta=plant.theta, x0=plant.x0, input=_plant_input(plant.input))
-    if plant.A_m is not None:
-        raise InputError("plant.A and plant.A_m are both given; plant.A goes with reference_model.A_m")
-    if plant.theta is not None:
-        raise InputError("plant.A and plant.theta are both given; theta follows from plant.A and reference_model.A_m")
-    if model.A_m is None:
-        raise InputError("reference_model.A_m is missing; it goes with plant.A")
-    return Plant.matched(A=plant.A, A_m=model.A_m, b=plant.b, x0=plant.x0, input=_plant_input(plant.input))
-
-
-def _plant_input(table: schema.InputTable | None) -> PlantInput | None:
-    if table is None:
-        return None
-
-    def system(name: str, given: schema.TransferFunctionTable | None) -> TransferFunction | None:
-        return None if given is None else within(f"plant.input.{name}", lambda: TransferFunction(given.num, given.den))
-
-    return PlantInput(
-        quantization=table.quantization,
-        saturation=table.saturation,
-        rate_limit=table.rate_limit,
-        actuator=system("actuator", table.actuator),
-        multiplicative=system("multiplicative", table.multiplicative),
-        delay=table.delay,
-    )
+def _commands(table: schema.CaseTable, folder: Path) -> Signal | tuple[Signal, ...]:
+    given = table.reference
+    if not isinstance(given, list):
+        return within("reference", lambda: _signal(given, folder))
+    return tuple(within(f"reference {i}", lambda one=one: _signal(one, folder)) for i, one in enumerate(given, start=1))  # type: ignore[misc]
 
 
 def _unmatched(i: int, table: schema.UnmatchedTable, folder: Path) -> Disturbance:
@@ -199,12 +162,17 @@ def _known_set(table: schema.UncertaintyTable | None) -> KnownSet | None:
     """[uncertainty]: exactly one of a box and a ball."""
     if table is None:
         return None
+    box: dict[str, Any]
+    ball: dict[str, Any]
     box, ball = {"lower": table.lower, "upper": table.upper}, {"center": table.center, "radius": table.radius}
     given = {key for key, value in (box | ball).items() if value is not None}
     if given not in ({"lower", "upper"}, {"center", "radius"}):
         got = ", ".join(sorted(given)) or "nothing"
         raise InputError(f"uncertainty must have either lower and upper, or center and radius, got {got}")
-    return ParameterBox(**box) if "lower" in given else ParameterBall(**ball)  # type: ignore[arg-type]
+    flat: dict[str, Any] = {
+        key: np.ravel(value) if isinstance(value, list) else value for key, value in (box | ball).items() if key in given
+    }
+    return ParameterBox(**flat) if "lower" in given else ParameterBall(**flat)
 
 
 def _linear(table: schema.LinearTable, known: Known) -> LinearFeedback:

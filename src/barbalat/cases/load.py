@@ -12,6 +12,7 @@ from pydantic import ValidationError
 
 from barbalat.cases import schema
 from barbalat.cases.build import Case, build
+from barbalat.cases.tables import SHAPES
 from barbalat.validate import InputError, show
 
 PLANNED = {
@@ -105,6 +106,7 @@ def _place(location: tuple[int | str, ...], data: Any) -> str:
     """The dotted name of a place, without the tags that pydantic puts between for a kind or a scheme."""
     parts: list[str] = []
     here = data
+    location = tuple(key for key in location if key not in SHAPES)
     for position, key in enumerate(location):
         is_last = position == len(location) - 1
         if isinstance(here, dict) and (key in here or is_last):
@@ -118,5 +120,5 @@ def _place(location: tuple[int | str, ...], data: Any) -> str:
 
 def _known_keys(location: tuple[int | str, ...]) -> list[str]:
     """The keys of the table in which ``location`` found an unknown one."""
-    table = next((key for key in reversed(location[:-1]) if isinstance(key, str)), None)
+    table = next((key for key in reversed(location[:-1]) if isinstance(key, str) and key not in SHAPES), None)
     return list(schema.TABLES[table].model_fields)

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import AliasChoices, Field
+from pydantic import AliasChoices, Discriminator, Field, Tag
 
 from barbalat.cases.law_tables import LawTable, LearningTable, ModificationTable, NormalizationTable
-from barbalat.cases.tables import Gain, Matrix, Table, Vector
+from barbalat.cases.tables import Gain, Matrix, NumberOrMatrix, NumberOrVector, Table, Vector, VectorOrMatrix, how_many
 
 
 class ConstantSignal(Table):
@@ -89,6 +89,12 @@ Signal = Annotated[
 ]
 
 
+OneOrSeveralSignals = Annotated[
+    Annotated[Signal, Tag("one")] | Annotated[list[Signal], Tag("several")],
+    Discriminator(how_many),
+]
+
+
 class TransferFunctionTable(Table):
     """{ num = [...], den = [...] }, highest power first."""
 
@@ -102,6 +108,7 @@ class InputTable(Table):
     quantization: float | None = None
     saturation: Vector | None = None
     rate_limit: float | None = None
+    gain: float = 1.0
     delay: float = 0.0
     actuator: TransferFunctionTable | None = None
     multiplicative: TransferFunctionTable | None = None
@@ -110,7 +117,7 @@ class InputTable(Table):
 class NoiseTable(Table):
     """[sensor.noise]."""
 
-    std: float | Vector
+    std: NumberOrVector
     sample_time: float
     seed: int = 0
 
@@ -129,15 +136,48 @@ class UnmatchedTable(Table):
     signal: Signal
 
 
+OneOrSeveralInputs = Annotated[
+    Annotated[InputTable, Tag("one")] | Annotated[list[InputTable], Tag("several")],
+    Discriminator(how_many),
+]
+
+
+class PolynomialTable(Table):
+    """kind = "polynomial"."""
+
+    kind: Literal["polynomial"]
+    degree: int
+    constant: bool = False
+
+
+class GaussianTable(Table):
+    """kind = "gaussian"."""
+
+    kind: Literal["gaussian"]
+    centers: Matrix
+    width: float
+
+
+class TermsTable(Table):
+    """kind = "terms"."""
+
+    kind: Literal["terms"]
+    terms: list[str]
+
+
+RegressorTable = Annotated[PolynomialTable | GaussianTable | TermsTable, Field(discriminator="kind")]
+
+
 class PlantTable(Table):
     """[plant]."""
 
     A_m: Matrix | None = None
     A: Matrix | None = None
-    b: Vector
-    theta: Vector | None = None
+    b: VectorOrMatrix
+    theta: VectorOrMatrix | None = None
+    regressor: RegressorTable | None = None
     x0: Vector | None = None
-    input: InputTable | None = None
+    input: OneOrSeveralInputs | None = None
     disturbance: Signal | None = None
     unmatched: list[UnmatchedTable] = Field(default_factory=list)
 
@@ -145,17 +185,19 @@ class PlantTable(Table):
 class ReferenceModelTable(Table):
     """[reference_model]."""
 
-    k_0: float
+    k_0: NumberOrMatrix
     A_m: Matrix | None = None
+    poles: list[NumberOrVector] | None = None
 
 
 class UncertaintyTable(Table):
     """[uncertainty]: a box (lower, upper) or a ball (center, radius)."""
 
-    lower: Vector | None = None
-    upper: Vector | None = None
-    center: Vector | None = None
+    lower: VectorOrMatrix | None = None
+    upper: VectorOrMatrix | None = None
+    center: VectorOrMatrix | None = None
     radius: float | None = None
+    input_gain: Vector | None = None
 
 
 class SimulationTable(Table):
@@ -259,7 +301,7 @@ class CaseTable(Table):
     name: str
     plant: PlantTable
     reference_model: ReferenceModelTable
-    reference: Signal
+    reference: OneOrSeveralSignals
     uncertainty: UncertaintyTable | None = None
     sensor: SensorTable | None = None
     simulation: SimulationTable
@@ -273,6 +315,9 @@ TABLES: dict[str | None, type[Table]] = {
     "actuator": TransferFunctionTable,
     "multiplicative": TransferFunctionTable,
     "unmatched": UnmatchedTable,
+    "polynomial": PolynomialTable,
+    "gaussian": GaussianTable,
+    "terms": TermsTable,
     "sensor": SensorTable,
     "noise": NoiseTable,
     "reference_model": ReferenceModelTable,

@@ -46,7 +46,7 @@ def error_level(problem: Problem, controller: Mrac | L1Adaptive, nu: float) -> f
     known, gamma = problem.known, controller.gamma
     if np.ndim(gamma) == 0:
         return mrac_bound(nu, float(gamma))
-    return nu_0(weighted_error(controller.bind(known).theta_hat0 - problem.plant.theta, gamma), known)
+    return nu_0(weighted_error(controller.bind(known).theta_hat0 - problem.parameters, gamma), known)
 
 
 def why_no_bound(controller: Mrac | L1Adaptive, problem: Problem) -> str | None:

@@ -100,5 +100,5 @@ def fastest_adaptation(law: AdaptiveLaw) -> float | None:
 
 
 def _input_poles(problem: Problem) -> Array:
-    dynamics = None if problem.plant.input is None else problem.plant.input.dynamics
+    dynamics = problem.plant.paths[0].dynamics
     return np.zeros(0) if dynamics is None else dynamics.poles

@@ -17,7 +17,7 @@ from barbalat.validate import InputError
 
 def margins_of(problem: Problem, loop: StateSpace, which: str, findings: list[str]) -> dict[str, Any]:
     """Margins of the loop with the plant's input dynamics in it; the delay margin is what is left beside the plant's delay."""
-    dynamics = None if problem.plant.input is None else problem.plant.input.dynamics
+    dynamics = problem.plant.paths[0].dynamics
     loop = loop if dynamics is None else series(dynamics.realise(), loop)
     try:
         found = margins(loop)
@@ -45,7 +45,7 @@ def margins_of(problem: Problem, loop: StateSpace, which: str, findings: list[st
 
 def adapting_margins(problem: Problem, loop: ClosedLoop, findings: list[str]) -> dict[str, Any]:
     """The delay margin of the adaptive loop linearised at the constant command sup |r|."""
-    level = problem.reference.bound  # type: ignore[attr-defined]  # model_bounds has checked that it is there
+    level = problem.commands[0].bound  # type: ignore[attr-defined]  # model_bounds has checked that it is there
     if level == 0:
         return {}
     equations: Any = loop.equations

@@ -14,7 +14,7 @@ import numpy as np
 from barbalat.adaptation.gain import times
 from barbalat.closed_loop import ClosedLoop, column, symbols
 from barbalat.linear import StateSpace
-from barbalat.problem import Plant
+from barbalat.plant import Plant
 from barbalat.validate import Array
 
 
@@ -47,7 +47,7 @@ def around_equilibrium(loop: ClosedLoop, r: float) -> StateSpace:
     """
     import casadi as ca
 
-    loop = replace(loop, input=None, delayed=False)
+    loop = replace(loop, paths=(None,), delayed=False)
     state_column, state = symbols("state", loop.size)
     input_column, v = symbols("v", 1)
     slope, u = loop.derivative_given_input(state, signals_at_rest(loop, r), v[0])

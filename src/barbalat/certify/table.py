@@ -26,6 +26,8 @@ EXACT_START = "x_m(0) = x(0), and the predictor starts there too"
 IN_THE_SET = "theta and theta_hat(0) lie in the known set, and the estimates are projected onto it"
 TRIED = "mu is exact at the frequencies that were tried: a grid, the critical ones, and each peak refined; not between them"
 CONTINUOUS = "bounds and margins are of the continuous controller: estimates for the sampled one"
+OUTSIDE = "the true theta lies outside the known set: with projection, none of the bounds holds"
+BEYOND = "conditions, limits and margins are known for one input with phi(x) = x and a known gain: not for this plant"
 FROZEN = "gamma_max and step_max freeze the state or the regressor in the plain adaptive law: estimates, no guarantee"
 LINEAR = "margins are exact for the linear loop named, not for the adaptive loop in motion"
 
@@ -36,6 +38,9 @@ def certify(problem: Problem, controllers: tuple[Controller, ...], simulation: S
 
 
 def _certificate(problem: Problem, controller: Controller, simulation: Simulation) -> Certificate:
+    plant = problem.plant
+    if (plant.inputs > 1 or not plant.is_linear or problem.input_gain is not None) and not isinstance(controller, Sampled):
+        return _beyond_the_paper(problem, controller)
     match controller:
         case Mrac():
             return _mrac(problem, controller, simulation)
@@ -48,6 +53,30 @@ def _certificate(problem: Problem, controller: Controller, simulation: Simulatio
         case Sampled():
             return _sampled(_certificate(problem, controller.controller, simulation), controller)
     raise InputError(f"no certificate is known for {type(controller).__name__}")
+
+
+def _beyond_the_paper(problem: Problem, controller: Controller) -> Certificate:
+    """Several inputs, a regressor other than x, an unknown input gain: the Lyapunov bound, which none of these changes."""
+    loop = ClosedLoop.of(problem, controller)
+    if loop.parameters == 0:
+        return _finish(problem, {}, set(), [MATCHED], [BEYOND])
+    error = theorem1.initial_parameter_error(loop.equations.initial().theta_hat, problem.parameters)  # type: ignore[attr-defined]
+    values: dict[str, Any] = {"nu_0": theorem1.nu_0(error, problem.known)}
+    guaranteed = {"nu_0"}
+    assumptions = [MATCHED, EXACT_START, "the regressor phi(x) is known"]
+    findings = [BEYOND]
+    if isinstance(controller, Mrac):
+        void = laws.why_no_bound(controller, problem)
+        if void is not None:
+            findings.append(void)
+        else:
+            values["error_bound"] = laws.error_level(problem, controller, values["nu_0"])
+            guaranteed |= {"error_bound"}
+    if loop.equations.box is not None:  # type: ignore[union-attr]
+        assumptions.insert(1, IN_THE_SET)
+    if problem.known.box is not None and not problem.known.box.contains(problem.parameters):
+        findings.append(OUTSIDE)
+    return _finish(problem, values, guaranteed, assumptions, findings)
 
 
 def _sampled(continuous: Certificate, controller: Sampled) -> Certificate:
@@ -209,7 +238,7 @@ def _parameter_errors(problem: Problem, loop: ClosedLoop) -> tuple[dict[str, Any
         worst = theorem1.largest_parameter_error(theta_hat0, box)
         values["nu_0_worst"] = theorem1.nu_0(worst, known)
         if not box.contains(problem.plant.theta):
-            findings.append("the true theta lies outside the known set: with projection, none of the bounds holds")
+            findings.append(OUTSIDE)
     return values, findings
 
 
@@ -221,8 +250,8 @@ def _finish(
     elif problem.disturbance is not None:
         findings.append("a disturbance acts: the bounds (9) and (10) don't cover it")
         guaranteed = guaranteed - {"error_bound", "error_bound_worst"}
-    path = problem.plant.input
-    if path is not None and (path.dynamics is not None or problem.delay > 0 or not path.is_linear):
+    unmodelled_gain = problem.input_gain is None and any(path.gain != 1 for path in problem.plant.paths)
+    if unmodelled_gain or problem.delay > 0 or not all(path.is_static_gain for path in problem.plant.paths):
         findings.append("the plant has unmodelled dynamics or limits at its input: the bounds (9) and (10) don't cover them")
         guaranteed = guaranteed - {"error_bound", "error_bound_worst"}
     if problem.unmatched or problem.sensor is not None:

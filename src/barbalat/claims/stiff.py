@@ -144,7 +144,7 @@ def implicit(loop: ClosedLoop, problem: Problem, h: float, t_end: float, weight:
     state, states, largest = loop.initial(), [], 0.0
     for first in range(0, count, chunk):
         middle = (np.arange(first, first + chunk) + weight) * h
-        path, errors = (np.array(part) for part in many(state, problem.reference(middle)))
+        path, errors = (np.array(part) for part in many(state, problem.commands[0](middle)))
         state = path[:, -1]
         states.append(path)
         largest = max(largest, float(np.nan_to_num(errors, nan=np.inf).max()))
@@ -172,10 +172,10 @@ def adaptive(loop: ClosedLoop, problem: Problem, method: AdaptiveMethod) -> floa
         spent, reached = spent + 1, max(reached, t)
         if spent > EVALUATIONS:
             raise _BudgetSpentError
-        return np.array(function(y, problem.reference(np.array([t]))))[:, 0]
+        return np.array(function(y, problem.commands[0](np.array([t]))))[:, 0]
 
     def exact_jacobian(t: float, y: Array) -> Array:
-        return np.array(jacobian(y, problem.reference(np.array([t]))))
+        return np.array(jacobian(y, problem.commands[0](np.array([t]))))
 
     try:
         solve_ivp(right_hand_side, (0, T_END), loop.initial(), method=method, jac=exact_jacobian, rtol=1e-6, atol=1e-8)

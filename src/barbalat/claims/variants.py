@@ -13,7 +13,8 @@ from barbalat.ensemble import simulate_ensemble
 from barbalat.grid import Simulation
 from barbalat.known_set import ParameterBox
 from barbalat.metrics import Metrics
-from barbalat.problem import Plant, Problem, ReferenceModel
+from barbalat.plant import Plant, ReferenceModel
+from barbalat.problem import Problem
 from barbalat.protocols import Controller, Signal
 from barbalat.validate import Array
 

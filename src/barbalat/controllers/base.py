@@ -19,13 +19,27 @@ def check_common(settings: Any) -> None:
         object.__setattr__(settings, "theta_hat0", validate.vector("theta_hat0", settings.theta_hat0))
 
 
-def initial_estimate(theta_hat0: Any, box: KnownSet | None, n: int) -> Array:
-    """theta_hat(0), (n,): zero unless given; inside the known set if there is one."""
-    estimate = validate.vector("theta_hat0", np.zeros(n) if theta_hat0 is None else theta_hat0, n)
+def initial_estimate(theta_hat0: Any, box: KnownSet | None, known: Known) -> Array:
+    """theta_hat(0), (p,): zero unless given, 1 or the nearest bound for an input gain; inside the known set if there is one."""
+    gains = known.inputs if known.uncertainty.gain_unknown else 0
+    default = np.concatenate([np.zeros(known.parameters - gains), np.ones(gains)])
+    if gains and box is not None:
+        default[-gains:] = np.clip(default, *box.extent)[-gains:]
+    if theta_hat0 is not None and gains and len(theta_hat0) == known.parameters - gains:
+        theta_hat0 = np.concatenate([theta_hat0, default[-gains:]])
+    estimate = validate.vector("theta_hat0", default if theta_hat0 is None else theta_hat0, known.parameters)
     if box is not None and not box.contains(estimate):
         given = "the default, " if theta_hat0 is None else ""
         raise InputError(f"theta_hat0 must lie in the known set, {box}, got {given}{validate.show(estimate)}")
     return estimate
+
+
+def require_one_input(scheme: str, known: Known) -> None:
+    """InputError for several inputs or an unknown input gain, which only the Lyapunov schemes take."""
+    if known.inputs > 1:
+        raise InputError(f"{scheme} takes plants with one input, got {known.inputs}; mrac and l1 take several")
+    if known.uncertainty.gain_unknown:
+        raise InputError(f"{scheme} takes the input gain as known; mrac and l1 estimate it (uncertainty.input_gain)")
 
 
 def projection_box(projection: bool | None, known: Known) -> KnownSet | None:
@@ -36,4 +50,7 @@ def projection_box(projection: bool | None, known: Known) -> KnownSet | None:
         raise InputError(
             "projection needs the known set: give uncertainty.lower and .upper, or .center and .radius, or set projection = false"
         )
-    return known.box if projection is None or projection else None
+    box = known.box if projection is None or projection else None
+    if box is None and known.uncertainty.gain_unknown:
+        raise InputError("an unknown input gain must be projected, or its estimate could pass through zero: projection = false")
+    return box

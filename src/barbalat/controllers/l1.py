@@ -19,15 +19,16 @@ from barbalat.known_set import KnownSet
 from barbalat.linear import StateSpace, TransferFunction
 from barbalat.problem import Known
 from barbalat.protocols import Value
+from barbalat.regressors import Uncertainty
 from barbalat.validate import Array, InputError
 
 
 class State(NamedTuple):
     """What the controller integrates."""
 
-    theta_hat: Value  # (n,) estimate of theta
+    theta_hat: Value  # (p,) estimate of theta, and of omega where the input gain is unknown
     x_hat: Value  # (n,) predictor
-    filter: Value  # (order of C,) state of the filter C(s)
+    filter: Value  # (order of C,) state of the filter C(s); (order of C, m) with m inputs
     memory: Any = ()  # of composite learning
 
 
@@ -37,8 +38,9 @@ class Equations:
 
     A_m: Array
     b: Array
-    k_0: float
+    k_0: Array | float
     P: Array
+    uncertainty: Uncertainty
     gamma: float | Array
     C: StateSpace
     theta_hat0: Array
@@ -47,21 +49,31 @@ class Equations:
     modifications: Modifications = field(default_factory=Modifications)
 
     def initial(self) -> State:
-        return State(self.theta_hat0, self.x0, np.zeros(self.C.order), self.modifications.initial(self.b, self.x0))
+        inputs = self.uncertainty.inputs
+        at_rest = np.zeros(self.C.order if inputs == 1 else (self.C.order, inputs))
+        return State(self.theta_hat0, self.x0, at_rest, self.modifications.initial(self.b, self.x0, len(self.theta_hat0)))
 
     def control(self, state: State, x: Value, x_m: Value, r: Value) -> Value:
-        return self.C.output(state.filter, self.unfiltered_control(state, x, r))  # (5)
+        return self.C.output(state.filter, self.filter_input(state, x, r))  # (5)
 
-    def unfiltered_control(self, state: State, x: Value, r: Value) -> Value:
-        return -state.theta_hat @ x + self.k_0 * r
+    def filter_input(self, state: State, x: Value, r: Value) -> Value:
+        """What C(s) filters. With an unknown gain u = C/(1 - C)[-theta_hat'phi - omega_hat u + k_0 r] stands for (5)."""
+        theta_hat, omega_hat = self.uncertainty.split(state.theta_hat)
+        wanted = -self.uncertainty.phi(x).T @ theta_hat + np.dot(self.k_0, r)
+        if not self.uncertainty.gain_unknown:
+            return wanted
+        if self.C.order == 0:
+            return wanted / omega_hat  # C = 1
+        return wanted - omega_hat * self.C.output(state.filter, 0 * wanted)
 
     def derivative(self, state: State, x: Value, x_m: Value, r: Value, u: Value) -> State:
         x_tilde = x - state.x_hat
         law = self.modifications
-        theta_hat_dot = law.rate(self.gamma, x_tilde, self.P, self.b, x, state.theta_hat, state.memory, self.box)  # (7)
-        x_hat_dot = self.A_m @ state.x_hat + self.b * (state.theta_hat @ x + u)  # (8)
-        filter_dot = self.C.derivative(state.filter, self.unfiltered_control(state, x, r))
-        return State(theta_hat_dot, x_hat_dot, filter_dot, law.memory_rates(state.memory, self.A_m, self.b, x, u))
+        phi, known = self.uncertainty.with_input(x, u), self.uncertainty.known_input(u)
+        theta_hat_dot = law.rate(self.gamma, x_tilde, self.P, self.b, phi, state.theta_hat, state.memory, self.box)  # (7)
+        x_hat_dot = self.A_m @ state.x_hat + np.dot(self.b, phi.T @ state.theta_hat + known)  # (8)
+        filter_dot = self.C.derivative(state.filter, self.filter_input(state, x, r))
+        return State(theta_hat_dot, x_hat_dot, filter_dot, law.memory_rates(state.memory, self.A_m, self.b, x, phi, known))
 
     def limit(self, state: State) -> State:
         return state._replace(theta_hat=limit(state.theta_hat, self.box))
@@ -71,9 +83,9 @@ class Equations:
 class L1Adaptive:
     """u = C(s)[-theta_hat'x + k_0 r], predictor x_hat, law theta_hat' = proj(Gamma (x_tilde'P b) x).
 
-    gamma       adaptive gain Gamma > 0: a number, a diagonal (n,) or an s.p.d. matrix (n, n)
+    gamma       adaptive gain Gamma > 0: a number, a diagonal (p,) or an s.p.d. matrix (p, p)
     filter      C(s): stable, strictly proper, C(0) = 1; starts at rest. ``None`` means C = 1, which is the standard MRAC
-    theta_hat0  (n,), zero by default; inside the known set
+    theta_hat0  (p,), zero by default; inside the known set
     projection  onto the known set; by default on where one is given
     leakage, dead_zone, learning  modifications of the law, none by default: see ``adaptation.lyapunov``
 
@@ -100,20 +112,29 @@ class L1Adaptive:
         return Modifications(leakage=self.leakage, dead_zone=self.dead_zone, learning=self.learning)
 
     def bind(self, known: Known) -> Equations:
-        gain.require_size("gamma", self.gamma, known.n)
+        gain.require_size("gamma", self.gamma, known.parameters)
+        self._modifications().require_fit(known.inputs)
         box = projection_box(self.projection, known)
         return Equations(
             A_m=known.A_m,
             b=known.b,
             k_0=known.k_0,
             P=known.P,
+            uncertainty=known.uncertainty,
             gamma=self.gamma,
-            C=StateSpace.gain(1.0) if self.filter is None else self.filter.realise(),
-            theta_hat0=initial_estimate(self.theta_hat0, box, known.n),
+            C=self._filter(unknown_gain=known.uncertainty.gain_unknown),
+            theta_hat0=initial_estimate(self.theta_hat0, box, known),
             x0=known.x0,
             box=box,
             modifications=self._modifications(),
         )
+
+    def _filter(self, *, unknown_gain: bool) -> StateSpace:
+        """C(s), or C/(1 - C), which is C with its output fed back to its input, around an unknown gain."""
+        if self.filter is None:
+            return StateSpace.gain(1.0)
+        C = self.filter.realise()
+        return StateSpace(C.A + np.outer(C.B, C.C), C.B, C.C, 0.0) if unknown_gain else C
 
 
 def _admissible(C: TransferFunction) -> TransferFunction:

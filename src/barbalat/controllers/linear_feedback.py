@@ -8,9 +8,11 @@ from typing import NamedTuple
 import numpy as np
 
 from barbalat import validate
+from barbalat.controllers.base import require_one_input
 from barbalat.linear import StateSpace, TransferFunction
 from barbalat.problem import Known
 from barbalat.protocols import Value
+from barbalat.regressors import Linear as LinearRegressor
 from barbalat.validate import Array, InputError, freeze
 
 
@@ -77,6 +79,9 @@ class LinearFeedback:
             freeze(self, unmodelled=W)
 
     def bind(self, known: Known) -> Equations:
+        require_one_input("linear", known)
+        if not isinstance(known.uncertainty.regressor, LinearRegressor):
+            raise InputError("linear takes plants with the regressor phi(x) = x")
         middle = np.zeros(known.n) if known.box is None else known.box.middle
         return Equations(
             k_0=known.k_0,

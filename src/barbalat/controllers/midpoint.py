@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from barbalat.adaptation import implicit
-from barbalat.adaptation.gain import times
+from barbalat.adaptation.gain import as_matrix, times
 from barbalat.controllers import l1, robust_mrac
 from barbalat.linear import StateSpace
 from barbalat.protocols import Sample, Value
@@ -52,7 +52,8 @@ class Filter:
         return cls(system, LinearStep.of(system.A, T))
 
     def end(self, state: Value, before: Value, now: Value) -> Value:
-        return self.step.end(state, self.system.B * ((before + now) / 2))
+        middle = (before + now) / 2
+        return self.step.end(state, self.system.B * middle if state.ndim == 1 else np.outer(self.system.B, middle))
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +67,7 @@ class Predictor:
     sample_time: float
     model: LinearStep
     filter: Filter
-    coupling: float  # T^2/4 b'P (I - T/2 A_m)^-1 b > 0
+    coupling: Array | float  # T^2/4 b'P (I - T/2 A_m)^-1 b > 0; (m, m) with m inputs
 
     @classmethod
     def of(cls, equations: l1.Equations, T: float) -> Predictor:
@@ -74,7 +75,9 @@ class Predictor:
             raise InputError("discretization = 'midpoint' is proven for the plain law, without leakage, dead zone and learning")
         implicit.require_projectable(equations.gamma, equations.box)
         model = LinearStep.of(equations.A_m, T)
-        coupling = T**2 / 4 * float(equations.b @ equations.P @ model.half @ equations.b)
+        coupling = T**2 / 4 * (equations.b.T @ equations.P @ model.half @ equations.b)
+        if np.ndim(coupling) == 0:
+            coupling = float(coupling)
         return cls(equations, T, model, Filter.of(equations.C, T), coupling)
 
     def initial(self) -> l1.State:
@@ -86,16 +89,27 @@ class Predictor:
     def advance(self, state: l1.State, before: Sample, u: Value, now: Sample) -> l1.State:
         c, T = self.continuous, self.sample_time
         x_mid = (before.x + now.x) / 2
-        gain = times(c.gamma, x_mid)
+        phi = (c.uncertainty.with_input(before.x, u) + c.uncertainty.with_input(now.x, u)) / 2
+        known = c.uncertainty.known_input(u)
         # the predictor's middle, were the estimates to rest; that they move with it costs one division: the coupling is rank one
-        at_rest = self.model.middle(state.x_hat, c.b * (state.theta_hat @ x_mid + u))
-        s = ((x_mid - at_rest) @ (c.P @ c.b)) / (1 + self.coupling * (x_mid @ gain))
-        theta_hat_mid = state.theta_hat + T / 2 * gain * s
-        x_hat = self.model.end(state.x_hat, c.b * (theta_hat_mid @ x_mid + u))
-        theta_hat = implicit.into(state.theta_hat + T * gain * s, c.box, c.gamma)
-        following = l1.State(theta_hat, x_hat, state.filter)
-        wanted = c.unfiltered_control(state, before.x, before.r), c.unfiltered_control(following, now.x, now.r)
+        at_rest = self.model.middle(state.x_hat, np.dot(c.b, phi.T @ state.theta_hat + known))
+        gain = times(c.gamma, phi) if len(phi.shape) == 1 else as_matrix(c.gamma, phi.shape[0]) @ phi
+        moved = T * np.dot(gain, self._solve(phi.T @ gain, (x_mid - at_rest) @ (c.P @ c.b)))
+        x_hat = self.model.end(state.x_hat, np.dot(c.b, phi.T @ (state.theta_hat + moved / 2) + known))
+        following = l1.State(implicit.into(state.theta_hat + moved, c.box, c.gamma), x_hat, state.filter)
+        wanted = c.filter_input(state, before.x, before.r), c.filter_input(following, now.x, now.r)
         return following._replace(filter=self.filter.end(state.filter, *wanted))
+
+    def _solve(self, excitation: Value, right: Value) -> Value:
+        """(I + coupling excitation)^-1 right: a division for one input, elimination for several.
+
+        ``excitation`` is Phi'Gamma Phi; for several inputs det(I + K E) != 0 since K has a positive definite symmetric part
+        and E is positive semidefinite.
+        """
+        inputs = self.continuous.uncertainty.inputs
+        if inputs == 1:
+            return right / (1 + self.coupling * excitation)
+        return np.linalg.solve(np.eye(inputs) + self.coupling @ excitation, right)
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,7 +137,7 @@ class Estimator:
         c, T = self.continuous, self.sample_time
         x_mid = (before.x + now.x) / 2
         xi_mid = self.model.middle(state.xi, c.b * u)
-        Xi_mid = self.model.middle(state.Xi, np.outer(c.b, x_mid))
+        Xi_mid = self.model.middle(state.Xi, np.outer(c.b, (c.regressor(before.x) + c.regressor(now.x)) / 2))
         phi = c.c_0 @ Xi_mid  # (13)
         z = c.c_0 @ (x_mid - xi_mid)  # (13)
         decay = np.exp(-c.normalization.delta_0 * T)

@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from barbalat.adaptation import gain
 from barbalat.adaptation.dead_zone import DeadZone
 from barbalat.adaptation.leakage import Leakage
@@ -15,13 +17,14 @@ from barbalat.controllers.base import check_common, initial_estimate, projection
 from barbalat.known_set import KnownSet
 from barbalat.problem import Known
 from barbalat.protocols import Value
+from barbalat.regressors import Uncertainty
 from barbalat.validate import Array
 
 
 class State(NamedTuple):
     """What the controller integrates."""
 
-    theta_hat: Value  # (n,) estimate of theta
+    theta_hat: Value  # (p,) estimate of theta, and of omega where the input gain is unknown
     memory: Any = ()  # of composite learning
 
 
@@ -31,8 +34,9 @@ class Equations:
 
     A_m: Array
     b: Array
-    k_0: float
+    k_0: Array | float
     P: Array
+    uncertainty: Uncertainty
     gamma: float | Array
     theta_hat0: Array
     x0: Array
@@ -40,16 +44,18 @@ class Equations:
     modifications: Modifications = field(default_factory=Modifications)
 
     def initial(self) -> State:
-        return State(self.theta_hat0, self.modifications.initial(self.b, self.x0))
+        return State(self.theta_hat0, self.modifications.initial(self.b, self.x0, len(self.theta_hat0)))
 
     def control(self, state: State, x: Value, x_m: Value, r: Value) -> Value:
-        return -state.theta_hat @ x + self.k_0 * r  # (3)
+        theta_hat, omega_hat = self.uncertainty.split(state.theta_hat)
+        return (-self.uncertainty.phi(x).T @ theta_hat + np.dot(self.k_0, r)) / omega_hat  # (3)
 
     def derivative(self, state: State, x: Value, x_m: Value, r: Value, u: Value) -> State:
         e = x - x_m
+        phi, known = self.uncertainty.with_input(x, u), self.uncertainty.known_input(u)
         return State(
-            self.modifications.rate(self.gamma, e, self.P, self.b, x, state.theta_hat, state.memory, self.box),  # (4)
-            self.modifications.memory_rates(state.memory, self.A_m, self.b, x, u),
+            self.modifications.rate(self.gamma, e, self.P, self.b, phi, state.theta_hat, state.memory, self.box),  # (4)
+            self.modifications.memory_rates(state.memory, self.A_m, self.b, x, phi, known),
         )
 
     def limit(self, state: State) -> State:
@@ -58,10 +64,12 @@ class Equations:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Mrac:
-    """u = -theta_hat'x + k_0 r with the Lyapunov law theta_hat' = proj(Gamma (e'P b) x).
+    """u = -theta_hat'phi(x) + k_0 r with the Lyapunov law theta_hat' = proj(Gamma (e'P b) phi(x)); phi(x) = x in the paper.
 
-    gamma       adaptive gain Gamma > 0: a number, a diagonal (n,) or an s.p.d. matrix (n, n)
-    theta_hat0  (n,), zero by default; inside the known set
+    With an unknown input gain omega, u = (-theta_hat'phi + k_0 r)/omega_hat and omega_hat' = proj(Gamma (e'P b) u).
+
+    gamma       adaptive gain Gamma > 0: a number, a diagonal (p,) or an s.p.d. matrix (p, p)
+    theta_hat0  (p,), zero by default; inside the known set
     projection  onto the known set; by default on where one is given
     leakage, dead_zone, learning  modifications of the law, none by default: see ``adaptation.lyapunov``
 
@@ -85,15 +93,17 @@ class Mrac:
         return Modifications(leakage=self.leakage, dead_zone=self.dead_zone, learning=self.learning)
 
     def bind(self, known: Known) -> Equations:
-        gain.require_size("gamma", self.gamma, known.n)
+        gain.require_size("gamma", self.gamma, known.parameters)
+        self._modifications().require_fit(known.inputs)
         box = projection_box(self.projection, known)
         return Equations(
             A_m=known.A_m,
             b=known.b,
             k_0=known.k_0,
             P=known.P,
+            uncertainty=known.uncertainty,
             gamma=self.gamma,
-            theta_hat0=initial_estimate(self.theta_hat0, box, known.n),
+            theta_hat0=initial_estimate(self.theta_hat0, box, known),
             x0=known.x0,
             box=box,
             modifications=self._modifications(),

@@ -14,21 +14,22 @@ from barbalat import validate
 from barbalat.adaptation.laws import LAWS, AdaptiveLaw, Estimation
 from barbalat.adaptation.normalization import Normalization
 from barbalat.adaptation.projection import limit
-from barbalat.controllers.base import check_common, initial_estimate, projection_box
+from barbalat.controllers.base import check_common, initial_estimate, projection_box, require_one_input
 from barbalat.known_set import KnownSet
 from barbalat.linear import StateSpace, TransferFunction, transfer_function
 from barbalat.problem import Known
 from barbalat.protocols import Value
+from barbalat.regressors import Regressor
 from barbalat.validate import Array, InputError
 
 
 class State(NamedTuple):
     """What the controller integrates."""
 
-    theta_hat: Value  # (n,) estimate of theta
+    theta_hat: Value  # (p,) estimate of theta
     memory: Any  # of the law
     xi: Value  # (n,) the known part of x: xi' = A_m xi + b u, xi(0) = x(0)
-    Xi: Value  # (n, n) W_b(s)[x']
+    Xi: Value  # (n, p) W_b(s)[phi(x)'], where phi(x) = x in the paper
     n_d: Value  # scalar, dynamic normalising signal
     swapping: Value  # (n,) (sI - A_m)^-1 [Xi theta_hat']; (0,) without auxiliary input
     filter: Value  # (n,) state of Q(s); (0,) without auxiliary input
@@ -41,6 +42,7 @@ class Equations:
     A_m: Array
     b: Array
     k_0: float
+    regressor: Regressor
     c_0: Array
     Q: StateSpace | None
     swapping_sign: float
@@ -51,10 +53,10 @@ class Equations:
     box: KnownSet | None
 
     def initial(self) -> State:
-        n = len(self.b)
+        n, p = len(self.b), len(self.theta_hat0)
         auxiliary = np.zeros(0 if self.Q is None else n)
-        memory = self.law.initial(n)
-        return State(self.theta_hat0, memory, self.x0, np.zeros((n, n)), np.zeros(()), auxiliary, auxiliary)
+        memory = self.law.initial(p)
+        return State(self.theta_hat0, memory, self.x0, np.zeros((n, p)), np.zeros(()), auxiliary, auxiliary)
 
     def estimation(self, state: State, x: Value) -> Estimation:
         z = self.c_0 @ (x - state.xi)  # (13)
@@ -68,7 +70,7 @@ class Equations:
         return estimation.epsilon * estimation.m_s_squared + self.swapping_sign * (self.c_0 @ state.swapping)
 
     def control(self, state: State, x: Value, x_m: Value, r: Value) -> Value:
-        u = -state.theta_hat @ x + self.k_0 * r
+        u = -state.theta_hat @ self.regressor(x) + self.k_0 * r
         if self.Q is None:
             return u
         return u - self.Q.output(state.filter, self.auxiliary_input_argument(state, x))  # (14)
@@ -83,7 +85,7 @@ class Equations:
             theta_hat=rates.theta_hat,
             memory=rates.memory,
             xi=self.A_m @ state.xi + self.b * u,
-            Xi=self.A_m @ state.Xi + np.outer(self.b, x),
+            Xi=self.A_m @ state.Xi + np.outer(self.b, self.regressor(x)),
             n_d=self.normalization.n_d_dot(state.n_d, u),
             swapping=swapping_dot,
             filter=filter_dot,
@@ -127,6 +129,7 @@ class RobustMrac:
         _check_model_and_law(self)
 
     def bind(self, known: Known) -> Equations:
+        require_one_input("robust-mrac", known)
         Q = auxiliary_filter(minimum_phase_model(_output_vector(self.c_0, known), known), self.tau)
         return _equations(self, known, Q, swapping_sign=-1.0 if self.printed_sign else 1.0)
 
@@ -166,6 +169,7 @@ def _output_vector(c_0: Array | None, known: Known) -> Array:
 
 
 def _equations(settings: RobustMrac | NormalizedMrac, known: Known, Q: StateSpace | None, swapping_sign: float) -> Equations:
+    require_one_input("a controller on the parametric model (13)", known)
     c_0 = _output_vector(settings.c_0, known)
     minimum_phase_model(c_0, known)
     settings.law.initial(known.n)  # refuses settings of another size
@@ -174,12 +178,13 @@ def _equations(settings: RobustMrac | NormalizedMrac, known: Known, Q: StateSpac
         A_m=known.A_m,
         b=known.b,
         k_0=known.k_0,
+        regressor=known.uncertainty.regressor,
         c_0=c_0,
         Q=Q,
         swapping_sign=swapping_sign,
         law=settings.law,
         normalization=settings.normalization,
-        theta_hat0=initial_estimate(settings.theta_hat0, box, known.n),
+        theta_hat0=initial_estimate(settings.theta_hat0, box, known),
         x0=known.x0,
         box=box,
     )

@@ -89,6 +89,7 @@ def _with_predictor(equations: mrac.Equations, known: Known) -> l1.Equations:
         b=known.b,
         k_0=known.k_0,
         P=known.P,
+        uncertainty=known.uncertainty,
         gamma=equations.gamma,
         C=StateSpace.gain(1.0),
         theta_hat0=equations.theta_hat0,

@@ -29,7 +29,7 @@ def error_and_estimates(result: Result) -> Figure:
     for i in range(result.theta_hat.shape[1]):
         band = (envelope.theta_hat_min[:, i], envelope.theta_hat_max[:, i])
         _line(right, result.t, result.theta_hat[:, i], band, COLOURS[i % 6], rf"$\hat\theta_{i + 1}$")
-        right.axhline(result.problem.plant.theta[i], color=COLOURS[i % 6], linestyle="--", linewidth=0.8)
+        right.axhline(result.problem.parameters[i], color=COLOURS[i % 6], linestyle="--", linewidth=0.8)
     _bounds(right, result)
     right.set_ylabel(r"estimates $\hat\theta$ (dashed: true values)")
     _finish((left, right), [result])
@@ -46,7 +46,10 @@ def comparison(results: Sequence[Result]) -> Figure:
         envelope = result.envelope
         largest = np.maximum(np.abs(envelope.e_min), np.abs(envelope.e_max)).max(axis=1)
         left.semilogy(result.t[:-1], np.maximum(largest, 1e-16), color=COLOURS[k % 6], linewidth=1, label=result.name)
-        _line(right, result.t, result.u, (envelope.u_min[:, 0], envelope.u_max[:, 0]), COLOURS[k % 6], result.name)
+        u = result.u.reshape(len(result.t), -1)
+        for j in range(u.shape[1]):
+            label = result.name if u.shape[1] == 1 else f"{result.name}, $u_{j + 1}$"
+            _line(right, result.t, u[:, j], (envelope.u_min[:, j], envelope.u_max[:, j]), COLOURS[k % 6], label, DASHES[j % 4])
     left.set_ylabel("max |e|, all components")
     right.set_ylabel("control $u$")
     axes = [left, right]

@@ -1,0 +1,107 @@
+"""From the case file's plant tables to a Plant."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, TypeVar
+
+import numpy as np
+
+from barbalat.actuation import PlantInput
+from barbalat.cases import schema
+from barbalat.cases.tables import Table
+from barbalat.linear import TransferFunction
+from barbalat.plant import Plant, input_matrix
+from barbalat.regressors import GaussianRBF, Linear, Polynomial, Regressor, Terms
+from barbalat.validate import InputError, square_matrix
+
+T = TypeVar("T")
+
+
+def within(where: str, make: Callable[[], T]) -> T:
+    """Run ``make``; an InputError gets the place in front of its sentence."""
+    try:
+        return make()
+    except InputError as error:
+        raise InputError(f"{where}: {error}") from None
+
+
+def build_plant(table: schema.CaseTable) -> Plant:
+    """The plant, given by A_m and theta, or by A with the model's A_m or poles."""
+    plant, model = table.plant, table.reference_model
+    given: dict[str, Any] = {"b": plant.b, "x0": plant.x0, "input": _plant_input(plant.input)}
+    if plant.A is None:
+        if plant.A_m is None:
+            raise InputError("plant.A_m is missing (or give plant.A together with reference_model.A_m or .poles)")
+        if plant.theta is None:
+            raise InputError("plant.theta is missing")
+        if model.poles is not None:
+            raise InputError("reference_model.poles goes with plant.A, which is missing")
+        if model.A_m is not None and model.A_m != plant.A_m:
+            raise InputError("reference_model.A_m differs from plant.A_m; give one of them, or plant.A with reference_model.A_m")
+        return Plant(A_m=plant.A_m, theta=plant.theta, regressor=_regressor(plant.regressor), **given)
+    if plant.A_m is not None:
+        raise InputError("plant.A and plant.A_m are both given; plant.A goes with reference_model.A_m")
+    if plant.theta is not None:
+        raise InputError("plant.A and plant.theta are both given; theta follows from plant.A and reference_model.A_m")
+    if plant.regressor is not None:
+        raise InputError("plant.A and plant.regressor are both given; with plant.A the regressor is the state")
+    if (model.A_m is None) == (model.poles is None):
+        raise InputError("give either reference_model.A_m or reference_model.poles with plant.A")
+    A_m = model.A_m if model.poles is None else place(plant.A, plant.b, model.poles)
+    return Plant.matched(A=plant.A, A_m=A_m, **given)
+
+
+def place(A: Any, b: Any, poles: list[Any]) -> np.ndarray:
+    """A - b K with the poles asked for, by state feedback; a complex pole is given once, as [real, imaginary]."""
+    from scipy.signal import place_poles
+
+    A = square_matrix("plant.A", A)
+    b = input_matrix("plant.b", b, len(A)).reshape(len(A), -1)
+    wanted: list[complex] = []
+    for pole in poles:
+        parts = np.atleast_1d(pole)
+        if len(parts) > 2:
+            raise InputError(f"reference_model.poles must be numbers or [real, imaginary], got {pole!r}")
+        wanted += [complex(*parts)] if len(parts) == 1 or parts[1] == 0 else [complex(*parts), complex(*parts).conjugate()]
+    if len(wanted) != len(A):
+        raise InputError(f"reference_model.poles must place {len(A)} poles (a complex one counts twice), got {len(wanted)}")
+    try:
+        K = place_poles(A, b, np.array(wanted)).gain_matrix
+    except ValueError as error:
+        raise InputError(f"reference_model.poles can't be placed: {str(error).splitlines()[0]}") from None
+    return np.asarray(A - b @ K.real)
+
+
+def _regressor(table: Table | None) -> Regressor:
+    match table:
+        case None:
+            return Linear()
+        case schema.PolynomialTable():
+            return Polynomial(degree=table.degree, constant=table.constant)
+        case schema.GaussianTable():
+            return GaussianRBF(centers=table.centers, width=table.width)
+        case schema.TermsTable():
+            return Terms(terms=tuple(table.terms))
+    raise AssertionError(f"the schema has a regressor that is not built here: {type(table).__name__}")
+
+
+def _plant_input(table: schema.InputTable | list[schema.InputTable] | None) -> PlantInput | tuple[PlantInput, ...] | None:
+    if table is None:
+        return None
+    return tuple(_one_input(one) for one in table) if isinstance(table, list) else _one_input(table)
+
+
+def _one_input(table: schema.InputTable) -> PlantInput:
+    def system(name: str, given: schema.TransferFunctionTable | None) -> TransferFunction | None:
+        return None if given is None else within(f"plant.input.{name}", lambda: TransferFunction(given.num, given.den))
+
+    return PlantInput(
+        quantization=table.quantization,
+        saturation=table.saturation,
+        rate_limit=table.rate_limit,
+        gain=table.gain,
+        actuator=system("actuator", table.actuator),
+        multiplicative=system("multiplicative", table.multiplicative),
+        delay=table.delay,
+    )
