@@ -118,7 +118,7 @@ class Plant:
 
 def input_matrix(field: str, b: Any, n: int) -> Array:
     """b as (n,), or (n, m) for m > 1 inputs."""
-    if np.ndim(b) != 2:
+    if validate.dimensions(b) != 2:
         return validate.vector(field, b, n)
     matrix = validate.array(field, b, (n, None))
     return validate.vector(field, matrix[:, 0], n) if matrix.shape[1] == 1 else matrix
@@ -126,7 +126,7 @@ def input_matrix(field: str, b: Any, n: int) -> Array:
 
 def parameters(field: str, theta: Any, p: int, m: int) -> Array:
     """theta as (p m,), from that or from (p, m)."""
-    if np.ndim(theta) == 2:
+    if validate.dimensions(theta) == 2:
         return validate.vector(field, validate.array(field, theta, (p, m)).reshape(-1))
     return validate.vector(field, theta, p * m)
 
@@ -169,5 +169,5 @@ class ReferenceModel:
 
     def __post_init__(self) -> None:
         name = "reference_model.k_0"
-        matrix = isinstance(self.k_0, (list, tuple)) or np.ndim(self.k_0) > 0
+        matrix = isinstance(self.k_0, (list, tuple)) or validate.dimensions(self.k_0) > 0
         freeze(self, k_0=validate.array(name, self.k_0, (None, None)) if matrix else validate.number(name, self.k_0))

@@ -79,6 +79,14 @@ def array(field: str, value: Any, shape: tuple[int | None, ...]) -> Array:
     return result
 
 
+def dimensions(value: Any) -> int:
+    """How deeply a value is nested; 0 for what is no array, which the checks of ``array`` then refuse."""
+    try:
+        return int(np.asarray(value).ndim)
+    except (TypeError, ValueError, OverflowError):  # rows of different lengths, ...
+        return 0
+
+
 def vector(field: str, value: Any, size: int | None = None) -> Array:
     """A read-only vector (size,), of any size if none is given."""
     return array(field, value, (size,))

@@ -16,10 +16,7 @@ def accept(field: str, value: Any) -> Any:
     if isinstance(value, (bool, int, float, np.integer, np.floating)):
         return validate.positive(field, value)
     kinds = f"{field} must be a positive number, a list of them (a diagonal) or a symmetric positive definite matrix"
-    try:
-        dimensions = np.asarray(value).ndim
-    except (TypeError, ValueError, OverflowError):  # rows of different lengths, ...
-        dimensions = 0
+    dimensions = validate.dimensions(value)
     if dimensions == 1:
         diagonal = validate.vector(field, value)
         if not (diagonal > 0).all():
