@@ -1,0 +1,153 @@
+"""What every law of the registry owes, with every modification that it takes."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from adaptation import examples
+from barbalat import DeadZone, EpsilonModification, FixedSigma, ParameterBall, Problem, SwitchingSigma
+from barbalat.adaptation import covariance, integral_cost
+from barbalat.adaptation.gain import as_matrix
+from barbalat.adaptation.laws import LAWS
+from barbalat.adaptation.projection import limit
+from barbalat.closed_loop import ClosedLoop
+from barbalat.controllers import NormalizedMrac, RobustMrac
+from barbalat.grid import Simulation
+from barbalat.simulation import simulate
+from barbalat.solvers import RK4
+from independent import brute_force, refusal
+
+N = 3
+FAMILY = examples.laws(N)
+TRIALS = 200
+
+
+def test_the_registry_has_examples_of_every_law():
+    assert set(examples.plain(N)) == set(LAWS)
+    assert {name.split(" ")[0] for name, _ in FAMILY} == set(LAWS)
+    assert len(FAMILY) == 7 * 3 + 3 * 3 + 4 * 3 + 2 + 6 + 6 + 4  # the table in docs/laws.md, by rows
+
+
+def random_memory(random, law, theta):
+    """A memory that the law can have, and the gain of its Lyapunov function."""
+    if hasattr(law, "gamma"):
+        gain = as_matrix(law.gamma, N)
+        if isinstance(law, LAWS["integral-cost"]):
+            data = random.normal(size=(N, random.integers(0, 4)))
+            return integral_cost.Memory(data @ data.T, data @ data.T @ theta), gain
+        return (), gain
+    P = examples.random_gain(random, N)
+    bound = getattr(law, "covariance_bound", None)
+    if bound is not None and random.uniform() < 0.5:
+        P = P * (bound / np.linalg.norm(P))  # at the bound
+    return law.limit(covariance.Memory(P)), None
+
+
+def derivative_of_V(law, theta, theta_hat, memory, gain, estimation, known_set):
+    """d/dt of theta_tilde'Gamma^-1 theta_tilde/2 or theta_tilde'P^-1 theta_tilde/2, by the rates; and its scale."""
+    rates = law.rates(theta_hat, memory, estimation, known_set)
+    P = memory.covariance if gain is None else gain
+    inverse = np.linalg.inv(P)
+    theta_tilde = theta_hat - theta
+    terms = [theta_tilde @ inverse @ rates.theta_hat]
+    if gain is None:
+        terms.append(-theta_tilde @ inverse @ rates.memory.covariance @ inverse @ theta_tilde / 2)
+    raw = law.rates(theta_hat, memory, estimation, None).theta_hat
+    return sum(terms), sum(map(abs, terms)) + abs(theta_tilde @ inverse @ raw) + 1
+
+
+@pytest.mark.parametrize(("name", "law"), FAMILY, ids=[name for name, _ in FAMILY])
+def test_V_does_not_grow_where_the_theory_says_so(name, law):
+    """Pointwise, at random states, inside the known set and on its border; theta anywhere in the set.
+
+    Without modelling error; with a dead zone for every |eta|/m_s <= g_0 as well. With a fixed sigma or the
+    epsilon-modification where |theta_tilde| >= |theta|: there w theta_tilde'theta_hat >= 0.
+    """
+    random = np.random.default_rng(11)
+    looked_at = 0
+    for _ in range(TRIALS):
+        for known_set in examples.known_sets(random, N):
+            theta = examples.inside(random, known_set, N, on_the_border=random.uniform() < 0.3)
+            theta_hat = examples.inside(random, known_set, N, on_the_border=random.uniform() < 0.7)
+            if known_set is None:
+                theta_hat = 3 * theta_hat  # where leakage is at work
+            memory, gain = random_memory(random, law, theta)
+            eta = random.uniform(-1, 1) * examples.G_0 if getattr(law, "dead_zone", None) is not None else 0.0
+            if isinstance(law.leakage, (FixedSigma, EpsilonModification)) and np.linalg.norm(theta_hat - theta) < np.linalg.norm(
+                theta
+            ):
+                continue
+            looked_at += 1
+            given = examples.estimation(random, theta, theta_hat, eta)
+            value, scale = derivative_of_V(law, theta, theta_hat, memory, gain, given, known_set)
+            assert value <= 1e-10 * scale  # inverses of matrices with a condition of up to 1e5
+    assert looked_at > TRIALS / 2
+
+
+@pytest.mark.parametrize(("name", "law"), FAMILY, ids=[name for name, _ in FAMILY])
+def test_the_estimate_does_not_leave_the_set(name, law):
+    """Random data, steps that are far too long: limit(theta_hat + h rate) is in the set, to the last bit."""
+    random = np.random.default_rng(12)
+    for known_set in examples.known_sets(random, N)[1:]:
+        theta = examples.inside(random, known_set, N, on_the_border=True)
+        theta_hat = examples.inside(random, known_set, N, on_the_border=False)
+        memory = law.initial(N)
+        for _ in range(100):
+            rates = law.rates(theta_hat, memory, examples.estimation(random, theta + random.normal(size=N), theta_hat), known_set)
+            theta_hat = limit(theta_hat + 10 * rates.theta_hat, known_set)
+            assert known_set.contains(theta_hat)
+
+
+@pytest.mark.parametrize(("name", "law"), FAMILY, ids=[name for name, _ in FAMILY])
+def test_the_kernel_does_what_plain_stepping_does(name, law, problems):
+    """In the robust MRAC, with a ball: machine code against the textbook's RK4 on NumPy arrays, resets and bounds included."""
+    given = problems[N]
+    ball = ParameterBall(center=[0.2, -0.1, 0.3], radius=0.9)  # theta lies outside: the sphere is at work
+    problem = Problem(plant=given.plant, reference_model=given.reference_model, reference=given.reference, uncertainty=ball)
+    controller = RobustMrac(tau=0.2, law=law)
+    dt, steps = 2.0**-7, 256
+    samples = brute_force(ClosedLoop.of(problem, controller), problem.signals, "rk4", dt, steps)
+    simulation = Simulation(t_end=steps * dt, dt=dt, solver=RK4, record_points=steps)
+    result = simulate(problem, [controller], simulation)[controller.name]
+    # 256 steps of roundings of 1e-16 times terms up to 1e3; at the sphere a rounding decides about a projection of the
+    # same order
+    np.testing.assert_allclose(result.theta_hat, samples.theta_hat, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(result.e, samples.e, rtol=0, atol=1e-9)
+    assert all(ball.contains(theta_hat) for theta_hat in result.theta_hat)
+
+
+@pytest.mark.parametrize("kind", LAWS)
+def test_a_scheme_learns_with_every_law(kind, problems):
+    """The plain laws in the normalised MRAC, 60 s: the last quarter's error is at most half of the whole run's."""
+    settings = examples.plain(N)[kind][0]
+    strong = {key: 2000.0 if key in ("gamma", "covariance0", "rho_0") else value for key, value in settings.items()}
+    if "covariance_bound" in strong:
+        strong["covariance_bound"] = 4000.0
+    controller = NormalizedMrac(law=LAWS[kind](**strong))
+    result = simulate(problems[N], [controller], Simulation(t_end=64.0, dt=2.0**-7))[controller.name]
+    assert result.diverged_at is None
+    assert max(result.figures["tail_max_abs_e"]) < 0.5 * max(result.figures["max_abs_e"])
+
+
+REFUSED = [
+    ("integral-cost", {"leakage": EpsilonModification(nu=1.0)}, "integral-cost"),
+    ("least-squares", {"leakage": FixedSigma(sigma=1.0)}, "lower bound"),
+    ("least-squares", {"leakage": EpsilonModification(nu=1.0)}, "lower bound"),
+    ("least-squares-forgetting", {"leakage": FixedSigma(sigma=1.0)}, "bounds"),
+    ("least-squares-forgetting", {"leakage": EpsilonModification(nu=1.0)}, "bounds"),
+    ("least-squares-forgetting", {"dead_zone": DeadZone(g_0=0.1)}, "grows"),
+    ("least-squares-resetting", {"leakage": EpsilonModification(nu=1.0)}, "proportional"),
+    ("least-squares-bounded", {"leakage": EpsilonModification(nu=1.0)}, "proportional"),
+    ("least-squares-bounded-gain", {"leakage": FixedSigma(sigma=1.0)}, "lower bound"),
+    ("least-squares-bounded-gain", {"leakage": EpsilonModification(nu=1.0)}, "lower bound"),
+    ("gradient", {"leakage": 0.1}, "FixedSigma"),
+    ("gradient", {"leakage": SwitchingSigma}, "FixedSigma"),
+    ("gradient", {"dead_zone": 0.1}, "DeadZone"),
+]
+
+
+@pytest.mark.parametrize(("kind", "extra", "word"), REFUSED)
+def test_what_the_theory_does_not_carry_is_refused(kind, extra, word):
+    settings = examples.plain(N)[kind][0]
+    assert word in refusal(lambda: LAWS[kind](**settings, **extra))
