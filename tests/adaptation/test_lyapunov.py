@@ -133,7 +133,7 @@ def test_V_does_not_grow_pointwise(problems, seed):
                 memory = ()
                 if off == "learning":
                     law = Modifications(learning=LEARNING)
-                    memory = LEARNING.initial(plant.b, plant.x0)._replace(R=R, Q=R @ theta)
+                    memory = LEARNING.initial(plant.b, plant.x0, n)._replace(R=R, Q=R @ theta)
                 rate = law.rate(gamma, e, P, plant.b, x, theta_hat, memory, known_set)
                 theta_tilde = theta_hat - theta
                 e_dot = plant.A_m @ e + plant.b * (-theta_tilde @ x + d)
