@@ -1,11 +1,12 @@
 """Every claim is measured, and the verdicts are those that independent reasoning gives."""
 
 import re
+import sys
 
 import numpy as np
 import pytest
 
-from barbalat.claims import figures, ledger, section_v
+from barbalat.claims import figures, ledger, linear_design, section_v
 from barbalat.claims.claim import Claim, verdict
 
 
@@ -36,6 +37,8 @@ EXPECTED = {
     "exponential-convergence": "not confirmed",
     # C/(1 - C) (1 + theta'G) crosses over near 1/kappa whatever the gain; the unfiltered loop near sqrt(Gamma)
     "filter-reduces-margins": "not confirmed",
+    # |1 - C| falls with one slope, a PI's |S| with two; a robust MRAC learns theta and cancels it
+    "l1-against-pi": "not confirmed", "adaptive-against-linear": "confirmed with conditions",
     "l1-output-is-lti": "pending",
 }  # fmt: skip
 
@@ -59,6 +62,21 @@ def test_numbers_that_theory_predicts(claims):
     assert power == pytest.approx(-1, abs=0.1)
     low, high = map(float, re.search(r"(\d\.\d+) to (\d\.\d+) times the delay", claims["tau-limit-delay"].measured).groups())
     assert 0.45 < low <= high < 0.66  # tau s = e^(-delay s) is stable for tau > 2/pi delay
+
+
+def test_linear_loops_are_lost_where_mu_says(claims):
+    """Without the delay, at the corner that mu names: the last size that is borne and the first that is not, around 1/mu."""
+    claim = claims["adaptive-against-linear"]
+    (table,) = claim.listings
+    limits = {row[0]: row[table.columns.index("set may grow by 1/mu")] for row in table.rows}
+    plain, _ = claim.maps
+    linear = [curve for curve in plain.curves if limits[curve.label] != "-"]
+    assert len(linear) >= 2  # four with the extra for the H-infinity synthesis
+    for curve in linear:
+        last, limit = curve.x[-1], float(limits[curve.label])
+        following = plain.x.values[plain.x.values > last][0]
+        assert last < limit * 1.01  # the limit is printed with three digits
+        assert following > limit  # unstable: in 60 s it has left every bound
 
 
 def test_the_map_of_gain_and_step_agrees_with_the_stability_region(claims):
@@ -94,3 +112,10 @@ def test_progress_is_that_of_the_seconds(runs):
 def test_verdict_words():
     assert verdict(holds=False) == "not confirmed"
     assert verdict(holds=True, conditional=True) == "confirmed with conditions"
+
+
+def test_without_the_extra_the_comparison_goes_on_without_hinf(monkeypatch):
+    monkeypatch.setitem(sys.modules, "slycot", None)
+    contestants, missing = linear_design._contestants()
+    assert [c.name for c in contestants if c.linear] == ["PI"]
+    assert "barbalat[robust]" in missing

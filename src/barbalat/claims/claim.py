@@ -93,16 +93,70 @@ class Map:
         shape = (len(self.y.values), len(self.x.values))
         if values.shape != shape:
             raise InputError(f"map {self.key!r} needs values of the shape (y, x) = {shape}, got {values.shape}")
-        if not self.key or not set(self.key) <= set("abcdefghijklmnopqrstuvwxyz0123456789-"):
-            raise InputError(f"a map's key must consist of small letters, digits and hyphens, got {self.key!r}")
+        _require_key("map", self.key)
         if self.logarithmic and (values <= 0).any():
             raise InputError(f"map {self.key!r} has a logarithmic scale, but its least value is {np.nanmin(values):g}")
         object.__setattr__(self, "values", values)
 
+    @property
+    def description(self) -> str:
+        """In words, for those who cannot see it."""
+        return f"{self.title}: {self.quantity} over {self.x.label} and {self.y.label}"
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Chart:
+    """A quantity over one setting, both on logarithmic scales, one curve for each thing compared.
+
+    key     as of a map
+    curves  values above zero; a curve that ends before the axis does was lost there, which is marked
+    levels  lines for orientation
+    lost    what being lost means, for the legend
+    """
+
+    key: str
+    title: str
+    caption: str
+    x: Axis
+    quantity: str
+    curves: tuple[Curve, ...]
+    levels: tuple[Curve, ...] = ()
+    lost: str = "diverged beyond"
+
+    def __post_init__(self) -> None:
+        _require_key("chart", self.key)
+        for curve in (*self.curves, *self.levels):
+            if len(curve.y) and curve.y.min() <= 0:
+                raise InputError(f"chart {self.key!r} has a logarithmic scale, but {curve.label!r} falls to {curve.y.min():g}")
+
+    @property
+    def description(self) -> str:
+        """In words, for those who cannot see it."""
+        return f"{self.title}: {self.quantity} over {self.x.label}, for {', '.join(curve.label for curve in self.curves)}"
+
+
+def _require_key(kind: str, key: str) -> None:
+    if not key or not set(key) <= set("abcdefghijklmnopqrstuvwxyz0123456789-"):
+        raise InputError(f"a {kind}'s key must consist of small letters, digits and hyphens, got {key!r}")
+
+
+@dataclass(frozen=True)
+class Listing:
+    """A table of things compared: one row for each, texts as they are to be shown."""
+
+    caption: str
+    columns: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+
+    def __post_init__(self) -> None:
+        for row in self.rows:
+            if len(row) != len(self.columns):
+                raise InputError(f"a row of {self.caption!r} has {len(row)} entries for {len(self.columns)} columns: {row}")
+
 
 @dataclass(frozen=True)
 class Claim:
-    """A statement of the paper in our words, with a verdict, the number behind it, how it was obtained, and maps of it."""
+    """A statement of the paper in our words, with a verdict, the number behind it, how it was obtained, pictures and tables."""
 
     id: str
     where: str
@@ -110,7 +164,8 @@ class Claim:
     verdict: Verdict
     measured: str
     how: str
-    maps: tuple[Map, ...] = ()
+    maps: tuple[Map | Chart, ...] = ()
+    listings: tuple[Listing, ...] = ()
 
     def as_json(self) -> dict[str, str]:
         """The JSON contract's block for a claim."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from barbalat.claims import figures, learning, lemma_1, numerics, onset, robustness, stiff, theta_size, tracking
+from barbalat.claims import figures, learning, lemma_1, linear_design, numerics, onset, robustness, stiff, theta_size, tracking
 from barbalat.claims.claim import Claim
 from barbalat.claims.section_v import Runs
 from barbalat.engine import Progress
@@ -41,6 +41,7 @@ LEDGER = (
     Measurement(stiff.stiff_solvers, 6.5),
     Measurement(lambda _: robustness.claims(), 4.0),
     Measurement(lambda _: lemma_1.claims(), 2.0),
+    Measurement(lambda _: linear_design.claims(), 5.5),
     Measurement(learning.loss_of_learning, 0.1, quick=True),
     Measurement(lambda _: learning.exponential(), 0.3, quick=True),
     Measurement(lambda _: output_feedback(), 0.1, quick=True),

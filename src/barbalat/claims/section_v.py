@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 
 from barbalat.adaptation.laws import LeastSquares
 from barbalat.cases.load import load_case
@@ -47,6 +48,7 @@ def l1(name: str, gamma: float, kappa: float = KAPPA, *, projection: bool = True
     return L1Adaptive(gamma=gamma, filter=input_filter(kappa), projection=projection, name=name)
 
 
+@cache
 def problem() -> Problem:
     """Plant, model, command and known set of Section V."""
     return load_case("paper").problem

@@ -12,8 +12,8 @@ from typing import Any
 
 from matplotlib.figure import Figure
 
-from barbalat.claims.claim import Claim, PaperFigure
-from barbalat.report import maps, page, plots
+from barbalat.claims.claim import Claim, Map, PaperFigure
+from barbalat.report import charts, maps, page, plots
 from barbalat.report.files import write
 from barbalat.result import Result
 
@@ -64,8 +64,12 @@ def draw_reproduction(folder: Path, figures: Sequence[PaperFigure]) -> dict[str,
 
 
 def draw_maps(folder: Path, claims: Sequence[Claim]) -> dict[str, page.Picture]:
-    """Draw every map of the claims into the folder; pictures by the maps' keys."""
-    return {shown.key: _draw(folder, f"map-{shown.key}", maps.draw(shown)) for claim in claims for shown in claim.maps}
+    """Draw every map and chart of the claims into the folder; pictures by their keys."""
+    return {
+        shown.key: _draw(folder, f"map-{shown.key}", maps.draw(shown) if isinstance(shown, Map) else charts.draw(shown))
+        for claim in claims
+        for shown in claim.maps
+    }
 
 
 def write_comparison(folder: Path, case: str, results: Sequence[Result]) -> list[Path]:

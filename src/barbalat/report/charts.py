@@ -1,0 +1,40 @@
+"""Drawings of charts: one line for each thing compared, its end marked where it was lost."""
+
+from __future__ import annotations
+
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from barbalat.claims.claim import Chart
+from barbalat.report.maps import MARKS
+from barbalat.report.plots import COLOURS
+
+PALETTE = (*COLOURS, "black")
+
+
+def draw(shown: Chart) -> Figure:
+    """The chart as a figure."""
+    figure = Figure(figsize=(7, 5.2), layout="constrained")
+    FigureCanvasAgg(figure)
+    axes = figure.add_subplot()
+    end = shown.x.values[-1]
+    any_lost = False
+    for k, curve in enumerate(shown.curves):
+        colour = PALETTE[k % len(PALETTE)]
+        mark = MARKS[k % len(MARKS)]
+        axes.plot(curve.x, curve.y, marker=mark, markersize=3.5, color=colour, linewidth=1.2, label=curve.label)
+        if len(curve.x) and curve.x[-1] < end:
+            axes.plot(curve.x[-1], curve.y[-1], "x", color=colour, markersize=10, markeredgewidth=2)
+            any_lost = True
+    for level in shown.levels:
+        axes.plot(level.x, level.y, color="0.5", linewidth=1, linestyle="--", label=level.label)
+    axes.set(xscale="log", yscale="log", xlabel=shown.x.label, ylabel=shown.quantity)
+    axes.set_xlim(shown.x.values[0], end)
+    axes.grid(visible=True, which="major", linewidth=0.3)
+    axes.set_title(shown.title, fontsize="medium")
+    handles, _ = axes.get_legend_handles_labels()
+    if any_lost:
+        handles.append(Line2D([], [], color="0.3", marker="x", markersize=8, markeredgewidth=2, linestyle="", label=shown.lost))
+    figure.legend(handles=handles, loc="outside lower center", fontsize="small", frameon=False, ncols=3)
+    return figure
