@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from barbalat.adaptation.fixed_sigma import FixedSigma
 from barbalat.adaptation.laws import (
     AdaptiveLaw,
     Gradient,
@@ -19,9 +20,10 @@ from barbalat.adaptation.laws import (
     LeastSquaresBoundedGain,
     LeastSquaresResetting,
 )
+from barbalat.adaptation.switching_sigma import SwitchingSigma
 from barbalat.certify.laws import largest_gain, least_gain
 from barbalat.certify.oscillator import Oscillator
-from barbalat.controllers import NormalizedMrac, RobustMrac
+from barbalat.controllers import L1Adaptive, Mrac, NormalizedMrac, RobustMrac
 from barbalat.controllers.robust_mrac import Equations
 from barbalat.grid import Simulation
 from barbalat.problem import Problem
@@ -49,6 +51,30 @@ def of_lyapunov_law(
         "gamma_max": _largest_gain(largest_root, offset, factor) if np.ndim(gamma) == 0 else None,
         "step_max": oscillator.largest_step(root_g**2),
     }
+
+
+def with_modifications(values: dict[str, Any], controller: Mrac | L1Adaptive, simulation: Simulation) -> dict[str, Any]:
+    """The same with what a leakage and a memory add: a decay of the estimates of their own, up to Gamma (w + gamma_c R).
+
+    A gain at which that ends is not looked for. Where nothing bounds w or R (an epsilon-modification, a memory without
+    forgetting and capacity), there is no step_max.
+    """
+    law, learning = controller.leakage, controller.learning
+    if law is None and learning is None:
+        return values
+    pull = 0.0
+    if isinstance(law, (FixedSigma, SwitchingSigma)):
+        pull += law.sigma
+    elif law is not None:
+        pull = math.inf
+    if learning is not None:
+        held = math.inf if learning.capacity is None else learning.capacity
+        pull += learning.gamma_c * min(
+            held, math.inf if learning.forgetting == 0 else 1 / learning.forgetting
+        )  # of lambda_max(R)
+    alone = simulation.solver.real_limit / (largest_gain(controller.gamma) * pull)
+    step_max = values["step_max"]
+    return values | {"gamma_max": None, "step_max": min(step_max, alone) if step_max and alone else None}
 
 
 def _largest_gain(root_g: float, offset: float, factor: float) -> float | None:

@@ -116,7 +116,9 @@ def _mrac(problem: Problem, controller: Mrac, simulation: Simulation) -> Certifi
             values["error_bound_worst"] = theorem1.mrac_bound(values["nu_0_worst"], laws.least_gain(controller.gamma))
         guaranteed |= {"error_bound", "error_bound_worst"}
     model = theorem1.model_bounds(problem)
-    values |= limits.of_lyapunov_law(problem, controller.gamma, simulation, model.x_m_euclidean, values["nu_0"])
+    values |= limits.with_modifications(
+        limits.of_lyapunov_law(problem, controller.gamma, simulation, model.x_m_euclidean, values["nu_0"]), controller, simulation
+    )
     values |= margins_of(problem, known_parameters(plant, plant.theta), "with the estimates at rest on theta", findings)
     values |= adapting_margins(problem, loop, findings)
     assumptions = [MATCHED, EXACT_START, FROZEN, LINEAR]
@@ -173,7 +175,11 @@ def _l1(problem: Problem, controller: L1Adaptive, simulation: Simulation) -> Cer
     if math.isinf(offset):  # no bound on x: take what the model asks for, and say so
         offset, factor = theorem1.model_bounds(problem).x_m_euclidean, values["nu_0"]
         assumptions.append("|x| in the adaptation frequency is the model's bound plus nu_0/sqrt(Gamma): an estimate")
-    values |= limits.of_lyapunov_law(problem, controller.gamma, simulation, offset, factor, np.linalg.eigvals(C.A))
+    values |= limits.with_modifications(
+        limits.of_lyapunov_law(problem, controller.gamma, simulation, offset, factor, np.linalg.eigvals(C.A)),
+        controller,
+        simulation,
+    )
     if controller.filter is None:
         values |= margins_of(problem, known_parameters(plant, plant.theta), "with the estimates at rest on theta", findings)
     else:
