@@ -1,6 +1,7 @@
 """The designs against python-control's synthesis and norms, against the weights they promise to meet, and by hand."""
 
 import math
+import re
 import sys
 import warnings
 
@@ -8,6 +9,7 @@ import control
 import numpy as np
 import pytest
 
+from barbalat.cases.load import load_case
 from barbalat.certify import linear
 from barbalat.certify.margins import margins
 from barbalat.certify.peaks import PRECISION, peak_gain
@@ -22,6 +24,7 @@ from barbalat.linear_design import (
     pi_feedback,
 )
 from barbalat.linear_design.hinf import BACK_OFF
+from barbalat.regressors import Linear
 from independent import refusal
 
 W = np.geomspace(1e-3, 1e5, 2000)
@@ -141,6 +144,17 @@ def test_the_loop_is_the_one_that_was_designed(section_v):
     T = control.linfnorm(control.feedback(L, 1))[0]
     closed = StateSpace(closed_loop(loop), loop.B, loop.C, 0.0)
     assert peak_gain(closed).gain == pytest.approx(T, rel=3 * PRECISION)
+
+
+@pytest.mark.parametrize("case", ["lateral-aircraft", "wing-rock", "f16-short-period"])
+def test_plants_that_are_no_linear_siso_ones_are_refused(case):
+    """Several inputs, a nonlinear regressor, an unknown input gain: one sentence from the design already."""
+    known = load_case(case).problem.known
+    plain = known.inputs == 1 and not known.uncertainty.gain_unknown and isinstance(known.uncertainty.regressor, Linear)
+    if plain:
+        assert pi_feedback(known).bind(known).K.order == 1
+    else:
+        assert re.search("input|regressor", refusal(lambda: pi_feedback(known)))
 
 
 def test_a_nominal_set_off_zero(section_v):

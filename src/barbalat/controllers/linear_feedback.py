@@ -79,9 +79,7 @@ class LinearFeedback:
             freeze(self, unmodelled=W)
 
     def bind(self, known: Known) -> Equations:
-        require_one_input("linear", known)
-        if not isinstance(known.uncertainty.regressor, LinearRegressor):
-            raise InputError("linear takes plants with the regressor phi(x) = x")
+        require_linear_plant(known)
         middle = np.zeros(known.n) if known.box is None else known.box.middle
         return Equations(
             k_0=known.k_0,
@@ -89,3 +87,10 @@ class LinearFeedback:
             theta_0=middle if self.nominal is None else validate.vector("nominal", self.nominal, known.n),
             K=StateSpace.accept("controller", self.controller),
         )
+
+
+def require_linear_plant(known: Known) -> None:
+    """InputError for several inputs, an unknown input gain, a regressor other than x."""
+    require_one_input("linear", known)
+    if not isinstance(known.uncertainty.regressor, LinearRegressor):
+        raise InputError("linear takes plants with the regressor phi(x) = x")

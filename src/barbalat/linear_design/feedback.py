@@ -27,8 +27,8 @@ def hinf_feedback(
 
     Raises InputError as ``mixed_sensitivity`` does.
     """
-    delay = default_delay(known) if unmodelled_delay is None else unmodelled_delay
     c, model = design_model(known, output)
+    delay = default_delay(known) if unmodelled_delay is None else unmodelled_delay
     K = mixed_sensitivity(model, delay, bandwidth).controller
     return LinearFeedback(controller=K, output=c, nominal=nominal, unmodelled=delay_weight(delay), name=name)
 
@@ -42,7 +42,7 @@ def pi_feedback(
     name: str = "PI",
 ) -> LinearFeedback:
     """The PI design around the nominal plant; parameters as in ``hinf_feedback``. Raises InputError as ``pi_controller`` does."""
-    delay = default_delay(known) if unmodelled_delay is None else unmodelled_delay
     c, model = design_model(known, output)
+    delay = default_delay(known) if unmodelled_delay is None else unmodelled_delay
     K = pi_controller(model, delay)
     return LinearFeedback(controller=K, output=c, nominal=nominal, unmodelled=delay_weight(delay), name=name)

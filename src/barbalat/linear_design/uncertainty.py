@@ -8,6 +8,7 @@ from itertools import product
 import numpy as np
 
 from barbalat import validate
+from barbalat.controllers.linear_feedback import require_linear_plant
 from barbalat.linear import TransferFunction, transfer_function
 from barbalat.problem import Known
 from barbalat.validate import Array, InputError
@@ -17,8 +18,9 @@ def design_model(known: Known, output: Array | None = None) -> tuple[Array, Tran
     """(c, c'(sI - A_m)^-1 b): the plant between u and c'x once the nominal theta'x is cancelled; c is P b by default.
 
     P b makes it strictly positive real, so minimum phase of relative degree one: the choice that limits a linear loop
-    least. Raises InputError for c = 0.
+    least. Raises InputError for c = 0, and for a plant with several inputs, an unknown gain or a regressor other than x.
     """
+    require_linear_plant(known)
     c = known.P @ known.b if output is None else validate.vector("output", output, known.n)
     model = transfer_function(c, known.A_m, known.b)
     if not model.num.any():
