@@ -165,7 +165,7 @@ def _chart(key: str, contestants: list[Contestant], measured: dict[str, Measured
         "weakest; fixed settings of all controllers. " + ("An exact delay at the input, which no controller knows" if delayed else "Without modelling errors"),
         x=Axis("size of the parameters (1: Section V)", SIZES, logarithmic=True),
         quantity="max |e| in the tail",
-        lost=f"above {LOST:g} times the amplitude beyond",
+        lost=f"last size before |e| passes {LOST:g} amplitudes",
         curves=tuple(_until_lost(c.name, getattr(measured[c.name], part)) for c in contestants),
         levels=(level,),
     )  # fmt: skip
