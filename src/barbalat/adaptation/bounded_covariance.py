@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from barbalat import validate
-from barbalat.adaptation import covariance, gain
+from barbalat.adaptation import covariance
 from barbalat.adaptation import dead_zone as zone
 from barbalat.adaptation import leakage as leak
 from barbalat.adaptation.covariance import Memory
@@ -41,10 +40,7 @@ class LeastSquaresBounded:
     dead_zone: zone.DeadZone | None = None
 
     def __post_init__(self) -> None:
-        validate.freeze(self, covariance0=gain.accept("law.covariance0", self.covariance0))
-        validate.freeze(self, forgetting=validate.positive("law.forgetting", self.forgetting))
-        validate.freeze(self, covariance_bound=validate.positive("law.covariance_bound", self.covariance_bound))
-        leak.accept(self.leakage, "least squares", leak.SIGMA, covariance.NOT_PROPORTIONAL)
+        covariance.accept(self, "least squares", leak.SIGMA, covariance.NOT_PROPORTIONAL)
         zone.accept(self.dead_zone)
 
     def initial(self, n: int) -> Memory:

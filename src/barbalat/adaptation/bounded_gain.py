@@ -7,8 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from barbalat import validate
-from barbalat.adaptation import covariance, gain
+from barbalat.adaptation import covariance
 from barbalat.adaptation import dead_zone as zone
 from barbalat.adaptation import leakage as leak
 from barbalat.adaptation.covariance import Memory
@@ -44,10 +43,7 @@ class LeastSquaresBoundedGain:
     dead_zone: zone.DeadZone | None = None
 
     def __post_init__(self) -> None:
-        validate.freeze(self, covariance0=gain.accept("law.covariance0", self.covariance0))
-        validate.freeze(self, forgetting=validate.positive("law.forgetting", self.forgetting))
-        validate.freeze(self, covariance_bound=validate.positive("law.covariance_bound", self.covariance_bound))
-        leak.accept(self.leakage, "bounded-gain forgetting", leak.SWITCHING, covariance.NO_LOWER_BOUND)
+        covariance.accept(self, "bounded-gain forgetting", leak.SWITCHING, covariance.NO_LOWER_BOUND)
         zone.accept(self.dead_zone)
 
     def initial(self, n: int) -> Memory:

@@ -14,9 +14,9 @@ import numpy as np
 
 from barbalat import validate
 from barbalat.adaptation import gain
+from barbalat.adaptation import leakage as leak
 from barbalat.adaptation.dead_zone import DeadZone
 from barbalat.adaptation.law import Estimation
-from barbalat.adaptation.leakage import Leakage
 from barbalat.adaptation.projection import project
 from barbalat.known_set import KnownSet
 from barbalat.protocols import Value
@@ -36,6 +36,16 @@ class Memory(NamedTuple):
     covariance: Value  # (n, n) P(t)
 
 
+def accept(settings: Any, law: str, leakages: tuple[type, ...], reason: str) -> None:
+    """The checks of a least-squares law's constructor; ``leakages`` are those it bears, the reason is for the others."""
+    if hasattr(settings, "covariance0"):
+        validate.freeze(settings, covariance0=gain.accept("law.covariance0", settings.covariance0))
+    for name in ("forgetting", "covariance_bound", "rho_0", "rho_1"):
+        if hasattr(settings, name):
+            validate.freeze(settings, **{name: validate.positive(f"law.{name}", getattr(settings, name))})
+    leak.accept(settings.leakage, law, leakages, reason)
+
+
 def initial(covariance0: Any, n: int, bound: float | None = None) -> Memory:
     """P(0) of a number, a diagonal or a matrix; InputError where it doesn't fit n or exceeds ``bound`` in the Frobenius norm."""
     gain.require_size("law.covariance0", covariance0, n)
@@ -53,7 +63,7 @@ def learn(
     P: Value,
     estimation: Estimation,
     known_set: KnownSet | None,
-    leakage: Leakage | None,
+    leakage: leak.Leakage | None,
     dead_zone: DeadZone | None,
 ) -> tuple[Value, Value]:
     """theta_hat' = proj(P (epsilon phi - w theta_hat)), and what the data take from the covariance: P phi phi'P/m_s^2."""

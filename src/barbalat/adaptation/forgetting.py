@@ -5,8 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from barbalat import validate
-from barbalat.adaptation import covariance, gain
+from barbalat.adaptation import covariance
 from barbalat.adaptation import dead_zone as zone
 from barbalat.adaptation import leakage as leak
 from barbalat.adaptation.covariance import Memory
@@ -36,9 +35,7 @@ class LeastSquaresForgetting:
     dead_zone: zone.DeadZone | None = None
 
     def __post_init__(self) -> None:
-        validate.freeze(self, covariance0=gain.accept("law.covariance0", self.covariance0))
-        validate.freeze(self, forgetting=validate.positive("law.forgetting", self.forgetting))
-        leak.accept(self.leakage, "least squares with forgetting", leak.SWITCHING, "its covariance has no bounds")
+        covariance.accept(self, "least squares with forgetting", leak.SWITCHING, "its covariance has no bounds")
         if self.dead_zone is not None:
             raise InputError(
                 "a dead zone can't go with unbounded forgetting: inside the zone nothing is learnt and the covariance grows like "

@@ -5,8 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from barbalat import validate
-from barbalat.adaptation import covariance, gain
+from barbalat.adaptation import covariance
 from barbalat.adaptation import dead_zone as zone
 from barbalat.adaptation import leakage as leak
 from barbalat.adaptation.covariance import Memory
@@ -36,8 +35,7 @@ class LeastSquares:
     dead_zone: zone.DeadZone | None = None
 
     def __post_init__(self) -> None:
-        validate.freeze(self, covariance0=gain.accept("law.covariance0", self.covariance0))
-        leak.accept(self.leakage, "pure least squares", leak.SWITCHING, covariance.NO_LOWER_BOUND)
+        covariance.accept(self, "pure least squares", leak.SWITCHING, covariance.NO_LOWER_BOUND)
         zone.accept(self.dead_zone)
 
     def initial(self, n: int) -> Memory:

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from barbalat import validate
 from barbalat.adaptation import covariance
 from barbalat.adaptation import dead_zone as zone
 from barbalat.adaptation import leakage as leak
@@ -42,11 +41,9 @@ class LeastSquaresResetting:
     dead_zone: zone.DeadZone | None = None
 
     def __post_init__(self) -> None:
-        validate.freeze(self, rho_0=validate.positive("law.rho_0", self.rho_0))
-        validate.freeze(self, rho_1=validate.positive("law.rho_1", self.rho_1))
+        covariance.accept(self, "least squares", leak.SIGMA, covariance.NOT_PROPORTIONAL)
         if not self.rho_1 < self.rho_0:
             raise InputError(f"law.rho_1 must be below law.rho_0 = {self.rho_0:g}, got {self.rho_1:g}")
-        leak.accept(self.leakage, "least squares", leak.SIGMA, covariance.NOT_PROPORTIONAL)
         zone.accept(self.dead_zone)
 
     def initial(self, n: int) -> Memory:
