@@ -184,6 +184,8 @@ def test_bounds_hold_where_one_direction_is_never_excited(kind):
     norms = [np.linalg.norm(P) for P in covariances]
     assert max(norms) <= bound * (1 + 1e-12)
     assert norms[-1] > 0.99 * bound  # it did want to
+    if kind is LeastSquaresBounded:  # (P^-1)' <= -beta P^-1 + I or 0, so P^-1 <= I/beta: what a fixed sigma needs
+        assert np.linalg.eigvalsh(covariances)[:, 0].min() > 0.5 * (1 - 1e-3)
     values = [V(*pair) for pair in zip(estimates, covariances, strict=True)]
     assert (np.diff(values) <= 1e-4 * values[0]).all()  # as above
     # with the other direction at its bound nothing is forgotten, and the learning goes like 1/t: 4/60
