@@ -14,11 +14,12 @@ from typing import Any
 
 import numpy as np
 
-from barbalat.certify import theorem1
+from barbalat.certify import over_known_set, theorem1
 from barbalat.certify.l1 import Enclosure, l1_norm
 from barbalat.certify.loop_values import margins_of
 from barbalat.certify.margins import sensitivity
 from barbalat.certify.robust import MatchedFamily, RobustStability, robust_stability
+from barbalat.certify.worst_case import Family
 from barbalat.controllers import LinearFeedback, linear_feedback
 from barbalat.known_set import KnownSet, ParameterBox
 from barbalat.linear import StateSpace, TransferFunction
@@ -74,6 +75,8 @@ def certificate_values(problem: Problem, controller: LinearFeedback) -> tuple[di
         if not known_set.contains(problem.plant.theta):
             findings.append("the true theta lies outside the known set: the bound of the error does not hold")
     values |= margins_of(problem, loop_at(problem.plant.theta, equations, known), "with the true parameters", findings)
+    family = Family(problem.plant, lambda plant: loop_at(plant.theta, equations, known))
+    values |= over_known_set.fixed(problem, family, findings)
     centre = problem.plant.theta if known_set is None else known_set.middle
     values |= robustness(loop_at(centre, equations, known), known_set, controller.unmodelled, findings)
     return values, guaranteed, findings

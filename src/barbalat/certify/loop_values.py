@@ -14,6 +14,9 @@ from barbalat.linear import StateSpace
 from barbalat.problem import Problem
 from barbalat.validate import InputError
 
+KEYS = {"delay": "delay_margin", "phase": "phase_margin", "gain_up": "gain_margin", "gain_down": "gain_reduction_margin"}
+"""The certificate's names of what ``Margins`` holds."""
+
 
 def margins_of(problem: Problem, loop: StateSpace, which: str, findings: list[str]) -> dict[str, Any]:
     """Margins of the loop with the plant's input dynamics in it; the delay margin is what is left beside the plant's delay."""
@@ -32,11 +35,10 @@ def margins_of(problem: Problem, loop: StateSpace, which: str, findings: list[st
             )
             return {}
         return {"delay_margin": finite(left), "margins_of": f"the linear loop {which}, beside the delay the plant has"}
-    return {
-        "delay_margin": finite(found.delay),
-        "phase_margin": finite(found.phase),
-        "gain_margin": finite(found.gain_up),
-        "gain_reduction_margin": found.gain_down,
+    values = {key: finite(getattr(found, name)) for name, key in KEYS.items()}
+    unlimited = [key for key, value in values.items() if value is None]
+    return values | {
+        "unlimited": unlimited or None,
         "sensitivity_peak": peak_gain(sensitivity(loop)).gain,
         "complementary_sensitivity_peak": peak_gain(complementary_sensitivity(loop)).gain,
         "margins_of": f"the linear loop {which}, broken at the plant input",

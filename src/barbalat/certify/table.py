@@ -8,8 +8,21 @@ from typing import Any
 
 import numpy as np
 
-from barbalat.certify import laws, limits, linear, theorem1
+from barbalat.certify import laws, limits, linear, over_known_set, theorem1
 from barbalat.certify.certificate import Certificate
+from barbalat.certify.common import (
+    BEYOND,
+    CONTINUOUS,
+    EXACT_START,
+    FROZEN,
+    IN_THE_SET,
+    LINEAR,
+    MATCHED,
+    OUTSIDE,
+    TRIED,
+    finish,
+    parameter_errors,
+)
 from barbalat.certify.loop_values import adapting_margins, finite, margins_of
 from barbalat.certify.loops import fast_adaptation, known_parameters
 from barbalat.closed_loop import ClosedLoop
@@ -19,17 +32,6 @@ from barbalat.linear import StateSpace
 from barbalat.problem import Problem
 from barbalat.protocols import Controller
 from barbalat.validate import InputError
-
-MATCHED = "the plant is (1): matched uncertainty, no unmodelled dynamics, continuous time"
-NO_DISTURBANCE = "no disturbance acts"
-EXACT_START = "x_m(0) = x(0), and the predictor starts there too"
-IN_THE_SET = "theta and theta_hat(0) lie in the known set, and the estimates are projected onto it"
-TRIED = "mu is exact at the frequencies that were tried: a grid, the critical ones, and each peak refined; not between them"
-CONTINUOUS = "bounds and margins are of the continuous controller: estimates for the sampled one"
-OUTSIDE = "the true theta lies outside the known set: with projection, none of the bounds holds"
-BEYOND = "conditions, limits and margins are known for one input with phi(x) = x and a known gain: not for this plant"
-FROZEN = "gamma_max and step_max freeze the state or the regressor in the plain adaptive law: estimates, no guarantee"
-LINEAR = "margins are exact for the linear loop named, not for the adaptive loop in motion"
 
 
 def certify(problem: Problem, controllers: tuple[Controller, ...], simulation: Simulation) -> dict[str, Certificate]:
@@ -59,7 +61,7 @@ def _beyond_the_paper(problem: Problem, controller: Controller) -> Certificate:
     """Several inputs, a regressor other than x, an unknown input gain: the Lyapunov bound, which none of these changes."""
     loop = ClosedLoop.of(problem, controller)
     if loop.parameters == 0:
-        return _finish(problem, {}, set(), [MATCHED], [BEYOND])
+        return finish(problem, {}, set(), [MATCHED], [BEYOND])
     error = theorem1.initial_parameter_error(loop.equations.initial().theta_hat, problem.parameters)  # type: ignore[attr-defined]
     values: dict[str, Any] = {"nu_0": theorem1.nu_0(error, problem.known)}
     guaranteed = {"nu_0"}
@@ -76,7 +78,7 @@ def _beyond_the_paper(problem: Problem, controller: Controller) -> Certificate:
         assumptions.insert(1, IN_THE_SET)
     if problem.known.box is not None and not problem.known.box.contains(problem.parameters):
         findings.append(OUTSIDE)
-    return _finish(problem, values, guaranteed, assumptions, findings)
+    return finish(problem, values, guaranteed, assumptions, findings)
 
 
 def _sampled(continuous: Certificate, controller: Sampled) -> Certificate:
@@ -103,9 +105,8 @@ def _sampled(continuous: Certificate, controller: Sampled) -> Certificate:
 
 
 def _mrac(problem: Problem, controller: Mrac, simulation: Simulation) -> Certificate:
-    plant = problem.plant
     loop = ClosedLoop.of(problem, controller)
-    values, findings = _parameter_errors(problem, loop)
+    values, findings = parameter_errors(problem, loop)
     guaranteed = {"nu_0", "nu_0_worst"}
     void = laws.why_no_bound(controller, problem)
     if void is not None:
@@ -119,21 +120,21 @@ def _mrac(problem: Problem, controller: Mrac, simulation: Simulation) -> Certifi
     values |= limits.with_modifications(
         limits.of_lyapunov_law(problem, controller.gamma, simulation, model.x_m_euclidean, values["nu_0"]), controller, simulation
     )
-    values |= margins_of(problem, known_parameters(plant, plant.theta), "with the estimates at rest on theta", findings)
+    values |= _margins_at_rest(problem, findings)
     values |= adapting_margins(problem, loop, findings)
     assumptions = [MATCHED, EXACT_START, FROZEN, LINEAR]
     equations: Any = loop.equations
     if equations.box is not None:
         assumptions.insert(1, IN_THE_SET)
-    return _finish(problem, values, guaranteed, assumptions, findings)
+    return finish(problem, values, guaranteed, assumptions, findings)
 
 
 def _l1(problem: Problem, controller: L1Adaptive, simulation: Simulation) -> Certificate:
-    known, plant = problem.known, problem.plant
+    known = problem.known
     loop = ClosedLoop.of(problem, controller)
     equations: Any = loop.equations
     C: StateSpace = equations.C
-    values, findings = _parameter_errors(problem, loop)
+    values, findings = parameter_errors(problem, loop)
     guaranteed = {"nu_0", *(key for key in ("nu_0_worst",) if key in values)}
     assumptions = [MATCHED, EXACT_START, "the filter starts at rest", FROZEN, LINEAR]
     offset, factor = math.inf, math.inf
@@ -181,17 +182,25 @@ def _l1(problem: Problem, controller: L1Adaptive, simulation: Simulation) -> Cer
         simulation,
     )
     if controller.filter is None:
-        values |= margins_of(problem, known_parameters(plant, plant.theta), "with the estimates at rest on theta", findings)
+        values |= _margins_at_rest(problem, findings)
     else:
         values |= _margins_of_the_limit(problem, equations, assumptions, findings)
     values |= adapting_margins(problem, loop, findings)
-    return _finish(problem, values, guaranteed, assumptions, findings)
+    return finish(problem, values, guaranteed, assumptions, findings)
+
+
+def _margins_at_rest(problem: Problem, findings: list[str]) -> dict[str, Any]:
+    """Of the loop with C = 1, at the case's theta and over the known set."""
+    plant = problem.plant
+    values = margins_of(problem, known_parameters(plant, plant.theta), over_known_set.AT_REST, findings)
+    return values | over_known_set.at_rest(problem, findings)
 
 
 def _margins_of_the_limit(problem: Problem, equations: Any, assumptions: list[str], findings: list[str]) -> dict[str, Any]:
     """Margins and mu of what L1-AC tends to for fast adaptation: a linear controller with S = 1 - C at theta = 0."""
     plant, C, known_set = problem.plant, equations.C, equations.box
-    values = margins_of(problem, fast_adaptation(plant, C), "in the limit of fast adaptation", findings)
+    values = margins_of(problem, fast_adaptation(plant, C), over_known_set.FAST, findings)
+    values |= over_known_set.filtered(problem, C, findings)
     if known_set is not None:
         at_centre = fast_adaptation(replace(plant, theta=known_set.middle), C)
         values |= linear.robustness(at_centre, known_set, None, findings)
@@ -203,13 +212,13 @@ def _normalized(problem: Problem, controller: RobustMrac | NormalizedMrac, simul
     """What is guaranteed is Lemma 1's boundedness and convergence; its constants are not computable from the case."""
     plant = problem.plant
     loop = ClosedLoop.of(problem, controller)
-    values, findings = _parameter_errors(problem, loop)
+    values, findings = parameter_errors(problem, loop)
     del values["nu_0"]
     values.pop("nu_0_worst", None)
     values["initial_parameter_error"] = theorem1.initial_parameter_error(loop.equations.initial().theta_hat, plant.theta)  # type: ignore[attr-defined]
     equations: Any = loop.equations
     values |= limits.of_parametric_model(problem, controller, equations, simulation)
-    values |= margins_of(problem, known_parameters(plant, plant.theta), "with the estimates at rest on theta", findings)
+    values |= _margins_at_rest(problem, findings)
     if isinstance(controller, RobustMrac):
         values["tau_below"] = 1 / controller.normalization.delta_0  # Theorem 2: tau in (tau_min, 1/delta_0)
         if not controller.tau < values["tau_below"]:
@@ -224,45 +233,11 @@ def _normalized(problem: Problem, controller: RobustMrac | NormalizedMrac, simul
         laws.convergence(controller.law) + "; no number bounds e",
         LINEAR,
     ]
-    return _finish(problem, values, {"initial_parameter_error"}, assumptions, findings)
+    return finish(problem, values, {"initial_parameter_error"}, assumptions, findings)
 
 
 def _linear(problem: Problem, controller: LinearFeedback) -> Certificate:
     """The error's bound in Theorem 1's form, margins and peaks on the true plant, mu of the family."""
     values, guaranteed, findings = linear.certificate_values(problem, controller)
     assumptions = [MATCHED, "x_m(0) = x(0), and K(s) starts at rest", "theta lies in the known set", TRIED]
-    return _finish(problem, values, guaranteed, assumptions, findings)
-
-
-def _parameter_errors(problem: Problem, loop: ClosedLoop) -> tuple[dict[str, Any], list[str]]:
-    """nu_0 for the case's theta, and for the worst theta in the known set."""
-    theta_hat0 = loop.equations.initial().theta_hat  # type: ignore[attr-defined]
-    known, box = problem.known, problem.uncertainty
-    findings: list[str] = []
-    values: dict[str, Any] = {"nu_0": theorem1.nu_0(theorem1.initial_parameter_error(theta_hat0, problem.plant.theta), known)}
-    if box is not None:
-        worst = theorem1.largest_parameter_error(theta_hat0, box)
-        values["nu_0_worst"] = theorem1.nu_0(worst, known)
-        if not box.contains(problem.plant.theta):
-            findings.append(OUTSIDE)
-    return values, findings
-
-
-def _finish(
-    problem: Problem, values: dict[str, Any], guaranteed: set[str], assumptions: list[str], findings: list[str]
-) -> Certificate:
-    if problem.disturbance is None and not problem.unmatched:
-        assumptions.append(NO_DISTURBANCE)
-    elif problem.disturbance is not None:
-        findings.append("a disturbance acts: the bounds (9) and (10) don't cover it")
-        guaranteed = guaranteed - {"error_bound", "error_bound_worst"}
-    unmodelled_gain = problem.input_gain is None and any(path.gain != 1 for path in problem.plant.paths)
-    if unmodelled_gain or problem.delay > 0 or not all(path.is_static_gain for path in problem.plant.paths):
-        findings.append("the plant has unmodelled dynamics or limits at its input: the bounds (9) and (10) don't cover them")
-        guaranteed = guaranteed - {"error_bound", "error_bound_worst"}
-    if problem.unmatched or problem.sensor is not None:
-        findings.append("unmatched disturbances, sensor lag and noise are not covered by bounds and margins")
-        guaranteed = guaranteed - {"error_bound", "error_bound_worst"}
-    if any("outside the known set" in finding for finding in findings):
-        guaranteed = guaranteed & {"norms", "condition", "kappa_admissible", "kappa_max"}
-    return Certificate(values, frozenset(guaranteed), tuple(assumptions), tuple(findings))
+    return finish(problem, values, guaranteed, assumptions, findings)

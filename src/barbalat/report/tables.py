@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 from rich.console import Console
 from rich.table import Table
@@ -93,11 +94,28 @@ def certificate(name: str, found: Certificate) -> Table:
         elif key == "condition":
             verdict = "[green]holds[/green]" if value["holds"] else "[red]not shown to hold[/red]"
             table.add_row(f"||{value.get('of', 'W_b (1 - C)')}||_1 theta_max < 1", f"{value['value_upper']:.6g}: {verdict}", kind)
+        elif key == "margins_over_known_set":
+            for entry in value:
+                _worst_case(table, entry)
+        elif key == "unlimited":
+            table.add_row(key, ", ".join(value), kind)
         else:
             table.add_row(
                 key, f"{value:.6g}" if isinstance(value, float) else value if isinstance(value, str) else number_text(value), kind
             )
     return table
+
+
+def _worst_case(table: Table, entry: dict[str, Any]) -> None:
+    """Rows for the margins of one linear loop over the known set."""
+    table.add_row("over the known set", f"{entry['of']}; searched: {entry['searched']}", "")
+    for key, value in entry.items():
+        if isinstance(value, dict):
+            table.add_row(f"  {key}", f"{value['value']:.6g} at theta = [{number_text(value['theta'])}]", "")
+    if entry["unlimited"]:
+        table.add_row("  unlimited", ", ".join(entry["unlimited"]), "")
+    if "unstable_at" in entry:
+        table.add_row("  unstable at", f"theta = [{number_text(entry['unstable_at'])}]", "")
 
 
 def console(*, to_standard_error: bool = False) -> Console:

@@ -1,0 +1,56 @@
+"""What the certificates of all schemes share: their assumptions as sentences, parameter errors, what a case takes away."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from barbalat.certify import theorem1
+from barbalat.certify.certificate import Certificate
+from barbalat.closed_loop import ClosedLoop
+from barbalat.problem import Problem
+
+MATCHED = "the plant is (1): matched uncertainty, no unmodelled dynamics, continuous time"
+NO_DISTURBANCE = "no disturbance acts"
+EXACT_START = "x_m(0) = x(0), and the predictor starts there too"
+IN_THE_SET = "theta and theta_hat(0) lie in the known set, and the estimates are projected onto it"
+TRIED = "mu is exact at the frequencies that were tried: a grid, the critical ones, and each peak refined; not between them"
+CONTINUOUS = "bounds and margins are of the continuous controller: estimates for the sampled one"
+OUTSIDE = "the true theta lies outside the known set: with projection, none of the bounds holds"
+BEYOND = "conditions, limits and margins are known for one input with phi(x) = x and a known gain: not for this plant"
+FROZEN = "gamma_max and step_max freeze the state or the regressor in the plain adaptive law: estimates, no guarantee"
+LINEAR = "margins are exact for the linear loop named, not for the adaptive loop in motion"
+
+
+def parameter_errors(problem: Problem, loop: ClosedLoop) -> tuple[dict[str, Any], list[str]]:
+    """nu_0 for the case's theta, and for the worst theta in the known set."""
+    theta_hat0 = loop.equations.initial().theta_hat  # type: ignore[attr-defined]
+    known, box = problem.known, problem.uncertainty
+    findings: list[str] = []
+    values: dict[str, Any] = {"nu_0": theorem1.nu_0(theorem1.initial_parameter_error(theta_hat0, problem.plant.theta), known)}
+    if box is not None:
+        worst = theorem1.largest_parameter_error(theta_hat0, box)
+        values["nu_0_worst"] = theorem1.nu_0(worst, known)
+        if not box.contains(problem.plant.theta):
+            findings.append(OUTSIDE)
+    return values, findings
+
+
+def finish(
+    problem: Problem, values: dict[str, Any], guaranteed: set[str], assumptions: list[str], findings: list[str]
+) -> Certificate:
+    """The certificate, less the guarantees that what acts on the plant takes away."""
+    if problem.disturbance is None and not problem.unmatched:
+        assumptions.append(NO_DISTURBANCE)
+    elif problem.disturbance is not None:
+        findings.append("a disturbance acts: the bounds (9) and (10) don't cover it")
+        guaranteed = guaranteed - {"error_bound", "error_bound_worst"}
+    unmodelled_gain = problem.input_gain is None and any(path.gain != 1 for path in problem.plant.paths)
+    if unmodelled_gain or problem.delay > 0 or not all(path.is_static_gain for path in problem.plant.paths):
+        findings.append("the plant has unmodelled dynamics or limits at its input: the bounds (9) and (10) don't cover them")
+        guaranteed = guaranteed - {"error_bound", "error_bound_worst"}
+    if problem.unmatched or problem.sensor is not None:
+        findings.append("unmatched disturbances, sensor lag and noise are not covered by bounds and margins")
+        guaranteed = guaranteed - {"error_bound", "error_bound_worst"}
+    if any("outside the known set" in finding for finding in findings):
+        guaranteed = guaranteed & {"norms", "condition", "kappa_admissible", "kappa_max"}
+    return Certificate(values, frozenset(guaranteed), tuple(assumptions), tuple(findings))

@@ -1,0 +1,77 @@
+"""The margins of linear loops over the known set, under the certificate's keys."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+
+from barbalat.certify.loop_values import KEYS
+from barbalat.certify.loops import fast_adaptation, known_parameters
+from barbalat.certify.worst_case import Family, WorstCase, worst_case
+from barbalat.known_set import KnownSet
+from barbalat.linear import StateSpace
+from barbalat.plant import Plant
+from barbalat.problem import Problem
+
+AT_REST = "with the estimates at rest on theta"
+FAST = "in the limit of fast adaptation"
+
+
+def at_rest(problem: Problem, findings: list[str]) -> dict[str, Any]:
+    """Of the loop that every scheme with C = 1 becomes; nothing without a known set."""
+    known_set = problem.uncertainty
+    return {} if known_set is None else _values(problem, [(AT_REST, _worst_at_rest(problem.plant, known_set))], findings)
+
+
+def filtered(problem: Problem, C: StateSpace, findings: list[str]) -> dict[str, Any]:
+    """Of L1-AC's two readings: in the limit of fast adaptation, and with the estimates at rest."""
+    known_set = problem.uncertainty
+    if known_set is None:
+        return {}
+    families = {
+        FAST: Family(problem.plant, lambda plant: fast_adaptation(plant, C)),
+        AT_REST: Family(problem.plant, lambda plant: known_parameters(plant, plant.theta, C)),
+    }
+    return _values(problem, [(which, worst_case(family, known_set)) for which, family in families.items()], findings)
+
+
+def fixed(problem: Problem, family: Family, findings: list[str]) -> dict[str, Any]:
+    """Of a linear controller's loop."""
+    known_set = problem.uncertainty
+    return {} if known_set is None else _values(problem, [("with a fixed controller", worst_case(family, known_set))], findings)
+
+
+@lru_cache(maxsize=16)
+def _worst_at_rest(plant: Plant, known_set: KnownSet) -> WorstCase:
+    """Several schemes of one case share it."""
+    return worst_case(Family(plant, lambda plant: known_parameters(plant, plant.theta)), known_set)
+
+
+def _values(problem: Problem, found: list[tuple[str, WorstCase]], findings: list[str]) -> dict[str, Any]:
+    return {"margins_over_known_set": [_entry(problem, which, worst, findings) for which, worst in found]}
+
+
+def _entry(problem: Problem, which: str, worst: WorstCase, findings: list[str]) -> dict[str, Any]:
+    """JSON for one loop: each finite margin with its theta; beside a delay of the plant, what is left of the delay margin."""
+    entry: dict[str, Any] = {"of": f"the linear loop {which}", "searched": worst.searched, "unlimited": []}
+    unstable_at = worst.unstable_at
+    if unstable_at is None:
+        delay, theta = worst.least["delay"]
+        if delay <= problem.delay > 0:
+            unstable_at = theta
+    if unstable_at is not None:
+        findings.append(
+            f"linear loop {which}: unstable at theta = [{', '.join(f'{v:.4g}' for v in unstable_at)}] of the known set"
+        )
+        return entry | {"unstable_at": unstable_at.tolist()}
+    for name, (value, theta) in worst.least.items():
+        if problem.delay > 0 and name != "delay":
+            continue
+        left = value - problem.delay if name == "delay" else value
+        if np.isfinite(left):
+            entry[KEYS[name]] = {"value": left, "theta": theta.tolist()}
+        else:
+            entry["unlimited"].append(KEYS[name])
+    return entry
