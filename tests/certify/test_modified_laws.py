@@ -19,6 +19,7 @@ from barbalat import (
     Mrac,
     NormalizedMrac,
     ParameterBall,
+    ParameterBox,
     Sampled,
     SwitchingSigma,
     input_filter,
@@ -102,6 +103,17 @@ def test_no_bound_is_given_where_V_may_grow(problems, name):
         assert not {"error_bound", "error_bound_worst", "nu_1", "nu_2"} & found.values.keys()
         assert not {"error_bound", "error_bound_worst", "nu_1", "nu_2"} & found.guaranteed
         assert any("bound" in finding or "M_0" in finding for finding in found.findings)
+
+
+def test_M_0_may_be_the_set_itself(problems):
+    """Exactly: a ball of radius 6 about zero, the corner (3, 4) of a box; and a few roundings less do not do."""
+    given = problems[2]
+    ball = replace(given, uncertainty=ParameterBall(center=[0.0, 0.0], radius=6.0))
+    box = replace(given, uncertainty=ParameterBox(lower=[-3.0, -4.0], upper=[3.0, 4.0]))
+    for problem, M_0 in ((ball, 6.0), (box, 5.0), (replace(given, uncertainty=None), float(np.hypot(1, 0.5)) * (1 + 1e-15))):
+        for value, holds in ((M_0, True), (M_0 * (1 - 4e-15), False)):
+            controller = Mrac(gamma=1.0, leakage=SwitchingSigma(sigma=0.1, M_0=value))
+            assert (laws.why_no_bound(controller, problem) is None) == holds
 
 
 def test_a_fixed_sigma_does_break_the_bound(problems):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import math
+from fractions import Fraction
 from typing import Any
 
 import numpy as np
@@ -16,6 +16,7 @@ from barbalat.adaptation.switching_sigma import SwitchingSigma
 from barbalat.certify.l1 import float_above
 from barbalat.certify.theorem1 import OUTWARD, mrac_bound, nu_0, smallest_eigenvalue
 from barbalat.controllers import L1Adaptive, Mrac
+from barbalat.known_set import ParameterBall, ParameterBox
 from barbalat.problem import Problem
 from barbalat.validate import Array
 
@@ -58,14 +59,30 @@ def why_no_bound(controller: Mrac | L1Adaptive, problem: Problem) -> str | None:
     if controller.dead_zone is not None:
         return "inside the dead zone nothing is learnt, so the bounds (9) and (10) don't hold"
     if isinstance(controller.leakage, SwitchingSigma):
-        known_set, theta = problem.uncertainty, problem.plant.theta
-        reach = math.hypot(*theta) if known_set is None else max(math.hypot(*theta), known_set.farthest(np.zeros(known_set.size)))
-        if reach * OUTWARD <= controller.leakage.M_0:
+        M_0 = controller.leakage.M_0
+        if _all_within(M_0, problem):
             return None
-        return f"the switching sigma's M_0 = {controller.leakage.M_0:g} is below the largest |theta| = {reach:.4g} to be covered"
+        return f"the switching sigma's M_0 = {M_0:g} does not bound |theta| over the known set and the case's theta"
     if controller.leakage is not None:
         return f"{type(controller.leakage).__name__} pulls the estimates to zero, so the bounds (9) and (10) don't hold"
     return None
+
+
+def _all_within(M_0: float, problem: Problem) -> bool:
+    """Whether |theta|_2 <= M_0 for the case's theta and for all of the known set, in exact arithmetic."""
+
+    def squares(values: Array) -> Fraction:
+        return sum((Fraction(value) ** 2 for value in values.ravel().tolist()), Fraction(0))
+
+    known_set, bound = problem.uncertainty, Fraction(M_0)
+    if squares(problem.plant.theta) > bound**2:
+        return False
+    if isinstance(known_set, ParameterBox):
+        return squares(np.maximum(np.abs(known_set.lower), np.abs(known_set.upper))) <= bound**2
+    if isinstance(known_set, ParameterBall):
+        room = bound - Fraction(known_set.radius)
+        return room >= 0 and squares(known_set.center) <= room**2
+    return True
 
 
 def convergence(law: AdaptiveLaw) -> str:
