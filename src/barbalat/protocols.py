@@ -64,6 +64,15 @@ class Equations(Protocol):
         ...
 
 
+@runtime_checkable
+class Estimating(Protocol):
+    """Equations, sampled or not, of a scheme that estimates, and whose excitation can therefore be measured along a run."""
+
+    def regressor_at(self, state: Any, x: Value, u: Value) -> Value:
+        """What multiplies the parameters in the law, (p,) or (p, m); normalised where the law normalises it."""
+        ...
+
+
 class Sample(NamedTuple):
     """What a sampled controller measures at one instant."""
 

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from barbalat.adapting import Adapting, adapting, regressor_along
 from barbalat.certify.finer_step import FinerStep
 from barbalat.certify.numerics import Stiffness
 from barbalat.closed_loop import ClosedLoop
@@ -32,6 +34,7 @@ class Envelope:
     u_max: Array
     theta_hat_min: Array
     theta_hat_max: Array
+    theta_hat_path: Array  # the sum of |change| over the steps
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -99,6 +102,16 @@ class Result:
         limit = f"{s.solver.imaginary_limit:.3g} on the imaginary axis, {s.solver.real_limit:.3g} on the real one"
         text = f"{s.solver.name}, h = {s.dt:g} s, h |lambda| <= {self.stiffness.h_lambda_max:.3g}; the solver's limit is {limit}"
         return "; ".join([text, *([self.label] if self.label else []), *([self.check.sentence] if self.check else [])])
+
+    @cached_property
+    def adapting(self) -> Adapting | None:
+        """Excitation, distance moved, time on the bounds, warnings; ``None`` without estimates or without two instants."""
+        if self.theta_hat.shape[1] == 0 or len(self.t) < 2:
+            return None
+        envelope, loop = self.envelope, self.loop
+        extrema = envelope.theta_hat_min, envelope.theta_hat_max
+        phi = regressor_along(loop, self.states, self.u)
+        return adapting(loop, self.t, self.theta_hat, extrema, envelope.theta_hat_path, phi, self.problem.parameters)
 
     def columns(self) -> dict[str, Array]:
         """Scalar time series by name: x_1 ... u, r, theta_hat_1 ..., each (K,)."""

@@ -75,7 +75,10 @@ def _result(problem: Problem, controller: Controller, simulation: Simulation, lo
     e, u, theta_hat, x, x_m = (np.asarray(value).T for value in output_function(loop)(states.T, signals))
     at = batch.totals.at
     extrema = [(quantity, side) for quantity in ("e", "u", "theta_hat") for side in ("min", "max")]
-    envelope = Envelope(**{f"{quantity}_{side}": accumulators[:, at[quantity, side]] for quantity, side in extrema})
+    envelope = Envelope(
+        **{f"{quantity}_{side}": accumulators[:, at[quantity, side]] for quantity, side in extrema},
+        theta_hat_path=accumulators[:, at["variation", "sum"]],
+    )
     return Result(
         problem=problem,
         controller=controller,

@@ -66,6 +66,11 @@ def execute(options: argparse.Namespace) -> int:
     console.print(tables.figures_of_runs(results))
     for result in results:
         console.print(f"{result.name}: {result.numerics}")
+    if any(result.adapting is not None for result in results):
+        console.print(tables.adapting_of_runs(results))
+    for result in results:
+        for warning in () if result.adapting is None else result.adapting.warnings:
+            console.print(f"[yellow]{result.name}: {warning}[/yellow]")
     if folder is not None:
         console.print(f"written to {folder}")
     return 0

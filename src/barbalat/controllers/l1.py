@@ -66,6 +66,9 @@ class Equations:
             return wanted / omega_hat  # C = 1
         return wanted - omega_hat * self.C.output(state.filter, 0 * wanted)
 
+    def regressor_at(self, state: State, x: Value, u: Value) -> Value:
+        return self.uncertainty.with_input(x, u)
+
     def derivative(self, state: State, x: Value, x_m: Value, r: Value, u: Value) -> State:
         x_tilde = x - state.x_hat
         law = self.modifications

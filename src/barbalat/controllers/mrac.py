@@ -50,6 +50,9 @@ class Equations:
         theta_hat, omega_hat = self.uncertainty.split(state.theta_hat)
         return (-self.uncertainty.phi(x).T @ theta_hat + np.dot(self.k_0, r)) / omega_hat  # (3)
 
+    def regressor_at(self, state: State, x: Value, u: Value) -> Value:
+        return self.uncertainty.with_input(x, u)
+
     def derivative(self, state: State, x: Value, x_m: Value, r: Value, u: Value) -> State:
         e = x - x_m
         phi, known = self.uncertainty.with_input(x, u), self.uncertainty.known_input(u)

@@ -64,6 +64,10 @@ class Equations:
         m_s_squared = self.normalization.m_s_squared(phi, state.n_d)  # (16)
         return Estimation(phi, m_s_squared, (z - state.theta_hat @ phi) / m_s_squared)
 
+    def regressor_at(self, state: State, x: Value, u: Value) -> Value:
+        estimation = self.estimation(state, x)
+        return estimation.phi / np.sqrt(estimation.m_s_squared)
+
     def auxiliary_input_argument(self, state: State, x: Value) -> Value:
         """What -Q(s) filters. The paper prints the second term with the opposite sign: an erratum, see the class RobustMrac."""
         estimation = self.estimation(state, x)

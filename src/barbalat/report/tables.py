@@ -46,6 +46,19 @@ def figures_of_runs(results: Sequence[Result]) -> Table:
     return table
 
 
+def adapting_of_runs(results: Sequence[Result]) -> Table:
+    """One row for each controller that estimates: is it adapting?"""
+    table = Table(title="Is it adapting?", caption="path: the sum of every step's change", pad_edge=False)
+    for heading in ("controller", "moved, net", "path", "path in the tail", "on its bounds", "excitation"):
+        table.add_column(heading, overflow="fold")
+    for result in results:
+        if result.adapting is not None:
+            found = result.adapting
+            moved = (number_text(value.tolist(), "\n") for value in (found.net, found.path, found.tail_path))
+            table.add_row(result.name, *moved, found.on_bounds_text, found.excitation_text, end_section=True)
+    return table
+
+
 def number_text(value: float | list[float] | None, separator: str = ", ") -> str:
     """A figure for people: four digits, components with a separator between."""
     if isinstance(value, list):

@@ -51,6 +51,7 @@ def run_block(result: Result) -> dict[str, Any]:
         "h_lambda_max": found.h_lambda_max,
         "numerically_unstable_at": found.unstable_from,
         "finer_step": check,
+        "adapting": None if result.adapting is None else result.adapting.as_json(),
     }
 
 

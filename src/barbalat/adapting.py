@@ -1,0 +1,232 @@
+"""Is it adapting? Excitation of the regressor, distance moved by the estimates, time on the projection bounds.
+
+What moves faster than the record is not lost: the distance is summed over every step, and a share of time on the bounds is
+enclosed by what is known of every step. Only the excitation is an integral over recorded instants, and says so.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from barbalat.closed_loop import ClosedLoop, column, symbols
+from barbalat.known_set import ParameterBall, ParameterBox
+from barbalat.protocols import Estimating
+from barbalat.validate import Array
+
+HARDLY_MOVES = 0.01
+"""Of the initial parameter error: whoever has moved less in all has learnt nothing that shows."""
+MOST_OF_THE_TIME = 0.5
+SWEPT = 0.1
+"""Of the time within recorded intervals in which an estimate met both of its bounds."""
+UNEXCITED = 1e-6
+"""Of the windowed correlation matrix' least eigenvalue, 1 for orthogonal components, and of a mean square relative to before:
+an amplitude of a thousandth, below which a direction is not seen."""
+WINDOWS = 40
+"""Windows that are laid over a run, overlapping."""
+COARSE = 0.1
+"""Of what the record's decimation does to the excitation; twenty instants for each period of the regressor stay below it."""
+
+
+class Excitation(NamedTuple):
+    """Persistent excitation: the least eigenvalue of 1/T times the integral of phi phi' over windows of length T.
+
+    level        the least over all windows, in the regressor's units squared
+    tail         that of the last quarter of the run
+    conditioning the least eigenvalue in the tail when phi is scaled to unit mean square in each component: 0 ... 1
+    fading       mean square of phi in the tail, relative to that of the window where it is largest
+    window       T [s]
+    sampling     how far the decimation of the record is felt: the relative change of ``tail`` when every second instant is left
+                 out, or the mean square change of phi from instant to instant over its mean square, whichever is more
+    """
+
+    level: float
+    tail: float
+    conditioning: float
+    fading: float
+    window: float
+    sampling: float
+
+
+class OnBounds(NamedTuple):
+    """Shares of the time, each (p,): on a bound at least and at most; both bounds met within one recorded interval."""
+
+    least: Array
+    most: Array
+    swept: Array
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Adapting:
+    """What a run's estimates did.
+
+    net         (p,) theta_hat at the end less that at the start
+    path        (p,) sum of |change of theta_hat| over every step
+    tail_path   (p,) the same in the last quarter
+    on_bounds   with a box as known set; ``None`` without projection
+    on_sphere   share of the recorded instants on the surface of a ball; ``None`` without one
+    excitation  ``None`` where the scheme has no regressor or the run is too short
+    """
+
+    net: Array
+    path: Array
+    tail_path: Array
+    on_bounds: OnBounds | None
+    on_sphere: float | None
+    excitation: Excitation | None
+    warnings: tuple[str, ...]
+
+    @property
+    def on_bounds_text(self) -> str:
+        """The share of time on the bounds, a line for each estimate."""
+        if self.on_bounds is not None:
+            return "\n".join(
+                share_text(least, most) for least, most in zip(self.on_bounds.least, self.on_bounds.most, strict=True)
+            )
+        return "not projected" if self.on_sphere is None else f"{100 * self.on_sphere:.0f} % of the instants"
+
+    @property
+    def excitation_text(self) -> str:
+        """Level, window and how well all directions are excited."""
+        if self.excitation is None:
+            return "-"
+        level, tail, conditioning, _, window, _ = self.excitation
+        return f"{level:.3g} at least, {tail:.3g} in the tail, over {window:.3g} s; scaled {conditioning:.2g}"
+
+    def as_json(self) -> dict[str, Any]:
+        """Plain lists and numbers."""
+        bounds, excitation = self.on_bounds, self.excitation
+        return {
+            "net": self.net.tolist(),
+            "path": self.path.tolist(),
+            "tail_path": self.tail_path.tolist(),
+            "on_bounds": None if bounds is None else {name: share.tolist() for name, share in bounds._asdict().items()},
+            "on_sphere": self.on_sphere,
+            "excitation": None if excitation is None else excitation._asdict(),
+            "warnings": list(self.warnings),
+        }
+
+
+def adapting(
+    loop: ClosedLoop, t: Array, theta_hat: Array, extrema: tuple[Array, Array], moved: Array, phi: Array, theta: Array
+) -> Adapting:
+    """From a record of K instants t [s]: theta_hat (K, p), its extrema and its path over the intervals, both (K - 1, p).
+
+    phi (K, p, m) as of ``regressor_along``, theta (p,) the true parameters.
+    """
+    known_set = getattr(getattr(loop.equations, "continuous", loop.equations), "box", None)
+    tail = t[:-1] >= t[-1] - (t[-1] - t[0]) / 4 if len(t) > 1 else np.zeros(0, bool)
+    path = moved.sum(axis=0)
+    bounds = on_bounds(known_set, np.diff(t), *extrema) if isinstance(known_set, ParameterBox) and len(t) > 1 else None
+    sphere = None
+    if isinstance(known_set, ParameterBall):
+        away = np.linalg.norm(theta_hat - known_set.center, axis=1)
+        sphere = float(np.mean(away >= known_set.radius * (1 - 1e-9)))  # the projection's roundings
+    found = excitation(t, phi)
+    return Adapting(
+        net=theta_hat[-1] - theta_hat[0],
+        path=path,
+        tail_path=moved[tail].sum(axis=0),
+        on_bounds=bounds,
+        on_sphere=sphere,
+        excitation=found,
+        warnings=tuple(_warnings(path, float(np.linalg.norm(theta_hat[0] - theta)), bounds, sphere, found)),
+    )
+
+
+def regressor_along(loop: ClosedLoop, states: Array, u: Array) -> Array:
+    """(K, p, m) the regressor at K recorded states (K, size) with the controls u; (K, 0, 0) for a scheme that shows none."""
+    equations: Any = getattr(loop.equations, "continuous", loop.equations)  # a sampled scheme's regressor is the continuous one's
+    if not isinstance(equations, Estimating):
+        return np.zeros((len(states), 0, 0))
+    import casadi as ca
+
+    state_column, flat = symbols("state", loop.size)
+    input_column, v = symbols("u", loop.inputs)
+    state = loop.unpack(flat)
+    phi = equations.regressor_at(state.controller, loop.plant.output(state.x), v[0] if loop.inputs == 1 else v)
+    function = ca.Function("regressor", [state_column, input_column], [column(phi.reshape(-1))])
+    values = np.asarray(function(states.T, u.reshape(len(states), -1).T)).T
+    return values.reshape(len(states), phi.shape[0], -1)
+
+
+def on_bounds(box: ParameterBox, duration: Array, low: Array, high: Array) -> OnBounds:
+    """From the estimates' extrema (K - 1, p) over intervals of ``duration`` (K - 1,).
+
+    On a bound throughout an interval if the least value there is the upper bound or the greatest is the lower; possibly at
+    some instants of it if an extremum touches a bound.
+    """
+    weights = duration / duration.sum()
+    at_upper, at_lower = high >= box.upper, low <= box.lower
+    throughout = (low >= box.upper) | (high <= box.lower)
+    fixed = box.lower == box.upper  # nothing to estimate: neither bound means anything
+    shares = (throughout, at_upper | at_lower, at_upper & at_lower & ~throughout)
+    return OnBounds(*(np.where(fixed, 0.0, weights @ share) for share in shares))
+
+
+def excitation(t: Array, phi: Array) -> Excitation | None:
+    """Of a regressor (K, p, m) at the instants t (K,); a window is a quarter of the run."""
+    if phi.shape[1] == 0 or len(t) < 16 or not np.isfinite(phi).all():
+        return None
+    window = float(t[-1] - t[0]) / 4
+    starts = np.linspace(t[0], t[-1] - window, WINDOWS)
+    spans = [slice(*np.searchsorted(t, (start - 1e-9 * window, start + window * (1 + 1e-9)))) for start in starts]
+    grams = [_gram(t[span], phi[span]) for span in spans]
+    last = spans[-1]
+    scale = np.sqrt(np.diag(grams[-1]))
+    tail, half = _least(grams[-1]), _least(_gram(t[last][::2], phi[last][::2]))
+    correlation = grams[-1] / np.outer(scale, scale) if (scale > 0).all() else np.zeros_like(grams[-1])
+    change = abs(half - tail) / max(tail, half) if max(tail, half) > 0 else 0.0
+    square = float(np.mean(phi[last] ** 2))
+    rough = float(np.mean(np.diff(phi[last], axis=0) ** 2)) / square if square > 0 else 0.0
+    squares = [float(np.trace(gram)) for gram in grams]
+    fading = squares[-1] / max(squares) if max(squares) > 0 else 0.0
+    return Excitation(min(map(_least, grams)), tail, _least(correlation), fading, window, max(change, rough))
+
+
+def _gram(t: Array, phi: Array) -> Array:
+    """1/T times the integral of phi phi', by the trapezoidal rule."""
+    return np.asarray(np.trapezoid(phi @ phi.transpose(0, 2, 1), t, axis=0) / (t[-1] - t[0]))
+
+
+def _least(gram: Array) -> float:
+    return max(float(np.linalg.eigvalsh(gram)[0]), 0.0)  # a rounding below zero is zero
+
+
+def _warnings(path: Array, error: float, bounds: OnBounds | None, sphere: float | None, found: Excitation | None) -> list[str]:
+    """One sentence for each thing that a user should not overlook."""
+    warnings = []
+    if error > 0 and np.linalg.norm(path) < HARDLY_MOVES * error:
+        share = f"{np.linalg.norm(path) / error:.1g}"
+        warnings.append(f"it hardly adapts: in all the estimates moved by {share} of the error they started with")
+    if bounds is not None:
+        for i, (least, most, swept) in enumerate(zip(*bounds, strict=True), start=1):
+            if swept > SWEPT:
+                warnings.append(
+                    f"theta_hat_{i} meets both of its bounds within single recorded intervals {100 * swept:.0f} % of the time"
+                )
+            elif least > MOST_OF_THE_TIME:
+                warnings.append(f"theta_hat_{i} sits on its projection bounds, {share_text(least, most)} of the time")
+    if sphere is not None and sphere > MOST_OF_THE_TIME:
+        warnings.append(f"the estimates sit on the surface of the known set at {100 * sphere:.0f} % of the recorded instants")
+    if found is not None and found.fading < UNEXCITED:
+        warnings.append(f"the regressor has died out: in the tail its mean square is {found.fading:.1g} of its largest")
+    elif found is not None and found.conditioning < UNEXCITED:
+        warnings.append(
+            f"in the tail the regressor does not excite every direction (scaled level {found.conditioning:.1g}): "
+            "there the estimates need not converge to the true values"
+        )
+    elif found is not None and found.sampling > COARSE:
+        warnings.append(
+            "the record is coarse for the regressor, and the excitation level uncertain: give more simulation.record_points"
+        )
+    return warnings
+
+
+def share_text(least: float, most: float) -> str:
+    """A share of time that is known to lie between two numbers, rounded outward."""
+    low, high = math.floor(100 * least), math.ceil(100 * most)
+    return f"{low} %" if low == high else f"{low} to {high} %"
