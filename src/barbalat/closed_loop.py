@@ -11,9 +11,8 @@ import numpy as np
 from barbalat import validate
 from barbalat.actuation import InputPath
 from barbalat.measurement import Sensor
-from barbalat.plant import Model, Plant
-from barbalat.problem import Problem
-from barbalat.protocols import Controller, Equations, Sample, SampledEquations, Value
+from barbalat.problem import TrackingProblem
+from barbalat.protocols import Controller, Dynamics, Equations, Sample, SampledEquations, Value
 from barbalat.validate import Array
 
 if TYPE_CHECKING:
@@ -48,6 +47,7 @@ class Outputs(NamedTuple):
     theta_hat: Value  # (n,) estimates
     x: Value  # (n,)
     x_m: Value  # (n,)
+    y: Value  # (1,) measured output, (0,) where the state is measured
 
 
 class Signals(NamedTuple):
@@ -64,8 +64,8 @@ class Signals(NamedTuple):
 class ClosedLoop:
     """One controller on one problem. Flat states are vectors of length ``size``."""
 
-    plant: Plant
-    model: Model
+    plant: Dynamics
+    model: Dynamics
     equations: Equations | SampledEquations
     paths: tuple[InputPath | None, ...] = (None,)  # for each input
     commands: int | None = None  # None for one command, a scalar
@@ -78,20 +78,18 @@ class ClosedLoop:
     step: float | None = None  # the solver's [s]; only a rate limiter needs it
 
     @classmethod
-    def of(cls, problem: Problem, controller: Controller) -> ClosedLoop:
-        validate.instance("problem", problem, Problem)
-        if not isinstance(controller, Controller) or isinstance(controller, type):
-            raise validate.InputError(f"a controller must have a name and a method bind, got {validate.show(controller)}")
-        equations = controller.bind(problem.known)
+    def of(cls, problem: TrackingProblem, controller: Controller) -> ClosedLoop:
+        validate.instance("problem", problem, TrackingProblem)
+        equations = bound(problem, controller)
         sensor, noise = problem.sensor, problem.noise
         return cls(
-            problem.plant,
+            problem.dynamics,
             problem.model,
             equations,
             paths=tuple(path.path() for path in problem.plant.paths),
             commands=len(problem.commands) if isinstance(problem.reference, tuple) else None,
             lag=sensor if sensor is not None and sensor.lag > 0 else None,
-            noise_std=None if noise is None else noise.std * np.ones(problem.plant.outputs),
+            noise_std=None if noise is None else noise.std * np.ones(problem.dynamics.outputs),
             disturbed=problem.disturbance is not None,
             directions=tuple(disturbance.direction for disturbance in problem.unmatched),
             delayed=problem.delay > 0,
@@ -155,6 +153,11 @@ class ClosedLoop:
     def errors(self) -> int:
         """Components of the tracking error e."""
         return int(self.model.output(self.model.x0).size)
+
+    @property
+    def measured_outputs(self) -> int:
+        """Outputs that are measured instead of the state."""
+        return 0 if self.plant.output(self.plant.x0).ndim else 1
 
     @property
     def parameters(self) -> int:
@@ -267,8 +270,20 @@ class ClosedLoop:
     def outputs(self, flat: Value, signals: Value) -> Outputs:
         state = self.unpack(flat)
         u = self._control(state, self._signals(signals))
-        e = (self.plant.output(state.x) - self.model.output(state.x_m)).reshape(-1)
-        return Outputs(e, u.reshape(-1), state.controller.theta_hat.reshape(-1), state.x, state.x_m)
+        y = self.plant.output(state.x)
+        e = (y - self.model.output(state.x_m)).reshape(-1)
+        y = y.reshape(-1)[: self.measured_outputs]
+        return Outputs(e, u.reshape(-1), state.controller.theta_hat.reshape(-1), state.x, state.x_m, y)
+
+
+def bound(problem: TrackingProblem, controller: Controller) -> Equations | SampledEquations:
+    """The controller's equations for this problem; InputError for what is no controller, or one for another measurement."""
+    if not isinstance(controller, Controller) or isinstance(controller, type):
+        raise validate.InputError(f"a controller must have a name and a method bind, got {validate.show(controller)}")
+    feedback = getattr(controller, "feedback", "state")
+    if feedback != problem.feedback:
+        raise validate.InputError(f"{controller.name} feeds back the {feedback}, but the problem measures the {problem.feedback}")
+    return controller.bind(problem.known)
 
 
 def flatten(state: Any) -> Value:

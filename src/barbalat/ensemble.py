@@ -14,7 +14,7 @@ from barbalat.closed_loop import ClosedLoop, symbols
 from barbalat.engine import Batch, Progress, run
 from barbalat.grid import Simulation
 from barbalat.metrics import Metrics
-from barbalat.problem import Problem
+from barbalat.problem import TrackingProblem
 from barbalat.protocols import Controller
 from barbalat.stepping import step_program
 from barbalat.validate import Array, InputError
@@ -33,7 +33,7 @@ class EnsembleResult:
 
 
 def simulate_ensemble(
-    members: Sequence[tuple[Problem, Controller]],
+    members: Sequence[tuple[TrackingProblem, Controller]],
     simulation: Simulation,
     *,
     threads: int | None = None,
@@ -55,7 +55,7 @@ def simulate_ensemble(
         raise InputError("an ensemble needs at least one member, got none")
     validate.instance("simulation", simulation, Simulation)
     for i, member in enumerate(members, start=1):
-        if not (isinstance(member, tuple) and len(member) == 2 and isinstance(member[0], Problem)):
+        if not (isinstance(member, tuple) and len(member) == 2 and isinstance(member[0], TrackingProblem)):
             raise InputError(f"member {i} must be a pair (problem, controller), got {validate.show(member)}")
     signals = members[0][0].signals
     for i, (problem, _) in enumerate(members):

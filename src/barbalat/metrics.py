@@ -31,14 +31,15 @@ class Accumulators:
     errors: int
     parameters: int
     inputs: int = 1
+    outputs: int = 0
 
     @property
     def layout(self) -> tuple[tuple[str, str, int], ...]:
-        n, p, m = self.errors, self.parameters, self.inputs
+        n, p, m, q = self.errors, self.parameters, self.inputs, self.outputs
         return (
             ("e", "min", n), ("e", "max", n), ("u", "min", m), ("u", "max", m),
             ("theta_hat", "min", p), ("theta_hat", "max", p), ("e^2", "sum", n),
-            ("variation", "sum", p), ("good", "alive", 1), ("good", "steps", 1),
+            ("variation", "sum", p), ("y", "min", q), ("y", "max", q), ("good", "alive", 1), ("good", "steps", 1),
         )  # fmt: skip
 
     @property
@@ -60,7 +61,7 @@ class Accumulators:
         # what else is integrated may be large by its unit or by choice (u^2, a covariance): it only has to be a number
         good = np.where(physical <= DIVERGENCE_LIMIT, 1.0, 0.0) * np.where(np.sum(np.abs(state_next)) < np.inf, 1.0, 0.0)
         alive = old[at["good", "alive"]] * good
-        values = {"e": outputs.e, "u": outputs.u, "theta_hat": outputs.theta_hat}
+        values = {"e": outputs.e, "u": outputs.u, "theta_hat": outputs.theta_hat, "y": outputs.y}
         new = []
         for quantity, operation, _ in self.layout:
             previous = old[at[quantity, operation]]
@@ -84,7 +85,7 @@ class Metrics:
     max_abs_e, rms_e, tail_max_abs_e (M, n); max_abs_u (M,), or (M, m) with m inputs;
     theta_hat_final, theta_hat_tail_min, theta_hat_tail_max,
     theta_hat_variation_rate [1/s] (M, n); diverged_at (M,) [s], NaN where the run stayed bounded. All other figures of a
-    run that diverged are NaN. The tail is the last quarter of [0, t_end].
+    run that diverged are NaN. max_abs_y (M,) where the output is measured, else None. The tail is the last quarter of [0, t_end].
     """
 
     diverged_at: Array
@@ -96,11 +97,14 @@ class Metrics:
     theta_hat_tail_min: Array
     theta_hat_tail_max: Array
     theta_hat_variation_rate: Array
+    max_abs_y: Array | None = None
 
     def of_member(self, i: int) -> dict[str, float | list[float] | None]:
         """One member's figures under the names of the JSON contract; ``None`` for a figure that has no finite value."""
         result: dict[str, float | list[float] | None] = {}
         for name in self.__dataclass_fields__:
+            if getattr(self, name) is None:
+                continue
             value = getattr(self, name)[i]
             entries = [float(v) if np.isfinite(v) else None for v in np.atleast_1d(value)]
             result[name] = entries if np.ndim(value) else entries[0]  # type: ignore[assignment]
@@ -178,4 +182,5 @@ class Totals:
                 theta_hat_tail_min=finite_only(tail[at["theta_hat", "min"]]),
                 theta_hat_tail_max=finite_only(tail[at["theta_hat", "max"]]),
                 theta_hat_variation_rate=finite_only(rate),
+                max_abs_y=finite_only(magnitude("y", head, tail)[0]) if len(head[at["y", "min"]]) else None,
             )

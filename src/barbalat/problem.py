@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -63,8 +63,57 @@ class Disturbance:
         require_signal("unmatched.signal", self.signal)
 
 
+class TrackingProblem:
+    """What a loop, a simulation and an ensemble read of a problem, whatever is measured."""
+
+    plant: Any
+    reference: Signal | tuple[Signal, ...]
+    disturbance: Signal | None
+    unmatched: tuple[Disturbance, ...]
+    sensor: Sensor | None
+    name: str
+    feedback: ClassVar[str]
+    """What is measured: "state" or "output"."""
+
+    @property
+    def known(self) -> Any:
+        """What the designer has."""
+        raise AssertionError("a problem says what is known of it")
+
+    @property
+    def dynamics(self) -> Any:
+        """The plant as a loop integrates it: x0, outputs, derivative, output."""
+        raise AssertionError("a problem has a plant")
+
+    @property
+    def model(self) -> Any:
+        """The reference model as a loop integrates it."""
+        raise AssertionError("a problem has a model")
+
+    @property
+    def commands(self) -> tuple[Signal, ...]:
+        """The reference signals."""
+        return self.reference if isinstance(self.reference, tuple) else (self.reference,)
+
+    @property
+    def delay(self) -> float:
+        """The delay at the plant's input [s]."""
+        return float(self.plant.paths[0].delay)
+
+    @property
+    def noise(self) -> Noise | None:
+        """The measurement's noise."""
+        return None if self.sensor is None else self.sensor.noise
+
+    @property
+    def signals(self) -> tuple[Signal, ...]:
+        """The time functions that drive the loop, in the order in which ``ClosedLoop`` takes them."""
+        matched = () if self.disturbance is None else (self.disturbance,)
+        return (*self.commands, *matched, *(disturbance.signal for disturbance in self.unmatched))
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Problem:
+class Problem(TrackingProblem):
     """The tracking problem of Section II.
 
     plant, reference_model, reference  eqs (1) and (2), and the command r(t); a list of commands where k_0 is a matrix
@@ -84,6 +133,8 @@ class Problem:
     unmatched: tuple[Disturbance, ...] = ()
     sensor: Sensor | None = None
     name: str = "problem"
+
+    feedback: ClassVar[str] = "state"
 
     def __post_init__(self) -> None:
         validate.instance("plant", self.plant, Plant)
@@ -154,31 +205,14 @@ class Problem:
         return np.concatenate([self.plant.theta, [path.gain for path in self.plant.paths]])
 
     @property
-    def commands(self) -> tuple[Signal, ...]:
-        """The reference signals."""
-        return self.reference if isinstance(self.reference, tuple) else (self.reference,)
+    def dynamics(self) -> Plant:
+        return self.plant
 
     @property
     def model(self) -> Model:
         """The reference model (2), which starts where the plant does."""
         p = self.plant
         return Model(p.A_m, p.b, self.reference_model.k_0, p.x0)
-
-    @property
-    def delay(self) -> float:
-        """The delay at the plant's input [s]."""
-        return self.plant.paths[0].delay
-
-    @property
-    def noise(self) -> Noise | None:
-        """The measurement's noise."""
-        return None if self.sensor is None else self.sensor.noise
-
-    @property
-    def signals(self) -> tuple[Signal, ...]:
-        """The time functions that drive the loop, in the order in which ``ClosedLoop`` takes them."""
-        matched = () if self.disturbance is None else (self.disturbance,)
-        return (*self.commands, *matched, *(disturbance.signal for disturbance in self.unmatched))
 
 
 def require_signal(field: str, signal: Any) -> None:

@@ -41,6 +41,23 @@ class BoundedSignal(Signal, Protocol):
         ...
 
 
+class Dynamics(Protocol):
+    """What a loop integrates of a plant or of a model."""
+
+    @property
+    def x0(self) -> Array:
+        """The state at t = 0, (n,)."""
+        ...
+
+    def derivative(self, x: Value, v: Value) -> Value:
+        """x' for the input v: what reaches a plant, a model's command."""
+        ...
+
+    def output(self, x: Value) -> Value:
+        """What is measured, or what that is to follow: (n,), or a scalar."""
+        ...
+
+
 class Equations(Protocol):
     """A scheme bound to a plant's known part. The state is a NamedTuple of arrays that has a field ``theta_hat``, (n,)."""
 

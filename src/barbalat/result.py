@@ -14,7 +14,7 @@ from barbalat.certify.numerics import Stiffness
 from barbalat.closed_loop import ClosedLoop
 from barbalat.grid import Simulation
 from barbalat.metrics import Metrics
-from barbalat.problem import Problem
+from barbalat.problem import TrackingProblem
 from barbalat.protocols import Controller
 from barbalat.validate import Array
 
@@ -43,6 +43,7 @@ class Result:
 
     t                 (K,) recorded instants [s], from 0 to t_end, or to the divergence
     x, x_m, e         (K, n) plant, model, tracking error x - x_m
+    y                 (K,) measured output; None where the state is measured
     u                 (K,) control, or (K, m) with m inputs
     r                 (K,) command, or (K, q) where k_0 is a matrix
     theta_hat         (K, n) estimates
@@ -53,12 +54,13 @@ class Result:
     check             what a finer step says of a run that is labelled numerically unstable, from ``check_numerics``
     """
 
-    problem: Problem
+    problem: TrackingProblem
     controller: Controller
     simulation: Simulation
     t: Array
     x: Array
     x_m: Array
+    y: Array | None
     e: Array
     u: Array
     r: Array
@@ -115,10 +117,10 @@ class Result:
 
     def columns(self) -> dict[str, Array]:
         """Scalar time series by name: x_1 ... u, r, theta_hat_1 ..., each (K,)."""
-        series = {name: getattr(self, name) for name in ("x", "x_m", "e", "theta_hat", "u", "r")}
-        vectors = {name: value for name, value in series.items() if value.ndim > 1}
+        series = {name: getattr(self, name) for name in ("x", "x_m", "e", "theta_hat", "u", "r", "y")}
+        vectors = {name: value for name, value in series.items() if value is not None and value.ndim > 1}
         result = {f"{name}_{i + 1}": value[:, i] for name, value in vectors.items() for i in range(value.shape[1])}
-        return result | {name: value for name, value in series.items() if value.ndim == 1}
+        return result | {name: value for name, value in series.items() if value is not None and value.ndim == 1}
 
     def to_pandas(self) -> pandas.DataFrame:
         """A table with the time [s] as its index and one column for each scalar series."""
@@ -131,16 +133,20 @@ class Result:
         import xarray as xr
 
         second = {"theta_hat": "parameter", "u": "input", "r": "command"}
-        series = {name: getattr(self, name) for name in ("x", "x_m", "e", "theta_hat", "u", "r")}
+        if self.y is not None:  # plant and model have states of their own
+            second |= {"x": "state", "x_m": "model_state", "e": "error"}
+        series = {name: getattr(self, name) for name in ("x", "x_m", "e", "theta_hat", "u", "r", "y")}
         variables: dict[str, Any] = {
-            name: (("t", second.get(name, "component"))[: value.ndim], value) for name, value in series.items()
+            name: (("t", second.get(name, "component"))[: value.ndim], value)
+            for name, value in series.items()
+            if value is not None
         }
         s = self.simulation
         return xr.Dataset(
             variables,
             coords={
                 "t": self.t,
-                "component": np.arange(1, self.x.shape[1] + 1),
+                "component" if self.y is None else "state": np.arange(1, self.x.shape[1] + 1),
                 "parameter": np.arange(1, self.theta_hat.shape[1] + 1),
             },
             attrs={"controller": self.name, "solver": s.solver.name, "dt": s.dt, "numerics": self.numerics},

@@ -13,7 +13,7 @@ from barbalat.closed_loop import ClosedLoop
 from barbalat.engine import Batch, Progress, run
 from barbalat.grid import Simulation
 from barbalat.measurement import standard_normal
-from barbalat.problem import Problem
+from barbalat.problem import TrackingProblem
 from barbalat.protocols import Controller
 from barbalat.result import Envelope, Result
 from barbalat.stepping import output_function, sampled_states, step_program
@@ -24,7 +24,7 @@ JACOBIAN_SAMPLES = 200
 
 
 def simulate(
-    problem: Problem,
+    problem: TrackingProblem,
     controllers: Sequence[Controller],
     simulation: Simulation,
     *,
@@ -61,7 +61,7 @@ def simulate(
     return {c.name: _result(problem, c, simulation, loop, batch) for c, loop, batch in parts}
 
 
-def _result(problem: Problem, controller: Controller, simulation: Simulation, loop: ClosedLoop, batch: Batch) -> Result:
+def _result(problem: TrackingProblem, controller: Controller, simulation: Simulation, loop: ClosedLoop, batch: Batch) -> Result:
     steps, states, accumulators = _record(simulation, batch)
     t = simulation.time(steps)
     metrics = batch.metrics(simulation, loop.theta_hat_rows)
@@ -72,7 +72,7 @@ def _result(problem: Problem, controller: Controller, simulation: Simulation, lo
     if loop.sampled:
         due = steps % batch.program.shape.sample_every == 0  # recorded before the controller acted
         states[due] = np.asarray(sampled_states(loop)(states[due].T, signals[:, due])).T
-    e, u, theta_hat, x, x_m = (np.asarray(value).T for value in output_function(loop)(states.T, signals))
+    e, u, theta_hat, x, x_m, y = (np.asarray(value).T for value in output_function(loop)(states.T, signals))
     at = batch.totals.at
     extrema = [(quantity, side) for quantity in ("e", "u", "theta_hat") for side in ("min", "max")]
     envelope = Envelope(
@@ -86,6 +86,7 @@ def _result(problem: Problem, controller: Controller, simulation: Simulation, lo
         t=t,
         x=x,
         x_m=x_m,
+        y=y[:, 0] if loop.measured_outputs else None,
         e=e,
         u=u[:, 0] if loop.inputs == 1 else u,
         r=signals[0] if loop.commands is None else signals[: loop.commands].T,
@@ -97,7 +98,7 @@ def _result(problem: Problem, controller: Controller, simulation: Simulation, lo
     )
 
 
-def _recorded_signals(problem: Problem, loop: ClosedLoop, batch: Batch, steps: Array, t: Array) -> Array:
+def _recorded_signals(problem: TrackingProblem, loop: ClosedLoop, batch: Batch, steps: Array, t: Array) -> Array:
     """(signal_count, K). The delayed input is left at zero: no output and no frozen Jacobian depends on it."""
     signals = np.zeros((loop.signal_count, len(t)))
     for i, signal in enumerate(problem.signals):

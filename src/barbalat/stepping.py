@@ -96,7 +96,9 @@ def step_function(
     following = solver.advance(loop.derivative, loop.limit, state, signals, dt)
     accumulators, old_column, new = None, ca.SX(0, 1), ca.SX(0, 1)
     if figures:
-        accumulators = Accumulators(errors=loop.errors, parameters=loop.parameters, inputs=loop.inputs)
+        accumulators = Accumulators(
+            errors=loop.errors, parameters=loop.parameters, inputs=loop.inputs, outputs=loop.measured_outputs
+        )
         outputs = loop.outputs(state, signals[solver.nodes[0]])
         after = loop.unpack(following)
         old_column, old = symbols("accumulators", len(accumulators.resets))

@@ -59,7 +59,7 @@ def around_equilibrium(loop: ClosedLoop, r: float) -> StateSpace:
     )
     rest, u_rest = equilibrium(loop, r)
     A, B, C = (np.array(value) for value in jacobians(rest, u_rest))
-    moving = _moving_directions(loop, rest[: len(loop.plant.b)])
+    moving = _moving_directions(loop, rest[: len(loop.plant.x0)])
     return StateSpace(moving.T @ A @ moving, moving.T @ B[:, 0], -C[0] @ moving, 0.0)
 
 
@@ -88,8 +88,9 @@ def equilibrium(loop: ClosedLoop, r: float) -> tuple[Array, float]:
     """
     import casadi as ca
 
-    plant = loop.plant
-    x = -np.linalg.solve(plant.A_m, plant.b * (loop.model.k_0 * r))
+    plant: Any = loop.plant
+    model: Any = loop.model
+    x = -np.linalg.solve(plant.A_m, plant.b * (model.k_0 * r))
     state_column, state = symbols("state", loop.size)
     slope = column(loop.derivative(state, signals_at_rest(loop, r)))
     function = ca.Function("slope", [state_column], [slope, ca.jacobian(slope, state_column)])

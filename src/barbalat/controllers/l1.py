@@ -109,7 +109,7 @@ class L1Adaptive:
         object.__setattr__(self, "gamma", gain.accept("gamma", self.gamma))
         self._modifications()  # refuses what can't go together
         if self.filter is not None:
-            object.__setattr__(self, "filter", _admissible(TransferFunction.accept("filter", self.filter)))
+            object.__setattr__(self, "filter", require_low_pass(TransferFunction.accept("filter", self.filter)))
 
     def _modifications(self) -> Modifications:
         return Modifications(leakage=self.leakage, dead_zone=self.dead_zone, learning=self.learning)
@@ -140,7 +140,7 @@ class L1Adaptive:
         return StateSpace(C.A + np.outer(C.B, C.C), C.B, C.C, 0.0) if unknown_gain else C
 
 
-def _admissible(C: TransferFunction) -> TransferFunction:
+def require_low_pass(C: TransferFunction) -> TransferFunction:
     """C(s) as the scheme asks for it: strictly proper, stable, C(0) = 1."""
     shown = f"num = {validate.show(C.num)}, den = {validate.show(C.den)}"
     if C.relative_degree < 1:

@@ -68,6 +68,11 @@ class Sampled:
     def name(self) -> str:
         return self.controller.name
 
+    @property
+    def feedback(self) -> str:
+        """What is fed back: "state" or "output"."""
+        return getattr(self.controller, "feedback", "state")
+
     def bind(self, known: Known) -> SampledEquations:
         equations, T = self.controller.bind(known), self.sample_time
         if self.discretization == "euler":

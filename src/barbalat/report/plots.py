@@ -26,10 +26,11 @@ def error_and_estimates(result: Result) -> Figure:
     for i in range(n):
         _line(left, result.t, result.e[:, i], (envelope.e_min[:, i], envelope.e_max[:, i]), COLOURS[i % 6], f"$e_{i + 1}$")
     left.set_ylabel("tracking error $e = x - x_m$")
+    true = getattr(result.problem, "parameters", [])
     for i in range(result.theta_hat.shape[1]):
         band = (envelope.theta_hat_min[:, i], envelope.theta_hat_max[:, i])
         _line(right, result.t, result.theta_hat[:, i], band, COLOURS[i % 6], rf"$\hat\theta_{i + 1}$")
-        right.axhline(result.problem.parameters[i], color=COLOURS[i % 6], linestyle="--", linewidth=0.8)
+        right.axhline(true[i], color=COLOURS[i % 6], linestyle="--", linewidth=0.8)
     _bounds(right, result)
     right.set_ylabel(r"estimates $\hat\theta$ (dashed: true values)")
     _finish((left, right), [result])
@@ -106,7 +107,7 @@ def _line(axes: Axes, t: Array, value: Array, band: tuple[Array, Array], colour:
 
 def _bounds(axes: Axes, result: Result) -> None:
     """How far the known set reaches in each component."""
-    known_set = result.problem.uncertainty
+    known_set = getattr(result.problem, "uncertainty", None)
     if known_set is None:
         return
     for bound in sorted({value for side in known_set.extent for value in side.tolist()}):

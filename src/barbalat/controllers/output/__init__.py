@@ -1,0 +1,1 @@
+"""Schemes that measure y only."""

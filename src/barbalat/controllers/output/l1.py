@@ -1,0 +1,129 @@
+"""The L1 output-feedback controller: (19)-(21), and the linear controller that it is inside its projection bounds."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar, NamedTuple
+
+import numpy as np
+
+from barbalat import validate
+from barbalat.adaptation.projection import limit, project
+from barbalat.controllers.l1 import require_low_pass
+from barbalat.known_set import ParameterBox
+from barbalat.linear import StateSpace, TransferFunction
+from barbalat.output_problem import OutputKnown
+from barbalat.protocols import Value
+
+
+class State(NamedTuple):
+    """What the controller integrates."""
+
+    theta_hat: Value  # (1,) sigma, the estimate of what the plant lacks of the model
+    y_hat: Value  # (1,) predictor
+    filter: Value  # (order of C,)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Equations:
+    """The law is driven by the prediction error."""
+
+    m: float
+    gamma: float
+    C: StateSpace
+    box: ParameterBox | None
+
+    def initial(self) -> State:
+        return State(np.zeros(1), np.zeros(1), np.zeros(self.C.order))
+
+    def control(self, state: State, y: Value, y_m: Value, r: Value) -> Value:
+        return self.C.output(state.filter, r - state.theta_hat[0])  # (21)
+
+    def derivative(self, state: State, y: Value, y_m: Value, r: Value, u: Value) -> State:
+        return State(
+            theta_hat=project(self.gamma * (y - state.y_hat), state.theta_hat, self.box),  # (21)
+            y_hat=-self.m * state.y_hat + self.m * (u + state.theta_hat),  # (21)
+            filter=self.C.derivative(state.filter, r - state.theta_hat[0]),
+        )
+
+    def limit(self, state: State) -> State:
+        return state._replace(theta_hat=limit(state.theta_hat, self.box))
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class L1Output:
+    """u = C(s)[r - sigma], sigma' = proj(gamma (y - y_hat)), y_hat' = -m y_hat + m (u + sigma).
+
+    m             pole of the model m/(s + m) [rad/s], > 0; the problem's reference model must be it
+    gamma         adaptive gain > 0
+    filter        C(s): stable, strictly proper, C(0) = 1; starts at rest
+    sigma_bound   |sigma| <= sigma_bound by projection, > 0; None for no bound
+    lipschitz     L of condition (20), for certificates; not used by the controller
+    design_plant  G(s) that the design assumes, for certificates; the plant itself by default
+
+    Source: eqs (18)-(21); Cao and Hovakimyan, IEEE TAC 54(4), 2009; Hovakimyan and Cao, section 4.1.
+    """
+
+    m: float
+    gamma: float
+    filter: TransferFunction
+    sigma_bound: float | None = None
+    lipschitz: float = 0.0
+    design_plant: TransferFunction | None = None
+    name: str = "L1 output"
+
+    feedback: ClassVar[str] = "output"
+
+    def __post_init__(self) -> None:
+        validate.label("name", self.name)
+        validate.freeze(
+            self,
+            m=validate.positive("m", self.m),
+            gamma=validate.positive("gamma", self.gamma),
+            filter=require_low_pass(TransferFunction.accept("filter", self.filter)),
+            lipschitz=validate.not_negative("lipschitz", self.lipschitz),
+        )
+        if self.sigma_bound is not None:
+            validate.freeze(self, sigma_bound=validate.positive("sigma_bound", self.sigma_bound))
+        if self.design_plant is not None:
+            validate.freeze(self, design_plant=TransferFunction.accept("design_plant", self.design_plant))
+
+    def bind(self, known: OutputKnown) -> Equations:
+        bound = self.sigma_bound
+        box = None if bound is None else ParameterBox(lower=[-bound], upper=[bound])
+        return Equations(m=self.m, gamma=self.gamma, C=self.filter.realise(), box=box)
+
+    @property
+    def G_m(self) -> TransferFunction:
+        """(19)."""
+        return TransferFunction([self.m], [1.0, self.m])
+
+
+class LinearEquivalent(NamedTuple):
+    """u = feedforward[r] - feedback[y], with one denominator; a pole at s = 0 is the integral action."""
+
+    feedforward: TransferFunction
+    feedback: TransferFunction
+
+
+def linear_equivalent(controller: L1Output) -> LinearEquivalent:
+    """What the controller is while sigma is inside its bounds.
+
+    sigma = [gamma (s + m) y - gamma m u]/(s^2 + m s + gamma m) in u = C[r - sigma], C = N/D, gives
+    u = N [(s^2 + m s + gamma m) r - gamma (s + m) y]/[(s^2 + m s + gamma m) D - gamma m N].
+    """
+    N, D, m, gamma = controller.filter.num, controller.filter.den, controller.m, controller.gamma
+    observer = np.array([1.0, m, gamma * m])
+    den = np.polysub(np.polymul(observer, D), gamma * m * N)
+    den[-1] = 0.0  # C(0) = 1: the constant terms are equal, and what is left of them is rounding
+    return LinearEquivalent(
+        TransferFunction(np.polymul(observer, N), den), TransferFunction(gamma * np.polymul([1.0, m], N), den)
+    )
+
+
+def fast_limit(controller: L1Output) -> LinearEquivalent:
+    """The same for gamma -> infinity: u = C/((1 - C) G_m) [G_m r - y]."""
+    N, D, m = controller.filter.num, controller.filter.den, controller.m
+    den = np.polysub(D, N)
+    den[-1] = 0.0
+    return LinearEquivalent(TransferFunction(N, den), TransferFunction(np.polymul([1.0 / m, 1.0], N), den))

@@ -1,0 +1,235 @@
+"""Direct MRAC for SISO plants of any relative degree with output feedback; robust with normalisation and auxiliary input.
+
+Source: Section IV of the paper, first sentence; Ioannou and Sun, sections 6.4, 6.5 and 9.3.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any, ClassVar, NamedTuple
+
+import numpy as np
+
+from barbalat import validate
+from barbalat.adaptation.law import AdaptiveLaw, Estimation
+from barbalat.adaptation.laws import LAWS
+from barbalat.adaptation.normalization import Normalization
+from barbalat.adaptation.projection import limit
+from barbalat.controllers.output.lyapunov import LyapunovLaw
+from barbalat.controllers.output.matching import filter_polynomial, input_filter, is_strictly_positive_real, refuse_contradiction
+from barbalat.controllers.robust_mrac import auxiliary_filter
+from barbalat.known_set import ParameterBox
+from barbalat.linear import StateSpace
+from barbalat.output_problem import OutputKnown
+from barbalat.protocols import Value
+from barbalat.validate import Array, InputError
+
+UNBOUNDED = 1e150
+"""A bound that no run reaches: it has diverged long before."""
+
+
+class State(NamedTuple):
+    """What the controller integrates."""
+
+    theta_hat: Value  # (2 n,): theta_1 (n - 1), theta_2 (n - 1), theta_3, c_0
+    omega_1: Value  # (n - 1,) alpha(s)/Lambda(s)[u]
+    omega_2: Value  # (n - 1,) alpha(s)/Lambda(s)[y]
+    memory: Any  # of the law
+    xi: Value  # (order of W_m,) W_b(s)[u]; (0,) for the Lyapunov law, likewise below
+    Xi: Value  # (order of W_m, 2 n) W_b(s)[omega']
+    n_d: Value  # scalar, dynamic normalising signal
+    swapping: Value  # (order of W_m,) (sI - A)^-1 [Xi theta_hat']
+    filter: Value  # state of Q(s)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Equations:
+    """u = theta_hat'omega + u_a, omega = [alpha/Lambda u; alpha/Lambda y; y; r]."""
+
+    regressor_filter: StateSpace
+    W_m: StateSpace
+    sign: float
+    law: AdaptiveLaw | LyapunovLaw
+    normalization: Normalization
+    Q: StateSpace | None
+    theta_hat0: Array
+    box: ParameterBox | None
+
+    @property
+    def _normalised(self) -> bool:
+        return not isinstance(self.law, LyapunovLaw)
+
+    def initial(self) -> State:
+        parameters, order = len(self.theta_hat0), self.W_m.order if self._normalised else 0
+        rest = np.zeros(self.regressor_filter.order)
+        return State(
+            theta_hat=self.theta_hat0,
+            omega_1=rest,
+            omega_2=rest,
+            memory=self.law.initial(parameters),
+            xi=np.zeros(order),
+            Xi=np.zeros((order, parameters)),
+            n_d=np.zeros(()),
+            swapping=np.zeros(0 if self.Q is None else order),
+            filter=np.zeros(0 if self.Q is None else self.Q.order),
+        )
+
+    def omega(self, state: State, y: Value, r: Value) -> Value:
+        return np.concatenate([state.omega_1, state.omega_2, y.reshape(1), r.reshape(1)])
+
+    def estimation(self, state: State, y: Value) -> Estimation:
+        """The parametric model z = W_m[u] = theta'phi_p, phi_p = [W_m omega_1; W_m omega_2; W_m y; y]."""
+        z = self.W_m.C @ state.xi
+        filtered = self.W_m.C @ state.Xi
+        phi = np.concatenate([filtered[:-1], y.reshape(1)])
+        m_s_squared = self.normalization.m_s_squared(phi, state.n_d)
+        return Estimation(phi, m_s_squared, (z - state.theta_hat @ phi) / m_s_squared)
+
+    def auxiliary_input_argument(self, state: State, y: Value) -> Value:
+        """epsilon m^2 - W_c[(W_b[omega'] theta')], W_c = -C'(sI - A)^-1."""
+        estimation = self.estimation(state, y)
+        return estimation.epsilon * estimation.m_s_squared + self.W_m.C @ state.swapping
+
+    def control(self, state: State, y: Value, y_m: Value, r: Value) -> Value:
+        u = state.theta_hat @ self.omega(state, y, r)
+        return u if self.Q is None else u + self.Q.output(state.filter, self.auxiliary_input_argument(state, y))
+
+    def derivative(self, state: State, y: Value, y_m: Value, r: Value, u: Value) -> State:
+        omega = self.omega(state, y, r)
+        rest = {"omega_1": self.regressor_filter.derivative(state.omega_1, u),
+                "omega_2": self.regressor_filter.derivative(state.omega_2, y)}  # fmt: skip
+        if isinstance(self.law, LyapunovLaw):
+            return state._replace(theta_hat=self.law.rate(state.theta_hat, omega, y - y_m, self.sign, self.box), **rest)
+        rates = self.law.rates(state.theta_hat, state.memory, self.estimation(state, y), self.box)
+        swapping, filter_dot = state.swapping, state.filter
+        if self.Q is not None:
+            swapping = self.W_m.A @ state.swapping + state.Xi @ rates.theta_hat
+            filter_dot = self.Q.derivative(state.filter, self.auxiliary_input_argument(state, y))
+        return State(
+            theta_hat=rates.theta_hat,
+            memory=rates.memory,
+            xi=self.W_m.derivative(state.xi, u),
+            Xi=self.W_m.A @ state.Xi + np.outer(self.W_m.B, omega),
+            n_d=self.normalization.n_d_dot(state.n_d, u) + y * y,
+            swapping=swapping,
+            filter=filter_dot,
+            **rest,
+        )
+
+    def limit(self, state: State) -> State:
+        memory = self.law.limit(state.memory) if not isinstance(self.law, LyapunovLaw) else state.memory
+        return state._replace(theta_hat=limit(state.theta_hat, self.box), memory=memory)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class MracOutput:
+    """u = theta_hat'omega + u_a for a plant of which order, relative degree and the sign of its gain are assumed.
+
+    order            n of the plant that is designed for
+    relative_degree  n*, that of the reference model as well
+    sign             of the high-frequency gain, 1 or -1
+    law              LyapunovLaw (n* = 1 with a strictly positive real W_m; unnormalised) or a law of the family
+    theta_hat0       (2 n,): theta_1, theta_2, theta_3, c_0; zero by default, c_0 at its bound
+    tau              time constant of the auxiliary input [s]; None for none; only with a law of the family
+    normalization    m_s^2 = 1 + phi'phi + alpha_0 n_d, n_d' = -delta_0 n_d + u^2 + y^2
+    filter_poles     the roots of Lambda_0, order - 1 less the model's zeros; all at -max |pole of W_m| by default
+    lower, upper     (2 n,) each, the known set; none by default
+    c_0_min          |c_0| >= c_0_min > 0 with the sign of ``sign`` k_m; a law of the family needs it, or a known set that says so
+
+    Identity behind u_a (zero initial conditions, no modelling error):
+        c_0 (y - y_m) = -epsilon m^2 + W_c[(W_b[omega'] theta')] + W_m[u_a].
+
+    Source: Ioannou and Sun, sections 6.4, 6.5 and 9.3; equations of the auxiliary input: Section IV of the paper.
+    """
+
+    order: int
+    relative_degree: int
+    sign: int
+    law: AdaptiveLaw | LyapunovLaw
+    theta_hat0: Array | None = None
+    tau: float | None = None
+    normalization: Normalization = field(default_factory=Normalization)
+    filter_poles: Array | None = None
+    lower: Array | None = None
+    upper: Array | None = None
+    c_0_min: float | None = None
+    name: str = "MRAC output"
+
+    feedback: ClassVar[str] = "output"
+
+    def __post_init__(self) -> None:
+        validate.label("name", self.name)
+        validate.freeze(
+            self,
+            order=validate.whole("order", self.order, least=1),
+            relative_degree=validate.whole("relative_degree", self.relative_degree, least=1),
+        )
+        if self.relative_degree > self.order:
+            raise InputError(f"relative_degree must not exceed order = {self.order}, got {self.relative_degree}")
+        if isinstance(self.sign, bool) or self.sign not in (1, -1):
+            raise InputError(f"sign must be 1 or -1, got {validate.show(self.sign)}")
+        validate.instance("law", self.law, (LyapunovLaw, *LAWS.values()))
+        validate.instance("normalization", self.normalization, Normalization)
+        if (self.lower is None) != (self.upper is None):
+            raise InputError("lower and upper go together")
+        for name in ("tau", "c_0_min"):
+            if getattr(self, name) is not None:
+                validate.freeze(self, **{name: validate.positive(name, getattr(self, name))})
+        for name in ("theta_hat0", "lower", "upper"):
+            if getattr(self, name) is not None:
+                validate.freeze(self, **{name: validate.vector(name, getattr(self, name), 2 * self.order)})
+        if self.filter_poles is not None:
+            poles = np.zeros(0) if len(self.filter_poles) == 0 else validate.vector("filter_poles", self.filter_poles)
+            validate.freeze(self, filter_poles=poles)
+        if isinstance(self.law, LyapunovLaw) and self.tau is not None:
+            raise InputError("tau goes with a law on the parametric model; the Lyapunov law has no epsilon")
+
+    def bind(self, known: OutputKnown) -> Equations:
+        W_m = known.W_m
+        if W_m.relative_degree != self.relative_degree:
+            raise InputError(f"relative_degree is {self.relative_degree}, but the reference model has {W_m.relative_degree}")
+        lyapunov = isinstance(self.law, LyapunovLaw)
+        if lyapunov and not is_strictly_positive_real(W_m):
+            raise InputError(
+                "the Lyapunov law needs relative_degree = 1 and a strictly positive real reference model; "
+                "a law on the parametric model does not"
+            )
+        refuse_contradiction(known.plant, self.order, self.relative_degree, self.sign)
+        Lambda = filter_polynomial(self.order, W_m, self.filter_poles)
+        box = self._box(float(np.sign(W_m.num[0])))
+        return Equations(
+            regressor_filter=input_filter(Lambda),
+            W_m=W_m.realise(),
+            sign=self.sign * float(np.sign(W_m.num[0])),
+            law=self.law,
+            normalization=self.normalization,
+            Q=None if self.tau is None else auxiliary_filter(W_m, self.tau),
+            theta_hat0=self._initial(box),
+            box=box,
+        )
+
+    def _box(self, model_sign: float) -> ParameterBox | None:
+        """The known set, with c_0 = k_m/k_p kept on its side of zero."""
+        sign = self.sign * model_sign
+        if self.lower is None and self.c_0_min is None:
+            if isinstance(self.law, LyapunovLaw):
+                return None
+            raise InputError("give c_0_min, or lower and upper: projection must keep c_0 from zero")
+        lower = np.full(2 * self.order, -UNBOUNDED) if self.lower is None else self.lower.copy()
+        upper = np.full(2 * self.order, UNBOUNDED) if self.upper is None else self.upper.copy()
+        if self.c_0_min is not None:
+            if sign > 0:
+                lower[-1] = max(lower[-1], self.c_0_min)
+            else:
+                upper[-1] = min(upper[-1], -self.c_0_min)
+        if not isinstance(self.law, LyapunovLaw) and not (lower[-1] > 0 if sign > 0 else upper[-1] < 0):
+            raise InputError(f"the known set must keep c_0 {'above' if sign > 0 else 'below'} zero; give c_0_min")
+        return ParameterBox(lower=lower, upper=upper)
+
+    def _initial(self, box: ParameterBox | None) -> Array:
+        zero = np.zeros(2 * self.order)
+        if self.theta_hat0 is None:
+            return zero if box is None else np.clip(zero, box.lower, box.upper)
+        if box is not None and not box.contains(self.theta_hat0):
+            raise InputError(f"theta_hat0 must lie in the known set, {box}, got {validate.show(self.theta_hat0)}")
+        return self.theta_hat0

@@ -1,0 +1,161 @@
+"""The output-feedback tracking problem: a SISO plant and a model given by transfer functions; only y is measured."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any, ClassVar
+
+import numpy as np
+
+from barbalat import validate
+from barbalat.actuation import PlantInput
+from barbalat.linear import StateSpace, TransferFunction
+from barbalat.measurement import Sensor
+from barbalat.problem import Disturbance, TrackingProblem, require_signal
+from barbalat.protocols import Signal, Value
+from barbalat.regressors import Terms
+from barbalat.signals import Constant
+from barbalat.validate import Array, InputError, freeze
+
+
+@dataclass(frozen=True, eq=False)
+class OutputDynamics:
+    """x' = A x + B (v + f(y)), y = C x, from rest: what a loop integrates of the plant or of the model."""
+
+    system: StateSpace
+    x0: Array
+    nonlinear: Terms | None = None
+
+    outputs: ClassVar[int] = 1
+    """Measured quantities."""
+
+    def derivative(self, x: Value, v: Value) -> Value:
+        """x' for the input v: u as it reaches the plant, and d; or the command."""
+        if self.nonlinear is not None:
+            v = v + self.nonlinear(self.output(x).reshape(1))[0]
+        return self.system.derivative(x, v)
+
+    def output(self, x: Value) -> Value:
+        """y, a scalar."""
+        return self.system.C @ x
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class OutputPlant:
+    """y = G(s)[u + d + f(y)], from rest: (18).
+
+    transfer_function  G(s), strictly proper: what is simulated, its unmodelled part included
+    nonlinear          f, a formula in y such as "0.5*sin(y)"; none by default. What depends on time is the disturbance d(t)
+    input              limits, further unmodelled dynamics and delay before G; none by default
+
+    Raises InputError.
+    """
+
+    transfer_function: TransferFunction
+    nonlinear: str | None = None
+    input: PlantInput | None = None
+
+    def __post_init__(self) -> None:
+        freeze(self, transfer_function=_strictly_proper("plant.transfer_function", self.transfer_function))
+        if self.input is not None:
+            validate.instance("plant.input", self.input, PlantInput)
+        self.dynamics  # noqa: B018  # refuses what has no realisation or is no formula
+
+    @property
+    def dynamics(self) -> OutputDynamics:
+        return _at_rest(self.transfer_function, None if self.nonlinear is None else _of_y(self.nonlinear))
+
+    @property
+    def paths(self) -> tuple[PlantInput, ...]:
+        """What lies before the input."""
+        return (PlantInput() if self.input is None else self.input,)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class OutputReferenceModel:
+    """y_m = W_m(s)[r], from rest: (19). W_m stable, strictly proper, minimum phase. Raises InputError."""
+
+    transfer_function: TransferFunction
+
+    def __post_init__(self) -> None:
+        W_m = _strictly_proper("reference_model.transfer_function", self.transfer_function)
+        shown = f"num = {validate.show(W_m.num)}, den = {validate.show(W_m.den)}"
+        if not W_m.is_stable:
+            raise InputError(f"reference_model.transfer_function must be stable, got {shown}")
+        if not W_m.is_minimum_phase:
+            raise InputError(f"reference_model.transfer_function must be minimum phase, got {shown}")
+        freeze(self, transfer_function=W_m)
+
+    @property
+    def dynamics(self) -> OutputDynamics:
+        return _at_rest(self.transfer_function)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class OutputKnown:
+    """What a designer has: the reference model. The plant stands here only to refuse assumptions that it contradicts."""
+
+    W_m: TransferFunction
+    plant: TransferFunction
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class OutputProblem(TrackingProblem):
+    """Plant, model, command r(t), input disturbance d(t), and how y is measured."""
+
+    plant: OutputPlant
+    reference_model: OutputReferenceModel
+    reference: Signal = field(default_factory=Constant)
+    disturbance: Signal | None = None
+    sensor: Sensor | None = None
+    name: str = "problem"
+
+    feedback: ClassVar[str] = "output"
+    unmatched: ClassVar[tuple[Disturbance, ...]] = ()  # type: ignore[misc]
+    """Disturbances elsewhere than at the input: none."""
+    uncertainty: ClassVar[None] = None
+    """The known set is the controller's: it depends on the parametrisation."""
+
+    def __post_init__(self) -> None:
+        validate.instance("plant", self.plant, OutputPlant)
+        validate.instance("reference_model", self.reference_model, OutputReferenceModel)
+        require_signal("reference", self.reference)
+        if self.disturbance is not None:
+            require_signal("disturbance", self.disturbance)
+        if self.sensor is not None:
+            validate.instance("sensor", self.sensor, Sensor)
+            if self.sensor.noise is not None:
+                validate.vector("sensor.noise.std", self.sensor.noise.std, 1)
+
+    @property
+    def dynamics(self) -> OutputDynamics:
+        return self.plant.dynamics
+
+    @property
+    def model(self) -> OutputDynamics:
+        return self.reference_model.dynamics
+
+    @property
+    def known(self) -> OutputKnown:
+        return OutputKnown(W_m=self.reference_model.transfer_function, plant=self.plant.transfer_function)
+
+
+def _strictly_proper(name: str, given: Any) -> TransferFunction:
+    system = TransferFunction.accept(name, given)
+    if system.relative_degree < 1 or not system.num.any():
+        shown = f"num = {validate.show(system.num)}, den = {validate.show(system.den)}"
+        raise InputError(f"{name} must be strictly proper and not zero, got {shown}")
+    return system
+
+
+def _at_rest(system: TransferFunction, nonlinear: Terms | None = None) -> OutputDynamics:
+    realised = system.realise()
+    return OutputDynamics(realised, np.zeros(realised.order), nonlinear)
+
+
+def _of_y(formula: Any) -> Terms:
+    if not isinstance(formula, str):
+        raise InputError(f"plant.nonlinear must be a formula in y such as '0.5*sin(y)', got {validate.show(formula)}")
+    terms = Terms(terms=(formula.replace("y", "x1"),))
+    terms.size(1)
+    return terms
