@@ -27,6 +27,11 @@ class StateSpace:
         """A number, without dynamics."""
         return cls(np.zeros((0, 0)), np.zeros(0), np.zeros(0), D)
 
+    def transfer_function(self) -> TransferFunction:
+        """C (sI - A)^-1 B + D."""
+        strictly_proper = transfer_function(self.C, self.A, self.B)
+        return TransferFunction(np.polyadd(strictly_proper.num, self.D * strictly_proper.den), strictly_proper.den)
+
     def derivative(self, state: Value, u: Value) -> Value:
         """x'; with a state (n, m) m copies of the system, for u (m,)."""
         return self.A @ state + (self.B * u if state.ndim == 1 else np.outer(self.B, u))

@@ -11,7 +11,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, runtime_checkable
 
 if TYPE_CHECKING:
-    from barbalat.problem import Known
     from barbalat.validate import Array
 
 Value = Any
@@ -129,6 +128,6 @@ class Controller(Protocol):
         """The name in results, tables and figures."""
         ...
 
-    def bind(self, known: Known) -> Equations | SampledEquations:
+    def bind(self, known: Any) -> Equations | SampledEquations:
         """Join the settings with the plant's known part; raises InputError where they don't fit."""
         ...

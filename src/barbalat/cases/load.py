@@ -11,17 +11,13 @@ from typing import Any
 from pydantic import ValidationError
 
 from barbalat.cases import schema
-from barbalat.cases.build import Case, build
+from barbalat.cases.build import build
+from barbalat.cases.output_build import build_output
+from barbalat.cases.output_tables import TABLES as OUTPUT_TABLES
+from barbalat.cases.output_tables import OutputCaseTable
+from barbalat.cases.parts import Case
 from barbalat.cases.tables import SHAPES
 from barbalat.validate import InputError, show
-
-PLANNED = {
-    "plant.transfer_function": "output feedback",
-    "reference_model.transfer_function": "output feedback",
-}
-"""Keys of the case-file contract that this version does not serve yet, and what they are about."""
-
-PLANNED_SCHEMES = ("l1-output", "mrac-output")
 
 
 def bundled() -> dict[str, Path]:
@@ -54,29 +50,19 @@ def parse_case(text: str, folder: Path = Path(), source: str = "the case") -> Ca
         data = tomllib.loads(text)
     except (tomllib.TOMLDecodeError, ValueError, RecursionError) as error:
         raise InputError(f"{source} is not valid TOML: {error}") from None
-    _refuse_planned(data)
+    kind = OutputCaseTable if _feeds_back_the_output(data) else schema.CaseTable
     try:
-        table = schema.CaseTable.model_validate(data)
+        table = kind.model_validate(data)
     except ValidationError as error:
         # a misspelt key is also a missing one: speak of the spelling
         findings = sorted(error.errors(include_url=False), key=lambda finding: finding["type"] != "extra_forbidden")
         raise InputError(" ".join(_sentence(findings[0], data).split())) from None  # a key may hold line breaks
-    return build(table, folder)
+    return build_output(table, folder) if isinstance(table, OutputCaseTable) else build(table, folder)
 
 
-def _refuse_planned(data: dict[str, Any]) -> None:
-    for key, topic in PLANNED.items():
-        here: Any = data
-        for entry in key.split("."):
-            here = here.get(entry) if isinstance(here, dict) else None
-        if here is not None:
-            raise InputError(f"{key} ({topic}) is not available in this version")
-    controllers = data.get("controller")
-    for i, settings in enumerate(controllers if isinstance(controllers, list) else [], start=1):
-        if not isinstance(settings, dict):
-            continue
-        if settings.get("scheme") in PLANNED_SCHEMES:
-            raise InputError(f"controller {i}: the scheme {settings['scheme']!r} is not available in this version")
+def _feeds_back_the_output(data: dict[str, Any]) -> bool:
+    plant = data.get("plant")
+    return isinstance(plant, dict) and "transfer_function" in plant
 
 
 def _sentence(error: Any, data: dict[str, Any]) -> str:
@@ -86,7 +72,7 @@ def _sentence(error: Any, data: dict[str, Any]) -> str:
     if kind == "missing":
         return f"{place} is missing"
     if kind == "extra_forbidden":
-        known = _known_keys(error["loc"])
+        known = _known_keys(error["loc"], data)
         near = difflib.get_close_matches(str(error["loc"][-1]), known, n=1, cutoff=0.4)
         hint = f"did you mean {near[0]!r}?" if near else f"known here: {', '.join(known)}"
         return f"unknown key {place}; {hint}"
@@ -118,7 +104,8 @@ def _place(location: tuple[int | str, ...], data: Any) -> str:
     return ".".join(parts)
 
 
-def _known_keys(location: tuple[int | str, ...]) -> list[str]:
+def _known_keys(location: tuple[int | str, ...], data: dict[str, Any]) -> list[str]:
     """The keys of the table in which ``location`` found an unknown one."""
     table = next((key for key in reversed(location[:-1]) if isinstance(key, str) and key not in SHAPES), None)
-    return list(schema.TABLES[table].model_fields)
+    tables = schema.TABLES | OUTPUT_TABLES if _feeds_back_the_output(data) else schema.TABLES
+    return list(tables[table].model_fields)

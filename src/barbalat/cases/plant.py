@@ -89,10 +89,12 @@ def _regressor(table: Table | None) -> Regressor:
 def _plant_input(table: schema.InputTable | list[schema.InputTable] | None) -> PlantInput | tuple[PlantInput, ...] | None:
     if table is None:
         return None
-    return tuple(_one_input(one) for one in table) if isinstance(table, list) else _one_input(table)
+    return tuple(one_input(one) for one in table) if isinstance(table, list) else one_input(table)
 
 
-def _one_input(table: schema.InputTable) -> PlantInput:
+def one_input(table: schema.InputTable) -> PlantInput:
+    """[plant.input], for one input."""
+
     def system(name: str, given: schema.TransferFunctionTable | None) -> TransferFunction | None:
         return None if given is None else within(f"plant.input.{name}", lambda: TransferFunction(given.num, given.den))
 

@@ -11,14 +11,14 @@ from barbalat.certify.margins import complementary_sensitivity, margins, sensiti
 from barbalat.certify.peaks import peak_gain
 from barbalat.closed_loop import ClosedLoop
 from barbalat.linear import StateSpace
-from barbalat.problem import Problem
+from barbalat.problem import Problem, TrackingProblem
 from barbalat.validate import InputError
 
 KEYS = {"delay": "delay_margin", "phase": "phase_margin", "gain_up": "gain_margin", "gain_down": "gain_reduction_margin"}
 """The certificate's names of what ``Margins`` holds."""
 
 
-def margins_of(problem: Problem, loop: StateSpace, which: str, findings: list[str]) -> dict[str, Any]:
+def margins_of(problem: TrackingProblem, loop: StateSpace, which: str, findings: list[str]) -> dict[str, Any]:
     """Margins of the loop with the plant's input dynamics in it; the delay margin is what is left beside the plant's delay."""
     dynamics = problem.plant.paths[0].dynamics
     loop = loop if dynamics is None else series(dynamics.realise(), loop)

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from barbalat.certify import laws, limits, linear, over_known_set, theorem1
+from barbalat.certify import laws, limits, linear, output, over_known_set, theorem1
 from barbalat.certify.certificate import Certificate
 from barbalat.certify.common import (
     BEYOND,
@@ -29,19 +29,25 @@ from barbalat.closed_loop import ClosedLoop
 from barbalat.controllers import L1Adaptive, LinearFeedback, Mrac, NormalizedMrac, RobustMrac, Sampled
 from barbalat.grid import Simulation
 from barbalat.linear import StateSpace
-from barbalat.problem import Problem
+from barbalat.output_problem import OutputProblem
+from barbalat.problem import Problem, TrackingProblem
 from barbalat.protocols import Controller
 from barbalat.validate import InputError
 
 
-def certify(problem: Problem, controllers: tuple[Controller, ...], simulation: Simulation) -> dict[str, Certificate]:
+def certify(problem: TrackingProblem, controllers: tuple[Controller, ...], simulation: Simulation) -> dict[str, Certificate]:
     """Certificates by the controllers' names; nothing is simulated."""
     return {controller.name: _certificate(problem, controller, simulation) for controller in controllers}
 
 
-def _certificate(problem: Problem, controller: Controller, simulation: Simulation) -> Certificate:
+def _certificate(problem: TrackingProblem, controller: Controller, simulation: Simulation) -> Certificate:
+    if isinstance(controller, Sampled):
+        return _sampled(_certificate(problem, controller.controller, simulation), controller)
+    if isinstance(problem, OutputProblem):
+        return output.certificate(problem, controller, simulation)
+    assert isinstance(problem, Problem)
     plant = problem.plant
-    if (plant.inputs > 1 or not plant.is_linear or problem.input_gain is not None) and not isinstance(controller, Sampled):
+    if plant.inputs > 1 or not plant.is_linear or problem.input_gain is not None:
         return _beyond_the_paper(problem, controller)
     match controller:
         case Mrac():
@@ -52,8 +58,6 @@ def _certificate(problem: Problem, controller: Controller, simulation: Simulatio
             return _normalized(problem, controller, simulation)
         case LinearFeedback():
             return _linear(problem, controller)
-        case Sampled():
-            return _sampled(_certificate(problem, controller.controller, simulation), controller)
     raise InputError(f"no certificate is known for {type(controller).__name__}")
 
 

@@ -51,7 +51,9 @@ def l1(name: str, gamma: float, kappa: float = KAPPA, *, projection: bool = True
 @cache
 def problem() -> Problem:
     """Plant, model, command and known set of Section V."""
-    return load_case("paper").problem
+    given = load_case("paper").problem
+    assert isinstance(given, Problem)
+    return given
 
 
 def run(progress: Progress | None = None) -> Runs:

@@ -24,5 +24,6 @@ def execute(_: argparse.Namespace) -> int:
     for name in bundled():
         case = load_case(name)
         schemes = ", ".join(controller.name for controller in case.controllers)
-        console.print(f"{name:12} {case.name}: n = {case.problem.plant.n}; {schemes}")
+        order = len(case.problem.dynamics.x0)
+        console.print(f"{name:18} {case.name}: n = {order}; {schemes}")
     return 0

@@ -106,7 +106,8 @@ def certificate(name: str, found: Certificate) -> Table:
                 table.add_row(f"L1 norm of {norm}", f"{ends['lower']:.10g} ... {ends['upper']:.10g}", kind)
         elif key == "condition":
             verdict = "[green]holds[/green]" if value["holds"] else "[red]not shown to hold[/red]"
-            table.add_row(f"||{value.get('of', 'W_b (1 - C)')}||_1 theta_max < 1", f"{value['value_upper']:.6g}: {verdict}", kind)
+            name = f"||{value.get('of', 'W_b (1 - C)')}||_1 {value.get('times', 'theta_max')} < 1"
+            table.add_row(name, f"{number_text(value['value_upper'])}: {verdict}", kind)
         elif key == "margins_over_known_set":
             for entry in value:
                 _worst_case(table, entry)

@@ -1,0 +1,95 @@
+"""From the checked tables of an output-feedback case to the objects of the Python API."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from barbalat.cases import output_tables as tables
+from barbalat.cases.parts import Case, assembled, bound_and_sampled, sensor, signal, simulation
+from barbalat.cases.plant import one_input, within
+from barbalat.cases.schema import TransferFunctionTable
+from barbalat.controllers.output.l1 import L1Output
+from barbalat.controllers.output.linear import LinearOutput
+from barbalat.controllers.output.mrac import MracOutput
+from barbalat.linear import TransferFunction
+from barbalat.linear_design import mixed_sensitivity, pi_controller
+from barbalat.output_problem import OutputPlant, OutputProblem, OutputReferenceModel
+from barbalat.protocols import Controller
+from barbalat.validate import InputError
+
+
+def build_output(table: tables.OutputCaseTable, folder: Path) -> Case:
+    """Everything validated, controllers bound once; ``folder`` is where relative paths start."""
+    plant, disturbance = table.plant, table.plant.disturbance
+    problem = OutputProblem(
+        plant=OutputPlant(
+            transfer_function=system("plant.transfer_function", plant.transfer_function),
+            nonlinear=plant.nonlinear,
+            input=None if plant.input is None else one_input(plant.input),
+        ),
+        reference_model=OutputReferenceModel(
+            transfer_function=system("reference_model.transfer_function", table.reference_model.transfer_function)
+        ),
+        reference=within("reference", lambda: signal(table.reference, folder)),
+        disturbance=None if disturbance is None else within("plant.disturbance", lambda: signal(disturbance, folder)),
+        sensor=None if table.sensor is None else sensor(table.sensor),
+        name=table.name,
+    )
+    controllers = []
+    for i, settings in enumerate(table.controller, start=1):
+        where = f"controller {i} ({settings.name or settings.scheme})"
+        controllers.append(
+            within(where, lambda settings=settings: bound_and_sampled(_controller(settings, problem), settings, problem))  # type: ignore[misc]
+        )
+    return assembled(problem, controllers, simulation(table.simulation))
+
+
+def system(field: str, table: TransferFunctionTable) -> TransferFunction:
+    """A transfer function; an InputError names the field."""
+    return within(field, lambda: TransferFunction(table.num, table.den))
+
+
+def _controller(table: tables.OutputSchemeTable, problem: OutputProblem) -> Controller:
+    name: dict[str, Any] = {} if table.name is None else {"name": table.name}
+    match table:
+        case tables.MracOutputTable():
+            keys = ("order", "relative_degree", "sign", "theta_hat0", "tau", "filter_poles")
+            bounds = () if table.projection is False else ("lower", "upper", "c_0_min")
+            settings = {key: getattr(table, key) for key in (*keys, *bounds)}
+            return MracOutput(law=table.built_law(), normalization=table.normalization.build(), **settings, **name)
+        case tables.L1OutputTable():
+            if table.projection and table.sigma_bound is None:
+                raise InputError("projection needs sigma_bound")
+            return L1Output(
+                m=table.m,
+                gamma=table.gamma,
+                filter=system("filter", table.filter),
+                sigma_bound=None if table.projection is False else table.sigma_bound,
+                lipschitz=table.lipschitz,
+                design_plant=None if table.design_plant is None else system("design_plant", table.design_plant),
+                **name,
+            )
+    return _linear(table, problem, name)
+
+
+def _linear(table: tables.LinearOutputTable, problem: OutputProblem, name: dict[str, Any]) -> LinearOutput:
+    if (table.controller is None) == (table.design is None):
+        raise InputError('give either controller = { num, den } or design = "hinf" or "pi"')
+    if table.controller is not None:
+        if table.design_plant is not None or table.unmodelled_delay is not None or table.bandwidth is not None:
+            raise InputError("design_plant, unmodelled_delay and bandwidth go with design")
+        F = None if table.feedforward is None else system("feedforward", table.feedforward)
+        return LinearOutput(loop=system("controller", table.controller), feedforward=F, **name)
+    if table.unmodelled_delay is None:
+        raise InputError(f'unmodelled_delay is missing; design = "{table.design}" needs it')
+    if table.feedforward is not None:
+        raise InputError("feedforward goes with controller")
+    given = table.design_plant
+    model = problem.plant.transfer_function if given is None else system("design_plant", given)
+    if table.design == "pi":
+        if table.bandwidth is not None:
+            raise InputError('bandwidth goes with design = "hinf"')
+        return LinearOutput(loop=pi_controller(model, table.unmodelled_delay), **name)
+    designed = mixed_sensitivity(model, table.unmodelled_delay, table.bandwidth)
+    return LinearOutput(loop=designed.controller.transfer_function(), **name)
