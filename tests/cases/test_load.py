@@ -233,7 +233,7 @@ BAD = [
     ('scheme = "mrac"', 'scheme = "mrac"\ndiscretization = "euler"', ["discretization", "sample_time"]),
     ("[plant]", "[plant]\ninput = { delay = 1.5e-4 }", ["plant.input.delay", "two solver steps"]),
     ("[plant]", "[plant]\ninput = { actuator = { num = [1], den = [1, -1] } }", ["plant.input.actuator", "stable"]),
-    ('scheme = "mrac"', 'scheme = "l1-output"', ["l1-output", "not available"]),
+    ('scheme = "mrac"', 'scheme = "l1-output"', ["l1-output", "must be one of"]),
     ("[[controller]]", "[controller]", ["TOML"]),
     ('name = "Section V"', "name = 3", ["name", "3"]),
 ]
