@@ -70,7 +70,8 @@ def figures_of(problem, controller, starts, simulation, lanes, threads, record=F
     batch, loop = batch_of(problem, controller, starts, simulation, lanes, record)
     run([batch], problem.signals, simulation, threads=threads)
     metrics = batch.metrics(simulation, loop.theta_hat_rows)
-    return [batch.final_states, *(getattr(metrics, name) for name in metrics.__dataclass_fields__)]
+    figures = [getattr(metrics, name) for name in metrics.__dataclass_fields__]
+    return [batch.final_states, *(figure for figure in figures if figure is not None)]
 
 
 @pytest.mark.parametrize(("n", "scheme"), [(1, "mrac"), (2, "l1"), (2, "robust-mrac")])
