@@ -175,7 +175,8 @@ def transfer_function(c: Array, A: Array, b: Array) -> TransferFunction:
     """
     n = len(b)
     A, scale = balance(A)
-    b, c = b / scale, c * scale
+    size = float(np.abs(c).max(initial=0.0)) or 1.0  # squares of very large entries would leave the range of floats
+    b, c = b / scale, c / size * scale
     den, num = [1.0], []
     adjugate = np.eye(n)  # coefficient of s^(n-1-k) in adj(sI - A)
     for k in range(n):
@@ -188,4 +189,4 @@ def transfer_function(c: Array, A: Array, b: Array) -> TransferFunction:
     leading = 0
     while leading < n and abs(num[leading]) <= 10 * n * np.finfo(float).eps * bound[leading]:
         leading += 1
-    return TransferFunction(np.array(num[leading:] or [0.0]), np.array(den))
+    return TransferFunction(np.array(num[leading:] or [0.0]) * size, np.array(den))
