@@ -111,11 +111,11 @@ class Adapting:
 
 
 def adapting(
-    loop: ClosedLoop, t: Array, theta_hat: Array, extrema: tuple[Array, Array], moved: Array, phi: Array, theta: Array
+    loop: ClosedLoop, t: Array, theta_hat: Array, extrema: tuple[Array, Array], moved: Array, phi: Array, theta: Array | None
 ) -> Adapting:
     """From a record of K instants t [s]: theta_hat (K, p), its extrema and its path over the intervals, both (K - 1, p).
 
-    phi (K, p, m) as of ``regressor_along``, theta (p,) the true parameters.
+    phi (K, p, m) as of ``regressor_along``, theta (p,) the true parameters, None where there are none to speak of.
     """
     known_set = getattr(getattr(loop.equations, "continuous", loop.equations), "box", None)
     tail = t[:-1] >= t[-1] - (t[-1] - t[0]) / 4 if len(t) > 1 else np.zeros(0, bool)
@@ -133,7 +133,9 @@ def adapting(
         on_bounds=bounds,
         on_sphere=sphere,
         excitation=found,
-        warnings=tuple(_warnings(path, float(np.linalg.norm(theta_hat[0] - theta)), bounds, sphere, found)),
+        warnings=tuple(
+            _warnings(path, 0.0 if theta is None else float(np.linalg.norm(theta_hat[0] - theta)), bounds, sphere, found)
+        ),
     )
 
 

@@ -91,6 +91,11 @@ class TrackingProblem:
         raise AssertionError("a problem has a model")
 
     @property
+    def parameters(self) -> Array | None:
+        """The true values of what is estimated, where the problem knows them."""
+        return None
+
+    @property
     def commands(self) -> tuple[Signal, ...]:
         """The reference signals."""
         return self.reference if isinstance(self.reference, tuple) else (self.reference,)

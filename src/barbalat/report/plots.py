@@ -26,11 +26,12 @@ def error_and_estimates(result: Result) -> Figure:
     for i in range(n):
         _line(left, result.t, result.e[:, i], (envelope.e_min[:, i], envelope.e_max[:, i]), COLOURS[i % 6], f"$e_{i + 1}$")
     left.set_ylabel("tracking error $e = x - x_m$")
-    true = getattr(result.problem, "parameters", [])
+    true = result.problem.parameters
     for i in range(result.theta_hat.shape[1]):
         band = (envelope.theta_hat_min[:, i], envelope.theta_hat_max[:, i])
         _line(right, result.t, result.theta_hat[:, i], band, COLOURS[i % 6], rf"$\hat\theta_{i + 1}$")
-        right.axhline(true[i], color=COLOURS[i % 6], linestyle="--", linewidth=0.8)
+        if true is not None:
+            right.axhline(true[i], color=COLOURS[i % 6], linestyle="--", linewidth=0.8)
     _bounds(right, result)
     right.set_ylabel(r"estimates $\hat\theta$ (dashed: true values)")
     _finish((left, right), [result])

@@ -85,6 +85,13 @@ class Equations:
         m_s_squared = self.normalization.m_s_squared(phi, state.n_d)
         return Estimation(phi, m_s_squared, (z - state.theta_hat @ phi) / m_s_squared)
 
+    def regressor_at(self, state: State, y: Value, u: Value) -> Value:
+        """phi_p/m; for the Lyapunov law omega without the command."""
+        if not self._normalised:
+            return np.concatenate([state.omega_1, state.omega_2, y.reshape(1)])
+        estimation = self.estimation(state, y)
+        return estimation.phi / np.sqrt(estimation.m_s_squared)
+
     def auxiliary_input_argument(self, state: State, y: Value) -> Value:
         """epsilon m^2 - W_c[(W_b[omega'] theta')], W_c = -C'(sI - A)^-1."""
         estimation = self.estimation(state, y)
