@@ -5,8 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
+from barbalat import validate
 from barbalat.adaptation.laws import Gradient
 from barbalat.cases import schema
 from barbalat.cases.parts import Case, assembled, bound_and_sampled, low_pass, sensor, signal, simulation
@@ -94,6 +93,10 @@ def _modifications(table: schema.MracTable | schema.L1Table) -> dict[str, Any]:
     return settings
 
 
+def _is_matrix(value: Any) -> bool:
+    return isinstance(value, list) and bool(value) and isinstance(value[0], list)
+
+
 def _known_set(table: schema.UncertaintyTable | None) -> KnownSet | None:
     """[uncertainty]: exactly one of a box and a ball."""
     if table is None:
@@ -106,7 +109,9 @@ def _known_set(table: schema.UncertaintyTable | None) -> KnownSet | None:
         got = ", ".join(sorted(given)) or "nothing"
         raise InputError(f"uncertainty must have either lower and upper, or center and radius, got {got}")
     flat: dict[str, Any] = {
-        key: np.ravel(value) if isinstance(value, list) else value for key, value in (box | ball).items() if key in given
+        key: validate.array(f"uncertainty.{key}", value, (None, None)).reshape(-1) if _is_matrix(value) else value
+        for key, value in (box | ball).items()
+        if key in given
     }
     return ParameterBox(**flat) if "lower" in given else ParameterBall(**flat)
 
