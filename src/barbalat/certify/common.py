@@ -7,7 +7,7 @@ from typing import Any
 from barbalat.certify import theorem1
 from barbalat.certify.certificate import Certificate
 from barbalat.closed_loop import ClosedLoop
-from barbalat.problem import Problem
+from barbalat.problem import Problem, TrackingProblem
 
 MATCHED = "the plant is (1): matched uncertainty, no unmodelled dynamics, continuous time"
 NO_DISTURBANCE = "no disturbance acts"
@@ -39,18 +39,27 @@ def finish(
     problem: Problem, values: dict[str, Any], guaranteed: set[str], assumptions: list[str], findings: list[str]
 ) -> Certificate:
     """The certificate, less the guarantees that what acts on the plant takes away."""
+    found = departures(problem)
+    for departure in found:
+        findings.append(f"{departure}: the bounds (9) and (10) don't cover it")
+    if found:
+        guaranteed = guaranteed - {"error_bound", "error_bound_worst"}
     if problem.disturbance is None and not problem.unmatched:
         assumptions.append(NO_DISTURBANCE)
-    elif problem.disturbance is not None:
-        findings.append("a disturbance acts: the bounds (9) and (10) don't cover it")
-        guaranteed = guaranteed - {"error_bound", "error_bound_worst"}
-    unmodelled_gain = problem.input_gain is None and any(path.gain != 1 for path in problem.plant.paths)
-    if unmodelled_gain or problem.delay > 0 or not all(path.is_static_gain for path in problem.plant.paths):
-        findings.append("the plant has unmodelled dynamics or limits at its input: the bounds (9) and (10) don't cover them")
-        guaranteed = guaranteed - {"error_bound", "error_bound_worst"}
-    if problem.unmatched or problem.sensor is not None:
-        findings.append("unmatched disturbances, sensor lag and noise are not covered by bounds and margins")
-        guaranteed = guaranteed - {"error_bound", "error_bound_worst"}
     if any("outside the known set" in finding for finding in findings):
         guaranteed = guaranteed & {"norms", "condition", "kappa_admissible", "kappa_max"}
     return Certificate(values, frozenset(guaranteed), tuple(assumptions), tuple(findings))
+
+
+def departures(problem: TrackingProblem) -> list[str]:
+    """What the case's plant has that (1) has not."""
+    found = []
+    if problem.disturbance is not None or problem.unmatched:
+        found.append("a disturbance acts")
+    gain_known = getattr(problem, "input_gain", None) is None
+    unmodelled_gain = gain_known and any(path.gain != 1 for path in problem.plant.paths)
+    if unmodelled_gain or problem.delay > 0 or not all(path.is_static_gain for path in problem.plant.paths):
+        found.append("the plant has unmodelled dynamics, a delay or limits at its input")
+    if problem.sensor is not None:
+        found.append("the state is measured with lag or noise, which margins don't cover either")
+    return found

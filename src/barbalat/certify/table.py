@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -38,6 +39,19 @@ from barbalat.validate import InputError
 def certify(problem: TrackingProblem, controllers: tuple[Controller, ...], simulation: Simulation) -> dict[str, Certificate]:
     """Certificates by the controllers' names; nothing is simulated."""
     return {controller.name: _certificate(problem, controller, simulation) for controller in controllers}
+
+
+def certify_where_possible(
+    problem: TrackingProblem, controllers: Sequence[Controller], simulation: Simulation
+) -> dict[str, Certificate]:
+    """The same for a report: what can't be certified has the reason as its finding."""
+    found = {}
+    for controller in controllers:
+        try:
+            found[controller.name] = _certificate(problem, controller, simulation)
+        except InputError as error:
+            found[controller.name] = Certificate({}, frozenset(), (), (f"no certificate: {error}",))
+    return found
 
 
 def _certificate(problem: TrackingProblem, controller: Controller, simulation: Simulation) -> Certificate:

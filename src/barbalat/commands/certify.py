@@ -19,21 +19,32 @@ def add(commands: Commands) -> None:
 
 def execute(options: argparse.Namespace) -> int:
     """Run the command; returns the exit code."""
+    from rich.markup import escape
+
     from barbalat.cases.load import load_case
     from barbalat.certify.table import certify
+    from barbalat.certify.table_1 import table_1
     from barbalat.report import tables
     from barbalat.report.write import as_json
 
     case = load_case(options.case)
     certificates = certify(case.problem, case.controllers, case.simulation)
+    table = table_1(case.problem, case.controllers, certificates)
     if options.json:
-        document = {"case": case.name, "controllers": {name: c.as_json() for name, c in certificates.items()}}
+        document = {
+            "case": case.name,
+            "controllers": {name: c.as_json() for name, c in certificates.items()},
+            "table_1": table.as_json(),
+        }
         print(as_json(document))  # noqa: T201
         return 0
     console = tables.console()
     for name, certificate in certificates.items():
         console.print(tables.certificate(name, certificate))
         for finding in certificate.findings:
-            console.print(f"[red]{finding}[/red]")
-        console.print("Assumed: " + "; ".join(certificate.assumptions) + ".\n")
+            console.print(f"[red]{escape(finding)}[/red]")
+        console.print(escape("Assumed: " + "; ".join(certificate.assumptions) + ".\n"))
+    console.print(tables.table_1(table))
+    for violation in table.violated:
+        console.print(f"[red]The statements on the exact plant do not apply to this case: {escape(violation)}.[/red]")
     return 0

@@ -28,6 +28,7 @@ def execute(options: argparse.Namespace) -> int:
     from barbalat.claims import figures as paper
     from barbalat.claims import ledger, section_v
     from barbalat.report import page, tables, write
+    from barbalat.report.certified import certified_paper
     from barbalat.report.files import prepare_folder
     from barbalat.report.files import write as write_file
 
@@ -42,9 +43,11 @@ def execute(options: argparse.Namespace) -> int:
     seconds["claims"] = time.perf_counter() - started - sum(seconds.values())
     pictures, maps = write.draw_reproduction(folder, figures), write.draw_maps(folder, claims)
     seconds["pictures"] = time.perf_counter() - started - sum(seconds.values())
+    certified = certified_paper(runs)
+    seconds["certificates"] = time.perf_counter() - started - sum(seconds.values())
     seconds["total"] = time.perf_counter() - started
-    document = write.as_json(write.reproduction_document(figures, claims, seconds))
-    write_file(folder / "report.html", page.reproduction(figures, claims, pictures, maps, seconds))
+    document = write.as_json(write.reproduction_document(figures, claims, certified, seconds))
+    write_file(folder / "report.html", page.reproduction(figures, claims, pictures, maps, certified, seconds))
     write_file(folder / "report.json", document)
     if options.json:
         print(document)  # noqa: T201

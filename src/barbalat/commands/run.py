@@ -53,12 +53,17 @@ def execute(options: argparse.Namespace) -> int:
     from barbalat.report import tables, write
     from barbalat.report.files import write as write_file
 
-    document = write.as_json(write.run_document(case.name, results))
+    certified = None
+    if folder is not None and not options.no_plots:
+        from barbalat.report.certified import certified_case
+
+        certified = certified_case(case.problem, case.controllers, case.simulation)
+    document = write.as_json(write.run_document(case.name, results, certified))
     if folder is not None:
         write_file(folder / "run.json", document)
         write.write_trajectories(folder, results)
-        if not options.no_plots:
-            write.write_comparison(folder, case.name, results)
+        if certified is not None:
+            write.write_comparison(folder, case.name, results, certified)
     if options.json:
         print(document)  # noqa: T201
         return 0

@@ -10,8 +10,11 @@ from importlib import resources
 from jinja2 import Environment, StrictUndefined
 
 import barbalat
+from barbalat.certify.table_1 import PROPERTIES
 from barbalat.claims.claim import Claim, PaperFigure
-from barbalat.report.tables import number_text
+from barbalat.report.certificates import rows
+from barbalat.report.certified import Certified
+from barbalat.report.numbers import number_text
 from barbalat.result import Result
 
 FIGURE_COLUMNS = {
@@ -43,22 +46,25 @@ def reproduction(
     claims: Sequence[Claim],
     pictures: dict[str, Picture],
     maps: dict[str, Picture],
+    certified: Certified,
     seconds: dict[str, float],
 ) -> str:
     """The page of ``barbalat reproduce``; ``pictures`` by figure key, ``maps`` by map key, ``seconds`` by part of the work."""
-    return _render("reproduction.html", figures=figures, claims=claims, pictures=pictures, maps=maps, seconds=seconds)
+    values = {"figures": figures, "claims": claims, "pictures": pictures, "maps": maps}
+    return _render("reproduction.html", **values, certified=certified, seconds=seconds)
 
 
-def comparison(name: str, results: Sequence[Result], picture: Picture) -> str:
+def comparison(name: str, results: Sequence[Result], certified: Certified, picture: Picture) -> str:
     """The page of ``barbalat run``."""
-    return _render("comparison.html", name=name, results=results, picture=picture)
+    return _render("comparison.html", name=name, results=results, certified=certified, picture=picture)
 
 
 def _render(template: str, **values: object) -> str:
     folder = resources.files("barbalat.report") / "templates"
     loader_environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
     loader_environment.filters["number"] = number_text
-    macros = (folder / "macros.html").read_text(encoding="utf-8")
+    loader_environment.filters["rows"] = rows
+    macros = "".join((folder / name).read_text(encoding="utf-8") for name in ("macros.html", "certificates.html"))
     body = (folder / template).read_text(encoding="utf-8")
-    values |= {"version": barbalat.__version__, "columns": FIGURE_COLUMNS}
+    values |= {"version": barbalat.__version__, "columns": FIGURE_COLUMNS, "properties": PROPERTIES}
     return loader_environment.from_string(macros + body).render(**values)

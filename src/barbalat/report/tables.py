@@ -3,16 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 
 from barbalat.certify.certificate import Certificate
+from barbalat.certify.table_1 import PROPERTIES
+from barbalat.certify.table_1 import Table as Table1
 from barbalat.claims.claim import Claim, PaperFigure
+from barbalat.report.certificates import rows
+from barbalat.report.numbers import number_text
 from barbalat.result import Result
 
 STYLES = {"confirmed": "green", "confirmed with conditions": "yellow", "not confirmed": "red", "erratum": "red", "pending": "dim"}
+KINDS = {"proven": "green", "not proven": "red", "estimate": "dim"}
 
 
 def figures_of_runs(results: Sequence[Result]) -> Table:
@@ -59,13 +64,6 @@ def adapting_of_runs(results: Sequence[Result]) -> Table:
     return table
 
 
-def number_text(value: float | list[float] | None, separator: str = ", ") -> str:
-    """A figure for people: four digits, components with a separator between."""
-    if isinstance(value, list):
-        return separator.join(number_text(v) for v in value) or "-"
-    return "-" if value is None else f"{value:.4g}"
-
-
 def checks_of_figures(figures: Sequence[PaperFigure]) -> Table:
     """What each figure's description says, and what was measured."""
     table = Table(title="Figures of Section V", pad_edge=False, show_lines=False)
@@ -94,42 +92,24 @@ def ledger(claims: Sequence[Claim]) -> Table:
 
 def certificate(name: str, found: Certificate) -> Table:
     """One controller's certificate: what is a guaranteed bound, what an estimate."""
-    table = Table(title=name, title_justify="left", pad_edge=False)
-    for heading in ("quantity", "value", ""):
+    table = Table(title=escape(name), title_justify="left", pad_edge=False)
+    for heading in ("quantity", "value", "", "meaning"):
         table.add_column(heading, overflow="fold")
-    for key, value in found.values.items():
-        if value is None:
-            continue
-        kind = "guaranteed" if key in found.guaranteed else ""
-        if key == "norms":
-            for norm, ends in value.items():
-                table.add_row(f"L1 norm of {norm}", f"{ends['lower']:.10g} ... {ends['upper']:.10g}", kind)
-        elif key == "condition":
-            verdict = "[green]holds[/green]" if value["holds"] else "[red]not shown to hold[/red]"
-            name = f"||{value.get('of', 'W_b (1 - C)')}||_1 {value.get('times', 'theta_max')} < 1"
-            table.add_row(name, f"{number_text(value['value_upper'])}: {verdict}", kind)
-        elif key == "margins_over_known_set":
-            for entry in value:
-                _worst_case(table, entry)
-        elif key == "unlimited":
-            table.add_row(key, ", ".join(value), kind)
-        else:
-            table.add_row(
-                key, f"{value:.6g}" if isinstance(value, float) else value if isinstance(value, str) else number_text(value), kind
-            )
+    for row in rows(found):
+        table.add_row(escape(row.quantity), escape(row.value), row.kind, escape(row.meaning))
     return table
 
 
-def _worst_case(table: Table, entry: dict[str, Any]) -> None:
-    """Rows for the margins of one linear loop over the known set."""
-    table.add_row("over the known set", f"{entry['of']}; searched: {entry['searched']}", "")
-    for key, value in entry.items():
-        if isinstance(value, dict):
-            table.add_row(f"  {key}", f"{value['value']:.6g} at theta = [{number_text(value['theta'])}]", "")
-    if entry["unlimited"]:
-        table.add_row("  unlimited", ", ".join(entry["unlimited"]), "")
-    if "unstable_at" in entry:
-        table.add_row("  unstable at", f"theta = [{number_text(entry['unstable_at'])}]", "")
+def table_1(found: Table1) -> Table:
+    """What is guaranteed of each controller's scheme."""
+    table = Table(title="Table 1: what is guaranteed", show_lines=True, pad_edge=False)
+    table.add_column("")
+    for column in found.columns:
+        table.add_column(escape(f"{column.name}\n{column.scheme}"), overflow="fold")
+    for key, title in PROPERTIES.items():
+        cells = (column.cells[key] for column in found.columns)
+        table.add_row(title, *(f"[{KINDS[cell.kind]}]{cell.kind}:[/] {escape(cell.text)}" for cell in cells))
+    return table
 
 
 def console(*, to_standard_error: bool = False) -> Console:

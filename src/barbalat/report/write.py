@@ -14,6 +14,7 @@ from matplotlib.figure import Figure
 
 from barbalat.claims.claim import Claim, Map, PaperFigure
 from barbalat.report import charts, maps, page, plots
+from barbalat.report.certified import Certified
 from barbalat.report.files import write
 from barbalat.result import Result
 
@@ -23,22 +24,26 @@ def as_json(document: dict[str, Any]) -> str:
     return json.dumps(document, indent=2, allow_nan=False, ensure_ascii=False)
 
 
-def reproduction_document(figures: Sequence[PaperFigure], claims: Sequence[Claim], seconds: dict[str, float]) -> dict[str, Any]:
+def reproduction_document(
+    figures: Sequence[PaperFigure], claims: Sequence[Claim], certified: Certified, seconds: dict[str, float]
+) -> dict[str, Any]:
     """The contract's document of ``reproduce --json``."""
     return {
         "figures": {figure.key: figure.as_json() for figure in figures},
         "claims": [claim.as_json() for claim in claims],
         "seconds": seconds,
+        **certified.as_json(),
     }
 
 
-def run_document(case: str, results: Sequence[Result]) -> dict[str, Any]:
-    """The contract's document of ``run --json``; the numerics stand beside the contract's keys."""
+def run_document(case: str, results: Sequence[Result], certified: Certified | None) -> dict[str, Any]:
+    """The contract's document of ``run --json``; numerics, and certificates where they were made, stand beside its keys."""
     simulation = results[0].simulation
     return {
         "case": case,
         "simulation": {"t_end": simulation.t_end, "dt": simulation.dt, "solver": simulation.solver.name},
         "controllers": {r.name: run_block(r) for r in results},
+        **({} if certified is None else certified.as_json()),
     }
 
 
@@ -73,11 +78,11 @@ def draw_maps(folder: Path, claims: Sequence[Claim]) -> dict[str, page.Picture]:
     }
 
 
-def write_comparison(folder: Path, case: str, results: Sequence[Result]) -> list[Path]:
+def write_comparison(folder: Path, case: str, results: Sequence[Result], certified: Certified) -> list[Path]:
     """Picture, page and one table of the trajectory for each controller."""
     picture = _draw(folder, "comparison", plots.comparison(results))
     written = [folder / "comparison.png", folder / "comparison.svg"]
-    written.append(write(folder / "report.html", page.comparison(case, results, picture)))
+    written.append(write(folder / "report.html", page.comparison(case, results, certified, picture)))
     return written
 
 

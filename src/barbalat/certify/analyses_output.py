@@ -1,0 +1,102 @@
+"""Entries of Table 1 for the output-feedback schemes of Section IV, see docs/table-1.md."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from barbalat.adaptation.epsilon_modification import EpsilonModification
+from barbalat.adaptation.fixed_sigma import FixedSigma
+from barbalat.certify import laws
+from barbalat.certify.analyses import Analysis, Cell, limits_text, margins_cell
+from barbalat.certify.rounding import up
+from barbalat.controllers.output.l1 import L1Output
+from barbalat.controllers.output.linear import LinearOutput
+from barbalat.controllers.output.lyapunov import LyapunovLaw
+from barbalat.controllers.output.mrac import MracOutput
+from barbalat.output_problem import OutputProblem
+
+
+def _mrac(problem: OutputProblem, controller: MracOutput, values: dict[str, Any]) -> tuple[str, dict[str, Cell]]:
+    law, order = controller.law, len(problem.plant.transfer_function.poles)
+    lyapunov = isinstance(law, LyapunovLaw)
+    name = "MRAC with output feedback, " + ("unnormalised Lyapunov law" if lyapunov else "normalised law")
+    modified = law.leakage is not None or getattr(law, "dead_zone", None) is not None  # type: ignore[union-attr]
+    converges = not modified if lyapunov else laws.convergence(law).startswith("the tracking error converges to zero")  # type: ignore[arg-type]
+    exact = order == controller.order
+    unmodelled = f"the plant is of order {order} and the design of {controller.order}: the rest is unmodelled"
+    vanishing = Cell("proven", "converges to zero for every bounded r")
+    kept = Cell("not proven", "converges to a set: the law is modified")
+    auxiliary = "the auxiliary input leaves 1 - 1/(tau s + 1)^n* of the error, of the order of tau; no number"
+    pulled = isinstance(law.leakage, (FixedSigma, EpsilonModification))  # type: ignore[union-attr]
+    return name, {
+        "stability": Cell("proven", "for every bounded r") if exact else Cell("not proven", unmodelled),
+        "tracking": (vanishing if converges else kept) if exact else Cell("not proven", unmodelled),
+        "transient": Cell("proven", auxiliary) if controller.tau is not None and exact else Cell("not proven", "no bound"),
+        "estimates": _estimates(exact, pulled),
+        "modelling_error": _robustness(controller),
+        "tuning": Cell("estimate", limits_text(values)),
+        "margins": margins_cell(values),
+    }
+
+
+def _estimates(exact: bool, pulled: bool) -> Cell:
+    if not exact:
+        return Cell("not proven", "there is no theta* to converge to")
+    if pulled:
+        return Cell("proven", "bounded, and pulled towards zero")
+    return Cell("proven", "V of the law never grows; they converge to theta* where the regressor is persistently exciting")
+
+
+def _robustness(controller: MracOutput) -> Cell:
+    law = controller.law
+    if isinstance(law, LyapunovLaw):
+        if law.leakage is None and law.dead_zone is None:
+            return Cell("not proven", "not robust: the estimates may drift until the loop bursts (Rohrs)")
+        return Cell(
+            "not proven", "the estimates stay bounded; that all signals do is proven from a limited set of initial states only"
+        )
+    if controller.normalization.alpha_0 == 0:
+        return Cell("not proven", "needs the dynamic normalisation, alpha_0 > 0 in (16); it is 0 here")
+    bounded = controller.lower is not None or law.leakage is not None  # type: ignore[attr-defined]
+    if not bounded:
+        return Cell("not proven", "needs projection of all estimates or leakage, and there is neither")
+    return Cell(
+        "proven",
+        "bounded, the mean square of e of the order of Delta, for every Delta that is small enough; how small is not computed",
+    )
+
+
+def _l1(problem: OutputProblem, controller: L1Output, values: dict[str, Any]) -> tuple[str, dict[str, Cell]]:
+    condition = values["condition"]
+    value = "infinite" if condition["value_upper"] is None else up(condition["value_upper"])
+    if condition["holds"]:
+        stability = Cell("proven", f"since ||H(1 - C)||_1 L <= {value} < 1 (20)")
+    else:
+        stability = Cell("not proven", f"||H(1 - C)||_1 L is only known to be <= {value} (20)")
+    linear = "margins_of" in values and problem.plant.nonlinear is None  # its loop is stable
+    rest = "converges to zero for constant r and d while sigma is inside its bounds: the loop is linear and integrates"
+    return "L1 output feedback (18)-(21), a linear controller with integral action", {
+        "stability": stability,
+        "tracking": Cell("proven", rest) if linear else Cell("not proven", "only that of a stable linear loop would be"),
+        "transient": Cell("not proven", "that of its linear loop; no number"),
+        "estimates": Cell("estimate", "sigma is the state of an integrator, not a parameter: nothing is learnt"),
+        "modelling_error": Cell("estimate", "that of its linear loop: see the margins"),
+        "tuning": Cell("estimate", limits_text(values)),
+        "margins": margins_cell(values),
+    }
+
+
+def _linear(_: OutputProblem, __: LinearOutput, values: dict[str, Any]) -> tuple[str, dict[str, Cell]]:
+    stable = "margins_of" in values
+    return "linear output feedback", {
+        "stability": Cell("proven", "its loop is stable") if stable else Cell("not proven", "its loop is unstable"),
+        "tracking": Cell("not proven", "not to zero in general; to zero for a constant r where it integrates"),
+        "transient": Cell("not proven", "no number"),
+        "estimates": Cell("estimate", "it estimates nothing"),
+        "modelling_error": Cell("estimate", "see the margins"),
+        "tuning": Cell("estimate", "no adaptive gain"),
+        "margins": margins_cell(values),
+    }
+
+
+OUTPUT_ANALYSES: dict[type, Analysis] = {MracOutput: _mrac, L1Output: _l1, LinearOutput: _linear}
