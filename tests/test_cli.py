@@ -62,6 +62,11 @@ def test_run_writes_everything(case_file, tmp_path, capsys):
     names = {path.name for path in out.iterdir()}
     assert names == {"run.json", "report.html", "comparison.png", "comparison.svg", "1-robust-mrac.csv", "2-l1.csv", "3-mrac.csv"}
     page = (out / "report.html").read_text()
+    assert "What is guaranteed" in page and "Is it adapting?" in page
+    document = json.loads((out / "run.json").read_text())
+    assert set(document["certificates"]) == set(document["controllers"])  # stand beside the contract's keys
+    assert document["certificates"]["L1"]["condition"]["holds"] is True
+    assert document["controllers"]["L1"]["adapting"]["path"][0] > 0
     assert 'src="data:image/png;base64,' in page and "http" not in page.replace("http-equiv", "")
     header, first = (out / "2-l1.csv").read_text().splitlines()[:2]
     assert header == "t,x_1,x_2,x_m_1,x_m_2,e_1,e_2,theta_hat_1,theta_hat_2,u,r"
@@ -137,6 +142,8 @@ def test_reproduce(tmp_path, capsys):
     verdicts = {claim["id"]: claim["verdict"] for claim in document["claims"]}
     assert verdicts["erratum-14"] == "erratum"
     assert document["seconds"]["total"] > 0
+    assert [column["name"] for column in document["table_1"]["columns"]][2] == "L1"
+    assert document["certificates"]["L1, gamma 1e6, h = 1e-05 s"]["gamma_max"] < 1e6
     for key in ("2", "3", "4", "5", "added"):
         assert (tmp_path / f"figure-{key}.png").stat().st_size > 10_000
         assert (tmp_path / f"figure-{key}.svg").read_text().rstrip().endswith("</svg>")

@@ -66,7 +66,7 @@ def _robustness(controller: MracOutput) -> Cell:
     )
 
 
-def _l1(problem: OutputProblem, controller: L1Output, values: dict[str, Any]) -> tuple[str, dict[str, Cell]]:
+def _l1(problem: OutputProblem, _: L1Output, values: dict[str, Any]) -> tuple[str, dict[str, Cell]]:
     condition = values["condition"]
     value = "infinite" if condition["value_upper"] is None else up(condition["value_upper"])
     if condition["holds"]:
