@@ -44,15 +44,18 @@ class Family:
         loop, dynamics = self.around(replace(self.plant, theta=theta)), self.plant.paths[0].dynamics
         return loop if dynamics is None else series(dynamics.realise(), loop)
 
-    def responses(self, thetas: Array, w: Array) -> Array:
-        """L(j w) for thetas (M, n) and w (K,), (M, K): (1 - h) L, h = theta'W_b, from the origin and the unit vectors."""
+    def responses(self, w: Array) -> Callable[[Array], Array]:
+        """From thetas (M, n) to L(j w), (M, K), for w (K,): (1 - h) L, h = theta'W_b, from the origin and the unit vectors."""
+        units = np.eye(self.plant.n)
         W_b = states_response(self.plant.A_m, self.plant.b, w).T
-        origin = self.loop(np.zeros(self.plant.n)).response(w)
-        slopes = np.array(
-            [(1 - h) * self.loop(unit).response(w) - origin for h, unit in zip(W_b, np.eye(self.plant.n), strict=True)]
-        )
-        with np.errstate(divide="ignore", invalid="ignore"):  # a pole on the axis: no crossing is seen there
-            return np.asarray((origin + thetas @ slopes) / (1 - thetas @ W_b))
+        origin = self.loop(0 * units[0]).response(w)
+        slopes = np.array([(1 - h) * self.loop(unit).response(w) - origin for h, unit in zip(W_b, units, strict=True)])
+
+        def at(thetas: Array) -> Array:
+            with np.errstate(divide="ignore", invalid="ignore"):  # a pole on the axis: no crossing is seen there
+                return np.asarray((origin + thetas @ slopes) / (1 - thetas @ W_b))
+
+        return at
 
     def largest_real_parts(self, thetas: Array) -> Array:
         """Of the closed loop's eigenvalues, (M,)."""
@@ -98,12 +101,13 @@ def worst_case(family: Family, known_set: KnownSet, seed: int = 0) -> WorstCase:
     if real_parts.max() >= 0:
         return WorstCase({}, points[int(real_parts.argmax())], searched)
     w = family.frequencies(points)
-    seen, least = screen(family.responses(points, w), w), {}
+    responses = family.responses(w)
+    seen, least = screen(responses(points), w), {}
     for name, values in seen.items():
         best, lowest = points[int(values.argmin())], float(values.min())
         for k in range(1, ROUNDS + 1):
             near = _inside(known_set, rng, best, 4.0**-k, AROUND)
-            found = screen(family.responses(near, w), w)[name]
+            found = screen(responses(near), w)[name]
             if found.min() < lowest:
                 best, lowest = near[int(found.argmin())], float(found.min())
         exact: Margins = margins(family.loop(best))
