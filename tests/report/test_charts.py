@@ -3,8 +3,10 @@
 import numpy as np
 import pytest
 
+from barbalat.certify.table_1 import Table
 from barbalat.claims.claim import Axis, Chart, Claim, Curve, Listing
 from barbalat.report import charts, page, plots, write
+from barbalat.report.certified import Certified
 from barbalat.validate import InputError
 
 
@@ -59,7 +61,7 @@ def test_page_and_files(tmp_path):
     claim = Claim("an-id", "somewhere", "statement", "confirmed", "1", "how", (example(),), (listing,))
     pictures = write.draw_maps(tmp_path, [claim])
     assert (tmp_path / "map-sizes.png").stat().st_size > 1000
-    html = page.reproduction([], [claim], {}, pictures, {"total": 1.0})
+    html = page.reproduction([], [claim], {}, pictures, Certified({}, Table((), ())), {"total": 1.0})
     assert "error over size, for whole, ends early" in html
     assert "<td>PI &amp; co</td><td>1.03</td>" in html
     assert "A table" in html
