@@ -1,4 +1,4 @@
-"""The command line: ``barbalat reproduce | run | certify | cases | new``. A thin layer over the commands' own files."""
+"""The command line: ``barbalat reproduce | run | certify | tradeoff | cases | new``, a thin layer over the commands' files."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import sys
 from collections.abc import Sequence
 
 import barbalat
-from barbalat.commands import cases, certify, new, reproduce, run
+from barbalat.commands import cases, certify, new, reproduce, run, tradeoff
 from barbalat.commands.screen import say
 
 FAILED, BAD_INPUT, INTERRUPTED = 1, 2, 130
@@ -39,6 +39,6 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="barbalat", description=description)
     parser.add_argument("--version", action="version", version=f"barbalat {barbalat.__version__}")
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
-    for command in (reproduce, run, certify, cases, new):
+    for command in (reproduce, run, certify, tradeoff, cases, new):
         command.add(commands)
     return parser

@@ -1,9 +1,11 @@
-"""``barbalat certify``: conditions, bounds, norms, gain limits, margins; nothing is simulated."""
+"""``barbalat certify``: conditions, bounds, norms, gain limits, margins; nothing is simulated unless asked."""
 
 from __future__ import annotations
 
 import argparse
 from typing import TYPE_CHECKING
+
+from barbalat.commands.screen import progress_bar
 
 if TYPE_CHECKING:
     from barbalat.commands import Commands
@@ -13,6 +15,7 @@ def add(commands: Commands) -> None:
     """Register the command and its options."""
     parser = commands.add_parser("certify", help="conditions, bounds, norms, gain limits and margins of a case's controllers")
     parser.add_argument("case", metavar="CASE", help="a case file, or a bundled case's name")
+    parser.add_argument("--simulate", action="store_true", help="also measure each loop's delay margin by simulation")
     parser.add_argument("--json", action="store_true", help="one JSON document on standard output")
     parser.set_defaults(execute=execute)
 
@@ -29,6 +32,11 @@ def execute(options: argparse.Namespace) -> int:
 
     case = load_case(options.case)
     certificates = certify(case.problem, case.controllers, case.simulation)
+    if options.simulate:
+        from barbalat.study.delay_margin import with_simulated_margins
+
+        with progress_bar("simulating") as progress:
+            certificates = with_simulated_margins(certificates, case.problem, case.controllers, case.simulation, progress)
     table = table_1(case.problem, case.controllers, certificates)
     if options.json:
         document = {

@@ -12,10 +12,12 @@ from jinja2 import Environment, StrictUndefined
 import barbalat
 from barbalat.certify.table_1 import PROPERTIES
 from barbalat.claims.claim import Claim, PaperFigure
+from barbalat.report import tradeoff
 from barbalat.report.certificates import rows
 from barbalat.report.certified import Certified
 from barbalat.report.numbers import number_text
 from barbalat.result import Result
+from barbalat.study.tradeoff import TradeOff
 
 FIGURE_COLUMNS = {
     "max_abs_e": "max |e|",
@@ -57,6 +59,12 @@ def reproduction(
 def comparison(name: str, results: Sequence[Result], certified: Certified, picture: Picture) -> str:
     """The page of ``barbalat run``."""
     return _render("comparison.html", name=name, results=results, certified=certified, picture=picture)
+
+
+def trade_off(found: TradeOff, picture: Picture) -> str:
+    """The page of ``barbalat tradeoff``."""
+    titles = {which: title for which, title in tradeoff.TITLES.items() if which == "plant" or len(found.thetas) > 1}
+    return _render("tradeoff.html", found=found, picture=picture, titles=titles, rows=tradeoff.rows)
 
 
 def _render(template: str, **values: object) -> str:

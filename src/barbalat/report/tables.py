@@ -112,6 +112,16 @@ def table_1(found: Table1) -> Table:
     return table
 
 
+def tradeoff(rows: Sequence[tuple[str, ...]]) -> Table:
+    """The ends and the middle of each scheme's front."""
+    table = Table(title="On the fronts, the case's own plant", pad_edge=False)
+    for heading in ("scheme", "tuning", "RMS |e| / RMS |x_m|", "bears a delay of [s]"):
+        table.add_column(heading, overflow="fold")
+    for row in rows:
+        table.add_row(*row)
+    return table
+
+
 def console(*, to_standard_error: bool = False) -> Console:
     """Where tables go, or notes and progress with ``to_standard_error``."""
     return Console(stderr=to_standard_error, highlight=False)

@@ -13,10 +13,11 @@ from typing import Any
 from matplotlib.figure import Figure
 
 from barbalat.claims.claim import Claim, Map, PaperFigure
-from barbalat.report import charts, maps, page, plots
+from barbalat.report import charts, maps, page, plots, tradeoff
 from barbalat.report.certified import Certified
 from barbalat.report.files import write
 from barbalat.result import Result
+from barbalat.study.tradeoff import TradeOff
 
 
 def as_json(document: dict[str, Any]) -> str:
@@ -84,6 +85,12 @@ def write_comparison(folder: Path, case: str, results: Sequence[Result], certifi
     written = [folder / "comparison.png", folder / "comparison.svg"]
     written.append(write(folder / "report.html", page.comparison(case, results, certified, picture)))
     return written
+
+
+def write_tradeoff(folder: Path, found: TradeOff) -> Path:
+    """Picture and page of a trade-off."""
+    picture = _draw(folder, "tradeoff", tradeoff.draw(found))
+    return write(folder / "report.html", page.trade_off(found, picture))
 
 
 def write_trajectories(folder: Path, results: Sequence[Result]) -> list[Path]:

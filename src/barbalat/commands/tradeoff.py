@@ -1,0 +1,73 @@
+"""``barbalat tradeoff``: tracking error against delay margin for all tunings of three schemes."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from barbalat.commands.screen import progress_bar, say
+
+if TYPE_CHECKING:
+    from barbalat.commands import Commands
+
+
+def add(commands: Commands) -> None:
+    """Register the command and its options."""
+    parser = commands.add_parser("tradeoff", help="tracking error against delay margin: three schemes, all tunings")
+    parser.add_argument("case", metavar="CASE", help="a case file, or a bundled case's name")
+    parser.add_argument("--out", type=Path, metavar="DIR", help="default: barbalat-tradeoff, none with --json")
+    parser.add_argument(
+        "--plants", type=int, default=4, metavar="N", help="the case's plant and N - 1 of its known set; default 4"
+    )
+    parser.add_argument("--density", type=int, default=12, metavar="N", help="tunings for each knob; default 12")
+    parser.add_argument("--share", type=float, default=1.0, metavar="S", help="added error, in motions, that is lost; default 1")
+    parser.add_argument("--json", action="store_true", help="one JSON document on standard output")
+    parser.set_defaults(execute=execute)
+
+
+def execute(options: argparse.Namespace) -> int:
+    """Run the command; returns the exit code."""
+    from barbalat import validate
+    from barbalat.cases.load import load_case
+    from barbalat.problem import Problem
+    from barbalat.study.delay_margin import Lost
+    from barbalat.study.tradeoff import default_knobs, trade_off
+
+    case = load_case(options.case)
+    if not isinstance(case.problem, Problem):
+        raise validate.InputError("the trade-off compares the state-feedback schemes; this case measures the output")
+    validate.whole("--density", options.density, least=2)
+    validate.whole("--plants", options.plants, least=1)
+    folder = options.out if options.out is not None or options.json else Path("barbalat-tradeoff")
+    if folder is not None:
+        from barbalat.report.files import prepare_folder
+
+        prepare_folder(folder)
+    knobs = default_knobs(case.problem, case.simulation, density=options.density)
+    with progress_bar("simulating") as progress:
+        found = trade_off(
+            case.problem,
+            case.simulation,
+            knobs=knobs,
+            plants=options.plants,
+            lost=Lost(share=options.share),
+            estimate=lambda seconds: say(f"expected: at most about {max(seconds, 1.0):.0f} s"),
+            progress=progress,
+        )
+
+    from barbalat.report import tables, tradeoff, write
+    from barbalat.report.files import write as write_file
+
+    document = write.as_json(tradeoff.as_document(found))
+    if folder is not None:
+        write_file(folder / "tradeoff.json", document)
+        write.write_tradeoff(folder, found)
+    if options.json:
+        print(document)  # noqa: T201
+        return 0
+    console = tables.console()
+    console.print(tables.tradeoff(tradeoff.rows(found)))
+    console.print(f"{found.runs} simulations of {case.simulation.t_end:g} s in {found.seconds:.0f} s")
+    console.print(f"written to {folder}")
+    return 0
