@@ -11,8 +11,8 @@ from barbalat import validate
 from barbalat.result import Result
 from barbalat.validate import Array, InputError
 
-Verdict = Literal["confirmed", "confirmed with conditions", "not confirmed", "erratum", "pending"]
-"""The contract's words, and "pending" for a statement about a scheme that is not in yet."""
+Verdict = Literal["confirmed", "confirmed with conditions", "not confirmed", "erratum"]
+"""The contract's words."""
 
 
 def verdict(*, holds: bool, conditional: bool = False) -> Verdict:

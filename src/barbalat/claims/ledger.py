@@ -5,7 +5,19 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from barbalat.claims import figures, learning, lemma_1, linear_design, numerics, onset, robustness, stiff, theta_size, tracking
+from barbalat.claims import (
+    figures,
+    learning,
+    lemma_1,
+    linear_design,
+    numerics,
+    onset,
+    output_feedback,
+    robustness,
+    stiff,
+    theta_size,
+    tracking,
+)
 from barbalat.claims.claim import Claim
 from barbalat.claims.section_v import Runs
 from barbalat.engine import Progress
@@ -44,7 +56,9 @@ LEDGER = (
     Measurement(lambda _: linear_design.claims(), 5.5),
     Measurement(learning.loss_of_learning, 0.1, quick=True),
     Measurement(lambda _: learning.exponential(), 0.3, quick=True),
-    Measurement(lambda _: output_feedback(), 0.1, quick=True),
+    Measurement(lambda _: output_feedback.l1_is_linear(), 0.4),
+    Measurement(lambda _: output_feedback.rohrs(), 0.4),
+    Measurement(lambda _: output_feedback.any_relative_degree(), 1.4),
 )
 
 
@@ -60,15 +74,3 @@ def measure(runs: Runs, *, quick: bool = False, progress: Progress | None = None
         if progress is not None:
             progress(done / total)
     return ledger
-
-
-def output_feedback() -> Claim:
-    """A statement that waits for its scheme."""
-    return Claim(
-        id="l1-output-is-lti",
-        where="Section IV",
-        statement="The L1 output-feedback controller is an LTI controller with integral action and anti-windup",
-        verdict="pending",
-        measured="nothing yet",
-        how="waits for the output-feedback schemes",
-    )

@@ -16,7 +16,7 @@ from barbalat.report.certificates import rows
 from barbalat.report.numbers import number_text
 from barbalat.result import Result
 
-STYLES = {"confirmed": "green", "confirmed with conditions": "yellow", "not confirmed": "red", "erratum": "red", "pending": "dim"}
+STYLES = {"confirmed": "green", "confirmed with conditions": "yellow", "not confirmed": "red", "erratum": "red"}
 KINDS = {"proven": "green", "not proven": "red", "estimate": "dim"}
 
 

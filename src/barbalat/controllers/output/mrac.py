@@ -106,7 +106,8 @@ class Equations:
         rest = {"omega_1": self.regressor_filter.derivative(state.omega_1, u),
                 "omega_2": self.regressor_filter.derivative(state.omega_2, y)}  # fmt: skip
         if isinstance(self.law, LyapunovLaw):
-            return state._replace(theta_hat=self.law.rate(state.theta_hat, omega, y - y_m, self.sign, self.box), **rest)
+            rate = self.law.rate(state.theta_hat, omega, y - y_m, self.sign, self.box)
+            return state._replace(theta_hat=rate, n_d=0 * state.n_d, **rest)  # nothing else of it has entries
         rates = self.law.rates(state.theta_hat, state.memory, self.estimation(state, y), self.box)
         swapping, filter_dot = state.swapping, state.filter
         if self.Q is not None:
@@ -143,7 +144,7 @@ class MracOutput:
     lower, upper     (2 n,) each, the known set; none by default
     c_0_min          |c_0| >= c_0_min > 0 with the sign of ``sign`` k_m; a law of the family needs it, or a known set that says so
 
-    Identity behind u_a (zero initial conditions, no modelling error):
+    Identity behind u_a (zero initial conditions, no modelling error; c_0 is the estimate, the last entry of theta_hat):
         c_0 (y - y_m) = -epsilon m^2 + W_c[(W_b[omega'] theta')] + W_m[u_a].
 
     Source: Ioannou and Sun, sections 6.4, 6.5 and 9.3; equations of the auxiliary input: Section IV of the paper.
