@@ -22,9 +22,10 @@ from barbalat import (
     Sine,
     input_filter,
 )
-from barbalat.closed_loop import ClosedLoop, symbols
+from barbalat.closed_loop import ClosedLoop
 from barbalat.grid import signal_table
 from barbalat.lowering.operations import Program, read
+from barbalat.packing import symbols
 from barbalat.protocols import Controller
 from barbalat.stepping import StepProgram, step_function, step_program
 

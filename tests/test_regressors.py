@@ -14,12 +14,12 @@ from barbalat.adaptation.laws import Gradient
 from barbalat.cases.load import load_case
 from barbalat.cases.plant import place
 from barbalat.certify.table import certify
-from barbalat.closed_loop import column, symbols
 from barbalat.controllers import L1Adaptive, LinearFeedback, Mrac, RobustMrac
 from barbalat.ensemble import simulate_ensemble
 from barbalat.grid import Simulation
 from barbalat.known_set import ParameterBox
 from barbalat.linear import TransferFunction, input_filter
+from barbalat.packing import column, symbols
 from barbalat.plant import Plant, ReferenceModel
 from barbalat.problem import Problem
 from barbalat.regressors import GaussianRBF, Linear, Polynomial, Terms

@@ -27,12 +27,17 @@ if TYPE_CHECKING:
     from barbalat.adaptation.switching_sigma import SwitchingSigma
     from barbalat.checking import check_numerics
     from barbalat.controllers import L1Adaptive, LinearFeedback, Mrac, NormalizedMrac, RobustMrac, Sampled
+    from barbalat.controllers.output.l1 import L1Output, fast_limit, linear_equivalent
+    from barbalat.controllers.output.linear import LinearOutput
+    from barbalat.controllers.output.lyapunov import LyapunovLaw
+    from barbalat.controllers.output.mrac import MracOutput
     from barbalat.ensemble import EnsembleResult, simulate_ensemble
     from barbalat.grid import Simulation
     from barbalat.known_set import ParameterBall, ParameterBox
     from barbalat.linear import TransferFunction, input_filter
     from barbalat.linear_design import hinf_feedback, pi_feedback
     from barbalat.measurement import Noise, Sensor
+    from barbalat.output_problem import OutputPlant, OutputProblem, OutputReferenceModel
     from barbalat.plant import Plant, ReferenceModel
     from barbalat.problem import Disturbance, Problem
     from barbalat.regressors import GaussianRBF, Linear, Polynomial, Terms
@@ -40,9 +45,18 @@ if TYPE_CHECKING:
     from barbalat.signals import Chirp, Constant, Recorded, Sine, Sines, Square, Step, Steps
     from barbalat.simulation import simulate
     from barbalat.solvers import EULER, HEUN, RK4
+    from barbalat.study.delay_margin import Lost, delay_margins
+    from barbalat.study.tradeoff import trade_off
     from barbalat.validate import InputError
 
 _HOME = {
+    "controllers.output.l1": ("L1Output", "fast_limit", "linear_equivalent"),
+    "controllers.output.linear": ("LinearOutput",),
+    "controllers.output.lyapunov": ("LyapunovLaw",),
+    "controllers.output.mrac": ("MracOutput",),
+    "output_problem": ("OutputPlant", "OutputProblem", "OutputReferenceModel"),
+    "study.delay_margin": ("Lost", "delay_margins"),
+    "study.tradeoff": ("trade_off",),
     "actuation": ("PlantInput",),
     "adaptation.dead_zone": ("DeadZone",),
     "adaptation.epsilon_modification": ("EpsilonModification",),
@@ -95,6 +109,7 @@ __all__ = [
     "InputError",
     "IntegralCost",
     "L1Adaptive",
+    "L1Output",
     "LeastSquares",
     "LeastSquaresBounded",
     "LeastSquaresBoundedGain",
@@ -102,10 +117,17 @@ __all__ = [
     "LeastSquaresResetting",
     "Linear",
     "LinearFeedback",
+    "LinearOutput",
+    "Lost",
+    "LyapunovLaw",
     "Mrac",
+    "MracOutput",
     "Noise",
     "Normalization",
     "NormalizedMrac",
+    "OutputPlant",
+    "OutputProblem",
+    "OutputReferenceModel",
     "ParameterBall",
     "ParameterBox",
     "Plant",
@@ -128,11 +150,15 @@ __all__ = [
     "Terms",
     "TransferFunction",
     "check_numerics",
+    "delay_margins",
+    "fast_limit",
     "hinf_feedback",
     "input_filter",
+    "linear_equivalent",
     "pi_feedback",
     "simulate",
     "simulate_ensemble",
+    "trade_off",
 ]
 
 

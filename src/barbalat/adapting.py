@@ -12,8 +12,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from barbalat.closed_loop import ClosedLoop, column, symbols
+from barbalat.closed_loop import ClosedLoop
 from barbalat.known_set import ParameterBall, ParameterBox
+from barbalat.packing import column, symbols
 from barbalat.protocols import Estimating
 from barbalat.validate import Array
 

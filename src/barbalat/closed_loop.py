@@ -4,19 +4,17 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from barbalat import validate
 from barbalat.actuation import InputPath
 from barbalat.measurement import Sensor
+from barbalat.packing import flatten, map_arrays, unflatten
 from barbalat.problem import TrackingProblem
 from barbalat.protocols import Controller, Dynamics, Equations, Sample, SampledEquations, Value
 from barbalat.validate import Array
-
-if TYPE_CHECKING:
-    import casadi
 
 
 class Held(NamedTuple):
@@ -172,7 +170,7 @@ class ClosedLoop:
 
     def unpack(self, flat: Value) -> LoopState:
         """The named parts of a flat state, numbers or symbols."""
-        state, used = _unflatten(self._initial, flat, 0)
+        state, used = unflatten(self._initial, flat, 0)
         if used != len(flat):
             raise ValueError(f"a flat state of this loop has {used} entries, got {len(flat)}")
         return state  # type: ignore[no-any-return]
@@ -197,7 +195,7 @@ class ClosedLoop:
         y, y_m = self._measured(state, given), self.model.output(state.x_m)
         controller, held = state.controller, state.held
         if self.sampled:
-            controller, held = (_map(lambda value: 0 * value, part) for part in (controller, held))
+            controller, held = (map_arrays(lambda value: 0 * value, part) for part in (controller, held))
         else:
             controller = self.equations.derivative(controller, y, y_m, given.r, u)  # type: ignore[union-attr]
         return LoopState(
@@ -220,7 +218,7 @@ class ClosedLoop:
         advanced = self.equations.advance(state.controller, state.held.before, state.held.u, now)
         old = flatten(state.controller)
         chosen = np.where(state.held.started > 0, flatten(advanced), old)
-        controller, _ = _unflatten(self._initial.controller, chosen, 0)
+        controller, _ = unflatten(self._initial.controller, chosen, 0)
         u = self.equations.control(controller, *now)
         held = Held(u, now, 0 * state.held.started + 1, state.controller.theta_hat)
         return flatten(state._replace(controller=controller, held=held))
@@ -284,55 +282,3 @@ def bound(problem: TrackingProblem, controller: Controller) -> Equations | Sampl
     if feedback != problem.feedback:
         raise validate.InputError(f"{controller.name} feeds back the {feedback}, but the problem measures the {problem.feedback}")
     return controller.bind(problem.known)
-
-
-def flatten(state: Any) -> Value:
-    """All arrays of a nested NamedTuple, one after another, row by row."""
-    return np.concatenate([leaf.reshape(-1) for leaf in _leaves(state)])
-
-
-def _map(function: Any, state: Any) -> Any:
-    """A nested NamedTuple with the function applied to every array."""
-    if isinstance(state, tuple):
-        parts = [_map(function, part) for part in state]
-        return _like(state, parts)
-    return function(state)
-
-
-def _like(template: Any, parts: list[Any]) -> Any:
-    """A tuple of the template's kind: plain, or named."""
-    return tuple(parts) if type(template) is tuple else type(template)(*parts)
-
-
-def _leaves(state: Any) -> list[Value]:
-    if isinstance(state, tuple):
-        return [leaf for part in state for leaf in _leaves(part)]
-    return [np.asarray(state) if isinstance(state, (int, float)) else state]
-
-
-def _unflatten(template: Any, flat: Value, start: int) -> tuple[Any, int]:
-    """The inverse of ``flatten`` for the shapes of ``template``; also where the next part starts."""
-    if isinstance(template, tuple):
-        parts = []
-        for part in template:
-            value, start = _unflatten(part, flat, start)
-            parts.append(value)
-        return _like(template, parts), start
-    shape = template.shape
-    size = int(np.prod(shape))
-    return flat[start : start + size].reshape(shape), start + size
-
-
-def symbols(name: str, size: int) -> tuple[casadi.SX, Value]:
-    """A column of symbols, as CasADi's matrix and as the array (size,) that equations compute with."""
-    import casadi as ca
-
-    matrix = ca.SX.sym(name, size)
-    return matrix, ca.array(matrix).reshape(-1)
-
-
-def column(value: Value) -> casadi.SX:
-    """An array of expressions as a CasADi column."""
-    import casadi as ca
-
-    return ca.SX(value.reshape(-1))

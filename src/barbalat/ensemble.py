@@ -10,10 +10,11 @@ from typing import Any
 import numpy as np
 
 from barbalat import delay, validate
-from barbalat.closed_loop import ClosedLoop, symbols
+from barbalat.closed_loop import ClosedLoop
 from barbalat.engine import Batch, Progress, run
 from barbalat.grid import Simulation
 from barbalat.metrics import Metrics
+from barbalat.packing import symbols
 from barbalat.problem import TrackingProblem
 from barbalat.protocols import Controller
 from barbalat.stepping import step_program

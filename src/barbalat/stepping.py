@@ -8,13 +8,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from barbalat.closed_loop import ClosedLoop, column, symbols
+from barbalat.closed_loop import ClosedLoop
 from barbalat.lowering.machine import Kernel
 from barbalat.lowering.operations import Program, read
 from barbalat.lowering.optimize import optimize
 from barbalat.lowering.shape import TAPS, LoopShape
 from barbalat.measurement import Noise
 from barbalat.metrics import Accumulators
+from barbalat.packing import column, symbols
 from barbalat.protocols import SampledEquations, Value
 from barbalat.solvers import Tableau
 from barbalat.validate import InputError

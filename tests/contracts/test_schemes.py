@@ -8,9 +8,10 @@ from functools import cache
 import numpy as np
 import pytest
 
-from barbalat.closed_loop import ClosedLoop, column, symbols
+from barbalat.closed_loop import ClosedLoop
 from barbalat.controllers import SCHEMES, Mrac
 from barbalat.grid import Simulation
+from barbalat.packing import column, symbols
 from barbalat.problem import ParameterBox, Plant, Problem
 from barbalat.protocols import Controller
 from barbalat.signals import Constant, Sine

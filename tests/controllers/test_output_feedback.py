@@ -17,7 +17,7 @@ from barbalat.adaptation.laws import LAWS, Gradient, LeastSquares
 from barbalat.cases.load import load_case
 from barbalat.certify.output import condition_norm, small_gain_system
 from barbalat.certify.table import certify
-from barbalat.closed_loop import ClosedLoop, column, symbols
+from barbalat.closed_loop import ClosedLoop
 from barbalat.controllers import Mrac, Sampled
 from barbalat.controllers.output.l1 import L1Output, fast_limit, linear_equivalent
 from barbalat.controllers.output.linear import LinearOutput
@@ -29,6 +29,7 @@ from barbalat.grid import Simulation
 from barbalat.linear import TransferFunction
 from barbalat.measurement import Noise, Sensor
 from barbalat.output_problem import OutputPlant, OutputProblem, OutputReferenceModel
+from barbalat.packing import column, symbols
 from barbalat.signals import Sine, Step
 from barbalat.simulation import simulate
 from independent import refusal

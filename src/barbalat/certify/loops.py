@@ -12,8 +12,9 @@ from typing import Any
 import numpy as np
 
 from barbalat.adaptation.gain import times
-from barbalat.closed_loop import ClosedLoop, column, symbols
+from barbalat.closed_loop import ClosedLoop
 from barbalat.linear import StateSpace
+from barbalat.packing import column, symbols
 from barbalat.plant import Plant
 from barbalat.validate import Array
 

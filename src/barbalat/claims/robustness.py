@@ -46,9 +46,9 @@ def tau_and_error() -> Claim:
     )  # fmt: skip
 
 
-TAUS = np.geomspace(1e-3, 1.0, 40)
-DELAYS = np.geomspace(0.004, 0.2, 18)
-MUS = np.geomspace(0.002, 0.1, 18)
+TAUS = np.geomspace(1e-3, 1.0, 61)
+DELAYS = np.geomspace(0.005, 0.1, 14)
+MUS = np.geomspace(0.005, 0.05, 10)
 DERIVATIVE_POLE = 1e-3
 """Time constant of the realisation of -mu s [s]."""
 

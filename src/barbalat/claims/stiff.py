@@ -12,8 +12,9 @@ from barbalat.claims import section_v
 from barbalat.claims.claim import Claim, verdict
 from barbalat.claims.section_v import Runs
 from barbalat.claims.variants import numbers
-from barbalat.closed_loop import ClosedLoop, column, symbols
+from barbalat.closed_loop import ClosedLoop
 from barbalat.grid import Simulation
+from barbalat.packing import column, symbols
 from barbalat.problem import Problem
 from barbalat.protocols import Controller
 from barbalat.signals import Sine

@@ -1,0 +1,64 @@
+"""Nested named tuples of arrays <-> flat vectors; symbols and columns of CasADi."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from barbalat.protocols import Value
+
+if TYPE_CHECKING:
+    import casadi
+
+
+def flatten(state: Any) -> Value:
+    """All arrays of a nested NamedTuple, one after another, row by row."""
+    return np.concatenate([leaf.reshape(-1) for leaf in _leaves(state)])
+
+
+def map_arrays(function: Any, state: Any) -> Any:
+    """A nested NamedTuple with the function applied to every array."""
+    if isinstance(state, tuple):
+        parts = [map_arrays(function, part) for part in state]
+        return _like(state, parts)
+    return function(state)
+
+
+def _like(template: Any, parts: list[Any]) -> Any:
+    """A tuple of the template's kind: plain, or named."""
+    return tuple(parts) if type(template) is tuple else type(template)(*parts)
+
+
+def _leaves(state: Any) -> list[Value]:
+    if isinstance(state, tuple):
+        return [leaf for part in state for leaf in _leaves(part)]
+    return [np.asarray(state) if isinstance(state, (int, float)) else state]
+
+
+def unflatten(template: Any, flat: Value, start: int) -> tuple[Any, int]:
+    """The inverse of ``flatten`` for the shapes of ``template``; also where the next part starts."""
+    if isinstance(template, tuple):
+        parts = []
+        for part in template:
+            value, start = unflatten(part, flat, start)
+            parts.append(value)
+        return _like(template, parts), start
+    shape = template.shape
+    size = int(np.prod(shape))
+    return flat[start : start + size].reshape(shape), start + size
+
+
+def symbols(name: str, size: int) -> tuple[casadi.SX, Value]:
+    """A column of symbols, as CasADi's matrix and as the array (size,) that equations compute with."""
+    import casadi as ca
+
+    matrix = ca.SX.sym(name, size)
+    return matrix, ca.array(matrix).reshape(-1)
+
+
+def column(value: Value) -> casadi.SX:
+    """An array of expressions as a CasADi column."""
+    import casadi as ca
+
+    return ca.SX(value.reshape(-1))
