@@ -141,7 +141,7 @@ def test_the_adapting_loop_with_a_matrix_gain(problems):
     import casadi as ca
 
     from barbalat.certify.loops import equilibrium
-    from barbalat.closed_loop import column, flatten, symbols
+    from barbalat.packing import column, flatten, symbols
 
     problem = replace(problems[2], uncertainty=None)
     loop = ClosedLoop.of(problem, Mrac(gamma=MATRIX))
