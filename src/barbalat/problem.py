@@ -27,6 +27,7 @@ class Known:
     x0: Array  # (n,) the state is measured, so is its initial value
     box: KnownSet | None  # of all that is estimated: theta, and the input gains where they are unknown
     uncertainty: Uncertainty = Uncertainty(Linear(), inputs=1)  # noqa: RUF009  # immutable; Phi(x)
+    saturation: Array | None = None  # (2,) lower and upper limit of the actuator, (2, m) with m inputs; None where one has none
 
     @property
     def inputs(self) -> int:
@@ -200,6 +201,7 @@ class Problem(TrackingProblem):
             x0=p.x0,
             box=box,
             uncertainty=Uncertainty(p.regressor, p.inputs, self.input_gain is not None),
+            saturation=_limits(p),
         )
 
     @property
@@ -218,6 +220,13 @@ class Problem(TrackingProblem):
         """The reference model (2), which starts where the plant does."""
         p = self.plant
         return Model(p.A_m, p.b, self.reference_model.k_0, p.x0)
+
+
+def _limits(plant: Plant) -> Array | None:
+    limits = [path.saturation for path in plant.paths]
+    if any(limit is None for limit in limits):
+        return None
+    return limits[0] if len(limits) == 1 else np.column_stack(limits)
 
 
 def require_signal(field: str, signal: Any) -> None:

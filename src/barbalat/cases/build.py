@@ -11,6 +11,7 @@ from barbalat.cases import schema
 from barbalat.cases.parts import Case, assembled, bound_and_sampled, low_pass, sensor, signal, simulation
 from barbalat.cases.plant import build_plant, within
 from barbalat.controllers import L1Adaptive, LinearFeedback, Mrac, NormalizedMrac, RobustMrac
+from barbalat.controllers.windup import ModifiedError
 from barbalat.known_set import KnownSet, ParameterBall, ParameterBox
 from barbalat.linear import TransferFunction
 from barbalat.linear_design import delay_weight, hinf_feedback, pi_feedback
@@ -63,9 +64,11 @@ def _bound(table: schema.SchemeTable, problem: Problem) -> Controller:
 def _controller(table: schema.SchemeTable) -> Controller:
     match table:
         case schema.MracTable():
-            return Mrac(gamma=table.gamma, **_modifications(table), **table.common())
+            remedy = None if table.modified_error is None else ModifiedError(**dict(table.modified_error))
+            return Mrac(gamma=table.gamma, modified_error=remedy, **_modifications(table), **table.common())
         case schema.L1Table():
-            return L1Adaptive(gamma=table.gamma, filter=low_pass(table.filter), **_modifications(table), **table.common())
+            settings = {"gamma": table.gamma, "saturated_predictor": table.saturated_predictor}
+            return L1Adaptive(filter=low_pass(table.filter), **settings, **_modifications(table), **table.common())
         case schema.NormalizedMracTable():
             if (table.law is None) == (table.gamma is None):
                 raise InputError("give either gamma, for the gradient law, or law")

@@ -237,11 +237,19 @@ class AdaptiveTable(SchemeTable):
         return {key: value for key, value in given.items() if value is not None}
 
 
+class ModifiedErrorTable(Table):
+    """modified_error = { mu = ..., margin = ... }."""
+
+    mu: float = 0.0
+    margin: float = 0.0
+
+
 class MracTable(AdaptiveTable):
     """scheme = "mrac"."""
 
     scheme: Literal["mrac"]
     gamma: Gain
+    modified_error: ModifiedErrorTable | None = None
     modification: ModificationTable | None = None
     learning: LearningTable | None = None
 
@@ -251,6 +259,7 @@ class L1Table(AdaptiveTable):
 
     scheme: Literal["l1"]
     gamma: Gain
+    saturated_predictor: bool = False
     filter: FilterTable
     modification: ModificationTable | None = None
     learning: LearningTable | None = None
@@ -324,6 +333,7 @@ TABLES: dict[str | None, type[Table]] = {
     "uncertainty": UncertaintyTable,
     "simulation": SimulationTable,
     "filter": FilterTable,
+    "modified_error": ModifiedErrorTable,
     "law": LawTable,
     "modification": ModificationTable,
     "learning": LearningTable,

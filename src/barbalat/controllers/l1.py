@@ -15,6 +15,7 @@ from barbalat.adaptation.learning import CompositeLearning
 from barbalat.adaptation.lyapunov import Modifications
 from barbalat.adaptation.projection import limit
 from barbalat.controllers.base import check_common, initial_estimate, projection_box
+from barbalat.controllers.windup import known_limits
 from barbalat.known_set import KnownSet
 from barbalat.linear import StateSpace, TransferFunction
 from barbalat.problem import Known
@@ -47,6 +48,7 @@ class Equations:
     x0: Array
     box: KnownSet | None
     modifications: Modifications = field(default_factory=Modifications)
+    limits: Array | None = None  # of the input, where the predictor is fed with what is left of u
 
     def initial(self) -> State:
         inputs = self.uncertainty.inputs
@@ -66,12 +68,16 @@ class Equations:
             return wanted / omega_hat  # C = 1
         return wanted - omega_hat * self.C.output(state.filter, 0 * wanted)
 
+    def applied(self, u: Value) -> Value:
+        """What the predictor is fed with."""
+        return u if self.limits is None else np.clip(u, self.limits[0], self.limits[1])
+
     def regressor_at(self, state: State, x: Value, u: Value) -> Value:
         return self.uncertainty.with_input(x, u)
 
     def derivative(self, state: State, x: Value, x_m: Value, r: Value, u: Value) -> State:
         x_tilde = x - state.x_hat
-        law = self.modifications
+        law, u = self.modifications, self.applied(u)
         phi, known = self.uncertainty.with_input(x, u), self.uncertainty.known_input(u)
         theta_hat_dot = law.rate(self.gamma, x_tilde, self.P, self.b, phi, state.theta_hat, state.memory, self.box)  # (7)
         x_hat_dot = self.A_m @ state.x_hat + np.dot(self.b, phi.T @ state.theta_hat + known)  # (8)
@@ -91,6 +97,7 @@ class L1Adaptive:
     theta_hat0  (p,), zero by default; inside the known set
     projection  onto the known set; by default on where one is given
     leakage, dead_zone, learning  modifications of the law, none by default: see ``adaptation.lyapunov``
+    saturated_predictor  against windup: the predictor is fed with sat(u), so that x_tilde does not see the limit; off by default
 
     Source: eqs (5)-(8); Hovakimyan and Cao, L1 Adaptive Control Theory, section 2.1.
     """
@@ -102,6 +109,7 @@ class L1Adaptive:
     leakage: Leakage | None = None
     dead_zone: DeadZone | None = None
     learning: CompositeLearning | None = None
+    saturated_predictor: bool = False
     name: str = "L1"
 
     def __post_init__(self) -> None:
@@ -130,6 +138,7 @@ class L1Adaptive:
             x0=known.x0,
             box=box,
             modifications=self._modifications(),
+            limits=known_limits("saturated_predictor", known) if self.saturated_predictor else None,
         )
 
     def _filter(self, *, unknown_gain: bool) -> StateSpace:

@@ -87,7 +87,7 @@ class Predictor:
         return self.continuous.control(state, x, x_m, r)
 
     def advance(self, state: l1.State, before: Sample, u: Value, now: Sample) -> l1.State:
-        c, T = self.continuous, self.sample_time
+        c, T, u = self.continuous, self.sample_time, self.continuous.applied(u)
         x_mid = (before.x + now.x) / 2
         phi = (c.uncertainty.with_input(before.x, u) + c.uncertainty.with_input(now.x, u)) / 2
         known = c.uncertainty.known_input(u)

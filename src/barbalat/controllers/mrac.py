@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from barbalat import validate
 from barbalat.adaptation import gain
 from barbalat.adaptation.dead_zone import DeadZone
 from barbalat.adaptation.leakage import Leakage
@@ -14,11 +15,12 @@ from barbalat.adaptation.learning import CompositeLearning
 from barbalat.adaptation.lyapunov import Modifications
 from barbalat.adaptation.projection import limit
 from barbalat.controllers.base import check_common, initial_estimate, projection_box
+from barbalat.controllers.windup import ModifiedError, known_limits
 from barbalat.known_set import KnownSet
 from barbalat.problem import Known
 from barbalat.protocols import Value
 from barbalat.regressors import Uncertainty
-from barbalat.validate import Array
+from barbalat.validate import Array, InputError
 
 
 class State(NamedTuple):
@@ -26,6 +28,7 @@ class State(NamedTuple):
 
     theta_hat: Value  # (p,) estimate of theta, and of omega where the input gain is unknown
     memory: Any = ()  # of composite learning
+    e_d: Value = np.zeros(0)  # (n,) the error that the input's limit causes; (0,) without the remedy against windup
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -42,11 +45,18 @@ class Equations:
     x0: Array
     box: KnownSet | None
     modifications: Modifications = field(default_factory=Modifications)
+    windup: ModifiedError | None = None
+    limits: Array | None = None  # of the input, where windup is cared for
 
     def initial(self) -> State:
-        return State(self.theta_hat0, self.modifications.initial(self.b, self.x0, len(self.theta_hat0)))
+        memory = self.modifications.initial(self.b, self.x0, len(self.theta_hat0))
+        return State(self.theta_hat0, memory, np.zeros(0 if self.windup is None else len(self.x0)))
 
     def control(self, state: State, x: Value, x_m: Value, r: Value) -> Value:
+        u_c = self.unlimited_control(state, x, r)
+        return u_c if self.windup is None else self.windup.control(u_c, self.limits)
+
+    def unlimited_control(self, state: State, x: Value, r: Value) -> Value:
         theta_hat, omega_hat = self.uncertainty.split(state.theta_hat)
         return (-self.uncertainty.phi(x).T @ theta_hat + np.dot(self.k_0, r)) / omega_hat  # (3)
 
@@ -54,11 +64,16 @@ class Equations:
         return self.uncertainty.with_input(x, u)
 
     def derivative(self, state: State, x: Value, x_m: Value, r: Value, u: Value) -> State:
-        e = x - x_m
+        e, e_d = x - x_m, state.e_d
+        if self.windup is not None and self.limits is not None:
+            e = e - e_d
+            missing = np.clip(u, self.limits[0], self.limits[1]) - self.unlimited_control(state, x, r)
+            e_d = self.A_m @ e_d + np.dot(self.b, missing)
         phi, known = self.uncertainty.with_input(x, u), self.uncertainty.known_input(u)
         return State(
             self.modifications.rate(self.gamma, e, self.P, self.b, phi, state.theta_hat, state.memory, self.box),  # (4)
             self.modifications.memory_rates(state.memory, self.A_m, self.b, x, phi, known),
+            e_d,
         )
 
     def limit(self, state: State) -> State:
@@ -75,6 +90,7 @@ class Mrac:
     theta_hat0  (p,), zero by default; inside the known set
     projection  onto the known set; by default on where one is given
     leakage, dead_zone, learning  modifications of the law, none by default: see ``adaptation.lyapunov``
+    modified_error  against windup where the input saturates: see ``ModifiedError``; none by default
 
     Source: eqs (3)-(4); Ioannou and Sun, Robust Adaptive Control, section 6.2.
     """
@@ -85,10 +101,17 @@ class Mrac:
     leakage: Leakage | None = None
     dead_zone: DeadZone | None = None
     learning: CompositeLearning | None = None
+    modified_error: ModifiedError | None = None
     name: str = "MRAC"
 
     def __post_init__(self) -> None:
         check_common(self)
+        if self.modified_error is not None:
+            validate.instance("modified_error", self.modified_error, ModifiedError)
+            if self.learning is not None:
+                raise InputError(
+                    "modified_error can't go with composite learning, whose memory takes u as what reaches the plant"
+                )
         object.__setattr__(self, "gamma", gain.accept("gamma", self.gamma))
         self._modifications()  # refuses what can't go together
 
@@ -110,4 +133,6 @@ class Mrac:
             x0=known.x0,
             box=box,
             modifications=self._modifications(),
+            windup=self.modified_error,
+            limits=None if self.modified_error is None else known_limits("modified_error", known),
         )

@@ -89,6 +89,11 @@ class Sampled:
 
 def _with_predictor(equations: mrac.Equations, known: Known) -> l1.Equations:
     """The MRAC as L1-AC with C = 1: its predictor is then the model."""
+    if equations.windup is not None:
+        raise InputError(
+            "discretization = 'midpoint' gives the MRAC a predictor and so does not take modified_error; scheme l1 with kappa = 0 and "
+            "saturated_predictor does the same"
+        )
     return l1.Equations(
         A_m=known.A_m,
         b=known.b,
