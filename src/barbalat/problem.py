@@ -223,10 +223,10 @@ class Problem(TrackingProblem):
 
 
 def _limits(plant: Plant) -> Array | None:
-    limits = [path.saturation for path in plant.paths]
-    if any(limit is None for limit in limits):
+    limits = [path.saturation for path in plant.paths if path.saturation is not None]
+    if len(limits) < plant.inputs:
         return None
-    return limits[0] if len(limits) == 1 else np.column_stack(limits)
+    return limits[0] if plant.inputs == 1 else np.column_stack(limits)
 
 
 def require_signal(field: str, signal: Any) -> None:

@@ -67,7 +67,7 @@ def _controller(table: schema.SchemeTable) -> Controller:
             remedy = None if table.modified_error is None else ModifiedError(**dict(table.modified_error))
             return Mrac(gamma=table.gamma, modified_error=remedy, **_modifications(table), **table.common())
         case schema.L1Table():
-            settings = {"gamma": table.gamma, "saturated_predictor": table.saturated_predictor}
+            settings: dict[str, Any] = {"gamma": table.gamma, "saturated_predictor": table.saturated_predictor}
             return L1Adaptive(filter=low_pass(table.filter), **settings, **_modifications(table), **table.common())
         case schema.NormalizedMracTable():
             if (table.law is None) == (table.gamma is None):

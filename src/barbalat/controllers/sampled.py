@@ -91,8 +91,8 @@ def _with_predictor(equations: mrac.Equations, known: Known) -> l1.Equations:
     """The MRAC as L1-AC with C = 1: its predictor is then the model."""
     if equations.windup is not None:
         raise InputError(
-            "discretization = 'midpoint' gives the MRAC a predictor and so does not take modified_error; scheme l1 with kappa = 0 and "
-            "saturated_predictor does the same"
+            "discretization = 'midpoint' gives the MRAC a predictor, which takes no modified_error; use scheme l1 with "
+            "kappa = 0 and saturated_predictor"
         )
     return l1.Equations(
         A_m=known.A_m,

@@ -14,7 +14,7 @@ from barbalat.validate import Array, InputError
 
 @dataclass(frozen=True, kw_only=True)
 class ModifiedError:
-    """MRAC driven by e - e_d, with e_d' = A_m e_d + b (sat(u) - u_c): the part of the error that the limit causes is not learnt from.
+    """MRAC driven by e - e_d, e_d' = A_m e_d + b (sat(u) - u_c): the error that the limit causes is not learnt from.
 
     mu      0: the modified error of Karason and Annaswamy. Above 0 the positive mu-modification: beyond the inner limits
             u = (u_c + mu sat_inner(u_c))/(1 + mu), which keeps the control away from its limits
