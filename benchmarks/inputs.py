@@ -1,0 +1,72 @@
+"""What a delay and an actuator cost, per state, beside the plain loop in one run."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from barbalat import delay
+from barbalat.actuation import PlantInput
+from barbalat.adaptation.laws import LeastSquares
+from barbalat.cases.load import load_case
+from barbalat.closed_loop import ClosedLoop
+from barbalat.controllers import L1Adaptive, RobustMrac, Sampled
+from barbalat.engine import Batch
+from barbalat.grid import Simulation, signal_table
+from barbalat.linear import TransferFunction, input_filter
+from barbalat.stepping import step_program
+from benchmarks.race import Contestant, race
+from benchmarks.table import Row
+
+STEPS = 32_768
+SIMULATION = Simulation(t_end=60.0, dt=1e-4)
+ACTUATOR = TransferFunction([2500.0], [1.0, 100.0, 2500.0])
+PATHS = {
+    "plain": None,
+    "delay": PlantInput(delay=0.01),
+    "actuator": PlantInput(actuator=ACTUATOR),
+    "delay and actuator": PlantInput(delay=0.01, actuator=ACTUATOR),
+}
+CONTROLLERS = {
+    "L1-AC": L1Adaptive(gamma=100.0, filter=input_filter(0.02)),
+    "robust MRAC": RobustMrac(tau=0.5, law=LeastSquares(covariance0=500.0), c_0=[1.0, 1.0]),
+    "L1-AC sampled every 10 steps": Sampled(controller=L1Adaptive(gamma=100.0, filter=input_filter(0.02)), sample_time=1e-3),
+}
+
+
+def per_state(members: int, *, quick: bool) -> tuple[list[Row], list[str]]:
+    """One row for each controller and path: nanoseconds per step and state, as a ratio to the plain loop's."""
+    given = load_case("paper").problem
+    rows = []
+    for name, controller in CONTROLLERS.items():
+        runs, sizes = {}, {}
+        for what, path in PATHS.items():
+            problem = replace(given, plant=replace(given.plant, input=path))
+            runs[what], sizes[what] = _advance(problem, controller, members)
+        times = race([Contestant(what, STEPS, run) for what, run in runs.items()], members, 5 if quick else 15)
+        plain = times["plain"].best / sizes["plain"]
+        for what in list(PATHS)[1:]:
+            each = times[what].best / sizes[what]
+            ours, beside = (f"{times[which].best:.3g} ns, {sizes[which]} states" for which in (what, "plain"))
+            rows.append(Row(f"{name}, {what}, {members} at once", ours, beside, each / plain, at_most=1.5))
+    return rows, []
+
+
+def _advance(problem, controller, members: int) -> tuple[Callable[[int], np.ndarray], int]:
+    loop = ClosedLoop.of(problem, controller)
+    weights, lags = None, None
+    if problem.delay > 0:
+        weights = delay.weights(problem.delay, SIMULATION.dt, SIMULATION.solver.nodes)
+        lags = np.full(members, delay.lag(problem.delay, SIMULATION.dt))
+    program = step_program(loop, SIMULATION.solver, SIMULATION.dt, delay_weights=weights)
+    (group,) = Batch(program, np.repeat(loop.initial()[:, None], members, axis=1), np.zeros((0, members)), lags=lags).groups
+    table = signal_table(problem.signals, SIMULATION, 0, STEPS)
+
+    def run(steps: int) -> np.ndarray:
+        state = group.state.copy()
+        group._call(0, 1, steps, state, table)
+        return state
+
+    return run, loop.size
