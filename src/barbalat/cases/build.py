@@ -7,7 +7,7 @@ from typing import Any
 
 from barbalat import validate
 from barbalat.adaptation.laws import Gradient
-from barbalat.cases import schema
+from barbalat.cases import plant_tables, schema
 from barbalat.cases.parts import Case, assembled, bound_and_sampled, low_pass, sensor, signal, simulation
 from barbalat.cases.plant import build_plant, within
 from barbalat.controllers import L1Adaptive, LinearFeedback, Mrac, NormalizedMrac, RobustMrac
@@ -50,7 +50,7 @@ def _commands(table: schema.CaseTable, folder: Path) -> Signal | tuple[Signal, .
     return tuple(within(f"reference {i}", lambda one=one: signal(one, folder)) for i, one in enumerate(given, start=1))  # type: ignore[misc]
 
 
-def _unmatched(i: int, table: schema.UnmatchedTable, folder: Path) -> Disturbance:
+def _unmatched(i: int, table: plant_tables.UnmatchedTable, folder: Path) -> Disturbance:
     signal = within(f"plant.unmatched {i}", lambda: signal(table.signal, folder))
     return within(f"plant.unmatched {i}", lambda: Disturbance(direction=table.direction, signal=signal))
 
@@ -100,7 +100,7 @@ def _is_matrix(value: Any) -> bool:
     return isinstance(value, list) and bool(value) and isinstance(value[0], list)
 
 
-def _known_set(table: schema.UncertaintyTable | None) -> KnownSet | None:
+def _known_set(table: plant_tables.UncertaintyTable | None) -> KnownSet | None:
     """[uncertainty]: exactly one of a box and a ball."""
     if table is None:
         return None

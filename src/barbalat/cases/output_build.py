@@ -8,7 +8,7 @@ from typing import Any
 from barbalat.cases import output_tables as tables
 from barbalat.cases.parts import Case, assembled, bound_and_sampled, sensor, signal, simulation
 from barbalat.cases.plant import one_input, within
-from barbalat.cases.schema import TransferFunctionTable
+from barbalat.cases.plant_tables import TransferFunctionTable
 from barbalat.controllers.output.l1 import L1Output
 from barbalat.controllers.output.linear import LinearOutput
 from barbalat.controllers.output.mrac import MracOutput

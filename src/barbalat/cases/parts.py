@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from barbalat import delay, signals
-from barbalat.cases import schema
+from barbalat.cases import plant_tables, schema, signal_tables
 from barbalat.cases.plant import within
 from barbalat.cases.tables import Table
 from barbalat.closed_loop import ClosedLoop, bound
@@ -41,21 +41,21 @@ def signal(table: Table | None, folder: Path) -> Signal:
     """A signal of any kind; relative paths start at ``folder``."""
     assert table is not None
     values = {key: tuple(value) if isinstance(value, list) else value for key, value in table if key != "kind"}
-    if isinstance(table, schema.CsvSignal):
+    if isinstance(table, signal_tables.CsvSignal):
         return signals.Recorded.from_csv(folder / table.file)
     kinds: dict[type[Table], Callable[..., Signal]] = {
-        schema.ConstantSignal: signals.Constant,
-        schema.StepSignal: signals.Step,
-        schema.StepsSignal: signals.Steps,
-        schema.SineSignal: signals.Sine,
-        schema.SinesSignal: signals.Sines,
-        schema.SquareSignal: signals.Square,
-        schema.ChirpSignal: signals.Chirp,
+        signal_tables.ConstantSignal: signals.Constant,
+        signal_tables.StepSignal: signals.Step,
+        signal_tables.StepsSignal: signals.Steps,
+        signal_tables.SineSignal: signals.Sine,
+        signal_tables.SinesSignal: signals.Sines,
+        signal_tables.SquareSignal: signals.Square,
+        signal_tables.ChirpSignal: signals.Chirp,
     }
     return kinds[type(table)](**values)
 
 
-def sensor(table: schema.SensorTable) -> Sensor:
+def sensor(table: plant_tables.SensorTable) -> Sensor:
     """[sensor]."""
     noise = None if table.noise is None else Noise(**dict(table.noise))
     return Sensor(lag=table.lag, noise=noise)

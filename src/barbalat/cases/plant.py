@@ -8,7 +8,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from barbalat.actuation import PlantInput
-from barbalat.cases import schema
+from barbalat.cases import plant_tables, schema
 from barbalat.cases.tables import Table
 from barbalat.linear import TransferFunction
 from barbalat.plant import Plant, input_matrix
@@ -77,25 +77,27 @@ def _regressor(table: Table | None) -> Regressor:
     match table:
         case None:
             return Linear()
-        case schema.PolynomialTable():
+        case plant_tables.PolynomialTable():
             return Polynomial(degree=table.degree, constant=table.constant)
-        case schema.GaussianTable():
+        case plant_tables.GaussianTable():
             return GaussianRBF(centers=table.centers, width=table.width)
-        case schema.TermsTable():
+        case plant_tables.TermsTable():
             return Terms(terms=tuple(table.terms))
     raise AssertionError(f"the schema has a regressor that is not built here: {type(table).__name__}")
 
 
-def _plant_input(table: schema.InputTable | list[schema.InputTable] | None) -> PlantInput | tuple[PlantInput, ...] | None:
+def _plant_input(
+    table: plant_tables.InputTable | list[plant_tables.InputTable] | None,
+) -> PlantInput | tuple[PlantInput, ...] | None:
     if table is None:
         return None
     return tuple(one_input(one) for one in table) if isinstance(table, list) else one_input(table)
 
 
-def one_input(table: schema.InputTable) -> PlantInput:
+def one_input(table: plant_tables.InputTable) -> PlantInput:
     """[plant.input], for one input."""
 
-    def system(name: str, given: schema.TransferFunctionTable | None) -> TransferFunction | None:
+    def system(name: str, given: plant_tables.TransferFunctionTable | None) -> TransferFunction | None:
         return None if given is None else within(f"plant.input.{name}", lambda: TransferFunction(given.num, given.den))
 
     return PlantInput(

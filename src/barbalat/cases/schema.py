@@ -4,200 +4,34 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import AliasChoices, Discriminator, Field, Tag
+from pydantic import Field
 
 from barbalat.cases.law_tables import LawTable, LearningTable, ModificationTable, NormalizationTable
-from barbalat.cases.tables import Gain, Matrix, NumberOrMatrix, NumberOrVector, Table, Vector, VectorOrMatrix, how_many
-
-
-class ConstantSignal(Table):
-    """kind = "constant"."""
-
-    kind: Literal["constant"]
-    amplitude: float = Field(validation_alias=AliasChoices("amplitude", "value"))
-
-
-class StepSignal(Table):
-    """kind = "step"."""
-
-    kind: Literal["step"]
-    amplitude: float
-    start: float = 0.0
-    constant: float = 0.0
-
-
-class StepsSignal(Table):
-    """kind = "steps"."""
-
-    kind: Literal["steps"]
-    times: Vector
-    values: Vector
-    initial: float = 0.0
-
-
-class SineSignal(Table):
-    """kind = "sine"."""
-
-    kind: Literal["sine"]
-    amplitude: float
-    frequency: float
-    phase: float = 0.0
-    constant: float = 0.0
-
-
-class SinesSignal(Table):
-    """kind = "sines"."""
-
-    kind: Literal["sines"]
-    amplitudes: Vector
-    frequencies: Vector
-    phases: Vector | None = None
-    constant: float = 0.0
-
-
-class SquareSignal(Table):
-    """kind = "square"."""
-
-    kind: Literal["square"]
-    amplitude: float
-    frequency: float
-    phase: float = 0.0
-    constant: float = 0.0
-
-
-class ChirpSignal(Table):
-    """kind = "chirp"."""
-
-    kind: Literal["chirp"]
-    amplitude: float
-    frequency_start: float
-    frequency_end: float
-    duration: float
-    constant: float = 0.0
-
-
-class CsvSignal(Table):
-    """kind = "csv": a column of times and a column of values; the path is relative to the case file."""
-
-    kind: Literal["csv"]
-    file: str = Field(validation_alias=AliasChoices("file", "path"))
-
-
-Signal = Annotated[
-    ConstantSignal | StepSignal | StepsSignal | SineSignal | SinesSignal | SquareSignal | ChirpSignal | CsvSignal,
-    Field(discriminator="kind"),
-]
-
-
-OneOrSeveralSignals = Annotated[
-    Annotated[Signal, Tag("one")] | Annotated[list[Signal], Tag("several")],
-    Discriminator(how_many),
-]
-
-
-class TransferFunctionTable(Table):
-    """{ num = [...], den = [...] }, highest power first."""
-
-    num: Vector
-    den: Vector
-
-
-class InputTable(Table):
-    """[plant.input]."""
-
-    quantization: float | None = None
-    saturation: Vector | None = None
-    rate_limit: float | None = None
-    gain: float = 1.0
-    delay: float = 0.0
-    actuator: TransferFunctionTable | None = None
-    multiplicative: TransferFunctionTable | None = None
-
-
-class NoiseTable(Table):
-    """[sensor.noise]."""
-
-    std: NumberOrVector
-    sample_time: float
-    seed: int = 0
-
-
-class SensorTable(Table):
-    """[sensor]."""
-
-    lag: float = 0.0
-    noise: NoiseTable | None = None
-
-
-class UnmatchedTable(Table):
-    """[[plant.unmatched]]."""
-
-    direction: Vector
-    signal: Signal
-
-
-OneOrSeveralInputs = Annotated[
-    Annotated[InputTable, Tag("one")] | Annotated[list[InputTable], Tag("several")],
-    Discriminator(how_many),
-]
-
-
-class PolynomialTable(Table):
-    """kind = "polynomial"."""
-
-    kind: Literal["polynomial"]
-    degree: int
-    constant: bool = False
-
-
-class GaussianTable(Table):
-    """kind = "gaussian"."""
-
-    kind: Literal["gaussian"]
-    centers: Matrix
-    width: float
-
-
-class TermsTable(Table):
-    """kind = "terms"."""
-
-    kind: Literal["terms"]
-    terms: list[str]
-
-
-RegressorTable = Annotated[PolynomialTable | GaussianTable | TermsTable, Field(discriminator="kind")]
-
-
-class PlantTable(Table):
-    """[plant]."""
-
-    A_m: Matrix | None = None
-    A: Matrix | None = None
-    b: VectorOrMatrix
-    theta: VectorOrMatrix | None = None
-    regressor: RegressorTable | None = None
-    x0: Vector | None = None
-    input: OneOrSeveralInputs | None = None
-    disturbance: Signal | None = None
-    unmatched: list[UnmatchedTable] = Field(default_factory=list)
-
-
-class ReferenceModelTable(Table):
-    """[reference_model]."""
-
-    k_0: NumberOrMatrix
-    A_m: Matrix | None = None
-    poles: list[NumberOrVector] | None = None
-
-
-class UncertaintyTable(Table):
-    """[uncertainty]: a box (lower, upper) or a ball (center, radius)."""
-
-    lower: VectorOrMatrix | None = None
-    upper: VectorOrMatrix | None = None
-    center: VectorOrMatrix | None = None
-    radius: float | None = None
-    input_gain: Vector | None = None
+from barbalat.cases.plant_tables import (
+    GaussianTable,
+    InputTable,
+    NoiseTable,
+    PlantTable,
+    PolynomialTable,
+    ReferenceModelTable,
+    SensorTable,
+    TermsTable,
+    TransferFunctionTable,
+    UncertaintyTable,
+    UnmatchedTable,
+)
+from barbalat.cases.signal_tables import (
+    ChirpSignal,
+    ConstantSignal,
+    CsvSignal,
+    OneOrSeveralSignals,
+    SineSignal,
+    SinesSignal,
+    SquareSignal,
+    StepSignal,
+    StepsSignal,
+)
+from barbalat.cases.tables import Gain, Table, Vector
 
 
 class SimulationTable(Table):
