@@ -51,8 +51,8 @@ def _commands(table: schema.CaseTable, folder: Path) -> Signal | tuple[Signal, .
 
 
 def _unmatched(i: int, table: plant_tables.UnmatchedTable, folder: Path) -> Disturbance:
-    signal = within(f"plant.unmatched {i}", lambda: signal(table.signal, folder))
-    return within(f"plant.unmatched {i}", lambda: Disturbance(direction=table.direction, signal=signal))
+    given = within(f"plant.unmatched {i}", lambda: signal(table.signal, folder))
+    return within(f"plant.unmatched {i}", lambda: Disturbance(direction=table.direction, signal=given))
 
 
 def _bound(table: schema.SchemeTable, problem: Problem) -> Controller:
