@@ -52,11 +52,16 @@ def comparison(results: Sequence[Result]) -> Figure:
         for j in range(u.shape[1]):
             label = result.name if u.shape[1] == 1 else f"{result.name}, $u_{j + 1}$"
             _line(right, result.t, u[:, j], (envelope.u_min[:, j], envelope.u_max[:, j]), COLOURS[k % 6], label, DASHES[j % 4])
+    bounded = [np.abs(result.u).max() for result in results if result.diverged_at is None and result.u.size]
+    if bounded and len(bounded) < len(results):
+        right.set_ylim(-1.5 * max(bounded), 1.5 * max(bounded))
     left.set_ylabel("max |e|, all components")
     right.set_ylabel("control $u$")
     axes = [left, right]
     for k, result in enumerate(results):
         error = figure.add_subplot(grid[k + 1, 0] if result.theta_hat.shape[1] else grid[k + 1, :])
+        if result.diverged_at is not None:  # the burst would hide what led to it
+            error.set_yscale("symlog", linthresh=1.0)
         error.set_ylabel(f"{result.name}\n$e$")
         axes.append(error)
         envelope = result.envelope
@@ -70,6 +75,8 @@ def comparison(results: Sequence[Result]) -> Figure:
             band = (envelope.theta_hat_min[:, i], envelope.theta_hat_max[:, i])
             _line(estimates, result.t, result.theta_hat[:, i], band, COLOURS[k % 6], rf"$\hat\theta_{i + 1}$", DASHES[i % 4])
         _bounds(estimates, result)
+        if result.diverged_at is not None:
+            estimates.set_yscale("symlog", linthresh=1.0)
         estimates.set_ylabel(r"$\hat\theta$")
         axes.append(estimates)
     _finish(axes, results)
