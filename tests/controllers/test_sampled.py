@@ -12,15 +12,22 @@ from barbalat.adaptation import implicit
 from barbalat.adaptation.gradient import Gradient
 from barbalat.adaptation.least_squares import LeastSquares
 from barbalat.closed_loop import ClosedLoop
-from barbalat.controllers import L1Adaptive, Mrac, NormalizedMrac, RobustMrac, Sampled
+from barbalat.controllers import L1Adaptive, LinearFeedback, Mrac, NormalizedMrac, RobustMrac, Sampled
 from barbalat.controllers.midpoint import Predictor
+from barbalat.controllers.output.l1 import L1Output
+from barbalat.controllers.output.linear import LinearOutput
+from barbalat.controllers.output.lyapunov import LyapunovLaw
+from barbalat.controllers.output.midpoint import OutputPredictor
+from barbalat.controllers.output.mrac import MracOutput
 from barbalat.grid import Simulation
 from barbalat.known_set import ParameterBox
-from barbalat.linear import input_filter
+from barbalat.linear import TransferFunction, input_filter
 from barbalat.measurement import Noise, Sensor, standard_normal
+from barbalat.output_problem import OutputPlant, OutputProblem, OutputReferenceModel
 from barbalat.problem import Known, Problem
 from barbalat.protocols import Sample
 from barbalat.regressors import Linear, Uncertainty
+from barbalat.signals import Sine
 from barbalat.simulation import simulate
 from independent import refusal
 
@@ -248,3 +255,73 @@ def test_P_is_the_one_of_the_proof(section_v):
     known = section_v.known
     np.testing.assert_allclose(known.P, solve_continuous_lyapunov(known.A_m.T, -np.eye(2)), rtol=1e-14)
     assert isinstance(section_v, Problem)
+
+
+OUTPUT = {
+    "l1-output": L1Output(m=3.0, gamma=50.0, filter=TransferFunction([20.0], [1.0, 20.0]), name="c"),
+    "mrac-output": MracOutput(order=2, relative_degree=1, sign=1, law=Gradient(gamma=5.0), c_0_min=0.1, tau=0.3, name="c"),
+    "mrac-output, least squares": MracOutput(
+        order=2, relative_degree=1, sign=1, law=LeastSquares(covariance0=5.0), c_0_min=0.1, name="c"
+    ),
+    "linear": LinearOutput(loop=TransferFunction([3.0, 4.0], [1.0, 0.0]), name="c"),
+}
+
+
+def output_problem():
+    return OutputProblem(
+        plant=OutputPlant(transfer_function=TransferFunction([2.0, 6.0], [1.0, 3.0, 1.0])),
+        reference_model=OutputReferenceModel(transfer_function=TransferFunction([3.0], [1.0, 3.0])),
+        reference=Sine(amplitude=1.0, frequency=1.0),
+    )
+
+
+@pytest.mark.parametrize("name", OUTPUT)
+def test_output_feedback_tends_to_the_continuous_controller(name):
+    problem, controller, simulation = output_problem(), OUTPUT[name], Simulation(t_end=4.0, dt=2.0**-9)
+    exact = simulate(problem, [controller], simulation)["c"].y[-1]
+    distances = [
+        abs(simulate(problem, [Sampled(controller=controller, sample_time=every * 2.0**-9)], simulation)["c"].y[-1] - exact)
+        for every in (8, 4, 2)
+    ]
+    ratios = np.array(distances[:-1]) / distances[1:]
+    assert ((ratios > 1.6) & (ratios < 2.6)).all()
+
+
+def test_linear_state_feedback_by_tustin(problems):
+    problem, simulation = problems[2], Simulation(t_end=4.0, dt=2.0**-9)
+    controller = LinearFeedback(controller=TransferFunction([3.0, 4.0], [1.0, 0.0]), name="c")
+    exact = simulate(problem, [controller], simulation)["c"].x[-1]
+    far, near = (
+        np.abs(
+            simulate(problem, [Sampled(controller=controller, sample_time=every * 2.0**-9)], simulation)["c"].x[-1] - exact
+        ).max()
+        for every in (8, 4)
+    )
+    assert 1.6 < far / near < 2.6
+
+
+def test_lyapunov_identity_of_the_output_predictor():
+    """V = y_tilde^2 + m sigma_tilde^2/gamma, for any measured y: w is then what the sequence says."""
+    random = np.random.default_rng(8)
+    for _ in range(500):
+        gamma, T, m = 10 ** random.uniform(-2, 10), 10 ** random.uniform(-5, 1), 10 ** random.uniform(-1, 2)
+        controller = L1Output(m=m, gamma=gamma, filter=TransferFunction([20.0], [1.0, 20.0]))
+        twin = OutputPredictor.of(controller.bind(output_problem().known), T)
+        y, y_next, u, s = random.normal(size=4)
+        state = twin.initial()._replace(theta_hat=random.normal(size=1), y_hat=random.normal(size=1))
+        zero = np.zeros(())
+        after = twin.advance(state, Sample(np.array(y), zero, zero), np.array(u), Sample(np.array(y_next), zero, zero))
+        w = (y_next - y) / T + m * (y + y_next) / 2 - m * (u + s)
+
+        def V(state, y, m=m, gamma=gamma, s=s):
+            return (y - state.y_hat[0]) ** 2 + m * (state.theta_hat[0] - s) ** 2 / gamma
+
+        middle = (y + y_next - state.y_hat[0] - after.y_hat[0]) / 2
+        change = -2 * m * T * middle**2 + 2 * T * middle * w
+        sizes = V(state, y) + V(after, y_next) + abs(2 * T * middle * w) + 2 * m * T * middle**2
+        assert abs(V(after, y_next) - V(state, y) - change) <= 1e-10 * (1 + m * T) ** 2 * sizes
+
+
+def test_output_refusal():
+    classical = MracOutput(order=1, relative_degree=1, sign=1, law=LyapunovLaw(gamma=1.0))
+    assert "euler" in refusal(lambda: Sampled(controller=classical, sample_time=0.01).bind(output_problem().known))

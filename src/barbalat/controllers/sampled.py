@@ -6,7 +6,11 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from barbalat import validate
-from barbalat.controllers import l1, midpoint, mrac, robust_mrac
+from barbalat.controllers import l1, linear_feedback, midpoint, mrac, robust_mrac
+from barbalat.controllers.output import l1 as output_l1
+from barbalat.controllers.output import linear as output_linear
+from barbalat.controllers.output import midpoint as output_midpoint
+from barbalat.controllers.output import mrac as output_mrac
 from barbalat.linear import StateSpace
 from barbalat.problem import Known
 from barbalat.protocols import Controller, Equations, Sample, SampledEquations, Value
@@ -84,6 +88,12 @@ class Sampled:
                 return midpoint.Predictor.of(_with_predictor(equations, known), T)
             case robust_mrac.Equations():
                 return midpoint.Estimator.of(equations, T)
+            case output_l1.Equations():
+                return output_midpoint.OutputPredictor.of(equations, T)
+            case output_mrac.Equations():
+                return output_midpoint.OutputEstimator.of(equations, T)
+            case linear_feedback.Equations() | output_linear.Equations():
+                return output_midpoint.Tustin.of(equations, T)
         raise InputError(f"discretization = 'midpoint' is not available for {self.name}; 'euler' is")
 
 
