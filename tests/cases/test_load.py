@@ -79,7 +79,6 @@ def test_the_hinf_design():
         ('design = "pi"\ntheta_hat0 = [0.0, 0.0]', "theta_hat0"),
         ('design = "lqg"', "design"),
         ("controller = { num = [1.0, 0.0], den = [1.0] }", "proper"),
-        ('design = "pi"\nsample_time = 0.001\ndiscretization = "midpoint"', "euler"),
     ],
 )
 def test_linear_controllers_that_cannot_be(settings, words):
