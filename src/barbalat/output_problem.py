@@ -156,6 +156,11 @@ def _at_rest(system: TransferFunction, nonlinear: Terms | None = None) -> Output
 def _of_y(formula: Any) -> Terms:
     if not isinstance(formula, str):
         raise InputError(f"plant.nonlinear must be a formula in y such as '0.5*sin(y)', got {validate.show(formula)}")
-    terms = Terms(terms=(formula.replace("y", "x1"),))
-    terms.size(1)
+    try:
+        terms = Terms(terms=(formula.replace("y", "x1"),))
+        terms.size(1)
+    except InputError:
+        raise InputError(
+            f"plant.nonlinear must be a formula in y, numbers, + - * / ** and abs, exp, sin, cos, sqrt, tanh, got {formula!r}"
+        ) from None
     return terms

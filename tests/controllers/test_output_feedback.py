@@ -371,7 +371,7 @@ WRONG = {
     ),
     "model unstable": (lambda: OutputReferenceModel(transfer_function=TF([1.0], [1.0, -1.0])), ["reference_model", "stable"]),
     "plant with feedthrough": (lambda: OutputPlant(transfer_function=TF([1.0, 1.0], [1.0, 2.0])), ["plant", "strictly proper"]),
-    "formula": (lambda: OutputPlant(transfer_function=G, nonlinear="os.system(y)"), ["plant.regressor.terms"]),
+    "formula": (lambda: OutputPlant(transfer_function=G, nonlinear="os.system(y)"), ["plant.nonlinear", "formula in y"]),
     "state scheme": (lambda: ClosedLoop.of(l1_problem(), Mrac(gamma=1.0)), ["MRAC", "state", "output"]),
     "improper linear": (lambda: LinearOutput(loop=TF([1.0, 0.0], [1.0])), ["proper"]),
     "two integrators": (
