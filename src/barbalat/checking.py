@@ -14,8 +14,8 @@ from barbalat.grid import Simulation
 from barbalat.result import Result
 from barbalat.simulation import simulate
 
-AFFORDED_STEPS = 20_000_000
-"""Of a finer run: two seconds of computing for a small loop."""
+AFFORDED_STEPS = 10_000_000
+"""Of a finer run: a second of computing for a small loop."""
 FACTORS = (10, 100, 1000)
 """The step is refined by these in turn, until a run stays inside the region of stability."""
 

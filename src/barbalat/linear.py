@@ -15,12 +15,24 @@ from barbalat.validate import Array, InputError
 
 @dataclass(frozen=True, eq=False)
 class StateSpace:
-    """x' = A x + B u, y = C x + D u with one input and one output; A (n, n), B (n,), C (n,), D scalar, n may be 0."""
+    """x' = A x + B u, y = C x + D u with one input and one output; A (n, n), B (n,), C (n,), D scalar, n may be 0.
+
+    Equal, and of one hash, where all the numbers are.
+    """
 
     A: Array
     B: Array
     C: Array
     D: float
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, StateSpace) and self._numbers() == other._numbers()
+
+    def __hash__(self) -> int:
+        return hash(self._numbers())
+
+    def _numbers(self) -> tuple[bytes, ...]:
+        return tuple(np.asarray(value, dtype=float).tobytes() for value in (self.A, self.B, self.C, self.D))
 
     @classmethod
     def gain(cls, D: float) -> StateSpace:

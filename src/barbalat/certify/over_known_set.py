@@ -28,13 +28,7 @@ def at_rest(problem: Problem, findings: list[str]) -> dict[str, Any]:
 def filtered(problem: Problem, C: StateSpace, findings: list[str]) -> dict[str, Any]:
     """Of L1-AC's two readings: in the limit of fast adaptation, and with the estimates at rest."""
     known_set = problem.uncertainty
-    if known_set is None:
-        return {}
-    families = {
-        FAST: Family(problem.plant, lambda plant: fast_adaptation(plant, C)),
-        AT_REST: Family(problem.plant, lambda plant: known_parameters(plant, plant.theta, C)),
-    }
-    return _values(problem, [(which, worst_case(family, known_set)) for which, family in families.items()], findings)
+    return {} if known_set is None else _values(problem, _worst_filtered(problem.plant, known_set, C), findings)
 
 
 def fixed(problem: Problem, family: Family, findings: list[str]) -> dict[str, Any]:
@@ -47,6 +41,16 @@ def fixed(problem: Problem, family: Family, findings: list[str]) -> dict[str, An
 def _worst_at_rest(plant: Plant, known_set: KnownSet) -> WorstCase:
     """Several schemes of one case share it."""
     return worst_case(Family(plant, lambda plant: known_parameters(plant, plant.theta)), known_set)
+
+
+@lru_cache(maxsize=16)
+def _worst_filtered(plant: Plant, known_set: KnownSet, C: StateSpace) -> list[tuple[str, WorstCase]]:
+    """L1-ACs of one case that differ in the gain alone share it."""
+    families = {
+        FAST: Family(plant, lambda plant: fast_adaptation(plant, C)),
+        AT_REST: Family(plant, lambda plant: known_parameters(plant, plant.theta, C)),
+    }
+    return [(which, worst_case(family, known_set)) for which, family in families.items()]
 
 
 def _values(problem: Problem, found: list[tuple[str, WorstCase]], findings: list[str]) -> dict[str, Any]:

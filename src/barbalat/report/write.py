@@ -108,6 +108,7 @@ def write_trajectories(folder: Path, results: Sequence[Result]) -> list[Path]:
 
 def _draw(folder: Path, name: str, drawing: Figure) -> page.Picture:
     png = plots.render(drawing, "png")
+    drawing.set_layout_engine("none")  # what the first rendering has laid out stays where it is
     write(folder / f"{name}.png", png)
     write(folder / f"{name}.svg", plots.render(drawing, "svg"))
     return page.Picture(name, png)
