@@ -15,7 +15,7 @@ import numpy as np
 from barbalat.certify.certificate import Certificate
 from barbalat.certify.l1 import Enclosure, l1_norm
 from barbalat.certify.loop_values import finite, margins_of
-from barbalat.controllers.output.l1 import L1Output, fast_limit, linear_equivalent
+from barbalat.controllers.output.l1 import L1Output, LinearEquivalent, fast_limit, linear_equivalent
 from barbalat.controllers.output.linear import LinearOutput
 from barbalat.controllers.output.lyapunov import LyapunovLaw
 from barbalat.controllers.output.matching import filter_polynomial, matching_parameters
@@ -78,9 +78,12 @@ def _l1(problem: OutputProblem, controller: L1Output, simulation: Simulation) ->
         values["condition"] = {"value_upper": None, "limit": 1.0, "holds": False, "of": "H (1 - C)", "times": "L"}
     values["adaptation_frequency"] = math.sqrt(controller.gamma * controller.m)
     values |= _limits(controller, simulation)
-    K = linear_equivalent(controller).feedback
+    equivalent, tends_to = linear_equivalent(controller), fast_limit(controller)
+    values["linear_equivalent"] = _coefficients(equivalent)
+    values["linear_equivalent_limit"] = _coefficients(tends_to)
+    K = equivalent.feedback
     values |= margins_of(problem, (K * plant).realise(), "that the controller is while sigma is inside its bounds", findings)
-    limit = margins_of(problem, (fast_limit(controller).feedback * plant).realise(), "for gamma -> infinity", findings)
+    limit = margins_of(problem, (tends_to.feedback * plant).realise(), "for gamma -> infinity", findings)
     if "delay_margin" in limit:
         values["delay_margin_limit"] = limit["delay_margin"]
     findings.append(
@@ -94,6 +97,11 @@ def _l1(problem: OutputProblem, controller: L1Output, simulation: Simulation) ->
         LINEAR,
     ]
     return Certificate(values, frozenset(guaranteed), tuple(assumptions), tuple(findings))
+
+
+def _coefficients(linear: LinearEquivalent) -> dict[str, dict[str, list[float]]]:
+    """Of u = feedforward[r] - feedback[y], highest power first."""
+    return {name: {"num": system.num.tolist(), "den": system.den.tolist()} for name, system in linear._asdict().items()}
 
 
 def _limits(controller: L1Output, simulation: Simulation) -> dict[str, Any]:

@@ -31,6 +31,8 @@ MEANINGS = {
     "unlimited": "what nothing exhausts",
     "delay_margin_adapting": "linearised at the largest constant command, its law included [s]",
     "delay_margin_limit": "the same for gamma -> infinity [s]",
+    "linear_equivalent": "u = feedforward[r] - feedback[y] while sigma is inside its bounds",
+    "linear_equivalent_limit": "the same for gamma -> infinity",
     "theta_star": "parameters with which the plant is the model",
     "tau_below": "1/delta_0, which tau must stay below (Theorem 2) [s]",
     "mu_parameters": "mu against the known set",
@@ -73,6 +75,8 @@ def rows(certificate: Certificate) -> list[Row]:
             found.append(_condition(value, kind))
         elif key == "margins_over_known_set":
             found += [row for entry in value for row in _worst_case(entry)]
+        elif key in ("linear_equivalent", "linear_equivalent_limit"):
+            found += [_coefficients(f"{key}, {name}", system, MEANINGS[key]) for name, system in value.items()]
         elif key == "unlimited":
             found.append(Row(key, ", ".join(value), MEANINGS[key], ""))
         elif isinstance(value, str):
@@ -100,6 +104,12 @@ def _condition(value: dict[str, Any], kind: str) -> Row:
         return Row(quantity, "infinite", "condition < 1 fails", kind)
     verdict = "< 1: holds" if value["holds"] else "not shown to be below 1"
     return Row(quantity, f"<= {up(value['value_upper'], 6)}", f"condition {verdict}", kind)
+
+
+def _coefficients(quantity: str, system: dict[str, list[float]], meaning: str) -> Row:
+    """A transfer function, highest power first."""
+    text = ", ".join(f"{side} = [{number_text(values)}]" for side, values in system.items())
+    return Row(quantity, text, meaning, "linear loop")
 
 
 def _worst_case(entry: dict[str, Any]) -> list[Row]:

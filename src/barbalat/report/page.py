@@ -56,9 +56,11 @@ def reproduction(
     return _render("reproduction.html", **values, certified=certified, seconds=seconds)
 
 
-def comparison(name: str, results: Sequence[Result], certified: Certified, picture: Picture) -> str:
-    """The page of ``barbalat run``."""
-    return _render("comparison.html", name=name, results=results, certified=certified, picture=picture)
+def comparison(
+    name: str, results: Sequence[Result], certified: Certified, picture: Picture, diagrams: Sequence[Picture] = ()
+) -> str:
+    """The page of ``barbalat run``; ``diagrams`` show what controllers are."""
+    return _render("comparison.html", name=name, results=results, certified=certified, picture=picture, diagrams=diagrams)
 
 
 def trade_off(found: TradeOff, picture: Picture) -> str:

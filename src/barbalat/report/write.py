@@ -13,7 +13,9 @@ from typing import Any
 from matplotlib.figure import Figure
 
 from barbalat.claims.claim import Claim, Map, PaperFigure
-from barbalat.report import charts, maps, page, plots, tradeoff
+from barbalat.controllers.output.l1 import L1Output
+from barbalat.output_problem import OutputProblem
+from barbalat.report import charts, diagrams, maps, page, plots, tradeoff
 from barbalat.report.certified import Certified
 from barbalat.report.files import write
 from barbalat.result import Result
@@ -80,11 +82,18 @@ def draw_maps(folder: Path, claims: Sequence[Claim]) -> dict[str, page.Picture]:
 
 
 def write_comparison(folder: Path, case: str, results: Sequence[Result], certified: Certified) -> list[Path]:
-    """Picture, page and one table of the trajectory for each controller."""
+    """The picture of the runs, a block diagram for each L1 output-feedback controller, and the page."""
     picture = _draw(folder, "comparison", plots.comparison(results))
-    written = [folder / "comparison.png", folder / "comparison.svg"]
-    written.append(write(folder / "report.html", page.comparison(case, results, certified, picture)))
-    return written
+    drawn_diagrams = [_diagram(folder, r) for r in results if isinstance(r.controller, L1Output)]
+    page_file = write(folder / "report.html", page.comparison(case, results, certified, picture, drawn_diagrams))
+    drawn = [folder / f"{shown.name}.{kind}" for shown in (picture, *drawn_diagrams) for kind in ("png", "svg")]
+    return [*drawn, page_file]
+
+
+def _diagram(folder: Path, result: Result) -> page.Picture:
+    assert isinstance(result.controller, L1Output) and isinstance(result.problem, OutputProblem)
+    drawing = diagrams.l1_output(result.controller, result.problem.plant)
+    return _draw(folder, f"diagram-{_file_name(result.name)}", drawing)
 
 
 def write_tradeoff(folder: Path, found: TradeOff) -> Path:
