@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from barbalat.claims import (
+    condition,
     figures,
     learning,
     lemma_1,
@@ -43,7 +44,7 @@ LEDGER = (
     Measurement(lambda _: tracking.best_at_zero(), 0.2, quick=True),
     Measurement(lambda _: tracking.constant_command(), 0.3, quick=True),
     Measurement(lambda _: tracking.is_mrac(), 0.1, quick=True),
-    Measurement(lambda _: tracking.condition(), 0.1, quick=True),
+    Measurement(lambda _: condition.condition(), 0.1, quick=True),
     Measurement(lambda _: theta_size.filter_limits_theta(), 2.6),
     Measurement(numerics.come_and_go, 0.1, quick=True),
     Measurement(onset.boundary, 5.0),

@@ -1,4 +1,4 @@
-"""Claims on tracking: Theorem 1's bounds, the bias of the filter, what the filter asks of the uncertainty."""
+"""Claims on tracking: Theorem 1's bounds, the bias of the filter, what the two schemes share."""
 
 from __future__ import annotations
 
@@ -121,15 +121,4 @@ def is_mrac() -> Claim:
         verdict(holds=difference < 1e-9),
         f"largest errors differ by {difference:.1g} of themselves",
         "Section V, Gamma = 10, RK4, h = 1e-4 s, 60 s; the step by step agreement is held to rounding by a test",
-    )  # fmt: skip
-
-
-def condition() -> Claim:
-    """Where the condition of Section V flips."""
-    kappa = theorem1.kappa_admissible(section_v.problem().known, 10.0)
-    return Claim(
-        "kappa-0.05", "Section V", "For kappa < 0.05 the condition ||W_b (C - 1)||_1 theta_max < 1 is satisfied",
-        verdict(holds=abs(kappa - 0.05) < 0.001),
-        f"it flips at kappa = {kappa:.5f} s, just below the rounded 0.05",
-        "certified enclosures of the norm, bisection to 1e-6",
     )  # fmt: skip

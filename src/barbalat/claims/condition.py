@@ -1,0 +1,77 @@
+"""The claim on where the condition of Section V holds: decided for every kappa by certified norms at a few of them."""
+
+from __future__ import annotations
+
+import math
+
+from barbalat.certify import theorem1
+from barbalat.claims import section_v
+from barbalat.claims.claim import Claim, verdict
+from barbalat.linear import input_filter
+from barbalat.problem import Known
+
+THETA_MAX = 10.0
+PRINTED = 0.05
+"""[s]: the paper's limit, with its two decimals."""
+SEARCHED = 1e-6
+"""Relative width of the bisection."""
+GAP = 1e-6
+"""[s]: at most this between what is proved and what is refuted, so that both are told with six decimals."""
+
+
+def condition() -> Claim:
+    """Where the condition holds, and whether it fails between there and the printed limit."""
+    known = section_v.problem().known
+    largest = theorem1.kappa_admissible(known, THETA_MAX, SEARCHED)
+    least = fails_down_to(known, PRINTED)
+    up_to_it = largest >= PRINTED
+    rounded = round(largest, 2) >= PRINTED and least - largest < GAP
+    return Claim(
+        "kappa-0.05", "Section V", "For kappa < 0.05 the condition ||W_b (C - 1)||_1 theta_max < 1 is satisfied",
+        verdict(holds=holds_up_to(known, largest) and (up_to_it or rounded), conditional=not up_to_it),
+        f"holds for every kappa up to {math.floor(1e6 * largest) / 1e6:.6f} s" + ("" if up_to_it else _refuted(known, least)),
+        "certified enclosures of the norm, bisection to 1e-6; between the points N(k2)/k2 <= N(k1)/k1 and N(k1) <= (2 - k1/k2) N(k2) for "
+        "k1 < k2, N(k) = ||W_b (C - 1)||_1, and N(k) <= k ||s W_b||_1 near zero",
+    )  # fmt: skip
+
+
+def _refuted(known: Known, least: float) -> str:
+    if not math.isfinite(least):
+        return f"; at {PRINTED:g} s it could not be decided"
+    return (
+        f"; from {math.ceil(1e6 * least) / 1e6:.6f} s to {PRINTED:g} s it provably fails, with {_value(known, PRINTED)[0]:.4f} "
+        "on the left at the end: a rounding in the paper"
+    )
+
+
+def _value(known: Known, kappa: float) -> tuple[float, float]:
+    """||W_b (C - 1)||_1 theta_max: guaranteed bounds from below and from above."""
+    found = theorem1.filter_condition(known, input_filter(kappa).realise(), THETA_MAX)
+    return found.norm.lower * THETA_MAX / theorem1.OUTWARD, found.value_upper
+
+
+def holds_up_to(known: Known, kappa: float) -> bool:
+    """Whether the condition is proved for every kappa' in (0, kappa].
+
+    For k1 < k2, 1 - C_k1 = (1 - C_k2) [1 - (1 - k1/k2)/(k1 s + 1)], and the bracket's L1 norm is 2 - k1/k2: a value v < 1 at k2
+    stays below one down to (2 - 1/v) k2. Below kappa_max Theorem 1's own inequality N <= k ||s W_b||_1 takes over.
+    """
+    small = theorem1.kappa_max(theorem1.derivative_norm(known), THETA_MAX) * (1 - 1e-9)
+    while kappa > small:
+        value = _value(known, kappa)[1]
+        if value >= 1 - 1e-9:  # the enclosures' own width
+            return False
+        kappa *= max(2 - 1 / value, 0.5) * theorem1.OUTWARD
+    return True
+
+
+def fails_down_to(known: Known, kappa: float) -> float:
+    """The least kappa' found for which the condition is refuted on [kappa', kappa]; infinite where it is not at kappa.
+
+    For k1 < k2, 1 - C_k2 = (1 - C_k1) [1 + (k2/k1 - 1)/(k2 s + 1)], and the bracket's L1 norm is k2/k1: N(k)/k does not grow,
+    so that a value v > 1 at k2 stays above one down to k2/v.
+    """
+    least = math.inf
+    while (value := _value(known, kappa)[0]) > 1 + SEARCHED / 2:
+        least = kappa = kappa / value * theorem1.OUTWARD
+    return least
