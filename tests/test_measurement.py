@@ -57,6 +57,26 @@ def test_members_have_streams_of_their_own_whatever_lanes_and_threads(problems):
     np.testing.assert_allclose(first.rms_e[0], runs[0].rms_e[0], rtol=1e-9)  # member 0 is the single run
 
 
+def test_a_member_takes_its_noise_along(problems):
+    """The noise goes with the number that is given, wherever the member stands; one number, one noise."""
+    simulation = Simulation(t_end=2.0, dt=2.0**-8)
+    member = (noisy(problems[1], std=0.1, sample_time=2.0**-6), Mrac(gamma=5.0))
+    found = simulate_ensemble([member] * 3, simulation).metrics.rms_e
+    moved = simulate_ensemble([member] * 3, simulation, numbers=[2, 0, 2]).metrics.rms_e
+    np.testing.assert_array_equal(moved, found[[2, 0, 2]])
+    assert len(np.unique(found)) == 3
+
+
+@pytest.mark.parametrize(
+    ("numbers", "words"),
+    [([0, 1], ["numbers", "3 entries", "2"]), ([0, 1, -1], ["numbers", "-1"]), ([0, 1, 0.5], ["numbers", "0.5"])],
+)
+def test_numbers_that_are_none(problems, numbers, words):
+    member = (problems[1], Mrac(gamma=5.0))
+    message = refusal(lambda: simulate_ensemble([member] * 3, Simulation(t_end=1.0, dt=0.1), numbers=numbers))
+    assert all(word in message for word in words), message
+
+
 def test_refining_the_step_keeps_the_noise(problems):
     """The noise is a function of time: the runs converge. RK4 at steps of 2^-7 and 2^-8, jumps every 2^-6: errors below 1e-5."""
     problem = noisy(problems[2], std=[0.1, 0.2], sample_time=2.0**-6, seed=4)

@@ -15,6 +15,7 @@ from barbalat.controllers import L1Adaptive, Mrac
 from barbalat.ensemble import simulate_ensemble
 from barbalat.grid import Simulation
 from barbalat.linear import input_filter
+from barbalat.measurement import Noise, Sensor
 from barbalat.signals import Constant
 from barbalat.study.delay_margin import Lost, delay_margins
 from barbalat.study.tradeoff import Knobs, pareto_front, trade_off
@@ -67,6 +68,21 @@ def _motion(problem, simulation):
     from barbalat.simulation import simulate
 
     return float(np.abs(simulate(problem, [Mrac(gamma=1e-12)], replace(simulation, record_points=10**5))["MRAC"].x_m).max())
+
+
+def test_a_margin_under_noise_does_not_depend_on_the_neighbours(section_v):
+    """With noise as large as a fifth of the command: beside a member that is soon lost, beside one that is not, and alone."""
+    noisy = replace(section_v, sensor=Sensor(noise=Noise(std=10.0, sample_time=0.01, seed=4)))
+    soon = replace(noisy, plant=replace(noisy.plant, theta=[60.0, 60.0]))
+    simulation, controller = Simulation(t_end=20.0, dt=1e-3), Mrac(gamma=1.0)
+    beside = [
+        delay_margins([(p, Mrac(gamma=0.01)), (noisy, controller)], simulation, resolution=0.005).bears[1] for p in (soon, noisy)
+    ]
+    alone, other = (
+        delay_margins([(noisy, controller)], simulation, resolution=0.005, numbers=[number]).bears[0] for number in (1, 7)
+    )
+    assert beside == [alone, alone]
+    assert other != alone  # another noise, or the seed would have no say
 
 
 def test_a_run_that_is_lost_without_delay(section_v):

@@ -38,7 +38,8 @@ def best_lanes(members: int) -> int:
 class Batch:
     """Members of one structure: the same step program, each with its own initial state and parameters.
 
-    states (size, M), parameters (p, M), lags (M,) for a step with a delay, see ``delay.lag``, seeds (M,) for one with noise.
+    states (size, M), parameters (p, M), lags (M,) for a step with a delay, see ``delay.lag``; seeds (M,) and numbers (M,) for
+    one with noise: which stream each member has, 0 ... M - 1 unless given.
     ``record`` keeps every block's start state and accumulators.
     """
 
@@ -49,6 +50,7 @@ class Batch:
     lanes: int | None = None
     lags: Array | None = None
     seeds: Array | None = None
+    numbers: Array | None = None
     totals: Totals = field(init=False)
     groups: list[Group] = field(init=False)
 
@@ -64,7 +66,8 @@ class Batch:
             columns = slice(first, min(first + width, members))
             state, parameters = (np.ascontiguousarray(part[:, index]) for part in (self.states, self.parameters))
             past = None if self.lags is None else Past(self.lags[index], self.program.shape.delayed)
-            streams = None if self.seeds is None else [(int(self.seeds[i]), int(i)) for i in index]
+            numbers = np.arange(members) if self.numbers is None else self.numbers
+            streams = None if self.seeds is None else [(int(self.seeds[i]), int(numbers[i])) for i in index]
             self.groups.append(Group(self, kernel, columns, state, parameters, past, streams))
 
     @property

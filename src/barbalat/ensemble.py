@@ -37,6 +37,7 @@ def simulate_ensemble(
     members: Sequence[tuple[TrackingProblem, Controller]],
     simulation: Simulation,
     *,
+    numbers: Sequence[int] | Array | None = None,
     threads: int | None = None,
     lanes: int | None = None,
     progress: Progress | None = None,
@@ -46,6 +47,8 @@ def simulate_ensemble(
     All members have one structure (scheme, dimensions, projection or not, signals) and may differ in every number:
     theta, x0, gamma, kappa, the box, A_m and with it P, ... Numbers that are the same for all are compiled in.
 
+    numbers         with the seed they fix each member's measurement noise; by default 0, 1, ... in the order given. Members
+                    with one number and one seed have the same noise
     threads, lanes  only speed depends on them, not a single bit of the results
     """
     if lanes is not None and (validate.whole("lanes", lanes, least=1) & (lanes - 1)):
@@ -58,6 +61,7 @@ def simulate_ensemble(
     for i, member in enumerate(members, start=1):
         if not (isinstance(member, tuple) and len(member) == 2 and isinstance(member[0], TrackingProblem)):
             raise InputError(f"member {i} must be a pair (problem, controller), got {validate.show(member)}")
+    streams = _numbers_of(members, numbers)
     signals = members[0][0].signals
     for i, (problem, _) in enumerate(members):
         if problem.signals != signals:
@@ -85,11 +89,20 @@ def simulate_ensemble(
     )
     states = np.column_stack([loop.initial() for loop in loops])
     seeds = None if loops[0].noise == 0 else np.array([problem.noise.seed for problem, _ in members if problem.noise is not None])
-    batch = Batch(program, states, parameters, lags=lags, seeds=seeds, lanes=lanes)
+    batch = Batch(program, states, parameters, lags=lags, seeds=seeds, numbers=streams, lanes=lanes)
     run([batch], signals, simulation, threads=threads, progress=progress)
     return EnsembleResult(
         simulation=simulation, metrics=batch.metrics(simulation, loops[0].theta_hat_rows), varied=len(parameters)
     )
+
+
+def _numbers_of(members: Sequence[Any], numbers: Sequence[int] | Array | None) -> Array:
+    """(M,) the members' numbers, checked."""
+    if numbers is None:
+        return np.arange(len(members))
+    if len(numbers) != len(members):
+        raise InputError(f"numbers must have {len(members)} entries, one for each member, got {len(numbers)}")
+    return np.array([validate.whole("numbers", number, least=0) for number in numbers])
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,7 +17,7 @@ class Noise:
 
     std          standard deviation, one for all measured quantities or one for each [their units]
     sample_time  [s], a whole number of solver steps. A fixed value keeps the noise the same when the step is refined
-    seed         with the member's number in its ensemble it fixes every value, whatever the threads and lanes
+    seed         with the member's number (``simulate_ensemble``) it fixes every value, whatever the threads and lanes
 
     Source of the numbers: Philox counters (Salmon et al., 2011), turned Gaussian by the inverse distribution function.
     """

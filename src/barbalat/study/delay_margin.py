@@ -69,6 +69,7 @@ def delay_margins(
     scan: int = 12,
     resolution: float = 0.02,
     lost: Lost | None = None,
+    numbers: Sequence[int] | None = None,
     threads: int | None = None,
     progress: Progress | None = None,
 ) -> DelayMargins:
@@ -78,6 +79,7 @@ def delay_margins(
     scan        delays tried first, geometrically from two solver steps (the shortest that can be simulated) to ``longest``:
                 a loop that is lost, saved and lost again as the delay grows is caught where the scan resolves it
     resolution  relative distance of ``bears`` and ``loses`` at which bisection ends
+    numbers     as for ``simulate_ensemble``: a member has one noise in all its runs, whoever runs beside it
 
     Members have one structure, as for ``simulate_ensemble``; they advance together. Raises InputError.
     """
@@ -97,9 +99,10 @@ def delay_margins(
 
     def run(chosen: Array, added: Array) -> Metrics:
         changed = [(_delayed(members[i][0], float(delay)), members[i][1]) for i, delay in zip(chosen, added, strict=True)]
-        return simulate_ensemble(changed, simulation, threads=threads, progress=advanced).metrics
+        return simulate_ensemble(changed, simulation, numbers=streams[chosen], threads=threads, progress=advanced).metrics
 
-    undelayed = simulate_ensemble(members, simulation, threads=threads).metrics
+    streams = np.arange(len(members)) if numbers is None else np.asarray(numbers)
+    undelayed = simulate_ensemble(members, simulation, numbers=streams, threads=threads).metrics
     amplitude = _amplitudes(members, simulation)
     base = undelayed.tail_max_abs_e.max(axis=1)
     bears, loses = np.zeros(len(members)), np.full(len(members), np.inf)
