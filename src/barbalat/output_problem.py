@@ -97,6 +97,7 @@ class OutputKnown:
 
     W_m: TransferFunction
     plant: TransferFunction
+    saturation: Array | None = None  # (2,) lower and upper limit of the actuator; None where it has none
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -137,7 +138,11 @@ class OutputProblem(TrackingProblem):
 
     @property
     def known(self) -> OutputKnown:
-        return OutputKnown(W_m=self.reference_model.transfer_function, plant=self.plant.transfer_function)
+        return OutputKnown(
+            W_m=self.reference_model.transfer_function,
+            plant=self.plant.transfer_function,
+            saturation=self.plant.paths[0].saturation,
+        )
 
 
 def _strictly_proper(name: str, given: Any) -> TransferFunction:

@@ -101,12 +101,18 @@ def test_exact_parameters_leave_no_error(name):
 
 @pytest.mark.parametrize("law", ["gradient", "least squares"])
 @pytest.mark.parametrize("name", EXAMPLES)
-def test_the_exact_identity(name, law):
-    """c_0 (y - y_m) = -eps m^2 + W_c[(W_b[omega'])theta'] + W_m[u_a], c_0 the estimate, any u_a. 1e-8: the integration."""
+@pytest.mark.parametrize("level", [np.inf, 0.5])
+def test_the_exact_identity(name, law, level):
+    """c_0 (y - y_m) = -eps m^2 + W_c[(W_b[omega'])theta'] + W_m[u_a], c_0 the estimate, any u_a. 1e-8: the integration.
+
+    With u limited to ``level`` and the model fed with sat(u), what the limit takes away stands beside u_a.
+    """
     plant, model = EXAMPLES[name]
     laws = {"gradient": Gradient(gamma=3.0), "least squares": LeastSquares(covariance0=5.0)}
-    controller = mrac(plant, model, laws[law], tau=0.3)
+    controller = mrac(plant, model, laws[law], tau=0.3, saturated_predictor=bool(np.isfinite(level)))
     problem = problem_of(plant, model)
+    if np.isfinite(level):
+        problem = replace(problem, plant=replace(problem.plant, input=PlantInput(saturation=(-level, level))))
     loop = ClosedLoop.of(problem, controller)
     eq, W_m = loop.equations, model.realise()
     order, r = W_m.order, problem.reference
@@ -121,7 +127,9 @@ def test_the_exact_identity(name, law):
         u = state.theta_hat @ eq.omega(state, y, command) + u_a(t)
         rates = eq.derivative(state, y, W_m.C @ x_m, command, u)
         flat = np.concatenate([np.ravel(leaf) for part in rates for leaf in (part if isinstance(part, tuple) else (part,))])
-        return np.concatenate([G.derivative(x, u), W_m.derivative(x_m, command), flat, W_m.derivative(s[-order:], u_a(t))])
+        v = np.clip(u, -level, level)
+        beside = W_m.derivative(s[-order:], u_a(t) + v - u)
+        return np.concatenate([G.derivative(x, v), W_m.derivative(x_m, command), flat, beside])
 
     start = np.append(loop.initial(), np.zeros(order))
     samples = solve_ivp(slope, (0, 4), start, method="DOP853", rtol=1e-11, atol=1e-13, t_eval=np.linspace(0, 4, 9)).y.T

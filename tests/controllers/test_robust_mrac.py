@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy import linalg
 from scipy import signal as scipy_signal
 
+from barbalat.actuation import PlantInput
 from barbalat.adaptation.laws import Gradient, LeastSquares
 from barbalat.adaptation.normalization import Normalization
 from barbalat.closed_loop import ClosedLoop
@@ -50,13 +53,17 @@ CASES = [(n, n_star) for n in (1, 2, 3, 4) for n_star in range(1, n + 1)]
 
 @pytest.mark.parametrize(("n", "relative_degree"), CASES)
 @pytest.mark.parametrize("law", LAWS)
-def test_the_swapping_identity_for_any_auxiliary_input(n, relative_degree, law):
+@pytest.mark.parametrize("level", [np.inf, 0.7])
+def test_the_swapping_identity_for_any_auxiliary_input(n, relative_degree, law, level):
     """c_0'e = epsilon m_s^2 + c_0'(sI - A_m)^-1[Xi theta_hat'] + W_m(s)[u_a], whatever drives u_a, and through the projection.
 
-    The state of (sI - A_m)^-1 b [u_a] is added here. 1e-8: the integration's 1e-11 over a stable system of condition 1e2.
+    With u limited to ``level`` and the model fed with sat(u), what the limit takes away stands beside u_a. The state of
+    (sI - A_m)^-1 b [u_a] is added here. 1e-8: the integration's 1e-11 over a stable system of condition 1e2.
     """
     problem, c_0 = random_problem(1, n, relative_degree)
-    loop = ClosedLoop.of(problem, RobustMrac(c_0=c_0, tau=0.3, law=LAWS[law]))
+    if limited := np.isfinite(level):
+        problem = replace(problem, plant=replace(problem.plant, input=PlantInput(saturation=(-level, level))))
+    loop = ClosedLoop.of(problem, RobustMrac(c_0=c_0, tau=0.3, law=LAWS[law], saturated_predictor=limited))
     equations, k_0, r = loop.equations, problem.reference_model.k_0, problem.reference
     A_m, b, theta = problem.plant.A_m, problem.plant.b, problem.plant.theta
 
@@ -67,8 +74,9 @@ def test_the_swapping_identity_for_any_auxiliary_input(n, relative_degree, law):
         x, x_m, _, _, state, _ = loop.unpack(y[:-n])
         u = -state.theta_hat @ x + k_0 * r(np.array(t)) + u_a(t)
         rates = equations.derivative(state, x, x_m, r(np.array(t)), u)
-        parts = [A_m @ x + b * (theta @ x + u), A_m @ x_m + b * k_0 * r(np.array(t)), *(np.ravel(p) for p in rates)]
-        return np.concatenate([*parts, A_m @ y[-n:] + b * u_a(t)])
+        missing = np.clip(u, -level, level) - u
+        parts = [A_m @ x + b * (theta @ x + u + missing), A_m @ x_m + b * k_0 * r(np.array(t)), *(np.ravel(p) for p in rates)]
+        return np.concatenate([*parts, A_m @ y[-n:] + b * (u_a(t) + missing)])
 
     samples = integrate(derivative, np.append(loop.initial(), np.zeros(n)), 4.0, np.linspace(0, 4, 9), rtol=1e-10, atol=1e-11).T
     left, right, moved = [], [], 0.0

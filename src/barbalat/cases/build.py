@@ -73,7 +73,13 @@ def _controller(table: schema.SchemeTable) -> Controller:
             if (table.law is None) == (table.gamma is None):
                 raise InputError("give either gamma, for the gradient law, or law")
             law = Gradient(gamma=table.gamma) if table.law is None else table.law.build()
-            return NormalizedMrac(law=law, c_0=table.c_0, normalization=table.normalization.build(), **table.common())
+            return NormalizedMrac(
+                law=law,
+                c_0=table.c_0,
+                normalization=table.normalization.build(),
+                saturated_predictor=table.saturated_predictor,
+                **table.common(),
+            )
         case schema.RobustMracTable():
             return RobustMrac(
                 tau=table.tau,
@@ -81,6 +87,7 @@ def _controller(table: schema.SchemeTable) -> Controller:
                 c_0=table.c_0,
                 normalization=table.normalization.build(),
                 printed_sign=table.printed_sign,
+                saturated_predictor=table.saturated_predictor,
                 **table.common(),
             )
     raise AssertionError(f"the schema has a scheme that is not built here: {type(table).__name__}")

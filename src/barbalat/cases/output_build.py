@@ -54,7 +54,7 @@ def _controller(table: tables.OutputSchemeTable, problem: OutputProblem) -> Cont
     name: dict[str, Any] = {} if table.name is None else {"name": table.name}
     match table:
         case tables.MracOutputTable():
-            keys = ("order", "relative_degree", "sign", "theta_hat0", "tau", "filter_poles")
+            keys = ("order", "relative_degree", "sign", "theta_hat0", "tau", "filter_poles", "saturated_predictor")
             bounds = () if table.projection is False else ("lower", "upper", "c_0_min")
             settings = {key: getattr(table, key) for key in (*keys, *bounds)}
             return MracOutput(law=table.built_law(), normalization=table.normalization.build(), **settings, **name)

@@ -56,6 +56,7 @@ class MracOutputTable(SchemeTable):
     c_0_min: float | None = None
     projection: bool | None = None
     normalization: NormalizationTable = NormalizationTable()
+    saturated_predictor: bool = False
 
     def built_law(self) -> AdaptiveLaw | LyapunovLaw:
         return self.law.build()

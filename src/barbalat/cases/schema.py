@@ -107,6 +107,7 @@ class NormalizedMracTable(AdaptiveTable):
     law: LawTable | None = None
     c_0: Vector | None = None
     normalization: NormalizationTable = NormalizationTable()
+    saturated_predictor: bool = False
 
 
 class RobustMracTable(AdaptiveTable):
@@ -118,6 +119,7 @@ class RobustMracTable(AdaptiveTable):
     c_0: Vector | None = None
     normalization: NormalizationTable = NormalizationTable()
     printed_sign: bool = False
+    saturated_predictor: bool = False
 
 
 class LinearTable(SchemeTable):

@@ -15,7 +15,7 @@ from barbalat.adaptation.learning import CompositeLearning
 from barbalat.adaptation.lyapunov import Modifications
 from barbalat.adaptation.projection import limit
 from barbalat.controllers.base import check_common, initial_estimate, projection_box
-from barbalat.controllers.windup import known_limits
+from barbalat.controllers.windup import applied, limits_of_predictor
 from barbalat.known_set import KnownSet
 from barbalat.linear import StateSpace, TransferFunction
 from barbalat.problem import Known
@@ -70,10 +70,10 @@ class Equations:
 
     def applied(self, u: Value) -> Value:
         """What the predictor is fed with."""
-        return u if self.limits is None else np.clip(u, self.limits[0], self.limits[1])
+        return applied(u, self.limits)
 
     def regressor_at(self, state: State, x: Value, u: Value) -> Value:
-        return self.uncertainty.with_input(x, u)
+        return self.uncertainty.with_input(x, self.applied(u))
 
     def derivative(self, state: State, x: Value, x_m: Value, r: Value, u: Value) -> State:
         x_tilde = x - state.x_hat
@@ -97,7 +97,8 @@ class L1Adaptive:
     theta_hat0  (p,), zero by default; inside the known set
     projection  onto the known set; by default on where one is given
     leakage, dead_zone, learning  modifications of the law, none by default: see ``adaptation.lyapunov``
-    saturated_predictor  against windup: the predictor is fed with sat(u), so that x_tilde does not see the limit; off by default
+    saturated_predictor  against windup: the predictor is fed with sat(u), times omega_hat where the input gain is unknown, so
+                that x_tilde does not see the limit; off by default
 
     Source: eqs (5)-(8); Hovakimyan and Cao, L1 Adaptive Control Theory, section 2.1.
     """
@@ -138,7 +139,7 @@ class L1Adaptive:
             x0=known.x0,
             box=box,
             modifications=self._modifications(),
-            limits=known_limits("saturated_predictor", known) if self.saturated_predictor else None,
+            limits=limits_of_predictor(self.saturated_predictor, known),
         )
 
     def _filter(self, *, unknown_gain: bool) -> StateSpace:

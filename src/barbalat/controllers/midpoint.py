@@ -12,6 +12,7 @@ import numpy as np
 from barbalat.adaptation import implicit
 from barbalat.adaptation.gain import as_matrix, times
 from barbalat.controllers import l1, robust_mrac
+from barbalat.controllers.windup import applied
 from barbalat.linear import StateSpace
 from barbalat.protocols import Sample, Value
 from barbalat.validate import Array, InputError
@@ -135,6 +136,7 @@ class Estimator:
 
     def advance(self, state: robust_mrac.State, before: Sample, u: Value, now: Sample) -> robust_mrac.State:
         c, T = self.continuous, self.sample_time
+        u = applied(u, c.limits)
         x_mid = (before.x + now.x) / 2
         xi_mid = self.model.middle(state.xi, c.b * u)
         Xi_mid = self.model.middle(state.Xi, np.outer(c.b, (c.regressor(before.x) + c.regressor(now.x)) / 2))

@@ -15,7 +15,7 @@ from barbalat.adaptation.learning import CompositeLearning
 from barbalat.adaptation.lyapunov import Modifications
 from barbalat.adaptation.projection import limit
 from barbalat.controllers.base import check_common, initial_estimate, projection_box
-from barbalat.controllers.windup import ModifiedError, known_limits
+from barbalat.controllers.windup import ModifiedError, applied, known_limits
 from barbalat.known_set import KnownSet
 from barbalat.problem import Known
 from barbalat.protocols import Value
@@ -61,14 +61,14 @@ class Equations:
         return (-self.uncertainty.phi(x).T @ theta_hat + np.dot(self.k_0, r)) / omega_hat  # (3)
 
     def regressor_at(self, state: State, x: Value, u: Value) -> Value:
-        return self.uncertainty.with_input(x, u)
+        return self.uncertainty.with_input(x, applied(u, self.limits))
 
     def derivative(self, state: State, x: Value, x_m: Value, r: Value, u: Value) -> State:
         e, e_d = x - x_m, state.e_d
-        if self.windup is not None and self.limits is not None:
-            e = e - e_d
-            missing = np.clip(u, self.limits[0], self.limits[1]) - self.unlimited_control(state, x, r)
-            e_d = self.A_m @ e_d + np.dot(self.b, missing)
+        if self.windup is not None:
+            e, u_c, u = e - e_d, self.unlimited_control(state, x, r), applied(u, self.limits)
+            _, omega_hat = self.uncertainty.split(state.theta_hat)
+            e_d = self.A_m @ e_d + np.dot(self.b, omega_hat * (u - u_c))
         phi, known = self.uncertainty.with_input(x, u), self.uncertainty.known_input(u)
         return State(
             self.modifications.rate(self.gamma, e, self.P, self.b, phi, state.theta_hat, state.memory, self.box),  # (4)

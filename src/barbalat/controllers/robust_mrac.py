@@ -15,6 +15,7 @@ from barbalat.adaptation.laws import LAWS, AdaptiveLaw, Estimation
 from barbalat.adaptation.normalization import Normalization
 from barbalat.adaptation.projection import limit
 from barbalat.controllers.base import check_common, initial_estimate, projection_box, require_one_input
+from barbalat.controllers.windup import applied, limits_of_predictor
 from barbalat.known_set import KnownSet
 from barbalat.linear import StateSpace, TransferFunction, transfer_function
 from barbalat.problem import Known
@@ -28,7 +29,7 @@ class State(NamedTuple):
 
     theta_hat: Value  # (p,) estimate of theta
     memory: Any  # of the law
-    xi: Value  # (n,) the known part of x: xi' = A_m xi + b u, xi(0) = x(0)
+    xi: Value  # (n,) the known part of x: xi' = A_m xi + b u, xi(0) = x(0); sat(u) with ``saturated_predictor``
     Xi: Value  # (n, p) W_b(s)[phi(x)'], where phi(x) = x in the paper
     n_d: Value  # scalar, dynamic normalising signal
     swapping: Value  # (n,) (sI - A_m)^-1 [Xi theta_hat']; (0,) without auxiliary input
@@ -51,6 +52,7 @@ class Equations:
     theta_hat0: Array
     x0: Array
     box: KnownSet | None
+    limits: Array | None = None  # of the input, where the parametric model is fed with what is left of u
 
     def initial(self) -> State:
         n, p = len(self.b), len(self.theta_hat0)
@@ -80,6 +82,7 @@ class Equations:
         return u - self.Q.output(state.filter, self.auxiliary_input_argument(state, x))  # (14)
 
     def derivative(self, state: State, x: Value, x_m: Value, r: Value, u: Value) -> State:
+        u = applied(u, self.limits)
         rates = self.law.rates(state.theta_hat, state.memory, self.estimation(state, x), self.box)  # (15)
         swapping_dot, filter_dot = state.swapping, state.filter
         if self.Q is not None:
@@ -110,13 +113,19 @@ class RobustMrac:
     theta_hat0     (n,), zero by default; inside the known set
     projection     onto the known set; by default on where one is given
     printed_sign   use the sign of W_c0 as the paper prints it, to show the difference
+    saturated_predictor  against windup: the parametric model and n_d are fed with sat(u); off by default
 
     Erratum of (14). By the swapping lemma, without modelling error and with x_m(0) = x(0),
         c_0'e = epsilon m_s^2 + c_0'(sI - A_m)^-1 [Xi theta_hat'] + W_m(s)[u_a],
     so that u_a = -Q(s)[epsilon m_s^2 + c_0'(sI - A_m)^-1 [Xi theta_hat']] leaves the fraction 1 - 1/(tau s + 1)^n* of it.
     The paper's W_c0 = -c_0'(sI - A_m)^-1 with a plus in front contradicts that identity.
 
-    Source: eqs (13)-(16); Ioannou and Sun, section 9.4; Datta and Ioannou (1994).
+    Windup. With xi' = A_m xi + b sat(u) the model z = theta'phi is exact whatever the limit does, and so is
+        c_0'e = epsilon m_s^2 + c_0'(sI - A_m)^-1 [Xi theta_hat'] + W_m(s)[u_a + sat(u) - u]:
+    what the limit takes away moves e and is not learnt from. Fed with u, epsilon would hold W_m(s)[sat(u) - u], which no theta
+    explains.
+
+    Source: eqs (13)-(16); Ioannou and Sun, section 9.4; Datta and Ioannou (1994). Windup: our own, from (13).
     """
 
     tau: float
@@ -126,6 +135,7 @@ class RobustMrac:
     theta_hat0: Array | None = None
     projection: bool | None = None
     printed_sign: bool = False
+    saturated_predictor: bool = False
     name: str = "Robust MRAC"
 
     def __post_init__(self) -> None:
@@ -150,6 +160,7 @@ class NormalizedMrac:
     normalization: Normalization = field(default_factory=Normalization)
     theta_hat0: Array | None = None
     projection: bool | None = None
+    saturated_predictor: bool = False
     name: str = "Normalised MRAC"
 
     def __post_init__(self) -> None:
@@ -191,6 +202,7 @@ def _equations(settings: RobustMrac | NormalizedMrac, known: Known, Q: StateSpac
         theta_hat0=initial_estimate(settings.theta_hat0, box, known),
         x0=known.x0,
         box=box,
+        limits=limits_of_predictor(settings.saturated_predictor, known),
     )
 
 

@@ -1,4 +1,9 @@
-"""Remedies against windup: what an adaptive law must not learn from an input that is at its limit."""
+"""Remedies against windup: what an adaptive law must not learn from an input that is at its limit.
+
+Two are offered, each off unless asked. Where a scheme computes what the plant's state or output should be (L1-AC's predictor, the
+parametric model of the normalised schemes), that is fed with sat(u), what reaches the plant: ``saturated_predictor``. The MRAC
+compares with the reference model instead, and gets the modified error.
+"""
 
 from __future__ import annotations
 
@@ -7,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from barbalat import validate
+from barbalat.output_problem import OutputKnown
 from barbalat.problem import Known
 from barbalat.protocols import Value
 from barbalat.validate import Array, InputError
@@ -14,15 +20,20 @@ from barbalat.validate import Array, InputError
 
 @dataclass(frozen=True, kw_only=True)
 class ModifiedError:
-    """MRAC driven by e - e_d, e_d' = A_m e_d + b (sat(u) - u_c): the error that the limit causes is not learnt from.
+    """MRAC driven by e - e_d, e_d' = A_m e_d + b omega_hat (sat(u) - u_c): the error that the limit causes is not learnt from.
 
     mu      0: the modified error of Karason and Annaswamy. Above 0 the positive mu-modification: beyond the inner limits
             u = (u_c + mu sat_inner(u_c))/(1 + mu), which keeps the control away from its limits
     margin  of the inner limits, 0 <= margin < 1: they are (1 - margin) times the actuator's
 
-    u_c = -theta_hat'phi + k_0 r is the control without remedy. (e - e_d)' = A_m (e - e_d) - b theta_tilde'phi, so that
-    V = (e - e_d)'P(e - e_d) + theta_tilde'Gamma^-1 theta_tilde decreases as without a limit. x_m + e_d is the adapted reference
-    model. Source: Karason and Annaswamy (1994), IEEE TAC 39(11); Lavretsky and Hovakimyan (2007), Automatica 43(3).
+    u_c = (-theta_hat'phi + k_0 r)/omega_hat is the control without remedy; omega_hat = 1 where the input gain is known, and what
+    multiplies omega in the law is otherwise sat(u). Then exactly (e - e_d)' = A_m (e - e_d) - b (theta_tilde'phi
+    + omega_tilde sat(u)), so that V = (e - e_d)'P(e - e_d) + theta_tilde'Gamma^-1 theta_tilde, omega_tilde among theta_tilde,
+    decreases as without a limit: the estimates and e - e_d are bounded. x_m + e_d is the adapted reference model. That e_d itself
+    stays bounded is not claimed: with a limited input an unstable plant can be lost from far enough out, whatever is learnt.
+
+    Source: Karason and Annaswamy (1994), IEEE TAC 39(11); Lavretsky and Hovakimyan (2007), Automatica 43(3), whose estimated
+    gain of the control deficiency is omega_hat here.
     """
 
     mu: float = 0.0
@@ -43,10 +54,18 @@ class ModifiedError:
         return (u_c + self.mu * inner) / (1 + self.mu)
 
 
-def known_limits(remedy: str, known: Known) -> Array:
-    """The actuators' limits, [lower, upper]; InputError where there are none, or the input gain is unknown."""
+def known_limits(remedy: str, known: Known | OutputKnown) -> Array:
+    """The actuators' limits, [lower, upper]; InputError where there are none."""
     if known.saturation is None:
         raise InputError(f"{remedy} needs plant.input.saturation, which is not given")
-    if known.uncertainty.gain_unknown:
-        raise InputError(f"{remedy} takes the input gain as known, but uncertainty.input_gain is given")
     return known.saturation
+
+
+def limits_of_predictor(saturated_predictor: bool, known: Known | OutputKnown) -> Array | None:
+    """The actuators' limits where the remedy ``saturated_predictor`` is asked for."""
+    return known_limits("saturated_predictor", known) if saturated_predictor else None
+
+
+def applied(u: Value, limits: Array | None) -> Value:
+    """sat(u): what is left of the control where its limits are cared for."""
+    return u if limits is None else np.clip(u, limits[0], limits[1])

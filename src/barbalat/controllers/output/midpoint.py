@@ -16,6 +16,7 @@ from barbalat.controllers import linear_feedback
 from barbalat.controllers.midpoint import Filter, LinearStep
 from barbalat.controllers.output import l1, linear, mrac
 from barbalat.controllers.output.lyapunov import LyapunovLaw
+from barbalat.controllers.windup import applied
 from barbalat.protocols import Sample, Value
 from barbalat.validate import InputError
 
@@ -84,7 +85,7 @@ class OutputEstimator:
 
     def advance(self, state: mrac.State, before: Sample, u: Value, now: Sample) -> mrac.State:
         c, T = self.continuous, self.sample_time
-        y, r = (before.x + now.x) / 2, (before.r + now.r) / 2
+        y, r, u = (before.x + now.x) / 2, (before.r + now.r) / 2, applied(u, c.limits)
         g, W_m = c.regressor_filter.B, c.W_m
         omega_1, omega_2 = self.regressors.middle(state.omega_1, g * u), self.regressors.middle(state.omega_2, g * y)
         omega = np.concatenate([omega_1, omega_2, y.reshape(1), r.reshape(1)])

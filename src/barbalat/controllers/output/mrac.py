@@ -18,6 +18,7 @@ from barbalat.adaptation.projection import limit
 from barbalat.controllers.output.lyapunov import LyapunovLaw
 from barbalat.controllers.output.matching import filter_polynomial, input_filter, is_strictly_positive_real, refuse_contradiction
 from barbalat.controllers.robust_mrac import auxiliary_filter
+from barbalat.controllers.windup import applied, limits_of_predictor
 from barbalat.known_set import ParameterBox
 from barbalat.linear import StateSpace
 from barbalat.output_problem import OutputKnown
@@ -54,6 +55,7 @@ class Equations:
     Q: StateSpace | None
     theta_hat0: Array
     box: ParameterBox | None
+    limits: Array | None = None  # of the input, where the parametric model is fed with what is left of u
 
     @property
     def _normalised(self) -> bool:
@@ -102,7 +104,7 @@ class Equations:
         return u if self.Q is None else u + self.Q.output(state.filter, self.auxiliary_input_argument(state, y))
 
     def derivative(self, state: State, y: Value, y_m: Value, r: Value, u: Value) -> State:
-        omega = self.omega(state, y, r)
+        omega, u = self.omega(state, y, r), applied(u, self.limits)
         rest = {"omega_1": self.regressor_filter.derivative(state.omega_1, u),
                 "omega_2": self.regressor_filter.derivative(state.omega_2, y)}  # fmt: skip
         if isinstance(self.law, LyapunovLaw):
@@ -143,9 +145,11 @@ class MracOutput:
     filter_poles     the roots of Lambda_0, order - 1 less the model's zeros; all at -max |pole of W_m| by default
     lower, upper     (2 n,) each, the known set; none by default
     c_0_min          |c_0| >= c_0_min > 0 with the sign of ``sign`` k_m; a law of the family needs it, or a known set that says so
+    saturated_predictor  against windup: omega_1, the parametric model and n_d are fed with sat(u); only with a law of the family
 
     Identity behind u_a (zero initial conditions, no modelling error; c_0 is the estimate, the last entry of theta_hat):
         c_0 (y - y_m) = -epsilon m^2 + W_c[(W_b[omega'] theta')] + W_m[u_a].
+    Where u is limited and sat(u) fed to omega_1 and z = W_m[sat(u)], it holds with u_a + sat(u) - u for u_a.
 
     Source: Ioannou and Sun, sections 6.4, 6.5 and 9.3; equations of the auxiliary input: Section IV of the paper.
     """
@@ -161,6 +165,7 @@ class MracOutput:
     lower: Array | None = None
     upper: Array | None = None
     c_0_min: float | None = None
+    saturated_predictor: bool = False
     name: str = "MRAC output"
 
     feedback: ClassVar[str] = "output"
@@ -189,8 +194,8 @@ class MracOutput:
         if self.filter_poles is not None:
             poles = np.zeros(0) if len(self.filter_poles) == 0 else validate.vector("filter_poles", self.filter_poles)
             validate.freeze(self, filter_poles=poles)
-        if isinstance(self.law, LyapunovLaw) and self.tau is not None:
-            raise InputError("tau goes with a law on the parametric model; the Lyapunov law has no epsilon")
+        if isinstance(self.law, LyapunovLaw) and (self.tau is not None or self.saturated_predictor):
+            raise InputError("tau and saturated_predictor go with a law on the parametric model; the Lyapunov law has no epsilon")
 
     def bind(self, known: OutputKnown) -> Equations:
         W_m = known.W_m
@@ -214,6 +219,7 @@ class MracOutput:
             Q=None if self.tau is None else auxiliary_filter(W_m, self.tau),
             theta_hat0=self._initial(box),
             box=box,
+            limits=limits_of_predictor(self.saturated_predictor, known),
         )
 
     def _box(self, model_sign: float) -> ParameterBox | None:
