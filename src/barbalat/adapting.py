@@ -140,8 +140,11 @@ def adapting(
     )
 
 
-def regressor_along(loop: ClosedLoop, states: Array, u: Array) -> Array:
-    """(K, p, m) the regressor at K recorded states (K, size) with the controls u; (K, 0, 0) for a scheme that shows none."""
+def regressor_along(loop: ClosedLoop, states: Array, measured: Array, u: Array) -> Array:
+    """(K, p, m) the regressor at K recorded states (K, size); (K, 0, 0) for a scheme that shows none.
+
+    ``measured`` (K, n) or, for an output, (K,), and the controls u at the same instants.
+    """
     equations: Any = getattr(loop.equations, "continuous", loop.equations)  # a sampled scheme's regressor is the continuous one's
     if not isinstance(equations, Estimating):
         return np.zeros((len(states), 0, 0))
@@ -149,10 +152,11 @@ def regressor_along(loop: ClosedLoop, states: Array, u: Array) -> Array:
 
     state_column, flat = symbols("state", loop.size)
     input_column, v = symbols("u", loop.inputs)
+    output_column, y = symbols("measured", measured.size // len(states))
     state = loop.unpack(flat)
-    phi = equations.regressor_at(state.controller, loop.plant.output(state.x), v[0] if loop.inputs == 1 else v)
-    function = ca.Function("regressor", [state_column, input_column], [column(phi.reshape(-1))])
-    values = np.asarray(function(states.T, u.reshape(len(states), -1).T)).T
+    phi = equations.regressor_at(state.controller, y if measured.ndim > 1 else y[0], v[0] if loop.inputs == 1 else v)
+    function = ca.Function("regressor", [state_column, output_column, input_column], [column(phi.reshape(-1))])
+    values = np.asarray(function(states.T, measured.reshape(len(states), -1).T, u.reshape(len(states), -1).T)).T
     return values.reshape(len(states), phi.shape[0], -1)
 
 

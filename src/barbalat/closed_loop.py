@@ -54,6 +54,8 @@ class Signals(NamedTuple):
     r: Value  # command, or (q,) commands
     matched: Value  # (0,) or (1,) matched disturbance
     unmatched: Value  # (k,) other disturbances
+    at_output: Value  # (0,) or (1,): added to the output
+    clock: Value  # (0,) or (1,): t, for a plant that depends on it
     noise: Value  # (n,) or (0,): standard Gaussian numbers of the measurement
     delayed: Value  # (0,) or (m,): what leaves the delay at the plant's input
 
@@ -71,6 +73,8 @@ class ClosedLoop:
     noise_std: Array | None = None
     disturbed: bool = False
     directions: tuple[Array, ...] = ()  # of the unmatched disturbances
+    output_disturbed: bool = False
+    clocked: bool = False
     delayed: bool = False
     sampled: bool = False
     step: float | None = None  # the solver's [s]; only a rate limiter needs it
@@ -90,6 +94,8 @@ class ClosedLoop:
             noise_std=None if noise is None else noise.std * np.ones(problem.dynamics.outputs),
             disturbed=problem.disturbance is not None,
             directions=tuple(disturbance.direction for disturbance in problem.unmatched),
+            output_disturbed=problem.output_disturbance is not None,
+            clocked=problem.depends_on_time,
             delayed=problem.delay > 0,
             sampled=isinstance(equations, SampledEquations),
         )
@@ -135,8 +141,8 @@ class ClosedLoop:
 
     @property
     def timed(self) -> int:
-        """Entries of ``signals`` that are functions of time: r, the disturbances."""
-        return (self.commands or 1) + self.disturbed + len(self.directions)
+        """Entries of ``signals`` that are functions of time: r, the disturbances, t itself."""
+        return (self.commands or 1) + self.disturbed + len(self.directions) + self.output_disturbed + self.clocked
 
     @property
     def signal_count(self) -> int:
@@ -189,7 +195,8 @@ class ClosedLoop:
         return flatten(self._rates(state, given, u, v)), u
 
     def _rates(self, state: LoopState, given: Signals, u: Value, v: Value) -> LoopState:
-        x_dot = self.plant.derivative(state.x, v + given.matched[0] if self.disturbed else v)  # (1), with (11)'s input
+        t = [given.clock[0]] if self.clocked else []
+        x_dot = self.plant.derivative(state.x, v + given.matched[0] if self.disturbed else v, *t)  # (1), with (11)'s input
         for i, direction in enumerate(self.directions):
             x_dot = x_dot + direction * given.unmatched[i]
         y, y_m = self._measured(state, given), self.model.output(state.x_m)
@@ -205,7 +212,7 @@ class ClosedLoop:
                 part if path is None else path.derivative(part, u.reshape(-1)[i], self.step)
                 for i, (path, part) in enumerate(zip(self.paths, state.input, strict=True))
             ),
-            sensor=state.sensor if self.lag is None else self.lag.derivative(state.sensor, self.plant.output(state.x)),
+            sensor=state.sensor if self.lag is None else self.lag.derivative(state.sensor, self._output(state, given)),
             controller=controller,
             held=held,
         )
@@ -230,12 +237,17 @@ class ClosedLoop:
 
     def _signals(self, flat: Value) -> Signals:
         commands = self.commands or 1
-        ends = np.cumsum([commands, self.disturbed, len(self.directions), self.noise, self.delayed_inputs])
+        timed = [self.disturbed, len(self.directions), self.output_disturbed, self.clocked]
+        ends = np.cumsum([commands, *timed, self.noise, self.delayed_inputs])
         r = flat[0] if self.commands is None else flat[:commands]
         return Signals(r, *(flat[start:end] for start, end in pairwise(ends)))
 
+    def _output(self, state: LoopState, given: Signals) -> Value:
+        y = self.plant.output(state.x)
+        return y + given.at_output[0] if self.output_disturbed else y
+
     def _measured(self, state: LoopState, given: Signals) -> Value:
-        y = self.plant.output(state.x) if self.lag is None else state.sensor
+        y = self._output(state, given) if self.lag is None else state.sensor
         return y if self.noise_std is None else y + (self.noise_std * given.noise).reshape(y.shape)
 
     def _control(self, state: LoopState, given: Signals) -> Value:
@@ -266,9 +278,8 @@ class ClosedLoop:
         return np.abs(moved.reshape(-1))
 
     def outputs(self, flat: Value, signals: Value) -> Outputs:
-        state = self.unpack(flat)
-        u = self._control(state, self._signals(signals))
-        y = self.plant.output(state.x)
+        state, given = self.unpack(flat), self._signals(signals)
+        u, y = self._control(state, given), self._output(state, given)
         e = (y - self.model.output(state.x_m)).reshape(-1)
         y = y.reshape(-1)[: self.measured_outputs]
         return Outputs(e, u.reshape(-1), state.controller.theta_hat.reshape(-1), state.x, state.x_m, y)

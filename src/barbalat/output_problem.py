@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import ast
+import re
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
@@ -19,20 +22,65 @@ from barbalat.validate import Array, InputError, freeze
 
 
 @dataclass(frozen=True, eq=False)
+class Nonlinearity:
+    """f(t, y), a formula in y and t with + - * / **, abs, exp, sin, cos, sqrt, tanh. Raises InputError for anything else."""
+
+    formula: str
+
+    def __post_init__(self) -> None:
+        self._terms  # noqa: B018  # refuses what is no formula
+
+    @cached_property
+    def _names(self) -> frozenset[str]:
+        if not isinstance(self.formula, str):
+            raise self._refusal()
+        try:
+            tree = ast.parse(self.formula.strip(), mode="eval")
+        except (SyntaxError, ValueError, MemoryError, RecursionError):
+            raise self._refusal() from None
+        return frozenset(node.id for node in ast.walk(tree) if isinstance(node, ast.Name))
+
+    @cached_property
+    def _terms(self) -> Terms:
+        given = {"y": "x1", "t": "x2"}
+        if any(name[0] == "x" for name in self._names):
+            raise self._refusal()
+        spelled = re.sub(r"\b[yt]\b", lambda name: given[name[0]], self.formula)
+        try:
+            return Terms(terms=(spelled,))
+        except InputError:
+            raise self._refusal() from None
+
+    def _refusal(self) -> InputError:
+        return InputError(
+            "plant.nonlinear must be a formula in y and t, numbers, + - * / ** and abs, exp, sin, cos, sqrt, tanh, such as "
+            f"'0.5*sin(y)', got {validate.show(self.formula)}"
+        )
+
+    @property
+    def depends_on_time(self) -> bool:
+        return "t" in self._names
+
+    def __call__(self, y: Value, *t: Value) -> Value:
+        """f, a scalar; t is given where the formula contains it."""
+        return self._terms(np.concatenate([value.reshape(1) for value in (y, *t)]))[0]
+
+
+@dataclass(frozen=True, eq=False)
 class OutputDynamics:
-    """x' = A x + B (v + f(y)), y = C x, from rest: what a loop integrates of the plant or of the model."""
+    """x' = A x + B (v + f(t, y)), y = C x, from rest: what a loop integrates of the plant or of the model."""
 
     system: StateSpace
     x0: Array
-    nonlinear: Terms | None = None
+    nonlinear: Nonlinearity | None = None
 
     outputs: ClassVar[int] = 1
     """Measured quantities."""
 
-    def derivative(self, x: Value, v: Value) -> Value:
-        """x' for the input v: u as it reaches the plant, and d; or the command."""
+    def derivative(self, x: Value, v: Value, *t: Value) -> Value:
+        """x' for the input v: u as it reaches the plant, and d; or the command. t [s] where f contains it."""
         if self.nonlinear is not None:
-            v = v + self.nonlinear(self.output(x).reshape(1))[0]
+            v = v + self.nonlinear(self.output(x), *t)
         return self.system.derivative(x, v)
 
     def output(self, x: Value) -> Value:
@@ -42,10 +90,10 @@ class OutputDynamics:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class OutputPlant:
-    """y = G(s)[u + d + f(y)], from rest: (18).
+    """y = G(s)[u + d + f(t, y)], from rest: (18).
 
     transfer_function  G(s), strictly proper: what is simulated, its unmodelled part included
-    nonlinear          f, a formula in y such as "0.5*sin(y)"; none by default. What depends on time is the disturbance d(t)
+    nonlinear          f, a formula in y and t such as "(0.5 + 0.1*cos(t))*sin(y)"; none by default
     input              limits, further unmodelled dynamics and delay before G; none by default
 
     Raises InputError.
@@ -63,7 +111,12 @@ class OutputPlant:
 
     @property
     def dynamics(self) -> OutputDynamics:
-        return _at_rest(self.transfer_function, None if self.nonlinear is None else _of_y(self.nonlinear))
+        return _at_rest(self.transfer_function, self.f)
+
+    @property
+    def f(self) -> Nonlinearity | None:
+        """What ``nonlinear`` spells."""
+        return None if self.nonlinear is None else Nonlinearity(self.nonlinear)
 
     @property
     def paths(self) -> tuple[PlantInput, ...]:
@@ -102,12 +155,16 @@ class OutputKnown:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class OutputProblem(TrackingProblem):
-    """Plant, model, command r(t), input disturbance d(t), and how y is measured."""
+    """Plant, model, command r(t), input disturbance d(t), output disturbance, and how y is measured.
+
+    What ``output_disturbance`` adds to G's output belongs to y: it is in e = y - y_m and in what is measured, not in f(t, y).
+    """
 
     plant: OutputPlant
     reference_model: OutputReferenceModel
     reference: Signal = field(default_factory=Constant)
     disturbance: Signal | None = None
+    output_disturbance: Signal | None = None  # type: ignore[misc]
     sensor: Sensor | None = None
     name: str = "problem"
 
@@ -121,8 +178,9 @@ class OutputProblem(TrackingProblem):
         validate.instance("plant", self.plant, OutputPlant)
         validate.instance("reference_model", self.reference_model, OutputReferenceModel)
         require_signal("reference", self.reference)
-        if self.disturbance is not None:
-            require_signal("disturbance", self.disturbance)
+        for name in ("disturbance", "output_disturbance"):
+            if getattr(self, name) is not None:
+                require_signal(name, getattr(self, name))
         if self.sensor is not None:
             validate.instance("sensor", self.sensor, Sensor)
             if self.sensor.noise is not None:
@@ -135,6 +193,11 @@ class OutputProblem(TrackingProblem):
     @property
     def model(self) -> OutputDynamics:
         return self.reference_model.dynamics
+
+    @property
+    def depends_on_time(self) -> bool:  # type: ignore[override]
+        f = self.plant.f
+        return f is not None and f.depends_on_time
 
     @property
     def known(self) -> OutputKnown:
@@ -153,19 +216,6 @@ def _strictly_proper(name: str, given: Any) -> TransferFunction:
     return system
 
 
-def _at_rest(system: TransferFunction, nonlinear: Terms | None = None) -> OutputDynamics:
+def _at_rest(system: TransferFunction, nonlinear: Nonlinearity | None = None) -> OutputDynamics:
     realised = system.realise()
     return OutputDynamics(realised, np.zeros(realised.order), nonlinear)
-
-
-def _of_y(formula: Any) -> Terms:
-    if not isinstance(formula, str):
-        raise InputError(f"plant.nonlinear must be a formula in y such as '0.5*sin(y)', got {validate.show(formula)}")
-    try:
-        terms = Terms(terms=(formula.replace("y", "x1"),))
-        terms.size(1)
-    except InputError:
-        raise InputError(
-            f"plant.nonlinear must be a formula in y, numbers, + - * / ** and abs, exp, sin, cos, sqrt, tanh, got {formula!r}"
-        ) from None
-    return terms

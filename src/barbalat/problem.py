@@ -13,7 +13,7 @@ from barbalat.measurement import Noise, Sensor
 from barbalat.plant import Model, Plant, ReferenceModel
 from barbalat.protocols import Signal
 from barbalat.regressors import Linear, Uncertainty
-from barbalat.signals import Constant
+from barbalat.signals import Clock, Constant
 from barbalat.validate import Array, InputError, freeze
 
 
@@ -75,6 +75,10 @@ class TrackingProblem:
     name: str
     feedback: ClassVar[str]
     """What is measured: "state" or "output"."""
+    output_disturbance: ClassVar[Signal | None] = None
+    """What is added to the output, where one is fed back."""
+    depends_on_time: ClassVar[bool] = False
+    """Whether the plant's equations contain t."""
 
     @property
     def known(self) -> Any:
@@ -115,7 +119,9 @@ class TrackingProblem:
     def signals(self) -> tuple[Signal, ...]:
         """The time functions that drive the loop, in the order in which ``ClosedLoop`` takes them."""
         matched = () if self.disturbance is None else (self.disturbance,)
-        return (*self.commands, *matched, *(disturbance.signal for disturbance in self.unmatched))
+        at_output = () if self.output_disturbance is None else (self.output_disturbance,)
+        clock = (Clock(),) if self.depends_on_time else ()
+        return (*self.commands, *matched, *(disturbance.signal for disturbance in self.unmatched), *at_output, *clock)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -112,7 +112,7 @@ class Result:
             return None
         envelope, loop = self.envelope, self.loop
         extrema = envelope.theta_hat_min, envelope.theta_hat_max
-        phi = regressor_along(loop, self.states, self.u)
+        phi = regressor_along(loop, self.states, self.x if self.y is None else self.y, self.u)
         return adapting(loop, self.t, self.theta_hat, extrema, envelope.theta_hat_path, phi, self.problem.parameters)
 
     def columns(self) -> dict[str, Array]:

@@ -35,11 +35,12 @@ from barbalat.simulation import simulate
 from independent import refusal
 
 TF = TransferFunction
-# plant, model: relative degrees 1, 2, 3, and a negative gain; the poles of the second and fourth are unstable
+# plant, model: relative degrees 1, 2, 3, a zero in the model, a negative gain; all but the first and the third are unstable
 EXAMPLES = {
     "n*=1": (TF([2.0, 2.0], [1.0, 1.0, 2.0]), TF([1.0], [1.0, 1.0])),
     "n*=2": (TF([2.0], [1.0, 1.0, -0.5]), TF([1.0], [1.0, 2.0, 1.0])),
     "n*=3": (TF([1.5], [1.0, 2.0, 2.0, 0.5]), TF([1.0], [1.0, 3.0, 3.5, 1.5])),
+    "n=3, n*=1, W_m with a zero": (TF([2.0, 6.0, 5.0], [1.0, 1.0, -0.5, 1.0]), TF([1.5, 3.0], [1.0, 3.0, 3.5])),
     "n=3, n*=2, k_p<0": (TF([-2.0, -6.0], [1.0, 1.0, -0.5, 1.0]), TF([3.0], [1.0, 3.0, 2.0])),
 }
 
@@ -103,9 +104,9 @@ def test_exact_parameters_leave_no_error(name):
 @pytest.mark.parametrize("name", EXAMPLES)
 @pytest.mark.parametrize("level", [np.inf, 0.5])
 def test_the_exact_identity(name, law, level):
-    """c_0 (y - y_m) = -eps m^2 + W_c[(W_b[omega'])theta'] + W_m[u_a], c_0 the estimate, any u_a. 1e-8: the integration.
+    """c_0 (y - y_m) = -eps m^2 + W_c[(W_b[omega'])theta'] + W_m[u_a], c_0 the estimate, any u_a. 1e-10: the integration.
 
-    With u limited to ``level`` and the model fed with sat(u), what the limit takes away stands beside u_a.
+    With u limited to ``level`` and the model fed with sat(u), what the limit takes away stands beside u_a; 1e-8: it has corners.
     """
     plant, model = EXAMPLES[name]
     laws = {"gradient": Gradient(gamma=3.0), "least squares": LeastSquares(covariance0=5.0)}
@@ -132,7 +133,7 @@ def test_the_exact_identity(name, law, level):
         return np.concatenate([G.derivative(x, v), W_m.derivative(x_m, command), flat, beside])
 
     start = np.append(loop.initial(), np.zeros(order))
-    samples = solve_ivp(slope, (0, 4), start, method="DOP853", rtol=1e-11, atol=1e-13, t_eval=np.linspace(0, 4, 9)).y.T
+    samples = solve_ivp(slope, (0, 4), start, method="DOP853", rtol=1e-13, atol=1e-14, t_eval=np.linspace(0, 4, 9)).y.T
     left, right, moved = [], [], 0.0
     for s in samples:
         x, x_m, _, _, state, _ = loop.unpack(s[:-order])
@@ -143,7 +144,7 @@ def test_the_exact_identity(name, law, level):
         right.append(-estimation.epsilon * estimation.m_s_squared - swapped + W_m.C @ s[-order:])
         moved = max(moved, abs(swapped))
     assert moved > 1e-3 * np.abs(left).max()  # the swapping term counts
-    np.testing.assert_allclose(right, left, atol=1e-8 * np.abs(left).max())
+    np.testing.assert_allclose(right, left, atol=(1e-10 if np.isinf(level) else 1e-8) * np.abs(left).max())
 
 
 @pytest.mark.parametrize("name", EXAMPLES)

@@ -21,7 +21,7 @@ from barbalat.validate import InputError
 
 def build_output(table: tables.OutputCaseTable, folder: Path) -> Case:
     """Everything validated, controllers bound once; ``folder`` is where relative paths start."""
-    plant, disturbance = table.plant, table.plant.disturbance
+    plant, disturbance, at_output = table.plant, table.plant.disturbance, table.plant.output_disturbance
     problem = OutputProblem(
         plant=OutputPlant(
             transfer_function=system("plant.transfer_function", plant.transfer_function),
@@ -33,6 +33,7 @@ def build_output(table: tables.OutputCaseTable, folder: Path) -> Case:
         ),
         reference=within("reference", lambda: signal(table.reference, folder)),
         disturbance=None if disturbance is None else within("plant.disturbance", lambda: signal(disturbance, folder)),
+        output_disturbance=None if at_output is None else within("plant.output_disturbance", lambda: signal(at_output, folder)),
         sensor=None if table.sensor is None else sensor(table.sensor),
         name=table.name,
     )

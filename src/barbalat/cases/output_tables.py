@@ -22,6 +22,7 @@ class OutputPlantTable(Table):
     nonlinear: str | None = None
     input: InputTable | None = None
     disturbance: Signal | None = None
+    output_disturbance: Signal | None = None
 
 
 class OutputModelTable(Table):

@@ -54,7 +54,7 @@ def finish(
 def departures(problem: TrackingProblem) -> list[str]:
     """What the case's plant has that (1) has not."""
     found = []
-    if problem.disturbance is not None or problem.unmatched:
+    if problem.disturbance is not None or problem.unmatched or problem.output_disturbance is not None:
         found.append("a disturbance acts")
     gain_known = getattr(problem, "input_gain", None) is None
     unmodelled_gain = gain_known and any(path.gain != 1 for path in problem.plant.paths)

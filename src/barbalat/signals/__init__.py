@@ -2,6 +2,6 @@
 
 from barbalat.signals.piecewise import Square, Step, Steps
 from barbalat.signals.recorded import Recorded
-from barbalat.signals.smooth import Chirp, Constant, Sine, Sines
+from barbalat.signals.smooth import Chirp, Clock, Constant, Sine, Sines
 
-__all__ = ["Chirp", "Constant", "Recorded", "Sine", "Sines", "Square", "Step", "Steps"]
+__all__ = ["Chirp", "Clock", "Constant", "Recorded", "Sine", "Sines", "Square", "Step", "Steps"]

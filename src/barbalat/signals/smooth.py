@@ -34,6 +34,14 @@ class Continuous(ABC):
 
 
 @dataclass(frozen=True)
+class Clock(Continuous):
+    """t itself, for equations that contain it. It has no bound."""
+
+    def __call__(self, t: Array) -> Array:
+        return np.asarray(t, dtype=float)
+
+
+@dataclass(frozen=True)
 class Constant(Continuous):
     """r(t) = amplitude."""
 
