@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import re
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, ClassVar
@@ -16,7 +17,7 @@ from barbalat.linear import StateSpace, TransferFunction
 from barbalat.measurement import Sensor
 from barbalat.problem import Disturbance, TrackingProblem, require_signal
 from barbalat.protocols import Signal, Value
-from barbalat.regressors import Terms
+from barbalat.regressors import Terms, formula
 from barbalat.signals import Constant
 from barbalat.validate import Array, InputError, freeze
 
@@ -61,6 +62,11 @@ class Nonlinearity:
     def depends_on_time(self) -> bool:
         return "t" in self._names
 
+    @property
+    def function(self) -> Callable[[Any], Any]:
+        """f of the sequence (y, t), by whatever arithmetic its two entries have."""
+        return formula(self._terms.terms[0])
+
     def __call__(self, y: Value, *t: Value) -> Value:
         """f, a scalar; t is given where the formula contains it."""
         return self._terms(np.concatenate([value.reshape(1) for value in (y, *t)]))[0]
@@ -104,7 +110,7 @@ class OutputPlant:
     input: PlantInput | None = None
 
     def __post_init__(self) -> None:
-        freeze(self, transfer_function=_strictly_proper("plant.transfer_function", self.transfer_function))
+        freeze(self, transfer_function=strictly_proper("plant.transfer_function", self.transfer_function))
         if self.input is not None:
             validate.instance("plant.input", self.input, PlantInput)
         self.dynamics  # noqa: B018  # refuses what has no realisation or is no formula
@@ -131,7 +137,7 @@ class OutputReferenceModel:
     transfer_function: TransferFunction
 
     def __post_init__(self) -> None:
-        W_m = _strictly_proper("reference_model.transfer_function", self.transfer_function)
+        W_m = strictly_proper("reference_model.transfer_function", self.transfer_function)
         shown = f"num = {validate.show(W_m.num)}, den = {validate.show(W_m.den)}"
         if not W_m.is_stable:
             raise InputError(f"reference_model.transfer_function must be stable, got {shown}")
@@ -208,7 +214,8 @@ class OutputProblem(TrackingProblem):
         )
 
 
-def _strictly_proper(name: str, given: Any) -> TransferFunction:
+def strictly_proper(name: str, given: Any) -> TransferFunction:
+    """A transfer function that is zero at infinite frequency and not zero everywhere; InputError names the field."""
     system = TransferFunction.accept(name, given)
     if system.relative_degree < 1 or not system.num.any():
         shown = f"num = {validate.show(system.num)}, den = {validate.show(system.den)}"

@@ -108,7 +108,7 @@ class Terms:
             )
         validate.freeze(self, terms=tuple(self.terms))
         for term in self.terms:
-            _formula(term)
+            formula(term)
 
     def size(self, n: int) -> int:
         largest = max(_states(term) for term in self.terms)
@@ -117,7 +117,7 @@ class Terms:
         return len(self.terms)
 
     def __call__(self, x: Value) -> Value:
-        return np.concatenate([(formula(x) + 0 * x[0]).reshape(1) for formula in map(_formula, self.terms)])
+        return np.concatenate([(formula(term)(x) + 0 * x[0]).reshape(1) for term in self.terms])
 
 
 _FUNCTIONS: dict[str, Callable[[Value], Value]] = {
@@ -147,7 +147,7 @@ def _states(term: str) -> int:
 
 
 @cache
-def _formula(term: str) -> Callable[[Value], Value]:
+def formula(term: str) -> Callable[[Value], Value]:
     """A formula as a function of x; nothing but the operations named above can be in it."""
 
     def refuse(node: ast.AST) -> InputError:

@@ -72,7 +72,7 @@ class L1OutputTable(SchemeTable):
     filter: TransferFunctionTable
     sigma_bound: float | None = None
     projection: bool | None = None
-    lipschitz: float = 0.0
+    lipschitz: float | None = None
     design_plant: TransferFunctionTable | None = None
 
 

@@ -15,6 +15,9 @@ from barbalat.controllers.output.lyapunov import LyapunovLaw
 from barbalat.controllers.output.mrac import MracOutput
 from barbalat.output_problem import OutputProblem
 
+RESTS = 1e-9
+"""Of a steady error per unit of r and d: what roundings leave of zero."""
+
 
 def _mrac(problem: OutputProblem, controller: MracOutput, values: dict[str, Any]) -> tuple[str, dict[str, Cell]]:
     law, order = controller.law, len(problem.plant.transfer_function.poles)
@@ -66,19 +69,15 @@ def _robustness(controller: MracOutput) -> Cell:
     )
 
 
-def _l1(problem: OutputProblem, _: L1Output, values: dict[str, Any]) -> tuple[str, dict[str, Cell]]:
-    condition = values["condition"]
-    value = "infinite" if condition["value_upper"] is None else up(condition["value_upper"])
-    if condition["holds"]:
-        stability = Cell("proven", f"since ||H(1 - C)||_1 L <= {value} < 1 (20)")
-    else:
-        stability = Cell("not proven", f"||H(1 - C)||_1 L is only known to be <= {value} (20)")
-    linear = "margins_of" in values and problem.plant.nonlinear is None  # its loop is stable
-    rest = "converges to zero for constant r and d while sigma is inside its bounds: the loop is linear and integrates"
+def _l1(problem: OutputProblem, controller: L1Output, values: dict[str, Any]) -> tuple[str, dict[str, Cell]]:
+    condition = values.get("condition")
+    value = "unknown" if condition is None or condition["value_upper"] is None else f"<= {up(condition['value_upper'])}"
+    stated = f"condition (20): ||H(1 - C)||_1 L {value}"
+    inside = ""
+    if "sigma_needed" in values:
+        inside = f"; |sigma| <= {up(values['sigma_needed'])} stays inside its bound {controller.sigma_bound:g}"
     return "L1 output feedback (18)-(21), a linear controller with integral action", {
-        "stability": stability,
-        "tracking": Cell("proven", rest) if linear else Cell("not proven", "only that of a stable linear loop would be"),
-        "transient": Cell("not proven", "that of its linear loop; no number"),
+        **_of_linear_loop(problem, values, f"{inside}; {stated}", f"no bound in this case; {stated}, for gamma -> infinity"),
         "estimates": Cell("estimate", "sigma is the state of an integrator, not a parameter: nothing is learnt"),
         "modelling_error": Cell("estimate", "that of its linear loop: see the margins"),
         "tuning": Cell("estimate", limits_text(values)),
@@ -86,12 +85,32 @@ def _l1(problem: OutputProblem, _: L1Output, values: dict[str, Any]) -> tuple[st
     }
 
 
-def _linear(_: OutputProblem, __: LinearOutput, values: dict[str, Any]) -> tuple[str, dict[str, Cell]]:
-    stable = "margins_of" in values
+def _of_linear_loop(problem: OutputProblem, values: dict[str, Any], more: str, open_: str) -> dict[str, Cell]:
+    """Boundedness, tracking and transient of a loop that is linear but for f."""
+    if "output_bound" not in values:
+        return {
+            name: Cell("not proven", open_ if name == "stability" else "no bound")
+            for name in ("stability", "tracking", "transient")
+        }
+    f = "" if problem.plant.f is None else f", where the slope of f is <= {up(values['slope'])}"
+    return {
+        "stability": Cell("proven", f"|y| <= {up(values['output_bound'])} up to t_end{f}{more}"),
+        "tracking": _steady(problem, values["steady_error"]),
+        "transient": Cell("proven", f"|y - y_m| <= {up(values['error_bound'])}"),
+    }
+
+
+def _steady(problem: OutputProblem, steady: dict[str, float]) -> Cell:
+    if problem.plant.f is not None:
+        return Cell("not proven", "not to zero in general: f(t, y) acts")
+    if max(map(abs, steady.values())) < RESTS:
+        return Cell("proven", "converges to zero for constant r and d")
+    return Cell("proven", f"constant r and d leave {steady['r']:.4g} r and {steady['d']:.4g} d")
+
+
+def _linear(problem: OutputProblem, __: LinearOutput, values: dict[str, Any]) -> tuple[str, dict[str, Cell]]:
     return "linear output feedback", {
-        "stability": Cell("proven", "its loop is stable") if stable else Cell("not proven", "its loop is unstable"),
-        "tracking": Cell("not proven", "not to zero in general; to zero for a constant r where it integrates"),
-        "transient": Cell("not proven", "no number"),
+        **_of_linear_loop(problem, values, "", "no bound in this case: see the certificate's findings"),
         "estimates": Cell("estimate", "it estimates nothing"),
         "modelling_error": Cell("estimate", "see the margins"),
         "tuning": Cell("estimate", "no adaptive gain"),

@@ -16,6 +16,7 @@ from barbalat.adaptation.switching_sigma import SwitchingSigma
 from barbalat.certify.l1 import float_above
 from barbalat.certify.theorem1 import OUTWARD, mrac_bound, nu_0, smallest_eigenvalue
 from barbalat.controllers import L1Adaptive, Mrac
+from barbalat.controllers.output.lyapunov import LyapunovLaw
 from barbalat.known_set import ParameterBall, ParameterBox
 from barbalat.problem import Problem
 from barbalat.validate import Array
@@ -97,3 +98,15 @@ def convergence(law: AdaptiveLaw) -> str:
         return "with unbounded forgetting nothing is guaranteed unless phi/m_s is persistently exciting"
     bound = f" (|theta| <= M_0 = {settings.leakage.M_0:g} provided)" if settings.leakage is not None else ""
     return f"the tracking error converges to zero and theta_hat, epsilon m_s stay bounded (Lemma 1, Theorem 2){bound}"
+
+
+def output_convergence(law: AdaptiveLaw | LyapunovLaw) -> str:
+    """What is guaranteed of an output-feedback scheme with this law on a plant of the assumed class."""
+    if isinstance(law, LyapunovLaw):
+        if law.leakage is None and law.dead_zone is None:
+            return "all signals bounded, e -> 0"
+        if isinstance(law.leakage, SwitchingSigma):
+            return f"all signals bounded, e -> 0 (|theta*| <= M_0 = {law.leakage.M_0:g} provided)"
+        return "all signals bounded; with the modification e converges to a set, not to zero"
+    found = convergence(law)
+    return found.replace("theta_hat and epsilon m_s stay bounded", "all signals bounded")

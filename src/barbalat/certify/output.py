@@ -12,9 +12,13 @@ from typing import Any
 
 import numpy as np
 
+from barbalat.certify import laws
 from barbalat.certify.certificate import Certificate
 from barbalat.certify.l1 import Enclosure, l1_norm
 from barbalat.certify.loop_values import finite, margins_of
+from barbalat.certify.output_bounds import output_bounds
+from barbalat.certify.slopes import steepest_seen
+from barbalat.certify.theorem1 import OUTWARD
 from barbalat.controllers.output.l1 import L1Output, LinearEquivalent, fast_limit, linear_equivalent
 from barbalat.controllers.output.linear import LinearOutput
 from barbalat.controllers.output.lyapunov import LyapunovLaw
@@ -27,6 +31,11 @@ from barbalat.solvers import Tableau
 from barbalat.validate import Array, InputError
 
 REST = "plant, model and controller start at rest"
+FROM_REST = (
+    "(18): y = G(s)[u + d + f(t, y)], and what the case adds at input, output and sensor; G itself is exact",
+    REST,
+    "output_bound and error_bound: small gain in the L-infinity norm with the slope of f within the bound, 0 <= t <= t_end",
+)
 LINEAR = "margins are exact for the linear loop named; limits at the input, and f(y), are not in it"
 
 
@@ -38,9 +47,7 @@ def certificate(problem: OutputProblem, controller: Any, simulation: Simulation)
         case MracOutput():
             return _mrac(problem, controller)
         case LinearOutput():
-            findings: list[str] = []
-            values = margins_of(problem, (controller.loop * problem.plant.transfer_function).realise(), "itself", findings)
-            return Certificate(values, frozenset(), (REST, LINEAR), tuple(findings))
+            return _linear(problem, controller, simulation)
     raise InputError(f"no certificate is known for {type(controller).__name__}")
 
 
@@ -65,17 +72,12 @@ def _l1(problem: OutputProblem, controller: L1Output, simulation: Simulation) ->
     plant = problem.plant.transfer_function
     G = plant if controller.design_plant is None else controller.design_plant
     findings: list[str] = []
-    values: dict[str, Any] = {}
-    guaranteed: set[str] = set()
-    try:
-        norm = condition_norm(controller, G)
-        upper = norm.upper * controller.lipschitz
-        values["norms"] = {"H(1-C)": {"lower": norm.lower, "upper": norm.upper}}
-        values["condition"] = {"value_upper": upper, "limit": 1.0, "holds": upper < 1, "of": "H (1 - C)", "times": "L"}
-        guaranteed = {"norms", "condition"}
-    except InputError as error:
-        findings.append(str(error))
-        values["condition"] = {"value_upper": None, "limit": 1.0, "holds": False, "of": "H (1 - C)", "times": "L"}
+    values, guaranteed = _bounds(problem, controller, simulation, findings)
+    condition = _condition(controller, G, _lipschitz(problem, controller, values, findings), findings)
+    values |= condition | {"norms": values.get("norms", {}) | condition.get("norms", {}) or None}
+    guaranteed |= {"norms", "condition"} if "norms" in condition else set()
+    if not same_response(G, plant):
+        findings.append("(20) is judged for the design plant, which is not the plant; the bounds and margins are of the plant")
     values["adaptation_frequency"] = math.sqrt(controller.gamma * controller.m)
     values |= _limits(controller, simulation)
     equivalent, tends_to = linear_equivalent(controller), fast_limit(controller)
@@ -90,13 +92,86 @@ def _l1(problem: OutputProblem, controller: L1Output, simulation: Simulation) ->
         "inside the bounds of sigma this controller is linear, with a pole at s = 0: integral action; projection stops the "
         "integrator at the bounds: anti-windup"
     )
-    assumptions = [
-        "(18): y = G(s)[u + d + f(y)], f with the Lipschitz constant given; G is the design plant where one is given",
-        REST,
+    assumptions = (
+        *FROM_REST,
+        "(20) is of the limit gamma -> infinity and of a sigma without bounds; output_bound and error_bound are of this gamma",
         "gamma_max and step_max are those of the pair sigma, y_hat alone: estimates for the loop",
         LINEAR,
-    ]
-    return Certificate(values, frozenset(guaranteed), tuple(assumptions), tuple(findings))
+    )
+    return Certificate(values, frozenset(guaranteed), assumptions, tuple(findings))
+
+
+def _linear(problem: OutputProblem, controller: LinearOutput, simulation: Simulation) -> Certificate:
+    findings: list[str] = []
+    values, guaranteed = _bounds(problem, controller, simulation, findings)
+    values |= margins_of(problem, (controller.loop * problem.plant.transfer_function).realise(), "itself", findings)
+    return Certificate(values, frozenset(guaranteed), (*FROM_REST, LINEAR), tuple(findings))
+
+
+def _bounds(
+    problem: OutputProblem, controller: L1Output | LinearOutput, simulation: Simulation, findings: list[str]
+) -> tuple[dict[str, Any], set[str]]:
+    """Bounds of y, e and sigma in this case; without them, why."""
+    found = output_bounds(problem, controller, simulation.t_end)
+    if isinstance(found, str):
+        findings.append(f"no bound of y: {found}")
+        return {}, set()
+    values: dict[str, Any] = {"norms": {"y/(d+f)": found.gain.ends}, "steady_error": dict(zip("rd", found.steady, strict=True))}
+    limit = controller.sigma_bound if isinstance(controller, L1Output) else None
+    if limit is not None:
+        values["sigma_needed"] = found.sigma
+        if found.sigma > limit:
+            findings.append(
+                f"no bound of y: inside its bounds sigma may need {found.sigma:.6g}, more than sigma_bound = {limit:g}, and what "
+                "holds when the projection acts is not known"
+            )
+            return values, {"norms"}
+    values |= {"output_bound": found.y, "error_bound": found.e}
+    if problem.plant.f is not None:
+        values["slope"] = found.slope
+    return values, values.keys() - {"steady_error"}
+
+
+def _lipschitz(problem: OutputProblem, controller: L1Output, values: dict[str, Any], findings: list[str]) -> float | None:
+    """L of (20): as given unless f contradicts it, 0 without f, the slope of f within the bound of y; None if none is known."""
+    f, given = problem.plant.f, controller.lipschitz
+    if f is None:
+        return given or 0.0
+    if given is None:
+        if "slope" not in values:
+            findings.append("condition (20) can't be judged: the plant has f(t, y), and no lipschitz is given")
+        found: float | None = values.get("slope")
+        return found
+    least = steepest_seen(f, values.get("output_bound", 0.0))
+    if least > given * OUTWARD:
+        where = "within the bound of y" if "slope" in values else "at y = 0"
+        findings.append(f"lipschitz = {given:g} is no Lipschitz constant of f, whose slope reaches {least:.6g} {where}")
+        return least
+    if "slope" not in values:
+        findings.append(f"that lipschitz = {given:g} bounds the slope of f is assumed, not shown")
+    return given
+
+
+def _condition(controller: L1Output, G: TransferFunction, L: float | None, findings: list[str]) -> dict[str, Any]:
+    """||H(1 - C)||_1 and, with L, condition (20)."""
+    named = {"limit": 1.0, "of": "H (1 - C)", "times": "L"}
+    try:
+        norm = condition_norm(controller, G)
+    except InputError as error:
+        findings.append(str(error))
+        return {"condition": {"value_upper": None, "holds": False} | named}
+    values: dict[str, Any] = {"norms": {"H(1-C)": norm.ends}}
+    if L is not None:
+        upper = norm.upper * L * OUTWARD
+        values["condition"] = {"value_upper": upper, "holds": upper < 1} | named
+    return values
+
+
+def same_response(one: TransferFunction, other: TransferFunction) -> bool:
+    """Whether two transfer functions have the same coefficients, to rounding."""
+    return all(
+        len(a) == len(b) and np.allclose(a, b, rtol=1e-12, atol=0) for a, b in ((one.num, other.num), (one.den, other.den))
+    )
 
 
 def _coefficients(linear: LinearEquivalent) -> dict[str, dict[str, list[float]]]:
@@ -166,7 +241,5 @@ def _mrac(problem: OutputProblem, controller: MracOutput) -> Certificate:
         )
         if isinstance(law, LyapunovLaw) and law.leakage is None and law.dead_zone is None:
             findings.append("the unnormalised law without a modification is not robust: the estimates may drift to a burst")
-    lyapunov = isinstance(law, LyapunovLaw)
-    guarantee = "e -> 0, all signals bounded" if lyapunov else "all signals bounded, epsilon m in L2, e -> 0"
-    assumptions.append(f"guaranteed for such a plant: {guarantee}; no number bounds e")
+    assumptions.append(f"guaranteed for such a plant: {laws.output_convergence(law)}; no number bounds e")
     return Certificate(values, frozenset(), tuple(assumptions), tuple(findings))

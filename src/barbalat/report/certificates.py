@@ -33,6 +33,10 @@ MEANINGS = {
     "delay_margin_limit": "the same for gamma -> infinity [s]",
     "linear_equivalent": "u = feedforward[r] - feedback[y] while sigma is inside its bounds",
     "linear_equivalent_limit": "the same for gamma -> infinity",
+    "output_bound": "of |y| before what is added at the output, up to t_end",
+    "sigma_needed": "bound of |sigma| while the projection does not act",
+    "steady_error": "what constant r and d leave of e without f",
+    "slope": "of f(t, y) in y within that bound",
     "theta_star": "parameters with which the plant is the model",
     "tau_below": "1/delta_0, which tau must stay below (Theorem 2) [s]",
     "mu_parameters": "mu against the known set",
@@ -49,6 +53,10 @@ OF_LINEAR_LOOPS = frozenset(
 """Exact for the linear loop that is named."""
 LOWER_BOUNDS = frozenset({"kappa_admissible", "kappa_max"})
 """Guaranteed values that hold for everything below them; the others are upper bounds."""
+
+
+ROUNDING = 1e-12
+"""Of a value per unit: below it stands zero."""
 
 
 class Row(NamedTuple):
@@ -77,6 +85,9 @@ def rows(certificate: Certificate) -> list[Row]:
             found += [row for entry in value for row in _worst_case(entry)]
         elif key in ("linear_equivalent", "linear_equivalent_limit"):
             found += [_coefficients(f"{key}, {name}", system, MEANINGS[key]) for name, system in value.items()]
+        elif key == "steady_error":
+            left = ", ".join(f"{0 if abs(v) < ROUNDING else v:.4g} {name}" for name, v in value.items())
+            found.append(Row(key, left, MEANINGS[key], "linear loop"))
         elif key == "unlimited":
             found.append(Row(key, ", ".join(value), MEANINGS[key], ""))
         elif isinstance(value, str):

@@ -12,8 +12,9 @@ from barbalat.adaptation.projection import limit, project
 from barbalat.controllers.l1 import require_low_pass
 from barbalat.known_set import ParameterBox
 from barbalat.linear import StateSpace, TransferFunction
-from barbalat.output_problem import OutputKnown
+from barbalat.output_problem import OutputKnown, strictly_proper
 from barbalat.protocols import Value
+from barbalat.validate import InputError
 
 
 class State(NamedTuple):
@@ -58,7 +59,7 @@ class L1Output:
     gamma         adaptive gain > 0
     filter        C(s): stable, strictly proper, C(0) = 1; starts at rest
     sigma_bound   |sigma| <= sigma_bound by projection, > 0; None for no bound
-    lipschitz     L of condition (20), for certificates; not used by the controller
+    lipschitz     L of condition (20), for certificates only; None: 0 without f, else the slope that f is found to have
     design_plant  G(s) that the design assumes, for certificates; the plant itself by default
 
     Source: eqs (18)-(21); Cao and Hovakimyan, IEEE TAC 54(4), 2009; Hovakimyan and Cao, section 4.1.
@@ -68,7 +69,7 @@ class L1Output:
     gamma: float
     filter: TransferFunction
     sigma_bound: float | None = None
-    lipschitz: float = 0.0
+    lipschitz: float | None = None
     design_plant: TransferFunction | None = None
     name: str = "L1 output"
 
@@ -81,14 +82,22 @@ class L1Output:
             m=validate.positive("m", self.m),
             gamma=validate.positive("gamma", self.gamma),
             filter=require_low_pass(TransferFunction.accept("filter", self.filter)),
-            lipschitz=validate.not_negative("lipschitz", self.lipschitz),
         )
+        if self.lipschitz is not None:
+            validate.freeze(self, lipschitz=validate.not_negative("lipschitz", self.lipschitz))
         if self.sigma_bound is not None:
             validate.freeze(self, sigma_bound=validate.positive("sigma_bound", self.sigma_bound))
         if self.design_plant is not None:
-            validate.freeze(self, design_plant=TransferFunction.accept("design_plant", self.design_plant))
+            validate.freeze(self, design_plant=strictly_proper("design_plant", self.design_plant))
 
     def bind(self, known: OutputKnown) -> Equations:
+        if not np.allclose(
+            known.W_m.at(np.array([0.0, 1j * self.m])), self.G_m.at(np.array([0.0, 1j * self.m])), rtol=1e-9, atol=0
+        ):
+            raise InputError(
+                f"the reference model must be m/(s + m) with m = {self.m:g}, got num = {validate.show(known.W_m.num)}, "
+                f"den = {validate.show(known.W_m.den)}"
+            )
         bound = self.sigma_bound
         box = None if bound is None else ParameterBox(lower=[-bound], upper=[bound])
         return Equations(m=self.m, gamma=self.gamma, C=self.filter.realise(), box=box)
