@@ -90,6 +90,11 @@ def test_path_and_bounds_against_every_step(section_v, controller):
     np.testing.assert_allclose(every.on_bounds.least, on, atol=1e-12)
     np.testing.assert_allclose(every.on_bounds.most, on, atol=1e-12)
     assert (decimated.on_bounds.least <= on + 1e-12).all() and (on <= decimated.on_bounds.most + 1e-12).all()
+    met = np.abs(record.theta_hat) == 5.0
+    first = np.where(met.any(axis=0), record.t[met.argmax(axis=0)], np.nan)
+    interval = np.diff(run(section_v, controller, record_points=300).t).max()
+    np.testing.assert_array_equal(np.isnan(decimated.on_bounds.first), np.isnan(first))
+    assert not (np.abs(decimated.on_bounds.first - first) > interval).any()  # NaN is not
 
 
 def test_what_is_thrown_from_bound_to_bound_is_said(section_v):

@@ -53,11 +53,15 @@ class Excitation(NamedTuple):
 
 
 class OnBounds(NamedTuple):
-    """Shares of the time, each (p,): on a bound at least and at most; both bounds met within one recorded interval."""
+    """Shares of the time, each (p,): on a bound at least and at most; both bounds met within one recorded interval.
+
+    first  (p,) [s] the start of the first recorded interval in which a bound is met; NaN where none is
+    """
 
     least: Array
     most: Array
     swept: Array
+    first: Array
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -104,11 +108,15 @@ class Adapting:
             "net": self.net.tolist(),
             "path": self.path.tolist(),
             "tail_path": self.tail_path.tolist(),
-            "on_bounds": None if bounds is None else {name: share.tolist() for name, share in bounds._asdict().items()},
+            "on_bounds": None if bounds is None else {name: _list(values) for name, values in bounds._asdict().items()},
             "on_sphere": self.on_sphere,
             "excitation": None if excitation is None else excitation._asdict(),
             "warnings": list(self.warnings),
         }
+
+
+def _list(values: Array) -> list[float | None]:
+    return [None if np.isnan(value) else value for value in values.tolist()]
 
 
 def adapting(
@@ -121,7 +129,7 @@ def adapting(
     known_set = getattr(getattr(loop.equations, "continuous", loop.equations), "box", None)
     tail = t[:-1] >= t[-1] - (t[-1] - t[0]) / 4 if len(t) > 1 else np.zeros(0, bool)
     path = moved.sum(axis=0)
-    bounds = on_bounds(known_set, np.diff(t), *extrema) if isinstance(known_set, ParameterBox) and len(t) > 1 else None
+    bounds = on_bounds(known_set, t, *extrema) if isinstance(known_set, ParameterBox) and len(t) > 1 else None
     sphere = None
     if isinstance(known_set, ParameterBall):
         away = np.linalg.norm(theta_hat - known_set.center, axis=1)
@@ -160,18 +168,21 @@ def regressor_along(loop: ClosedLoop, states: Array, measured: Array, u: Array) 
     return values.reshape(len(states), phi.shape[0], -1)
 
 
-def on_bounds(box: ParameterBox, duration: Array, low: Array, high: Array) -> OnBounds:
-    """From the estimates' extrema (K - 1, p) over intervals of ``duration`` (K - 1,).
+def on_bounds(box: ParameterBox, t: Array, low: Array, high: Array) -> OnBounds:
+    """From the estimates' extrema (K - 1, p) over the intervals between the instants t (K,).
 
     On a bound throughout an interval if the least value there is the upper bound or the greatest is the lower; possibly at
     some instants of it if an extremum touches a bound.
     """
-    weights = duration / duration.sum()
+    weights = np.diff(t) / (t[-1] - t[0])
     at_upper, at_lower = high >= box.upper, low <= box.lower
     throughout = (low >= box.upper) | (high <= box.lower)
     fixed = box.lower == box.upper  # nothing to estimate: neither bound means anything
-    shares = (throughout, at_upper | at_lower, at_upper & at_lower & ~throughout)
-    return OnBounds(*(np.where(fixed, 0.0, weights @ share) for share in shares))
+    met = at_upper | at_lower
+    shares = (throughout, met, at_upper & at_lower & ~throughout)
+    first = np.where(met.any(axis=0) & ~fixed, t[met.argmax(axis=0)], np.nan)
+    least, most, swept = (np.where(fixed, 0.0, weights @ share) for share in shares)
+    return OnBounds(least, most, swept, first)
 
 
 def excitation(t: Array, phi: Array) -> Excitation | None:
@@ -210,7 +221,7 @@ def _warnings(path: Array, error: float, bounds: OnBounds | None, sphere: float 
         share = f"{np.linalg.norm(path) / error:.1g}"
         warnings.append(f"it hardly adapts: in all the estimates moved by {share} of the error they started with")
     if bounds is not None:
-        for i, (least, most, swept) in enumerate(zip(*bounds, strict=True), start=1):
+        for i, (least, most, swept, _) in enumerate(zip(*bounds, strict=True), start=1):
             if swept > SWEPT:
                 warnings.append(
                     f"theta_hat_{i} meets both of its bounds within single recorded intervals {100 * swept:.0f} % of the time"

@@ -15,7 +15,10 @@ if TYPE_CHECKING:
     from barbalat.grid import Segment, Simulation
 
 DIVERGENCE_LIMIT = 1e12
-"""A run has diverged when the magnitudes of x, x_m and theta_hat add up to more than this, or any state is no finite number."""
+"""A run has diverged when the magnitudes of x, x_m and theta_hat add up to more than this, or any state is no finite number.
+
+Where the output is fed back, those of y and y - y_m count instead: x depends on the realisation there, and the parameters grow
+with powers of the bandwidth."""
 
 _RESETS = {"min": np.inf, "max": -np.inf, "sum": 0.0, "steps": 0.0, "alive": 1.0}
 
@@ -56,8 +59,9 @@ class Accumulators:
     def update(self, old: Value, outputs: Outputs, after: LoopState, state_next: Value, moved: Value) -> Value:
         """The accumulators after one step; ``outputs`` are those at its start, ``moved`` is |change of theta_hat|."""
         at = self.slices()
-        theta_hat_next = after.controller.theta_hat
-        physical = np.sum(np.abs(after.x)) + np.sum(np.abs(after.x_m)) + np.sum(np.abs(theta_hat_next))
+        counted = (outputs.y, outputs.e) if self.outputs else (after.x, after.x_m, after.controller.theta_hat)
+        first, *others = (np.sum(np.abs(part)) for part in counted)
+        physical = sum(others, first)
         # what else is integrated may be large by its unit or by choice (u^2, a covariance): it only has to be a number
         good = np.where(physical <= DIVERGENCE_LIMIT, 1.0, 0.0) * np.where(np.sum(np.abs(state_next)) < np.inf, 1.0, 0.0)
         alive = old[at["good", "alive"]] * good

@@ -19,7 +19,9 @@ from barbalat.adaptation.laws import (
     LeastSquaresResetting,
 )
 from barbalat.cases.load import bundled, load_case, parse_case
+from barbalat.controllers.output.l1 import fast_limit, linear_equivalent
 from barbalat.signals import Sines
+from independent import refusal
 
 PAPER = bundled()["paper"].read_text()
 LAW = '{ kind = "least-squares", covariance0 = 500.0 }'
@@ -322,3 +324,74 @@ def test_fuzz_text(start, length, insert):
         parse_case(PAPER[:start] + insert + PAPER[start + length :])
     except InputError as error:
         assert str(error)
+
+
+def output_case(*controllers: str):
+    head = """
+        name = "c"
+        [plant]
+        transfer_function = { num = [2.0], den = [1.0, 1.0] }
+        [reference_model]
+        transfer_function = { num = [3.0], den = [1.0, 3.0] }
+        [reference]
+        kind = "sine"
+        amplitude = 1.0
+        frequency = 1.0
+        [simulation]
+        t_end = 2.0
+        dt = 1e-2
+    """
+    return "\n".join((head, *(f"[[controller]]\n{controller}" for controller in controllers)))
+
+
+L1_TABLE = 'name = "A"\nscheme = "l1-output"\nm = 3.0\ngamma = 50.0\nfilter = { num = [20.0], den = [1.0, 20.0] }'
+
+
+def test_the_equivalent_of_a_controller_of_the_case():
+    text = output_case(
+        L1_TABLE,
+        'scheme = "linear"\nname = "same"\nequivalent_of = "A"',
+        'scheme = "linear"\nname = "limit"\nequivalent_of = "A"\nlimit = true',
+    )
+    first, same, limit = parse_case(text, "c").controllers
+    assert same.loop.den.tolist() == linear_equivalent(first).feedback.den.tolist()
+    assert limit.feedforward.num.tolist() == fast_limit(first).feedforward.num.tolist()
+
+
+@pytest.mark.parametrize(
+    ("controllers", "words"),
+    [
+        ((L1_TABLE, 'scheme = "linear"\nequivalent_of = "B"'), ["equivalent_of", "'A'", "'B'"]),
+        (('scheme = "linear"\nequivalent_of = "B"',), ["equivalent_of", "none"]),
+        ((L1_TABLE, 'scheme = "linear"\nequivalent_of = "A"\nbandwidth = 1.0'), ["bandwidth", "equivalent_of"]),
+        (('scheme = "linear"\nlimit = true\ndesign = "pi"\nunmodelled_delay = 0.1',), ["limit", "equivalent_of"]),
+        (
+            ('scheme = "linear"\ndesign = "pi"\nunmodelled_delay = 0.1\ndesign_plant = { num = [1, 2], den = [1, 1] }',),
+            ["design_plant", "strictly proper"],
+        ),
+        (
+            (
+                'scheme = "mrac-output"\norder = 1\nrelative_degree = 1\nsign = 1\nprojection = false\nc_0_min = 0.1\n'
+                'law = { kind = "gradient", gamma = 1.0 }',
+            ),
+            ["projection must stay on", "c_0"],
+        ),
+        (
+            (
+                'scheme = "mrac-output"\norder = 1\nrelative_degree = 1\nsign = 1\nprojection = true\n'
+                'law = { kind = "lyapunov", gamma = 1.0 }',
+            ),
+            ["projection needs lower and upper"],
+        ),
+        (
+            (
+                'scheme = "mrac-output"\norder = 1\nrelative_degree = 1\nsign = 1\nnormalization = { delta_0 = 0.1 }\n'
+                'law = { kind = "lyapunov", gamma = 1.0 }',
+            ),
+            ["normalization", "unnormalised"],
+        ),
+    ],
+)
+def test_output_keys_that_do_not_go_together(controllers, words):
+    message = refusal(lambda: parse_case(output_case(*controllers), "c"))
+    assert all(word in message for word in words), message

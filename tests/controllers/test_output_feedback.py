@@ -17,6 +17,7 @@ from barbalat.adaptation.laws import LAWS, Gradient, LeastSquares
 from barbalat.cases.load import load_case
 from barbalat.certify.output import condition_norm, small_gain_system
 from barbalat.certify.table import certify
+from barbalat.certify.table_1 import table_1
 from barbalat.closed_loop import ClosedLoop
 from barbalat.controllers import Mrac, Sampled
 from barbalat.controllers.output.l1 import L1Output, fast_limit, linear_equivalent
@@ -90,6 +91,37 @@ def test_matching_makes_the_closed_loop_the_model(seed):
     for w in (0.1, 1.0, 7.0):
         np.testing.assert_allclose(loop(1j * w), model.at(1j * w), rtol=1e-6)
     assert len(theta) == 2 * n
+
+
+@pytest.mark.parametrize("unit", [1e-3, 1.0, 1e4])
+@pytest.mark.parametrize("missing", [0, 1, 2])
+def test_matching_in_any_time_unit_and_for_lower_orders(missing, unit):
+    """The closed loop at three frequencies, theta* of a plant of order 3 - missing; theta grows as unit^4."""
+    poles, zeros = [1.0, -2.0, 0.5][: 3 - missing], [-3.0, -1.5][: 2 - missing]
+    plant = TF(2 * unit * np.atleast_1d(np.poly(np.array(zeros) * unit)), np.poly(np.array(poles) * unit))
+    model = TF([3.0 * unit], [1.0, 3.0 * unit])
+    Lambda = filter_polynomial(3, model, np.array([-1.0, -5.0]) * unit)
+    theta = matching_parameters(plant, model, Lambda)
+    for w in (0.2, 1.0, 8.0):
+        s = 1j * w * unit
+        alpha, filtered = np.array([s, 1.0]), np.polyval(Lambda, s)
+        ahead, back = 1 / (1 - theta[:2] @ alpha / filtered), theta[2:4] @ alpha / filtered + theta[4]
+        G = complex(plant.at(np.array(s)))
+        assert theta[5] * ahead * G / (1 - ahead * G * back) == pytest.approx(complex(model.at(np.array(s))), rel=1e-9)
+
+
+def test_a_run_in_a_fast_time_unit_does_not_diverge_for_its_large_parameters():
+    """n = n* = 4 at 1e5 rad/s: entries of theta* up to 1e15, y of the order of one."""
+    W = 1e5
+    model, plant = TF([W**4], np.poly(-W * np.ones(4))), TF([2 * W**4], np.poly(-W * np.array([0.5, 1.0, 1.5, 2.0])))
+    theta = theta_star(plant, model)
+    controller = MracOutput(
+        order=4, relative_degree=4, sign=1, law=Gradient(gamma=1e-9), theta_hat0=theta, c_0_min=0.1 * theta[-1], name="c"
+    )
+    run = simulate(problem_of(plant, model, Sine(1.0, 0.3 * W)), [controller], Simulation(t_end=2e-4, dt=1e-7))["c"]
+    assert run.diverged_at is None
+    assert np.abs(theta).max() > 1e14
+    assert run.figures["max_abs_e"][0] < 1e-7 * run.figures["max_abs_y"]
 
 
 @pytest.mark.parametrize("name", EXAMPLES)
@@ -366,6 +398,20 @@ WRONG = {
         lambda: _bind(MracOutput(order=2, relative_degree=1, sign=1, law=LAW, filter_poles=[1.0])),
         ["filter_poles", "Hurwitz"],
     ),
+    "filter pole at zero": (
+        lambda: _bind(MracOutput(order=2, relative_degree=1, sign=1, law=LAW, filter_poles=[-1e-300])),
+        ["filter_poles", "Hurwitz"],
+    ),
+    "wrong sign of a plant of lower order": (
+        lambda: problem_bind(
+            TF([-2.0], [1.0, 1.0]), MracOutput(order=2, relative_degree=1, sign=1, law=LAW), TF([3.0], [1.0, 3.0]),
+        ),
+        ["sign is 1", "gain is -2"],
+    ),
+    "model of another m": (
+        lambda: ClosedLoop.of(problem_of(G, TF([5.0], [1.0, 5.0])), l1()), ["reference model", "m/(s + m)", "m = 3"],
+    ),
+    "improper design plant": (lambda: l1(design_plant=TF([1.0, 2.0, 3.0], [1.0, 1.0])), ["design_plant", "strictly proper"]),
     "not SPR": (
         lambda: problem_bind(
             TF([1.0], [1.0, 2.0, 1.0]), MracOutput(order=2, relative_degree=2, sign=1, law=LAW), TF([1.0], [1, 2, 1]),
@@ -411,3 +457,38 @@ def test_modified_lyapunov_laws_stay_bounded_under_a_disturbance():
         run = simulate(problem, [controller], Simulation(t_end=60.0, dt=1e-3))["c"]
         assert run.diverged_at is None
         assert np.abs(run.theta_hat).max() < 10
+
+
+def test_certify_refuses_what_a_run_refuses():
+    controller = MracOutput(order=1, relative_degree=1, sign=1, law=LAW)
+    problem = problem_of(TF([-2.0], [1.0, 1.0]), TF([M], [1.0, M]))
+    assert "sign is 1" in refusal(lambda: certify(problem, [controller], Simulation(t_end=1.0, dt=1e-2)))
+
+
+@pytest.mark.parametrize(
+    ("law", "vanishes"),
+    [
+        (LyapunovLaw(gamma=1.0), True),
+        (LyapunovLaw(gamma=1.0, leakage=FixedSigma(sigma=0.1)), False),
+        (LyapunovLaw(gamma=1.0, dead_zone=DeadZone(g_0=0.1)), False),
+        (Gradient(gamma=1.0), True),
+        (Gradient(gamma=1.0, leakage=FixedSigma(sigma=0.1)), False),
+        (LeastSquares(covariance0=1.0), True),
+    ],
+    ids=["lyapunov", "its sigma", "its dead zone", "gradient", "its sigma", "least squares"],
+)
+def test_certificate_and_table_say_the_same_of_every_modification(law, vanishes):
+    controller = MracOutput(order=1, relative_degree=1, sign=1, law=law, c_0_min=0.1, name="c")
+    problem = problem_of(G, TF([M], [1.0, M]))
+    certificates = certify(problem, [controller], Simulation(t_end=1.0, dt=1e-2))
+    (said,) = [line for line in certificates["c"].assumptions if line.startswith("guaranteed")]
+    assert ("to a set" not in said) == vanishes and "all signals bounded" in said
+    (column,) = table_1(problem, [controller], certificates).columns
+    assert (column.cells["tracking"].kind == "proven") == vanishes
+
+
+def test_unmodelled_plants_that_look_wrong_are_said():
+    controller = MracOutput(order=1, relative_degree=1, sign=1, law=LAW, name="c")
+    problem = problem_of(TF([2.0, -4.0], [1.0, 4.0, 6.0, 3.0]), TF([M], [1.0, M]))
+    findings = " ".join(certify(problem, [controller], Simulation(t_end=1.0, dt=1e-2))["c"].findings)
+    assert "zero with real part 2" in findings and "against sign = 1" in findings

@@ -9,12 +9,12 @@ from barbalat.cases import output_tables as tables
 from barbalat.cases.parts import Case, assembled, bound_and_sampled, sensor, signal, simulation
 from barbalat.cases.plant import one_input, within
 from barbalat.cases.plant_tables import TransferFunctionTable
-from barbalat.controllers.output.l1 import L1Output
+from barbalat.controllers.output.l1 import L1Output, fast_limit, linear_equivalent
 from barbalat.controllers.output.linear import LinearOutput
 from barbalat.controllers.output.mrac import MracOutput
 from barbalat.linear import TransferFunction
 from barbalat.linear_design import mixed_sensitivity, pi_controller
-from barbalat.output_problem import OutputPlant, OutputProblem, OutputReferenceModel
+from barbalat.output_problem import OutputPlant, OutputProblem, OutputReferenceModel, strictly_proper
 from barbalat.protocols import Controller
 from barbalat.validate import InputError
 
@@ -41,7 +41,7 @@ def build_output(table: tables.OutputCaseTable, folder: Path) -> Case:
     for i, settings in enumerate(table.controller, start=1):
         where = f"controller {i} ({settings.name or settings.scheme})"
         controllers.append(
-            within(where, lambda settings=settings: bound_and_sampled(_controller(settings, problem), settings, problem))  # type: ignore[misc]
+            within(where, lambda settings=settings: bound_and_sampled(_controller(settings, problem, table), settings, problem))  # type: ignore[misc]
         )
     return assembled(problem, controllers, simulation(table.simulation))
 
@@ -51,30 +51,63 @@ def system(field: str, table: TransferFunctionTable) -> TransferFunction:
     return within(field, lambda: TransferFunction(table.num, table.den))
 
 
-def _controller(table: tables.OutputSchemeTable, problem: OutputProblem) -> Controller:
+def _controller(table: tables.OutputSchemeTable, problem: OutputProblem, case: tables.OutputCaseTable) -> Controller:
     name: dict[str, Any] = {} if table.name is None else {"name": table.name}
     match table:
         case tables.MracOutputTable():
             keys = ("order", "relative_degree", "sign", "theta_hat0", "tau", "filter_poles", "saturated_predictor")
-            bounds = () if table.projection is False else ("lower", "upper", "c_0_min")
-            settings = {key: getattr(table, key) for key in (*keys, *bounds)}
+            settings = {key: getattr(table, key) for key in (*keys, *_bounds(table))}
             return MracOutput(law=table.built_law(), normalization=table.normalization.build(), **settings, **name)
         case tables.L1OutputTable():
-            if table.projection and table.sigma_bound is None:
-                raise InputError("projection needs sigma_bound")
-            return L1Output(
-                m=table.m,
-                gamma=table.gamma,
-                filter=system("filter", table.filter),
-                sigma_bound=None if table.projection is False else table.sigma_bound,
-                lipschitz=table.lipschitz,
-                design_plant=None if table.design_plant is None else system("design_plant", table.design_plant),
-                **name,
-            )
-    return _linear(table, problem, name)
+            return _l1(table, name)
+    return _equivalent(table, case, name) if table.equivalent_of is not None else _linear(table, problem, name)
+
+
+def _l1(table: tables.L1OutputTable, name: dict[str, Any]) -> L1Output:
+    if table.projection and table.sigma_bound is None:
+        raise InputError("projection needs sigma_bound")
+    return L1Output(
+        m=table.m,
+        gamma=table.gamma,
+        filter=system("filter", table.filter),
+        sigma_bound=None if table.projection is False else table.sigma_bound,
+        lipschitz=table.lipschitz,
+        design_plant=None if table.design_plant is None else system("design_plant", table.design_plant),
+        **name,
+    )
+
+
+def _equivalent(table: tables.LinearOutputTable, case: tables.OutputCaseTable, name: dict[str, Any]) -> LinearOutput:
+    """What an l1-output controller of the case is inside the bounds of sigma; with ``limit`` for gamma -> infinity."""
+    if further := table.model_fields_set - {"scheme", "name", "equivalent_of", "limit", "sample_time", "discretization"}:
+        raise InputError(f"{min(further)} does not go with equivalent_of")
+    others = {other.name or L1Output.name: other for other in case.controller if isinstance(other, tables.L1OutputTable)}
+    if table.equivalent_of not in others:
+        known = ", ".join(repr(other) for other in others) or "none"
+        raise InputError(f"equivalent_of must name an l1-output controller of this case ({known}), got {table.equivalent_of!r}")
+    build = fast_limit if table.limit else linear_equivalent
+    same = build(_l1(others[table.equivalent_of], {}))
+    return LinearOutput(loop=same.feedback, feedforward=same.feedforward, **name)
+
+
+def _bounds(table: tables.MracOutputTable) -> tuple[str, ...]:
+    """The keys of the known set that are in force."""
+    lyapunov = table.law.kind == "lyapunov"
+    if lyapunov and "normalization" in table.model_fields_set:
+        raise InputError('normalization goes with a law on the parametric model; law.kind = "lyapunov" is unnormalised')
+    if table.projection and table.lower is None and table.upper is None and table.c_0_min is None:
+        raise InputError("projection needs lower and upper, or c_0_min")
+    if table.projection is False and not lyapunov:
+        raise InputError(
+            "projection must stay on for a law on the parametric model: it keeps c_0 from zero; "
+            "with c_0_min alone nothing else is projected"
+        )
+    return () if table.projection is False else ("lower", "upper", "c_0_min")
 
 
 def _linear(table: tables.LinearOutputTable, problem: OutputProblem, name: dict[str, Any]) -> LinearOutput:
+    if table.limit:
+        raise InputError("limit goes with equivalent_of")
     if (table.controller is None) == (table.design is None):
         raise InputError('give either controller = { num, den } or design = "hinf" or "pi"')
     if table.controller is not None:
@@ -87,7 +120,7 @@ def _linear(table: tables.LinearOutputTable, problem: OutputProblem, name: dict[
     if table.feedforward is not None:
         raise InputError("feedforward goes with controller")
     given = table.design_plant
-    model = problem.plant.transfer_function if given is None else system("design_plant", given)
+    model = problem.plant.transfer_function if given is None else strictly_proper("design_plant", system("design_plant", given))
     if table.design == "pi":
         if table.bandwidth is not None:
             raise InputError('bandwidth goes with design = "hinf"')

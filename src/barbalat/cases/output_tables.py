@@ -77,9 +77,11 @@ class L1OutputTable(SchemeTable):
 
 
 class LinearOutputTable(SchemeTable):
-    """scheme = "linear": u = K[y_m - y], or u = F[r] - K[y] with feedforward."""
+    """scheme = "linear": u = K[y_m - y], or u = F[r] - K[y] with feedforward; or what an l1-output controller is."""
 
     scheme: Literal["linear"]
+    equivalent_of: str | None = None
+    limit: bool = False
     controller: TransferFunctionTable | None = None
     feedforward: TransferFunctionTable | None = None
     design: Literal["hinf", "pi"] | None = None

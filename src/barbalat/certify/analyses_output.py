@@ -25,7 +25,7 @@ def _mrac(problem: OutputProblem, controller: MracOutput, values: dict[str, Any]
     name = "MRAC with output feedback, " + ("unnormalised Lyapunov law" if lyapunov else "normalised law")
     modified = law.leakage is not None or getattr(law, "dead_zone", None) is not None  # type: ignore[union-attr]
     converges = not modified if lyapunov else laws.convergence(law).startswith("the tracking error converges to zero")  # type: ignore[arg-type]
-    exact = order == controller.order
+    exact = order <= controller.order
     unmodelled = f"the plant is of order {order} and the design of {controller.order}: the rest is unmodelled"
     vanishing = Cell("proven", "converges to zero for every bounded r")
     kept = Cell("not proven", "converges to a set: the law is modified")

@@ -108,5 +108,4 @@ def output_convergence(law: AdaptiveLaw | LyapunovLaw) -> str:
         if isinstance(law.leakage, SwitchingSigma):
             return f"all signals bounded, e -> 0 (|theta*| <= M_0 = {law.leakage.M_0:g} provided)"
         return "all signals bounded; with the modification e converges to a set, not to zero"
-    found = convergence(law)
-    return found.replace("theta_hat and epsilon m_s stay bounded", "all signals bounded")
+    return f"all signals bounded; {convergence(law)}"

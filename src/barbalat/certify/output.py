@@ -12,17 +12,16 @@ from typing import Any
 
 import numpy as np
 
-from barbalat.certify import laws
+from barbalat.certify import output_mrac
 from barbalat.certify.certificate import Certificate
 from barbalat.certify.l1 import Enclosure, l1_norm
 from barbalat.certify.loop_values import finite, margins_of
 from barbalat.certify.output_bounds import output_bounds
+from barbalat.certify.output_mrac import LINEAR, REST
 from barbalat.certify.slopes import steepest_seen
 from barbalat.certify.theorem1 import OUTWARD
 from barbalat.controllers.output.l1 import L1Output, LinearEquivalent, fast_limit, linear_equivalent
 from barbalat.controllers.output.linear import LinearOutput
-from barbalat.controllers.output.lyapunov import LyapunovLaw
-from barbalat.controllers.output.matching import filter_polynomial, matching_parameters
 from barbalat.controllers.output.mrac import MracOutput
 from barbalat.grid import Simulation
 from barbalat.linear import TransferFunction
@@ -30,13 +29,11 @@ from barbalat.output_problem import OutputProblem
 from barbalat.solvers import Tableau
 from barbalat.validate import Array, InputError
 
-REST = "plant, model and controller start at rest"
 FROM_REST = (
     "(18): y = G(s)[u + d + f(t, y)], and what the case adds at input, output and sensor; G itself is exact",
     REST,
     "output_bound and error_bound: small gain in the L-infinity norm with the slope of f within the bound, 0 <= t <= t_end",
 )
-LINEAR = "margins are exact for the linear loop named; limits at the input, and f(y), are not in it"
 
 
 def certificate(problem: OutputProblem, controller: Any, simulation: Simulation) -> Certificate:
@@ -45,7 +42,7 @@ def certificate(problem: OutputProblem, controller: Any, simulation: Simulation)
         case L1Output():
             return _l1(problem, controller, simulation)
         case MracOutput():
-            return _mrac(problem, controller)
+            return output_mrac.certificate(problem, controller)
         case LinearOutput():
             return _linear(problem, controller, simulation)
     raise InputError(f"no certificate is known for {type(controller).__name__}")
@@ -208,38 +205,3 @@ def _largest(bears: Any, start: float) -> float:
         middle = (low + high) / 2
         low, high = (middle, high) if bears(middle) else (low, middle)
     return low
-
-
-def matched_feedback(theta: Array, Lambda: Array) -> TransferFunction:
-    """K(s) of u = -K[y] + ..., for fixed parameters: -(theta_2'alpha + theta_3 Lambda)/(Lambda - theta_1'alpha)."""
-    n = len(Lambda)
-    theta_1, theta_2, theta_3 = theta[: n - 1], theta[n - 1 : 2 * n - 2], theta[2 * n - 2]
-    num = np.polyadd(theta_2 if n > 1 else [0.0], theta_3 * Lambda)
-    return TransferFunction(-num, np.polysub(Lambda, theta_1 if n > 1 else [0.0]))
-
-
-def _mrac(problem: OutputProblem, controller: MracOutput) -> Certificate:
-    plant, W_m = problem.plant.transfer_function, problem.reference_model.transfer_function
-    Lambda = filter_polynomial(controller.order, W_m, controller.filter_poles)
-    values: dict[str, Any] = {}
-    findings: list[str] = []
-    n, n_star, law = controller.order, controller.relative_degree, controller.law
-    assumptions = [f"the plant is of order {n} and relative degree {n_star}, minimum phase, its gain of the sign given", REST]
-    if len(plant.poles) == n:
-        theta = matching_parameters(plant, W_m, Lambda)
-        values["theta_star"] = theta.tolist()
-        loop = (matched_feedback(theta, Lambda) * plant).realise()
-        values |= margins_of(problem, loop, "with the parameters at theta*", findings)
-        assumptions.append(LINEAR)
-        lower, upper = controller.lower, controller.upper
-        if lower is not None and upper is not None and not ((lower <= theta).all() and (theta <= upper).all()):
-            findings.append("theta* lies outside the known set: with projection, convergence is not guaranteed")
-    else:
-        findings.append(
-            f"the plant is of order {len(plant.poles)}, the controller is designed for {n}: the rest is unmodelled, "
-            "and no theta* gives the model exactly"
-        )
-        if isinstance(law, LyapunovLaw) and law.leakage is None and law.dead_zone is None:
-            findings.append("the unnormalised law without a modification is not robust: the estimates may drift to a burst")
-    assumptions.append(f"guaranteed for such a plant: {laws.output_convergence(law)}; no number bounds e")
-    return Certificate(values, frozenset(), tuple(assumptions), tuple(findings))

@@ -8,6 +8,9 @@ from barbalat import validate
 from barbalat.linear import StateSpace, TransferFunction
 from barbalat.validate import Array, InputError
 
+SLOWEST = 1e-9
+"""Of a filter's pole, relative to the model's fastest: below it a pole and an integrator look the same."""
+
 
 def filter_polynomial(n: int, W_m: TransferFunction, filter_poles: Array | None) -> Array:
     """Lambda = Lambda_0 Z_m, monic of degree n - 1, highest power first.
@@ -22,8 +25,11 @@ def filter_polynomial(n: int, W_m: TransferFunction, filter_poles: Array | None)
         filter_poles = np.full(free, -np.abs(W_m.poles).max())
     if len(filter_poles) != free:
         raise InputError(f"filter_poles must have {free} entries (order - 1 less the model's zeros), got {len(filter_poles)}")
-    if not (np.asarray(filter_poles).real < 0).all():
-        raise InputError(f"filter_poles must have negative real parts, Lambda must be Hurwitz, got {validate.show(filter_poles)}")
+    if not (np.asarray(filter_poles).real < -SLOWEST * np.abs(W_m.poles).max()).all():
+        raise InputError(
+            f"filter_poles must have negative real parts, and not below {SLOWEST:g} of the model's fastest pole: Lambda must be "
+            f"Hurwitz, got {validate.show(filter_poles)}"
+        )
     return np.atleast_1d(np.real(np.poly(np.concatenate([zeros, filter_poles]))))
 
 
@@ -35,11 +41,14 @@ def input_filter(Lambda: Array) -> StateSpace:
 
 
 def refuse_contradiction(plant: TransferFunction, order: int, relative_degree: int, sign: int) -> None:
-    """InputError where a plant of the assumed order is not of the assumed class; a higher order is unmodelled dynamics."""
-    if len(plant.poles) != order:
+    """InputError where a plant of the assumed order or below is not of the assumed class; above it, the rest is unmodelled."""
+    if len(plant.poles) > order:
         return
     if plant.relative_degree != relative_degree:
-        raise InputError(f"relative_degree is {relative_degree}, but the plant of that order has {plant.relative_degree}")
+        raise InputError(
+            f"relative_degree is {relative_degree}, but the plant, whose order {len(plant.poles)} is within order = {order}, "
+            f"has {plant.relative_degree}"
+        )
     if not plant.is_minimum_phase:
         raise InputError(f"the plant must be minimum phase, but it has a zero with real part {plant.zeros.real.max():.6g}")
     if np.sign(plant.num[0]) != sign:
@@ -50,25 +59,36 @@ def matching_parameters(plant: TransferFunction, W_m: TransferFunction, Lambda: 
     """theta* = (theta_1, theta_2, theta_3, c_0), (2 n,), for which the closed loop is W_m exactly.
 
     Solves (Lambda - theta_1'alpha) R_p - k_p Z_p (theta_2'alpha + theta_3 Lambda) = Z_p Lambda_0 R_m, c_0 = k_m/k_p, monic
-    Z_p and Z_m. Raises InputError for a plant of another order than Lambda's plus one, or with another relative degree than
-    the model. Source: Ioannou and Sun, section 6.4.
+    Z_p and Z_m, with the time unit in which the model's fastest pole is 1. Where theta* is not unique (a plant of lower order,
+    or with a pole and a zero that cancel) the smallest in that unit is taken. Raises InputError for a plant of a higher order
+    than Lambda's plus one, or with another relative degree than the model. Source: Ioannou and Sun, section 6.4.
     """
     n = len(Lambda)
-    if len(plant.poles) != n or plant.relative_degree != W_m.relative_degree:
+    missing = n - len(plant.poles)
+    if missing < 0 or plant.relative_degree != W_m.relative_degree:
         raise InputError(
-            f"matching needs a plant of order {n} and relative degree {W_m.relative_degree}, "
+            f"matching needs a plant of order {n} or below and relative degree {W_m.relative_degree}, "
             f"got {len(plant.poles)} and {plant.relative_degree}"
         )
-    k_p, k_m = plant.num[0], W_m.num[0]
-    Z_p, R_p = plant.num / k_p, plant.den
-    Lambda_0, _ = np.polydiv(Lambda, W_m.num / k_m)
+    k_p, k_m, unit = plant.num[0], W_m.num[0], float(np.abs(W_m.poles).max())
+    cancelling = np.poly(np.full(missing, -1.0))
+    Z_p, R_p = (np.polymul(_scaled(side, unit), cancelling) for side in (plant.num / k_p, plant.den))
+    Lambda, Z_m, R_m = (_scaled(side, unit) for side in (Lambda, W_m.num / k_m, W_m.den))
+    Lambda_0, _ = np.polydiv(Lambda, Z_m)
     alpha = [np.eye(n - 1)[i] for i in range(n - 1)]  # s^(n-2), ..., 1
-    columns = [-np.polymul(a, R_p) for a in alpha] + [-k_p * np.polymul(Z_p, a) for a in alpha] + [-k_p * np.polymul(Z_p, Lambda)]
-    right = np.polysub(np.polymul(np.polymul(Z_p, Lambda_0), W_m.den), np.polymul(Lambda, R_p))
+    columns = [-np.polymul(a, R_p) for a in alpha] + [-np.polymul(Z_p, a) for a in alpha] + [-np.polymul(Z_p, Lambda)]
+    right = np.polysub(np.polymul(np.polymul(Z_p, Lambda_0), R_m), np.polymul(Lambda, R_p))
     rows = 2 * n - 1  # the leading coefficients, of s^(2n-1), are one on both sides
     matrix = np.column_stack([_padded(column, rows) for column in columns])
-    theta = np.linalg.solve(matrix, _padded(right, rows))
-    return np.append(theta, k_m / k_p)
+    theta = np.linalg.lstsq(matrix, _padded(right, rows), rcond=1e-12)[0]
+    theta[n - 1 :] *= unit**plant.relative_degree / k_p
+    powers = unit ** np.arange(1.0, n)
+    return np.concatenate([theta[: n - 1] * powers, theta[n - 1 : 2 * n - 2] * powers, theta[2 * n - 2 :], [k_m / k_p]])
+
+
+def _scaled(polynomial: Array, unit: float) -> Array:
+    """A monic polynomial of s in s/unit, monic."""
+    return polynomial / unit ** np.arange(float(len(polynomial)))
 
 
 def _padded(polynomial: Array, size: int) -> Array:
