@@ -218,11 +218,15 @@ def test_place():
         (lambda: two_inputs(input=[PlantInput(delay=0.1), PlantInput()]), ["plant.input", "same delay"]),
         (lambda: replace(two_inputs(), uncertainty=ParameterBox(lower=[-1.0], upper=[1.0])), ["uncertainty", "6"]),
         (lambda: replace(two_inputs(), input_gain=(0.0, 1.0)), ["input_gain", "0 < lower"]),
-        (lambda: replace(two_inputs(), uncertainty=None, input_gain=(0.5, 1.0)), ["input_gain", "uncertainty.lower"]),
+        (lambda: replace(two_inputs(), input_gain=((0.5, 1.0), (2.0, 1.0))), ["input_gain", "0 < lower", "[2, 1]"]),
+        (lambda: replace(two_inputs(), input_gain=((0.5, 1.0),) * 3), ["input_gain", "2 x 2"]),
         (lambda: Plant.matched(A=np.eye(3), A_m=A_M, b=B), ["matched", "out of the reach"]),
         (lambda: RobustMrac(tau=1.0, law=Gradient(gamma=1.0)).bind(two_inputs().known), ["one input", "2"]),
         (lambda: LinearFeedback(controller=TransferFunction([1.0], [1.0, 1.0])).bind(two_inputs().known), ["one input"]),
-        (lambda: Mrac(gamma=1.0, projection=False).bind(replace(two_inputs(), input_gain=(0.5, 2.0)).known), ["projected"]),
+        (
+            lambda: Mrac(gamma=1.0, projection=True).bind(replace(two_inputs(), uncertainty=None, input_gain=(0.5, 2.0)).known),
+            ["projection", "uncertainty.lower"],
+        ),
     ],
 )  # fmt: skip
 def test_bad_problems(make, words):

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from barbalat.closed_loop import ClosedLoop
-from barbalat.known_set import ParameterBall, ParameterBox
+from barbalat.known_set import EstimateSet, ParameterBall, ParameterBox, ParameterProduct
 from barbalat.packing import column, symbols
 from barbalat.protocols import Estimating
 from barbalat.validate import Array
@@ -71,7 +71,7 @@ class Adapting:
     net         (p,) theta_hat at the end less that at the start
     path        (p,) sum of |change of theta_hat| over every step
     tail_path   (p,) the same in the last quarter
-    on_bounds   with a box as known set; ``None`` without projection
+    on_bounds   with a box as known set, or of unknown input gains (zeros for theta then); ``None`` without
     on_sphere   share of the recorded instants on the surface of a ball; ``None`` without one
     excitation  ``None`` where the scheme has no regressor or the run is too short
     """
@@ -87,11 +87,10 @@ class Adapting:
     @property
     def on_bounds_text(self) -> str:
         """The share of time on the bounds, a line for each estimate."""
-        if self.on_bounds is not None:
-            return "\n".join(
-                share_text(least, most) for least, most in zip(self.on_bounds.least, self.on_bounds.most, strict=True)
-            )
-        return "not projected" if self.on_sphere is None else f"{100 * self.on_sphere:.0f} % of the instants"
+        sphere = [] if self.on_sphere is None else [f"{100 * self.on_sphere:.0f} % of the instants"]
+        shares = () if self.on_bounds is None else zip(self.on_bounds.least, self.on_bounds.most, strict=True)
+        lines = [*(share_text(*share) for share in shares), *sphere]
+        return "\n".join(lines) or "not projected"
 
     @property
     def excitation_text(self) -> str:
@@ -129,11 +128,7 @@ def adapting(
     known_set = getattr(getattr(loop.equations, "continuous", loop.equations), "box", None)
     tail = t[:-1] >= t[-1] - (t[-1] - t[0]) / 4 if len(t) > 1 else np.zeros(0, bool)
     path = moved.sum(axis=0)
-    bounds = on_bounds(known_set, t, *extrema) if isinstance(known_set, ParameterBox) and len(t) > 1 else None
-    sphere = None
-    if isinstance(known_set, ParameterBall):
-        away = np.linalg.norm(theta_hat - known_set.center, axis=1)
-        sphere = float(np.mean(away >= known_set.radius * (1 - 1e-9)))  # the projection's roundings
+    bounds, sphere = _at_the_edge(known_set, t, theta_hat, extrema)
     found = excitation(t, phi)
     return Adapting(
         net=theta_hat[-1] - theta_hat[0],
@@ -146,6 +141,25 @@ def adapting(
             _warnings(path, 0.0 if theta is None else float(np.linalg.norm(theta_hat[0] - theta)), bounds, sphere, found)
         ),
     )
+
+
+def _at_the_edge(
+    known_set: EstimateSet | None, t: Array, theta_hat: Array, extrema: tuple[Array, Array]
+) -> tuple[OnBounds | None, float | None]:
+    """Time on the faces of a box, and on a sphere; beside a ball, or beside nothing, the input gains have faces of their own."""
+    bounds, sphere = None, None
+    if isinstance(known_set, ParameterBox) and len(t) > 1:
+        bounds = on_bounds(known_set, t, *extrema)
+    if isinstance(known_set, ParameterProduct) and len(t) > 1:
+        first = theta_hat.shape[1] - known_set.gains.size
+        own = on_bounds(known_set.gains, t, *(side[:, first:] for side in extrema))
+        of_theta = (np.zeros(first), np.zeros(first), np.zeros(first), np.full(first, np.nan))
+        bounds = OnBounds(*(np.concatenate(both) for both in zip(of_theta, own, strict=True)))
+    ball = known_set.theta if isinstance(known_set, ParameterProduct) else known_set
+    if isinstance(ball, ParameterBall):
+        away = np.linalg.norm(theta_hat[:, : ball.size] - ball.center, axis=1)
+        sphere = float(np.mean(away >= ball.radius * (1 - 1e-9)))  # the projection's roundings
+    return bounds, sphere
 
 
 def regressor_along(loop: ClosedLoop, states: Array, measured: Array, u: Array) -> Array:

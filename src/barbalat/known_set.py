@@ -1,4 +1,4 @@
-"""The known convex set of the unknown parameters: a box or a ball."""
+"""The known convex set of the unknown parameters: a box or a ball, and beside it the intervals of unknown input gains."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from typing import TypeAlias
 import numpy as np
 
 from barbalat import validate
+from barbalat.protocols import Value
 from barbalat.validate import Array, InputError
 
 
@@ -113,5 +114,41 @@ class ParameterBall:
         return math.hypot(*(theta - self.center)) + self.radius
 
 
+@dataclass(frozen=True, eq=False)
+class ParameterProduct:
+    """Every theta in a ball, or any theta at all, with every input gain in its interval: two sets, each with its own projection.
+
+    A box of theta is no factor here: with the intervals it is one ``ParameterBox``, see ``with_gains``.
+    """
+
+    theta: ParameterBall | None  # None where nothing is known of theta, or it is not to be projected
+    gains: ParameterBox  # (m,) the last m of what is estimated
+
+    def __str__(self) -> str:
+        theta = "" if self.theta is None else f"theta {self.theta}, "
+        return f"{theta}the input gains {self.gains}"
+
+    def parts(self, values: Value) -> tuple[Value, Value]:
+        """theta and the input gains of all that is estimated."""
+        theta = values.shape[0] - self.gains.size
+        return values[:theta], values[theta:]
+
+    def contains(self, values: Array) -> bool:
+        theta, gains = self.parts(values)
+        return self.gains.contains(gains) and (self.theta is None or self.theta.contains(theta))
+
+
 KnownSet: TypeAlias = ParameterBox | ParameterBall
-"""What an estimate can be projected onto."""
+"""What theta can be projected onto."""
+
+EstimateSet: TypeAlias = KnownSet | ParameterProduct
+"""What an estimate can be projected onto: of theta, or of theta and the input gains."""
+
+
+def with_gains(theta: KnownSet | None, gains: ParameterBox | None) -> EstimateSet | None:
+    """The set of all that is estimated; ``None`` for no set and no unknown gains."""
+    if gains is None:
+        return theta
+    if isinstance(theta, ParameterBox):
+        return ParameterBox(lower=np.concatenate([theta.lower, gains.lower]), upper=np.concatenate([theta.upper, gains.upper]))
+    return ParameterProduct(theta, gains)

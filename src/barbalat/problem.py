@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from barbalat import validate
-from barbalat.known_set import KnownSet, ParameterBall, ParameterBox
+from barbalat.known_set import EstimateSet, KnownSet, ParameterBall, ParameterBox, ParameterProduct, with_gains
 from barbalat.measurement import Noise, Sensor
 from barbalat.plant import Model, Plant, ReferenceModel
 from barbalat.protocols import Signal
@@ -25,7 +25,7 @@ class Known:
     b: Array  # (n,), or (n, m)
     k_0: Array | float
     x0: Array  # (n,) the state is measured, so is its initial value
-    box: KnownSet | None  # of all that is estimated: theta, and the input gains where they are unknown
+    box: EstimateSet | None  # of all that is estimated: theta, and the input gains where they are unknown
     uncertainty: Uncertainty = Uncertainty(Linear(), inputs=1)  # noqa: RUF009  # immutable; Phi(x)
     saturation: Array | None = None  # (2,) lower and upper limit of the actuator, (2, m) with m inputs; None where one has none
 
@@ -38,6 +38,22 @@ class Known:
         """How many are estimated."""
         theta = self.uncertainty.regressor.size(self.n) * self.inputs
         return theta + self.inputs if self.uncertainty.gain_unknown else theta
+
+    @property
+    def theta_set(self) -> KnownSet | None:
+        """The known set of theta, for schemes that take the input gain as known."""
+        assert not self.uncertainty.gain_unknown and not isinstance(self.box, ParameterProduct)
+        return self.box
+
+    @property
+    def gains(self) -> ParameterBox | None:
+        """The intervals of the unknown input gains, (m,); ``None`` where they are known."""
+        if not self.uncertainty.gain_unknown or self.box is None:
+            return None
+        if isinstance(self.box, ParameterBox):
+            return ParameterBox(lower=self.box.lower[-self.inputs :], upper=self.box.upper[-self.inputs :])
+        assert isinstance(self.box, ParameterProduct)
+        return self.box.gains
 
     @property
     def n(self) -> int:
@@ -132,7 +148,8 @@ class Problem(TrackingProblem):
     uncertainty                        the known set Omega
     disturbance                        matched: d(t) in x' = A_m x + b (theta'x + u + d)
     unmatched                          others, each along a direction of its own
-    input_gain                         (lower, upper) > 0: the input's gain omega is unknown and estimated with theta
+    input_gain                         (lower, upper) > 0: the input's gain omega is unknown and estimated with theta; a list of
+                                       pairs for several inputs that differ. Goes with a box, a ball or no known set
     sensor                             how the plant's state is measured; exactly by default
     """
 
@@ -140,7 +157,7 @@ class Problem(TrackingProblem):
     reference_model: ReferenceModel = field(default_factory=ReferenceModel)
     reference: Signal | tuple[Signal, ...] = field(default_factory=Constant)
     uncertainty: KnownSet | None = None
-    input_gain: tuple[float, float] | None = None
+    input_gain: tuple[float, float] | tuple[tuple[float, float], ...] | None = None
     disturbance: Signal | None = None
     unmatched: tuple[Disturbance, ...] = ()
     sensor: Sensor | None = None
@@ -175,12 +192,14 @@ class Problem(TrackingProblem):
         freeze(self, unmatched=tuple(self.unmatched))
 
     def _check_input_gain(self) -> None:
-        low, high = gains = validate.vector("uncertainty.input_gain", self.input_gain, 2)
-        if not 0 < low <= high:
-            raise InputError(f"uncertainty.input_gain must be [lower, upper] with 0 < lower <= upper, got {validate.show(gains)}")
-        if not isinstance(self.uncertainty, ParameterBox):
-            raise InputError("uncertainty.input_gain needs uncertainty.lower and uncertainty.upper beside it")
-        freeze(self, input_gain=(float(low), float(high)))
+        name, m = "uncertainty.input_gain", self.plant.inputs
+        several = validate.dimensions(self.input_gain) == 2
+        pairs = validate.array(name, self.input_gain, (m, 2)) if several else validate.vector(name, self.input_gain, 2)[None]
+        for low, high in pairs:
+            if not 0 < low <= high:
+                raise InputError(f"{name} must be [lower, upper] with 0 < lower <= upper, got [{low:g}, {high:g}]")
+        given = tuple((float(low), float(high)) for low, high in pairs)
+        freeze(self, input_gain=given if several else given[0])
 
     def _check_commands(self) -> None:
         several = isinstance(self.reference, (list, tuple))
@@ -196,16 +215,16 @@ class Problem(TrackingProblem):
 
     @property
     def known(self) -> Known:
-        p, box = self.plant, self.uncertainty
-        if isinstance(box, ParameterBox) and self.input_gain is not None:
-            low, high = (np.full(p.inputs, bound) for bound in self.input_gain)
-            box = ParameterBox(lower=np.concatenate([box.lower, low]), upper=np.concatenate([box.upper, high]))
+        p, gains = self.plant, None
+        if self.input_gain is not None:
+            low, high = np.broadcast_to(self.input_gain, (p.inputs, 2)).T
+            gains = ParameterBox(lower=low, upper=high)
         return Known(
             A_m=p.A_m,
             b=p.b,
             k_0=self.reference_model.k_0,
             x0=p.x0,
-            box=box,
+            box=with_gains(self.uncertainty, gains),
             uncertainty=Uncertainty(p.regressor, p.inputs, self.input_gain is not None),
             saturation=_limits(p),
         )

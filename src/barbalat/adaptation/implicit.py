@@ -13,7 +13,7 @@ from barbalat.adaptation import gain
 from barbalat.adaptation.covariance import Memory
 from barbalat.adaptation.laws import AdaptiveLaw, Gradient, LeastSquares, Rates
 from barbalat.adaptation.projection import limit
-from barbalat.known_set import KnownSet, ParameterBall, ParameterBox
+from barbalat.known_set import EstimateSet, KnownSet, ParameterBall, ParameterBox, ParameterProduct
 from barbalat.protocols import Value
 from barbalat.validate import InputError
 
@@ -32,9 +32,15 @@ def require_implicit(law: AdaptiveLaw, known_set: KnownSet | None) -> None:
     require_projectable(law.gamma if isinstance(law, Gradient) else np.eye(1), known_set)
 
 
-def require_projectable(gamma: Any, known_set: KnownSet | None) -> None:
+def require_projectable(gamma: Any, known_set: EstimateSet | None) -> None:
     """InputError for a ball and a gain other than a number: the nearest point in that metric has no closed form."""
-    if isinstance(known_set, ParameterBall) and np.ndim(gamma) > 0:
+    if isinstance(known_set, ParameterProduct) and np.ndim(gamma) == 2:
+        raise InputError(
+            "discretization = 'midpoint' takes a gain matrix and an unknown input gain together only with a box: give "
+            "uncertainty.lower and .upper, a diagonal gain, or discretization = 'euler'"
+        )
+    ball = known_set.theta if isinstance(known_set, ParameterProduct) else known_set
+    if isinstance(ball, ParameterBall) and np.ndim(gamma) > 0:
         raise InputError(
             "discretization = 'midpoint' projects onto a ball for a scalar gain only (not for a matrix or least squares); "
             "give a box, projection = false, or discretization = 'euler'"
@@ -64,7 +70,7 @@ def step(
     return Rates(into(theta_hat + T / scale * P_phi * innovation, known_set, following), Memory(following))
 
 
-def into(theta_hat: Value, known_set: KnownSet | None, gamma: Value) -> Value:
+def into(theta_hat: Value, known_set: EstimateSet | None, gamma: Value) -> Value:
     """The estimate brought into the set without taking V = theta_tilde'Gamma^-1 theta_tilde up.
 
     For a matrix and a box by projections onto its half spaces, each orthogonal in the metric Gamma^-1.

@@ -12,7 +12,7 @@ from barbalat.adaptation import leakage as leak
 from barbalat.adaptation.epsilon_modification import EpsilonModification
 from barbalat.adaptation.learning import CompositeLearning
 from barbalat.adaptation.projection import project
-from barbalat.known_set import KnownSet
+from barbalat.known_set import EstimateSet
 from barbalat.protocols import Value
 from barbalat.validate import Array, InputError
 
@@ -62,7 +62,7 @@ class Modifications:
                 raise InputError(f"{type(part).__name__} takes plants with one input, got {inputs}")
 
     def rate(
-        self, gamma: Value, e: Value, P: Array, b: Array, phi: Value, theta_hat: Value, memory: Any, known_set: KnownSet | None
+        self, gamma: Value, e: Value, P: Array, b: Array, phi: Value, theta_hat: Value, memory: Any, known_set: EstimateSet | None
     ) -> Value:
         """theta_hat' for the error ``e``: of tracking for MRAC, of prediction for L1-AC."""
         error = e @ (P @ b)

@@ -108,13 +108,15 @@ def _is_matrix(value: Any) -> bool:
 
 
 def _known_set(table: plant_tables.UncertaintyTable | None) -> KnownSet | None:
-    """[uncertainty]: exactly one of a box and a ball."""
+    """[uncertainty]: exactly one of a box and a ball, or only the input gains."""
     if table is None:
         return None
     box: dict[str, Any]
     ball: dict[str, Any]
     box, ball = {"lower": table.lower, "upper": table.upper}, {"center": table.center, "radius": table.radius}
     given = {key for key, value in (box | ball).items() if value is not None}
+    if not given and table.input_gain is not None:
+        return None
     if given not in ({"lower", "upper"}, {"center", "radius"}):
         got = ", ".join(sorted(given)) or "nothing"
         raise InputError(f"uncertainty must have either lower and upper, or center and radius, got {got}")

@@ -106,10 +106,10 @@ class ReferenceModelTable(Table):
 
 
 class UncertaintyTable(Table):
-    """[uncertainty]: a box (lower, upper) or a ball (center, radius)."""
+    """[uncertainty]: a box (lower, upper) or a ball (center, radius); the intervals of unknown input gains."""
 
     lower: VectorOrMatrix | None = None
     upper: VectorOrMatrix | None = None
     center: VectorOrMatrix | None = None
     radius: float | None = None
-    input_gain: Vector | None = None
+    input_gain: VectorOrMatrix | None = None

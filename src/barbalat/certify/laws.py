@@ -17,7 +17,7 @@ from barbalat.certify.l1 import float_above
 from barbalat.certify.theorem1 import OUTWARD, mrac_bound, nu_0, smallest_eigenvalue
 from barbalat.controllers import L1Adaptive, Mrac
 from barbalat.controllers.output.lyapunov import LyapunovLaw
-from barbalat.known_set import ParameterBall, ParameterBox
+from barbalat.known_set import ParameterBall, ParameterBox, ParameterProduct
 from barbalat.problem import Problem
 from barbalat.validate import Array
 
@@ -70,14 +70,21 @@ def why_no_bound(controller: Mrac | L1Adaptive, problem: Problem) -> str | None:
 
 
 def _all_within(M_0: float, problem: Problem) -> bool:
-    """Whether |theta|_2 <= M_0 for the case's theta and for all of the known set, in exact arithmetic."""
+    """Whether |theta|_2 <= M_0 for the case's parameters and for all of the known set, in exact arithmetic; with input gains
+    beside a ball it is asked for a little more: |theta|_2 + |omega|_1 <= M_0.
+    """
 
     def squares(values: Array) -> Fraction:
         return sum((Fraction(value) ** 2 for value in values.ravel().tolist()), Fraction(0))
 
-    known_set, bound = problem.uncertainty, Fraction(M_0)
-    if squares(problem.plant.theta) > bound**2:
+    known_set, bound = problem.known.box, Fraction(M_0)
+    if squares(problem.parameters) > bound**2:
         return False
+    if isinstance(known_set, ParameterProduct):
+        bound -= sum((Fraction(value) for value in known_set.gains.upper.tolist()), Fraction(0))
+        known_set = known_set.theta
+        if bound < 0:
+            return False
     if isinstance(known_set, ParameterBox):
         return squares(np.maximum(np.abs(known_set.lower), np.abs(known_set.upper))) <= bound**2
     if isinstance(known_set, ParameterBall):

@@ -46,8 +46,8 @@ def error_norm(equations: linear_feedback.Equations, known: Known) -> Enclosure:
 
 def bound(equations: linear_feedback.Equations, known: Known, x_m: float) -> tuple[theorem1.FilterCondition, float]:
     """The condition N d < 1, and the bound of |e| that it gives; ``x_m`` bounds the model's states."""
-    assert known.box is not None
-    d = known.box.farthest_1(equations.theta_0)
+    assert known.theta_set is not None
+    d = known.theta_set.farthest_1(equations.theta_0)
     condition = theorem1.small_gain(error_norm(equations, known), d)
     nothing = theorem1.ModelBounds(0.0, x_m, x_m)
     return condition, theorem1.l1_bound(0.0, 1.0, condition, d, 0.0, nothing)

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from barbalat import validate
-from barbalat.known_set import KnownSet
+from barbalat.known_set import EstimateSet, ParameterProduct, with_gains
 from barbalat.problem import Known
 from barbalat.validate import Array, InputError
 
@@ -19,12 +19,12 @@ def check_common(settings: Any) -> None:
         object.__setattr__(settings, "theta_hat0", validate.vector("theta_hat0", settings.theta_hat0))
 
 
-def initial_estimate(theta_hat0: Any, box: KnownSet | None, known: Known) -> Array:
+def initial_estimate(theta_hat0: Any, box: EstimateSet | None, known: Known) -> Array:
     """theta_hat(0), (p,): zero unless given, 1 or the nearest bound for an input gain; inside the known set if there is one."""
     gains = known.inputs if known.uncertainty.gain_unknown else 0
     default = np.concatenate([np.zeros(known.parameters - gains), np.ones(gains)])
-    if gains and box is not None:
-        default[-gains:] = np.clip(default, *box.extent)[-gains:]
+    if known.gains is not None:
+        default[-gains:] = np.clip(1.0, *known.gains.extent)
     if theta_hat0 is not None and gains and len(theta_hat0) == known.parameters - gains:
         theta_hat0 = np.concatenate([theta_hat0, default[-gains:]])
     estimate = validate.vector("theta_hat0", default if theta_hat0 is None else theta_hat0, known.parameters)
@@ -42,15 +42,16 @@ def require_one_input(scheme: str, known: Known) -> None:
         raise InputError(f"{scheme} takes the input gain as known; mrac and l1 estimate it (uncertainty.input_gain)")
 
 
-def projection_box(projection: bool | None, known: Known) -> KnownSet | None:
-    """What to project onto: by default the known set where one is given."""
+def projection_box(projection: bool | None, known: Known) -> EstimateSet | None:
+    """What to project onto: by default the known set where one is given; the input gains, where unknown, always onto theirs.
+
+    u is divided by their estimates, which must stay away from zero.
+    """
     if projection is not None and not isinstance(projection, (bool, np.bool_)):
         raise InputError(f"projection must be true or false, got {validate.show(projection)}")
-    if projection and known.box is None:
+    nothing = known.box is None or (isinstance(known.box, ParameterProduct) and known.box.theta is None)
+    if projection and nothing:
         raise InputError(
             "projection needs the known set: give uncertainty.lower and .upper, or .center and .radius, or set projection = false"
         )
-    box = known.box if projection is None or projection else None
-    if box is None and known.uncertainty.gain_unknown:
-        raise InputError("an unknown input gain must be projected, or its estimate could pass through zero: projection = false")
-    return box
+    return known.box if projection is None or projection else with_gains(None, known.gains)

@@ -16,7 +16,7 @@ from barbalat.adaptation.lyapunov import Modifications
 from barbalat.adaptation.projection import limit
 from barbalat.controllers.base import check_common, initial_estimate, projection_box
 from barbalat.controllers.windup import applied, limits_of_predictor
-from barbalat.known_set import KnownSet
+from barbalat.known_set import EstimateSet
 from barbalat.linear import StateSpace, TransferFunction
 from barbalat.problem import Known
 from barbalat.protocols import Value
@@ -46,7 +46,7 @@ class Equations:
     C: StateSpace
     theta_hat0: Array
     x0: Array
-    box: KnownSet | None
+    box: EstimateSet | None
     modifications: Modifications = field(default_factory=Modifications)
     limits: Array | None = None  # of the input, where the predictor is fed with what is left of u
 
@@ -95,7 +95,7 @@ class L1Adaptive:
     gamma       adaptive gain Gamma > 0: a number, a diagonal (p,) or an s.p.d. matrix (p, p)
     filter      C(s): stable, strictly proper, C(0) = 1; starts at rest. ``None`` means C = 1, which is the standard MRAC
     theta_hat0  (p,), zero by default; inside the known set
-    projection  onto the known set; by default on where one is given
+    projection  onto the known set; by default on where one is given. An unknown input gain's estimate is always projected
     leakage, dead_zone, learning  modifications of the law, none by default: see ``adaptation.lyapunov``
     saturated_predictor  against windup: the predictor is fed with sat(u), times omega_hat where the input gain is unknown, so
                 that x_tilde does not see the limit; off by default

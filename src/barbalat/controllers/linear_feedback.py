@@ -80,7 +80,7 @@ class LinearFeedback:
 
     def bind(self, known: Known) -> Equations:
         require_linear_plant(known)
-        middle = np.zeros(known.n) if known.box is None else known.box.middle
+        middle = np.zeros(known.n) if known.theta_set is None else known.theta_set.middle
         return Equations(
             k_0=known.k_0,
             c=known.P @ known.b if self.output is None else validate.vector("output", self.output, known.n),

@@ -16,7 +16,7 @@ from barbalat.adaptation.lyapunov import Modifications
 from barbalat.adaptation.projection import limit
 from barbalat.controllers.base import check_common, initial_estimate, projection_box
 from barbalat.controllers.windup import ModifiedError, applied, known_limits
-from barbalat.known_set import KnownSet
+from barbalat.known_set import EstimateSet
 from barbalat.problem import Known
 from barbalat.protocols import Value
 from barbalat.regressors import Uncertainty
@@ -43,7 +43,7 @@ class Equations:
     gamma: float | Array
     theta_hat0: Array
     x0: Array
-    box: KnownSet | None
+    box: EstimateSet | None
     modifications: Modifications = field(default_factory=Modifications)
     windup: ModifiedError | None = None
     limits: Array | None = None  # of the input, where windup is cared for
@@ -88,7 +88,7 @@ class Mrac:
 
     gamma       adaptive gain Gamma > 0: a number, a diagonal (p,) or an s.p.d. matrix (p, p)
     theta_hat0  (p,), zero by default; inside the known set
-    projection  onto the known set; by default on where one is given
+    projection  onto the known set; by default on where one is given. An unknown input gain's estimate is always projected
     leakage, dead_zone, learning  modifications of the law, none by default: see ``adaptation.lyapunov``
     modified_error  against windup where the input saturates: see ``ModifiedError``; none by default
 

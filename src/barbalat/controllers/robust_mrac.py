@@ -16,7 +16,7 @@ from barbalat.adaptation.normalization import Normalization
 from barbalat.adaptation.projection import limit
 from barbalat.controllers.base import check_common, initial_estimate, projection_box, require_one_input
 from barbalat.controllers.windup import applied, limits_of_predictor
-from barbalat.known_set import KnownSet
+from barbalat.known_set import KnownSet, ParameterProduct
 from barbalat.linear import StateSpace, TransferFunction, transfer_function
 from barbalat.problem import Known
 from barbalat.protocols import Value
@@ -189,6 +189,7 @@ def _equations(settings: RobustMrac | NormalizedMrac, known: Known, Q: StateSpac
     minimum_phase_model(c_0, known)
     settings.law.initial(known.n)  # refuses settings of another size
     box = projection_box(settings.projection, known)
+    assert not isinstance(box, ParameterProduct)  # the input gain is known
     return Equations(
         A_m=known.A_m,
         b=known.b,

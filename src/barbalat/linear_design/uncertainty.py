@@ -43,6 +43,7 @@ def default_delay(known: Known) -> float:
 
     What the model leaves out is then taken to begin a decade above what it describes.
     """
-    corners = [np.zeros(known.n)] if known.box is None else product(*zip(*known.box.extent, strict=True))
+    require_linear_plant(known)
+    corners = [np.zeros(known.n)] if known.theta_set is None else product(*zip(*known.theta_set.extent, strict=True))
     fastest = max(float(np.abs(np.linalg.eigvals(known.A_m + np.outer(known.b, corner))).max()) for corner in corners)
     return 0.1 / fastest
