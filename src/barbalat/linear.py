@@ -53,7 +53,8 @@ class StateSpace:
 
     def response(self, w: Array) -> Array:
         """C (j w I - A)^-1 B + D at frequencies (K,) in rad/s."""
-        return np.asarray(states_response(self.A, self.B, w) @ self.C + self.D)
+        # a sum, not a product: BLAS would start threads for it, which wait for each other on a busy machine
+        return np.asarray((states_response(self.A, self.B, w) * self.C).sum(axis=1) + self.D)
 
     @property
     def order(self) -> int:

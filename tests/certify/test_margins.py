@@ -8,6 +8,7 @@ import pytest
 
 from barbalat import InputError, L1Adaptive, Mrac, input_filter
 from barbalat.cases.load import load_case
+from barbalat.certify.delayed_peaks import delayed_peaks
 from barbalat.certify.loops import around_equilibrium, equilibrium, fast_adaptation, known_parameters, series
 from barbalat.certify.margins import margins
 from barbalat.closed_loop import ClosedLoop
@@ -139,3 +140,85 @@ def test_known_parameters_with_and_without_filter():
     np.testing.assert_allclose(known_parameters(plant, plant.theta).response(w), G @ plant.theta, rtol=1e-12)
     filtered = known_parameters(plant, plant.theta, input_filter(0.5).realise())
     np.testing.assert_allclose(filtered.response(w), G @ plant.theta / (0.5j * w + 1), rtol=1e-12)
+
+
+def random_delayed_loops(count: int):
+    """Loops with a share of the delay that they bear, or of a time of their own."""
+    rng = np.random.default_rng(9)
+    for loop in random_loops(count):
+        borne = margins(loop).delay
+        longest = borne if np.isfinite(borne) else 1 / np.abs(np.linalg.eigvals(loop.A)).max()
+        yield loop, float(longest * rng.uniform(0.05, 0.95))
+
+
+def brute_force(loop: StateSpace, delay: float):
+    """L e^(-j w d) on half a million frequencies, up to ten turns of the delay."""
+    poles = np.linalg.eigvals(loop.A)
+    wide = np.geomspace(1e-5 * np.abs(poles).min(), max(1e3 * np.abs(poles).max(), 60 / delay), 200_000)
+    near = [abs(p.imag) + abs(p.real) * np.linspace(-50, 50, 4001) for p in poles if p.imag > 0]
+    w = np.unique(np.concatenate([wide, np.linspace(1e-3, 60, 200_000) / delay, *near]))
+    w = w[w > 0]
+    return loop.response(w) * np.exp(-1j * w * delay)
+
+
+def test_beside_a_delay_against_brute_force():
+    """1e-4: linear interpolation of the brute force."""
+    for loop, delay in random_delayed_loops(15):
+        found, peaks = margins(loop, delay), delayed_peaks(loop, delay)
+        L = brute_force(loop, delay)
+        k = np.flatnonzero((L.imag[:-1] * L.imag[1:] < 0) & (L.real[:-1] < 0) & (L.real[1:] < 0))
+        t = L.imag[k] / (L.imag[k] - L.imag[k + 1])
+        factors = [*(-1 / (L.real[k] + t * (L.real[k + 1] - L.real[k])))]
+        start = float(loop.response(np.zeros(1))[0].real)
+        factors += [-1 / start] if start < 0 else []
+        assert found.gain_up == pytest.approx(min((f for f in factors if f > 1), default=math.inf), rel=1e-4)
+        assert found.gain_down == pytest.approx(max((f for f in factors if f < 1), default=0), rel=1e-4, abs=1e-12)
+        at = np.flatnonzero((np.abs(L[:-1]) - 1) * (np.abs(L[1:]) - 1) < 0)
+        if len(at):
+            assert found.phase == pytest.approx(np.abs(np.angle(-L[at])).min(), abs=1e-3)
+        for peak, values in ((peaks.sensitivity, 1 / (1 + L)), (peaks.complementary, L / (1 + L))):
+            highest = float(np.abs(values).max())
+            assert highest <= peak * (1 + 1e-9)
+            assert peak == pytest.approx(highest, rel=1e-3)  # an upper end to 1e-6; the points lie beside a sharp peak
+
+
+def test_beside_a_delay_the_factors_are_where_stability_is_lost():
+    checked = 0
+    for loop, delay in random_delayed_loops(25):
+        found = margins(loop, delay)
+        for factor, outward in ((found.gain_up, 1.001), (found.gain_down, 0.999)):
+            if not 0 < factor < 1e3 or delay * max(np.abs(np.linalg.eigvals(loop.A))) > 3:
+                continue  # a Pade approximation follows about two turns
+            for scale, stable in ((outward, False), (1 / outward, True)):
+                scaled = StateSpace(loop.A, loop.B * factor * scale, loop.C, 0.0)
+                assert (pade_closed_loop(scaled, delay) < 0) == stable
+            checked += 1
+    assert checked >= 20
+
+
+def test_the_delay_that_is_there_is_taken_off():
+    loop = TransferFunction([3.0], [1.0, 1.0, 0.0]).realise()
+    alone, beside = margins(loop), margins(loop, 0.1)
+    assert beside.delay == pytest.approx(alone.delay - 0.1, rel=1e-9)
+    assert beside.phase == pytest.approx(alone.phase - 0.1 * alone.crossovers[0], rel=1e-9)
+    with pytest.raises(InputError, match=r"unstable: it bears a delay of 0\.\d+ s and has 1 s"):
+        margins(loop, 1.0)
+
+
+def test_an_integrator_with_a_delay():
+    """k/s e^(-s d): the phase is -pi at w = pi/(2 d) + 2 pi m/d, the first with |L| = 2 k d/pi."""
+    found = margins(TransferFunction([0.5], [1.0, 0.0]).realise(), 0.3)
+    assert found.gain_up == pytest.approx(np.pi / (2 * 0.5 * 0.3), rel=1e-9)
+    assert found.gain_down == 0
+    # a loop that is no loop: nothing destabilises
+    nothing = margins(StateSpace(-np.eye(2), np.ones(2), np.zeros(2), 0.0), 0.3)
+    assert (nothing.gain_up, nothing.gain_down, nothing.phase, nothing.delay) == (math.inf, 0.0, math.inf, math.inf)
+
+
+def test_a_loop_that_does_not_fall_off_bears_no_more_than_its_end():
+    """L = 0.5 (s + 3)/(s + 1): with the delay, L turns at |L| -> 0.5 for ever, so that the factor 2 loses stability."""
+    loop = TransferFunction([0.5, 1.5], [1.0, 1.0]).realise()
+    assert margins(loop, 0.01).gain_up == pytest.approx(2, rel=1e-3)
+    assert margins(loop, 0.01).gain_up <= 2
+    with pytest.raises(InputError, match=r"strictly proper loop, but L\(infinity\) = 0\.5"):
+        delayed_peaks(loop, 0.01)

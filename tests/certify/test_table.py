@@ -2,11 +2,12 @@
 
 import json
 
+import numpy as np
 import pytest
 
 from barbalat import Constant, InputError, L1Adaptive, Mrac, PlantInput, TransferFunction, input_filter
 from barbalat.cases.load import load_case
-from barbalat.certify.loops import around_equilibrium, series
+from barbalat.certify.loops import around_equilibrium, fast_adaptation, known_parameters, series
 from barbalat.certify.margins import margins
 from barbalat.certify.table import certify
 from barbalat.claims.variants import variant
@@ -83,3 +84,29 @@ def test_a_reference_without_a_bound_is_refused():
 
     with pytest.raises(InputError, match="needs a reference with a bound"):
         certify(variant(reference=Unbounded()), (Mrac(gamma=1.0),), SIMULATION)
+
+
+def test_beside_a_delay_nothing_is_missing():
+    """The same keys as without it; the peaks against a dense grid, and none of the set's margins better than at theta."""
+    delay, controllers = 0.01, (Mrac(gamma=1.0), L1Adaptive(gamma=1.0, filter=input_filter(0.1)))
+    plain = certify(variant(), controllers, SIMULATION)
+    delayed = certify(variant(input=PlantInput(delay=delay)), controllers, SIMULATION)
+    for name, found in delayed.items():
+        values, without = found.values, plain[name].values
+        wanted = {"delay_margin", "phase_margin", "gain_margin", "gain_reduction_margin", "sensitivity_peak"}
+        assert wanted <= set(values) and "complementary_sensitivity_peak" in values
+        assert values["delay_margin"] == pytest.approx(without["delay_margin"] - delay, rel=1e-9)
+        assert values["phase_margin"] < without["phase_margin"]
+        for entry in values["margins_over_known_set"]:
+            assert set(entry["unlimited"]) | set(entry) >= {"phase_margin", "gain_margin", "gain_reduction_margin"}
+    plant = variant().plant
+    for name, loop in (
+        ("MRAC", known_parameters(plant, plant.theta)),
+        ("L1", fast_adaptation(plant, input_filter(0.1).realise())),
+    ):
+        w = np.geomspace(1e-6, 1e4, 400_000)
+        L = loop.response(w) * np.exp(-1j * w * delay)
+        values = delayed[name].values
+        assert values["sensitivity_peak"] == pytest.approx(np.abs(1 / (1 + L)).max(), rel=2e-6)
+        assert values["complementary_sensitivity_peak"] == pytest.approx(np.abs(L / (1 + L)).max(), rel=2e-6)
+        assert values["margins_over_known_set"][0]["gain_margin"]["value"] <= values["gain_margin"]

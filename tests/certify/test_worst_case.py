@@ -1,15 +1,17 @@
 """Margins over the known set: against a dense grid of exact margins, and the two ways to a response against each other."""
 
+import itertools
 import json
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from barbalat import L1Adaptive, Mrac, ParameterBox, PlantInput, TransferFunction, input_filter
+from barbalat import InputError, L1Adaptive, Mrac, ParameterBox, Plant, PlantInput, TransferFunction, input_filter
 from barbalat.cases.load import load_case
 from barbalat.certify.loops import fast_adaptation, known_parameters
 from barbalat.certify.margins import margins, sensitivity
+from barbalat.certify.screening import screen
 from barbalat.certify.table import certify
 from barbalat.certify.worst_case import Family, worst_case
 from barbalat.claims.variants import variant
@@ -64,7 +66,8 @@ def test_the_vectorised_response_and_spectrum_are_the_loops_own(family, box):
     rng = np.random.default_rng(3)
     thetas, w = rng.uniform(box.lower, box.upper, (20, box.size)), np.geomspace(1e-2, 1e3, 30)
     own = np.array([family.loop(theta).response(w) for theta in thetas])
-    np.testing.assert_allclose(family.responses(w)(thetas), own, rtol=1e-8)
+    N, D = family.responses(w)(thetas)
+    np.testing.assert_allclose(N / D, own, rtol=1e-8)
     spectra = [np.linalg.eigvals(sensitivity(family.loop(theta)).A).real.max() for theta in thetas]
     np.testing.assert_allclose(family.largest_real_parts(thetas), spectra, atol=1e-6)  # a double pole: the root of rounding
 
@@ -79,10 +82,76 @@ class Bump(Family):
         return StateSpace(np.array([[0.0, 1.0], [0.0, -1.0]]), np.array([0.0, 1.0]), np.array([self.gain(theta)[0], 0.0]), 0.0)
 
     def responses(self, w):
-        return lambda thetas: self.gain(thetas)[:, None] / (1j * w * (1j * w + 1))
+        return lambda thetas: (self.gain(thetas)[:, None] / (1j * w * (1j * w + 1)), np.ones((len(thetas), len(w))))
 
     def largest_real_parts(self, thetas):
         return np.full(len(thetas), -1.0)
+
+
+def lightly_damped(count):
+    """Plants of order 2 and 3 with a damping down to 0.05, a box, a filter and a delay that is not there in half of them."""
+    rng = np.random.default_rng(11)
+    for _ in range(count):
+        n, w, zeta = int(rng.integers(2, 4)), rng.uniform(0.5, 3), rng.uniform(0.05, 0.9)
+        polynomial = np.array([1, 2 * zeta * w, w * w])
+        if n == 3:
+            polynomial = np.polymul(polynomial, [1, rng.uniform(0.5, 5)])
+        A_m = np.diag(np.ones(n - 1), 1)
+        A_m[-1] = -polynomial[:0:-1]
+        half = rng.uniform(0.05, 1.5, n)
+        input = PlantInput(delay=float(rng.uniform(0.001, 0.02))) if rng.integers(2) else None
+        plant = Plant(A_m=A_m, b=np.eye(n)[-1], theta=rng.uniform(-half, half), x0=np.zeros(n), input=input)
+        yield plant, ParameterBox(lower=-half, upper=half), input_filter(10 ** rng.uniform(-2, -0.5)).realise()
+
+
+def test_never_better_than_at_a_vertex_or_at_the_case_s_theta():
+    compared = 0
+    for plant, box, C in lightly_damped(8):
+        vertices = [np.where(signs, box.upper, box.lower) for signs in itertools.product((False, True), repeat=plant.n)]
+        for family in family_of(plant, C).values():
+            found = worst_case(family, box)
+            if found.unstable_at is not None:
+                with pytest.raises(InputError, match=r"unstable|stable closed loop"):
+                    margins(family.loop(found.unstable_at), family.delay)
+                continue
+            exact = [margins(family.loop(theta), family.delay) for theta in (*vertices, plant.theta)]
+            for name in ("delay", "phase", "gain_up"):
+                assert found.least[name][0] <= min(getattr(m, name) for m in exact)
+            assert found.least["gain_down"][0] >= max(m.gain_down for m in exact)
+            compared += 1
+    assert compared >= 10
+
+
+def test_a_pole_beside_the_axis_is_no_crossing():
+    """A plant with damping 0.05 and a box that takes it to 0.0013: the reported factor is the loop's own, above 1."""
+    A_m = [[0.0, 1.0], [-2.5053107653324966, -0.15779347601555097]]
+    plant = Plant(A_m=A_m, b=[0.0, 1.0], theta=[-0.5, -2.2], x0=[0.0, 0.0])
+    box = ParameterBox(lower=[-0.5212298, -2.2170026], upper=[0.5212298, 2.2170026])
+    value, theta = worst_case(family_of(plant, None)["rest"], box).least["gain_up"]
+    # k theta_2 = 0.1578: with the vertex' own theta_2 that is where the damping is gone
+    assert value == pytest.approx(1 + 0.15779347601555097 / 2.2170026, rel=1e-9)
+    assert theta[1] == -2.2170026
+
+
+def test_the_screening_agrees_with_the_exact_margins():
+    """0.03: interpolation, beside a pole that L nearly has. Delayed and not, at points drawn from the set."""
+    rng = np.random.default_rng(2)
+    for plant, box, C in lightly_damped(4):
+        for family in family_of(plant, C).values():
+            thetas = rng.uniform(box.lower, box.upper, (40, plant.n))
+            w = family.frequencies(thetas)
+            N, D = family.responses(w)(thetas)
+            screened = screen(N * np.exp(-1j * w * family.delay), D, w, family.delay)
+            for k, theta in enumerate(thetas):
+                try:
+                    exact = margins(family.loop(theta), family.delay)
+                except InputError:
+                    continue
+                assert screened["delay"][k] - family.delay == pytest.approx(exact.delay, rel=0.03)
+                assert screened["phase"][k] == pytest.approx(exact.phase, rel=0.03)
+                assert 1 - screened["gain_down"][k] == pytest.approx(exact.gain_down, abs=0.03)
+                if exact.gain_up < 100:  # beyond, it may lie above the grid
+                    assert screened["gain_up"][k] == pytest.approx(exact.gain_up, rel=0.03)
 
 
 def test_an_interior_worst_case_is_found():

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from barbalat.certify.delayed_peaks import delayed_peaks
 from barbalat.certify.loops import around_equilibrium, series
 from barbalat.certify.margins import complementary_sensitivity, margins, sensitivity
 from barbalat.certify.peaks import peak_gain
@@ -19,30 +20,34 @@ KEYS = {"delay": "delay_margin", "phase": "phase_margin", "gain_up": "gain_margi
 
 
 def margins_of(problem: TrackingProblem, loop: StateSpace, which: str, findings: list[str]) -> dict[str, Any]:
-    """Margins of the loop with the plant's input dynamics in it; the delay margin is what is left beside the plant's delay."""
-    dynamics = problem.plant.paths[0].dynamics
-    loop = loop if dynamics is None else series(dynamics.realise(), loop)
+    """Margins of the loop with the plant's input dynamics and delay in it: the delay margin is what it bears besides."""
+    loop = with_input_dynamics(problem, loop)
     try:
-        found = margins(loop)
+        found = margins(loop, problem.delay)
     except InputError as error:
         findings.append(f"linear loop {which}: {error}")
         return {}
-    left = found.delay - problem.delay
-    if problem.delay > 0:
-        if left <= 0:
-            findings.append(
-                f"linear loop {which}: unstable, it bears a delay of {found.delay:.4g} s and has {problem.delay:.4g} s"
-            )
-            return {}
-        return {"delay_margin": finite(left), "margins_of": f"the linear loop {which}, beside the delay the plant has"}
     values = {key: finite(getattr(found, name)) for name, key in KEYS.items()}
     unlimited = [key for key, value in values.items() if value is None]
+    beside = f", beside its delay of {problem.delay:g} s" if problem.delay > 0 else ""
     return values | {
         "unlimited": unlimited or None,
-        "sensitivity_peak": peak_gain(sensitivity(loop)).gain,
-        "complementary_sensitivity_peak": peak_gain(complementary_sensitivity(loop)).gain,
-        "margins_of": f"the linear loop {which}, broken at the plant input",
+        **_peaks(loop, problem.delay, which, findings),
+        "margins_of": f"the linear loop {which}, broken at the plant input{beside}",
     }
+
+
+def _peaks(loop: StateSpace, delay: float, which: str, findings: list[str]) -> dict[str, float]:
+    """max |S| and max |T|; a finding where they are not known."""
+    try:
+        if delay > 0:
+            S, T = delayed_peaks(loop, delay)
+        else:
+            S, T = (peak_gain(system(loop)).gain for system in (sensitivity, complementary_sensitivity))
+    except InputError as error:
+        findings.append(f"linear loop {which}: {error}")
+        return {}
+    return {"sensitivity_peak": S, "complementary_sensitivity_peak": T}
 
 
 def adapting_margins(problem: Problem, loop: ClosedLoop, findings: list[str]) -> dict[str, Any]:
@@ -54,8 +59,18 @@ def adapting_margins(problem: Problem, loop: ClosedLoop, findings: list[str]) ->
     if not equations.modifications.is_off:
         findings.append("the adapting loop's margin is given for the plain law only: with the modification it rests elsewhere")
         return {}
-    found = margins_of(problem, around_equilibrium(loop, level), f"linearised at the constant command {level:g}", findings)
-    return {"delay_margin_adapting": found["delay_margin"]} if "delay_margin" in found else {}
+    try:
+        found = margins(with_input_dynamics(problem, around_equilibrium(loop, level)), problem.delay)
+    except InputError as error:
+        findings.append(f"linear loop linearised at the constant command {level:g}: {error}")
+        return {}
+    return {"delay_margin_adapting": finite(found.delay)}
+
+
+def with_input_dynamics(problem: TrackingProblem, loop: StateSpace) -> StateSpace:
+    """The loop with the actuator and the unmodelled dynamics at the plant's input in it; the delay is not."""
+    dynamics = problem.plant.paths[0].dynamics
+    return loop if dynamics is None else series(dynamics.realise(), loop)
 
 
 def finite(value: float) -> float | None:

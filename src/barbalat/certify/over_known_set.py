@@ -22,19 +22,19 @@ FAST = "in the limit of fast adaptation"
 def at_rest(problem: Problem, findings: list[str]) -> dict[str, Any]:
     """Of the loop that every scheme with C = 1 becomes; nothing without a known set."""
     known_set = problem.uncertainty
-    return {} if known_set is None else _values(problem, [(AT_REST, _worst_at_rest(problem.plant, known_set))], findings)
+    return {} if known_set is None else _values([(AT_REST, _worst_at_rest(problem.plant, known_set))], findings)
 
 
 def filtered(problem: Problem, C: StateSpace, findings: list[str]) -> dict[str, Any]:
     """Of L1-AC's two readings: in the limit of fast adaptation, and with the estimates at rest."""
     known_set = problem.uncertainty
-    return {} if known_set is None else _values(problem, _worst_filtered(problem.plant, known_set, C), findings)
+    return {} if known_set is None else _values(_worst_filtered(problem.plant, known_set, C), findings)
 
 
 def fixed(problem: Problem, family: Family, findings: list[str]) -> dict[str, Any]:
     """Of a linear controller's loop."""
     known_set = problem.uncertainty
-    return {} if known_set is None else _values(problem, [("with a fixed controller", worst_case(family, known_set))], findings)
+    return {} if known_set is None else _values([("with a fixed controller", worst_case(family, known_set))], findings)
 
 
 @lru_cache(maxsize=16)
@@ -53,29 +53,22 @@ def _worst_filtered(plant: Plant, known_set: KnownSet, C: StateSpace) -> list[tu
     return [(which, worst_case(family, known_set)) for which, family in families.items()]
 
 
-def _values(problem: Problem, found: list[tuple[str, WorstCase]], findings: list[str]) -> dict[str, Any]:
-    return {"margins_over_known_set": [_entry(problem, which, worst, findings) for which, worst in found]}
+def _values(found: list[tuple[str, WorstCase]], findings: list[str]) -> dict[str, Any]:
+    return {"margins_over_known_set": [_entry(which, worst, findings) for which, worst in found]}
 
 
-def _entry(problem: Problem, which: str, worst: WorstCase, findings: list[str]) -> dict[str, Any]:
-    """JSON for one loop: each finite margin with its theta; beside a delay of the plant, what is left of the delay margin."""
+def _entry(which: str, worst: WorstCase, findings: list[str]) -> dict[str, Any]:
+    """JSON for one loop: each finite margin with its theta, beside the delay that the plant has."""
     entry: dict[str, Any] = {"of": f"the linear loop {which}", "searched": worst.searched, "unlimited": []}
     unstable_at = worst.unstable_at
-    if unstable_at is None:
-        delay, theta = worst.least["delay"]
-        if delay <= problem.delay > 0:
-            unstable_at = theta
     if unstable_at is not None:
         findings.append(
             f"linear loop {which}: unstable at theta = [{', '.join(f'{v:.4g}' for v in unstable_at)}] of the known set"
         )
         return entry | {"unstable_at": unstable_at.tolist()}
     for name, (value, theta) in worst.least.items():
-        if problem.delay > 0 and name != "delay":
-            continue
-        left = value - problem.delay if name == "delay" else value
-        if np.isfinite(left):
-            entry[KEYS[name]] = {"value": left, "theta": theta.tolist()}
+        if np.isfinite(value):
+            entry[KEYS[name]] = {"value": value, "theta": theta.tolist()}
         else:
             entry["unlimited"].append(KEYS[name])
     return entry

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from barbalat.certify.margins import axis_zeros, frequency_grid, one_minus_magnitude
+from barbalat.certify.crossings import axis_zeros, frequency_grid, one_minus_magnitude
 from barbalat.linear import StateSpace
 from barbalat.validate import InputError
 

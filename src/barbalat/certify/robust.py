@@ -10,7 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from barbalat.certify.margins import frequency_grid, sensitivity
+from barbalat.certify.crossings import frequency_grid
+from barbalat.certify.margins import sensitivity
 from barbalat.certify.mu import destabilising, mu_of_family
 from barbalat.linear import StateSpace, TransferFunction, states_response
 from barbalat.validate import Array, InputError

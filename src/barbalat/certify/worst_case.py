@@ -1,7 +1,7 @@
 """Margins of a linear loop over the known set: its extreme points, seeded points inside, and a search around the worst.
 
-Thousands of points are screened on one grid of frequencies, the worst is then computed exactly. What is found is the least
-that was seen: a local minimum between the points may be lower, so it is an estimate and no guarantee.
+Thousands of points are screened on one grid of frequencies; the extreme points, the case's theta and the worst of each round are
+computed exactly, and the least of these is kept. A local minimum between the points may be lower: an estimate, no guarantee.
 """
 
 from __future__ import annotations
@@ -13,17 +13,21 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from barbalat.certify.loops import series
-from barbalat.certify.margins import Margins, margins, sensitivity
+from barbalat.certify.margins import margins, sensitivity
+from barbalat.certify.screening import screen
 from barbalat.known_set import KnownSet, ParameterBox
 from barbalat.linear import StateSpace, states_response
 from barbalat.plant import Plant
-from barbalat.validate import Array
+from barbalat.validate import Array, InputError
 
 INSIDE, AROUND, ROUNDS, EXTREMES = 1000, 200, 4, 1024
-"""Seeded points inside the set, around the worst in each round (each a quarter as wide), and extreme points at most."""
+"""Seeded points inside the set, around the worst of each margin in each round (a quarter as wide), and extreme points at most."""
+VERTICES, EXACTLY = 64, 20
+"""How many extreme points, and how many of the worst screened points for each margin, are computed exactly."""
+NAMES = ("delay", "phase", "gain_up", "gain_down")
 SEARCHED = (
-    "the set's {extremes} extreme points, {inside} seeded points inside, then {rounds} rounds of {around} around the worst: "
-    "the least found, no guarantee"
+    "the set's {extremes} extreme points, {inside} seeded points inside, then {rounds} rounds of {around} around the worst, all "
+    "screened; the {exactly} worst of each round exactly, and the case's theta: the least found, no guarantee"
 )
 
 
@@ -39,23 +43,26 @@ class Family:
     plant: Plant
     around: Callable[[Plant], StateSpace]
 
+    @property
+    def delay(self) -> float:
+        """At the plant's input, not in the loop [s]."""
+        return float(self.plant.paths[0].delay)
+
     def loop(self, theta: Array) -> StateSpace:
         """Broken at the plant's input."""
         loop, dynamics = self.around(replace(self.plant, theta=theta)), self.plant.paths[0].dynamics
         return loop if dynamics is None else series(dynamics.realise(), loop)
 
-    def responses(self, w: Array) -> Callable[[Array], Array]:
-        """From thetas (M, n) to L(j w), (M, K), for w (K,): (1 - h) L, h = theta'W_b, from the origin and the unit vectors."""
+    def responses(self, w: Array) -> Callable[[Array], tuple[Array, Array]]:
+        """From thetas (M, n) to N and D, (M, K), with L(j w) = N/D: D = 1 - h, h = theta'W_b, and N = (1 - h) L.
+
+        Both are affine in theta: from the origin and the unit vectors.
+        """
         units = np.eye(self.plant.n)
         W_b = states_response(self.plant.A_m, self.plant.b, w).T
         origin = self.loop(0 * units[0]).response(w)
         slopes = np.array([(1 - h) * self.loop(unit).response(w) - origin for h, unit in zip(W_b, units, strict=True)])
-
-        def at(thetas: Array) -> Array:
-            with np.errstate(divide="ignore", invalid="ignore"):  # a pole on the axis: no crossing is seen there
-                return np.asarray((origin + thetas @ slopes) / (1 - thetas @ W_b))
-
-        return at
+        return lambda thetas: (origin + _combined(thetas, slopes), 1 - _combined(thetas, W_b))
 
     def largest_real_parts(self, thetas: Array) -> Array:
         """Of the closed loop's eigenvalues, (M,)."""
@@ -64,16 +71,26 @@ class Family:
         return np.asarray(np.linalg.eigvals(origin + np.tensordot(thetas, slopes, 1)).real.max(axis=1))
 
     def frequencies(self, thetas: Array) -> Array:
-        """From far below to far above every pole and every crossover that the set allows, denser at faint damping."""
+        """From far below to far above every pole and every crossover that the set allows, denser at faint damping.
+
+        A loop that is stable with the delay d has its crossovers below 2 pi/d: some turns are looked at closely.
+        """
         loop = self.loop(np.zeros(self.plant.n))
         poles = np.concatenate([np.linalg.eigvals(loop.A), np.linalg.eigvals(sensitivity(loop).A)])
         sizes = np.abs(poles)
         crossover = float(np.abs(thetas).sum(axis=1).max() * np.abs(self.plant.b).max())
-        wide = np.geomspace(sizes[sizes > 1e-9 * sizes.max()].min() / 100, 100 * max(sizes.max(), crossover), 500)
+        slowest = sizes[sizes > 1e-9 * sizes.max()].min()
+        wide = np.geomspace(slowest / 100, 100 * max(sizes.max(), crossover), 500)
         offsets = np.sinh(np.linspace(-5, 5, 41))
         peaks = [p.imag + abs(p.real) * offsets for p in poles if p.imag > 0]
-        w = np.concatenate([wide, *peaks])
+        turns = [np.arange(1, 129) * np.pi / 16 / self.delay] if self.delay > 0 else []
+        w = np.concatenate([[1e-6 * slowest], wide, *peaks, *turns])  # the first stands for zero frequency
         return np.unique(w[w > 0])
+
+
+def _combined(thetas: Array, rows: Array) -> Array:
+    """thetas (M, n) times rows (n, K), as sums: BLAS would start threads for it, which wait for each other on a busy machine."""
+    return sum((theta[:, None] * row for theta, row in zip(thetas.T, rows, strict=True)), np.zeros(1))
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,64 +107,69 @@ class WorstCase:
 
 
 def worst_case(family: Family, known_set: KnownSet, seed: int = 0) -> WorstCase:
-    """Search the set for the least delay, phase and gain margins and the greatest gain reduction margin."""
+    """Search the set for the least margins beside the plant's delay, and for the greatest gain reduction margin."""
     rng = np.random.default_rng(seed)
     extremes = extreme_points(known_set, rng)
     center = np.mean(known_set.extent, axis=0)
-    own = [family.plant.theta] if known_set.contains(family.plant.theta) else []
-    points = np.concatenate([extremes, _inside(known_set, rng, center, 1.0, INSIDE), *np.reshape(own, (-1, 1, family.plant.n))])
-    real_parts = family.largest_real_parts(points)
-    searched = SEARCHED.format(extremes=len(extremes), inside=INSIDE, rounds=ROUNDS, around=AROUND)
-    if real_parts.max() >= 0:
-        return WorstCase({}, points[int(real_parts.argmax())], searched)
-    w = family.frequencies(points)
-    responses = family.responses(w)
-    seen, least = screen(responses(points), w), {}
-    for name, values in seen.items():
-        best, lowest = points[int(values.argmin())], float(values.min())
+    own = np.reshape([family.plant.theta] if known_set.contains(family.plant.theta) else [], (-1, family.plant.n))
+    points = np.concatenate([extremes, _inside(known_set, rng, center, 1.0, INSIDE), own])
+    searched = SEARCHED.format(extremes=len(extremes), inside=INSIDE, rounds=ROUNDS, around=AROUND, exactly=EXACTLY)
+    search = _Search(family, family.frequencies(points))
+    try:
+        search.look(np.concatenate([extremes[:VERTICES], own]))
+        search.screen(points)
         for k in range(1, ROUNDS + 1):
-            near = _inside(known_set, rng, best, 4.0**-k, AROUND)
-            found = screen(responses(near), w)[name]
-            if found.min() < lowest:
-                best, lowest = near[int(found.argmin())], float(found.min())
-        exact: Margins = margins(family.loop(best))
-        least[name] = (float(getattr(exact, name)), best)
-    return WorstCase(least, None, searched)
+            centers = np.unique([theta for _, theta in search.least.values()], axis=0)
+            search.screen(np.concatenate([_inside(known_set, rng, theta, 4.0**-k, AROUND) for theta in centers]))
+    except _Unstable as found:
+        return WorstCase({}, found.theta, searched)
+    return WorstCase(search.least, None, searched)
 
 
-def screen(L: Array, w: Array) -> dict[str, Array]:
-    """Each (M,): what is smallest where the margin is worst, from responses (M, K) by interpolation between frequencies.
+class _Unstable(Exception):
+    """A loop of the family is not stable."""
 
-    1 - gain_down stands for gain_down: all four are then to be made small.
-    """
-    with np.errstate(divide="ignore", invalid="ignore"):
-        t, at = _crossings(np.log(np.abs(L)))
-        at_unity = L[:, :-1] + t * (L[:, 1:] - L[:, :-1])
-        lag = np.angle(-at_unity) % (2 * np.pi)
-        frequency = w[:-1] * (w[1:] / w[:-1]) ** t
-        t, on_axis = _crossings(L.imag)
-        real = L.real[:, :-1] + t * (L.real[:, 1:] - L.real[:, :-1])
-        factor = np.where(on_axis & (real < 0), -1 / real, np.nan)
-        edges = np.where(L.real[:, [0, -1]] < 0, -1 / L.real[:, [0, -1]], np.nan)  # zero and infinite frequency, nearly
-        flat = np.abs(L.imag[:, [0, -1]]) < 1e-2 * np.abs(L.real[:, [0, -1]])
-        factors = np.hstack([factor, np.where(flat, edges, np.nan)])
-
-    def smallest(values: Array, where: Array) -> Array:
-        return np.asarray(np.where(where, values, np.inf).min(axis=1))
-
-    return {
-        "delay": smallest(lag / frequency, at),
-        "phase": smallest(np.minimum(lag, 2 * np.pi - lag), at),
-        "gain_up": smallest(factors, factors > 1),
-        "gain_down": np.minimum(1.0, smallest(1 - factors, factors < 1)),
-    }
+    def __init__(self, theta: Array) -> None:
+        super().__init__(f"unstable at theta = {theta}")
+        self.theta = theta
 
 
-def _crossings(values: Array) -> tuple[Array, Array]:
-    """Where along the last axis the sign changes, (M, K - 1): the fraction of the interval, and whether it does."""
-    left, right = values[:, :-1], values[:, 1:]
-    changes = (left * right < 0) & np.isfinite(left) & np.isfinite(right)
-    return np.where(changes, left / np.where(changes, left - right, 1.0), 0.0), changes
+class _Search:
+    """The least margins so far, all of them exact."""
+
+    def __init__(self, family: Family, w: Array) -> None:
+        self.family, self.w = family, w
+        self.least: dict[str, tuple[float, Array]] = {}
+        self._responses = family.responses(w)
+        self._seen: set[bytes] = set()
+
+    def screen(self, points: Array) -> None:
+        """Screen the points, and look at the worst of them for each margin."""
+        real_parts = self.family.largest_real_parts(points)
+        if real_parts.max() >= 0:
+            raise _Unstable(points[int(real_parts.argmax())])
+        N, D = self._responses(points)
+        screened = screen(N * np.exp(-1j * self.w * self.family.delay), D, self.w, self.family.delay)
+        for values in screened.values():
+            worst = np.argsort(values)[:EXACTLY]
+            self.look(points[worst[np.isfinite(values[worst])]])
+
+    def look(self, points: Array) -> None:
+        """Take the exact margins at the points into account."""
+        for theta in points:
+            if theta.tobytes() in self._seen:
+                continue
+            self._seen.add(theta.tobytes())
+            try:
+                found = margins(self.family.loop(theta), self.family.delay)
+            except InputError as error:
+                raise _Unstable(theta) from error
+            for name in NAMES:
+                value = float(getattr(found, name))
+                if name not in self.least or (
+                    value > self.least[name][0] if name == "gain_down" else value < self.least[name][0]
+                ):
+                    self.least[name] = (value, theta)
 
 
 def extreme_points(known_set: KnownSet, rng: np.random.Generator) -> Array:
