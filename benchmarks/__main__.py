@@ -8,7 +8,7 @@ import sys
 import tempfile
 from pathlib import Path
 
-from benchmarks import house, inputs, speed
+from benchmarks import house, inputs, outputs, speed
 from benchmarks.loops import CASES
 from benchmarks.race import WrongNumbersError
 from benchmarks.table import console, show
@@ -35,6 +35,7 @@ def main() -> int:
     show("The second core, ns per step of one member", *house.two_cores(MEMBERS, quick=quick))
     for members in (1, 16):
         show("Delay and actuator, time per state as a ratio to the plain loop's", *inputs.per_state(members, quick=quick))
+        show("Output feedback, time per state as a ratio to a state-feedback loop's", *outputs.per_state(members, quick=quick))
     show("From equations to a kernel", [row for case in CASES for row in house.compiling(case(), quick=quick)], [])
     show("Memory", *house.memory(quick=quick))
     show("The command line", *house.command_line(quick=quick))

@@ -44,7 +44,7 @@ def per_state(members: int, *, quick: bool) -> tuple[list[Row], list[str]]:
         runs, sizes = {}, {}
         for what, path in PATHS.items():
             problem = replace(given, plant=replace(given.plant, input=path))
-            runs[what], sizes[what] = _advance(problem, controller, members)
+            runs[what], sizes[what] = advance(problem, controller, members)
         times = race([Contestant(what, STEPS, run) for what, run in runs.items()], members, 5 if quick else 15)
         plain = times["plain"].best / sizes["plain"]
         for what in list(PATHS)[1:]:
@@ -54,7 +54,8 @@ def per_state(members: int, *, quick: bool) -> tuple[list[Row], list[str]]:
     return rows, []
 
 
-def _advance(problem, controller, members: int) -> tuple[Callable[[int], np.ndarray], int]:
+def advance(problem, controller, members: int) -> tuple[Callable[[int], np.ndarray], int]:
+    """A function that takes the loop so many steps further in machine code, and the loop's states."""
     loop = ClosedLoop.of(problem, controller)
     weights, lags = None, None
     if problem.delay > 0:

@@ -15,6 +15,9 @@ from scipy.integrate import solve_ivp
 from barbalat.adaptation.laws import Gradient, LeastSquares
 from barbalat.closed_loop import ClosedLoop
 from barbalat.controllers import L1Adaptive, LinearFeedback, Mrac, NormalizedMrac, RobustMrac
+from barbalat.controllers.output import L1Output, LinearOutput, MracOutput
+from barbalat.controllers.output.l1 import linear_equivalent
+from barbalat.controllers.output.lyapunov import LyapunovLaw
 from barbalat.linear import TransferFunction, input_filter
 from barbalat.validate import InputError
 
@@ -70,10 +73,11 @@ def brute_force(loop: ClosedLoop, signals, solver: str, dt: float, steps: int) -
             pytest.fail(f"no brute-force formulas for the solver {solver}: add them here")
         states.append(y)
     parts = [loop.unpack(state) for state in states]
-    u = [loop.equations.control(p.controller, p.x, p.x_m, at(k * dt)[0]) for k, p in enumerate(parts)]
+    measured = [(loop.plant.output(p.x), loop.model.output(p.x_m)) for p in parts]
+    u = [loop.equations.control(p.controller, *y, at(k * dt)[0]) for k, (p, y) in enumerate(zip(parts, measured, strict=True))]
     return Samples(
         states=np.array(states),
-        e=np.array([p.x - p.x_m for p in parts]),
+        e=np.array([np.atleast_1d(y - y_m) for y, y_m in measured]),
         u=np.array(u),
         theta_hat=np.array([p.controller.theta_hat for p in parts]),
     )
@@ -101,5 +105,27 @@ def example_controllers(n: int) -> dict[str, tuple]:
         "linear": (
             LinearFeedback(controller=TransferFunction([50.0, 40.0], [1.0, 0.0])),
             LinearFeedback(controller=TransferFunction([50.0], [1.0, 10.0]), output=np.arange(1.0, n + 1), nominal=np.ones(n)),
+        ),
+    }
+
+
+def example_output_controllers(n: int) -> dict[str, tuple]:
+    """For each registered output scheme, settings with which the output problem of order n is smooth and tracks; see conftest."""
+    box = {"lower": np.append(np.full(2 * n - 1, -40.0), 0.05), "upper": np.append(np.full(2 * n - 1, 40.0), 5.0)}
+    designed = {"order": n, "relative_degree": 1, "sign": 1}
+    same = linear_equivalent(L1Output(m=2.0, gamma=300.0, filter=TransferFunction([20.0], [1.0, 20.0])))
+    return {
+        "mrac-output": (
+            MracOutput(law=LyapunovLaw(gamma=5.0), **designed),
+            MracOutput(law=Gradient(gamma=5.0), tau=0.2, **box, **designed),
+            MracOutput(law=LeastSquares(covariance0=5.0), tau=0.2, c_0_min=0.05, **designed),
+        ),
+        "l1-output": (
+            L1Output(m=2.0, gamma=300.0, filter=TransferFunction([20.0], [1.0, 20.0]), sigma_bound=30.0),
+            L1Output(m=2.0, gamma=300.0, filter=TransferFunction([400.0], [1.0, 28.0, 400.0])),
+        ),
+        "linear": (
+            LinearOutput(loop=TransferFunction([20.0, 20.0], [1.0, 0.0])),
+            LinearOutput(loop=same.feedback, feedforward=same.feedforward),
         ),
     }

@@ -41,7 +41,7 @@ EXPECTED = {
     # |1 - C| falls with one slope, a PI's |S| with two; a robust MRAC learns theta and cancels it
     "l1-against-pi": "not confirmed", "adaptive-against-linear": "confirmed with conditions",
     "l1-output-is-lti": "confirmed",
-    "rohrs": "confirmed",
+    "rohrs": "confirmed with conditions",
     # V falls at every sample, whatever the gain (docs/sampled.md)
     "sampled-midpoint": "not confirmed",
     "siso-any-relative-degree": "confirmed",

@@ -16,6 +16,7 @@ from barbalat.adaptation.fixed_sigma import FixedSigma
 from barbalat.adaptation.laws import LAWS, Gradient, LeastSquares
 from barbalat.cases.load import load_case
 from barbalat.certify.output import condition_norm, small_gain_system
+from barbalat.certify.output_mrac import matched_feedback
 from barbalat.certify.table import certify
 from barbalat.certify.table_1 import table_1
 from barbalat.closed_loop import ClosedLoop
@@ -25,6 +26,7 @@ from barbalat.controllers.output.linear import LinearOutput
 from barbalat.controllers.output.lyapunov import LyapunovLaw
 from barbalat.controllers.output.matching import filter_polynomial, is_strictly_positive_real, matching_parameters
 from barbalat.controllers.output.mrac import MracOutput
+from barbalat.controllers.robust_mrac import auxiliary_filter
 from barbalat.ensemble import simulate_ensemble
 from barbalat.grid import Simulation
 from barbalat.linear import TransferFunction
@@ -331,6 +333,48 @@ class _Pulse:
 
     def before(self, t):
         return np.where((t > 1) & (t <= 6), -4.0, 0.0)
+
+
+@pytest.mark.parametrize("filter", [C, TF([40.0], [1.0, 9.0, 40.0])])
+def test_the_system_of_condition_20_against_python_control(filter):
+    """H (1 - C) with H = G G_m/(C G + (1 - C) G_m), by python-control's own algebra."""
+    controller = l1(filter=filter)
+    plant = TF([2.0, 1.0], [1.0, 0.4, -0.3])
+    G, G_m, C_s = (control.tf(system.num, system.den) for system in (plant, controller.G_m, filter))
+    expected = G * G_m / (C_s * G + (1 - C_s) * G_m) * (1 - C_s)
+    found = small_gain_system(controller, plant)
+    for w in (0.0, 0.3, 4.0, 50.0):
+        assert complex(found.at(np.array(1j * w))) == pytest.approx(complex(expected(1j * w)), rel=1e-9, abs=1e-12)
+
+
+@pytest.mark.parametrize("name", EXAMPLES)
+def test_feedback_and_auxiliary_filter_against_python_control(name):
+    """K of u = -K[y] at theta*, and Q = 1/(W_m (tau s + 1)^n*)."""
+    plant, model = EXAMPLES[name]
+    Lambda, theta, n = filter_polynomial(len(plant.poles), model, None), theta_star(plant, model), len(plant.poles)
+    alpha = [control.tf(np.eye(n - 1)[i], Lambda) for i in range(n - 1)]
+    ahead = sum((w * a for w, a in zip(theta[: n - 1], alpha, strict=True)), control.tf([0.0], [1.0]))
+    back = sum((w * a for w, a in zip(theta[n - 1 : 2 * n - 2], alpha, strict=True)), control.tf([theta[2 * n - 2]], [1.0]))
+    K, Q = matched_feedback(theta, Lambda), auxiliary_filter(model, 0.3)
+    W_m, lag = control.tf(model.num, model.den), control.tf([1.0], [0.3, 1.0])
+    for w in (0.2, 1.0, 9.0):
+        assert complex(K.at(np.array(1j * w))) == pytest.approx(complex(-(back / (1 - ahead))(1j * w)), rel=1e-8)
+        expected = lag(1j * w) ** plant.relative_degree / W_m(1j * w)
+        assert complex(Q.response(np.array([w]))[0]) == pytest.approx(complex(expected), rel=1e-8)
+
+
+def test_a_diagonal_gain_makes_the_run_nearly_independent_of_the_time_unit():
+    """Plant, model, command and step in units of 1/W s. Not exactly: m^2 weighs the entries of phi in their own units."""
+    tails = {}
+    for W, scaled in ((1.0, True), (1000.0, True), (1000.0, False)):
+        plant, model = TF([1.5 * W**3], [1.0, 2 * W, 2 * W**2, 0.5 * W**3]), TF([W**3], [1.0, 3 * W, 3.5 * W**2, 1.5 * W**3])
+        gain = 5.0 * W * (np.array([W**2, W**4, W**2, W**4, 1.0, 1.0]) if scaled else 1.0)
+        controller = MracOutput(order=3, relative_degree=3, sign=1, law=Gradient(gamma=gain), c_0_min=0.1, name="c")
+        problem = problem_of(plant, model, Sine(amplitude=1.0, frequency=1.3 * W))
+        run = simulate(problem, [controller], Simulation(t_end=200 / W, dt=1e-2 / W))["c"]
+        tails[W, scaled] = run.figures["tail_max_abs_e"][0]
+    assert tails[1000.0, True] == pytest.approx(tails[1.0, True], rel=1e-2)
+    assert tails[1000.0, False] > 1.3 * tails[1.0, True]
 
 
 def test_condition_20_against_quadrature():

@@ -1,0 +1,57 @@
+"""What a step of an output-feedback loop costs per state, beside a state-feedback loop of its kind in one run."""
+
+from __future__ import annotations
+
+from barbalat.adaptation.laws import LeastSquares
+from barbalat.controllers import L1Adaptive, Mrac, RobustMrac
+from barbalat.controllers.output import L1Output, MracOutput
+from barbalat.controllers.output.lyapunov import LyapunovLaw
+from barbalat.linear import TransferFunction, input_filter
+from barbalat.output_problem import OutputPlant, OutputProblem, OutputReferenceModel
+from barbalat.problem import ParameterBox, Plant, Problem
+from barbalat.signals import Sine
+from benchmarks.inputs import STEPS, advance
+from benchmarks.race import Contestant, race
+from benchmarks.table import Row
+
+COMMAND = Sine(amplitude=1.0, frequency=1.0)
+FIRST_ORDER = Problem(
+    plant=Plant(A_m=[[-3.0]], b=[2.0], theta=[1.0]), reference=COMMAND, uncertainty=ParameterBox(lower=[-3.0], upper=[3.0])
+)
+THIRD_ORDER = Problem(
+    plant=Plant(A_m=[[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [-6.0, -11.0, -6.0]], b=[0.0, 0.0, 1.0], theta=[1.0, -0.5, 0.3]),
+    reference=COMMAND,
+    uncertainty=ParameterBox(lower=[-3.0] * 3, upper=[3.0] * 3),
+)
+
+
+def _output(num: list[float], den: list[float], model: list[float]) -> OutputProblem:
+    return OutputProblem(
+        plant=OutputPlant(transfer_function=TransferFunction(num, den)),
+        reference_model=OutputReferenceModel(transfer_function=TransferFunction([model[-1]], model)),
+        reference=COMMAND,
+    )
+
+
+FIRST, THIRD = _output([2.0], [1.0, 1.0], [1.0, 3.0]), _output([1.5], [1.0, 2.0, 2.0, 0.5], [1.0, 3.0, 3.5, 1.5])
+L1 = L1Output(m=3.0, gamma=1e3, filter=TransferFunction([30.0], [1.0, 30.0]), sigma_bound=100.0)
+LAW = LeastSquares(covariance0=50.0)
+CLASSICAL = MracOutput(order=1, relative_degree=1, sign=1, law=LyapunovLaw(gamma=1.0))
+ROBUST = MracOutput(order=3, relative_degree=3, sign=1, law=LAW, tau=0.5, c_0_min=0.1)
+PAIRS = {
+    "L1-AC": ((FIRST, L1), (FIRST_ORDER, L1Adaptive(gamma=1e3, filter=input_filter(1 / 30)))),
+    "MRAC": ((FIRST, CLASSICAL), (FIRST_ORDER, Mrac(gamma=10.0))),
+    "robust MRAC, n = 3": ((THIRD, ROBUST), (THIRD_ORDER, RobustMrac(tau=0.5, law=LAW))),
+}
+
+
+def per_state(members: int, *, quick: bool) -> tuple[list[Row], list[str]]:
+    """One row for each scheme: nanoseconds per step and state, as a ratio to the state-feedback loop's."""
+    rows = []
+    for name, pair in PAIRS.items():
+        (ours, n_ours), (theirs, n_theirs) = (advance(problem, controller, members) for problem, controller in pair)
+        times = race([Contestant("output", STEPS, ours), Contestant("state", STEPS, theirs)], members, 5 if quick else 15)
+        each = [times["output"].best / n_ours, times["state"].best / n_theirs]
+        texts = [f"{times[which].best:.3g} ns, {states} states" for which, states in (("output", n_ours), ("state", n_theirs))]
+        rows.append(Row(f"{name}, {members} at once", *texts, each[0] / each[1], at_most=1.0))
+    return rows, []

@@ -1,0 +1,200 @@
+"""What every registered output-feedback scheme owes, as tests/contracts/test_schemes.py says it of the others."""
+
+from __future__ import annotations
+
+from dataclasses import FrozenInstanceError, fields, replace
+from functools import cache
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from barbalat.closed_loop import ClosedLoop
+from barbalat.controllers import Mrac, Sampled
+from barbalat.controllers.output import OUTPUT_SCHEMES, LinearOutput
+from barbalat.ensemble import simulate_ensemble
+from barbalat.grid import Simulation
+from barbalat.linear import TransferFunction
+from barbalat.output_problem import OutputPlant, OutputProblem, OutputReferenceModel
+from barbalat.packing import column, symbols
+from barbalat.protocols import Controller
+from barbalat.signals import Constant, Sine
+from barbalat.simulation import simulate
+from barbalat.solvers import SOLVERS
+from barbalat.stepping import jacobian_function
+from independent import brute_force, example_output_controllers, refusal
+
+PLANTS = {
+    1: TransferFunction([2.0], [1.0, -0.5]),
+    2: TransferFunction([2.0, 3.0], [1.0, 1.0, -0.5]),
+    3: TransferFunction([1.5, 4.5, 3.0], [1.0, 2.0, 1.0, -0.2]),
+}
+"""Unstable, minimum phase, of relative degree one."""
+EXAMPLES = [
+    (name, n, i) for name in OUTPUT_SCHEMES for n in PLANTS for i in range(len(example_output_controllers(n).get(name, [None])))
+]
+
+
+def problem(n, **changes):
+    given = {
+        "plant": OutputPlant(transfer_function=PLANTS[n]),
+        "reference_model": OutputReferenceModel(transfer_function=TransferFunction([2.0], [1.0, 2.0])),
+        "reference": Sine(1.0, 1.0),
+    }
+    return OutputProblem(**(given | changes))
+
+
+@pytest.fixture(params=EXAMPLES, ids=[f"{name}-n{n}-{i}" for name, n, i in EXAMPLES])
+def example(request):
+    name, n, i = request.param
+    table = example_output_controllers(n)
+    if name not in table:
+        pytest.fail(f"the scheme {name!r} is registered but has no example settings: add them to tests/independent.py")
+    return problem(n), table[name][i]
+
+
+@cache
+def long_run(n, name, i):
+    controller = example_output_controllers(n)[name][i]
+    return simulate(problem(n), [controller], Simulation(t_end=64.0, dt=2.0**-7))[controller.name]
+
+
+def test_the_registry_knows_the_class(example):
+    _, controller = example
+    assert type(controller) in OUTPUT_SCHEMES.values()
+    assert isinstance(controller, Controller)
+    assert controller.feedback == "output"
+
+
+def test_symbols_and_numbers_agree(example):
+    import casadi as ca
+
+    given, controller = example
+    loop = ClosedLoop.of(given, controller)
+    state_column, state = symbols("state", loop.size)
+    signal_column, signal = symbols("signals", 1)
+    outputs = [loop.derivative(state, signal), loop.limit(state), np.concatenate(loop.outputs(state, signal))]
+    traced = ca.Function("f", [state_column, signal_column], [column(value) for value in outputs])
+    random = np.random.default_rng(5)
+    for _ in range(20):
+        y, r = random.normal(size=loop.size), random.normal(size=1)
+        numbers = [loop.derivative(y, r), loop.limit(y), np.concatenate(loop.outputs(y, r))]
+        for symbolic, numeric in zip(traced(y, r), numbers, strict=True):
+            np.testing.assert_allclose(np.asarray(symbolic)[:, 0], numeric, rtol=1e-10, atol=1e-10)
+
+
+@pytest.mark.parametrize("solver", SOLVERS)
+def test_the_kernel_does_what_plain_stepping_does(example, solver):
+    given, controller = example
+    dt, steps = 2.0**-8, 320
+    samples = brute_force(ClosedLoop.of(given, controller), given.signals, solver, dt, steps)
+    simulation = Simulation(t_end=steps * dt, dt=dt, solver=SOLVERS[solver], record_points=steps)
+    result = simulate(given, [controller], simulation)[controller.name]
+    np.testing.assert_allclose(result.e, samples.e, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(result.theta_hat, samples.theta_hat, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(result.u, samples.u, rtol=0, atol=1e-8)
+
+
+def test_the_error_of_a_solver_falls_with_its_order(example):
+    """Halving the step of RK4 three times before any bound is met: the differences fall by 2^4 = 16 each, within a third."""
+    given, controller = example
+    ends = []
+    for k in range(4):
+        simulation = Simulation(t_end=1.0, dt=2.0 ** -(8 + k), record_points=16)
+        ends.append(simulate(given, [controller], simulation)[controller.name].states[-1])
+    first, second, third = (np.abs(a - b).max() for a, b in pairwise(ends))
+    floor = 1e-12 * np.abs(ends[-1]).max()
+    assert second < floor or 10 < first / second < 24
+    assert third < floor or 10 < second / third < 24
+
+
+def test_the_exact_jacobian_against_differences(example):
+    given, controller = example
+    loop = ClosedLoop.of(given, controller)
+    random = np.random.default_rng(2)
+    y, signals = loop.initial() + 0.1 * random.uniform(0.5, 1.0, loop.size), np.array([0.7])
+    columns = []
+    for i in range(loop.size):
+        d = 1e-5 * np.eye(loop.size)[i]
+        columns.append((loop.derivative(y + d, signals) - loop.derivative(y - d, signals)) / 2e-5)
+    exact = np.asarray(jacobian_function(loop, 1e-3)(y, signals))
+    np.testing.assert_allclose(exact, np.array(columns).T, rtol=1e-5, atol=1e-5 * max(1, np.abs(exact).max()))
+
+
+@pytest.mark.parametrize(("name", "n", "i"), EXAMPLES)
+def test_it_tracks(name, n, i):
+    """The tail error is a fraction of the model's output, 0.9; the unstable plants left alone leave all bounds."""
+    run = long_run(n, name, i)
+    assert run.diverged_at is None
+    assert run.figures["tail_max_abs_e"][0] < 0.5
+
+
+@pytest.mark.parametrize(("name", "n", "i"), EXAMPLES)
+def test_shapes_and_numbers_of_a_result(name, n, i):
+    run = long_run(n, name, i)
+    count, estimates = len(run.t), run.controller.bind(run.problem.known).initial().theta_hat.size
+    assert run.e.shape == (count, 1)
+    assert run.y.shape == run.u.shape == run.r.shape == (count,)
+    assert run.theta_hat.shape == (count, estimates)
+    assert set(run.figures) >= {"max_abs_e", "rms_e", "max_abs_u", "max_abs_y", "diverged_at"}
+    assert run.figures["max_abs_y"] >= np.abs(run.y).max()
+    for value in [*run.columns().values(), run.stiffness.h_lambda_max]:
+        assert np.isfinite(value).all()
+
+
+def test_settings_are_frozen(example):
+    _, controller = example
+    for field in fields(controller):
+        with pytest.raises(FrozenInstanceError):
+            setattr(controller, field.name, 1.0)
+
+
+def test_rest_stays_rest(example):
+    """r = 0, d = 0: nothing moves, not even by a rounding."""
+    given, controller = example
+    (run,) = simulate(replace(given, reference=Constant(0.0)), [controller], Simulation(t_end=1.0, dt=2.0**-6)).values()
+    start = run.theta_hat[0]
+    assert not run.y.any() and not run.u.any() and not run.e.any()
+    np.testing.assert_array_equal(run.theta_hat, np.tile(start, (len(run.t), 1)))
+
+
+def test_disturbances_reach_the_plant(example):
+    given, controller = example
+    simulation = Simulation(t_end=4.0, dt=2.0**-8)
+    changes = ({}, {"disturbance": Constant(0.0), "output_disturbance": Constant(0.0)}, {"disturbance": Sine(1.0, 2.0)},
+               {"output_disturbance": Sine(0.5, 2.0)})  # fmt: skip
+    without, zero, some, other = (
+        simulate(replace(given, **change), [controller], simulation)[controller.name] for change in changes
+    )
+    np.testing.assert_allclose(zero.y, without.y, atol=1e-10)
+    assert np.abs(some.y - without.y).max() > 1e-2
+    assert np.abs(other.y - without.y).max() > 1e-2
+
+
+def test_a_member_of_an_ensemble_is_the_run_alone(example):
+    given, controller = example
+    simulation = Simulation(t_end=4.0, dt=2.0**-7)
+    alone = simulate(given, [controller], simulation)[controller.name].metrics
+    metrics = simulate_ensemble([(given, controller)] * 5, simulation).metrics
+    np.testing.assert_array_equal(metrics.max_abs_e, np.tile(alone.max_abs_e, (5, 1)))
+
+
+@pytest.mark.parametrize("discretization", ["euler", "midpoint"])
+def test_sampled_fast_it_is_the_continuous_controller(example, discretization):
+    """At a sample time of 2^-9 s the run differs from the continuous one by what a zero-order hold costs."""
+    given, controller = example
+    try:
+        sampled = Sampled(controller=controller, sample_time=2.0**-9, discretization=discretization)
+        sampled.bind(given.known)
+    except ValueError as error:
+        assert discretization == "midpoint" and "midpoint" in str(error)  # refused where there is no proof
+        pytest.skip(str(error))
+    simulation = Simulation(t_end=3.0, dt=2.0**-10)
+    held, continuous = (simulate(given, [c], simulation)[controller.name] for c in (sampled, controller))
+    assert np.abs(held.y - continuous.y).max() < 0.05 * np.abs(continuous.y).max()
+
+
+def test_what_measures_the_state_is_refused(example):
+    given, controller = example
+    assert "feeds back the state" in refusal(lambda: ClosedLoop.of(given, Mrac(gamma=1.0)))
+    assert isinstance(controller, LinearOutput) or controller.bind(given.known).initial().theta_hat.size
