@@ -1,12 +1,14 @@
 """The certificates of whole cases: contract keys, what is called guaranteed, and what is said when nothing can be."""
 
 import json
+from fractions import Fraction
 
 import numpy as np
 import pytest
 
-from barbalat import Constant, InputError, L1Adaptive, Mrac, PlantInput, TransferFunction, input_filter
+from barbalat import Constant, InputError, L1Adaptive, Mrac, ParameterBox, PlantInput, TransferFunction, input_filter, simulate
 from barbalat.cases.load import load_case
+from barbalat.certify import theorem1
 from barbalat.certify.loops import around_equilibrium, fast_adaptation, known_parameters, series
 from barbalat.certify.margins import margins
 from barbalat.certify.table import certify
@@ -14,6 +16,7 @@ from barbalat.claims.variants import variant
 from barbalat.cli import main
 from barbalat.closed_loop import ClosedLoop
 from barbalat.grid import Simulation
+from barbalat.report.certificates import rows
 
 SIMULATION = Simulation(t_end=60.0, dt=1e-4)
 
@@ -110,3 +113,49 @@ def test_beside_a_delay_nothing_is_missing():
         assert values["sensitivity_peak"] == pytest.approx(np.abs(1 / (1 + L)).max(), rel=2e-6)
         assert values["complementary_sensitivity_peak"] == pytest.approx(np.abs(L / (1 + L)).max(), rel=2e-6)
         assert values["margins_over_known_set"][0]["gain_margin"]["value"] <= values["gain_margin"]
+
+
+def test_the_bounds_follow_from_what_is_shown(capsys):
+    """(9) and (10), and the Lyapunov equation, from the JSON and the case's own numbers alone; 1e-9: the outward roundings."""
+    assert main(["certify", "paper", "--json"]) == 0
+    controllers = json.loads(capsys.readouterr().out)["controllers"]
+    mrac, l1 = controllers["MRAC"], controllers["L1"]
+    A_m, theta, k_0, gammas = np.array([[0, 1], [-0.3, -1]]), np.array([4, -3]), 4, {"MRAC": 1, "L1": 1e4}
+    for name, found in (("MRAC", mrac), ("L1", l1)):
+        P = np.array(found["P"])
+        np.testing.assert_allclose(P @ A_m + A_m.T @ P, -np.eye(2), atol=1e-13)
+        assert found["lambda_min"] <= np.linalg.eigvalsh(P)[0] == pytest.approx(found["lambda_min"], rel=1e-9)
+        assert found["theta_max"] == 10 and found["bounds"]["r"] == pytest.approx(50, rel=1e-12)
+        nu_0 = np.linalg.norm(theta) / np.sqrt(found["lambda_min"])  # theta_hat(0) = 0
+        assert found["nu_0"] == pytest.approx(nu_0, rel=1e-9) and found["nu_0"] >= nu_0
+        adaptation = found["nu_0"] / np.sqrt(gammas[name])
+        if name == "MRAC":
+            assert found["error_bound"] == pytest.approx(adaptation, rel=1e-9)
+        else:
+            N, theta_max, bounds = found["norms"]["W_b(1-C)"]["upper"], found["theta_max"], found["bounds"]
+            bound = (adaptation + N * (theta_max * bounds["x_m"] + k_0 * bounds["r"])) / (1 - N * theta_max)
+            assert found["error_bound"] == pytest.approx(bound, rel=1e-9)
+        assert {"lambda_min", "theta_max", "bounds"} <= set(found["guaranteed"]) and "P" not in found["guaranteed"]
+
+
+def test_the_bound_of_the_model_holds_along_a_run():
+    """x_m of the paper's command, simulated; the bound is of sup over every command below 50, so it may lie well above."""
+    case = load_case("paper")
+    (result,) = simulate(case.problem, [Mrac(gamma=1.0)], Simulation(t_end=60.0, dt=1e-3)).values()
+    bound = certify(case.problem, (Mrac(gamma=1.0),), SIMULATION)["MRAC"].values["bounds"]["x_m"]
+    assert np.abs(result.x_m).max() <= bound <= 3 * np.abs(result.x_m).max()
+
+
+def test_theta_max_is_rounded_up():
+    """The nearest float to 0.1 + 0.1 + 0.7, and what NumPy adds up to, lie below the sum of the three floats."""
+    box = ParameterBox(lower=[-0.1, 0.0, -0.5], upper=[0.1, 0.1, 0.7])
+    exact = Fraction(0.1) + Fraction(0.1) + Fraction(0.7)
+    assert Fraction(theorem1.theta_max_above(box)) >= exact > Fraction(box.theta_max)
+
+
+def test_a_theta_outside_the_set_leaves_what_the_problem_alone_decides():
+    found = certify(variant(theta=[40.0, -3.0]), (Mrac(gamma=1.0),), SIMULATION)["MRAC"]
+    assert {"lambda_min", "theta_max", "bounds"} == set(found.guaranteed)
+    shown = {row.quantity: row for row in rows(found)}
+    assert shown["sup |r|"].kind == "guaranteed" and shown["P"].kind == ""
+    assert float(shown["lambda_min"].value) <= found.values["lambda_min"]

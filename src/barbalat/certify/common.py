@@ -20,6 +20,9 @@ BEYOND = "conditions, limits and margins are known for one input with phi(x) = x
 FROZEN = "gamma_max and step_max freeze the state or the regressor in the plain adaptive law: estimates, no guarantee"
 LINEAR = "margins are exact for the linear loop named, not for the adaptive loop in motion"
 
+OF_THE_PROBLEM = frozenset({"lambda_min", "theta_max", "bounds"})
+"""Guaranteed values that no controller and no theta changes."""
+
 
 def parameter_errors(problem: Problem, loop: ClosedLoop) -> tuple[dict[str, Any], list[str]]:
     """nu_0 for the case's theta, and for the worst theta in the known set."""
@@ -47,7 +50,7 @@ def finish(
     if problem.disturbance is None and not problem.unmatched:
         assumptions.append(NO_DISTURBANCE)
     if any("outside the known set" in finding for finding in findings):
-        guaranteed = guaranteed & {"norms", "condition", "kappa_admissible", "kappa_max"}
+        guaranteed = guaranteed & ({"norms", "condition", "kappa_admissible", "kappa_max"} | OF_THE_PROBLEM)
     return Certificate(values, frozenset(guaranteed), tuple(assumptions), tuple(findings))
 
 

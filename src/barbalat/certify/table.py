@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
@@ -10,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from barbalat.certify import laws, limits, linear, output, over_known_set, theorem1
+from barbalat.certify.bound_10 import Reach, bound_10
 from barbalat.certify.certificate import Certificate
 from barbalat.certify.common import (
     BEYOND,
@@ -19,12 +19,13 @@ from barbalat.certify.common import (
     IN_THE_SET,
     LINEAR,
     MATCHED,
+    OF_THE_PROBLEM,
     OUTSIDE,
     TRIED,
     finish,
     parameter_errors,
 )
-from barbalat.certify.loop_values import adapting_margins, finite, margins_of
+from barbalat.certify.loop_values import adapting_margins, margins_of
 from barbalat.certify.loops import fast_adaptation, known_parameters
 from barbalat.closed_loop import ClosedLoop
 from barbalat.controllers import L1Adaptive, LinearFeedback, Mrac, NormalizedMrac, RobustMrac, Sampled
@@ -134,14 +135,16 @@ def _mrac(problem: Problem, controller: Mrac, simulation: Simulation) -> Certifi
         if "nu_0_worst" in values:
             values["error_bound_worst"] = theorem1.mrac_bound(values["nu_0_worst"], laws.least_gain(controller.gamma))
         guaranteed |= {"error_bound", "error_bound_worst"}
+    equations: Any = loop.equations
     model = theorem1.model_bounds(problem)
+    values |= theorem1.ingredients(problem.known, equations.box, model)
+    guaranteed |= OF_THE_PROBLEM & values.keys()
     values |= limits.with_modifications(
         limits.of_lyapunov_law(problem, controller.gamma, simulation, model.x_m_euclidean, values["nu_0"]), controller, simulation
     )
     values |= _margins_at_rest(problem, findings)
     values |= adapting_margins(problem, loop, findings)
     assumptions = [MATCHED, EXACT_START, FROZEN, LINEAR]
-    equations: Any = loop.equations
     if equations.box is not None:
         assumptions.insert(1, IN_THE_SET)
     return finish(problem, values, guaranteed, assumptions, findings)
@@ -155,47 +158,20 @@ def _l1(problem: Problem, controller: L1Adaptive, simulation: Simulation) -> Cer
     values, findings = parameter_errors(problem, loop)
     guaranteed = {"nu_0", *(key for key in ("nu_0_worst",) if key in values)}
     assumptions = [MATCHED, EXACT_START, "the filter starts at rest", FROZEN, LINEAR]
-    offset, factor = math.inf, math.inf
+    model = theorem1.model_bounds(problem)
+    values |= theorem1.ingredients(known, equations.box, model)
+    guaranteed |= OF_THE_PROBLEM & values.keys()
+    reach = None
     if equations.box is None:
         findings.append("without projection there is no theta_max, so the condition on C(s) and the bound (10) have no meaning")
     else:
         assumptions.insert(1, IN_THE_SET)
-        theta_max = equations.box.theta_max
-        model = theorem1.model_bounds(problem)
-        condition = theorem1.filter_condition(known, C, theta_max)
-        slope = theorem1.derivative_norm(known)
-        values["norms"] = {"W_b(1-C)": condition.norm.ends, "sW_b": slope.ends}
-        values["condition"] = {"value_upper": condition.value_upper, "limit": 1.0, "holds": condition.holds}
-        values["kappa_admissible"] = finite(theorem1.kappa_admissible(known, theta_max))
-        values["kappa_max"] = finite(theorem1.kappa_max(slope, theta_max))
-        guaranteed |= {"norms", "condition", "kappa_admissible", "kappa_max"}
-        void, k_0 = laws.why_no_bound(controller, problem), known.k_0
-        level = laws.error_level(problem, controller, values["nu_0"])
-        bound = theorem1.l1_bound(level, 1.0, condition, theta_max, k_0, model)
-        kappa = theorem1.time_constant(controller.filter)
-        constants = None
-        if kappa and void is None and np.ndim(controller.gamma) == 0:
-            constants = theorem1.first_order_constants(values["nu_0"], kappa, slope, theta_max, k_0, model)
-        if constants is not None:
-            values["nu_1"], values["nu_2"] = constants
-            guaranteed |= {"nu_1", "nu_2"}
-        if void is not None:
-            findings.append(void)
-        elif condition.holds:
-            values["error_bound"] = bound
-            guaranteed |= {"error_bound"}
-            bias = bound - level / (1 - condition.value_upper)
-            offset = model.x_m_euclidean + math.sqrt(known.n) * bias
-            factor = math.sqrt(known.n) * values["nu_0"] / (1 - condition.value_upper)
-        else:
-            findings.append(
-                f"||W_b (1 - C)||_1 theta_max = {condition.value_upper:.4g} is not below 1: bound (10) says nothing here"
-            )
-    if math.isinf(offset):  # no bound on x: take what the model asks for, and say so
-        offset, factor = theorem1.model_bounds(problem).x_m_euclidean, values["nu_0"]
+        reach = bound_10(problem, controller, C, model, values, guaranteed, findings)
+    if reach is None:  # no bound on x: take what the model asks for, and say so
+        reach = Reach(model.x_m_euclidean, values["nu_0"])
         assumptions.append("|x| in the adaptation frequency is the model's bound plus nu_0/sqrt(Gamma): an estimate")
     values |= limits.with_modifications(
-        limits.of_lyapunov_law(problem, controller.gamma, simulation, offset, factor, np.linalg.eigvals(C.A)),
+        limits.of_lyapunov_law(problem, controller.gamma, simulation, reach.offset, reach.factor, np.linalg.eigvals(C.A)),
         controller,
         simulation,
     )

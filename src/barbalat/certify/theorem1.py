@@ -7,12 +7,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from fractions import Fraction
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from barbalat.certify.l1 import Enclosure, float_above, l1_norm
-from barbalat.known_set import KnownSet
+from barbalat.known_set import KnownSet, ParameterBox
 from barbalat.linear import StateSpace, TransferFunction, input_filter
 from barbalat.problem import Known, Problem
 from barbalat.protocols import BoundedSignal
@@ -166,6 +167,24 @@ def _free_response_bounds(known: Known) -> list[float]:
 def _require_lyapunov(known: Known) -> None:
     if not lyapunov_holds(known.P, known.A_m):
         raise InputError("P A_m + A_m'P could not be verified to be negative definite: A_m is too close to losing stability")
+
+
+def theta_max_above(known_set: KnownSet) -> float:
+    """The largest 1-norm in the known set, rounded up; a box's sum itself where it is a float."""
+    if not isinstance(known_set, ParameterBox):
+        return known_set.theta_max * OUTWARD
+    largest = np.maximum(np.abs(known_set.lower), np.abs(known_set.upper))
+    exact = sum((Fraction(value) for value in largest.tolist()), Fraction(0))
+    nearest = float(exact)
+    return nearest if Fraction(nearest) >= exact else math.nextafter(nearest, math.inf)
+
+
+def ingredients(known: Known, known_set: KnownSet | None, model: ModelBounds) -> dict[str, Any]:
+    """What (9) and (10) are computed from, by the certificate's keys: P, its lambda_min, theta_max, the bounds of r and x_m."""
+    values: dict[str, Any] = {"P": known.P.tolist(), "lambda_min": smallest_eigenvalue(known.P)}
+    if known_set is not None:
+        values["theta_max"] = theta_max_above(known_set)
+    return values | {"bounds": {"r": model.r, "x_m": model.x_m}}
 
 
 def initial_parameter_error(theta_hat0: Array, theta: Array) -> float:

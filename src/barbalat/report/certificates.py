@@ -12,6 +12,9 @@ MEANINGS = {
     "nu_0": "|theta_tilde(0)|/sqrt(lambda_min(P))",
     "nu_0_worst": "the same for the worst theta of the known set",
     "initial_parameter_error": "|theta_tilde(0)|",
+    "P": "P A_m + A_m'P = -I, row by row",
+    "lambda_min": "of P, from below",
+    "theta_max": "largest |theta|_1 of the known set",
     "kappa_admissible": "largest kappa found for which the condition holds with C = 1/(kappa s + 1) [s]",
     "kappa_max": "1/(theta_max ||sW_b||_1) of Theorem 1 [s]",
     "nu_1": "of (10)",
@@ -51,10 +54,9 @@ OF_LINEAR_LOOPS = frozenset(
     | {"complementary_sensitivity_peak", "delay_margin_adapting", "delay_margin_limit"}
 )
 """Exact for the linear loop that is named."""
-LOWER_BOUNDS = frozenset({"kappa_admissible", "kappa_max"})
+BOUNDS = {"r": "of |r|, at all times", "x_m": "of every component of x_m, at all times"}
+LOWER_BOUNDS = frozenset({"kappa_admissible", "kappa_max", "lambda_min"})
 """Guaranteed values that hold for everything below them; the others are upper bounds."""
-
-
 ROUNDING = 1e-12
 """Of a value per unit: below it stands zero."""
 
@@ -79,6 +81,10 @@ def rows(certificate: Certificate) -> list[Row]:
             found += [
                 Row(f"||{n}||_1", f"{down(e['lower'], 10)} ... {up(e['upper'], 10)}", "L1 norm", kind) for n, e in value.items()
             ]
+        elif key == "P":
+            found.append(Row(key, number_text(value, "; "), MEANINGS[key], ""))
+        elif key == "bounds":
+            found += [Row(f"sup |{name}|", _text(name, bound, kind), BOUNDS[name], kind) for name, bound in value.items()]
         elif key == "condition":
             found.append(_condition(value, kind))
         elif key == "margins_over_known_set":
