@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from barbalat.closed_loop import LoopState, Outputs
+from barbalat.loop_parts import LoopState, Outputs
 from barbalat.protocols import Value
 from barbalat.validate import Array
 
