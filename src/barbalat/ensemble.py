@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, fields, is_dataclass
+from dataclasses import dataclass, fields, is_dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -12,7 +12,7 @@ import numpy as np
 from barbalat import delay, validate
 from barbalat.closed_loop import ClosedLoop
 from barbalat.engine import Batch, Progress, run
-from barbalat.grid import Simulation
+from barbalat.grid import CHUNK_STEPS, Simulation
 from barbalat.metrics import Metrics
 from barbalat.packing import symbols
 from barbalat.problem import TrackingProblem
@@ -23,11 +23,16 @@ from barbalat.validate import Array, InputError
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class EnsembleResult:
-    """Figures of M members, in the order given; ``varied`` counts the numbers in which they differ."""
+    """Figures of M members, in the order given; ``varied`` counts the numbers in which they differ.
+
+    quarters  (M, 4, n) the largest |e| in each quarter of the run, t_end left out, where they were asked for; NaN for a member
+              that diverged
+    """
 
     simulation: Simulation
     metrics: Metrics
     varied: int
+    quarters: Array | None = None
 
     def __len__(self) -> int:
         return len(self.metrics.diverged_at)
@@ -38,6 +43,7 @@ def simulate_ensemble(
     simulation: Simulation,
     *,
     numbers: Sequence[int] | Array | None = None,
+    quarters: bool = False,
     threads: int | None = None,
     lanes: int | None = None,
     progress: Progress | None = None,
@@ -49,18 +55,10 @@ def simulate_ensemble(
 
     numbers         with the seed they fix each member's measurement noise; by default 0, 1, ... in the order given. Members
                     with one number and one seed have the same noise
+    quarters        keep the largest |e| of each quarter of the run too; at least eight steps
     threads, lanes  only speed depends on them, not a single bit of the results
     """
-    if lanes is not None and (validate.whole("lanes", lanes, least=1) & (lanes - 1)):
-        raise InputError(f"lanes must be a power of two, got {lanes}")
-    if not isinstance(members, (list, tuple)):
-        raise InputError(f"members must be a list of pairs (problem, controller), got {validate.show(members)}")
-    if not members:
-        raise InputError("an ensemble needs at least one member, got none")
-    validate.instance("simulation", simulation, Simulation)
-    for i, member in enumerate(members, start=1):
-        if not (isinstance(member, tuple) and len(member) == 2 and isinstance(member[0], TrackingProblem)):
-            raise InputError(f"member {i} must be a pair (problem, controller), got {validate.show(member)}")
+    _require(members, simulation, quarters, lanes)
     streams = _numbers_of(members, numbers)
     signals = members[0][0].signals
     for i, (problem, _) in enumerate(members):
@@ -89,10 +87,14 @@ def simulate_ensemble(
     )
     states = np.column_stack([loop.initial() for loop in loops])
     seeds = None if loops[0].noise == 0 else np.array([problem.noise.seed for problem, _ in members if problem.noise is not None])
-    batch = Batch(program, states, parameters, lags=lags, seeds=seeds, numbers=streams, lanes=lanes)
-    run([batch], signals, simulation, threads=threads, progress=progress)
+    batch = Batch(program, states, parameters, lags=lags, seeds=seeds, numbers=streams, lanes=lanes, record=quarters)
+    blocks = replace(simulation, record_points=_points(simulation)) if quarters else simulation
+    run([batch], signals, blocks, threads=threads, progress=progress)
     return EnsembleResult(
-        simulation=simulation, metrics=batch.metrics(simulation, loops[0].theta_hat_rows), varied=len(parameters)
+        simulation=simulation,
+        metrics=batch.metrics(simulation, loops[0].theta_hat_rows),
+        varied=len(parameters),
+        quarters=_quarters(batch, blocks) if quarters else None,
     )
 
 
@@ -103,6 +105,46 @@ def _numbers_of(members: Sequence[Any], numbers: Sequence[int] | Array | None) -
     if len(numbers) != len(members):
         raise InputError(f"numbers must have {len(members)} entries, one for each member, got {len(numbers)}")
     return np.array([validate.whole("numbers", number, least=0) for number in numbers])
+
+
+def _require(members: Sequence[Any], simulation: Simulation, quarters: bool, lanes: int | None) -> None:
+    """InputError for what no ensemble can be made of."""
+    if lanes is not None and (validate.whole("lanes", lanes, least=1) & (lanes - 1)):
+        raise InputError(f"lanes must be a power of two, got {lanes}")
+    if not isinstance(members, (list, tuple)):
+        raise InputError(f"members must be a list of pairs (problem, controller), got {validate.show(members)}")
+    if not members:
+        raise InputError("an ensemble needs at least one member, got none")
+    validate.instance("simulation", simulation, Simulation)
+    if quarters and simulation.steps < 8:
+        raise InputError(f"quarters need at least eight solver steps, got {simulation.steps}")
+    for i, member in enumerate(members, start=1):
+        if not (isinstance(member, tuple) and len(member) == 2 and isinstance(member[0], TrackingProblem)):
+            raise InputError(f"member {i} must be a pair (problem, controller), got {validate.show(member)}")
+
+
+def _points(simulation: Simulation) -> int:
+    """Recorded blocks with a whole number of them in each quarter, as far as the steps can be divided so."""
+    return 4 * int(np.ceil(simulation.steps / (4 * CHUNK_STEPS)))
+
+
+def _quarters(batch: Batch, simulation: Simulation) -> Array:
+    """(M, 4, n) from the recorded blocks: each belongs to the quarter in which its middle lies."""
+    segments = list(simulation.segments(recorded=True))
+    middles = np.concatenate([s.start + (np.arange(s.blocks) + 0.5) * s.length for s in segments])
+    quarter = (4 * middles / simulation.steps).astype(int)
+    shape, at = batch.program.shape, batch.totals.at
+    found = []
+    for group in batch.groups:
+        members = group.columns.stop - group.columns.start
+        out = np.concatenate(group.recorded)[:, shape.states :]  # ends early where every member has diverged
+        e = np.maximum(-out[:, at["e", "min"]], out[:, at["e", "max"]])
+        result = np.full((4, e.shape[1], members), -np.inf)
+        np.maximum.at(result, quarter[: len(e)], e)
+        found.append(np.moveaxis(result, 2, 0))
+    together = np.concatenate(found)
+    together[~np.isnan(batch.totals.diverged_step)] = np.nan
+    return together
 
 
 @dataclass(frozen=True, eq=False)
