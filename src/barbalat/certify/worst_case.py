@@ -112,7 +112,7 @@ def worst_case(family: Family, known_set: KnownSet, seed: int = 0) -> WorstCase:
     extremes = extreme_points(known_set, rng)
     center = np.mean(known_set.extent, axis=0)
     own = np.reshape([family.plant.theta] if known_set.contains(family.plant.theta) else [], (-1, family.plant.n))
-    points = np.concatenate([extremes, _inside(known_set, rng, center, 1.0, INSIDE), own])
+    points = np.concatenate([extremes, points_inside(known_set, rng, center, 1.0, INSIDE), own])
     searched = SEARCHED.format(extremes=len(extremes), inside=INSIDE, rounds=ROUNDS, around=AROUND, exactly=EXACTLY)
     search = _Search(family, family.frequencies(points))
     try:
@@ -120,7 +120,7 @@ def worst_case(family: Family, known_set: KnownSet, seed: int = 0) -> WorstCase:
         search.screen(points)
         for k in range(1, ROUNDS + 1):
             centers = np.unique([theta for _, theta in search.least.values()], axis=0)
-            search.screen(np.concatenate([_inside(known_set, rng, theta, 4.0**-k, AROUND) for theta in centers]))
+            search.screen(np.concatenate([points_inside(known_set, rng, theta, 4.0**-k, AROUND) for theta in centers]))
     except _Unstable as found:
         return WorstCase({}, found.theta, searched)
     return WorstCase(search.least, None, searched)
@@ -186,7 +186,7 @@ def extreme_points(known_set: KnownSet, rng: np.random.Generator) -> Array:
     return np.asarray(known_set.center + known_set.radius * np.concatenate([np.eye(n), -np.eye(n), directions]))
 
 
-def _inside(known_set: KnownSet, rng: np.random.Generator, around: Array, share: float, count: int) -> Array:
+def points_inside(known_set: KnownSet, rng: np.random.Generator, around: Array, share: float, count: int) -> Array:
     """Points of the set in a box around a point, ``share`` of the set's extent wide; what falls outside is brought back."""
     lower, upper = known_set.extent
     points = around + share * (upper - lower) * rng.uniform(-0.5, 0.5, (count, known_set.size))
