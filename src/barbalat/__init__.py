@@ -25,6 +25,8 @@ if TYPE_CHECKING:
     from barbalat.adaptation.learning import CompositeLearning
     from barbalat.adaptation.normalization import Normalization
     from barbalat.adaptation.switching_sigma import SwitchingSigma
+    from barbalat.certify.frozen import FrozenLoops, borne
+    from barbalat.certify.modelling_error import DelayError, ScaledError
     from barbalat.checking import check_numerics
     from barbalat.controllers import L1Adaptive, LinearFeedback, Mrac, NormalizedMrac, RobustMrac, Sampled
     from barbalat.controllers.output.l1 import L1Output, fast_limit, linear_equivalent
@@ -46,6 +48,7 @@ if TYPE_CHECKING:
     from barbalat.simulation import simulate
     from barbalat.solvers import EULER, HEUN, RK4
     from barbalat.study.delay_margin import Lost, delay_margins
+    from barbalat.study.tau_limit import Grown, TauStudy
     from barbalat.study.tradeoff import trade_off
     from barbalat.validate import InputError
 
@@ -56,6 +59,7 @@ _HOME = {
     "controllers.output.mrac": ("MracOutput",),
     "output_problem": ("OutputPlant", "OutputProblem", "OutputReferenceModel"),
     "study.delay_margin": ("Lost", "delay_margins"),
+    "study.tau_limit": ("Grown", "TauStudy"),
     "study.tradeoff": ("trade_off",),
     "actuation": ("PlantInput",),
     "adaptation.dead_zone": ("DeadZone",),
@@ -73,6 +77,8 @@ _HOME = {
     "adaptation.learning": ("CompositeLearning",),
     "adaptation.normalization": ("Normalization",),
     "adaptation.switching_sigma": ("SwitchingSigma",),
+    "certify.frozen": ("FrozenLoops", "borne"),
+    "certify.modelling_error": ("DelayError", "ScaledError"),
     "checking": ("check_numerics",),
     "controllers": ("L1Adaptive", "LinearFeedback", "Mrac", "NormalizedMrac", "RobustMrac", "Sampled"),
     "ensemble": ("EnsembleResult", "simulate_ensemble"),
@@ -100,12 +106,15 @@ __all__ = [
     "CompositeLearning",
     "Constant",
     "DeadZone",
+    "DelayError",
     "Disturbance",
     "EnsembleResult",
     "EpsilonModification",
     "FixedSigma",
+    "FrozenLoops",
     "GaussianRBF",
     "Gradient",
+    "Grown",
     "InputError",
     "IntegralCost",
     "L1Adaptive",
@@ -139,6 +148,7 @@ __all__ = [
     "Result",
     "RobustMrac",
     "Sampled",
+    "ScaledError",
     "Sensor",
     "Simulation",
     "Sine",
@@ -147,8 +157,10 @@ __all__ = [
     "Step",
     "Steps",
     "SwitchingSigma",
+    "TauStudy",
     "Terms",
     "TransferFunction",
+    "borne",
     "check_numerics",
     "delay_margins",
     "fast_limit",

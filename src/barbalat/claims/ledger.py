@@ -54,7 +54,7 @@ LEDGER = (
     Measurement(lambda _: stiff.own_oscillation(), 3.5),
     Measurement(stiff.stiff_solvers, 6.5),
     Measurement(lambda _: sampled.claim(), 1.0),
-    Measurement(lambda _: robustness.claims(), 10.0),
+    Measurement(lambda _: robustness.claims(), 10.5),
     Measurement(lambda _: lemma_1.claims(), 2.0),
     Measurement(lambda _: linear_design.claims(), 5.5),
     Measurement(learning.loss_of_learning, 0.1, quick=True),

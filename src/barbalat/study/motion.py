@@ -1,0 +1,58 @@
+"""What the reference model itself does along a run: the measure of errors and of oscillations."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from barbalat.grid import Simulation
+from barbalat.problem import TrackingProblem
+from barbalat.validate import Array
+
+INSTANTS = 20_000
+"""At which the command is sampled at most, straight lines in between."""
+
+
+@dataclass(frozen=True)
+class Motion:
+    """Of x_m, or of y_m where the output is measured.
+
+    largest    the largest magnitude of a component
+    rms        of |x_m|_2 over the run
+    crossings  how often a component crosses its own range [1/s]: by the run's variation, or by the model's fastest mode,
+               |lambda|/pi as of a sine, whichever is more
+    """
+
+    largest: float
+    rms: float
+    crossings: float
+
+    @classmethod
+    def of(cls, problem: TrackingProblem, simulation: Simulation) -> Motion:
+        """By the response of the model alone, a linear system, to the command."""
+        from scipy.signal import StateSpace as Continuous
+        from scipy.signal import lsim
+
+        A, B, C, x0 = _matrices(problem.model)
+        t = np.linspace(0.0, simulation.t_end, min(simulation.steps, INSTANTS) + 1)
+        r = np.stack([signal(t) for signal in problem.commands], axis=1)
+        _, y, _ = lsim(Continuous(A, B, C, np.zeros((len(C), B.shape[1]))), r, t, X0=x0)  # type: ignore[call-overload]
+        moved = np.asarray(y).reshape(len(t), len(C))
+        ranges, variation = np.ptp(moved, axis=0), np.abs(np.diff(moved, axis=0)).sum(axis=0)
+        moving = ranges > 0
+        swept = float((variation[moving] / ranges[moving]).max()) / simulation.t_end if moving.any() else 0.0
+        fastest = float(np.abs(np.linalg.eigvals(A)).max()) / np.pi
+        return cls(
+            largest=float(np.abs(moved).max()),
+            rms=float(np.sqrt(np.mean(np.sum(moved**2, axis=1)))),
+            crossings=max(swept, fastest),
+        )
+
+
+def _matrices(model: Any) -> tuple[Array, Array, Array, Array]:
+    """A, B, C and x(0) of the model, its state or its output measured."""
+    if hasattr(model, "A_m"):
+        return model.A_m, model.b.reshape(len(model.b), -1) @ np.atleast_2d(model.k_0), np.eye(len(model.b)), model.x0
+    return model.system.A, model.system.B[:, None], model.system.C[None], model.x0

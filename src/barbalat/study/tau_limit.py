@@ -1,0 +1,208 @@
+"""Theorem 2's trade-off by simulation: the robust MRAC's tau against the size of a modelling error, and the boundary in tau.
+
+It is measured on the runs that are made, of the loop that adapts: no guarantee. ``certify.frozen`` has the linear loop beside it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+
+from barbalat import validate
+from barbalat.certify.modelling_error import ModellingError
+from barbalat.controllers import RobustMrac
+from barbalat.engine import Progress, part
+from barbalat.ensemble import simulate_ensemble
+from barbalat.grid import Simulation
+from barbalat.problem import Problem
+from barbalat.study.motion import Motion
+from barbalat.validate import Array, InputError
+
+ROUNDING = 1e-9
+"""Of the model's motion: an error below this may grow as rounding does."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Grown:
+    """When a run counts as lost: it diverged, its error has grown late in the run, or has become as large as the model's motion.
+
+    growth  the largest |e| of the run's last quarter over that of the best quarter before, > 1. It catches an oscillation that
+            starts and stays bounded, and an unstable mode of rate sigma [1/s] once it leads the error and
+            sigma t_end/4 > ln(growth). Each quarter should see the same of the command, such as one or more whole periods
+    share   of the largest |x_m| of the run, for the largest |e| after the first quarter, which is left to the learning: catches
+            what oscillates within bounds, and bursts that pass
+    """
+
+    growth: float = 1.5
+    share: float = 1.0
+
+    def __post_init__(self) -> None:
+        validate.freeze(self, share=validate.positive("share", self.share), growth=validate.positive("growth", self.growth))
+        if self.growth <= 1:
+            raise InputError(f"growth must be above 1, got {self.growth:g}")
+
+    def judge(self, quarters: Array, amplitude: float) -> Array:
+        """(M,) truth values from the largest |e| of each quarter, (M, 4, n), NaN where diverged, and the largest |x_m|."""
+        errors = quarters.max(axis=2)
+        allowed = np.maximum(self.growth * errors[:, :-1].min(axis=1), ROUNDING * amplitude)
+        borne = (errors[:, -1] <= allowed) & (errors[:, 1:].max(axis=1) <= self.share * amplitude)  # NaN is lost
+        return np.asarray(~borne)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class TauLimits:
+    """For S sizes of the modelling error and K values of tau.
+
+    tail     (S, K) max |e| in the run's last quarter; NaN where the run is lost
+    bears    (S,) the smallest tau found that is borne, every smaller one of the scan being lost; NaN where none is borne
+    loses    (S,) the largest tau found below it that is lost; 0 where the scan has none
+    at_bears (S,) max |e| in the last quarter of the run at ``bears``; NaN where none is borne
+    runs     simulations made
+    """
+
+    sizes: Array
+    taus: Array
+    tail: Array
+    bears: Array
+    loses: Array
+    at_bears: Array
+    runs: int
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class TauStudy:
+    """One problem with one robust MRAC, whose tau is varied, and one family of modelling errors.
+
+    Sizes must be such that the simulation can run them: a delay is at least two solver steps. Raises InputError.
+    """
+
+    problem: Problem
+    controller: RobustMrac
+    error: ModellingError
+    lost: Grown = Grown()
+
+    def __post_init__(self) -> None:
+        validate.instance("problem", self.problem, Problem)
+        validate.instance("controller", self.controller, RobustMrac)
+        validate.instance("lost", self.lost, Grown)
+        if self.problem.plant.inputs > 1:
+            raise InputError(f"the robust MRAC has one input, but plant.b has {self.problem.plant.inputs} columns")
+
+    def tail_errors(
+        self,
+        sizes: Array,
+        taus: Array,
+        simulation: Simulation,
+        *,
+        threads: int | None = None,
+        progress: Progress | None = None,
+    ) -> Array:
+        """(M,) max |e| in the last quarter of one run for each pair of ``sizes`` and ``taus``; NaN where it is lost."""
+        members = [self._member(float(size), float(tau)) for size, tau in zip(sizes, taus, strict=True)]
+        if not members:
+            return np.zeros(0)
+        found = simulate_ensemble(members, simulation, quarters=True, threads=threads, progress=progress)
+        assert found.quarters is not None
+        lost = self.lost.judge(found.quarters, _amplitude(self.problem, simulation))
+        return np.where(lost, np.nan, found.metrics.tail_max_abs_e.max(axis=1))
+
+    def limits(
+        self,
+        sizes: Any,
+        taus: Any,
+        simulation: Simulation,
+        *,
+        near: Simulation | None = None,
+        resolution: float = 0.01,
+        threads: int | None = None,
+        progress: Progress | None = None,
+    ) -> TauLimits:
+        """The map over all pairs, then at each size bisection between the smallest tau that is borne and the one below it.
+
+        sizes, taus  ascending, above zero
+        near         how to simulate near the boundary; as the map unless given. A longer run sees slower growth: a tau that is
+                     borne on the map and lost there counts as lost, and the next one up is tried
+        resolution   relative distance of ``bears`` and ``loses`` at which bisection ends
+        """
+        sizes, taus = _ascending("sizes", sizes), _ascending("taus", taus)
+        ratio = float((taus[1:] / taus[:-1]).max(initial=1.0))
+        halvings = _halvings(ratio, validate.positive("resolution", resolution))
+        longer, rounds = near or simulation, halvings + 1
+        grid = np.repeat(sizes, len(taus)), np.tile(taus, len(sizes))
+        shape = len(sizes), len(taus)
+        tail = self.tail_errors(*grid, simulation, threads=threads, progress=part(progress, 0.0, 0.5)).reshape(shape)
+        search = _Search(sizes, taus, tail)
+        done = 0.5
+        while len((chosen := search.open_members(halvings))[0]):
+            width = (1 - done) / max(rounds, 2)  # more rounds than one and the halvings come where a longer run disagrees
+            step = part(progress, done, width)
+            search.take(chosen[0], self.tail_errors(sizes[chosen[0]], chosen[1], longer, threads=threads, progress=step))
+            done, rounds = done + width, rounds - 1
+        if progress is not None:
+            progress(1.0)
+        return TauLimits(
+            sizes=sizes,
+            taus=taus,
+            tail=tail,
+            bears=search.bears,
+            loses=search.loses,
+            at_bears=search.error,
+            runs=tail.size + search.runs,
+        )
+
+    def _member(self, size: float, tau: float) -> tuple[Problem, RobustMrac]:
+        (path,) = self.problem.plant.paths
+        plant = replace(self.problem.plant, input=self.error.added(path, size))
+        return replace(self.problem, plant=plant), replace(self.controller, tau=tau)
+
+
+@lru_cache(maxsize=8)
+def _amplitude(problem: Problem, simulation: Simulation) -> float:
+    """The largest |x_m| of the run, once for all rounds of a search."""
+    return Motion.of(problem, simulation).largest
+
+
+class _Search:
+    """The brackets of S sizes: up the scan to a tau that is borne near the boundary too, then bisection below it."""
+
+    def __init__(self, sizes: Array, taus: Array, tail: Array) -> None:
+        borne = ~np.isnan(tail)
+        self.taus = taus
+        self.next = np.where(borne.any(axis=1), borne.argmax(axis=1), len(taus))  # index of the tau to try
+        self.bears, self.error = np.full(len(sizes), np.nan), np.full(len(sizes), np.nan)
+        self.loses = np.where(self.next > 0, np.append(0.0, taus)[self.next], 0.0)
+        self.halved, self.runs = np.zeros(len(sizes), dtype=int), 0
+
+    def open_members(self, halvings: int) -> tuple[Array, Array]:
+        """Indices of the sizes that are not finished, and the tau that each is to try."""
+        climbing = np.isnan(self.bears) & (self.next < len(self.taus))
+        between = (self.loses > 0) & (self.halved < halvings) & ~np.isnan(self.bears)
+        chosen = np.flatnonzero(climbing | between)
+        scanned = self.taus[np.minimum(self.next, len(self.taus) - 1)]
+        self.trial = np.where(np.isnan(self.bears), scanned, np.sqrt(self.bears * self.loses))
+        return chosen, self.trial[chosen]
+
+    def take(self, chosen: Array, tail: Array) -> None:
+        """What came of it."""
+        lost, trial = np.isnan(tail), self.trial[chosen]
+        climbing = np.isnan(self.bears[chosen])
+        self.next[chosen[climbing]] += 1
+        self.halved[chosen[~climbing]] += 1
+        self.loses[chosen[lost]] = trial[lost]
+        self.bears[chosen[~lost]], self.error[chosen[~lost]] = trial[~lost], tail[~lost]
+        self.runs += len(chosen)
+
+
+def _halvings(ratio: float, resolution: float) -> int:
+    """Bisections until neighbours of the scan are within the resolution."""
+    return max(0, int(np.ceil(np.log2(np.log(ratio) / np.log1p(resolution))))) if ratio > 1 else 0
+
+
+def _ascending(name: str, values: Any) -> Array:
+    given = validate.vector(name, values)
+    if len(given) == 0 or given[0] <= 0 or not (np.diff(given) > 0).all():
+        raise InputError(f"{name} must be ascending values above zero, got {validate.show(values)}")
+    return given
