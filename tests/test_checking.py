@@ -5,7 +5,22 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from barbalat import Constant, L1Adaptive, Mrac, Plant, PlantInput, Simulation, check_numerics, input_filter, simulate
+from barbalat import (
+    Constant,
+    L1Adaptive,
+    Mrac,
+    ParameterBox,
+    Plant,
+    PlantInput,
+    Problem,
+    ReferenceModel,
+    Sampled,
+    Simulation,
+    Steps,
+    check_numerics,
+    input_filter,
+    simulate,
+)
 from barbalat.cases.load import load_case
 
 PAPER = load_case("paper").problem
@@ -21,7 +36,9 @@ def test_figure_3_is_the_solvers():
     assert result.label is not None
     assert result.check.origin == "solver"
     assert (result.check.dt, result.check.t_end) == (pytest.approx(1e-5), 20)
-    assert "the oscillation is the solver's: at h = 1e-05 s the estimates' variation [1/s] falls from" in result.numerics
+    assert (
+        "the oscillation is the solver's: at h = 1e-05 s the estimates' variation [1/s] in the tail falls from" in result.numerics
+    )
 
 
 def test_a_divergence_without_projection_is_the_solvers():
@@ -53,11 +70,21 @@ def test_an_oscillation_that_the_input_delay_makes_is_not_blamed_on_the_solver()
     assert max(finest.figures["theta_hat_variation_rate"]) > 20  # more than a sweep of the box per second
 
 
-def test_a_label_without_consequences():
-    # just outside the region, where the loop's own damping still wins: observed onset at 1.17 of the predicted gain
+def test_a_step_that_damps_the_loops_own_ringing():
+    # just outside the region the tail is the same, but the method's damping has swallowed most of the path before it
     controller = L1Adaptive(gamma=1800.0, filter=input_filter(0.02))
     result = checked(PAPER, controller, Simulation(t_end=20, dt=1e-4))
     assert result.label is not None
+    assert result.check.origin == "both"
+    assert "their path in all rises" in result.check.sentence
+    assert "in the tail" not in result.check.sentence
+
+
+def test_a_label_without_consequences():
+    # a sound run that is given a label: whatever the step, it is the same
+    (sound,) = simulate(PAPER, [Mrac(gamma=10.0)], Simulation(t_end=10, dt=1e-4)).values()
+    labelled = replace(sound, stiffness=replace(sound.stiffness, unstable_from=1.0))
+    (result,) = check_numerics({"MRAC": labelled}).values()
     assert result.check.origin == "loop"
     assert "the same within 10%" in result.check.sentence
 
@@ -110,3 +137,31 @@ def test_progress_ends_at_one_and_never_falls():
     check_numerics(runs, progress=seen.append)
     assert seen[-1] == 1
     assert (np.diff(seen) >= 0).all()
+
+
+def test_a_burst_before_the_tail_is_judged_by_the_whole_run():
+    """The tail shows roundings alone; the burst's error is two hundred times what it is at a finer step."""
+    problem = Problem(
+        plant=Plant(A_m=[[-50.0]], b=[1.0], theta=[3.0]),
+        reference_model=ReferenceModel(k_0=50.0),
+        reference=Steps(times=[0.0, 10.02, 10.27], values=[0.1, 300.0, 0.1]),
+        uncertainty=ParameterBox(lower=[-5.0], upper=[5.0]),
+    )
+    result = checked(problem, Mrac(gamma=1e5), Simulation(t_end=60.0, dt=1e-3))
+    (fine,) = simulate(problem, [Mrac(gamma=1e5)], Simulation(t_end=60.0, dt=1e-4)).values()
+    assert result.figures["max_abs_e"][0] > 100 * fine.figures["max_abs_e"][0]
+    assert result.figures["tail_max_abs_e"][0] < 1e-4
+    assert result.check.origin == "solver"
+    assert "max |e| in all falls from" in result.check.sentence
+    assert "max |e| in the tail" not in result.check.sentence  # roundings show nothing
+
+
+def test_what_a_law_sampled_by_euler_steps_chatters_is_not_called_the_loops():
+    """Its own steps are refined with the solver's: a finer solver alone would show the same chatter."""
+    controller = Sampled(controller=Mrac(gamma=2e-3), sample_time=1e-2, discretization="euler")
+    result = checked(PAPER, controller, Simulation(t_end=20, dt=1e-3))
+    assert result.label is not None
+    assert result.check.origin == "solver"
+    assert "the oscillation is the sampled law's" in result.check.sentence
+    (finer,) = simulate(PAPER, [controller], Simulation(t_end=20, dt=1e-4)).values()
+    assert finer.figures["theta_hat_variation_rate"] == pytest.approx(result.figures["theta_hat_variation_rate"], rel=1e-3)

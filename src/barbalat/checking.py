@@ -4,13 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
+from typing import TypeGuard
 
 import numpy as np
 
 from barbalat import validate
 from barbalat.certify.finer_step import FinerStep, Seen, compare
+from barbalat.controllers import Sampled
 from barbalat.engine import Progress, part
 from barbalat.grid import Simulation
+from barbalat.protocols import Controller
 from barbalat.result import Result
 from barbalat.simulation import simulate
 
@@ -66,8 +69,9 @@ def _compared(
     given, horizon = first.simulation, _horizon(first, factor, afforded)
     assert horizon is not None
     controllers = [result.controller for result in members.values()]
+    refined = [_refined(controller, factor) for controller in controllers]
     finer = replace(given, t_end=horizon, dt=given.dt / factor)
-    fine = simulate(first.problem, controllers, finer, threads=threads, progress=progress).values()
+    fine = simulate(first.problem, refined, finer, threads=threads, progress=progress).values()
     coarse = members.values()
     if horizon != given.t_end:
         coarse = simulate(first.problem, controllers, replace(given, t_end=horizon), threads=threads).values()
@@ -75,6 +79,15 @@ def _compared(
     pairs = zip(members, coarse, fine, strict=True)
     found = {name: compare(_seen(one), _seen(other), horizon, whole=whole) for name, one, other in pairs}
     return {name: verdict for name, verdict in found.items() if verdict is not None}
+
+
+def _refined(controller: Controller, factor: int) -> Controller:
+    """A law that is sampled by Euler steps takes finer ones too: they are part of what is in question."""
+    return replace(controller, sample_time=controller.sample_time / factor) if _takes_euler_steps(controller) else controller
+
+
+def _takes_euler_steps(controller: Controller) -> TypeGuard[Sampled]:
+    return isinstance(controller, Sampled) and controller.discretization == "euler"
 
 
 def _horizon(result: Result, factor: int, afforded: int) -> float | None:
@@ -91,7 +104,18 @@ def _seen(result: Result) -> Seen:
     unstable_from = result.stiffness.unstable_from
     sound = result.t <= (np.inf if unstable_from is None else unstable_from)
     error = float(np.abs(result.e[sound]).max()) if sound.any() else 0.0
-    return Seen(result.simulation.dt, result.metrics, unstable_from, error, float(np.abs(result.x_m).max()))
+    controller = result.controller
+    return Seen(
+        dt=result.simulation.dt,
+        metrics=result.metrics,
+        unstable_from=unstable_from,
+        sound_error=error,
+        path=result.envelope.theta_hat_path.sum(axis=0),
+        model=float(np.abs(result.x_m).max()),
+        estimates=float(np.abs(result.theta_hat).max(initial=0.0)),
+        steps=result.simulation.steps,
+        sample_time=controller.sample_time if _takes_euler_steps(controller) else None,
+    )
 
 
 def _unsettled(result: Result, afforded: int) -> FinerStep:

@@ -11,7 +11,7 @@ import numpy as np
 
 from barbalat import validate
 from barbalat.grid import Segment, Simulation, final_row, signal_table
-from barbalat.lowering.machine import Kernel, Past, vector_width
+from barbalat.lowering.machine import Kernel, Past, Watch, vector_width
 from barbalat.measurement import standard_normal
 from barbalat.metrics import Metrics, Totals
 from barbalat.protocols import Signal
@@ -40,7 +40,7 @@ class Batch:
 
     states (size, M), parameters (p, M), lags (M,) for a step with a delay, see ``delay.lag``; seeds (M,) and numbers (M,) for
     one with noise: which stream each member has, 0 ... M - 1 unless given.
-    ``record`` keeps every block's start state and accumulators.
+    ``record`` keeps every block's start state and accumulators; ``watch`` goes with a program that watches, of one member.
     """
 
     program: StepProgram
@@ -51,6 +51,7 @@ class Batch:
     lags: Array | None = None
     seeds: Array | None = None
     numbers: Array | None = None
+    watch: Watch | None = None
     totals: Totals = field(init=False)
     groups: list[Group] = field(init=False)
 
@@ -68,7 +69,7 @@ class Batch:
             past = None if self.lags is None else Past(self.lags[index], self.program.shape.delayed)
             numbers = np.arange(members) if self.numbers is None else self.numbers
             streams = None if self.seeds is None else [(int(self.seeds[i]), int(numbers[i])) for i in index]
-            self.groups.append(Group(self, kernel, columns, state, parameters, past, streams))
+            self.groups.append(Group(self, kernel, columns, state, parameters, past, streams, self.watch))
 
     @property
     def final_states(self) -> Array:
@@ -89,26 +90,27 @@ class Group:
     parameters: Array
     past: Past | None
     streams: list[tuple[int, int]] | None  # seed and number of each member: its noise
+    watch: Watch | None
     recorded: list[Array] = field(default_factory=list)
 
     def advance(self, segment: Segment, table: Array) -> None:
         if not np.isnan(self.batch.totals.diverged_step[self.columns]).any():
             return  # every member has diverged
-        out = self._call(segment.start, segment.blocks, segment.length, self.state, table)
+        out = self.call(segment.start, segment.blocks, segment.length, self.state, table)
         self.batch.totals.merge(segment, out[:, self.batch.program.shape.states :], self.columns)
         if self.batch.record:
             self.recorded.append(out)
 
     def finish(self, steps: int, row: Array) -> None:
         """The outputs at t_end, after all ``steps``: one more step whose end state is thrown away."""
-        out = self._call(steps, 1, 1, self.state.copy(), row)
+        out = self.call(steps, 1, 1, self.state.copy(), row)
         self.batch.totals.merge_final(out[0, self.batch.program.shape.states :], self.columns)
 
-    def _call(self, start: int, blocks: int, length: int, state: Array, table: Array) -> Array:
+    def call(self, start: int, blocks: int, length: int, state: Array, table: Array) -> Array:
         shape = self.batch.program.shape
         out = np.empty((blocks, shape.states + shape.accumulators, self.state.shape[1]))
         noise = self._noise(start, blocks * length)
-        self.kernel(blocks, length, state, self.parameters, table, out, self.past, noise, start=start)
+        self.kernel(blocks, length, state, self.parameters, table, out, self.past, noise, self.watch, start=start)
         return out[:, :, : self.columns.stop - self.columns.start]
 
     def _noise(self, start: int, steps: int) -> Array | None:

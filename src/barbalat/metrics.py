@@ -23,6 +23,13 @@ with powers of the bandwidth."""
 _RESETS = {"min": np.inf, "max": -np.inf, "sum": 0.0, "steps": 0.0, "alive": 1.0}
 
 
+def divergence_measure(outputs: Outputs, state: LoopState) -> Value:
+    """What diverges. What else is integrated may be large by its unit or by choice (u^2, a covariance)."""
+    fed_back = (outputs.y, outputs.e) if outputs.y.shape[0] else (state.x, state.x_m, state.controller.theta_hat)
+    first, *others = (np.sum(np.abs(part)) for part in fed_back)
+    return sum(others, first)
+
+
 @dataclass(frozen=True)
 class Accumulators:
     """The accumulators of a loop with n components of e and of theta_hat, in kernel order: (quantity, operation, entries).
@@ -59,11 +66,8 @@ class Accumulators:
     def update(self, old: Value, outputs: Outputs, after: LoopState, state_next: Value, moved: Value) -> Value:
         """The accumulators after one step; ``outputs`` are those at its start, ``moved`` is |change of theta_hat|."""
         at = self.slices()
-        counted = (outputs.y, outputs.e) if self.outputs else (after.x, after.x_m, after.controller.theta_hat)
-        first, *others = (np.sum(np.abs(part)) for part in counted)
-        physical = sum(others, first)
-        # what else is integrated may be large by its unit or by choice (u^2, a covariance): it only has to be a number
-        good = np.where(physical <= DIVERGENCE_LIMIT, 1.0, 0.0) * np.where(np.sum(np.abs(state_next)) < np.inf, 1.0, 0.0)
+        good = np.where(divergence_measure(outputs, after) <= DIVERGENCE_LIMIT, 1.0, 0.0)
+        good = good * np.where(np.sum(np.abs(state_next)) < np.inf, 1.0, 0.0)
         alive = old[at["good", "alive"]] * good
         values = {"e": outputs.e, "u": outputs.u, "theta_hat": outputs.theta_hat, "y": outputs.y}
         new = []

@@ -50,7 +50,7 @@ class Result:
     states            (K, size) all that is integrated; ``loop.unpack`` names the parts of a row
     envelope          extrema between the recorded instants
     figures           over every solver step, see Metrics; ``diverged_at`` is in s or None
-    stiffness         the largest h |eigenvalue| along the run, and since when the solver itself was unstable
+    stiffness         the largest h |eigenvalue| found along the run, and since when the solver itself was unstable
     check             what a finer step says of a run that is labelled numerically unstable, from ``check_numerics``
     """
 
@@ -93,7 +93,7 @@ class Result:
 
     @property
     def label(self) -> str | None:
-        """ "numerically unstable from t = ..." for a run that left its solver's region of stability."""
+        """ "numerically unstable from t = ..." for a run that left its solver's, or its sampled law's, region of stability."""
         start = self.stiffness.unstable_from
         return None if start is None else f"numerically unstable from t = {start:.4g} s"
 
@@ -101,9 +101,13 @@ class Result:
     def numerics(self) -> str:
         """Solver, step and stiffness in one line."""
         s = self.simulation
+        found = self.stiffness
         limit = f"{s.solver.imaginary_limit:.3g} on the imaginary axis, {s.solver.real_limit:.3g} on the real one"
-        text = f"{s.solver.name}, h = {s.dt:g} s, h |lambda| <= {self.stiffness.h_lambda_max:.3g}; the solver's limit is {limit}"
-        return "; ".join([text, *([self.label] if self.label else []), *([self.check.sentence] if self.check else [])])
+        seen = f"h |lambda| up to {found.h_lambda_max:.3g} at the {found.looks} instants looked at"
+        parts = [f"{s.solver.name}, h = {s.dt:g} s, {seen}; the solver's limit is {limit}"]
+        if found.radius_max is not None:
+            parts.append(f"the sampled law's map from sample to sample has spectral radius up to {found.radius_max:.4g}")
+        return "; ".join([*parts, *([self.label] if self.label else []), *([self.check.sentence] if self.check else [])])
 
     @cached_property
     def adapting(self) -> Adapting | None:

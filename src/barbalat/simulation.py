@@ -3,24 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
 from barbalat import delay, validate
-from barbalat.certify.numerics import Stiffness, stiffness
 from barbalat.closed_loop import ClosedLoop
-from barbalat.engine import Batch, Progress, run
+from barbalat.engine import Batch, Progress
+from barbalat.engine import run as advance
 from barbalat.grid import Simulation
-from barbalat.measurement import standard_normal
+from barbalat.labelling import Run, stiffness_along, watch
 from barbalat.problem import TrackingProblem
 from barbalat.protocols import Controller
 from barbalat.result import Envelope, Result
-from barbalat.stepping import output_function, sampled_states, step_program
+from barbalat.stepping import output_function, step_program
 from barbalat.validate import Array, InputError
-
-JACOBIAN_SAMPLES = 200
-"""Recorded instants at which the spectrum is taken first; all of them only to date the first one outside the region."""
 
 
 def simulate(
@@ -54,24 +50,24 @@ def simulate(
         if loop.delayed:
             weights = delay.weights(problem.delay, simulation.dt, simulation.solver.nodes)
             lags = np.array([delay.lag(problem.delay, simulation.dt)])
-        program = step_program(loop, simulation.solver, simulation.dt, delay_weights=weights, noise=problem.noise)
-        batches.append(Batch(program, loop.initial()[:, None], np.zeros((0, 1)), lags=lags, seeds=seeds, record=True))
-    run(batches, problem.signals, simulation, threads=threads, progress=progress)
+        program = step_program(loop, simulation.solver, simulation.dt, delay_weights=weights, noise=problem.noise, watch=True)
+        start, watched = loop.initial()[:, None], watch(loop, simulation)
+        batches.append(Batch(program, start, np.zeros((0, 1)), lags=lags, seeds=seeds, record=True, watch=watched))
+    advance(batches, problem.signals, simulation, threads=threads, progress=progress)
     parts = zip(controllers, loops, batches, strict=True)
     return {c.name: _result(problem, c, simulation, loop, batch) for c, loop, batch in parts}
 
 
 def _result(problem: TrackingProblem, controller: Controller, simulation: Simulation, loop: ClosedLoop, batch: Batch) -> Result:
     steps, states, accumulators = _record(simulation, batch)
-    t = simulation.time(steps)
     metrics = batch.metrics(simulation, loop.theta_hat_rows)
+    stop = np.inf
     if not np.isnan(metrics.diverged_at[0]):
-        kept = int(np.searchsorted(t, metrics.diverged_at[0]))  # the instants before it
-        steps, t, states, accumulators = steps[:kept], t[:kept], states[:kept], accumulators[: max(kept - 1, 0)]
-    signals = _recorded_signals(problem, loop, batch, steps, t)
-    if loop.sampled:
-        due = steps % batch.program.shape.sample_every == 0  # recorded before the controller acted
-        states[due] = np.asarray(sampled_states(loop)(states[due].T, signals[:, due])).T
+        stop = batch.totals.diverged_step[0]
+        kept = int(np.searchsorted(steps, stop))  # the instants before it
+        steps, states, accumulators = steps[:kept], states[:kept], accumulators[: max(kept - 1, 0)]
+    run = Run(problem, simulation, loop, batch, steps, states, stop)
+    t, signals, states = simulation.time(steps), run.signals(steps), run.acted(steps, states)
     e, u, theta_hat, x, x_m, y = (np.asarray(value).T for value in output_function(loop)(states.T, signals))
     at = batch.totals.at
     extrema = [(quantity, side) for quantity in ("e", "u", "theta_hat") for side in ("min", "max")]
@@ -94,29 +90,8 @@ def _result(problem: TrackingProblem, controller: Controller, simulation: Simula
         states=states,
         envelope=envelope,
         metrics=metrics,
-        stiffness=_stiffness(loop, simulation, t, states, signals.T),
+        stiffness=stiffness_along(run),
     )
-
-
-def _recorded_signals(problem: TrackingProblem, loop: ClosedLoop, batch: Batch, steps: Array, t: Array) -> Array:
-    """(signal_count, K). The delayed input is left at zero: no output and no frozen Jacobian depends on it."""
-    signals = np.zeros((loop.signal_count, len(t)))
-    for i, signal in enumerate(problem.signals):
-        signals[i] = signal(t)
-    if problem.noise is not None and len(t):
-        rows = steps // batch.program.shape.noise_hold
-        drawn = [standard_normal(problem.noise.seed, 0, int(row), 1, loop.noise) for row in rows]
-        signals[loop.timed : loop.timed + loop.noise] = np.concatenate(drawn).T
-    return signals
-
-
-def _stiffness(loop: ClosedLoop, simulation: Simulation, t: Array, states: Array, signals: Array) -> Stiffness:
-    chosen = np.unique(np.linspace(0, len(t) - 1, min(len(t), JACOBIAN_SAMPLES)).astype(int))
-    found = stiffness(loop, simulation, t[chosen], states[chosen], signals[chosen])
-    if found.unstable_from is not None:
-        until = int(np.searchsorted(t, found.unstable_from)) + 1
-        return replace(found, unstable_from=stiffness(loop, simulation, t[:until], states[:until], signals[:until]).unstable_from)
-    return found
 
 
 def _record(simulation: Simulation, batch: Batch) -> tuple[Array, Array, Array]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import TYPE_CHECKING
@@ -9,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from barbalat.closed_loop import ClosedLoop
+from barbalat.coupling import coupling_function
 from barbalat.lowering.machine import Kernel
 from barbalat.lowering.operations import Program, read
 from barbalat.lowering.optimize import optimize
@@ -32,15 +34,23 @@ class StepProgram:
     shape: LoopShape
     accumulators: Accumulators | None
     sample: Program | None = None
+    watch: Program | None = None
 
     def compile(self, lanes: int) -> Kernel:
         resets = () if self.accumulators is None else self.accumulators.resets
-        return _compile(self.program, self.shape, resets, lanes, self.sample)
+        return _compile(self.program, self.shape, resets, lanes, self.sample, self.watch)
 
 
 @lru_cache(maxsize=64)
-def _compile(program: Program, shape: LoopShape, resets: tuple[float, ...], lanes: int, sample: Program | None) -> Kernel:
-    return Kernel(program, shape, resets, lanes, sample)
+def _compile(
+    program: Program,
+    shape: LoopShape,
+    resets: tuple[float, ...],
+    lanes: int,
+    sample: Program | None,
+    watch: Program | None,
+) -> Kernel:
+    return Kernel(program, shape, resets, lanes, sample, watch)
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,8 +157,9 @@ def step_program(
     lag_per_member: bool = False,
     noise: Noise | None = None,
     figures: bool = True,
+    watch: bool = False,
 ) -> StepProgram:
-    """Trace, optimise: see ``step_function``. ``noise`` is the measurement's."""
+    """Trace, optimise: see ``step_function``. ``noise`` is the measurement's; with ``watch`` ``coupling_function`` is watched."""
     function, accumulators = step_function(loop, solver, dt, parameters, delay_weights=delay_weights, figures=figures)
     states, accumulated, varied, signals = (function.nnz_in(i) for i in range(4))
     rhythm = Rhythm.of(loop, noise, dt)
@@ -164,7 +175,8 @@ def step_program(
         sample_every=rhythm.sample_every,
     )
     sample = optimize(read(sample_function(loop, solver, parameters))) if loop.sampled else None
-    return StepProgram(optimize(read(function)), shape, accumulators, sample)
+    watched = optimize(read(coupling_function(loop, dt, function))) if watch else None
+    return StepProgram(optimize(read(function)), shape, accumulators, sample, watched)
 
 
 def output_function(loop: ClosedLoop) -> ca.Function:
@@ -179,11 +191,19 @@ def output_function(loop: ClosedLoop) -> ca.Function:
 
 def jacobian_function(loop: ClosedLoop, dt: float) -> ca.Function:
     """The exact Jacobian of the loop's right-hand side, (size, size), as a CasADi function of (state, signals)."""
+    loop = replace(loop, step=dt)
+    return _jacobian(loop, loop.derivative)
+
+
+def sampled_jacobian_function(loop: ClosedLoop) -> ca.Function:
+    """The same of what a sampled controller makes of a state."""
+    return _jacobian(loop, loop.sample)
+
+
+def _jacobian(loop: ClosedLoop, of: Callable[[Value, Value], Value]) -> ca.Function:
     import casadi as ca
 
-    loop = replace(loop, step=dt)
     state_column, state = symbols("state", loop.size)
     signal_column, signals = symbols("signals", loop.signal_count)
-    slope: Value = column(loop.derivative(state, signals))
-    jacobian = ca.densify(ca.jacobian(slope, state_column))
+    jacobian = ca.densify(ca.jacobian(column(of(state, signals)), state_column))
     return ca.Function("jacobian", [state_column, signal_column], [jacobian], {"cse": True})

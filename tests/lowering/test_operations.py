@@ -181,6 +181,7 @@ X = np.array([-3.7, -1.0, -0.3, -0.0, 0.0, 1e-9, 0.4, 1.0, 2.5, 40.0, 1e8])
 UNARY = {
     "sqrt": np.abs, "abs": None, "floor": None, "ceil": None, "exp": lambda x: np.minimum(x, 300),
     "log": lambda x: np.abs(x) + 1e-9,
+    "sign": None,
     "sin": None, "cos": None, "tan": None, "tanh": None, "square": None, "reciprocal": lambda x: x + 0.123, "negative": None,
 }  # fmt: skip
 

@@ -9,7 +9,7 @@ import pytest
 from barbalat.closed_loop import ClosedLoop
 from barbalat.engine import Batch, run
 from barbalat.grid import Simulation, signal_table
-from barbalat.lowering.machine import Kernel
+from barbalat.lowering.machine import Kernel, Watch
 from barbalat.lowering.operations import read
 from barbalat.lowering.optimize import optimize
 from barbalat.lowering.shape import LoopShape
@@ -36,6 +36,42 @@ def test_blocks_resets_signals_and_parameters(lanes):
         np.testing.assert_array_equal(out[block, 0], path[4 * block])
         np.testing.assert_array_equal(out[block, 1], 10 + path[steps].sum(axis=0))
         np.testing.assert_array_equal(out[block, 2], np.full(lanes, signals[steps, 1].max()))
+
+
+@pytest.mark.parametrize("blocks", [1, 6, 120])
+def test_a_watch_keeps_the_largest_of_every_window(blocks):
+    """x += s, x^2 is watched at every eighth step, in windows of sixteen, in two calls: against NumPy, whatever the blocks."""
+    x, s = ca.SX.sym("x"), ca.SX.sym("s")
+    arguments = [x, ca.SX(0, 1), ca.SX(0, 1), s]
+    step, watched = ca.Function("f", arguments, [x + s]), ca.Function("g", arguments, [x * x])
+    kernel = Kernel(read(step), LoopShape(1, 0, 0, 1), (), 1, watch=read(watched))
+    signals = np.random.default_rng(1).integers(-9, 10, (240, 1)).astype(float)  # whole numbers: every sum is exact
+    start, watch, state = 40, Watch(1, 32, 280, 16), np.zeros((1, 1))
+    for half in range(2):
+        rows = signals[120 * half : 120 * half + 120]
+        out = np.empty((blocks, 1, 1))
+        kernel(blocks, 120 // blocks, state, np.zeros(0), rows, out, watch=watch, start=start + 120 * half)
+    path, steps = np.concatenate([[0.0], np.cumsum(signals)])[:-1], np.arange(40, 280)
+    assert len(watch.rows) == 16  # 248 steps
+    for k, row in enumerate(watch.rows):
+        seen = (steps // 8 * 8 == steps) & ((steps - 32) // 16 == k)
+        if not seen.any():
+            assert row[0] == -np.inf
+            continue
+        largest = np.argmax(path[seen] ** 2)
+        np.testing.assert_array_equal(row, [path[seen][largest] ** 2, path[seen][largest], steps[seen][largest]])
+
+
+def test_a_watch_is_given_to_who_watches():
+    x = ca.SX.sym("x")
+    program = read(ca.Function("f", [x], [x]))
+    plain, watching = (Kernel(program, LoopShape(1, 0, 0, 0), (), 1, watch=watch) for watch in (None, program))
+    arguments = (1, 4, np.zeros((1, 1)), np.zeros(0), np.zeros(0), np.empty((1, 1, 1)))
+    for kernel, watch in ((plain, Watch(1, 0, 4, 8)), (watching, None), (watching, Watch(1, 0, 3, 8))):
+        with pytest.raises(ValueError, match=r"watch|windows"):
+            kernel(*arguments, watch=watch)
+    with pytest.raises(ValueError, match="one member"):
+        Kernel(program, LoopShape(1, 0, 0, 0), (), 2, watch=program)
 
 
 @pytest.mark.parametrize("scheme", ["mrac", "l1", "robust-mrac"])

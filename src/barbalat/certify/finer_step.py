@@ -19,6 +19,8 @@ SAME = 0.1
 """Figures that differ by less than this fraction are called the same: far above the finer step's own error, far below decades."""
 LITTLE = 0.1
 """Where less than this fraction of a figure is left at the finer step, the solver made it; where more is left, at most a part."""
+NOISE = 1e-5
+"""Of the model's state, of the control, of the estimates: a figure below this shows roundings and what has settled."""
 GROWTH = 3.0
 """An error that was this many times as large as the model's state while the run was still sound grows by itself."""
 
@@ -44,13 +46,21 @@ class FinerStep:
 
 @dataclass(frozen=True, eq=False)
 class Seen:
-    """What is compared of a run: figures, the time [s] of its label, the largest |e| until then, the largest |x_m|."""
+    """What is compared of a run: figures, the time [s] of its label, the largest |e| until then; (p,) the estimates' path.
+
+    model, estimates  the largest |x_m| and |theta_hat_i|: the size of the signals
+    sample_time       of a law that is sampled by Euler steps [s], else None
+    """
 
     dt: float
     metrics: Metrics
     unstable_from: float | None
     sound_error: float
+    path: Array
     model: float
+    estimates: float
+    steps: int
+    sample_time: float | None = None
 
     @property
     def diverged_at(self) -> float | None:
@@ -60,7 +70,8 @@ class Seen:
 
 def compare(coarse: Seen, fine: Seen, t_end: float, *, whole: bool) -> FinerStep | None:
     """The verdict over [0, t_end], the whole run or a part; None where the finer run left the region too and says nothing."""
-    at = f"at h = {fine.dt:g} s" if whole else f"at h = {fine.dt:g} s, up to t = {t_end:g} s,"
+    step = f"h = {fine.dt:g} s" if fine.sample_time is None else f"h = {fine.dt:g} s, sampled every {fine.sample_time:g} s,"
+    at = f"at {step}" if whole else f"at {step.removesuffix(',')}, up to t = {t_end:g} s,"
     if coarse.diverged_at is None and fine.diverged_at is None:
         found = None if fine.unstable_from is not None else _figures(coarse, fine, at)
     else:
@@ -82,36 +93,49 @@ def _divergences(coarse: Seen, fine: Seen, at: str) -> tuple[Origin, str] | None
     if fine.unstable_from is not None:
         return None
     if fine.diverged_at is not None:
-        return "both", f"the solver hides a divergence: {at} the run diverges at t = {fine.diverged_at:.4g} s"
-    return "solver", f"the divergence is the solver's: {at} the run stays bounded, max |e| {_text(fine.metrics.max_abs_e[0])}"
+        return "both", f"the {_whose(fine)} hides a divergence: {at} the run diverges at t = {fine.diverged_at:.4g} s"
+    bounded = f"{at} the run stays bounded, max |e| {_text(fine.metrics.max_abs_e[0])}"
+    return "solver", f"the divergence is the {_whose(fine)}'s: {bounded}"
 
 
 def _figures(coarse: Seen, fine: Seen, at: str) -> tuple[Origin, str]:
     """Where both stayed bounded: what the finer step changes."""
-    names = {
-        "theta_hat_variation_rate": "the estimates' variation [1/s]",
-        "tail_max_abs_e": "max |e| in the tail",
-        "max_abs_u": "max |u|",
-    }
-    pairs = {text: (getattr(coarse.metrics, name)[0], getattr(fine.metrics, name)[0]) for name, text in names.items()}
-    ratios = {text: _ratio(*pair) for text, pair in pairs.items()}
+    before, after = _compared(coarse), _compared(fine)
+    pairs = {text: (value, after[text][0]) for text, (value, _) in before.items()}
+    ratios = {text: _ratio(*pair, NOISE * max(before[text][1], after[text][1])) for text, pair in pairs.items()}
     changed = [
-        f"{text} {'falls' if ratios[text] < 1 else 'rises'} from {_text(before)} to {_text(after)}"
-        for text, (before, after) in pairs.items()
+        f"{text} {'falls' if ratios[text] < 1 else 'rises'} from {_text(coarsely)} to {_text(finely)}"
+        for text, (coarsely, finely) in pairs.items()
         if abs(ratios[text] - 1) > SAME
     ]
     if not changed:
-        same = ", ".join(f"{text} {_text(after)}" for text, (_, after) in pairs.items())
+        same = ", ".join(f"{text} {_text(finely)}" for text, (_, finely) in pairs.items())
         return "loop", f"what the run shows is the loop's own: {at} it is the same within {SAME:.0%} ({same})"
     numbers = f"{at} {', '.join(changed)}"
     if min(ratios.values()) < LITTLE:
-        return "solver", f"the oscillation is the solver's: {numbers}"
-    return "both", f"what the run shows is not the solver's alone: {numbers}"
+        return "solver", f"the oscillation is the {_whose(fine)}'s: {numbers}"
+    return "both", f"what the run shows is not the {_whose(fine)}'s alone: {numbers}"
 
 
-def _ratio(before: Array, after: Array) -> float:
+def _whose(fine: Seen) -> str:
+    return "solver" if fine.sample_time is None else "sampled law"
+
+
+def _compared(seen: Seen) -> dict[str, tuple[Array, float]]:
+    """The figures of the tail and of the whole run, each with the size of what it is a figure of."""
+    found, span = seen.metrics, seen.dt * seen.steps
+    return {
+        "the estimates' variation [1/s] in the tail": (found.theta_hat_variation_rate[0], 4 * seen.estimates / span),
+        "their path in all": (seen.path, seen.estimates),
+        "max |e| in the tail": (found.tail_max_abs_e[0], seen.model),
+        "max |e| in all": (found.max_abs_e[0], seen.model),
+        "max |u|": (found.max_abs_u[0], float(np.max(found.max_abs_u[0]))),
+    }
+
+
+def _ratio(before: Array, after: Array, noise: float) -> float:
     """All components together: after / before."""
-    least = 1e-12  # figures of nothing at all are the same
+    least = noise + 1e-300  # figures of nothing at all are the same
     return float((np.sum(after) + least) / (np.sum(before) + least))
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import struct
 
+from barbalat.lowering import llvm_watch
 from barbalat.lowering.llvm_past import lag_loads, past_loads, remember
 from barbalat.lowering.operations import COMPARISONS, Program
 from barbalat.lowering.shape import TAPS, LoopShape
@@ -120,7 +121,14 @@ class _Printer:
         return self.select(self.assign(f"fcmp {relation} {self.vector} {x[0]}, {x[1]}"), x[1], x[0])
 
 
-def loop(step: Program, shape: LoopShape, resets: tuple[float, ...], lanes: int, sample: Program | None = None) -> str:
+def loop(
+    step: Program,
+    shape: LoopShape,
+    resets: tuple[float, ...],
+    lanes: int,
+    sample: Program | None = None,
+    watch: Program | None = None,
+) -> str:
     """IR of ``void barbalat_loop(blocks, steps, state*, parameters*, signals*, out*, start, lags*, ring*, mask, noise*)``.
 
     state       [states][W], in and out
@@ -132,10 +140,15 @@ def loop(step: Program, shape: LoopShape, resets: tuple[float, ...], lanes: int,
     ring        [mask + 1][delayed][W]: remembered values, a power of two of steps; what stands there first is the past
     noise       [rows][noise][W]: a row for each ``noise_hold`` steps since t = 0, the first row that of ``start``
 
-    Before a step whose number is a multiple of ``sample_every``, ``sample`` replaces the state.
+    watched     rows of ``watch``, see ``llvm_watch``; then the first step of the first and the steps of each
+
+    Before a step whose number is a multiple of ``sample_every``, ``sample`` replaces the state. ``watch`` is a quantity whose
+    largest value in every window of steps is kept with the state there; it takes one member.
     """
     if (sample is None) != (shape.sample_every == 0):
         raise ValueError("a loop has a sampled part exactly where its shape says how often it acts")
+    if watch is not None and lanes > 1:
+        raise ValueError(f"a loop that watches runs one member, got {lanes} lanes")
     n, m = shape.states, shape.accumulators
     inputs = {(0, i): f"%x{i}" for i in range(n)}
     inputs |= {(1, i): f"%a{i}" for i in range(m)}
@@ -162,6 +175,12 @@ def loop(step: Program, shape: LoopShape, resets: tuple[float, ...], lanes: int,
             "go:",
             *(f"  %x{i} = phi {vector} [ %x{i}.held, %step ], [ {sampled[i]}, %sample ]" for i in range(n)),
         ]
+    watching: list[str] = []
+    if watch is not None:
+        watcher = _Printer(watch, lanes, inputs, prefix="g")
+        (quantity,) = watcher.run()
+        printer.intrinsics |= watcher.intrinsics
+        watching, last = llvm_watch.keep(n, watcher.lines, quantity), llvm_watch.LAST
 
     def load(name: str, base: str, offset: str) -> list[str]:
         return [
@@ -179,7 +198,7 @@ def loop(step: Program, shape: LoopShape, resets: tuple[float, ...], lanes: int,
     lines = [
         f"define void @{ENTRY}(i64 %blocks, i64 %steps, ptr noalias %state, ptr noalias %parameters, "
         "ptr noalias %signals, ptr noalias %out, i64 %start, ptr noalias %lags, ptr noalias %ring, i64 %mask, "
-        "ptr noalias %noise) alignstack(64) {",
+        "ptr noalias %noise, ptr noalias %watched, i64 %watch.first, i64 %watch.window) alignstack(64) {",
         "entry:",
         *(line for i in range(n) for line in load(f"x{i}.0", "%state", str(i))),
         *(line for i in range(shape.parameters) for line in load(f"p{i}", "%parameters", str(i))),
@@ -203,6 +222,7 @@ def loop(step: Program, shape: LoopShape, resets: tuple[float, ...], lanes: int,
         *_signal_loads(shape.signals, lanes, vector),
         *_noise_loads(shape, vector),
         *sampling,
+        *watching,
         *past_loads(shape, lanes, vector),
         *printer.lines,
         *remember(shape, vector, new[n + m :]),

@@ -41,6 +41,17 @@ class Past:
         self.ring = np.zeros((1 << (depth - 1).bit_length(), channels, len(lags)))
 
 
+class Watch:
+    """What a kernel with a quantity to watch has kept: for each of ``windows`` windows of steps, from step ``first`` on, a row.
+
+    A row holds the largest value, the state and the number of the step at which it occurred; minus infinity where none did.
+    """
+
+    def __init__(self, states: int, first: int, stop: int, window: int) -> None:
+        self.first, self.stop, self.window = first, stop, window
+        self.rows = np.full((-(-(stop - first) // window), states + 2), -np.inf)
+
+
 class Kernel:
     """A compiled loop; one call advances ``lanes`` members by ``blocks * steps`` steps.
 
@@ -48,13 +59,20 @@ class Kernel:
     """
 
     def __init__(
-        self, step: Program, shape: LoopShape, resets: tuple[float, ...], lanes: int, sample: Program | None = None
+        self,
+        step: Program,
+        shape: LoopShape,
+        resets: tuple[float, ...],
+        lanes: int,
+        sample: Program | None = None,
+        watch: Program | None = None,
     ) -> None:
         if lanes < 1 or lanes & (lanes - 1):
             raise ValueError(f"lanes must be a power of two, got {lanes}")
         self.shape = shape
         self.lanes = lanes
-        self.ir = llvm_ir.loop(step, shape, resets, lanes, sample)
+        self.watches = watch is not None
+        self.ir = llvm_ir.loop(step, shape, resets, lanes, sample, watch)
         target = _target()
         machine = target.create_target_machine(
             cpu=llvm.get_host_cpu_name(), features=llvm.get_host_cpu_features().flatten(), opt=3
@@ -71,7 +89,8 @@ class Kernel:
         self._engine = llvm.create_mcjit_compiler(module, machine)
         self._engine.finalize_object()
         i64, pointer = ctypes.c_int64, ctypes.c_void_p
-        prototype = ctypes.CFUNCTYPE(None, i64, i64, pointer, pointer, pointer, pointer, i64, pointer, pointer, i64, pointer)
+        run, memory, windows = (i64, i64, *[pointer] * 4, i64), (pointer, pointer, i64, pointer), (pointer, i64, i64)
+        prototype = ctypes.CFUNCTYPE(None, *run, *memory, *windows)
         self._call = prototype(self._engine.get_function_address(llvm_ir.ENTRY))
 
     def __call__(
@@ -84,6 +103,7 @@ class Kernel:
         out: np.ndarray,
         past: Past | None = None,
         noise: np.ndarray | None = None,
+        watch: Watch | None = None,
         *,
         start: int = 0,
     ) -> None:
@@ -91,6 +111,7 @@ class Kernel:
 
         past   goes with a step that has delays
         noise  goes with a step that has noise
+        watch  goes with a kernel that watches; its windows hold all steps
         start  number of the first step since t = 0
         """
         w, s = self.lanes, self.shape
@@ -113,6 +134,11 @@ class Kernel:
                 raise ValueError(
                     f"a kernel with {count} channels that need {what} was called {'without' if given is None else 'with'} it"
                 )
+        if (watch is None) == self.watches:
+            raise ValueError(f"a kernel that {'watches' if self.watches else 'does not watch'} was called {watch}")
+        if watch is not None and not watch.first <= start <= start + blocks * steps <= watch.stop:
+            raise ValueError(f"steps {start} to {start + blocks * steps} are not in windows from {watch.first} to {watch.stop}")
         arrays = (state.ctypes.data, parameters.ctypes.data, signals.ctypes.data, out.ctypes.data)
         memory = (None, None, 0) if past is None else (past.lags.ctypes.data, past.ring.ctypes.data, len(past.ring) - 1)
-        self._call(blocks, steps, *arrays, start, *memory, None if noise is None else noise.ctypes.data)
+        windows = (None, 0, 1) if watch is None else (watch.rows.ctypes.data, watch.first, watch.window)
+        self._call(blocks, steps, *arrays, start, *memory, None if noise is None else noise.ctypes.data, *windows)

@@ -40,7 +40,7 @@ def _names() -> dict[int, str]:
     import casadi as ca
 
     binary = "ADD SUB MUL DIV LT LE EQ NE AND OR FMIN FMAX POW CONSTPOW COPYSIGN IF_ELSE_ZERO"
-    unary = "NEG INV SQRT FABS NOT EXP LOG SIN COS TAN TANH FLOOR CEIL SQ TWICE"
+    unary = "NEG INV SQRT FABS NOT EXP LOG SIN COS TAN TANH FLOOR CEIL SQ TWICE SIGN"
     return {getattr(ca, f"OP_{name}"): name.lower() for name in f"{binary} {unary}".split()}
 
 
@@ -77,6 +77,9 @@ def read(function: casadi.Function) -> Program:
                 work[target[0]] = append("div", append("constant", value=1.0), a[0])
             elif name == "constpow":
                 work[target[0]] = append("pow", *a)
+            elif name == "sign":
+                zero = append("constant", value=0.0)
+                work[target[0]] = append("sub", append("lt", zero, a[0]), append("lt", a[0], zero))
             else:
                 work[target[0]] = append(name, *a)
         else:
