@@ -149,3 +149,8 @@ def test_reproduce(tmp_path, capsys):
         assert (tmp_path / f"figure-{key}.svg").read_text().rstrip().endswith("</svg>")
     page = (tmp_path / "report.html").read_text()
     assert page.count('<img src="data:image/png;base64,') == 5
+
+
+def test_python_dash_m_is_the_command():
+    done = subprocess.run([sys.executable, "-m", "barbalat", "cases"], capture_output=True, text=True, check=False)
+    assert done.returncode == 0 and "l1-output" in done.stdout
