@@ -13,6 +13,7 @@ from barbalat import (
     NormalizedMrac,
     PlantInput,
     Polynomial,
+    ReferenceModel,
     RobustMrac,
     Sensor,
     Simulation,
@@ -140,6 +141,15 @@ def test_simulation_with_frozen_estimates_is_lost_where_the_loop_says(section_v,
     assert (np.diff(quarters[1]) > 0).all() or np.isnan(quarters[1]).all()
 
 
+def test_a_loop_that_is_unstable_by_itself_is_refused(section_v):
+    """theta = (4, -3) needs feedback: with an actuator far slower than the plant's unstable mode there is none in time."""
+    slow = PlantInput(actuator=TransferFunction([0.05], [1.0, 0.05]))
+    problem = replace(section_v, plant=replace(section_v.plant, input=slow))
+    loop = FrozenLoops(problem, scheme(0.1, c_0=[1.0, 1.0])).at_theta
+    assert np.linalg.eigvals(sensitivity(loop).A).real.max() > 0
+    assert "stable without modelling error" in refusal(lambda: small_gain(loop, DelayError()))
+
+
 def test_refusals(section_v):
     def change(**settings):
         return replace(section_v, plant=replace(section_v.plant, **settings))
@@ -151,6 +161,9 @@ def test_refusals(section_v):
     nonlinear = replace(section_v.plant, regressor=squares, theta=np.zeros(squares.size(2)))
     problem = replace(section_v, plant=nonlinear, uncertainty=None)
     assert "phi(x) = x" in refusal(lambda: FrozenLoops(problem, controller))
+    two = replace(section_v.plant, b=np.eye(2), theta=np.zeros(4))
+    several = replace(problem, plant=two, reference_model=ReferenceModel(k_0=[[1.0], [0.0]]))
+    assert "2 columns" in refusal(lambda: FrozenLoops(several, controller))
     assert "controller" in refusal(lambda: FrozenLoops(section_v, 3))
     assert "theta_hat" in refusal(lambda: FrozenLoops(section_v, controller).at(np.zeros(3)))
     assert "shape" in refusal(lambda: ScaledError(TransferFunction([1.0], [1.0, -1.0])))

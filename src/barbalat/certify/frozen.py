@@ -53,8 +53,10 @@ class FrozenLoops:
         validate.instance("problem", self.problem, Problem)
         validate.instance("controller", self.controller, (RobustMrac, NormalizedMrac))
         plant = self.problem.plant
-        if not plant.is_linear or plant.inputs > 1:
-            raise InputError("the frozen loop is linear only for phi(x) = x and one input: plant.regressor must be left out")
+        if plant.inputs > 1:
+            raise InputError(f"the frozen loop is that of one input, but plant.b has {plant.inputs} columns")
+        if not plant.is_linear:
+            raise InputError("the frozen loop is linear only for phi(x) = x: plant.regressor must be left out")
         path = plant.paths[0]
         if not path.is_linear or path.delay > 0:
             raise InputError(
@@ -162,10 +164,18 @@ def borne(loops: FrozenLoops, error: ModellingError) -> Borne:
 
 
 def small_gain(loop: StateSpace, error: ModellingError) -> float:
-    """The size below which |Delta_m| |T| < 1 at all frequencies: on a grid around T's poles, its lowest valleys refined."""
+    """The size below which |Delta_m| |T| < 1 at all frequencies: on a grid around T's poles, its lowest valleys refined.
+
+    InputError where the loop is unstable without any modelling error.
+    """
     from scipy.optimize import minimize_scalar
 
     T = complementary_sensitivity(loop)
+    largest = float(np.linalg.eigvals(T.A).real.max())
+    if largest >= 0:
+        raise InputError(
+            f"small gain needs a loop that is stable without modelling error, but an eigenvalue has real part {largest:.6g}"
+        )
     w = np.unique(frequency_grid(T))
 
     def allowed(at: Array) -> Array:

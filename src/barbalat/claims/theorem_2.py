@@ -22,7 +22,7 @@ T_END, LONGER, H = 100.0, 4, 1e-3
 """A quarter of the run is two periods of the command; at and along the boundary the runs are four times as long."""
 MULTIPLES = {1.05: "τ 5 % above the boundary", 2.0: "twice the boundary's τ", 4.0: "four times the boundary's τ"}
 """Of the boundary's tau: where the error is measured. On the boundary itself what is left of an oscillation hides it."""
-FROZEN_TAUS = np.concatenate([np.geomspace(TAUS[0], 0.1, 5), np.geomspace(0.13, TAUS[-1], 9)])
+FROZEN_TAUS = np.concatenate([np.geomspace(TAUS[0], 0.1, 5), np.geomspace(0.13, 0.36, 6), [0.6, 1.0, TAUS[-1]]])
 DERIVATIVE_POLE = 2e-3
 """Time constant of the realisation of -mu s [s]."""
 
