@@ -25,8 +25,12 @@ if TYPE_CHECKING:
     from barbalat.adaptation.learning import CompositeLearning
     from barbalat.adaptation.normalization import Normalization
     from barbalat.adaptation.switching_sigma import SwitchingSigma
+    from barbalat.certify.certificate import Certificate
     from barbalat.certify.frozen import FrozenLoops, borne
+    from barbalat.certify.l1 import Enclosure, l1_norm
+    from barbalat.certify.margins import Margins, margins
     from barbalat.certify.modelling_error import DelayError, ScaledError
+    from barbalat.certify.table import certify
     from barbalat.checking import check_numerics
     from barbalat.controllers import L1Adaptive, LinearFeedback, Mrac, NormalizedMrac, RobustMrac, Sampled
     from barbalat.controllers.output.l1 import L1Output, fast_limit, linear_equivalent
@@ -36,7 +40,7 @@ if TYPE_CHECKING:
     from barbalat.ensemble import EnsembleResult, simulate_ensemble
     from barbalat.grid import Simulation
     from barbalat.known_set import ParameterBall, ParameterBox
-    from barbalat.linear import TransferFunction, input_filter
+    from barbalat.linear import StateSpace, TransferFunction, input_filter
     from barbalat.linear_design import hinf_feedback, pi_feedback
     from barbalat.measurement import Noise, Sensor
     from barbalat.output_problem import OutputPlant, OutputProblem, OutputReferenceModel
@@ -79,12 +83,15 @@ _HOME = {
     "adaptation.switching_sigma": ("SwitchingSigma",),
     "certify.frozen": ("FrozenLoops", "borne"),
     "certify.modelling_error": ("DelayError", "ScaledError"),
+    "certify.certificate": ("Certificate",),
+    "certify.l1": ("Enclosure", "l1_norm"),
+    "certify.margins": ("Margins", "margins"),
     "checking": ("check_numerics",),
     "controllers": ("L1Adaptive", "LinearFeedback", "Mrac", "NormalizedMrac", "RobustMrac", "Sampled"),
     "ensemble": ("EnsembleResult", "simulate_ensemble"),
     "grid": ("Simulation",),
     "linear_design": ("hinf_feedback", "pi_feedback"),
-    "linear": ("TransferFunction", "input_filter"),
+    "linear": ("StateSpace", "TransferFunction", "input_filter"),
     "known_set": ("ParameterBall", "ParameterBox"),
     "measurement": ("Noise", "Sensor"),
     "plant": ("Plant", "ReferenceModel"),
@@ -102,12 +109,14 @@ __all__ = [
     "EULER",
     "HEUN",
     "RK4",
+    "Certificate",
     "Chirp",
     "CompositeLearning",
     "Constant",
     "DeadZone",
     "DelayError",
     "Disturbance",
+    "Enclosure",
     "EnsembleResult",
     "EpsilonModification",
     "FixedSigma",
@@ -129,6 +138,7 @@ __all__ = [
     "LinearOutput",
     "Lost",
     "LyapunovLaw",
+    "Margins",
     "Mrac",
     "MracOutput",
     "Noise",
@@ -154,6 +164,7 @@ __all__ = [
     "Sine",
     "Sines",
     "Square",
+    "StateSpace",
     "Step",
     "Steps",
     "SwitchingSigma",
@@ -161,12 +172,15 @@ __all__ = [
     "Terms",
     "TransferFunction",
     "borne",
+    "certify",
     "check_numerics",
     "delay_margins",
     "fast_limit",
     "hinf_feedback",
     "input_filter",
+    "l1_norm",
     "linear_equivalent",
+    "margins",
     "pi_feedback",
     "simulate",
     "simulate_ensemble",
@@ -175,6 +189,8 @@ __all__ = [
 
 
 def __getattr__(name: str) -> Any:
+    if name == "certify":  # the package itself, which can be called
+        return import_module("barbalat.certify")
     if name not in _MODULE_OF:
         raise AttributeError(f"module 'barbalat' has no attribute {name!r}")
     return getattr(import_module(f"barbalat.{_MODULE_OF[name]}"), name)

@@ -6,9 +6,11 @@ Source: Skogestad and Postlethwaite, Multivariable Feedback Control, section 2.4
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
+from barbalat import validate
 from barbalat.certify.crossings import Crossings
 from barbalat.certify.rotation import phase_crossings
 from barbalat.linear import StateSpace
@@ -32,12 +34,15 @@ class Margins:
     crossovers: tuple[float, ...]
 
 
-def margins(loop: StateSpace, delay: float = 0.0) -> Margins:
+def margins(loop: Any, delay: float = 0.0) -> Margins:
     """Margins of a loop that is stable when closed around the ``delay`` d [s].
+
+    loop   L(s): a StateSpace, a TransferFunction or a SISO python-control system
 
     InputError where it is not, with the closed loop's largest real part, or the delay that it bears. A loop with
     |L(infinity)| >= 1 bears none.
     """
+    loop, delay = StateSpace.accept("loop", loop), validate.not_negative("delay", delay)
     closed = sensitivity(loop).A
     largest = float(np.linalg.eigvals(closed).real.max()) if loop.order else -np.inf
     if largest >= 0:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from flint import arb, ctx, fmpq, fmpq_mat
@@ -15,6 +16,7 @@ from numpy.typing import ArrayLike
 
 from barbalat.certify.l1.enclosure import Enclosure, FloatMatrix, float_above, float_below, require_hurwitz
 from barbalat.certify.l1.march import Counters, integrate
+from barbalat.certify.l1.matrices import matrices
 from barbalat.certify.l1.model import System, build_model, needed_bits, norm_lower_bound
 
 # Working precision of the first attempt: two limbs, enough for the default width of a benign system.
@@ -29,15 +31,17 @@ _NARROWEST_WIDTH = 1e-15
 
 
 def l1_norm(
-    A: ArrayLike,
-    B: ArrayLike,
-    C: ArrayLike,
-    D: ArrayLike,
+    A: Any,
+    B: ArrayLike | None = None,
+    C: ArrayLike | None = None,
+    D: ArrayLike | None = None,
     *,
     relative_width: float = 1e-9,
     work_limit: int = 200_000,
 ) -> Enclosure:
     """Return a guaranteed enclosure of the L1 norm of the system with exactly these float64 matrices.
+
+    In place of the four, one system: a TransferFunction, a StateSpace, or python-control's (a state space of any size).
 
     A is (n, n), B (n, m), C (p, n), D (p, m); n may be 0. The norm is the induced L-infinity norm: the
     largest over outputs i of the sum over inputs j of |D_ij| + integral_0^inf |c_i e^(At) b_j| dt; t in s.
@@ -51,7 +55,7 @@ def l1_norm(
     Source: Boyd and Barratt, Linear Controller Design (1991), section 5.2.3 (peak gain); Taylor models with
     Bernstein coefficients after Moore, Kearfott and Cloud, Introduction to Interval Analysis (2009).
     """
-    system = _checked(A, B, C, D)
+    system = _checked(*(matrices(A) if B is None and C is None and D is None else (A, B, C, D)))
     if not _NARROWEST_WIDTH <= relative_width < 1.0:
         raise ValueError(f"relative_width must be in [{_NARROWEST_WIDTH}, 1), got {relative_width}")
     if work_limit < 1:
@@ -64,16 +68,19 @@ def l1_norm(
     return _Search(system, relative_width, work_limit).run()
 
 
-def _checked(A: ArrayLike, B: ArrayLike, C: ArrayLike, D: ArrayLike) -> System:
+def _checked(A: ArrayLike, B: ArrayLike | None, C: ArrayLike | None, D: ArrayLike | None) -> System:
     """Return the four matrices as float64, or raise ValueError if they do not form a system."""
-    matrices = [np.asarray(matrix, dtype=np.float64) for matrix in (A, B, C, D)]
-    if any(matrix.ndim != 2 for matrix in matrices):
+    missing = [name for name, matrix in zip("ABCD", (A, B, C, D), strict=True) if matrix is None]
+    if missing:
+        raise ValueError(f"l1_norm needs all four matrices, or one system; not given: {', '.join(missing)}")
+    given = [np.asarray(matrix, dtype=np.float64) for matrix in (A, B, C, D)]
+    if any(matrix.ndim != 2 for matrix in given):
         raise ValueError("A, B, C and D must be two-dimensional arrays")
-    a, b, c, d = matrices
+    a, b, c, d = given
     n, (p, m) = a.shape[0], d.shape
     if a.shape != (n, n) or b.shape != (n, m) or c.shape != (p, n) or p == 0 or m == 0:
         raise ValueError(f"shapes do not form a system: A {a.shape}, B {b.shape}, C {c.shape}, D {d.shape}")
-    if not all(np.isfinite(matrix).all() for matrix in matrices):
+    if not all(np.isfinite(matrix).all() for matrix in given):
         raise ValueError("A, B, C and D must have finite entries")
     return System(a, b, c, d)
 
