@@ -108,7 +108,8 @@ class TradeOff:
             title=f"Theorem 2's trade-off: τ against {self.title}",
             caption=f"Each cell is a run of the robust MRAC on Section V with {self.title}, over {T_END:g} s with RK4, h = {H * 1e3:g} ms. {LOST}. "
             f"Marks: the smallest τ that is borne over {LONGER * T_END:g} s, bisected to 1 %; "
-            "growth too slow for the cells' shorter runs is seen there. The lines are of the linear loop that is left when the estimates are frozen: "
+            "growth too slow for the cells' shorter runs is seen there. Cells lost at large τ and large errors are so by a transient of the learning "
+            "that outlasts the first quarter. The lines are of the linear loop that is left when the estimates are frozen: "
             "where it loses stability exactly, with θ̂ = θ; up to where the small-gain theorem shows it stable, with θ̂ = θ, and with the worst "
             "θ̂ of the known set that was found (an estimate; above its end the frozen loop is unstable with some θ̂ even without modelling "
             "error). None of them is a guarantee for the loop that adapts, whose estimates move.",
