@@ -59,7 +59,7 @@ def advance(problem, controller, members: int) -> tuple[Callable[[int], np.ndarr
     loop = ClosedLoop.of(problem, controller)
     weights, lags = None, None
     if problem.delay > 0:
-        weights = delay.weights(problem.delay, SIMULATION.dt, SIMULATION.solver.nodes)
+        weights = delay.weights(problem.delay, SIMULATION.dt, SIMULATION.solver)
         lags = np.full(members, delay.lag(problem.delay, SIMULATION.dt))
     program = step_program(loop, SIMULATION.solver, SIMULATION.dt, delay_weights=weights)
     (group,) = Batch(program, np.repeat(loop.initial()[:, None], members, axis=1), np.zeros((0, members)), lags=lags).groups

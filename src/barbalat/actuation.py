@@ -23,7 +23,8 @@ class PlantInput:
     actuator        G_a(s) = 1 + Delta_m(s), proper and stable: eq. (11)
     multiplicative  Delta_m(s) itself, likewise; with an actuator the two are in series
     gain            the effectiveness omega > 0; 1 unless given
-    delay           [s], exact; 0, or at least two solver steps. Before t = 0 the input was zero
+    delay           [s], exact; 0, or at least one solver step
+    history         what reaches the plant until t = delay, a constant; 0 by default, and without effect where there is no delay
 
     The dynamics start at rest. A delay commutes with everything else here, which does not change with time. Raises InputError.
     """
@@ -35,6 +36,7 @@ class PlantInput:
     multiplicative: TransferFunction | None = None
     gain: float = 1.0
     delay: float = 0.0
+    history: float = 0.0
 
     def __post_init__(self) -> None:
         for name in ("quantization", "rate_limit"):
@@ -60,6 +62,7 @@ class PlantInput:
             validate.freeze(self, **{name: system})
         validate.freeze(self, gain=validate.positive("plant.input.gain", self.gain))
         validate.freeze(self, delay=validate.not_negative("plant.input.delay", self.delay))
+        validate.freeze(self, history=validate.number("plant.input.history", self.history))
 
     @property
     def dynamics(self) -> TransferFunction | None:

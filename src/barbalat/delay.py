@@ -1,28 +1,48 @@
-"""The exact input delay on a fixed grid: which remembered values a step needs, and how it interpolates between them.
+"""The exact input delay on a fixed grid: what a step remembers, which remembered values a step needs, and how it combines them.
 
-Between steps the cubic through four neighbours is used, whose error is of fourth order in the step, as RK4's is. A jump of
-the input, at t = 0 from the zero past or with the command, costs once an error of the order of the step.
+For each input a step remembers two values: at its start, and at its end with the signals' limits from the left. What the end of
+one step and the start of the next differ by is a jump of the input: a command's, a sampled controller's, a noisy measurement's,
+the one from the history before t = 0. A jump is not interpolated across. The delayed input of a step is the cubic through four
+neighbours with the jumps taken out, whose error is of fourth order in the step, as RK4's is, and the jump inside the step by
+stage values that have its moments, see ``jump_weights``.
 """
 
 from __future__ import annotations
 
+from math import factorial
+
 import numpy as np
 
 from barbalat.lowering.shape import TAPS
+from barbalat.solvers import Tableau
 from barbalat.validate import Array, InputError
 
 LONGEST = 10_000_000
-"""Steps that a member may remember: 80 MB each."""
+"""Steps that a member may remember: 160 MB each."""
+
+PER_INPUT = 2
+"""Remembered of each input: the value at a step's start, and at its end."""
+
+
+class DelayTooShortError(InputError):
+    """A delay between 0 and one solver step: ``delay`` and ``dt`` [s]; every dt up to ``delay`` carries it."""
+
+    def __init__(self, delay: float, dt: float) -> None:
+        super().__init__(
+            f"plant.input.delay must be 0 or at least one solver step, got {delay:g} s at dt = {dt:g} s: "
+            f"simulation.dt may be at most {delay:g} s"
+        )
+        self.delay, self.dt = delay, dt
 
 
 def lag(delay: float, dt: float) -> int:
-    """Steps back to the newest remembered value that a step needs; InputError for a delay below two steps."""
+    """Steps back to the newest remembered step that a step needs; InputError for a delay below one step."""
     if delay / dt > LONGEST:
         raise InputError(f"plant.input.delay must be at most {LONGEST:g} solver steps, got {delay:g} s at dt = {dt:g} s")
     whole = whole_steps(delay, dt)
-    if whole < 2:
-        raise InputError(f"plant.input.delay must be 0 or at least two solver steps, got {delay:g} s at dt = {dt:g} s")
-    return whole - 1
+    if whole < 1:
+        raise DelayTooShortError(delay, dt)
+    return whole
 
 
 def whole_steps(delay: float, dt: float) -> int:
@@ -32,20 +52,40 @@ def whole_steps(delay: float, dt: float) -> int:
     return nearest if abs(steps - nearest) <= 1e-9 * max(1.0, steps) else int(np.floor(steps))
 
 
-def weights(delay: float, dt: float, nodes: tuple[float, ...]) -> Array:
-    """(nodes, TAPS): what to multiply the remembered values with, the newest first, to get the input at each stage.
+def weights(delay: float, dt: float, solver: Tableau) -> Array:
+    """(nodes, PER_INPUT TAPS): what multiplies the starts, then the ends, of remembered steps, the newest first.
 
-    Seen from step k, the values stand at -d + 1, -d, -d - 1, -d - 2 with d = floor(delay/dt); a stage at node c asks for
-    c - delay/dt, which lies between the first and the third of them.
+    With d = floor(delay/dt) and f the fraction left, step k sees of step k - d - 1 the last part f and then the first part 1 - f
+    of step k - d. The cubic stands on the end of k - d, the end and the start of k - d - 1, and the start of k - d - 2.
     """
-    whole = whole_steps(delay, dt)
-    fraction = max(delay / dt - whole, 0.0)
+    fraction = max(delay / dt - whole_steps(delay, dt), 0.0)
     if fraction * dt <= 1e-9 * delay:
         fraction = 0.0
-    places = 1.0 - np.arange(TAPS)
-    result = np.empty((len(nodes), TAPS))
-    for row, node in enumerate(nodes):
-        for j in range(TAPS):
-            others = np.delete(places, j)
-            result[row, j] = np.prod((node - fraction - others) / (places[j] - others))
-    return result
+    start, end = np.eye(PER_INPUT * TAPS).reshape(PER_INPUT, TAPS, -1)
+    jump, earlier = start[0] - end[1], start[1] - end[2]  # between k - d - 1 and k - d, and one step before
+    values = np.array([end[0] - jump, end[1], start[1], start[2] + earlier])  # as if there were no jump
+    places = np.array([1.0, 0.0, -1.0, -2.0])  # of these values, in steps from the beginning of step k - d
+    nodes = np.array(solver.nodes)[:, None] - fraction
+    others = [np.delete(places, j) for j in range(len(places))]
+    cubic = np.column_stack([np.prod((nodes - o) / (place - o), axis=1) for place, o in zip(places, others, strict=True)])
+    return np.asarray(cubic @ values + np.outer(jump_weights(solver, fraction), jump))
+
+
+def jump_weights(solver: Tableau, fraction: float) -> Array:
+    """(nodes,): stage values for an input that jumps from 0 to 1 at ``fraction`` of a step, 0 <= fraction < 1.
+
+    To the state of x' = A x + B v the method adds h^(j+1) A^j B times sum_i (b'a^j)_i v_i, exact integration h^(j+1) A^j B times
+    the moment (1 - fraction)^(j+1)/(j+1)! of such a jump, j = 0, 1, ... With one value for each of q nodes the first q of these
+    are made equal: on a linear plant a jump costs an error of order h^(q+1), once. RK4 has three nodes and keeps its order.
+    """
+    if fraction == 0:
+        return np.ones(len(solver.nodes))  # none inside the step
+    stages = len(solver.b)
+    a = np.array([[*row, *[0.0] * (stages - len(row))] for row in solver.a])
+    by_node = np.equal.outer(solver.c, solver.nodes).astype(float)  # (stages, nodes)
+    rows, row = [], np.array(solver.b)
+    for _ in solver.nodes:
+        rows.append(row @ by_node)
+        row = row @ a
+    moments = [(1 - fraction) ** (j + 1) / factorial(j + 1) for j in range(len(rows))]
+    return np.linalg.solve(np.array(rows), moments)

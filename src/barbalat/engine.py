@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from barbalat import validate
+from barbalat.delay import PER_INPUT
 from barbalat.grid import Segment, Simulation, final_row, signal_table
 from barbalat.lowering.machine import Kernel, Past, Watch, vector_width
 from barbalat.measurement import standard_normal
@@ -38,8 +39,9 @@ def best_lanes(members: int) -> int:
 class Batch:
     """Members of one structure: the same step program, each with its own initial state and parameters.
 
-    states (size, M), parameters (p, M), lags (M,) for a step with a delay, see ``delay.lag``; seeds (M,) and numbers (M,) for
-    one with noise: which stream each member has, 0 ... M - 1 unless given.
+    states (size, M), parameters (p, M); lags (M,) for a step with a delay, see ``delay.lag``, and history (m, M), what each of
+    its m inputs was before t = 0, zero unless given; seeds (M,) and numbers (M,) for one with noise: which stream each member
+    has, 0 ... M - 1 unless given.
     ``record`` keeps every block's start state and accumulators; ``watch`` goes with a program that watches, of one member.
     """
 
@@ -49,6 +51,7 @@ class Batch:
     record: bool = False
     lanes: int | None = None
     lags: Array | None = None
+    history: Array | None = None
     seeds: Array | None = None
     numbers: Array | None = None
     watch: Watch | None = None
@@ -66,10 +69,16 @@ class Batch:
             index = np.minimum(np.arange(first, first + width), members - 1)  # the last group repeats the last member
             columns = slice(first, min(first + width, members))
             state, parameters = (np.ascontiguousarray(part[:, index]) for part in (self.states, self.parameters))
-            past = None if self.lags is None else Past(self.lags[index], self.program.shape.delayed)
+            past = None if self.lags is None else self._past(index)
             numbers = np.arange(members) if self.numbers is None else self.numbers
             streams = None if self.seeds is None else [(int(self.seeds[i]), int(numbers[i])) for i in index]
             self.groups.append(Group(self, kernel, columns, state, parameters, past, streams, self.watch))
+
+    def _past(self, index: Array) -> Past:
+        assert self.lags is not None
+        inputs = self.program.shape.delayed // PER_INPUT
+        given = np.zeros((inputs, self.states.shape[1])) if self.history is None else self.history
+        return Past(self.lags[index], np.repeat(given, PER_INPUT, axis=0)[:, index])
 
     @property
     def final_states(self) -> Array:

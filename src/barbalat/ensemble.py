@@ -71,10 +71,11 @@ def simulate_ensemble(
         if any(time != times[0] for time in times):
             raise InputError(f"all members must share {what}")
     delays = [problem.delay for problem, _ in members]
-    weights, lags = [None] * len(loops), None
+    weights, lags, history = [None] * len(loops), None, None
     if loops[0].delayed:
-        weights = [delay.weights(value, simulation.dt, simulation.solver.nodes) for value in delays]
+        weights = [delay.weights(value, simulation.dt, simulation.solver) for value in delays]
         lags = np.array([delay.lag(value, simulation.dt) for value in delays])
+        history = np.column_stack([problem.history for problem, _ in members])
     template, parameters, column = _symbolic_template([Member(*pair) for pair in zip(loops, weights, strict=True)])
     program = step_program(
         template.loop,
@@ -87,7 +88,8 @@ def simulate_ensemble(
     )
     states = np.column_stack([loop.initial() for loop in loops])
     seeds = None if loops[0].noise == 0 else np.array([problem.noise.seed for problem, _ in members if problem.noise is not None])
-    batch = Batch(program, states, parameters, lags=lags, seeds=seeds, numbers=streams, lanes=lanes, record=quarters)
+    given: dict[str, Any] = {"lags": lags, "history": history, "seeds": seeds, "numbers": streams, "lanes": lanes}
+    batch = Batch(program, states, parameters, record=quarters, **given)
     blocks = replace(simulation, record_points=_points(simulation)) if quarters else simulation
     run([batch], signals, blocks, threads=threads, progress=progress)
     return EnsembleResult(
@@ -152,7 +154,7 @@ class Member:
     """Everything that a member's step depends on."""
 
     loop: ClosedLoop
-    delay_weights: Array | None  # (nodes, TAPS)
+    delay_weights: Array | None  # as of ``delay.weights``
 
 
 def _symbolic_template(members: list[Member]) -> tuple[Member, Array, Any]:

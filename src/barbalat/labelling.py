@@ -133,7 +133,7 @@ class Run:
         """The state at a step, from the record."""
         (group,) = self.batch.groups
         k = 0 if self.loop.delayed else int(np.searchsorted(self.starts, step, side="right")) - 1
-        past = None if group.past is None else Past(group.past.lags, self.batch.program.shape.delayed)
+        past = None if group.past is None else Past(group.past.lags, group.past.history)
         begin = int(self.starts[k])
         return self._advance(Place(begin, replace(group, state=self.states[k][:, None].copy(), past=past, recorded=[])), step)
 

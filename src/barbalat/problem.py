@@ -127,6 +127,11 @@ class TrackingProblem:
         return float(self.plant.paths[0].delay)
 
     @property
+    def history(self) -> Array:
+        """What left the delay before anything of the run did, for each input, (m,)."""
+        return np.array([path.history for path in self.plant.paths])
+
+    @property
     def noise(self) -> Noise | None:
         """The measurement's noise."""
         return None if self.sensor is None else self.sensor.noise

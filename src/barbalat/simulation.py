@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
@@ -45,14 +46,15 @@ def simulate(
         raise InputError(f"every controller needs a name of its own, but {twice[0]!r} stands {names.count(twice[0])} times")
     batches = []
     for loop in loops:
-        weights, lags = None, None
+        weights, lags, history = None, None, None
         seeds = None if problem.noise is None else np.array([problem.noise.seed])
         if loop.delayed:
-            weights = delay.weights(problem.delay, simulation.dt, simulation.solver.nodes)
-            lags = np.array([delay.lag(problem.delay, simulation.dt)])
+            weights = delay.weights(problem.delay, simulation.dt, simulation.solver)
+            lags, history = np.array([delay.lag(problem.delay, simulation.dt)]), problem.history[:, None]
         program = step_program(loop, simulation.solver, simulation.dt, delay_weights=weights, noise=problem.noise, watch=True)
         start, watched = loop.initial()[:, None], watch(loop, simulation)
-        batches.append(Batch(program, start, np.zeros((0, 1)), lags=lags, seeds=seeds, record=True, watch=watched))
+        past: dict[str, Any] = {"lags": lags, "history": history}
+        batches.append(Batch(program, start, np.zeros((0, 1)), **past, seeds=seeds, record=True, watch=watched))
     advance(batches, problem.signals, simulation, threads=threads, progress=progress)
     parts = zip(controllers, loops, batches, strict=True)
     return {c.name: _result(problem, c, simulation, loop, batch) for c, loop, batch in parts}

@@ -11,6 +11,7 @@ import numpy as np
 
 from barbalat.closed_loop import ClosedLoop
 from barbalat.coupling import coupling_function
+from barbalat.delay import PER_INPUT
 from barbalat.lowering.machine import Kernel
 from barbalat.lowering.operations import Program, read
 from barbalat.lowering.optimize import optimize
@@ -88,9 +89,9 @@ def step_function(
 ) -> tuple[ca.Function, Accumulators | None]:
     """The step as a CasADi function (state, accumulators, parameters, signals, past, noise) -> (state, accumulators, remember).
 
-    Also its accumulators; without ``figures`` there are none. ``delay_weights`` (nodes, TAPS) go with a delay: past then holds
-    the remembered values and ``remember`` the one to add. ``loop`` and the weights may hold symbols; ``parameters`` is then
-    their CasADi column.
+    Also its accumulators; without ``figures`` there are none. ``delay_weights``, see ``delay.weights``, go with a delay: past
+    then holds the remembered values and ``remember`` those to add. ``loop`` and the weights may hold symbols; ``parameters`` is
+    then their CasADi column.
     """
     import casadi as ca
 
@@ -98,13 +99,16 @@ def step_function(
     state_column, state = symbols("state", loop.size)
     signal_column, table_row = symbols("signals", len(solver.nodes) * loop.timed)
     noise_column, noise = symbols("noise", loop.noise)
-    past_column, past = symbols("past", TAPS * loop.delayed_inputs)
+    past_column, past = symbols("past", PER_INPUT * TAPS * loop.delayed_inputs)
     signals = {}
     for i, node in enumerate(solver.nodes):
-        delayed = [(past.reshape(loop.inputs, TAPS) @ delay_weights[i]).reshape(-1)] if loop.delayed else []
+        delayed = [(past.reshape(loop.inputs, PER_INPUT * TAPS) @ delay_weights[i]).reshape(-1)] if loop.delayed else []
         signals[node] = np.concatenate([table_row[i * loop.timed : (i + 1) * loop.timed], noise, *delayed])
-    remembered = column(loop.undelayed_input(state, signals[solver.nodes[0]])) if loop.delayed else ca.SX(0, 1)
     following = solver.advance(loop.derivative, loop.limit, state, signals, dt)
+    remembered = ca.SX(0, 1)
+    if loop.delayed:
+        ends = (state, signals[solver.nodes[0]]), (following, signals[solver.nodes[-1]])
+        remembered = column(np.column_stack([loop.undelayed_input(*end).reshape(-1) for end in ends]).reshape(-1))
     accumulators, old_column, new = None, ca.SX(0, 1), ca.SX(0, 1)
     if figures:
         accumulators = Accumulators(
@@ -168,7 +172,7 @@ def step_program(
         accumulated,
         varied,
         signals,
-        delayed=loop.delayed_inputs,
+        delayed=PER_INPUT * loop.delayed_inputs,
         lag_per_member=lag_per_member,
         noise=loop.noise,
         noise_hold=rhythm.noise_hold,

@@ -232,7 +232,7 @@ BAD = [
     ("[plant]", "[plant]\ninput = { quantization = -1.0 }", ["plant.input.quantization", "positive"]),
     ('scheme = "mrac"', 'scheme = "mrac"\nsample_time = 1.00005', ["sample_time", "whole number of solver steps"]),
     ('scheme = "mrac"', 'scheme = "mrac"\ndiscretization = "euler"', ["discretization", "sample_time"]),
-    ("[plant]", "[plant]\ninput = { delay = 1.5e-4 }", ["plant.input.delay", "two solver steps"]),
+    ("[plant]", "[plant]\ninput = { delay = 5e-5 }", ["plant.input.delay", "one solver step", "at most 5e-05 s"]),
     ("[plant]", "[plant]\ninput = { actuator = { num = [1], den = [1, -1] } }", ["plant.input.actuator", "stable"]),
     ('scheme = "mrac"', 'scheme = "l1-output"', ["l1-output", "must be one of"]),
     ("[[controller]]", "[controller]", ["TOML"]),

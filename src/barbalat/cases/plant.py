@@ -108,4 +108,5 @@ def one_input(table: plant_tables.InputTable) -> PlantInput:
         actuator=system("actuator", table.actuator),
         multiplicative=system("multiplicative", table.multiplicative),
         delay=table.delay,
+        history=table.history,
     )

@@ -25,6 +25,7 @@ class InputTable(Table):
     rate_limit: float | None = None
     gain: float = 1.0
     delay: float = 0.0
+    history: float = 0.0
     actuator: TransferFunctionTable | None = None
     multiplicative: TransferFunctionTable | None = None
 

@@ -28,17 +28,19 @@ def vector_width() -> int:
 
 
 class Past:
-    """The memory of a group of members between calls; before t = 0 every channel was zero.
+    """The memory of a group of members between calls.
 
-    lags  (W,) int64, at least 1: how many steps ago the newest value lies that a member's step gets back
+    lags     (W,) int64, at least 1: how many steps ago the newest value lies that a member's step gets back
+    history  (channels, W): what every channel was before t = 0
     """
 
-    def __init__(self, lags: np.ndarray, channels: int) -> None:
+    def __init__(self, lags: np.ndarray, history: np.ndarray) -> None:
         if lags.min() < 1:
             raise ValueError(f"lags must be at least 1, got {lags.min()}")
         self.lags = np.ascontiguousarray(lags, dtype=np.int64)
         depth = int(lags.max()) + TAPS
-        self.ring = np.zeros((1 << (depth - 1).bit_length(), channels, len(lags)))
+        self.history = history
+        self.ring = np.tile(history, (1 << (depth - 1).bit_length(), 1, 1))
 
 
 class Watch:

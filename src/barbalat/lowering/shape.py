@@ -26,5 +26,5 @@ class LoopShape:
     sample_every: int = 0
 
 
-TAPS = 4
-"""Remembered values handed to a step for each delayed channel: enough for the cubic between them."""
+TAPS = 3
+"""Remembered values handed to a step for each delayed channel."""
