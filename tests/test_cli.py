@@ -154,3 +154,21 @@ def test_reproduce(tmp_path, capsys):
 def test_python_dash_m_is_the_command():
     done = subprocess.run([sys.executable, "-m", "barbalat", "cases"], capture_output=True, text=True, check=False)
     assert done.returncode == 0 and "l1-output" in done.stdout
+
+
+def test_certify_with_simulated_margins(case_file, capsys):
+    """Both readings; a smaller share of added error is lost at a shorter delay."""
+    found = []
+    for options in ([], ["--share", "0.3"]):
+        assert main(["certify", str(case_file), "--simulate", "--json", *options]) == 0
+        found.append(json.loads(capsys.readouterr().out)["controllers"]["MRAC"])
+    assert found[0]["delay_onset_simulated"] <= found[0]["delay_margin_simulated"]
+    assert 0 < found[1]["delay_margin_simulated"] < found[0]["delay_margin_simulated"]
+    assert any("0.3 times the largest |x_m|" in sentence for sentence in found[1]["assumptions"])
+
+
+def test_share_without_simulation(case_file, capsys):
+    assert main(["certify", str(case_file), "--share", "0.5"]) == 2
+    assert "--simulate" in capsys.readouterr().err
+    assert main(["certify", str(case_file), "--simulate", "--share", "-1"]) == 2
+    assert "share" in capsys.readouterr().err

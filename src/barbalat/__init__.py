@@ -51,7 +51,8 @@ if TYPE_CHECKING:
     from barbalat.signals import Chirp, Constant, Recorded, Sine, Sines, Square, Step, Steps
     from barbalat.simulation import simulate
     from barbalat.solvers import EULER, HEUN, RK4
-    from barbalat.study.delay_margin import Lost, delay_margins
+    from barbalat.study.criteria import Lost, Onset
+    from barbalat.study.delay_margin import delay_margins
     from barbalat.study.tau_limit import Grown, TauStudy
     from barbalat.study.tradeoff import trade_off
     from barbalat.validate import InputError
@@ -62,7 +63,8 @@ _HOME = {
     "controllers.output.lyapunov": ("LyapunovLaw",),
     "controllers.output.mrac": ("MracOutput",),
     "output_problem": ("OutputPlant", "OutputProblem", "OutputReferenceModel"),
-    "study.delay_margin": ("Lost", "delay_margins"),
+    "study.criteria": ("Lost", "Onset"),
+    "study.delay_margin": ("delay_margins",),
     "study.tau_limit": ("Grown", "TauStudy"),
     "study.tradeoff": ("trade_off",),
     "actuation": ("PlantInput",),
@@ -144,6 +146,7 @@ __all__ = [
     "Noise",
     "Normalization",
     "NormalizedMrac",
+    "Onset",
     "OutputPlant",
     "OutputProblem",
     "OutputReferenceModel",

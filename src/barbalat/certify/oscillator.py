@@ -1,7 +1,8 @@
 """The largest gain and step that a solver bears: the frozen, damped oscillator of adaptation against its region of stability.
 
 With x frozen, x_tilde' = A_m x_tilde - b theta_tilde'x, theta_tilde' = Gamma (x_tilde'P b) x moves along q = theta_tilde'x only:
-x_tilde' = A_m x_tilde - b q, q' = g b'P x_tilde, so that its modes depend on g = Gamma |x|^2 alone. Source: docs/numerics.md.
+x_tilde' = A_m x_tilde - b q, q' = g b'P x_tilde, so that its modes depend on g = Gamma |x|^2 alone. With several inputs q has an
+entry for each, with any phi(x) its square takes the place of |x|^2. Source: docs/numerics.md.
 """
 
 from __future__ import annotations
@@ -33,15 +34,23 @@ class Oscillator:
 
     @property
     def bPb(self) -> float:
-        return float(self.known.b @ self.known.P @ self.known.b)
+        """b'P b; with several inputs its largest eigenvalue, which is the fastest direction's."""
+        b = self._b
+        return float(np.linalg.eigvalsh(b.T @ self.known.P @ b)[-1])
+
+    @property
+    def _b(self) -> Array:
+        """(n, m)."""
+        return np.asarray(self.known.b.reshape(self.known.n, -1))
 
     def modes(self, g: Array) -> Array:
-        """Eigenvalues for g > 0, (K,) -> (K, n + 1); q is scaled by sqrt(g), which keeps the matrix of one size."""
-        n, P_b = self.known.n, self.known.P @ self.known.b
-        matrices = np.zeros((len(g), n + 1, n + 1))
+        """Eigenvalues for g > 0, (K,) -> (K, n + m); q is scaled by sqrt(g), which keeps the matrix of one size."""
+        n, m = self._b.shape
+        root_g = np.sqrt(g)[:, None, None]
+        matrices = np.zeros((len(g), n + m, n + m))
         matrices[:, :n, :n] = self.known.A_m
-        matrices[:, :n, n] = -np.sqrt(g)[:, None] * self.known.b
-        matrices[:, n, :n] = np.sqrt(g)[:, None] * P_b
+        matrices[:, :n, n:] = -root_g * self._b
+        matrices[:, n:, :n] = root_g * (self._b.T @ self.known.P)
         return np.linalg.eigvals(matrices)
 
     @property

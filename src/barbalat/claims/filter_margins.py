@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -17,9 +19,13 @@ from barbalat.controllers import Mrac
 from barbalat.ensemble import simulate_ensemble
 from barbalat.grid import Simulation
 from barbalat.linear import TransferFunction, input_filter
+from barbalat.problem import Problem
 from barbalat.protocols import Controller, Signal
 from barbalat.signals import Constant, Sine
-from barbalat.study.delay_margin import Lost, delay_margins
+from barbalat.study.benchmark import ideal_errors, without_error
+from barbalat.study.criteria import Lost, Onset
+from barbalat.study.delay_margin import delay_margins
+from barbalat.study.motion import Motion
 from barbalat.validate import Array
 
 SIMULATION = Simulation(t_end=40.0, dt=2e-4)
@@ -32,6 +38,18 @@ BANDWIDTHS = np.geomspace(0.2, 2000.0, 54)
 DAMPING = 0.7
 
 
+ONSET, LOSS = Onset(), Lost()
+
+
+class Reading(NamedTuple):
+    """What the loop bears without and with the filter, by each criterion, (2,) each."""
+
+    command: str
+    what: str
+    onset: Array
+    loss: Array
+
+
 def claim() -> Claim:
     """Exact margins of the linear loops, and simulated ones of the adapting loops in each reading."""
     given = section_v.problem()
@@ -39,22 +57,23 @@ def claim() -> Claim:
     slow = [margins(loop).delay for loop in (known_parameters(plant, plant.theta), known_parameters(plant, plant.theta, C))]
     fast = margins(fast_adaptation(plant, C)).delay
     adapting = [adapting_delay_margin(c, 1.0) for c in (Mrac(gamma=100.0), section_v.l1("L1", 100.0))]
-    rows = [(name, what, pair) for name, signal in COMMANDS.items() for what, pair in _simulated(signal)]
-    down = [(name, what) for name, what, pair in rows if pair[1] < pair[0] * SAME[0]]
-    up = [(name, what) for name, what, pair in rows if pair[1] > pair[0] * SAME[1]]
-    always = len(down) == len(rows) and fast < adapting[0] and adapting[1] < adapting[0] and slow[1] < slow[0]
+    readings = [reading for name, signal in COMMANDS.items() for reading in _simulated(name, signal)]
+    down = {name: [r for r in readings if change(getattr(r, name)) == "down"] for name in ("onset", "loss")}
+    always = all(len(found) == len(readings) for found in down.values()) and adapting[1] < adapting[0] and slow[1] < slow[0]
     return Claim(
         "filter-reduces-margins", "Section VI", "The filter reduces the robust stability margins no matter what size adaptive gains are used",
         verdict(holds=always),
         f"exact: the filter changes the delay margin from {_change(slow)} with the estimates at rest on theta, from {_change(adapting)} with "
         f"the law working at Gamma = 100 around r = 1; for Gamma to infinity it is {fast:.3g} s with the filter, while without it the margin "
-        f"falls as 1/Gamma. Simulated, {len(rows)} readings: up in {len(up)}, within 2 % in {len(rows) - len(up) - len(down)}, down in "
-        f"{len(down)} (" + "; ".join(f"{what}, {name}" for name, what in down) + ")",
+        f"falls as 1/Gamma. Simulated in {len(readings)} readings. Until the loop begins to oscillate: {_counted(readings, 'onset')}. Until the "
+        f"motion is lost, oscillations or not: {_counted(readings, 'loss')}",
         "kappa = 0.02 s. Exact margins of the linear loops. Section V, RK4, h = 2e-4 s, 40 s: the exact delay [s] that the loop bears, by scan "
-        "and bisection, and the smallest natural frequency [rad/s] of a second-order actuator with damping 0.7, as its inverse [s]; lost: the "
-        "error in the tail grew by the largest |x_m|, or diverged. At equal gain Gamma = 0.01, 1, 100; at own gain 10 and 100; at equal error "
-        "the MRAC's Gamma gives the RMS error that L1-AC has at 100",
-        listings=(_listing(rows),),
+        "and bisection, and the smallest natural frequency [rad/s] of a second-order actuator with damping 0.7, as its inverse [s]. Onset: "
+        "diverged, or an estimate swings through its known range faster than the model moves, or the error in the tail grew by a tenth of the "
+        "largest |x_m| beyond what the delay or actuator adds where theta is known. Loss: diverged, or the error in the tail grew by the "
+        "largest |x_m|. At equal gain Gamma = 0.01, 1, 100; at own gain 10 and 100; at equal error the MRAC's Gamma gives the RMS error that "
+        "L1-AC has at 100",
+        listings=(_listing(readings),),
     )  # fmt: skip
 
 
@@ -62,22 +81,39 @@ SAME = 0.98, 1.02
 """Ratios between which two margins count as the same: the bisection's resolution."""
 
 
-def _listing(rows: list[tuple[str, str, Array]]) -> Listing:
+def change(pair: Array) -> str:
+    """What the filter does to a margin; 0 stands for one that is too small to be tried."""
+    without, filtered = pair
+    if without == filtered == 0:
+        return "none"
+    return "up" if filtered > without * SAME[1] else "down" if filtered < without * SAME[0] else "same"
+
+
+def _counted(readings: Sequence[Reading], criterion: str) -> str:
+    """How often the filter raises and lowers the margin, in all and in each kind of reading."""
+
+    def counts(some: Sequence[Reading]) -> str:
+        found = [change(getattr(reading, criterion)) for reading in some]
+        texts = {"up": "up in", "same": "within 2 % in", "none": "too small to be seen on both sides in", "down": "down in"}
+        return ", ".join(f"{text} {found.count(key)}" for key, text in texts.items() if key in found)
+
+    kinds = {"at equal gain": "Gamma", "at own gains": "own gains", "at equal error": "equal error"}
+    parts = [f"{kind} {counts([r for r in readings if key in r.what])}" for kind, key in kinds.items()]
+    return f"{counts(readings)} ({'; '.join(parts)})"
+
+
+def _listing(readings: Sequence[Reading]) -> Listing:
     return Listing(
-        "What the loop bears without and with the filter: the largest delay [s], or the slowest actuator as the inverse of its natural "
-        "frequency [s]",
-        ("command", "reading", "without filter", "with filter", ""),
-        tuple(
-            (
-                name,
-                what,
-                f"{pair[0]:.3g}",
-                f"{pair[1]:.3g}",
-                "up" if pair[1] > pair[0] * SAME[1] else "down" if pair[1] < pair[0] * SAME[0] else "",
-            )
-            for name, what, pair in rows
-        ),
+        "What the loop bears without and with the filter, until it begins to oscillate (onset) and until the motion is lost (loss): the "
+        "largest delay [s], or the slowest actuator as the inverse of its natural frequency [s]; 0: less than was tried",
+        ("command", "reading", "onset: without", "with filter", "", "loss: without", "with filter", ""),
+        tuple((r.command, r.what, *_shown(r.onset), *_shown(r.loss)) for r in readings),
     )
+
+
+def _shown(pair: Array) -> tuple[str, str, str]:
+    found = change(pair)
+    return f"{pair[0]:.3g}", f"{pair[1]:.3g}", found if found in ("up", "down") else ""
 
 
 def _change(pair: list[float]) -> str:
@@ -90,17 +126,25 @@ def adapting_delay_margin(controller: Controller, r: float) -> float:
     return margins(around_equilibrium(ClosedLoop.of(section_v.problem(), controller), r)).delay
 
 
-def _simulated(signal: Signal) -> list[tuple[str, Array]]:
-    """(reading, [without, with filter]) for delays and actuators under one command."""
+def _simulated(command: str, signal: Signal) -> list[Reading]:
+    """Delays and actuators under one command."""
     problem = variant(reference=signal)
     gains = [*EQUAL_GAINS, OWN_GAINS[0], _equal_error(signal)]
     filtered_gains = [*EQUAL_GAINS, OWN_GAINS[1], OWN_GAINS[1]]
     names = [*(f"Gamma {gain:g}" for gain in EQUAL_GAINS), "own gains", "equal error"]
-    without, filtered = [Mrac(gamma=g) for g in gains], [section_v.l1("L1", g) for g in filtered_gains]
-    delays = [delay_margins([(problem, c) for c in group], SIMULATION, resolution=0.05).bears for group in (without, filtered)]
-    actuators = [_actuator_margins(signal, group) for group in (without, filtered)]
-    found = [(f"delay, {name}", np.array(pair)) for name, pair in zip(names, zip(*delays, strict=True), strict=True)]
-    return found + [(f"actuator, {name}", np.array(pair)) for name, pair in zip(names, zip(*actuators, strict=True), strict=True)]
+    groups = [Mrac(gamma=g) for g in gains], [section_v.l1("L1", g) for g in filtered_gains]
+    delays = [delay_margins([(problem, c) for c in group], SIMULATION, resolution=0.05) for group in groups]
+    actuators = [_actuator_margins(problem, group) for group in groups]
+    found = []
+    for what, onset, loss in (
+        ("delay", [d.onset.bears for d in delays], [d.loss.bears for d in delays]),
+        ("actuator", [a["onset"] for a in actuators], [a["loss"] for a in actuators]),
+    ):
+        found += [
+            Reading(command, f"{what}, {name}", np.array([part[i] for part in onset]), np.array([part[i] for part in loss]))
+            for i, name in enumerate(names)
+        ]
+    return found
 
 
 def _equal_error(signal: Signal) -> float:
@@ -115,18 +159,24 @@ def _rms(members: list[tuple[object, Controller]]) -> Array:
     return np.asarray(np.linalg.norm(simulate_ensemble(members, SIMULATION).metrics.rms_e, axis=1))  # type: ignore[arg-type]
 
 
-def _actuator_margins(signal: Signal, controllers: Sequence[Controller]) -> Array:
-    """For each controller the inverse of the smallest natural frequency, above which no slower-than-that actuator is lost [s]."""
-    ideal = simulate_ensemble([(variant(reference=signal), c) for c in controllers], SIMULATION).metrics.tail_max_abs_e.max(
-        axis=1
-    )
-    make: Callable[[float], PlantInput] = lambda w: PlantInput(  # noqa: E731
-        actuator=TransferFunction([w**2], [1.0, 2 * DAMPING * w, w**2])
-    )
-    members = [(variant(reference=signal, input=make(float(w))), c) for c in controllers for w in BANDWIDTHS]
-    metrics = simulate_ensemble(members, SIMULATION).metrics
-    size = 4 / 0.3 * signal.bound  # type: ignore[attr-defined]  # k_0 times the model's DC gain
-    amplitude = np.full(len(members), size)
-    lost = Lost().judge(metrics, np.repeat(ideal, len(BANDWIDTHS)), amplitude).reshape(len(controllers), -1)
-    slowest = [np.flatnonzero(row)[-1] + 1 if row.any() else 0 for row in lost]
-    return np.array([1 / BANDWIDTHS[i] if i < len(BANDWIDTHS) else 0.0 for i in slowest])
+def _actuator_margins(problem: Problem, controllers: Sequence[Controller]) -> dict[str, Array]:
+    """For each controller, by each criterion, 1/w of the slowest actuator above which none is lost [s]; 0 where none is borne."""
+    slowed = [
+        replace(problem, plant=replace(problem.plant, input=PlantInput(actuator=TransferFunction([w**2], [1.0, 2 * DAMPING * w, w**2]))))
+        for w in BANDWIDTHS
+    ]  # fmt: skip
+    members = [(problem, c) for c in controllers]
+    ideal, motion = simulate_ensemble(members, SIMULATION).metrics, Motion.of(problem, SIMULATION)
+    without = without_error(members, ideal, [motion] * len(members))
+    explained = np.tile(np.asarray(ideal_errors([problem, *slowed], SIMULATION, motion)), len(controllers))
+    metrics = simulate_ensemble([(p, c) for c in controllers for p in slowed], SIMULATION).metrics
+    expected = without.of(np.repeat(np.arange(len(controllers)), len(slowed)), explained)
+    lost = LOSS.judge(metrics, expected).reshape(len(controllers), -1)
+    begun = ONSET.judge(metrics, expected).reshape(lost.shape) | lost | ONSET.undelayed(ideal, without)[:, None]
+    return {"onset": np.array([_slowest(row) for row in begun]), "loss": np.array([_slowest(row) for row in lost])}
+
+
+def _slowest(lost: Array) -> float:
+    """1/w of the smallest natural frequency above the last that is lost [s]."""
+    first = np.flatnonzero(lost)[-1] + 1 if lost.any() else 0
+    return 1 / float(BANDWIDTHS[first]) if first < len(BANDWIDTHS) else 0.0

@@ -16,6 +16,9 @@ def add(commands: Commands) -> None:
     parser = commands.add_parser("certify", help="conditions, bounds, norms, gain limits and margins of a case's controllers")
     parser.add_argument("case", metavar="CASE", help="a case file, or a bundled case's name")
     parser.add_argument("--simulate", action="store_true", help="also measure each loop's delay margin by simulation")
+    parser.add_argument(
+        "--share", type=float, metavar="S", help="with --simulate: added error, in motions, that is lost; default 1"
+    )
     parser.add_argument("--json", action="store_true", help="one JSON document on standard output")
     parser.set_defaults(execute=execute)
 
@@ -29,14 +32,21 @@ def execute(options: argparse.Namespace) -> int:
     from barbalat.certify.table_1 import table_1
     from barbalat.report import tables
     from barbalat.report.write import as_json
+    from barbalat.validate import InputError
 
+    if options.share is not None and not options.simulate:
+        raise InputError("--share needs --simulate: without it no loop is simulated")
     case = load_case(options.case)
     certificates = certify(case.problem, case.controllers, case.simulation)
     if options.simulate:
-        from barbalat.study.delay_margin import with_simulated_margins
+        from barbalat.study.certified import with_simulated_margins
+        from barbalat.study.criteria import Lost
 
+        lost = Lost() if options.share is None else Lost(share=options.share)
         with progress_bar("simulating") as progress:
-            certificates = with_simulated_margins(certificates, case.problem, case.controllers, case.simulation, progress)
+            certificates = with_simulated_margins(
+                certificates, case.problem, case.controllers, case.simulation, lost=lost, progress=progress
+            )
     table = table_1(case.problem, case.controllers, certificates)
     if options.json:
         document = {

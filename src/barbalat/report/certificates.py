@@ -33,6 +33,8 @@ MEANINGS = {
     "margins_of": "the margins above are of",
     "unlimited": "what nothing exhausts",
     "delay_margin_adapting": "linearised at the largest constant command, its law included [s]",
+    "delay_onset_simulated": "measured: largest delay before the loop oscillates, see below [s]",
+    "delay_margin_simulated": "measured: largest delay before it is lost, see below [s]",
     "delay_margin_limit": "the same for gamma -> infinity [s]",
     "linear_equivalent": "u = feedforward[r] - feedback[y] while sigma is inside its bounds",
     "linear_equivalent_limit": "the same for gamma -> infinity",

@@ -65,8 +65,9 @@ def comparison(
 
 def trade_off(found: TradeOff, picture: Picture) -> str:
     """The page of ``barbalat tradeoff``."""
-    titles = {which: title for which, title in tradeoff.TITLES.items() if which == "plant" or len(found.thetas) > 1}
-    return _render("tradeoff.html", found=found, picture=picture, titles=titles, rows=tradeoff.rows)
+    titles = {which: tradeoff.TITLES[which] for which in tradeoff.panels(found)}
+    tables = {"rows": tradeoff.rows, "at_equal_error": tradeoff.at_equal_error, "ranking": tradeoff.ranking}
+    return _render("tradeoff.html", found=found, picture=picture, titles=titles, **tables)
 
 
 def _render(template: str, **values: object) -> str:

@@ -112,10 +112,12 @@ def table_1(found: Table1) -> Table:
     return table
 
 
-def tradeoff(rows: Sequence[tuple[str, ...]]) -> Table:
-    """The ends and the middle of each scheme's front."""
-    table = Table(title="On the fronts, the case's own plant", pad_edge=False)
-    for heading in ("scheme", "tuning", "RMS |e| / RMS |x_m|", "bears a delay of [s]"):
+def tradeoff(rows: Sequence[tuple[str, ...]], schemes: Sequence[str]) -> Table:
+    """The delays borne at equal error, by both criteria."""
+    table = Table(
+        title=escape("Delay borne [s] on the case's own plant, with an RMS |e| / RMS |x_m| of at most ..."), pad_edge=False
+    )
+    for heading in ("error", *(f"{name}: {scheme}" for name in ("onset", "loss") for scheme in schemes)):
         table.add_column(heading, overflow="fold")
     for row in rows:
         table.add_row(*row)

@@ -1,4 +1,4 @@
-"""The delay that a loop bears, found by simulation: a scan, then bisection, for many loops at once.
+"""The delay that a loop bears, found by simulation: a scan, then bisection, for many loops and two criteria at once.
 
 Beside the exact margin of a linear loop this one holds for the adaptive loop in motion, but for the run that was made only:
 it is measured, not guaranteed.
@@ -6,57 +6,53 @@ it is measured, not guaranteed.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 
 from barbalat import validate
-from barbalat.certify.certificate import Certificate
 from barbalat.engine import Progress
 from barbalat.ensemble import simulate_ensemble
 from barbalat.grid import Simulation
 from barbalat.metrics import Metrics
-from barbalat.problem import TrackingProblem
-from barbalat.protocols import Controller
+from barbalat.study.benchmark import Benchmark, Member, with_delay
+from barbalat.study.criteria import Lost, Onset, tracks
 from barbalat.validate import Array, InputError
 
-Member = tuple[TrackingProblem, Controller]
+SHORTEST = 2
+"""Solver steps: the shortest delay that can be simulated."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Lost:
-    """When a run counts as lost: it diverged, or its error grew by more than ``share`` of the model's own motion.
+@dataclass(frozen=True, eq=False)
+class Bracket:
+    """The delay at which each of M loops is lost, (M,) each [s].
 
-    share  of the largest |x_m| of the run, for the largest |e| of the tail beyond that without the delay. 1 by default: the
-           error that the delay adds has become as large as the motion that is asked for. Below that a delay costs
-           performance; an unstable loop passes it, also one that projection or saturation keeps bounded
-    """
-
-    share: float = 1.0
-
-    def __post_init__(self) -> None:
-        validate.freeze(self, share=validate.positive("share", self.share))
-
-    def judge(self, metrics: Metrics, undelayed: Array, amplitude: Array) -> Array:
-        """(M,) truth values; ``undelayed`` and ``amplitude`` (M,): the tail's error without the delay, the model's size."""
-        tail = metrics.tail_max_abs_e.max(axis=1)
-        return np.asarray(~(tail <= undelayed + self.share * amplitude))  # NaN, a diverged run, is lost
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class DelayMargins:
-    """For M members, each (M,).
-
-    bears      the largest delay that was tried below the first losing one [s]; 0 where the loop is lost without any
-    loses      the smallest delay that was tried and lost [s]; infinite where none was
-    undelayed  figures without an added delay
-    runs       simulations made
+    bears  the largest delay that was tried below the first losing one; 0 where the first that was tried loses already
+    loses  the smallest delay that was tried and lost; infinite where none was, 0 where the loop is lost without any
     """
 
     bears: Array
     loses: Array
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class DelayMargins:
+    """For M members.
+
+    onset, loss  by the two criteria, ``Onset`` and ``Lost``; the onset is never later than the loss
+    tracks       (M,) whether the loop follows its model without a delay; one that does not bears nothing: 0 and 0
+    swings       (M,) whether its estimates oscillate without a delay already; the onset of such a one is 0 and 0. Not judged
+                 where the measurement is noisy
+    undelayed    figures without an added delay
+    runs         simulations made
+    """
+
+    onset: Bracket
+    loss: Bracket
+    tracks: Array
+    swings: Array
     undelayed: Metrics
     runs: int
 
@@ -68,12 +64,13 @@ def delay_margins(
     longest: float = 2.0,
     scan: int = 12,
     resolution: float = 0.02,
+    onset: Onset | None = None,
     lost: Lost | None = None,
-    numbers: Sequence[int] | None = None,
+    numbers: Sequence[int] | Array | None = None,
     threads: int | None = None,
     progress: Progress | None = None,
 ) -> DelayMargins:
-    """The delay, beside the one that the plant has, at which each loop is lost: see ``Lost``.
+    """The delay, beside the one that the plant has, at which each loop begins to oscillate and at which it is lost.
 
     longest     largest delay tried [s]
     scan        delays tried first, geometrically from two solver steps (the shortest that can be simulated) to ``longest``:
@@ -81,126 +78,117 @@ def delay_margins(
     resolution  relative distance of ``bears`` and ``loses`` at which bisection ends
     numbers     as for ``simulate_ensemble``: a member has one noise in all its runs, whoever runs beside it
 
-    Members have one structure, as for ``simulate_ensemble``; they advance together. Raises InputError.
+    Members have one structure, as for ``simulate_ensemble``; they advance together, and every run is judged by both criteria.
+    Raises InputError.
     """
-    judge = lost or Lost()
-    shortest = 2 * simulation.dt
-    if not longest > shortest:
-        raise InputError(f"longest must exceed two solver steps, {shortest:g} s, got {longest:g} s")
+    if not longest > SHORTEST * simulation.dt:
+        raise InputError(f"longest must exceed two solver steps, {SHORTEST * simulation.dt:g} s, got {longest:g} s")
     validate.whole("scan", scan, least=2)
     resolution = validate.positive("resolution", resolution)
-    delays = np.geomspace(shortest, longest, scan)
-    halvings = max(0, int(np.ceil(np.log2(np.log(delays[1] / delays[0]) / np.log1p(resolution)))))
-    rounds, done = scan + halvings, 0
-
-    def advanced(fraction: float) -> None:
-        if progress is not None:
-            progress(min(1.0, (done + fraction) / rounds))
-
-    def run(chosen: Array, added: Array) -> Metrics:
-        changed = [(_delayed(members[i][0], float(delay)), members[i][1]) for i, delay in zip(chosen, added, strict=True)]
-        return simulate_ensemble(changed, simulation, numbers=streams[chosen], threads=threads, progress=advanced).metrics
-
+    delays = np.geomspace(SHORTEST * simulation.dt, longest, scan)
+    halvings = max(0, math.ceil(math.log2(math.log(delays[1] / delays[0]) / math.log1p(resolution))))
     streams = np.arange(len(members)) if numbers is None else np.asarray(numbers)
     undelayed = simulate_ensemble(members, simulation, numbers=streams, threads=threads).metrics
-    amplitude = _amplitudes(members, simulation)
-    base = undelayed.tail_max_abs_e.max(axis=1)
-    bears, loses = np.zeros(len(members)), np.full(len(members), np.inf)
-    open_members = np.flatnonzero(np.isfinite(base))
-    loses[~np.isfinite(base)] = 0.0
-    runs = len(members)
-    for done, delay in enumerate(delays):  # noqa: B007  # from short to long; a member that is lost is not run again
-        if len(open_members) == 0:
-            break
-        gone = judge.judge(run(open_members, np.full(len(open_members), delay)), base[open_members], amplitude[open_members])
-        runs += len(open_members)
-        loses[open_members[gone]] = delay
-        open_members = open_members[~gone]
-        bears[open_members] = delay
-    between = np.flatnonzero((bears > 0) & np.isfinite(loses))
-    for done in range(scan, rounds):  # noqa: B007  # read by ``advanced``
-        if len(between) == 0:
-            break
-        middle = np.sqrt(bears[between] * loses[between])
-        gone = judge.judge(run(between, middle), base[between], amplitude[between])
-        runs += len(between)
-        loses[between[gone]] = middle[gone]
-        bears[between[~gone]] = middle[~gone]
-    advanced(1.0)
-    return DelayMargins(bears=bears, loses=loses, undelayed=undelayed, runs=runs)
+    benchmark = Benchmark.of(members, simulation, undelayed, float(delays[0]), longest, streams)
+    search = _Search(benchmark, (onset or Onset(), lost or Lost()), scan, halvings)
+    if members[0][0].noise is None:  # noise moves the estimates too: then nothing is said of the undelayed run
+        search.find_swinging(undelayed)
+
+    _advance(search, members, simulation, delays, streams, threads, progress)
+    brackets = [Bracket(search.bears[c], search.loses[c]) for c in range(2)]
+    return DelayMargins(
+        onset=brackets[0],
+        loss=brackets[1],
+        tracks=search.tracks,
+        swings=search.swings,
+        undelayed=undelayed,
+        runs=search.runs + len(members),
+    )
 
 
-def with_simulated_margins(
-    certificates: dict[str, Certificate],
-    problem: TrackingProblem,
-    controllers: Sequence[Controller],
+FEW = 64
+"""Runs that are made at once rather than one delay after the other: they fill the kernel's lanes."""
+
+
+def _advance(
+    search: _Search,
+    members: Sequence[Member],
     simulation: Simulation,
-    progress: Progress | None = None,
-) -> dict[str, Certificate]:
-    """The certificates with ``delay_margin_simulated`` [s], beside the linear loops' exact margins."""
-    result = dict(certificates)
-    for i, controller in enumerate(controllers):
+    delays: Array,
+    streams: Array,
+    threads: int | None,
+    progress: Progress | None,
+) -> None:
+    """The scan over ``delays`` and the halvings, round by round, every round one ensemble."""
 
-        def advanced(fraction: float, i: int = i) -> None:
+    def run(chosen: Array, added: Array) -> None:
+        """One round: these members with these delays."""
+        changed = [(with_delay(members[i][0], float(delay)), members[i][1]) for i, delay in zip(chosen, added, strict=True)]
+        before, total = search.runs, search.runs + search.to_come()
+
+        def advanced(fraction: float) -> None:
             if progress is not None:
-                progress((i + fraction) / len(controllers))
+                progress(min(1.0, (before + fraction * len(chosen)) / total))
 
-        found = delay_margins([(problem, controller)], simulation, progress=advanced)
-        old = result[controller.name]
-        longest = "" if np.isfinite(found.loses[0]) else "; the longest delay that was tried"
-        result[controller.name] = replace(
-            old,
-            values={**old.values, "delay_margin_simulated": float(found.bears[0])},
-            assumptions=(
-                *old.assumptions,
-                "delay_margin_simulated was measured on the case's own run, a loop being lost when its error has grown by the "
-                f"largest |x_m| or it diverged: no guarantee{longest}",
-            ),
-        )
-    return result
+        found = simulate_ensemble(changed, simulation, numbers=streams[chosen], threads=threads, progress=advanced)
+        search.take(chosen, added, found.metrics)
 
-
-def _delayed(problem: Any, delay: float) -> TrackingProblem:
-    """The problem with a delay added to each input."""
-    paths = tuple(replace(path, delay=path.delay + delay) for path in problem.plant.paths)
-    changed: TrackingProblem = replace(problem, plant=replace(problem.plant, input=paths[0] if len(paths) == 1 else paths))
-    return changed
+    at_once = len(delays) if len(members) * len(delays) <= FEW else 1
+    for first in range(0, len(delays), at_once):  # from short to long; a member that both criteria call lost is not run again
+        chosen, some = search.open_members(), delays[first : first + at_once]
+        search.scans_left -= len(some)
+        if len(chosen):
+            run(np.tile(chosen, len(some)), np.repeat(some, len(chosen)))
+    while search.halvings_left:
+        chosen, middles = search.between()
+        if len(chosen):
+            run(chosen, middles)
+        search.halvings_left -= 1
+    if progress is not None:
+        progress(1.0)
 
 
-def _amplitudes(members: Sequence[Member], simulation: Simulation) -> Array:
-    """(M,) the largest |x_m| or |y_m| of the run; members with one model and one command share it."""
-    known: dict[Any, float] = {}
-    result = []
-    for problem, _ in members:
-        model = problem.model
-        key = (*(np.asarray(part).tobytes() for part in _numbers(model)), problem.commands)
-        if key not in known:
-            known[key] = _amplitude(problem, simulation)
-        result.append(known[key])
-    return np.array(result)
+class _Search:
+    """The brackets of M members, (2, M): by the onset, by the loss."""
 
+    def __init__(self, benchmark: Benchmark, criteria: tuple[Onset, Lost], scan: int, halvings: int) -> None:
+        self.benchmark, self.criteria = benchmark, criteria
+        self.scans_left, self.halvings_left, self.runs = scan, halvings, 0
+        without = benchmark.without
+        self.tracks, self.swings = tracks(without.error, without.motion), np.zeros(len(without.error), dtype=bool)
+        self.bears = np.zeros((2, len(without.error)))
+        self.loses = np.tile(np.where(self.tracks, np.inf, 0.0), (2, 1))
 
-def _numbers(model: Any) -> list[Any]:
-    return (
-        [model.A_m, model.b, model.k_0, model.x0] if hasattr(model, "A_m") else [model.system.A, model.system.B, model.system.C]
-    )
+    def find_swinging(self, undelayed: Metrics) -> None:
+        """Those whose onset lies at no delay at all."""
+        self.swings = self.criteria[0].undelayed(undelayed, self.benchmark.without)
+        self.loses[0, self.swings] = 0.0
 
+    def open_members(self) -> Array:
+        """Those of which a criterion has not seen a losing delay yet."""
+        return np.flatnonzero(np.isinf(self.loses).any(axis=0))
 
-def _amplitude(problem: TrackingProblem, simulation: Simulation) -> float:
-    """Of the model alone, by its exact response on the solver's grid: a linear system driven by the recorded command."""
-    from scipy.signal import StateSpace as Continuous
-    from scipy.signal import lsim
+    def between(self) -> tuple[Array, Array]:
+        """(members, delays): the middle of every bracket, once where both criteria have the same."""
+        middles = np.sqrt(self.bears * self.loses)
+        asked = [(i, middles[c, i]) for c, i in np.argwhere((self.bears > 0) & np.isfinite(self.loses))]
+        pairs = sorted(set(asked))
+        return np.array([i for i, _ in pairs], dtype=int), np.array([delay for _, delay in pairs])
 
-    model: Any = problem.model
-    steps = min(simulation.steps, 20_000)
-    t = np.linspace(0.0, simulation.t_end, steps + 1)
-    r = np.stack([signal(t) for signal in problem.commands], axis=1)
-    if hasattr(model, "A_m"):
-        B = model.b.reshape(len(model.b), -1) @ np.atleast_2d(model.k_0)
-        A, C = model.A_m, np.eye(len(model.b))
-    else:
-        A, B, C = model.system.A, model.system.B[:, None], model.system.C[None]
-    _, y, _ = lsim(  # type: ignore[call-overload]
-        Continuous(A, B, C, np.zeros((len(C), B.shape[1]))), r, t, X0=model.x0
-    )
-    return float(np.abs(y).max())
+    def take(self, chosen: Array, added: Array, metrics: Metrics) -> None:
+        """Judge runs of members ``chosen`` with the delays ``added`` and narrow what they lie within."""
+        expected = self.benchmark.at(chosen, added)
+        onset, loss = (criterion.judge(metrics, expected) for criterion in self.criteria)
+        for delay in np.unique(added):  # from short to long: a member may have been run with several
+            for c, lost in enumerate((onset | loss, loss)):
+                within = (added == delay) & (self.bears[c, chosen] < delay) & (delay < self.loses[c, chosen])
+                self.loses[c, chosen[within & lost]] = delay
+                self.bears[c, chosen[within & ~lost]] = delay
+        self.runs += len(chosen)
+
+    def to_come(self) -> float:
+        """Runs that are expected still: as if the members that are open were lost evenly over the rest of the scan."""
+        scans = len(self.open_members()) * (1 + self.scans_left / 2)
+        inside = (self.loses > 0) & ~((self.bears == 0) & np.isfinite(self.loses))
+        both = inside.all(axis=0) & (self.loses[0] == self.loses[1])
+        return float(scans + self.halvings_left * (inside.sum() - 0.5 * both.sum()))

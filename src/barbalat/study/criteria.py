@@ -1,0 +1,111 @@
+"""When a run with a delay counts as lost: two criteria, the onset of oscillation and the loss of the motion.
+
+They answer different questions, and the ranking of adaptive schemes depends on which is asked: see docs/robustness.md.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+
+import numpy as np
+
+from barbalat import validate
+from barbalat.metrics import Metrics
+from barbalat.validate import Array
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Expected:
+    """What M runs are judged against; (M,) unless said otherwise.
+
+    error      largest |e| of the tail without the modelling error that is tried
+    rate       (M, p) how fast the estimates vary in the tail without it [1/s]
+    motion     the largest |x_m| of the run
+    width      (M, p) of the range in which each estimate is known to lie; infinite where it is not known
+    crossings  how often the model crosses its own range [1/s]
+    explained  what the modelling error adds to the tail's error where theta is known: see ``benchmark.ideal_errors``
+    """
+
+    error: Array
+    rate: Array
+    motion: Array
+    width: Array
+    crossings: Array
+    explained: Array
+
+    def of(self, chosen: Array, explained: Array) -> Expected:
+        """The same for runs of the members ``chosen``, (J,), each with what its modelling error explains, (J,)."""
+        values = {field.name: getattr(self, field.name)[chosen] for field in fields(self)}
+        return Expected(**values | {"explained": explained})
+
+
+@dataclass(frozen=True, kw_only=True)
+class Lost:
+    """The loss of the motion: the run diverged, or its error grew by ``share`` of the model's own motion.
+
+    share  of the largest |x_m| of the run, for the growth of the tail's largest |e|. 1 by default: the error that the delay
+           adds has become as large as the motion that is asked for. It is no boundary of stability: an oscillation that
+           projection or saturation keeps smaller than that is borne
+    """
+
+    share: float = 1.0
+
+    def __post_init__(self) -> None:
+        validate.freeze(self, share=validate.positive("share", self.share))
+
+    def judge(self, metrics: Metrics, expected: Expected) -> Array:
+        """(M,) truth values."""
+        tail = tail_error(metrics)
+        return np.asarray(~(tail <= expected.error + self.share * expected.motion))  # NaN, a diverged run, is lost
+
+
+@dataclass(frozen=True, kw_only=True)
+class Onset:
+    """The onset of oscillation: the run is no longer the undelayed motion with what a delay does to a loop that knows theta.
+
+    It diverged; or in its tail an estimate swings: it moves over more than ``share`` of the range in which it is known to lie,
+    as fast as if it crossed that range more often than the model crosses its own, and faster than ``multiple`` times its rate
+    without the delay (a limit cycle that projection bounds does); or the tail's largest |e| has grown by more than ``share`` of
+    the largest |x_m| beyond what the delay adds where theta is known (an oscillation of the state that saturation bounds does).
+
+    share 0.1 and multiple 2 by default; docs/robustness.md says how little the result depends on them.
+    """
+
+    share: float = 0.1
+    multiple: float = 2.0
+
+    def __post_init__(self) -> None:
+        validate.freeze(
+            self, share=validate.positive("onset.share", self.share), multiple=validate.positive("onset.multiple", self.multiple)
+        )
+
+    def judge(self, metrics: Metrics, expected: Expected) -> Array:
+        """(M,) truth values."""
+        usual = expected.error + expected.explained + self.share * expected.motion
+        grown = ~(tail_error(metrics) <= usual)  # NaN, a diverged run, is lost
+        limit = np.maximum(self.multiple * expected.rate, _crossing(expected))
+        return np.asarray(grown | self._swings(metrics, expected, limit))
+
+    def undelayed(self, metrics: Metrics, expected: Expected) -> Array:
+        """(M,) whether estimates swing without a delay: ``multiple`` times as fast as the crossings of the range ask for."""
+        return self._swings(metrics, expected, self.multiple * _crossing(expected))
+
+    def _swings(self, metrics: Metrics, expected: Expected, limit: Array) -> Array:
+        span = metrics.theta_hat_tail_max - metrics.theta_hat_tail_min
+        swinging = (metrics.theta_hat_variation_rate > limit) & (span > self.share * expected.width)
+        return np.asarray(swinging.any(axis=1))
+
+
+def _crossing(expected: Expected) -> Array:
+    """(M, p) the rate [1/s] of estimates that cross their range as often as the model does its own."""
+    return np.asarray(expected.width * expected.crossings[:, None])
+
+
+def tail_error(metrics: Metrics) -> Array:
+    """(M,) the largest |e| of the tail; NaN where the run diverged."""
+    return np.asarray(metrics.tail_max_abs_e.max(axis=1))
+
+
+def tracks(error: Array, motion: Array) -> Array:
+    """(M,) whether a run follows its model at all: its tail's error is finite and not above the model's own motion."""
+    return np.asarray(error <= motion)

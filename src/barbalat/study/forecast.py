@@ -1,0 +1,90 @@
+"""How long a trade-off will take: from small ensembles before it starts, from its own pace once it runs."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from barbalat.ensemble import simulate_ensemble
+from barbalat.grid import CHUNK_STEPS, Simulation
+from barbalat.study.benchmark import Member, with_delay
+
+RUNS_EACH = 16.5
+"""Simulations for each member, as measured on Section V: many are lost early in the scan, then come the halvings."""
+ROUNDS = 20
+"""Ensembles for each scheme: the scan's, the halvings', and the first without a delay."""
+SAMPLE = 64, 16
+"""Members that are timed."""
+
+
+@dataclass(frozen=True)
+class Cost:
+    """Seconds of an ensemble: ``call`` + members (``member`` + steps ``step``)."""
+
+    call: float
+    member: float
+    step: float
+
+    @classmethod
+    def measured(cls, members: Sequence[Member], simulation: Simulation) -> Cost:
+        """From three ensembles: many members over two lengths, few over the shorter one."""
+        many, few = (_spread(members, size) for size in SAMPLE)
+        long = min(simulation.steps, 2 * CHUNK_STEPS)
+        short = max(long // 2, 3)
+        if long <= short or len(few) == len(many):  # too little of it to tell the parts apart
+            whole = _timed(many, simulation, short)
+            return cls(0.0, 0.0, whole / (len(many) * short))
+        _timed(many, simulation, 3)  # compiles
+        at_short, at_long, of_few = (
+            _timed(*run) for run in ((many, simulation, short), (many, simulation, long), (few, simulation, short))
+        )
+        step = max((at_long - at_short) / (len(many) * (long - short)), 0.0)
+        member = max((at_short - of_few) / (len(many) - len(few)) - short * step, 0.0)
+        return cls(max(at_short - len(many) * (member + short * step), 0.0), member, step)
+
+    def seconds(self, members: int, steps: int) -> float:
+        """Of all rounds of a scheme with so many members."""
+        return ROUNDS * self.call + RUNS_EACH * members * (self.member + steps * self.step)
+
+
+def _spread(members: Sequence[Member], size: int) -> list[Member]:
+    return list(members[:: max(len(members) // size, 1)][:size])
+
+
+def _timed(members: Sequence[Member], simulation: Simulation, steps: int) -> float:
+    """Seconds, with delays from two steps up to what the later rounds use."""
+    delays = np.geomspace(4, max(steps, 5), len(members)) * simulation.dt
+    delayed = [(with_delay(problem, float(d)), controller) for (problem, controller), d in zip(members, delays, strict=True)]
+    part = Simulation(t_end=steps * simulation.dt, dt=simulation.dt, solver=simulation.solver)
+    started = time.perf_counter()
+    simulate_ensemble(delayed, part)
+    return time.perf_counter() - started
+
+
+TRUSTED = 0.25
+"""Fraction of a part after which its own pace alone counts."""
+
+
+@dataclass
+class Forecast:
+    """The seconds that several parts of one work take in all, refined while they go on."""
+
+    expected: dict[str, float]  # of each part, before it started
+    finished: dict[str, float] = field(default_factory=dict)
+
+    def total(self, part: str, fraction: float, seconds: float) -> float:
+        """Seconds in all, ``part`` being done to a fraction after so many of them.
+
+        Its own pace replaces what was expected of it little by little; what was expected of the parts to come is corrected by
+        what the finished ones took.
+        """
+        spent = sum(self.finished.values())
+        ratio = spent / sum(self.expected[name] for name in self.finished) if spent else 1.0
+        to_come = sum(forecast for name, forecast in self.expected.items() if name not in self.finished and name != part)
+        trust = min(1.0, fraction / TRUSTED)
+        pace = seconds / fraction if fraction > 0 else 0.0
+        rest = (1 - fraction) * (trust * pace + (1 - trust) * ratio * self.expected[part])
+        return spent + seconds + rest + ratio * to_come

@@ -1,0 +1,107 @@
+"""The schemes that a trade-off compares and the settings that are varied, chosen for a case."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from itertools import product
+
+import numpy as np
+
+from barbalat.adaptation.laws import LeastSquares
+from barbalat.certify.oscillator import Oscillator
+from barbalat.certify.table import certify
+from barbalat.controllers import L1Adaptive, Mrac, RobustMrac
+from barbalat.grid import Simulation
+from barbalat.linear import input_filter
+from barbalat.problem import Problem
+from barbalat.protocols import Controller
+from barbalat.simulation import simulate
+from barbalat.study.benchmark import ideal
+from barbalat.validate import Array, InputError
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Knobs:
+    """A scheme and the settings that are varied, all combinations of them; ``make`` builds the controller."""
+
+    scheme: str
+    values: dict[str, Array]
+    make: Callable[..., Controller]
+
+    def tunings(self) -> Iterator[dict[str, float]]:
+        for combination in product(*self.values.values()):
+            yield dict(zip(self.values, map(float, combination), strict=True))
+
+
+def default_knobs(problem: Problem, simulation: Simulation, *, density: int = 12) -> tuple[tuple[Knobs, ...], tuple[str, ...]]:
+    """MRAC: Gamma; L1-AC: kappa x Gamma; robust MRAC: tau x covariance0, with ``density`` values for each second knob.
+
+    Gamma goes up to the largest gain that this step resolves, kappa and tau from five steps to the slowest time constant of
+    the model. Also what is left out, as sentences: tunings, and schemes that don't take the problem.
+    """
+    highest, how = largest_gain(problem, simulation)
+    slowest = 1 / float(np.abs(np.linalg.eigvals(problem.plant.A_m).real).min())
+    times = np.geomspace(5 * simulation.dt, slowest, 3 * density)
+    gains = highest * np.geomspace(1e-7, 1.0, density)
+    candidates = (
+        Knobs(
+            scheme="MRAC", values={"gamma": highest * np.geomspace(1e-8, 1.0, 8 * density)}, make=lambda gamma: Mrac(gamma=gamma)
+        ),
+        Knobs(
+            scheme="L1-AC",
+            values={"kappa": times, "gamma": gains},
+            make=lambda kappa, gamma: L1Adaptive(gamma=gamma, filter=input_filter(kappa)),
+        ),
+        Knobs(
+            scheme="Robust MRAC",
+            values={"tau": times, "covariance0": np.geomspace(1e-2, 1e4, density)},
+            make=lambda tau, covariance0: RobustMrac(tau=tau, law=LeastSquares(covariance0=covariance0)),
+        ),
+    )
+    left_out = [
+        f"gains above {highest:.3g}, which h = {simulation.dt:g} s does not resolve ({how}: an estimate), are left out",
+        f"time constants below five steps, {5 * simulation.dt:g} s, are left out",
+    ]
+    kept = []
+    for knobs in candidates:
+        try:
+            knobs.make(**next(knobs.tunings())).bind(problem.known)
+        except InputError as error:
+            left_out.append(f"{knobs.scheme} is left out: {error}")
+        else:
+            kept.append(knobs)
+    return tuple(kept), tuple(left_out)
+
+
+def largest_gain(problem: Problem, simulation: Simulation) -> tuple[float, str]:
+    """The largest Gamma that the step resolves, and how it was found: an estimate.
+
+    ``certify``'s gamma_max; where it has none (several inputs, other regressors, an unknown input gain) the same frozen
+    oscillator with the largest regressor of the loop that knows theta, u beside phi(x) where its gain is estimated.
+    Raises InputError where the step resolves none.
+    """
+    values = certify(problem, (Mrac(gamma=1.0),), simulation)["MRAC"].values
+    if "gamma_max" in values:
+        found, how = values["gamma_max"], "gamma_max of certify"
+    else:
+        found, how = _largest_along_the_ideal_run(problem, simulation), "the oscillator of adaptation where theta is known"
+    if not found:
+        raise InputError(f"simulation.dt = {simulation.dt:g} s resolves no adaptive gain for this command; make it smaller")
+    return found, how
+
+
+def _largest_along_the_ideal_run(problem: Problem, simulation: Simulation) -> float:
+    known, controller = ideal(problem)
+    run = simulate(known, [controller], replace(simulation, record_points=4000))[controller.name]
+    if np.isfinite(diverged := run.metrics.diverged_at[0]):
+        raise InputError(f"the plant can't follow its model: even with theta known the loop diverges, at t = {diverged:.4g} s")
+    square = np.array([np.sum(problem.plant.regressor(x) ** 2) for x in run.x])
+    if problem.input_gain is not None:
+        square += np.max(run.u.reshape(len(run.t), -1) ** 2, axis=1)
+    dynamics = [path.dynamics for path in problem.plant.paths]
+    poles = np.concatenate([np.zeros(0), *(part.poles for part in dynamics if part is not None)])
+    largest = float(square.max())
+    if largest == 0:
+        raise InputError("nothing moves the regressor phi(x): give a command, or an initial state")
+    return Oscillator(problem.known, simulation.solver, poles).largest_g(simulation.dt) / largest
