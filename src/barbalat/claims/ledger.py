@@ -52,7 +52,7 @@ LEDGER = (
     Measurement(lambda _: numerics.smaller_gain(), 0.1),
     Measurement(lambda _: numerics.small_tau(), 0.3),
     Measurement(lambda _: stiff.own_oscillation(), 3.5),
-    Measurement(stiff.stiff_solvers, 6.5),
+    Measurement(lambda _: stiff.stiff_solvers(), 6.5),
     Measurement(lambda _: sampled.claim(), 1.0),
     Measurement(lambda _: robustness.claims(), 10.5),
     Measurement(lambda _: lemma_1.claims(), 2.0),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+from collections.abc import Callable
 from functools import cache
 
 import llvmlite.binding as llvm
@@ -116,6 +117,23 @@ class Kernel:
         watch  goes with a kernel that watches; its windows hold all steps
         start  number of the first step since t = 0
         """
+        self.bound(blocks, steps, state, parameters, signals, out, past, noise, watch, start=start)()
+
+    def bound(
+        self,
+        blocks: int,
+        steps: int,
+        state: np.ndarray,
+        parameters: np.ndarray,
+        signals: np.ndarray,
+        out: np.ndarray,
+        past: Past | None = None,
+        noise: np.ndarray | None = None,
+        watch: Watch | None = None,
+        *,
+        start: int = 0,
+    ) -> Callable[[], None]:
+        """The call with these arrays, checked once, to be made again and again; it keeps them alive."""
         w, s = self.lanes, self.shape
         rows = (start + blocks * steps - 1) // s.noise_hold - start // s.noise_hold + 1
         expected = {
@@ -143,4 +161,11 @@ class Kernel:
         arrays = (state.ctypes.data, parameters.ctypes.data, signals.ctypes.data, out.ctypes.data)
         memory = (None, None, 0) if past is None else (past.lags.ctypes.data, past.ring.ctypes.data, len(past.ring) - 1)
         windows = (None, 0, 1) if watch is None else (watch.rows.ctypes.data, watch.first, watch.window)
-        self._call(blocks, steps, *arrays, start, *memory, None if noise is None else noise.ctypes.data, *windows)
+        arguments = (blocks, steps, *arrays, start, *memory, None if noise is None else noise.ctypes.data, *windows)
+        call, alive = self._call, (self, state, parameters, signals, out, past, noise, watch)
+
+        def again() -> None:
+            assert alive  # held by this closure, as its arguments are plain addresses
+            call(*arguments)
+
+        return again

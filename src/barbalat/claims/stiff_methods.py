@@ -1,0 +1,202 @@
+"""Solvers for stiff problems on one closed loop: implicit steps compiled as a kernel, SciPy's codes, SUNDIALS' CVODES.
+
+The projection makes the right-hand side jump. An implicit step is made without it and its estimate limited at the step's
+end, the nearest point of the known set: Lie splitting, of first order, as the catching-up method of sweeping processes.
+The codes with automatic steps get the limited right-hand side itself, that of every stage of our own solvers, and find the jumps
+by their step control, as far as they do; their Jacobian is that of the side on which they are.
+"""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+from barbalat.closed_loop import ClosedLoop
+from barbalat.known_set import ParameterBox
+from barbalat.lowering.compiled import Compiled
+from barbalat.lowering.machine import Kernel
+from barbalat.lowering.operations import read
+from barbalat.lowering.optimize import optimize
+from barbalat.lowering.shape import LoopShape
+from barbalat.packing import column, symbols
+from barbalat.problem import Problem
+from barbalat.signals import Sine
+from barbalat.validate import Array
+
+if TYPE_CHECKING:
+    import casadi as ca
+
+SciPyMethod = Literal["Radau", "BDF", "LSODA"]
+"""SciPy's solvers for stiff problems."""
+NEWTON_STEPS = 3
+"""From the last step's state as the guess; the residual after them is checked."""
+LARGEST_RESIDUAL = 1e-6
+FAR = 1e3
+"""An estimate as large as that has diverged: the converged ones stay below 9, their bounds are 5."""
+WINDOW = 0.01
+"""[s]: dozens of periods of the adaptation, and little of the command's motion."""
+GRID = 5e-5
+"""[s] between the points at which CVODES reports: 15 or more in a period of the adaptation."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Path:
+    """What a solver made of the estimates, and what it cost.
+
+    least, greatest  (windows, n): over each WINDOW from t = 0 on, NaN where the solver had no point in it
+    final            (n,): the estimates where it ended
+    reached          [s]: where it ended: at the end, lost, or because its evaluations were spent
+    lost             whether it diverged, or could not solve its own equation
+    evaluations      of the right-hand side; of an implicit method its Newton steps
+    seconds          on this computer, this time, compilation included
+    """
+
+    least: Array
+    greatest: Array
+    final: Array
+    reached: float
+    lost: bool
+    evaluations: int
+    seconds: float
+
+    def ringing(self, start: float, end: float) -> Array:
+        """Half the largest swing of each estimate within one WINDOW of [start, end] s: (n,), NaN where nothing is known."""
+        chosen = slice(round(start / WINDOW), round(end / WINDOW))
+        swings = (self.greatest - self.least)[chosen]
+        return np.asarray(np.where(np.isfinite(swings).any(axis=0), np.nanmax(swings, axis=0, initial=0.0) / 2, np.nan))
+
+
+def implicit(loop: ClosedLoop, problem: Problem, h: float, t_end: float, weight: float, box: ParameterBox) -> tuple[Path, Path]:
+    """The same steps without projection and with it, side by side in two lanes; ``loop`` is the one without.
+
+    The slope is taken at (1 - weight) old + weight new: 1/2 is the midpoint rule, 1 is Euler's implicit method.
+    Where the method's own equation is not solved to LARGEST_RESIDUAL the windows from there on are NaN.
+    """
+    started = time.perf_counter()
+    rows, size = loop.theta_hat_rows, loop.size
+    n, blocks, steps = rows.stop - rows.start, round(t_end / WINDOW), round(WINDOW / h)
+    shape = LoopShape(size, 2 * n + 1, 2 * n, 1)
+    resets = (np.inf,) * n + (-np.inf,) * n + (0.0,)
+    kernel = Kernel(optimize(read(_implicit_step(loop, h, weight))), shape, resets, lanes=2)
+    free = np.full(n, np.inf)
+    bounds = np.array([np.concatenate([-free, free]), np.concatenate([box.lower, box.upper])]).T.copy()
+    state, out = np.repeat(loop.initial()[:, None], 2, axis=1), np.empty((blocks, size + shape.accumulators, 2))
+    command = problem.commands[0]((np.arange(blocks * steps) + weight) * h)
+    kernel(blocks, steps, state, bounds, command, out)
+    seconds = time.perf_counter() - started
+    paths = []
+    for lane in range(2):
+        least, greatest, residual = np.split(out[:, size:, lane], [n, 2 * n], axis=1)
+        lost = np.logical_or.accumulate(~(residual < LARGEST_RESIDUAL))
+        known = (np.where(lost, np.nan, extremum) for extremum in (least, greatest))
+        reached = float(t_end if not lost.any() else lost.argmax() * WINDOW)
+        paths.append(
+            Path(
+                least=next(known),
+                greatest=next(known),
+                final=state[rows, lane],
+                reached=reached,
+                lost=bool(lost.any()),
+                evaluations=NEWTON_STEPS * blocks * steps,
+                seconds=seconds / 2,
+            )
+        )
+    return paths[0], paths[1]
+
+
+def _implicit_step(loop: ClosedLoop, h: float, weight: float) -> ca.Function:
+    """The step as the kernel wants it: accumulators are the extrema of the estimates and the largest residual."""
+    import casadi as ca
+
+    rows = loop.theta_hat_rows
+    n = rows.stop - rows.start
+    old, y = symbols("old", loop.size)
+    new, z = symbols("new", loop.size)
+    command, r = symbols("r", 1)
+    lower, upper, least, greatest = (ca.SX.sym(name, n) for name in ("lower", "upper", "least", "greatest"))
+    largest, nothing = ca.SX.sym("largest"), ca.SX(0, 1)
+    defect = new - old - h * column(loop.derivative((1 - weight) * y + weight * z, r))
+    newton = ca.Function("newton", [old, new, command], [new - ca.solve(ca.jacobian(defect, new), defect)], {"cse": True})
+    guess = old
+    for _ in range(NEWTON_STEPS):
+        guess = newton(old, guess, command)
+    residual = ca.norm_inf(ca.substitute(defect, new, guess)) / (1 + ca.norm_inf(old))
+    theta_hat = ca.fmin(ca.fmax(guess[rows.start : rows.stop], lower), upper)
+    following = ca.vertcat(guess[: rows.start], theta_hat, guess[rows.stop :])
+    figures = ca.vertcat(ca.fmin(theta_hat, least), ca.fmax(theta_hat, greatest), ca.fmax(residual, largest))
+    inputs = [old, ca.vertcat(least, greatest, largest), ca.vertcat(lower, upper), command, nothing, nothing]
+    return ca.Function("step", inputs, [following, figures, nothing], {"cse": True})
+
+
+def scipy_path(
+    loop: ClosedLoop, problem: Problem, method: SciPyMethod, *, tolerance: float, t_end: float, evaluations: int
+) -> Path:
+    """One of SciPy's solvers, relative tolerance and a hundredth of it absolute, until t_end or the evaluations are spent."""
+    import casadi as ca
+    from scipy.integrate import BDF, LSODA, Radau
+
+    started = time.perf_counter()
+    state, t, slope = _right_hand_side(loop, problem)
+    rates, jacobian = (
+        Compiled(ca.Function("f", [state, t], [ca.densify(value)], {"cse": True})) for value in (slope, ca.jacobian(slope, state))
+    )
+    solver = {"BDF": BDF, "LSODA": LSODA, "Radau": Radau}[method](
+        lambda t, y: rates(y, t),
+        0.0,
+        loop.initial(),
+        t_end,
+        jac=lambda t, y: jacobian(y, t),
+        rtol=tolerance,
+        atol=tolerance / 100,
+    )
+    instants, states = [0.0], [loop.initial()]
+    while solver.status == "running" and solver.nfev < evaluations:
+        solver.step()
+        instants.append(solver.t)
+        states.append(solver.y)
+    seconds = time.perf_counter() - started
+    theta_hat = np.array(states)[:, loop.theta_hat_rows]
+    return _path(np.array(instants), theta_hat, t_end, int(solver.nfev), seconds, lost=solver.status == "failed")
+
+
+def cvodes(loop: ClosedLoop, problem: Problem, *, tolerance: float, t_end: float) -> Path:
+    """SUNDIALS' code for stiff problems, backward differentiation formulas, with the exact Jacobian."""
+    import casadi as ca
+
+    started = time.perf_counter()
+    state, t, slope = _right_hand_side(loop, problem)
+    options = {"reltol": tolerance, "abstol": tolerance / 100, "max_num_steps": 10**9}
+    instants = np.linspace(0, t_end, round(t_end / GRID) + 1)
+    solver = ca.integrator("solver", "cvodes", {"x": state, "t": t, "ode": slope}, 0.0, instants, options)
+    states = np.array(solver(x0=loop.initial())["xf"])
+    seconds = time.perf_counter() - started
+    return _path(instants, states[loop.theta_hat_rows].T, t_end, int(solver.stats()["nfevals"]), seconds)
+
+
+def _right_hand_side(loop: ClosedLoop, problem: Problem) -> tuple[ca.SX, ca.SX, ca.SX]:
+    """Symbols of the state and of time, and the slope at the limited state."""
+    import casadi as ca
+
+    state_column, state = symbols("state", loop.size)
+    command, r = symbols("r", 1)
+    t = ca.SX.sym("t")
+    assert isinstance(problem.reference, Sine)
+    given = problem.reference
+    reference = given.constant + given.amplitude * ca.sin(given.frequency * t + given.phase)
+    return state_column, t, ca.substitute(column(loop.derivative(loop.limit(state), r)), command, reference)
+
+
+def _path(t: Array, theta_hat: Array, t_end: float, evaluations: int, seconds: float, *, lost: bool = False) -> Path:
+    """Extrema over the windows from the points (K,), (K, n) that a solver gave."""
+    windows = round(t_end / WINDOW)
+    place = np.minimum((t / WINDOW * (1 + 1e-12)).astype(int), windows - 1)  # t_end belongs to the last
+    filled, first = np.unique(place, return_index=True)
+    least, greatest = np.full((2, windows, theta_hat.shape[1]), np.nan)
+    least[filled], greatest[filled] = (extremum.reduceat(theta_hat, first) for extremum in (np.minimum, np.maximum))
+    return Path(
+        least=least, greatest=greatest, final=theta_hat[-1], reached=float(t[-1]), lost=lost or not bool(np.abs(theta_hat).max() < FAR),
+        evaluations=evaluations, seconds=seconds,
+    )  # fmt: skip
