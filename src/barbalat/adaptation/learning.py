@@ -57,7 +57,7 @@ class CompositeLearning:
 
     def initial(self, b: Array, x0: Array, parameters: int) -> Memory:
         p = parameters
-        return Memory(np.asarray(_left_inverse(b) @ x0), np.zeros(p), np.zeros((p, p)), np.zeros(p))
+        return Memory(_left_inverse(b) @ x0, np.zeros(p), np.zeros((p, p)), np.zeros(p))
 
     def rates(self, memory: Memory, A_m: Array, b: Array, x: Value, regressor: Value, u: Value) -> Memory:
         zeta, phi, R, Q = memory

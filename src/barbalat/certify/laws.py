@@ -57,6 +57,11 @@ def why_no_bound(controller: Mrac | L1Adaptive, problem: Problem) -> str | None:
     It does with composite learning, which adds -2 gamma_c theta_tilde'R theta_tilde to V', and with a switching sigma that
     bounds every theta in question.
     """
+    if _cut_in_corners(controller, problem):
+        return (
+            "with a gain matrix and a box of three or more parameters, what the projection cuts off in a corner may make V grow, "
+            "so the bounds (9) and (10) don't hold; they do with a ball, a diagonal gain or without projection"
+        )
     if controller.dead_zone is not None:
         return "inside the dead zone nothing is learnt, so the bounds (9) and (10) don't hold"
     if isinstance(controller.leakage, SwitchingSigma):
@@ -67,6 +72,22 @@ def why_no_bound(controller: Mrac | L1Adaptive, problem: Problem) -> str | None:
     if controller.leakage is not None:
         return f"{type(controller.leakage).__name__} pulls the estimates to zero, so the bounds (9) and (10) don't hold"
     return None
+
+
+def _cut_in_corners(controller: Mrac | L1Adaptive, problem: Problem) -> bool:
+    """Whether the estimate can come to lie on several faces at once and the limit cut off what does not keep the proof.
+
+    With two parameters it does: in a corner (r, 0) is cut off, r > 0, and only if Gamma_12 < 0, so that Gamma^-1 (r, 0) >= 0,
+    as it must be. With three a simulation shows V growing without bound (tests/certify/test_modified_bounds.py).
+    """
+    known_set, gamma = controller.bind(problem.known).box, controller.gamma
+    if known_set is None or not gain.is_matrix(gamma) or not (gamma - np.diag(np.diag(gamma))).any():
+        return False
+    if isinstance(known_set, ParameterProduct):
+        meeting = (known_set.theta is not None) + known_set.gains.size
+    else:
+        meeting = 1 if isinstance(known_set, ParameterBall) else known_set.size
+    return bool(meeting > 1 and np.size(gamma) > 4)
 
 
 def _all_within(M_0: float, problem: Problem) -> bool:

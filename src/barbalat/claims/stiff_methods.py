@@ -51,7 +51,7 @@ class Path:
     reached          [s]: where it ended: at the end, lost, or because its evaluations were spent
     lost             whether it diverged, or could not solve its own equation
     evaluations      of the right-hand side; of an implicit method its Newton steps
-    seconds          on this computer, this time, compilation included
+    seconds          of one core of this computer, compilation included
     """
 
     least: Array
@@ -75,7 +75,7 @@ def implicit(loop: ClosedLoop, problem: Problem, h: float, t_end: float, weight:
     The slope is taken at (1 - weight) old + weight new: 1/2 is the midpoint rule, 1 is Euler's implicit method.
     Where the method's own equation is not solved to LARGEST_RESIDUAL the windows from there on are NaN.
     """
-    started = time.perf_counter()
+    started = time.process_time()
     rows, size = loop.theta_hat_rows, loop.size
     n, blocks, steps = rows.stop - rows.start, round(t_end / WINDOW), round(WINDOW / h)
     shape = LoopShape(size, 2 * n + 1, 2 * n, 1)
@@ -86,7 +86,7 @@ def implicit(loop: ClosedLoop, problem: Problem, h: float, t_end: float, weight:
     state, out = np.repeat(loop.initial()[:, None], 2, axis=1), np.empty((blocks, size + shape.accumulators, 2))
     command = problem.commands[0]((np.arange(blocks * steps) + weight) * h)
     kernel(blocks, steps, state, bounds, command, out)
-    seconds = time.perf_counter() - started
+    seconds = time.process_time() - started
     paths = []
     for lane in range(2):
         least, greatest, residual = np.split(out[:, size:, lane], [n, 2 * n], axis=1)
@@ -138,7 +138,7 @@ def scipy_path(
     import casadi as ca
     from scipy.integrate import BDF, LSODA, Radau
 
-    started = time.perf_counter()
+    started = time.process_time()
     state, t, slope = _right_hand_side(loop, problem)
     rates, jacobian = (
         Compiled(ca.Function("f", [state, t], [ca.densify(value)], {"cse": True})) for value in (slope, ca.jacobian(slope, state))
@@ -157,7 +157,7 @@ def scipy_path(
         solver.step()
         instants.append(solver.t)
         states.append(solver.y)
-    seconds = time.perf_counter() - started
+    seconds = time.process_time() - started
     theta_hat = np.array(states)[:, loop.theta_hat_rows]
     return _path(np.array(instants), theta_hat, t_end, int(solver.nfev), seconds, lost=solver.status == "failed")
 
@@ -166,13 +166,13 @@ def cvodes(loop: ClosedLoop, problem: Problem, *, tolerance: float, t_end: float
     """SUNDIALS' code for stiff problems, backward differentiation formulas, with the exact Jacobian."""
     import casadi as ca
 
-    started = time.perf_counter()
+    started = time.process_time()
     state, t, slope = _right_hand_side(loop, problem)
     options = {"reltol": tolerance, "abstol": tolerance / 100, "max_num_steps": 10**9}
     instants = np.linspace(0, t_end, round(t_end / GRID) + 1)
     solver = ca.integrator("solver", "cvodes", {"x": state, "t": t, "ode": slope}, 0.0, instants, options)
     states = np.array(solver(x0=loop.initial())["xf"])
-    seconds = time.perf_counter() - started
+    seconds = time.process_time() - started
     return _path(instants, states[loop.theta_hat_rows].T, t_end, int(solver.stats()["nfevals"]), seconds)
 
 
