@@ -1,18 +1,27 @@
 """Adaptive laws over one sample, such that the estimate's Lyapunov function never grows: docs/sampled.md has the proofs.
 
-Each solves its law for the end of the sample with regressor and normalising signal taken in the middle, in closed form.
+Each is solved for the end of the sample, in closed form, with regressor and normalising signal taken in the sample's middle.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
 from barbalat.adaptation import gain
+from barbalat.adaptation.bounded_covariance import LeastSquaresBounded
+from barbalat.adaptation.bounded_gain import LeastSquaresBoundedGain
 from barbalat.adaptation.covariance import Memory
-from barbalat.adaptation.laws import AdaptiveLaw, Gradient, LeastSquares, Rates
+from barbalat.adaptation.dead_zone import DeadZone
+from barbalat.adaptation.forgetting import LeastSquaresForgetting
+from barbalat.adaptation.integral_cost import IntegralCost
+from barbalat.adaptation.integral_cost import Memory as Data
+from barbalat.adaptation.laws import AdaptiveLaw, Gradient, Rates
+from barbalat.adaptation.leakage import Leakage
 from barbalat.adaptation.projection import limit
+from barbalat.adaptation.switching_sigma import SwitchingSigma
 from barbalat.known_set import EstimateSet, KnownSet, ParameterBall, ParameterBox, ParameterProduct
 from barbalat.protocols import Value
 from barbalat.validate import InputError
@@ -22,14 +31,8 @@ SWEEPS = 3
 
 
 def require_implicit(law: AdaptiveLaw, known_set: KnownSet | None) -> None:
-    """InputError for a law for which no decreasing step is known."""
-    if not isinstance(law, (Gradient, LeastSquares)):
-        raise InputError(
-            f"discretization = 'midpoint' is proven for the gradient and the pure least-squares law, not for {type(law).__name__}"
-        )
-    if law.leakage is not None or law.dead_zone is not None:
-        raise InputError("discretization = 'midpoint' is proven for laws without leakage and dead zone; 'euler' takes all")
-    require_projectable(law.gamma if isinstance(law, Gradient) else np.eye(1), known_set)
+    """InputError for a law and a set for which no decreasing step is known."""
+    require_projectable(law.gamma if isinstance(law, (Gradient, IntegralCost)) else np.eye(1), known_set)
 
 
 def require_projectable(gamma: Any, known_set: EstimateSet | None) -> None:
@@ -58,16 +61,106 @@ def step(
     known_set: KnownSet | None,
 ) -> Rates:
     """The estimate and the law's memory one sample of length T [s] later (not their rates)."""
-    innovation = z - theta_hat @ phi
+    settings: Any = law
     if isinstance(law, Gradient):
-        gamma_phi = gain.times(law.gamma, phi)
-        moved = theta_hat + T * gamma_phi * innovation / (m_s_squared + T / 2 * (phi @ gamma_phi))  # implicit midpoint
-        return Rates(into(moved, known_set, law.gamma), memory)
-    P = memory.covariance
+        theta_hat, _ = _correct(law, law.gamma, T, theta_hat, z, phi, m_s_squared)
+        return Rates(into(theta_hat, known_set, law.gamma), memory)
+    if isinstance(law, IntegralCost):
+        kept, weight = _forgotten(law.forgetting, T)
+        R = kept * memory.R + weight * np.outer(phi, phi) / m_s_squared
+        Q = kept * memory.Q + weight * z * phi / m_s_squared
+        start = theta_hat
+        theta_hat = with_leakage(law.leakage, start, 0.0, lambda w: at_rest(law.gamma, start, T, w, R, Q)[1])
+        return Rates(into(theta_hat, known_set, law.gamma), Data(R, Q))
+    P = _forget(law, T, memory.covariance)
+    weight = _forgotten(settings.forgetting, T)[1] if hasattr(law, "forgetting") else T
+    theta_hat, share = _correct(settings, P, weight, theta_hat, z, phi, m_s_squared)
     P_phi = P @ phi
-    scale = m_s_squared + T * (phi @ P_phi)
-    following = P - T / scale * np.outer(P_phi, P_phi)  # P^-1 grows by T phi phi'/m_s^2, exactly
-    return Rates(into(theta_hat + T / scale * P_phi * innovation, known_set, following), Memory(following))
+    taken = weight * share
+    P = P - taken / (m_s_squared + taken * (phi @ P_phi)) * np.outer(P_phi, P_phi)  # P^-1 grows by taken phi phi'/m_s^2
+    return Rates(into(theta_hat, known_set, P), law.limit(Memory(P)))
+
+
+def _forgotten(beta: float, T: float) -> tuple[float, float]:
+    """What is kept after T, and the weight of what came in meanwhile: exp(-beta T) and its integral over [0, T]."""
+    return float(np.exp(-beta * T)), float(-np.expm1(-beta * T) / beta)
+
+
+def _forget(law: AdaptiveLaw, T: float, P: Value) -> Value:
+    """The covariance before the sample's data: P' = beta P over T, exactly, as far as the law's bound lets it grow."""
+    if isinstance(law, LeastSquaresForgetting):
+        return P * np.exp(law.forgetting * T)
+    if isinstance(law, LeastSquaresBounded):
+        room = law.covariance_bound / np.sqrt(np.sum(P * P))
+        return P * np.maximum(np.minimum(room, np.exp(law.forgetting * T)), 1.0)
+    if isinstance(law, LeastSquaresBoundedGain):
+        full = np.sqrt(np.sum(P * P)) / law.covariance_bound
+        return P / (full + (1 - full) * np.exp(-law.forgetting * T))  # |P|_F follows the logistic equation
+    return P
+
+
+def _correct(law: Any, gamma: Value, T: Value, theta_hat: Value, z: Value, phi: Value, m_s_squared: Value) -> tuple[Value, Value]:
+    """theta_next with Gamma^-1 (theta_next - theta_hat) = T (a epsilon_next phi - w theta_next), and the dead zone's share a."""
+
+    def solve(w: Value) -> tuple[Value, Value]:
+        gain_w, rest = at_rest(gamma, theta_hat, T, w)
+        gain_phi = gain.times(gain_w, phi)
+        innovation = z - rest @ phi
+        speed = T * (phi @ gain_phi) / m_s_squared
+        a = _share(law.dead_zone, innovation * innovation / m_s_squared, speed)
+        return rest + gain_phi * (T * a * innovation / (m_s_squared * (1 + a * speed))), a
+
+    error = (z - theta_hat @ phi) / np.sqrt(m_s_squared)
+    w = leakage_weight(law.leakage, theta_hat, error, lambda w: solve(w)[0])
+    return solve(w)
+
+
+def _share(dead_zone: DeadZone | None, squared_error: Value, speed: Value) -> Value:
+    """a = 1 - g_0/|E_next| of the error E_next = E/(1 + a speed) that the step leaves: linear in a, so solved."""
+    if dead_zone is None:
+        return 1.0
+    E = np.sqrt(np.maximum(squared_error, dead_zone.g_0 * dead_zone.g_0))
+    return (E - dead_zone.g_0) / (E + speed * dead_zone.g_0)
+
+
+def leakage_weight(leakage: Leakage | None, theta_hat: Value, error: Value, solve: Callable[[Value], Value]) -> Value:
+    """w for this sample, held; ``error`` is that before the estimates move, ``solve(w)`` the estimate at the end.
+
+    The switching one is evaluated where the full sigma would lead: a larger leakage leaves a smaller estimate, so that w never
+    exceeds what it is at the end, and is zero where the estimate ends below M_0.
+    """
+    if leakage is None:
+        return 0.0
+    if isinstance(leakage, SwitchingSigma):
+        return leakage.coefficient(solve(leakage.sigma), error)
+    return leakage.coefficient(theta_hat, error)
+
+
+def with_leakage(leakage: Leakage | None, theta_hat: Value, error: Value, solve: Callable[[Value], Value]) -> Value:
+    """The estimate at the end of the sample."""
+    return solve(leakage_weight(leakage, theta_hat, error, solve))
+
+
+def at_rest(
+    gamma: Value, theta_hat: Value, T: Value, w: Value, R: Value | None = None, Q: Value | None = None
+) -> tuple[Value, Value]:
+    """G = (Gamma^-1 + T (w I + R))^-1 and G (Gamma^-1 theta_hat + T Q).
+
+    The second is where leakage and memory alone lead within T; what else moves the estimates does it with the gain G.
+    """
+    if R is None and not gain.is_matrix(gamma):
+        shrink = 1 / (1 + T * w * gamma)
+        return gamma * shrink, theta_hat * shrink
+    if R is None and isinstance(w, float) and w == 0:
+        return gamma, theta_hat
+    p = theta_hat.shape[0]
+    Gamma = gamma if gain.is_matrix(gamma) else gain.as_matrix(gamma, p)
+    if R is None:
+        system, start = np.eye(p) + T * w * Gamma, theta_hat
+    else:
+        system, start = np.eye(p) + T * (Gamma @ (w * np.eye(p) + R)), theta_hat + T * (Gamma @ Q)
+    solved = np.linalg.solve(system, np.concatenate([Gamma, start.reshape(p, 1)], axis=1))
+    return solved[:, :p], solved[:, p]
 
 
 def into(theta_hat: Value, known_set: EstimateSet | None, gamma: Value) -> Value:

@@ -73,6 +73,29 @@ class CompositeLearning:
             Q=share * z * phi - self.forgetting * Q,
         )
 
+    def advance(self, memory: Memory, T: float, A_m: Array, b: Array, x: Value, regressor: Value, u: Value) -> Memory:
+        """The memory one sample of length T [s] later; ``x`` and ``regressor`` in its middle. Q = R theta is kept exactly.
+
+        The filters go by the midpoint rule; forgetting is exact; the capacity is never exceeded.
+        """
+        zeta, phi, R, Q = memory
+        b_plus, half = _left_inverse(b), T / 2 / self.time_constant
+        zeta_mid = (zeta + half * (b_plus @ x) + T / 2 * (b_plus @ (A_m @ x) + u)) / (1 + half)
+        phi_mid = (phi + half * regressor) / (1 + half)
+        z = (b_plus @ x - zeta_mid) / self.time_constant
+        kept = np.exp(-self.forgetting * T)
+        gathered = T if self.forgetting == 0 else -np.expm1(-self.forgetting * T) / self.forgetting
+        share = gathered / (1 + phi_mid @ phi_mid)
+        if self.capacity is not None:
+            used = kept * sum(R[i, i] for i in range(phi.shape[0])) / self.capacity
+            share = share * np.maximum(1 - used, 0.0) / (1 + share * (phi_mid @ phi_mid) / self.capacity)
+        return Memory(
+            zeta=2 * zeta_mid - zeta,
+            phi=2 * phi_mid - phi,
+            R=kept * R + share * np.outer(phi_mid, phi_mid),
+            Q=kept * Q + share * z * phi_mid,
+        )
+
     def pull(self, memory: Memory, theta_hat: Value) -> Value:
         """gamma_c (Q - R theta_hat)."""
         return self.gamma_c * (memory.Q - memory.R @ theta_hat)

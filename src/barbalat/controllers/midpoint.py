@@ -1,18 +1,20 @@
-"""The Lyapunov-preserving sampled controllers: implicit midpoint steps in closed form, O(n^2) for each sample.
+"""The Lyapunov-preserving sampled controllers: implicit steps in closed form, O(n^2) for each sample.
 
-docs/sampled.md states and proves what holds. What multiplies a sample time T is taken in its middle: x_mid = (x + x_next)/2.
+docs/sampled.md states and proves what holds. What is measured is taken in the sample's middle, x_mid = (x + x_next)/2, what is
+estimated at its end.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from barbalat.adaptation import implicit
-from barbalat.adaptation.gain import as_matrix, times
+from barbalat.adaptation import implicit, within
 from barbalat.controllers import l1, robust_mrac
-from barbalat.controllers.windup import applied
+from barbalat.controllers.windup import ModifiedError, applied
+from barbalat.known_set import KnownSet
 from barbalat.linear import StateSpace
 from barbalat.protocols import Sample, Value
 from barbalat.validate import Array, InputError
@@ -57,60 +59,94 @@ class Filter:
         return self.step.end(state, self.system.B * middle if state.ndim == 1 else np.outer(self.system.B, middle))
 
 
+class Unmoved(NamedTuple):
+    """The end of the sample, were the estimates zero or at rest."""
+
+    x_hat: Value  # (n,) predictor with zero estimates
+    error: Value  # x_tilde'P b with the estimates as they are; (m,) with m inputs
+    phi: Value  # regressor in the middle
+
+
 @dataclass(frozen=True, eq=False)
 class Predictor:
-    """Predictor (8) and law (7) in one implicit midpoint step; with C = 1 the MRAC.
+    """Predictor (8) and law (7) in one implicit step; with C = 1 the MRAC.
 
-    V = x_tilde'P x_tilde + theta_tilde'Gamma^-1 theta_tilde falls by T |x_tilde_mid|^2 at each sample, for every Gamma and T.
+    V = x_tilde'P x_tilde + theta_tilde'Gamma^-1 theta_tilde falls by at least T |x_tilde|^2 a sample, for every Gamma, T.
+    The predictor is fed with the estimate as the known set leaves it: with C = 1 it then stays with the reference model.
     """
 
     continuous: l1.Equations
     sample_time: float
-    model: LinearStep
+    known_set: KnownSet | None  # what the step keeps to; with a leakage it holds the origin as well
+    end: Array  # (I - T A_m)^-1
     filter: Filter
-    coupling: Array | float  # T^2/4 b'P (I - T/2 A_m)^-1 b > 0; (m, m) with m inputs
+    coupling: Array | float  # T b'P (I - T A_m)^-1 b > 0; (m, m) with m inputs
+    windup: ModifiedError | None = None
 
     @classmethod
-    def of(cls, equations: l1.Equations, T: float) -> Predictor:
-        if not equations.modifications.is_off:
-            raise InputError("discretization = 'midpoint' is proven for the plain law, without leakage, dead zone and learning")
-        implicit.require_projectable(equations.gamma, equations.box)
-        model = LinearStep.of(equations.A_m, T)
-        coupling = T**2 / 4 * (equations.b.T @ equations.P @ model.half @ equations.b)
-        if np.ndim(coupling) == 0:
-            coupling = float(coupling)
-        return cls(equations, T, model, Filter.of(equations.C, T), coupling)
+    def of(cls, equations: l1.Equations, T: float, windup: ModifiedError | None = None) -> Predictor:
+        modifications, box = equations.modifications, equations.box
+        if modifications.dead_zone is not None:
+            raise InputError(
+                "discretization = 'midpoint' takes no dead zone on sqrt(e'P e): its implicit step has no closed form; take "
+                "'euler', or a dead zone in a law on the parametric model"
+            )
+        implicit.require_projectable(equations.gamma, box)
+        end = half_step(equations.A_m, 2 * T)
+        coupling = T * (equations.b.T @ equations.P @ end @ equations.b)
+        return cls(
+            equations,
+            T,
+            within.kept_to(box, len(equations.theta_hat0), leaking=modifications.leakage is not None),
+            end,
+            Filter.of(equations.C, T),
+            float(coupling) if np.ndim(coupling) == 0 else coupling,
+            windup,
+        )
 
     def initial(self) -> l1.State:
         return self.continuous.initial()
 
     def control(self, state: l1.State, x: Value, x_m: Value, r: Value) -> Value:
-        return self.continuous.control(state, x, x_m, r)
+        u = self.continuous.control(state, x, x_m, r)
+        return u if self.windup is None else self.windup.control(u, self.continuous.limits)
 
     def advance(self, state: l1.State, before: Sample, u: Value, now: Sample) -> l1.State:
         c, T, u = self.continuous, self.sample_time, self.continuous.applied(u)
-        x_mid = (before.x + now.x) / 2
-        phi = (c.uncertainty.with_input(before.x, u) + c.uncertainty.with_input(now.x, u)) / 2
-        known = c.uncertainty.known_input(u)
-        # the predictor's middle, were the estimates to rest; that they move with it costs one division: the coupling is rank one
-        at_rest = self.model.middle(state.x_hat, np.dot(c.b, phi.T @ state.theta_hat + known))
-        gain = times(c.gamma, phi) if len(phi.shape) == 1 else as_matrix(c.gamma, phi.shape[0]) @ phi
-        moved = T * np.dot(gain, self._solve(phi.T @ gain, (x_mid - at_rest) @ (c.P @ c.b)))
-        x_hat = self.model.end(state.x_hat, np.dot(c.b, phi.T @ (state.theta_hat + moved / 2) + known))
-        following = l1.State(implicit.into(state.theta_hat + moved, c.box, c.gamma), x_hat, state.filter)
+        unmoved = self._unmoved(state, before, u, now)
+        memory = self._memory(state, before, u, now)
+        theta_hat = implicit.with_leakage(
+            c.modifications.leakage, state.theta_hat, unmoved.error, lambda w: self._moved(state, memory, unmoved, w)
+        )
+        x_hat = unmoved.x_hat + T * (self.end @ np.dot(c.b, unmoved.phi.T @ theta_hat))
+        following = l1.State(implicit.into(theta_hat, c.box, c.gamma), x_hat, state.filter, memory)
         wanted = c.filter_input(state, before.x, before.r), c.filter_input(following, now.x, now.r)
         return following._replace(filter=self.filter.end(state.filter, *wanted))
 
-    def _solve(self, excitation: Value, right: Value) -> Value:
-        """(I + coupling excitation)^-1 right: a division for one input, elimination for several.
+    def _unmoved(self, state: l1.State, before: Sample, u: Value, now: Sample) -> Unmoved:
+        c, T = self.continuous, self.sample_time
+        phi = (c.uncertainty.with_input(before.x, u) + c.uncertainty.with_input(now.x, u)) / 2
+        # A_m acts on x_mid - x_tilde: what is measured enters as in the midpoint rule, what is estimated at the sample's end
+        measured = np.dot(c.b, c.uncertainty.known_input(u)) - c.A_m @ ((now.x - before.x) / 2)
+        x_hat = self.end @ (state.x_hat + T * measured)
+        error = (now.x - x_hat) @ (c.P @ c.b) - np.dot(self.coupling, phi.T @ state.theta_hat)
+        return Unmoved(x_hat, error, phi)
 
-        ``excitation`` is Phi'Gamma Phi; for several inputs det(I + K E) != 0 since K has a positive definite symmetric part
-        and E is positive semidefinite.
-        """
-        inputs = self.continuous.uncertainty.inputs
-        if inputs == 1:
-            return right / (1 + self.coupling * excitation)
-        return np.linalg.solve(np.eye(inputs) + self.coupling @ excitation, right)
+    def _moved(self, state: l1.State, memory: Any, unmoved: Unmoved, w: Value) -> Value:
+        """The estimate at the sample's end, with the leakage w."""
+        c, T, learning = self.continuous, self.sample_time, self.continuous.modifications.learning
+        pull = () if learning is None else (learning.gamma_c * memory.R, learning.gamma_c * memory.Q)
+        gain, rest = implicit.at_rest(c.gamma, state.theta_hat, T, w, *pull)
+        error = unmoved.error - np.dot(self.coupling, unmoved.phi.T @ (rest - state.theta_hat))
+        return within.step(rest, T * gain, unmoved.phi, self.coupling, error, self.known_set)
+
+    def _memory(self, state: l1.State, before: Sample, u: Value, now: Sample) -> Any:
+        c, learning = self.continuous, self.continuous.modifications.learning
+        if learning is None:
+            return state.memory
+        phi = (c.uncertainty.with_input(before.x, u) + c.uncertainty.with_input(now.x, u)) / 2
+        known = c.uncertainty.known_input(u)
+        return learning.advance(state.memory, self.sample_time, c.A_m, c.b, (before.x + now.x) / 2, phi, known)
 
 
 @dataclass(frozen=True, eq=False)

@@ -85,7 +85,7 @@ class Sampled:
             case l1.Equations():
                 return midpoint.Predictor.of(equations, T)
             case mrac.Equations():
-                return midpoint.Predictor.of(_with_predictor(equations, known), T)
+                return midpoint.Predictor.of(_with_predictor(equations, known), T, equations.windup)
             case robust_mrac.Equations():
                 return midpoint.Estimator.of(equations, T)
             case output_l1.Equations():
@@ -98,12 +98,7 @@ class Sampled:
 
 
 def _with_predictor(equations: mrac.Equations, known: Known) -> l1.Equations:
-    """The MRAC as L1-AC with C = 1: its predictor is then the model."""
-    if equations.windup is not None:
-        raise InputError(
-            "discretization = 'midpoint' gives the MRAC a predictor, which takes no modified_error; use scheme l1 with "
-            "kappa = 0 and saturated_predictor"
-        )
+    """The MRAC as L1-AC with C = 1: its predictor is then the model, with ``limits`` the model adapted to them."""
     return l1.Equations(
         A_m=known.A_m,
         b=known.b,
@@ -116,4 +111,5 @@ def _with_predictor(equations: mrac.Equations, known: Known) -> l1.Equations:
         x0=known.x0,
         box=equations.box,
         modifications=equations.modifications,
+        limits=equations.limits,
     )

@@ -23,10 +23,10 @@ from barbalat.validate import InputError
 
 @dataclass(frozen=True, eq=False)
 class OutputPredictor:
-    """(21): predictor and sigma in one implicit step, for every gamma and T.
+    """(21): predictor and sigma in one implicit step, for every gamma and T; the predictor is fed with sigma inside its bounds.
 
     With y_next = y + T (-m y_mid + m (u + s) + w), s what sigma estimates, y_tilde = y - y_hat and sigma_tilde = sigma - s,
-    V = y_tilde^2 + m sigma_tilde^2/gamma changes by -2 m T y_tilde_mid^2 + 2 T y_tilde_mid w.
+    V = y_tilde^2 + m sigma_tilde^2/gamma changes by at most -2 m T y_tilde^2 + 2 T y_tilde w, y_tilde that at the end.
     """
 
     continuous: l1.Equations
@@ -45,12 +45,11 @@ class OutputPredictor:
 
     def advance(self, state: l1.State, before: Sample, u: Value, now: Sample) -> l1.State:
         c, T, m = self.continuous, self.sample_time, self.continuous.m
-        y_mid = (before.x + now.x) / 2
-        half = 1 / (1 + m * T / 2)
-        at_rest = half * (state.y_hat + T / 2 * m * (u + state.theta_hat))  # y_hat in the middle, were sigma to rest
-        error = (y_mid - at_rest) / (1 + T**2 / 4 * m * c.gamma * half)
-        sigma = limit(state.theta_hat + T * c.gamma * error, c.box)
-        y_hat = 2 * (y_mid - error) - state.y_hat
+        end = 1 / (1 + m * T)
+        at_rest = end * (state.y_hat + T * m * ((now.x - before.x) / 2 + u + state.theta_hat))  # y_hat, were sigma to rest
+        moved = T * c.gamma * (now.x - at_rest) / (1 + T**2 * m * c.gamma * end)
+        sigma = limit(state.theta_hat + moved, c.box)
+        y_hat = at_rest + end * T * m * (sigma - state.theta_hat)
         wanted = before.r - state.theta_hat[0], now.r - sigma[0]
         return l1.State(sigma, y_hat, self.filter.end(state.filter, *wanted))
 

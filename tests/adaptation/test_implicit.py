@@ -1,0 +1,203 @@
+"""The laws' implicit steps: each solves the continuous law at the sample's end, and V keeps the continuous law's inequality."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from examples import BOUND, G_0, inside, known_sets, laws
+from scipy.optimize import minimize
+
+from barbalat import ParameterBall, ParameterBox
+from barbalat.adaptation import gain, implicit, within
+from barbalat.adaptation.integral_cost import Memory as Data
+from barbalat.adaptation.laws import Estimation, Gradient, IntegralCost
+from barbalat.validate import InputError
+
+RHO_0, RHO_1 = 20.0, 0.5
+
+
+def scaled(random, law):
+    """The law with a gain from 1e2 to 1e8 times its own; a covariance with a bound keeps it."""
+    factor = 10 ** random.uniform(2, 8)
+    if isinstance(law, (Gradient, IntegralCost)):
+        return replace(law, gamma=factor * law.gamma)
+    if hasattr(law, "covariance_bound") or hasattr(law, "rho_0"):
+        return law
+    return replace(law, covariance0=factor * law.covariance0)
+
+
+def data(random, theta, eta_over_m):
+    phi = random.normal(size=len(theta)) * 10.0 ** random.uniform(-1, 1)
+    m_s_squared = 1 + phi @ phi + random.uniform(0, 2)
+    return theta @ phi + eta_over_m * np.sqrt(m_s_squared), phi, m_s_squared
+
+
+def memory_of(random, law, theta):
+    """A memory that the law may have; of past data without modelling error."""
+    n = len(theta)
+    memory = law.initial(n)
+    if isinstance(law, IntegralCost):
+        seen = random.normal(size=(n, 2)) * 0.3
+        return Data(seen @ seen.T, seen @ seen.T @ theta)
+    if hasattr(memory, "covariance"):
+        for _ in range(random.integers(0, 3)):
+            memory = implicit.step(law, 0.1, np.zeros(n), memory, *data(random, theta, 0.0), None).memory
+    return memory
+
+
+def plain_kind(name):
+    return name.split(",")[1].strip()
+
+
+@pytest.mark.parametrize("n", [1, 2, 3])
+def test_the_step_solves_the_continuous_law_at_its_end(n):
+    """theta_next = theta_hat + T theta_hat'(theta_next): an independent evaluation. 1e-7: the gains go to 1e8."""
+    random = np.random.default_rng(n)
+    tried = 0
+    for name, given in laws(n):
+        if not isinstance(given, (Gradient, IntegralCost)) or plain_kind(name) not in (
+            "plain",
+            "sigma",
+            "dead zone",
+            "sigma and dead zone",
+        ):
+            continue
+        for _ in range(40):
+            law, T, theta = scaled(random, given), 10 ** random.uniform(-4, 0), random.normal(size=n)
+            theta_hat = theta + random.normal(size=n)
+            z, phi, m_s_squared = data(random, theta, random.uniform(-1, 1))
+            found = implicit.step(law, T, theta_hat, memory_of(random, law, theta), z, phi, m_s_squared, None)
+            at_end = Estimation(phi, m_s_squared, (z - found.theta_hat @ phi) / m_s_squared)
+            rate = law.rates(found.theta_hat, found.memory, at_end, None).theta_hat
+            inverse = np.linalg.inv(gain.as_matrix(law.gamma, n))
+            left = inverse @ (found.theta_hat - theta_hat) - T * inverse @ rate
+            scale = T * (np.abs(z) * np.abs(phi).max() + 1) + np.abs(inverse).max()
+            assert np.abs(left).max() <= 1e-7 * scale, name
+            tried += 1
+    assert tried > 300
+
+
+@pytest.mark.parametrize("n", [1, 2, 3])
+def test_V_keeps_the_continuous_inequality(n):
+    """V_next <= V + T n^2 without modification, <= V with a dead zone g_0 >= |n|, n = eta/m_s; + T w |theta|^2/2 by a leakage w.
+
+    A switching leakage adds nothing. 1e-6: V is computed with inverses of gains and covariances of up to 1e8.
+    """
+    random = np.random.default_rng(40 + n)
+    for name, given in laws(n):
+        modification = plain_kind(name)
+        for i in range(60):
+            law, T, theta = scaled(random, given), 10 ** random.uniform(-4, 1), random.uniform(-1, 1, n)
+            eta = random.uniform(-G_0, G_0) if i % 2 else 0.0
+            memory = memory_of(random, law, theta)
+            for known_set in known_sets(random, n):
+                try:
+                    implicit.require_implicit(law, known_set)
+                except InputError:
+                    assert isinstance(known_set, ParameterBall)
+                    continue
+                matrix = not (isinstance(law, (Gradient, IntegralCost)) and np.ndim(law.gamma) < 2)
+                if matrix and n == 3 and known_set is not None:
+                    continue  # corners of three faces are cut
+                target = theta if known_set is None else inside(random, known_set, n, on_the_border=False)
+                if isinstance(law, IntegralCost):
+                    memory = memory._replace(Q=memory.R @ target)
+                start = (
+                    target + random.normal(size=n)
+                    if known_set is None
+                    else inside(random, known_set, n, on_the_border=i % 3 == 0)
+                )
+                z, phi, m_s_squared = data(random, target, eta)
+                found = implicit.step(law, T, start, memory, z, phi, m_s_squared, known_set)
+                V, V_next = V_of(law, memory, start - target), V_of(law, found.memory, found.theta_hat - target)
+                w = {"sigma": 0.3, "sigma and dead zone": 0.3, "epsilon": 0.5 * abs(z - start @ phi) / np.sqrt(m_s_squared)}
+                added = T * w.get(modification, 0.0) * target @ target / 2 * (2 if matrix else 1)
+                if "dead zone" not in modification:
+                    added += T * eta**2
+                assert V_next <= V + added + 1e-6 * (V + added) + 1e-12, (name, known_set)
+
+
+def V_of(law, memory, theta_tilde):
+    if isinstance(law, (Gradient, IntegralCost)):
+        return theta_tilde @ np.linalg.solve(gain.as_matrix(law.gamma, len(theta_tilde)), theta_tilde)
+    return theta_tilde @ np.linalg.solve(memory.covariance, theta_tilde)
+
+
+def test_the_covariances_stay_within_their_bounds_and_forget_exactly():
+    """P^-1 = e^(-beta T) P^-1 + (1 - e^(-beta T))/beta phi phi'/m_s^2 where no bound is near; bounds are kept at every step."""
+    random = np.random.default_rng(3)
+    for name, law in laws(3):
+        if isinstance(law, (Gradient, IntegralCost)) or plain_kind(name) != "plain":
+            continue
+        memory = law.initial(3)
+        for _ in range(200):
+            T = 10 ** random.uniform(-3, 1)
+            z, phi, m_s_squared = data(random, np.zeros(3), 0.0)
+            following = implicit.step(law, T, np.ones(3), memory, z, phi, m_s_squared, None).memory
+            P = following.covariance
+            np.testing.assert_allclose(P, P.T, atol=1e-10 * np.abs(P).max())
+            if "resetting" in name:
+                assert np.linalg.eigvalsh(P)[0] > RHO_1 and np.linalg.eigvalsh(P)[-1] <= RHO_0 * (1 + 1e-12)
+            elif "bounded" in name:
+                assert np.linalg.norm(P) <= BOUND * (1 + 1e-12)
+            else:
+                beta = getattr(law, "forgetting", 0.0)
+                weight = T if beta == 0 else (1 - np.exp(-beta * T)) / beta
+                expected = np.exp(-beta * T) * np.linalg.inv(memory.covariance) + weight * np.outer(phi, phi) / m_s_squared
+                if np.linalg.cond(expected) < 1e8:
+                    np.testing.assert_allclose(np.linalg.inv(P), expected, rtol=1e-6, atol=1e-6 * np.abs(expected).max())
+            memory = following
+
+
+def test_many_short_steps_tend_to_the_continuous_law():
+    """Over a second, with constant data, against 4000 explicit steps: 400 implicit ones halve the distance of 100 at least.
+
+    Up to 1 % of the way that the estimate goes, which is what the explicit steps and the time of a reset leave.
+    """
+    random = np.random.default_rng(9)
+    for name, law in laws(2):
+        theta, theta_hat, many = np.array([0.6, -0.8]), np.array([3.0, 6.0]), 4000
+        z, phi, m_s_squared = data(random, theta, 0.02)
+        fine = theta_hat, law.initial(2)
+        for _ in range(many):
+            rates = law.rates(*fine, Estimation(phi, m_s_squared, (z - fine[0] @ phi) / m_s_squared), None)
+            moved = [a + rate / many for a, rate in zip(fine[1], rates.memory, strict=True)]
+            fine = fine[0] + rates.theta_hat / many, law.limit(type(fine[1])(*moved) if moved else fine[1])
+        distances = []
+        for steps in (100, 400):
+            coarse = theta_hat, law.initial(2)
+            for _ in range(steps):
+                coarse = implicit.step(law, 1 / steps, *coarse, z, phi, m_s_squared, None)
+            distances.append(np.linalg.norm(coarse[0] - fine[0]) / np.linalg.norm(fine[0] - theta_hat))
+        assert distances[1] <= distances[0] / 2 + 0.01 and distances[1] < 0.2, (name, distances)
+
+
+def test_the_step_within_a_set_against_a_quadratic_programme():
+    """It is the nearest point of the set in the metric Gamma^-1 + K phi phi' to the step without a set."""
+    random = np.random.default_rng(13)
+    for _ in range(100):
+        n = int(random.integers(1, 4))
+        gamma, phi = 10 ** random.uniform(-1, 2, n), random.normal(size=n)
+        coupling, error = 10 ** random.uniform(-2, 1), random.normal() * 5
+        for known_set in known_sets(random, n)[1:]:
+            if isinstance(known_set, ParameterBall):
+                gamma = np.full(n, gamma[0])
+            start = inside(random, known_set, n, on_the_border=random.random() < 0.3)
+            used = float(gamma[0]) if isinstance(known_set, ParameterBall) else gamma
+            found = within.step(start, used, phi, coupling, error, known_set)
+            metric = np.diag(1 / gamma) + coupling * np.outer(phi, phi)
+            free = within.step(start, used, phi, coupling, error, None)
+            np.testing.assert_allclose(metric @ (free - start), phi * error, rtol=1e-9, atol=1e-9)
+
+            def distance(theta, metric=metric, free=free):
+                return (theta - free) @ metric @ (theta - free)
+
+            limits, constraints = None, ()
+            if isinstance(known_set, ParameterBox):
+                limits = list(zip(known_set.lower, known_set.upper, strict=True))
+            else:
+                constraints = {"type": "ineq", "fun": lambda t, s=known_set: s.radius**2 - (t - s.center) @ (t - s.center)}
+            least = minimize(distance, start, bounds=limits, constraints=constraints, options={"ftol": 1e-14, "maxiter": 500})
+            assert distance(found) <= distance(least.x) * (1 + 1e-6) + 1e-9
