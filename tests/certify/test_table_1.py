@@ -14,12 +14,14 @@ from barbalat import (
     Gradient,
     L1Adaptive,
     LeastSquares,
+    LinearFeedback,
     Mrac,
     NormalizedMrac,
     PlantInput,
     RobustMrac,
     Sampled,
     Simulation,
+    TransferFunction,
     input_filter,
 )
 from barbalat.adaptation.fixed_sigma import FixedSigma
@@ -110,6 +112,12 @@ def test_sampling_takes_the_proofs_away_but_one():
     euler, _ = column(variant(), Sampled(controller=Mrac(gamma=10.0), sample_time=1e-3, discretization="euler"))
     assert [key for key, cell in midpoint.items() if cell.kind == "proven"] == ["estimates"]
     assert not any(cell.kind == "proven" for cell in euler.values())
+    leaking, _ = column(variant(), Sampled(controller=Mrac(gamma=10.0, leakage=FixedSigma(sigma=0.1)), sample_time=1e-3))
+    assert "T w |theta|^2/2" in leaking["estimates"].text
+    linear, _ = column(
+        variant(), Sampled(controller=LinearFeedback(controller=TransferFunction([1.0], [1.0, 0.0])), sample_time=1e-3)
+    )
+    assert not any(cell.kind == "proven" for cell in linear.values())
 
 
 def test_a_normalised_law_claims_nothing_of_a_fast_growing_regressor():

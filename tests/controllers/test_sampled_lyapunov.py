@@ -13,9 +13,11 @@ from barbalat.controllers.midpoint import Predictor
 from barbalat.controllers.output.l1 import L1Output
 from barbalat.controllers.output.midpoint import OutputPredictor
 from barbalat.linear import TransferFunction, input_filter
+from barbalat.output_problem import OutputPlant, OutputProblem, OutputReferenceModel
 from barbalat.problem import Known
 from barbalat.protocols import Sample
 from barbalat.regressors import Linear, Uncertainty
+from barbalat.signals import Sine
 
 
 def random_known(random, n, m=1, *, gain_unknown=False, box=None):
@@ -257,7 +259,12 @@ def test_lyapunov_identity_of_the_output_predictor():
         gamma, T, m = 10 ** random.uniform(-2, 10), 10 ** random.uniform(-5, 1), 10 ** random.uniform(-1, 2)
         bound = None if i % 2 else random.uniform(1, 4)
         controller = L1Output(m=m, gamma=gamma, sigma_bound=bound, filter=TransferFunction([20.0], [1.0, 20.0]))
-        twin = OutputPredictor.of(controller.bind(None), T)
+        problem = OutputProblem(
+            plant=OutputPlant(transfer_function=TransferFunction([m], [1.0, m])),
+            reference_model=OutputReferenceModel(transfer_function=TransferFunction([m], [1.0, m])),
+            reference=Sine(amplitude=1.0, frequency=1.0),
+        )
+        twin = OutputPredictor.of(controller.bind(problem.known), T)
         y, y_next, u = random.normal(size=3)
         s, sigma = random.uniform(-1, 1, 2)
         state = twin.initial()._replace(theta_hat=np.array([sigma]), y_hat=random.normal(size=1))

@@ -26,6 +26,9 @@ from barbalat.known_set import EstimateSet, KnownSet, ParameterBall, ParameterBo
 from barbalat.protocols import Value
 from barbalat.validate import InputError
 
+TINY = 1e-150
+"""A rate of forgetting [1/s] that stands for none where it is divided by."""
+
 SWEEPS = 3
 """Passes over the faces of the box for a matrix gain; what is left outside after them is cut off."""
 
@@ -66,33 +69,35 @@ def step(
         theta_hat, _ = _correct(law, law.gamma, T, theta_hat, z, phi, m_s_squared)
         return Rates(into(theta_hat, known_set, law.gamma), memory)
     if isinstance(law, IntegralCost):
-        kept, weight = _forgotten(law.forgetting, T)
+        kept, weight = forgotten(law.forgetting, T)
         R = kept * memory.R + weight * np.outer(phi, phi) / m_s_squared
         Q = kept * memory.Q + weight * z * phi / m_s_squared
         start = theta_hat
         theta_hat = with_leakage(law.leakage, start, 0.0, lambda w: at_rest(law.gamma, start, T, w, R, Q)[1])
         return Rates(into(theta_hat, known_set, law.gamma), Data(R, Q))
+    weight = forgotten(settings.forgetting, T)[1] if hasattr(law, "forgetting") else T
     P = _forget(law, T, memory.covariance)
-    weight = _forgotten(settings.forgetting, T)[1] if hasattr(law, "forgetting") else T
-    theta_hat, share = _correct(settings, P, weight, theta_hat, z, phi, m_s_squared)
+    theta_next, share = _correct(settings, P, weight, theta_hat, z, phi, m_s_squared)
     P_phi = P @ phi
     taken = weight * share
     P = P - taken / (m_s_squared + taken * (phi @ P_phi)) * np.outer(P_phi, P_phi)  # P^-1 grows by taken phi phi'/m_s^2
-    return Rates(into(theta_hat, known_set, P), law.limit(Memory(P)))
+    if isinstance(law, LeastSquaresBounded):
+        grown = np.sum(P * P) > law.covariance_bound * law.covariance_bound
+        at_bound, _ = _correct(settings, memory.covariance, T, theta_hat, z, phi, m_s_squared)
+        theta_next, P = np.where(grown, at_bound, theta_next), np.where(grown, memory.covariance, P)
+    return Rates(into(theta_next, known_set, P), law.limit(Memory(P)))
 
 
-def _forgotten(beta: float, T: float) -> tuple[float, float]:
-    """What is kept after T, and the weight of what came in meanwhile: exp(-beta T) and its integral over [0, T]."""
-    return float(np.exp(-beta * T)), float(-np.expm1(-beta * T) / beta)
+def forgotten(beta: Value, T: float) -> tuple[Value, Value]:
+    """What is kept after T, and the weight of what came in meanwhile: exp(-beta T) and its integral over [0, T]; beta >= 0."""
+    half = np.tanh(np.maximum(beta, TINY) * T / 2)  # 1 - exp(-a) = 2 tanh(a/2)/(1 + tanh(a/2)), without cancellation
+    return np.exp(-beta * T), 2 * half / (1 + half) / np.maximum(beta, TINY)
 
 
 def _forget(law: AdaptiveLaw, T: float, P: Value) -> Value:
-    """The covariance before the sample's data: P' = beta P over T, exactly, as far as the law's bound lets it grow."""
-    if isinstance(law, LeastSquaresForgetting):
+    """The covariance before the sample's data: P' = beta P over T, exactly."""
+    if isinstance(law, (LeastSquaresForgetting, LeastSquaresBounded)):
         return P * np.exp(law.forgetting * T)
-    if isinstance(law, LeastSquaresBounded):
-        room = law.covariance_bound / np.sqrt(np.sum(P * P))
-        return P * np.maximum(np.minimum(room, np.exp(law.forgetting * T)), 1.0)
     if isinstance(law, LeastSquaresBoundedGain):
         full = np.sqrt(np.sum(P * P)) / law.covariance_bound
         return P / (full + (1 - full) * np.exp(-law.forgetting * T))  # |P|_F follows the logistic equation

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from barbalat import validate
+from barbalat.adaptation.implicit import forgotten
 from barbalat.protocols import Value
 from barbalat.validate import Array
 
@@ -83,8 +84,7 @@ class CompositeLearning:
         zeta_mid = (zeta + half * (b_plus @ x) + T / 2 * (b_plus @ (A_m @ x) + u)) / (1 + half)
         phi_mid = (phi + half * regressor) / (1 + half)
         z = (b_plus @ x - zeta_mid) / self.time_constant
-        kept = np.exp(-self.forgetting * T)
-        gathered = T if self.forgetting == 0 else -np.expm1(-self.forgetting * T) / self.forgetting
+        kept, gathered = forgotten(self.forgetting, T)
         share = gathered / (1 + phi_mid @ phi_mid)
         if self.capacity is not None:
             used = kept * sum(R[i, i] for i in range(phi.shape[0])) / self.capacity

@@ -119,8 +119,27 @@ def _sampled(continuous: Certificate, controller: Sampled) -> Certificate:
         values,
         continuous.guaranteed & {"norms", "condition", "kappa_admissible", "kappa_max", "nu_0", "nu_0_worst"},
         (*continuous.assumptions, CONTINUOUS),
-        (*continuous.findings, f"{what}; {law}"),
+        (*continuous.findings, f"{what}; {law}", *_of_the_midpoint_form(controller)),
     )
+
+
+def _of_the_midpoint_form(controller: Sampled) -> list[str]:
+    """What docs/sampled.md derives of the MRAC's, which has no filter between fast estimates and the input."""
+    scheme, T = controller.controller, controller.sample_time
+    if controller.discretization != "midpoint" or not isinstance(scheme, (Mrac, L1Adaptive)):
+        return []
+    findings = []
+    if isinstance(scheme, Mrac) or scheme.filter is None:
+        findings.append(
+            f"for a high gain and short samples its loop inside the known set bears a delay of one sample, {T:g} s, at the "
+            "plant's input; beyond that the estimates run between their bounds, and no bound of e is proven"
+        )
+    if np.ndim(scheme.gamma) == 2 or scheme.learning is not None:
+        findings.append(
+            "with a gain matrix or learning the predictor is fed with the estimate before its projection: while the projection "
+            "acts, x_hat leaves x_m, and with a delay the loop may be lost"
+        )
+    return findings
 
 
 def _mrac(problem: Problem, controller: Mrac, simulation: Simulation) -> Certificate:

@@ -10,11 +10,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
+from barbalat.adaptation.switching_sigma import SwitchingSigma
 from barbalat.certify.analyses import ANALYSES, Cell
 from barbalat.certify.analyses_output import OUTPUT_ANALYSES
 from barbalat.certify.certificate import Certificate
 from barbalat.certify.common import OUTSIDE, departures
-from barbalat.controllers import Sampled
+from barbalat.controllers import LinearFeedback, Sampled
+from barbalat.controllers.output.linear import LinearOutput
 from barbalat.problem import Problem, TrackingProblem
 from barbalat.protocols import Controller
 
@@ -85,7 +87,10 @@ def _sampled(column: Column, controller: Sampled) -> Column:
         key: Cell("not proven" if c.kind == "proven" else c.kind, f"in continuous time: {c.text}")
         for key, c in column.cells.items()
     }
-    if controller.discretization == "midpoint":
-        never = "V of the law does not grow from sample to sample, for every gain and sample time"
-        cells["estimates"] = Cell("proven", never)
+    scheme: Any = controller.controller
+    if controller.discretization == "midpoint" and not isinstance(scheme, (LinearFeedback, LinearOutput)):
+        leakage = getattr(getattr(scheme, "law", scheme), "leakage", None)
+        held = leakage is None or isinstance(leakage, SwitchingSigma)
+        growth = "does not grow" if held else "grows by no more than T w |theta|^2/2, w the leakage,"
+        cells["estimates"] = Cell("proven", f"V of the law {growth} from sample to sample, for every gain and sample time")
     return replace(column, scheme=f"{column.scheme}, sampled ({controller.discretization})", cells=cells)

@@ -54,6 +54,7 @@ LEDGER = (
     Measurement(lambda _: stiff.own_oscillation(), 3.5),
     Measurement(lambda _: stiff.stiff_solvers(), 7.0),
     Measurement(lambda _: sampled.claim(), 1.0),
+    Measurement(lambda _: sampled.delays(), 1.0),
     Measurement(lambda _: robustness.claims(), 10.5),
     Measurement(lambda _: lemma_1.claims(), 2.0),
     Measurement(lambda _: linear_design.claims(), 5.5),
