@@ -38,6 +38,8 @@ EXPECTED = {
     "exponential-convergence": "not confirmed",
     # C/(1 - C) (1 + theta'G) crosses over near 1/kappa whatever the gain; the unfiltered loop near sqrt(Gamma)
     "filter-reduces-margins": "not confirmed",
+    # slow adaptation: a lag in a fixed loop; fast: MRAC's crossover grows as sqrt(Gamma), L1-AC's stays at 1/kappa
+    "filter-margins-adapting": "confirmed with conditions", "gain-reduces-margins": "confirmed with conditions",
     # |1 - C| falls with one slope, a PI's |S| with two; a robust MRAC learns theta and cancels it
     "l1-against-pi": "not confirmed", "adaptive-against-linear": "confirmed with conditions",
     "l1-output-is-lti": "confirmed",

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from barbalat.claims import (
+    adapting_margins,
     condition,
     figures,
     learning,
@@ -55,6 +56,7 @@ LEDGER = (
     Measurement(lambda _: stiff.stiff_solvers(), 7.0),
     Measurement(lambda _: sampled.claim(), 1.0),
     Measurement(lambda _: sampled.delays(), 1.0),
+    Measurement(lambda _: adapting_margins.claims(), 1.0),
     Measurement(lambda _: robustness.claims(), 10.5),
     Measurement(lambda _: lemma_1.claims(), 2.0),
     Measurement(lambda _: linear_design.claims(), 5.5),

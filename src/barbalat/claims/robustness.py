@@ -6,28 +6,12 @@ import numpy as np
 
 from barbalat.claims import filter_margins, section_v, theorem_2
 from barbalat.claims.claim import Claim, verdict
-from barbalat.claims.filter_margins import adapting_delay_margin
 from barbalat.claims.variants import figures, numbers
-from barbalat.controllers import Mrac
 
 
 def claims() -> list[Claim]:
     """All of this group."""
-    return [filter_margins.claim(), gain_and_margins(), tau_and_error(), *theorem_2.claims()]
-
-
-def gain_and_margins() -> Claim:
-    """The delay margin of the adapting loop against Gamma."""
-    gains = (0.01, 1.0, 100.0, 1e4)
-    unfiltered = np.array([adapting_delay_margin(Mrac(gamma=g), 1.0) for g in gains])
-    filtered = np.array([adapting_delay_margin(section_v.l1("L1", g), 1.0) for g in gains])
-    return Claim(
-        "gain-reduces-margins", "Sections I, III", "A high adaptive gain reduces robustness",
-        verdict(holds=bool((np.diff(unfiltered) < 0).all()), conditional=bool(filtered[-1] > filtered[1])),
-        f"delay margin around r = 1 for Gamma {numbers(np.array(gains))}: MRAC {numbers(unfiltered)} s, L1-AC {numbers(filtered)} s: true of "
-        "MRAC, while with the filter the margin tends to a limit above zero",
-        "exact margins of the loops linearised with the law inside, kappa = 0.02 s",
-    )  # fmt: skip
+    return [filter_margins.claim(), tau_and_error(), *theorem_2.claims()]
 
 
 def tau_and_error() -> Claim:

@@ -1,0 +1,186 @@
+"""What the filter and the gain do to the exact margins of the loop that adapts, around constant commands.
+
+At the command r the estimates act through theta_hat' = Gamma x (...) with x proportional to r, and theta_hat'x: the loop
+depends on Gamma r^2 alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cache
+
+import numpy as np
+
+from barbalat.certify.loops import around_equilibrium, fast_adaptation
+from barbalat.certify.margins import Margins, margins
+from barbalat.claims import section_v
+from barbalat.claims.claim import Axis, Chart, Claim, Curve, Map, verdict
+from barbalat.closed_loop import ClosedLoop
+from barbalat.controllers import Mrac
+from barbalat.linear import StateSpace, input_filter
+from barbalat.protocols import Controller
+from barbalat.validate import Array, InputError
+
+GAINS = np.geomspace(1e-6, 1e8, 43)
+"""Gamma r^2, three in a decade: from where the adaptation is too slow to matter, beyond Gamma = 1e4 at r = 50."""
+KAPPAS = np.geomspace(1e-3, 0.4, 12)
+"""The last is too slow for Section V's plant: the filtered loop is unstable."""
+MODERATE = 0.1
+"""The filters up to here, twice what Theorem 1's condition admits, are those of which the gain margin is claimed to fall."""
+SHOWN = (0.005, section_v.KAPPA, 0.05)
+"""The filters of the chart."""
+HOW = "exact margins of the loops linearised with the law inside, Section V's plant at constant r; the loop depends on Gamma r^2 alone"
+
+
+def claims() -> list[Claim]:
+    """Both."""
+    without = _scan(None)
+    return [_filter(without), _gain(without)]
+
+
+def _filter(without: list[Margins | None]) -> Claim:
+    """The ratio of the margins with and without the filter, over Gamma and kappa."""
+    scans = [_scan(float(kappa)) for kappa in KAPPAS]
+    delay = np.array([_ratios(scan, without, lambda m: m.delay) for scan in scans])
+    gain = np.array([_ratios(scan, without, lambda m: m.gain_up - 1) for scan in scans])
+    rows = [i for i, row in enumerate(delay) if not np.isnan(row).any()]
+    equal = np.array([_equal_at(float(KAPPAS[i]), delay[i]) for i in rows])
+    line = Curve("ratio 1", equal, KAPPAS[rows])
+    at = _equal_at(section_v.KAPPA, _ratios(_scan(section_v.KAPPA), without, lambda m: m.delay))
+    left = equal[:, None] > GAINS
+    falls = bool((delay[rows][left] < 1).all())
+    rises = bool((delay[rows][~left] > 1).all())
+    moderate = gain[KAPPAS <= MODERATE]
+    smallest, largest = moderate.min(), moderate.max()
+    return Claim(
+        "filter-margins-adapting", "Section VI", "The filter reduces the margins of the adapting loop no matter what the gain: exact, around constant commands",
+        verdict(holds=falls and bool(largest < 1), conditional=rises),
+        f"delay margin, kappa = {section_v.KAPPA:g} s: true for Gamma r^2 < {at:.2g}, that is Gamma < {at:.2g} at r = 1 and Gamma < {at / 2500:.2g} at r = 50; above, the "
+        f"filter raises it. For kappa {KAPPAS[rows[0]]:.3g} to {KAPPAS[rows[-1]]:.3g} s that limit is {equal.min():.2g} to {equal.max():.2g}. Gain margin k: true of all "
+        f"{moderate.size} cells with kappa <= {MODERATE:g} s, where k - 1 falls to {smallest:.2g} to {largest:.2g} of what it is without the filter",
+        f"{HOW}; {len(GAINS)} x {len(KAPPAS)} values of Gamma r^2 and kappa, the limit by root finding",
+        maps=(_delay_map(delay, line), _gain_map(gain)),
+    )  # fmt: skip
+
+
+def _gain(without: list[Margins | None]) -> Claim:
+    """The delay margin over Gamma, with and without the filter."""
+    curves = {"MRAC": _delays(without)} | {f"L1-AC, κ = {kappa:g} s": _delays(_scan(kappa)) for kappa in SHOWN}
+    plain, filtered = curves["MRAC"], curves[f"L1-AC, κ = {section_v.KAPPA:g} s"]
+    lowest, C = int(filtered.argmin()), input_filter(section_v.KAPPA).realise()
+    limit = margins(fast_adaptation(section_v.problem().plant, C)).delay
+    back = int(np.flatnonzero(filtered < limit / 2)[-1]) + 1
+    slope = np.log(plain[-1] / plain[-4]) / np.log(GAINS[-1] / GAINS[-4])
+    chart = Chart(
+        key="delay-margin-gain",
+        title="The delay margin of the loop that adapts, against the gain",
+        caption=(
+            "Exact, of the loops linearised with the law inside, Section V's plant around a constant command r; they depend on Γr² alone. "
+            "With the filter the margin falls as long as the resonance of the adaptation crosses |L| = 1, and returns to the limit of "
+            "fast adaptation, near 1.6 κ here, where it no longer does."
+        ),
+        x=Axis("Γr²", GAINS, logarithmic=True),
+        quantity="delay margin [s]",
+        curves=tuple(Curve(label, GAINS, values) for label, values in curves.items()),
+    )
+    return Claim(
+        "gain-reduces-margins", "Sections I, III", "A high adaptive gain reduces robustness",
+        verdict(holds=bool((np.diff(plain) < 0).all()), conditional=bool((np.diff(filtered) > 0).any())),
+        f"delay margin over {len(GAINS)} values of Gamma r^2 from {GAINS[0]:g} to {GAINS[-1]:g}: true of MRAC at every step, {plain[0]:.3g} s to {plain[-1]:.2g} s, at last as "
+        f"Gamma^{slope:.2f}. L1-AC (kappa = {section_v.KAPPA:g} s) is not monotone: {filtered[0]:.3g} s falls to {filtered[lowest]:.2g} s at Gamma r^2 = {GAINS[lowest]:.2g}, "
+        f"from {GAINS[back]:.2g} on it is at least {filtered[back:].min():.3g} s, and tends to {limit:.3g} s",
+        HOW,
+        maps=(chart,),
+    )  # fmt: skip
+
+
+def _delays(scan: list[Margins | None]) -> Array:
+    return np.array([np.nan if found is None else found.delay for found in scan])
+
+
+def _delay_map(ratios: Array, line: Curve) -> Map:
+    return Map(
+        key="filter-delay-margin",
+        title="The filter's effect on the delay margin of the loop that adapts",
+        caption=(
+            "The delay margin of L1-AC's loop over that of MRAC's at the same gain, each linearised around a constant command r with its law "
+            "inside. To the left of the line the filter costs margin, to the right it raises it: MRAC's margin falls as 1/Γ, and L1-AC's returns to that of the limit of fast "
+            "adaptation (the step in the colours)."
+        ),
+        x=Axis("Γr²", GAINS, logarithmic=True),
+        y=Axis("filter time constant κ [s]", KAPPAS, logarithmic=True),
+        values=ratios,
+        quantity="delay margin with/without filter",
+        logarithmic=True,
+        lost="unstable with filter",
+        curves=(line, _section_v()),
+    )
+
+
+def _gain_map(ratios: Array) -> Map:
+    return Map(
+        key="filter-gain-margin",
+        title="The filter's effect on the gain margin of the loop that adapts",
+        caption=(
+            "As for the delay margin: k - 1 with the filter over k - 1 without it, k the gain margin. The filter makes the loop's relative "
+            "degree larger, and the resonance of the adaptation bears less gain, however fast it is."
+        ),
+        x=Axis("Γr²", GAINS, logarithmic=True),
+        y=Axis("filter time constant κ [s]", KAPPAS, logarithmic=True),
+        values=ratios,
+        quantity="(k - 1) with/without filter",
+        logarithmic=True,
+        lost="unstable with filter",
+        curves=(_section_v(),),
+    )
+
+
+def _section_v() -> Curve:
+    """Figure 3's gain and filter, at the two commands."""
+    return Curve("Figure 3's Γ and κ at r = 1, r = 50", np.array([1e4, 1e4 * 50**2]), [section_v.KAPPA] * 2, marks=True)
+
+
+@cache
+def loop(kappa: float | None) -> Callable[[float], StateSpace]:
+    """From Gamma r^2 to the adapting loop around a constant command; without a filter for ``None``.
+
+    Gamma is a factor of the law alone, so the loop's matrix is affine in it: two exact linearisations give all.
+    """
+    one, two = (around_equilibrium(ClosedLoop.of(section_v.problem(), _controller(gamma, kappa)), 1.0) for gamma in (1.0, 2.0))
+    return lambda gamma: StateSpace(one.A + (gamma - 1) * (two.A - one.A), one.B, one.C, one.D)
+
+
+def _controller(gamma: float, kappa: float | None) -> Controller:
+    return Mrac(gamma=gamma) if kappa is None else section_v.l1("L1", gamma, kappa)
+
+
+def _scan(kappa: float | None) -> list[Margins | None]:
+    """Over ``GAINS``; ``None`` where the loop is unstable."""
+    at = loop(kappa)
+    return [_margins(at(float(gamma))) for gamma in GAINS]
+
+
+def _margins(loop: StateSpace) -> Margins | None:
+    try:
+        return margins(loop)
+    except InputError:  # the loop is unstable, which is an answer here
+        return None
+
+
+def _ratios(with_filter: list[Margins | None], without: list[Margins | None], of: Callable[[Margins], float]) -> Array:
+    """NaN where one of the loops is unstable."""
+    pairs = zip(with_filter, without, strict=True)
+    return np.array([np.nan if f is None or m is None else of(f) / of(m) for f, m in pairs])
+
+
+def _equal_at(kappa: float, ratios: Array) -> float:
+    """The Gamma r^2 at which the filter leaves the delay margin as it was: the last crossing of the scan, refined."""
+    from scipy.optimize import brentq
+
+    k = int(np.flatnonzero((ratios[:-1] < 1) & (ratios[1:] >= 1))[-1])
+    filtered, plain = loop(kappa), loop(None)
+
+    def change(exponent: float) -> float:
+        return float(np.log(margins(filtered(10**exponent)).delay / margins(plain(10**exponent)).delay))
+
+    return float(10 ** brentq(change, np.log10(GAINS[k]), np.log10(GAINS[k + 1]), rtol=1e-6))

@@ -1,0 +1,78 @@
+"""The margins of the adapting loop over gain and filter: against linearisations of their own, Pade, and their limits."""
+
+import control
+import numpy as np
+import pytest
+
+from barbalat import Mrac
+from barbalat.certify.loops import around_equilibrium, series
+from barbalat.certify.margins import margins
+from barbalat.claims import adapting_margins, section_v
+from barbalat.closed_loop import ClosedLoop
+from barbalat.linear import TransferFunction
+
+
+@pytest.fixture(scope="module")
+def claims():
+    return {claim.id: claim for claim in adapting_margins.claims()}
+
+
+def linearised(gamma, r, kappa):
+    controller = Mrac(gamma=gamma) if kappa is None else section_v.l1("L1", gamma, kappa)
+    return around_equilibrium(ClosedLoop.of(section_v.problem(), controller), r)
+
+
+@pytest.mark.parametrize("kappa", [None, 0.005, 0.3])
+def test_the_loop_is_affine_in_gamma_and_depends_on_gamma_r_squared(kappa):
+    w = np.geomspace(1e-2, 1e4, 40)
+    for size in (1e-5, 1.0, 3e4):
+        found = adapting_margins.loop(kappa)(size).response(w)
+        for r in (1.0, 50.0):
+            np.testing.assert_allclose(found, linearised(size / r**2, r, kappa).response(w), rtol=1e-6)
+
+
+def test_the_line_of_ratio_1_divides_the_plane(claims):
+    """On both sides of it, from linearisations at either command, and by a Pade approximation of a delay in between."""
+    shown = claims["filter-margins-adapting"].maps[0]
+    line = shown.curves[0]
+    for size, kappa in list(zip(line.x, line.y, strict=True))[::3]:
+        for r in (1.0, 50.0):
+            for factor, raised in ((0.8, False), (1.25, True)):
+                gamma = factor * size / r**2
+                plain, filtered = linearised(gamma, r, None), linearised(gamma, r, kappa)
+                between = np.sqrt(margins(plain).delay * margins(filtered).delay)
+                assert (margins(filtered).delay > margins(plain).delay) == raised
+                assert [is_stable(loop, between) for loop in (plain, filtered)] == [not raised, raised]
+    assert (shown.values[:, shown.x.values < 1e-3][:-1] < 1).all() and (shown.values[:-1, shown.x.values > 3e-3] > 1).all()
+
+
+def is_stable(loop, delay):
+    num, den = control.pade(delay, 8)
+    delayed = series(loop, TransferFunction(np.array(num), np.array(den)).realise())
+    return np.linalg.eigvals(delayed.A - np.outer(delayed.B, delayed.C) / (1 + delayed.D)).real.max() < 0
+
+
+def test_the_filter_costs_gain_margin_whatever_the_gain(claims):
+    """At gains in between the map's: the factor that MRAC's loop bears loses the filtered one."""
+    shown = claims["filter-margins-adapting"].maps[1]
+    assert (shown.values[shown.y.values <= adapting_margins.MODERATE] < 1).all()
+    for size in (3e-3, 7.0, 2e5):
+        borne = margins(adapting_margins.loop(None)(size)).gain_up * 0.9999
+        for kappa, stable in ((None, True), (0.02, False)):
+            loop = adapting_margins.loop(kappa)(size)
+            assert (np.linalg.eigvals(loop.A - borne * np.outer(loop.B, loop.C)).real.max() < 0) == stable
+
+
+def test_the_ends_of_the_curves(claims):
+    """Gamma -> 0: the loop with the estimates at rest. MRAC at high gain: 1/Gamma. L1-AC: the limit loop's margin."""
+    (chart,) = claims["gain-reduces-margins"].maps
+    curves = {curve.label: curve.y for curve in chart.curves}
+    plain, filtered = curves["MRAC"], curves["L1-AC, κ = 0.02 s"]
+    assert plain[0] == pytest.approx(0.254, rel=0.01) and filtered[0] == pytest.approx(0.234, rel=0.01)
+    assert plain[-1] / plain[-4] == pytest.approx(0.1, rel=1e-3)  # three values to a decade
+    assert filtered[-1] == pytest.approx(0.0328, rel=1e-2)
+    assert filtered.min() < filtered[-1] / 100 and filtered.argmin() not in (0, len(filtered) - 1)
+
+
+def test_verdicts(claims):
+    assert {claim.verdict for claim in claims.values()} == {"confirmed with conditions"}
