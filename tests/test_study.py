@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from barbalat.actuation import PlantInput
+from barbalat.cases.load import load_case
 from barbalat.certify.loops import fast_adaptation, known_parameters
 from barbalat.certify.margins import margins
 from barbalat.certify.table import certify
@@ -23,6 +24,7 @@ from barbalat.study.benchmark import with_delay
 from barbalat.study.certified import with_simulated_margins
 from barbalat.study.criteria import Lost, Onset
 from barbalat.study.delay_margin import delay_margins
+from barbalat.study.motion import Motion
 from independent import refusal
 
 
@@ -174,6 +176,34 @@ def test_a_margin_under_noise_does_not_depend_on_the_neighbours(section_v):
     )
     assert beside == [alone, alone]
     assert other != alone  # another noise, or the seed would have no say
+
+
+def test_motion_of_a_model_in_its_steady_state():
+    """x_m' = -x_m + r, r = 2 sin t, from the steady state: x_m = sqrt(2) sin(t - pi/4). 1e-3: straight lines between instants."""
+    plant = Plant(A_m=[[-1.0]], b=[1.0], theta=[0.0], x0=[-1.0])
+    motion = Motion.of(
+        Problem(plant=plant, reference=Sine(amplitude=2.0, frequency=1.0)), Simulation(t_end=20 * np.pi, dt=np.pi / 500)
+    )
+    assert motion.largest == pytest.approx(np.sqrt(2), rel=1e-3)
+    assert motion.in_tail == pytest.approx(np.sqrt(2), rel=1e-3)
+    assert motion.rms == pytest.approx(1.0, rel=1e-3)
+    assert motion.crossings == pytest.approx(1 / np.pi, rel=1e-3)
+    assert not motion.comes_to_rest
+    settled = replace(plant, x0=[-10 / 26])  # 2/sqrt(26) sin(5t - arctan 5), which crosses its range 5/pi times a second
+    faster = Motion.of(
+        Problem(plant=settled, reference=Sine(amplitude=2.0, frequency=5.0)), Simulation(t_end=20 * np.pi, dt=np.pi / 500)
+    )
+    assert faster.crossings == pytest.approx(5 / np.pi, rel=1e-2)
+
+
+def test_a_command_that_comes_to_rest_is_said():
+    """Wing rock's command ends at 35 of 60 s: both criteria look at a loop at rest."""
+    case = load_case("wing-rock")
+    assert Motion.of(case.problem, case.simulation).comes_to_rest
+    controllers = case.controllers[:1]
+    certificates = certify(case.problem, controllers, case.simulation)
+    found = with_simulated_margins(certificates, case.problem, controllers, case.simulation)[controllers[0].name]
+    assert any("is not seen" in sentence for sentence in found.assumptions)
 
 
 def test_a_run_that_is_lost_without_delay(section_v):

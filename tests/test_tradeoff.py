@@ -81,7 +81,7 @@ def test_every_bundled_case_with_measured_state(name):
     assert [cloud.scheme for cloud in found.clouds][:2] == ["MRAC", "L1-AC"]
     takes_robust = case.problem.plant.inputs == 1 and case.problem.input_gain is None
     assert (len(found.clouds) == 3) == takes_robust
-    assert any("Robust MRAC is left out: robust-mrac takes" in sentence for sentence in found.excluded) == (not takes_robust)
+    assert any("Robust MRAC is left out: robust-mrac takes" in sentence for sentence in found.notes) == (not takes_robust)
     for cloud in found.clouds:
         assert (cloud.loss[np.isfinite(cloud.error)] > 0).any()
 
@@ -148,7 +148,7 @@ def _found(section_v, onset, loss) -> TradeOff:
     )
     return TradeOff(
         problem=section_v, simulation=Simulation(t_end=1.0, dt=0.01), thetas=np.zeros((1, 2)), clouds=clouds,
-        criteria=(Onset(), Lost()), excluded=(), runs=0, seconds=0.0,
+        criteria=(Onset(), Lost()), notes=(), runs=0, seconds=0.0,
     )  # fmt: skip
 
 

@@ -74,7 +74,7 @@ def execute(options: argparse.Namespace) -> int:
     console = tables.console()
     console.print(tables.tradeoff(tradeoff.at_equal_error(found, "plant"), [cloud.scheme for cloud in found.clouds]))
     console.print(tradeoff.ranking(found, "plant"))
-    for sentence in found.excluded:
+    for sentence in found.notes:
         console.print(f"Note: {sentence}.", markup=False)
     seconds = time.perf_counter() - started
     console.print(f"{found.runs} simulations of {case.simulation.t_end:g} s; {seconds:.0f} s in all, pictures included")

@@ -13,8 +13,8 @@ from barbalat.validate import Array
 RADII = (9.0, 16.0, 26.0, 40.0, 60.0)
 """Distances from the point that are tried [points], the nearest first."""
 ANGLES = np.deg2rad(np.arange(0, 360, 30))
-WIDTH, HEIGHT = 0.56, 1.25
-"""Of a character and of a line, in font sizes: a little more than a sans-serif's mean."""
+WIDTH, HEIGHT = 0.66, 1.4
+"""Of a character and of a line, in font sizes: a little more than DejaVu Sans needs for numbers."""
 
 
 class Labels:

@@ -119,7 +119,7 @@ def as_document(found: TradeOff) -> dict[str, Any]:
         "simulation": {"t_end": found.simulation.t_end, "dt": found.simulation.dt, "solver": found.simulation.solver.name},
         "thetas": found.thetas.tolist(),
         "runs": found.runs,
-        "excluded": list(found.excluded),
+        "notes": list(found.notes),
         "seconds": found.seconds,
         "criteria": {"onset": {"share": onset.share, "multiple": onset.multiple}, "loss": {"share": lost.share}},
         "schemes": {

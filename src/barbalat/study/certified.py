@@ -15,6 +15,7 @@ from barbalat.problem import TrackingProblem
 from barbalat.protocols import Controller
 from barbalat.study.criteria import Lost, Onset
 from barbalat.study.delay_margin import Bracket, DelayMargins, delay_margins
+from barbalat.study.motion import RESTING, Motion
 
 
 def with_simulated_margins(
@@ -28,14 +29,17 @@ def with_simulated_margins(
 ) -> dict[str, Certificate]:
     """The certificates with ``delay_onset_simulated`` and ``delay_margin_simulated`` [s], by ``Onset`` and by ``Lost``."""
     result, criterion = dict(certificates), lost or Lost()
+    resting = (RESTING,) if Motion.of(problem, simulation).comes_to_rest else ()
     for i, controller in enumerate(controllers):
         share = part(progress, i / len(controllers), 1 / len(controllers))
         found = delay_margins([(problem, controller)], simulation, lost=criterion, progress=share)
-        result[controller.name] = _with(result[controller.name], found, criterion, simulation)
+        result[controller.name] = _with(result[controller.name], found, criterion, simulation, resting)
     return result
 
 
-def _with(certificate: Certificate, found: DelayMargins, lost: Lost, simulation: Simulation) -> Certificate:
+def _with(
+    certificate: Certificate, found: DelayMargins, lost: Lost, simulation: Simulation, resting: tuple[str, ...]
+) -> Certificate:
     if not found.tracks[0]:
         return replace(certificate, findings=(*certificate.findings, _not_tracking(found)))
     onset = Onset()
@@ -61,6 +65,7 @@ def _with(certificate: Certificate, found: DelayMargins, lost: Lost, simulation:
             *certificate.assumptions,
             *(f"{key} was measured on the case's own run, no guarantee: {what}{_limit(bracket, simulation)}"
               for key, (bracket, what) in meanings.items()),
+            *resting,
         ),
     )  # fmt: skip
 

@@ -14,6 +14,13 @@ from barbalat.validate import Array
 INSTANTS = 20_000
 """At which the command is sampled at most, straight lines in between."""
 
+AT_REST = 0.1
+"""Of the largest magnitude: the regressor's square, with which the law turns, is then a hundredth of what it was."""
+RESTING = (
+    "in the last quarter, where both criteria look, the command asks for less than a tenth of the run's motion: what oscillates "
+    "only while the plant moves is not seen"
+)
+
 
 @dataclass(frozen=True)
 class Motion:
@@ -23,11 +30,18 @@ class Motion:
     rms        of |x_m|_2 over the run
     crossings  how often a component crosses its own range [1/s]: by the run's variation, or by the model's fastest mode,
                |lambda|/pi as of a sine, whichever is more
+    in_tail    the largest magnitude in the last quarter of the run
     """
 
     largest: float
     rms: float
     crossings: float
+    in_tail: float
+
+    @property
+    def comes_to_rest(self) -> bool:
+        """Whether the last quarter of the run asks for hardly any motion: there a regressor moves nothing."""
+        return self.in_tail < AT_REST * self.largest
 
     @classmethod
     def of(cls, problem: TrackingProblem, simulation: Simulation) -> Motion:
@@ -48,6 +62,7 @@ class Motion:
             largest=float(np.abs(moved).max()),
             rms=float(np.sqrt(np.mean(np.sum(moved**2, axis=1)))),
             crossings=max(swept, fastest),
+            in_tail=float(np.abs(moved[t >= 0.75 * simulation.t_end]).max()),
         )
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,12 +13,11 @@ from barbalat.engine import Progress
 from barbalat.grid import Simulation
 from barbalat.known_set import ParameterBox
 from barbalat.problem import Problem
-from barbalat.study.benchmark import Member
 from barbalat.study.criteria import Lost, Onset
 from barbalat.study.delay_margin import SHORTEST, DelayMargins, delay_margins
 from barbalat.study.forecast import Cost, Forecast
 from barbalat.study.knobs import Knobs, default_knobs
-from barbalat.study.motion import Motion
+from barbalat.study.motion import RESTING, Motion
 from barbalat.validate import Array, InputError
 
 
@@ -61,14 +60,14 @@ class Cloud:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class TradeOff:
-    """The clouds of all schemes on one problem."""
+    """The clouds of all schemes on one problem; ``notes`` are sentences on what was left out and what was not seen."""
 
     problem: Problem
     simulation: Simulation
     thetas: Array  # (P, p)
     clouds: tuple[Cloud, ...]
     criteria: tuple[Onset, Lost]
-    excluded: tuple[str, ...]
+    notes: tuple[str, ...]
     runs: int
     seconds: float
 
@@ -107,7 +106,7 @@ def trade_off(
 
     knobs     by default those of ``default_knobs`` with this ``density``
     longest   largest delay tried [s]
-    estimate  called once with the seconds that are expected, measured on a part of the work
+    estimate  called once with the seconds that are expected in all, measured on a part of the work
     progress  its fractions are of the time, by a forecast that is refined with every round
     Raises InputError for a problem without a box as known set.
     """
@@ -115,13 +114,14 @@ def trade_off(
     if not isinstance(problem.uncertainty, ParameterBox):
         raise InputError("the trade-off needs the known set: give uncertainty.lower and uncertainty.upper")
     validate.whole("plants", plants, least=1)
-    chosen, excluded = default_knobs(problem, simulation, density=density) if knobs is None else (knobs, ())
+    chosen, left_out = default_knobs(problem, simulation, density=density) if knobs is None else (knobs, ())
     family = _family(problem, problem.uncertainty, plants, seed)
     members = {k.scheme: [(p, k.make(**tuning)) for tuning in k.tunings() for p in family] for k in chosen}
-    forecast = Forecast({name: _expected_seconds(group, simulation) for name, group in members.items()})
+    expected = {name: Cost.measured(group, simulation) for name, group in members.items()}
+    forecast = Forecast({name: cost.seconds(len(members[name]), plants, simulation.steps) for name, cost in expected.items()})
     if estimate is not None:
-        estimate(sum(forecast.expected.values()))
-    scale, criteria = Motion.of(problem, simulation).rms, (onset or Onset(), lost or Lost())
+        estimate(time.perf_counter() - started + sum(forecast.expected.values()))
+    motion, criteria = Motion.of(problem, simulation), (onset or Onset(), lost or Lost())
     clouds, runs = [], 0
     for k in chosen:
         group = members[k.scheme]
@@ -131,7 +131,7 @@ def trade_off(
             group, simulation, longest=longest, onset=criteria[0], lost=criteria[1], numbers=numbers,
             progress=_in_time(progress, forecast, k.scheme),
         )  # fmt: skip
-        clouds.append(_cloud(k, found, scale, plants))
+        clouds.append(_cloud(k, found, motion.rms, plants))
         forecast.finished[k.scheme] = time.perf_counter() - begun
         runs += found.runs
     return TradeOff(
@@ -140,7 +140,7 @@ def trade_off(
         thetas=np.stack([p.plant.theta for p in family]),
         clouds=tuple(clouds),
         criteria=criteria,
-        excluded=excluded,
+        notes=(*left_out, *([RESTING] if motion.comes_to_rest else [])),
         runs=runs,
         seconds=time.perf_counter() - started,
     )
@@ -158,10 +158,6 @@ def _cloud(k: Knobs, found: DelayMargins, scale: float, plants: int) -> Cloud:
         values.reshape(-1, plants) for values in (np.where(found.tracks, error, np.nan), found.onset.bears, found.loss.bears)
     )
     return Cloud(scheme=k.scheme, tunings=tuple(k.tunings()), error=error, onset=onset, loss=loss)
-
-
-def _expected_seconds(group: Sequence[Member], simulation: Simulation) -> float:
-    return Cost.measured(group, simulation).seconds(len(group), simulation.steps)
 
 
 def _in_time(progress: Progress | None, forecast: Forecast, part: str) -> Progress | None:
