@@ -67,7 +67,7 @@ def advance(problem, controller, members: int) -> tuple[Callable[[int], np.ndarr
 
     def run(steps: int) -> np.ndarray:
         state = group.state.copy()
-        group._call(0, 1, steps, state, table)
+        group.call(0, 1, steps, state, table)
         return state
 
     return run, loop.size

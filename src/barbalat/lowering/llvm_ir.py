@@ -137,7 +137,8 @@ def loop(
     out         [blocks][states + accumulators][W]: the state at a block's start, the accumulators at its end
     start       number of the first step since t = 0
     lags        [W]: the newest value handed back is that of ``lag`` steps ago, at least 1
-    ring        [mask + 1][delayed][W]: remembered values, a power of two of steps; what stands there first is the past
+    ring        [mask + TAPS][delayed][W]: remembered values, a power of two of steps and the first ones again; what stands there
+                first is the past
     noise       [rows][noise][W]: a row for each ``noise_hold`` steps since t = 0, the first row that of ``start``
 
     watched     rows of ``watch``, see ``llvm_watch``; then the first step of the first and the steps of each

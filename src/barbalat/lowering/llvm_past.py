@@ -1,4 +1,8 @@
-"""IR for a step that remembers: a ring of past values beside the loop, one for each delayed channel."""
+"""IR for a step that remembers: a ring of past values beside the loop, one for each delayed channel.
+
+The ring's first TAPS - 1 rows stand once more behind its last, so that the taps of a step are neighbours: one address for each
+member, however many taps and channels.
+"""
 
 from __future__ import annotations
 
@@ -23,18 +27,17 @@ def past_loads(shape: LoopShape, lanes: int, vector: str) -> list[str]:
     lines = []
     width = lanes if shape.lag_per_member else 1
     for j in range(width):
-        lines.append(f"  %then{j}.0 = sub i64 %now, %lag{j}")
-        for tap in range(TAPS):
-            lines += [
-                f"  %then{j}.{tap}.t = sub i64 %then{j}.0, {tap}",
-                f"  %slot{j}.{tap} = and i64 %then{j}.{tap}.t, %mask",
-                f"  %base{j}.{tap} = mul i64 %slot{j}.{tap}, {shape.delayed}",
-            ]
+        lines += [
+            f"  %newest{j} = sub i64 %now, %lag{j}",
+            f"  %oldest{j} = sub i64 %newest{j}, {TAPS - 1}",
+            f"  %slot{j} = and i64 %oldest{j}, %mask",
+            f"  %base{j} = mul i64 %slot{j}, {shape.delayed}",
+        ]
     for channel in range(shape.delayed):
         for tap in range(TAPS):
             name = f"d{channel * TAPS + tap}"
             for j in range(width):
-                lines.append(f"  %{name}.{j}.row = add i64 %base{j}.{tap}, {channel}")
+                lines.append(f"  %{name}.{j}.row = add i64 %base{j}, {(TAPS - 1 - tap) * shape.delayed + channel}")
             if not shape.lag_per_member or lanes == 1:
                 lines += [
                     f"  %{name}.at = getelementptr {vector}, ptr %ring, i64 %{name}.0.row",
@@ -59,11 +62,20 @@ def remember(shape: LoopShape, vector: str, values: list[str]) -> list[str]:
     """Store the channels' values at the step's start, after the past was read."""
     if not shape.delayed:
         return []
-    lines = ["  %slot.now = and i64 %now, %mask", f"  %base.now = mul i64 %slot.now, {shape.delayed}"]
+    lines = [
+        "  %slot.now = and i64 %now, %mask",
+        f"  %is.first = icmp ult i64 %slot.now, {TAPS - 1}",
+        "  %slot.behind = add i64 %slot.now, %mask",
+        "  %slot.again = add i64 %slot.behind, 1",
+        "  %slot.twin = select i1 %is.first, i64 %slot.again, i64 %slot.now",  # elsewhere the same is stored twice
+        f"  %base.now = mul i64 %slot.now, {shape.delayed}",
+        f"  %base.twin = mul i64 %slot.twin, {shape.delayed}",
+    ]
     for channel, value in enumerate(values):
-        lines += [
-            f"  %keep{channel}.row = add i64 %base.now, {channel}",
-            f"  %keep{channel}.at = getelementptr {vector}, ptr %ring, i64 %keep{channel}.row",
-            f"  store {vector} {value}, ptr %keep{channel}.at, align 8",
-        ]
+        for where in ("now", "twin"):
+            lines += [
+                f"  %{where}{channel}.row = add i64 %base.{where}, {channel}",
+                f"  %{where}{channel}.at = getelementptr {vector}, ptr %ring, i64 %{where}{channel}.row",
+                f"  store {vector} {value}, ptr %{where}{channel}.at, align 8",
+            ]
     return lines

@@ -41,7 +41,8 @@ class Past:
         self.lags = np.ascontiguousarray(lags, dtype=np.int64)
         depth = int(lags.max()) + TAPS
         self.history = history
-        self.ring = np.tile(history, (1 << (depth - 1).bit_length(), 1, 1))
+        self.mask = (1 << (depth - 1).bit_length()) - 1
+        self.ring = np.tile(history, (self.mask + TAPS, 1, 1))
 
 
 class Watch:
@@ -159,7 +160,7 @@ class Kernel:
         if watch is not None and not watch.first <= start <= start + blocks * steps <= watch.stop:
             raise ValueError(f"steps {start} to {start + blocks * steps} are not in windows from {watch.first} to {watch.stop}")
         arrays = (state.ctypes.data, parameters.ctypes.data, signals.ctypes.data, out.ctypes.data)
-        memory = (None, None, 0) if past is None else (past.lags.ctypes.data, past.ring.ctypes.data, len(past.ring) - 1)
+        memory = (None, None, 0) if past is None else (past.lags.ctypes.data, past.ring.ctypes.data, past.mask)
         windows = (None, 0, 1) if watch is None else (watch.rows.ctypes.data, watch.first, watch.window)
         arguments = (blocks, steps, *arrays, start, *memory, None if noise is None else noise.ctypes.data, *windows)
         call, alive = self._call, (self, state, parameters, signals, out, past, noise, watch)
