@@ -17,6 +17,7 @@ from barbalat.controllers.output.linear import LinearOutput
 from barbalat.controllers.output.lyapunov import LyapunovLaw
 from barbalat.controllers.output.mrac import MracOutput
 from barbalat.controllers.windup import ModifiedError
+from barbalat.ensemble import simulate_ensemble
 from barbalat.grid import Simulation
 from barbalat.linear import TransferFunction, input_filter
 from barbalat.measurement import Noise, Sensor, standard_normal
@@ -200,6 +201,36 @@ def test_modified_error_by_the_midpoint_form(problems, remedy):
     ]
     ratios = np.array(distances[:-1]) / distances[1:]
     assert ((ratios > 1.6) & (ratios < 2.6)).all()
+
+
+VARIED = {
+    "gain, sigma": lambda v: Mrac(gamma=2 * v, leakage=FixedSigma(sigma=0.1 * v), name="c"),
+    "switching sigma": lambda v: Mrac(gamma=[2 * v, 1.0], leakage=SwitchingSigma(sigma=0.1 * v, M_0=2 * v), name="c"),
+    "memory": lambda v: Mrac(
+        gamma=2.0, learning=CompositeLearning(gamma_c=2 * v, time_constant=0.3 * v, forgetting=v - 1, capacity=2 * v), name="c"
+    ),
+    "covariance": lambda v: NormalizedMrac(
+        law=LeastSquaresBounded(
+            covariance0=20 * v, forgetting=0.3 * v, covariance_bound=60 * v, dead_zone=DeadZone(g_0=0.01 * v)
+        ),
+        name="c",
+    ),
+}
+
+
+@pytest.mark.parametrize("discretization", [None, "midpoint"])
+@pytest.mark.parametrize("name", VARIED)
+def test_settings_vary_over_an_ensemble(section_v, name, discretization):
+    """Symbols stand for the settings there; each member agrees with a run of its own. 1e-12: constants are folded elsewhere."""
+    controllers = [VARIED[name](v) for v in (1.0, 1.5)]
+    if discretization is not None:
+        controllers = [Sampled(controller=c, sample_time=2e-3, discretization=discretization) for c in controllers]
+    simulation = Simulation(t_end=1.0, dt=1e-3)
+    together = simulate_ensemble([(section_v, c) for c in controllers], simulation).metrics
+    for i, controller in enumerate(controllers):
+        alone = simulate(section_v, [controller], simulation)["c"].metrics
+        np.testing.assert_allclose(together.max_abs_e[i], alone.max_abs_e[0], rtol=1e-12)
+        np.testing.assert_allclose(together.theta_hat_final[i], alone.theta_hat_final[0], rtol=1e-9, atol=1e-12)
 
 
 def test_refusals(section_v):

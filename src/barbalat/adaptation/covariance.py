@@ -50,7 +50,8 @@ def initial(covariance0: Any, n: int, bound: float | None = None) -> Memory:
     """P(0) of a number, a diagonal or a matrix; InputError where it doesn't fit n or exceeds ``bound`` in the Frobenius norm."""
     gain.require_size("law.covariance0", covariance0, n)
     P = gain.as_matrix(covariance0, n)
-    if bound is not None and np.linalg.norm(P) > bound:
+    exceeds = bound is not None and np.linalg.norm(P) > bound
+    if isinstance(exceeds, (bool, np.bool_)) and exceeds:  # no number where an ensemble varies it; its members were checked
         raise InputError(
             f"law.covariance0 must not exceed law.covariance_bound = {bound:g} in the Frobenius norm, but {validate.show(P)} "
             f"has the norm {np.linalg.norm(P):.6g} (a multiple of I has that times the square root of n)"
