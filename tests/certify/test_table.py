@@ -6,7 +6,18 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from barbalat import Constant, InputError, L1Adaptive, Mrac, ParameterBox, PlantInput, TransferFunction, input_filter, simulate
+from barbalat import (
+    Constant,
+    InputError,
+    L1Adaptive,
+    Mrac,
+    ParameterBox,
+    PlantInput,
+    Sampled,
+    TransferFunction,
+    input_filter,
+    simulate,
+)
 from barbalat.cases.load import load_case
 from barbalat.certify import theorem1
 from barbalat.certify.loops import around_equilibrium, fast_adaptation, known_parameters, series
@@ -151,6 +162,12 @@ def test_theta_max_is_rounded_up():
     box = ParameterBox(lower=[-0.1, 0.0, -0.5], upper=[0.1, 0.1, 0.7])
     exact = Fraction(0.1) + Fraction(0.1) + Fraction(0.7)
     assert Fraction(theorem1.theta_max_above(box)) >= exact > Fraction(box.theta_max)
+
+
+def test_sampling_leaves_what_the_problem_alone_decides():
+    controller = Sampled(controller=Mrac(gamma=1.0), sample_time=1e-3, discretization="midpoint")
+    (found,) = certify(variant(), (controller,), SIMULATION).values()
+    assert {"lambda_min", "theta_max", "bounds"} <= found.guaranteed and "error_bound" not in found.guaranteed
 
 
 def test_a_theta_outside_the_set_leaves_what_the_problem_alone_decides():

@@ -117,7 +117,7 @@ def _sampled(continuous: Certificate, controller: Sampled) -> Certificate:
     }[controller.discretization]
     return Certificate(
         values,
-        continuous.guaranteed & {"norms", "condition", "kappa_admissible", "kappa_max", "nu_0", "nu_0_worst"},
+        continuous.guaranteed & ({"norms", "condition", "kappa_admissible", "kappa_max", "nu_0", "nu_0_worst"} | OF_THE_PROBLEM),
         (*continuous.assumptions, CONTINUOUS),
         (*continuous.findings, f"{what}; {law}", *_of_the_midpoint_form(controller)),
     )
