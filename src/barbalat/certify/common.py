@@ -16,7 +16,9 @@ IN_THE_SET = "theta and theta_hat(0) lie in the known set, and the estimates are
 TRIED = "mu is exact at the frequencies that were tried: a grid, the critical ones, and each peak refined; not between them"
 CONTINUOUS = "bounds and margins are of the continuous controller: estimates for the sampled one"
 OUTSIDE = "the true theta lies outside the known set: with projection, none of the bounds holds"
-BEYOND = "conditions, limits and margins are known for one input with phi(x) = x and a known gain: not for this plant"
+BEYOND = "conditions and margins are known for one input with phi(x) = x and a known gain: not for this plant"
+ON_THE_BOX = "|phi(x)| is bounded where every |x_i| is at most the model's bound plus that of e"
+ASSUMED = "there |e| <= nu_0/sqrt(Gamma) is assumed: it is not proven for this scheme"
 FROZEN = "gamma_max and step_max freeze the state or the regressor in the plain adaptive law: estimates, no guarantee"
 LINEAR = "margins are exact for the linear loop named, not for the adaptive loop in motion"
 

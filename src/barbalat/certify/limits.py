@@ -26,7 +26,7 @@ from barbalat.certify.oscillator import Oscillator
 from barbalat.controllers import L1Adaptive, Mrac, NormalizedMrac, RobustMrac
 from barbalat.controllers.robust_mrac import Equations
 from barbalat.grid import Simulation
-from barbalat.problem import Problem
+from barbalat.problem import Problem, TrackingProblem
 from barbalat.validate import Array
 
 
@@ -42,7 +42,7 @@ def of_lyapunov_law(
 
     ``None`` for gamma_max where no gain is too large, which takes x = 0, and for a matrix.
     """
-    beside = [_input_poles(problem), np.zeros(0) if filter_poles is None else filter_poles]
+    beside = [input_poles(problem), np.zeros(0) if filter_poles is None else filter_poles]
     oscillator = Oscillator(problem.known, simulation.solver, np.concatenate(beside))
     root_g = math.sqrt(largest_gain(gamma)) * (offset + factor / math.sqrt(least_gain(gamma)))  # of x'Gamma x
     largest_root = math.sqrt(oscillator.largest_g(simulation.dt))
@@ -90,7 +90,7 @@ def of_parametric_model(
 ) -> dict[str, Any]:
     """For a law on the parametric model (13), whose adaptation is a decay: the regressor does not depend on the estimates."""
     solver, law = simulation.solver, controller.law
-    filters = [np.linalg.eigvals(problem.known.A_m), _input_poles(problem), np.array([-equations.normalization.delta_0])]
+    filters = [np.linalg.eigvals(problem.known.A_m), input_poles(problem), np.array([-equations.normalization.delta_0])]
     if equations.Q is not None:
         filters.append(np.linalg.eigvals(equations.Q.A))
     others = Oscillator(problem.known, solver, np.concatenate(filters)).largest_step(0.0)
@@ -125,6 +125,6 @@ def fastest_adaptation(law: AdaptiveLaw) -> float | None:
     return None
 
 
-def _input_poles(problem: Problem) -> Array:
-    dynamics = problem.plant.paths[0].dynamics
-    return np.zeros(0) if dynamics is None else dynamics.poles
+def input_poles(problem: TrackingProblem) -> Array:
+    """Of what lies before the plant's inputs, which is integrated beside the adaptation."""
+    return np.concatenate([np.zeros(0) if path.dynamics is None else path.dynamics.poles for path in problem.plant.paths])

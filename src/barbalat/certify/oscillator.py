@@ -68,7 +68,7 @@ class Oscillator:
         grid = 100 * (self.solver.reach / h) ** 2 / self.bPb * GRID  # the last is beyond every explicit method's reach
         first = int(np.argmax(self._amplified(h * self.modes(grid))))
         low = grid[first - 1] if first else 0.0
-        largest, _ = _bisect(lambda g: not self._amplified(h * self.modes(np.array([g]))[0]), low, grid[first])
+        largest, _ = bisect(lambda g: not self._amplified(h * self.modes(np.array([g]))[0]), low, grid[first])
         undamped = (self.solver.imaginary_limit / h) ** 2 / self.bPb
         return min(largest, undamped) if undamped > 0 else largest
 
@@ -79,7 +79,7 @@ class Oscillator:
         """
         modes = self.fixed if g == 0 else np.concatenate([self.fixed, self.modes(g * GRID).ravel()])
         beyond = 2 * self.solver.reach / float(np.abs(modes).max())
-        step, _ = _bisect(lambda h: not self._amplified(h * modes), 0.0, beyond)
+        step, _ = bisect(lambda h: not self._amplified(h * modes), 0.0, beyond)
         limit = self.solver.imaginary_limit
         return min(step, limit / math.sqrt(g * self.bPb)) if limit > 0 and g > 0 else step
 
@@ -89,7 +89,7 @@ class Oscillator:
         return np.asarray((self.solver.growth(z) > rounding).any(axis=-1))
 
 
-def _bisect(bears: Callable[[float], bool], low: float, high: float) -> tuple[float, float]:
+def bisect(bears: Callable[[float], bool], low: float, high: float) -> tuple[float, float]:
     """Neighbouring floats, or nearly: the smaller bears, the larger does not, as at the start."""
     while high - low > 4 * np.finfo(float).eps * high:
         middle = math.sqrt(low * high) if low > 0 else high / 16

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from barbalat.certify import output_mrac
+from barbalat.certify import output_limits, output_mrac
 from barbalat.certify.certificate import Certificate
 from barbalat.certify.l1 import Enclosure, l1_norm
 from barbalat.certify.loop_values import finite, margins_of
@@ -42,7 +42,7 @@ def certificate(problem: OutputProblem, controller: Any, simulation: Simulation)
         case L1Output():
             return _l1(problem, controller, simulation)
         case MracOutput():
-            return output_mrac.certificate(problem, controller)
+            return output_limits.added(output_mrac.certificate(problem, controller), problem, controller, simulation)
         case LinearOutput():
             return _linear(problem, controller, simulation)
     raise InputError(f"no certificate is known for {type(controller).__name__}")

@@ -8,18 +8,19 @@ from typing import Any
 
 import numpy as np
 
-from barbalat.certify import laws, limits, linear, output, over_known_set, theorem1
+from barbalat.certify import laws, limits, linear, output, over_known_set, regressor_limits, sampled, theorem1
 from barbalat.certify.bound_10 import Reach, bound_10
 from barbalat.certify.certificate import Certificate
 from barbalat.certify.common import (
+    ASSUMED,
     BEYOND,
-    CONTINUOUS,
     EXACT_START,
     FROZEN,
     IN_THE_SET,
     LINEAR,
     MATCHED,
     OF_THE_PROBLEM,
+    ON_THE_BOX,
     OUTSIDE,
     TRIED,
     finish,
@@ -57,13 +58,14 @@ def certify_where_possible(
 
 def _certificate(problem: TrackingProblem, controller: Controller, simulation: Simulation) -> Certificate:
     if isinstance(controller, Sampled):
-        return _sampled(_certificate(problem, controller.controller, simulation), controller)
+        inner = _certificate(problem, controller.controller, sampled.judged_at(controller, simulation))
+        return sampled.certificate(inner, controller)
     if isinstance(problem, OutputProblem):
         return output.certificate(problem, controller, simulation)
     assert isinstance(problem, Problem)
     plant = problem.plant
     if plant.inputs > 1 or not plant.is_linear or problem.input_gain is not None:
-        return _beyond_the_paper(problem, controller)
+        return _beyond_the_paper(problem, controller, simulation)
     match controller:
         case Mrac():
             return _mrac(problem, controller, simulation)
@@ -76,70 +78,37 @@ def _certificate(problem: TrackingProblem, controller: Controller, simulation: S
     raise InputError(f"no certificate is known for {type(controller).__name__}")
 
 
-def _beyond_the_paper(problem: Problem, controller: Controller) -> Certificate:
+def _beyond_the_paper(problem: Problem, controller: Controller, simulation: Simulation) -> Certificate:
     """Several inputs, a regressor other than x, an unknown input gain: the Lyapunov bound, which none of these changes."""
     loop = ClosedLoop.of(problem, controller)
     if loop.parameters == 0:
         return finish(problem, {}, set(), [MATCHED], [BEYOND])
-    error = theorem1.initial_parameter_error(loop.equations.initial().theta_hat, problem.parameters)  # type: ignore[attr-defined]
-    values: dict[str, Any] = {"nu_0": theorem1.nu_0(error, problem.known)}
-    guaranteed = {"nu_0"}
-    assumptions = [MATCHED, EXACT_START, "the regressor phi(x) is known"]
+    equations: Any = loop.equations
+    error = theorem1.initial_parameter_error(equations.initial().theta_hat, problem.parameters)
+    values: dict[str, Any] = {}
+    guaranteed: set[str] = set()
+    assumptions = [MATCHED, EXACT_START, "the regressor phi(x) is known", FROZEN]
     findings = [BEYOND]
-    if isinstance(controller, Mrac):
+    if isinstance(controller, (Mrac, L1Adaptive)):
+        values["nu_0"] = theorem1.nu_0(error, problem.known)
+        guaranteed = {"nu_0"}
         void = laws.why_no_bound(controller, problem)
         if void is not None:
             findings.append(void)
-        else:
+        elif isinstance(controller, Mrac):
             values["error_bound"] = laws.error_level(problem, controller, values["nu_0"])
             guaranteed |= {"error_bound"}
-    if loop.equations.box is not None:  # type: ignore[union-attr]
+        values |= regressor_limits.of_lyapunov_law(problem, controller, simulation, values["nu_0"])
+        assumptions += [ON_THE_BOX] if "error_bound" in values else [ON_THE_BOX, ASSUMED]
+    elif isinstance(controller, (RobustMrac, NormalizedMrac)):
+        values["initial_parameter_error"] = error
+        guaranteed = {"initial_parameter_error"}
+        values |= limits.of_parametric_model(problem, controller, equations, simulation)
+    if equations.box is not None:
         assumptions.insert(1, IN_THE_SET)
     if problem.known.box is not None and not problem.known.box.contains(problem.parameters):
         findings.append(OUTSIDE)
     return finish(problem, values, guaranteed, assumptions, findings)
-
-
-def _sampled(continuous: Certificate, controller: Sampled) -> Certificate:
-    """The continuous controller's certificate, less what sampling takes away from it."""
-    values = {key: value for key, value in continuous.values.items() if key not in ("gamma_max", "step_max")}
-    what = f"the controller runs sampled every {controller.sample_time:g} s ({controller.discretization})"
-    if isinstance(controller.controller, LinearFeedback):
-        return replace(
-            continuous,
-            guaranteed=continuous.guaranteed & {"norms", "condition"},
-            assumptions=(*continuous.assumptions, CONTINUOUS),
-            findings=(*continuous.findings, what),
-        )
-    law = {
-        "midpoint": "no gain makes its law numerically unstable, so there is no gamma_max and no step_max",
-        "euler": "its Euler law chatters at gains far below the solver's limits",
-    }[controller.discretization]
-    return Certificate(
-        values,
-        continuous.guaranteed & ({"norms", "condition", "kappa_admissible", "kappa_max", "nu_0", "nu_0_worst"} | OF_THE_PROBLEM),
-        (*continuous.assumptions, CONTINUOUS),
-        (*continuous.findings, f"{what}; {law}", *_of_the_midpoint_form(controller)),
-    )
-
-
-def _of_the_midpoint_form(controller: Sampled) -> list[str]:
-    """What docs/sampled.md derives of the MRAC's, which has no filter between fast estimates and the input."""
-    scheme, T = controller.controller, controller.sample_time
-    if controller.discretization != "midpoint" or not isinstance(scheme, (Mrac, L1Adaptive)):
-        return []
-    findings = []
-    if isinstance(scheme, Mrac) or scheme.filter is None:
-        findings.append(
-            f"for a high gain and short samples its loop inside the known set bears a delay of one sample, {T:g} s, at the "
-            "plant's input; beyond that the estimates run between their bounds, and no bound of e is proven"
-        )
-    if np.ndim(scheme.gamma) == 2 or scheme.learning is not None:
-        findings.append(
-            "with a gain matrix or learning the predictor is fed with the estimate before its projection: while the projection "
-            "acts, x_hat leaves x_m, and with a delay the loop may be lost"
-        )
-    return findings
 
 
 def _mrac(problem: Problem, controller: Mrac, simulation: Simulation) -> Certificate:

@@ -143,15 +143,30 @@ def model_bounds(problem: Problem) -> ModelBounds:
     r = problem.reference
     if not isinstance(r, BoundedSignal):
         raise InputError(f"a certificate needs a reference with a bound, and {r!r} has none")
-    known = problem.known
-    n = known.n
-    forced = [
-        abs(known.k_0) * l1_norm(known.A_m, known.b[:, None], np.eye(n)[i : i + 1], np.zeros((1, 1))).upper * r.bound
-        for i in range(n)
-    ]
-    free = _free_response_bounds(known)
-    each = [(f + g) * OUTWARD for f, g in zip(forced, free, strict=True)]
+    each = state_bounds(problem)
     return ModelBounds(r.bound, max(each), math.hypot(*each) * OUTWARD)
+
+
+def command_bounds(problem: Problem) -> Array:
+    """(m,) bounds of sup |(k_0 r)_j|; InputError for a command without a bound."""
+    pushed = np.zeros(problem.known.inputs)
+    for command, column in zip(problem.commands, np.reshape(problem.known.k_0, (len(pushed), -1)).T, strict=True):
+        if not isinstance(command, BoundedSignal):
+            raise InputError(f"a certificate needs a reference with a bound, and {command!r} has none")
+        pushed += np.abs(column) * command.bound
+    return pushed
+
+
+def state_bounds(problem: Problem) -> list[float]:
+    """Guaranteed bounds of sup |x_m,i|, i = 1 ... n, for any inputs and commands: those of the inputs add up."""
+    known, n, pushed = problem.known, problem.known.n, command_bounds(problem)
+    columns = known.b.reshape(n, -1).T
+
+    def forced(i: int) -> float:
+        norms = [l1_norm(known.A_m, b[:, None], np.eye(n)[i : i + 1], np.zeros((1, 1))).upper for b in columns]
+        return float(np.dot(pushed, norms))
+
+    return [(forced(i) + free) * OUTWARD for i, free in enumerate(_free_response_bounds(known))]
 
 
 def _free_response_bounds(known: Known) -> list[float]:
