@@ -53,8 +53,8 @@ class Sampled:
     sample_time     [s], a whole number of solver steps
     discretization  "midpoint", whose Lyapunov function no gain and no sample time can make grow (docs/sampled.md), or "euler"
 
-    The MRAC's midpoint form has a predictor, as the L1-AC has, and is driven by the prediction error: in continuous time the
-    two are the same. Raises InputError.
+    The MRAC's midpoint form has a predictor, as the L1-AC has, and is driven by the prediction error: in continuous time that
+    predictor is the model, and sampled it stays with it to the order of sample_time. Raises InputError.
     """
 
     controller: Controller

@@ -68,8 +68,8 @@ class OutputEstimator:
     def of(cls, equations: mrac.Equations, T: float) -> OutputEstimator:
         if isinstance(equations.law, LyapunovLaw):
             raise InputError(
-                "discretization = 'midpoint' takes the laws on the parametric model; the Lyapunov law of output feedback has no "
-                "predictor, use 'euler'"
+                "discretization = 'midpoint' is not known for the Lyapunov law of output feedback, whose predictor would need "
+                "the plant's gain (docs/sampled.md); take 'euler', or a law on the parametric model such as gradient"
             )
         implicit.require_implicit(equations.law, equations.box)
         Q = None if equations.Q is None else Filter.of(equations.Q, T)
