@@ -77,13 +77,13 @@ def default_knobs(problem: Problem, simulation: Simulation, *, density: int = 12
 def largest_gain(problem: Problem, simulation: Simulation) -> tuple[float, str]:
     """The largest Gamma that the step resolves, and how it was found: an estimate.
 
-    ``certify``'s gamma_max; where it has none (several inputs, other regressors, an unknown input gain) the same frozen
-    oscillator with the largest regressor of the loop that knows theta, u beside phi(x) where its gain is estimated.
-    Raises InputError where the step resolves none.
+    ``certify``'s gamma_max for phi(x) = x, one input and a known gain. Otherwise the same frozen oscillator with the largest
+    regressor of the loop that knows theta, u beside phi(x) where its gain is estimated: certify's bound covers whatever the known
+    set allows and would leave out gains that cases use. Raises InputError where the step resolves none.
     """
-    values = certify(problem, (Mrac(gamma=1.0),), simulation)["MRAC"].values
-    if "gamma_max" in values:
-        found, how = values["gamma_max"], "gamma_max of certify"
+    if problem.plant.inputs == 1 and problem.plant.is_linear and problem.input_gain is None:
+        found = certify(problem, (Mrac(gamma=1.0),), simulation)["MRAC"].values["gamma_max"]
+        how = "gamma_max of certify"
     else:
         found, how = _largest_along_the_ideal_run(problem, simulation), "the oscillator of adaptation where theta is known"
     if not found:
