@@ -222,3 +222,13 @@ def test_a_loop_that_does_not_fall_off_bears_no_more_than_its_end():
     assert margins(loop, 0.01).gain_up <= 2
     with pytest.raises(InputError, match=r"strictly proper loop, but L\(infinity\) = 0\.5"):
         delayed_peaks(loop, 0.01)
+
+
+def test_a_peak_that_is_flat_over_decades():
+    """An integrator: |T| tends to 1 from below for w -> 0 and stays there up to the crossover; |S| peaks behind it."""
+    loop = TransferFunction([307.0, 8401.0], [1.0, 43.6, 0.0]).realise()
+    found = delayed_peaks(loop, 3.4e-5)
+    w = np.geomspace(1e-4, 1e6, 400_000)
+    L = loop.response(w) * np.exp(-1j * w * 3.4e-5)
+    assert found.complementary == pytest.approx(np.abs(L / (1 + L)).max(), rel=2e-6)
+    assert found.sensitivity == pytest.approx(np.abs(1 / (1 + L)).max(), rel=2e-6)
