@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from barbalat import L1Adaptive, Mrac, Sampled, Simulation, input_filter, simulate
+from barbalat import Constant, L1Adaptive, Mrac, Plant, Problem, ReferenceModel, Sampled, Simulation, input_filter, simulate
 from barbalat.cases.load import load_case
+from barbalat.certify.held import HeldOscillator
 from barbalat.certify.table import certify
 from barbalat.certify.theorem1 import model_bounds
 
@@ -47,6 +48,33 @@ def test_below_the_limit_no_label_and_well_above_one(make, factor):
     (sound,), (labelled,) = below.values(), above.values()
     assert sound.label is None
     assert labelled.label is not None
+
+
+@pytest.mark.parametrize("a", [0.5, 60.0])
+@pytest.mark.parametrize("T", [1e-9, 1e-3, 0.05])
+def test_a_scalar_plant_has_a_closed_form(a, T):
+    """Jury's criterion: g <= 2 a^2/(T b^2), also where Euler's method would not bear the plant, a T > 2."""
+    problem = Problem(plant=Plant(A_m=[[-a]], b=[3.0], theta=[0.1]), reference=Constant(1.0))
+    held = HeldOscillator(problem.known)
+    exact = 2 * a**2 / (T * 9)
+    assert held.largest_g(T) == pytest.approx(exact, rel=1e-6)
+    assert held.largest_step(exact) == pytest.approx(T, rel=1e-6)
+
+
+@pytest.mark.parametrize("factor", [0.9, 1.1])
+def test_the_sampled_law_on_a_fast_plant_turns_where_it_is_said_to(factor):
+    """A constant command and a tiny error: x is the model's, and the estimates' steps die out or grow."""
+    a, T = 60.0, 0.05
+    plant = Plant(A_m=[[-a]], b=[1.0], theta=[0.1])
+    problem = Problem(plant=plant, reference_model=ReferenceModel(k_0=a), reference=Constant(1.0))
+    gamma = factor * 2 * a**2 / T
+    controller = euler(Mrac(gamma=gamma, theta_hat0=[0.1 + 1e-9]), T)
+    (run,) = simulate(problem, [controller], Simulation(t_end=20.0, dt=T / 50)).values()
+    (found,) = certify(problem, (controller,), run.simulation).values()
+    assert found.values["gamma_max"] == pytest.approx(gamma / factor, rel=1e-3)
+    assert ("error_bound" in found.values) == (factor < 1)
+    assert (abs(run.theta_hat[-1, 0] - 0.1) < 1e-6) == (factor < 1)  # or beyond 1
+    assert (run.label is None) == (factor < 1)
 
 
 def test_an_error_bound_is_given_only_where_the_law_can_be_trusted():

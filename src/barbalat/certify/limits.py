@@ -6,7 +6,7 @@ All of them are estimates, made before any simulation: they freeze what moves sl
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -30,6 +30,21 @@ from barbalat.problem import Problem, TrackingProblem
 from barbalat.validate import Array
 
 
+class FrozenLaw(Protocol):
+    """What bears a frozen law: an Oscillator under a solver, a HeldOscillator from sample to sample."""
+
+    @property
+    def bPb(self) -> float: ...
+
+    def largest_g(self, h: float) -> float:
+        """The largest g = Gamma |x|^2 for a step."""
+        ...
+
+    def largest_step(self, g: float) -> float:
+        """The largest step for all gains from 0 to g."""
+        ...
+
+
 def of_lyapunov_law(
     problem: Problem,
     gamma: float | Array,
@@ -37,13 +52,15 @@ def of_lyapunov_law(
     offset: float,
     factor: float,
     filter_poles: Array | None = None,
+    oscillator: FrozenLaw | None = None,
 ) -> dict[str, Any]:
     """For a law theta_hat' = Gamma (e'P b) x and |x|_2 <= offset + factor/sqrt(Gamma); for a matrix by its extreme eigenvalues.
 
     ``None`` for gamma_max where no gain is too large, which takes x = 0, and for a matrix.
     """
-    beside = [input_poles(problem), np.zeros(0) if filter_poles is None else filter_poles]
-    oscillator = Oscillator(problem.known, simulation.solver, np.concatenate(beside))
+    if oscillator is None:
+        beside = [input_poles(problem), np.zeros(0) if filter_poles is None else filter_poles]
+        oscillator = Oscillator(problem.known, simulation.solver, np.concatenate(beside))
     root_g = math.sqrt(largest_gain(gamma)) * (offset + factor / math.sqrt(least_gain(gamma)))  # of x'Gamma x
     largest_root = math.sqrt(oscillator.largest_g(simulation.dt))
     return {

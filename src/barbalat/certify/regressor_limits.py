@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from barbalat.certify import laws, theorem1
-from barbalat.certify.limits import input_poles, with_modifications
+from barbalat.certify.limits import FrozenLaw, input_poles, with_modifications
 from barbalat.certify.oscillator import Oscillator
 from barbalat.certify.regressor_bound import largest_square
 from barbalat.controllers import L1Adaptive, Mrac
@@ -25,13 +25,16 @@ STEPS_DOWN = 60
 """Gains that are tried below the largest one that could be borne, each half the one before."""
 
 
-def of_lyapunov_law(problem: Problem, controller: Mrac | L1Adaptive, simulation: Simulation, nu_0: float) -> dict[str, Any]:
+def of_lyapunov_law(
+    problem: Problem, controller: Mrac | L1Adaptive, simulation: Simulation, nu_0: float, oscillator: FrozenLaw | None = None
+) -> dict[str, Any]:
     """adaptation_frequency, gamma_max, step_max under the contract's keys; ``None`` where there is no such limit."""
     excited, gamma = Excited(problem, controller), controller.gamma
-    poles = [input_poles(problem)]
-    if isinstance(controller, L1Adaptive) and controller.filter is not None:
-        poles.append(np.linalg.eigvals(controller.filter.realise().A))
-    oscillator = Oscillator(problem.known, simulation.solver, np.concatenate(poles))
+    if oscillator is None:
+        poles = [input_poles(problem)]
+        if isinstance(controller, L1Adaptive) and controller.filter is not None:
+            poles.append(np.linalg.eigvals(controller.filter.realise().A))
+        oscillator = Oscillator(problem.known, simulation.solver, np.concatenate(poles))
     g = laws.largest_gain(gamma) * excited.largest_square(laws.error_level(problem, controller, nu_0))
     if not math.isfinite(g):
         return {}

@@ -4,20 +4,22 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
+from barbalat.certify import limits, regressor_limits, theorem1
 from barbalat.certify.certificate import Certificate
 from barbalat.certify.common import CONTINUOUS, OF_THE_PROBLEM
+from barbalat.certify.held import HeldOscillator
 from barbalat.controllers import L1Adaptive, LinearFeedback, Mrac, Sampled
 from barbalat.grid import Simulation
+from barbalat.problem import Problem, TrackingProblem
 from barbalat.solvers import EULER
 
 MIDPOINT = "no gain makes its law numerically unstable, so there is no gamma_max and no step_max"
-AS_EULER = (
-    "gamma_max and step_max are those of Euler's method at the sample time, plant included: cautious where the plant is fast, "
-    "since it moves on between the samples"
-)
+AS_EULER = "gamma_max and step_max are those of Euler's method at the sample time, for all that the controller integrates"
+HELD = "gamma_max and step_max are of the frozen law from sample to sample, with A_m's exact motion between them"
 ERRORS = ("error_bound", "error_bound_worst")
 
 
@@ -29,7 +31,7 @@ def judged_at(controller: Sampled, simulation: Simulation) -> Simulation:
     return Simulation(t_end=T * math.ceil(simulation.t_end / T * (1 - 1e-9)), dt=T, solver=EULER)
 
 
-def certificate(continuous: Certificate, controller: Sampled) -> Certificate:
+def certificate(problem: TrackingProblem, continuous: Certificate, controller: Sampled, judged: Simulation) -> Certificate:
     """From the continuous controller's certificate at ``judged_at``."""
     what = f"the controller runs sampled every {controller.sample_time:g} s ({controller.discretization})"
     if isinstance(controller.controller, LinearFeedback):
@@ -46,13 +48,28 @@ def certificate(continuous: Certificate, controller: Sampled) -> Certificate:
         values = {key: value for key, value in continuous.values.items() if key not in ("gamma_max", "step_max")}
         findings = (*continuous.findings, f"{what}; {MIDPOINT}", *_of_the_midpoint_form(controller))
         return Certificate(values, kept, (*continuous.assumptions, CONTINUOUS), findings)
-    values, findings = dict(continuous.values), (*continuous.findings, what)
+    values, findings, scheme = dict(continuous.values), (*continuous.findings, what), controller.controller
+    if isinstance(scheme, Mrac):  # all that it integrates is the law
+        values |= _of_mrac(problem, scheme, judged, values["nu_0"])
     step_max = values.get("step_max")
     if step_max is not None and step_max < controller.sample_time:
         lost = [key for key in ERRORS if values.pop(key, None) is not None]
         chatters = f"its law is numerically unstable where |x| is largest: it bears a sample time up to about {step_max:.3g} s"
         findings += (f"{chatters}; {' and '.join(lost)} of the continuous controller would not hold" if lost else chatters,)
-    return Certificate(values, kept, (*continuous.assumptions, CONTINUOUS, AS_EULER), findings)
+    return Certificate(
+        values, kept, (*continuous.assumptions, CONTINUOUS, HELD if isinstance(scheme, Mrac) else AS_EULER), findings
+    )
+
+
+def _of_mrac(problem: TrackingProblem, scheme: Mrac, judged: Simulation, nu_0: float) -> dict[str, Any]:
+    """gamma_max and step_max; |x| within the bounds of the model and of e."""
+    assert isinstance(problem, Problem)
+    held, known = HeldOscillator(problem.known), problem.known
+    if known.inputs > 1 or not problem.plant.is_linear or problem.input_gain is not None:
+        return regressor_limits.of_lyapunov_law(problem, scheme, judged, nu_0, held)
+    reach = theorem1.model_bounds(problem).x_m_euclidean
+    values = limits.of_lyapunov_law(problem, scheme.gamma, judged, reach, nu_0, oscillator=held)
+    return limits.with_modifications(values, scheme, judged)
 
 
 def _of_the_midpoint_form(controller: Sampled) -> list[str]:

@@ -58,8 +58,8 @@ def certify_where_possible(
 
 def _certificate(problem: TrackingProblem, controller: Controller, simulation: Simulation) -> Certificate:
     if isinstance(controller, Sampled):
-        inner = _certificate(problem, controller.controller, sampled.judged_at(controller, simulation))
-        return sampled.certificate(inner, controller)
+        judged = sampled.judged_at(controller, simulation)
+        return sampled.certificate(problem, _certificate(problem, controller.controller, judged), controller, judged)
     if isinstance(problem, OutputProblem):
         return output.certificate(problem, controller, simulation)
     assert isinstance(problem, Problem)
