@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TypeAlias
 
 import numpy as np
@@ -12,6 +12,9 @@ from barbalat import validate
 from barbalat.protocols import Value
 from barbalat.validate import Array, InputError
 
+UNBOUNDED = 1e150
+"""A bound that no run reaches: it has diverged long before."""
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ParameterBox:
@@ -19,6 +22,8 @@ class ParameterBox:
 
     lower: Array
     upper: Array
+    faces: tuple[int, ...] = field(init=False, repr=False)
+    """The components with a bound that a run can reach."""
 
     def __post_init__(self) -> None:
         lower = validate.vector("uncertainty.lower", self.lower)
@@ -32,6 +37,8 @@ class ParameterBox:
             )
         validate.freeze(self, lower=lower)
         validate.freeze(self, upper=upper)
+        reached = np.minimum(np.abs(lower), np.abs(upper)) < UNBOUNDED
+        object.__setattr__(self, "faces", tuple(np.flatnonzero(reached).tolist()))
 
     def __str__(self) -> str:
         return f"between {validate.show(self.lower)} and {validate.show(self.upper)}"

@@ -14,11 +14,8 @@ import numpy as np
 
 from barbalat.adaptation.gain import as_matrix, is_matrix, times
 from barbalat.adaptation.projection import limit
-from barbalat.known_set import EstimateSet, KnownSet, ParameterBall, ParameterBox
+from barbalat.known_set import UNBOUNDED, EstimateSet, KnownSet, ParameterBall, ParameterBox
 from barbalat.protocols import Value
-
-UNBOUNDED = 1e150
-"""A bound that no run reaches."""
 
 PASSES = 4
 """Guesses, with several inputs, of which components end on a face. The step is taken where one of them proves right."""

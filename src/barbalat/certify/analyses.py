@@ -85,15 +85,17 @@ def _l1(problem: Problem, controller: L1Adaptive, values: dict[str, Any]) -> tup
 
 
 def _normalized(problem: Problem, controller: NormalizedMrac | RobustMrac, values: dict[str, Any]) -> tuple[str, dict[str, Cell]]:
-    sentence, law = laws.convergence(controller.law), controller.law
+    sentence, law = laws.convergence(controller.law, controller.bind(problem.known).box), controller.law
     to_zero, nothing = sentence.startswith("the tracking error converges to zero"), "nothing is guaranteed" in sentence
+    cut = "corners" in sentence
     pulled = isinstance(law.leakage, (FixedSigma, EpsilonModification))  # type: ignore[attr-defined]
     settled = "V of the law never grows; they converge to theta where phi/m_s is persistently exciting"
+    pull = "bounded, and pulled towards zero"
     cells = {
         "stability": Cell("not proven", sentence) if nothing else Cell("proven", "for every bounded r"),
         "tracking": Cell("proven", "converges to zero for every bounded r") if to_zero else Cell("not proven", sentence),
         "transient": Cell("not proven", "no bound before the estimates have settled"),
-        "estimates": Cell("proven", "bounded, and pulled towards zero" if pulled else settled),
+        "estimates": Cell("not proven", sentence) if cut else Cell("proven", pull if pulled else settled),
         "modelling_error": Cell("not proven", sentence) if nothing else _normalized_robustness(problem, controller),
         "tuning": Cell("estimate", limits_text(values)),
         "margins": margins_cell(values),

@@ -24,27 +24,32 @@ def _mrac(problem: OutputProblem, controller: MracOutput, values: dict[str, Any]
     lyapunov = isinstance(law, LyapunovLaw)
     name = "MRAC with output feedback, " + ("unnormalised Lyapunov law" if lyapunov else "normalised law")
     modified = law.leakage is not None or getattr(law, "dead_zone", None) is not None  # type: ignore[union-attr]
-    converges = not modified if lyapunov else laws.convergence(law).startswith("the tracking error converges to zero")  # type: ignore[arg-type]
-    exact = order <= controller.order
-    unmodelled = f"the plant is of order {order} and the design of {controller.order}: the rest is unmodelled"
+    sentence = laws.output_convergence(law, controller.bind(problem.known).box)
+    converges = not modified if lyapunov else "tracking error converges to zero" in sentence
+    open_ = None
+    if order > controller.order:
+        open_ = f"the plant is of order {order} and the design of {controller.order}: the rest is unmodelled"
+    elif "nothing is guaranteed" in sentence:
+        open_ = sentence
     vanishing = Cell("proven", "converges to zero for every bounded r")
     kept = Cell("not proven", "converges to a set: the law is modified")
     auxiliary = "the auxiliary input leaves 1 - 1/(tau s + 1)^n* of the error, of the order of tau; no number"
     pulled = isinstance(law.leakage, (FixedSigma, EpsilonModification))  # type: ignore[union-attr]
+    transient = Cell("proven", auxiliary) if controller.tau is not None and open_ is None else Cell("not proven", "no bound")
     return name, {
-        "stability": Cell("proven", "for every bounded r") if exact else Cell("not proven", unmodelled),
-        "tracking": (vanishing if converges else kept) if exact else Cell("not proven", unmodelled),
-        "transient": Cell("proven", auxiliary) if controller.tau is not None and exact else Cell("not proven", "no bound"),
-        "estimates": _estimates(exact, pulled),
+        "stability": Cell("proven", "for every bounded r") if open_ is None else Cell("not proven", open_),
+        "tracking": (vanishing if converges else kept) if open_ is None else Cell("not proven", open_),
+        "transient": transient,
+        "estimates": _estimates(open_, pulled),
         "modelling_error": _robustness(controller),
         "tuning": Cell("estimate", limits_text(values)),
         "margins": margins_cell(values),
     }
 
 
-def _estimates(exact: bool, pulled: bool) -> Cell:
-    if not exact:
-        return Cell("not proven", "there is no theta* to converge to")
+def _estimates(open_: str | None, pulled: bool) -> Cell:
+    if open_ is not None:
+        return Cell("not proven", open_)
     if pulled:
         return Cell("proven", "bounded, and pulled towards zero")
     return Cell("proven", "V of the law never grows; they converge to theta* where the regressor is persistently exciting")

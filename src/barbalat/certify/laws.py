@@ -11,13 +11,15 @@ from barbalat.adaptation import gain
 from barbalat.adaptation.epsilon_modification import EpsilonModification
 from barbalat.adaptation.fixed_sigma import FixedSigma
 from barbalat.adaptation.forgetting import LeastSquaresForgetting
-from barbalat.adaptation.laws import AdaptiveLaw
+from barbalat.adaptation.integral_cost import IntegralCost
+from barbalat.adaptation.laws import AdaptiveLaw, Gradient
+from barbalat.adaptation.projection import EXACTLY
 from barbalat.adaptation.switching_sigma import SwitchingSigma
 from barbalat.certify.l1 import float_above
 from barbalat.certify.theorem1 import OUTWARD, mrac_bound, nu_0, smallest_eigenvalue
 from barbalat.controllers import L1Adaptive, Mrac
 from barbalat.controllers.output.lyapunov import LyapunovLaw
-from barbalat.known_set import ParameterBall, ParameterBox, ParameterProduct
+from barbalat.known_set import EstimateSet, ParameterBall, ParameterBox, ParameterProduct
 from barbalat.problem import Problem
 from barbalat.validate import Array
 
@@ -57,10 +59,13 @@ def why_no_bound(controller: Mrac | L1Adaptive, problem: Problem) -> str | None:
     It does with composite learning, which adds -2 gamma_c theta_tilde'R theta_tilde to V', and with a switching sigma that
     bounds every theta in question.
     """
-    if _cut_in_corners(controller, problem):
+    known_set, gamma = controller.bind(problem.known).box, controller.gamma
+    full = gain.is_matrix(gamma) and bool((gamma - np.diag(np.diag(gamma))).any())
+    if full and cut_in_corners(known_set):
         return (
-            "with a gain matrix and a box of three or more parameters, what the projection cuts off in a corner may make V grow, "
-            "so the bounds (9) and (10) don't hold; they do with a ball, a diagonal gain or without projection"
+            f"with a gain matrix and a box of more than {EXACTLY} parameters, or input gains beside a ball, what the projection "
+            "cuts off in a corner may make V grow, so the bounds (9) and (10) don't hold; they do with a ball, a diagonal "
+            "gain or without projection"
         )
     if controller.dead_zone is not None:
         return "inside the dead zone nothing is learnt, so the bounds (9) and (10) don't hold"
@@ -74,20 +79,15 @@ def why_no_bound(controller: Mrac | L1Adaptive, problem: Problem) -> str | None:
     return None
 
 
-def _cut_in_corners(controller: Mrac | L1Adaptive, problem: Problem) -> bool:
-    """Whether the estimate can come to lie on several faces at once and the limit cut off what does not keep the proof.
+def cut_in_corners(known_set: EstimateSet | None) -> bool:
+    """Whether with a gain matrix, or least squares, the limit may cut off in a corner what does not keep the proof.
 
-    With two parameters it does: in a corner (r, 0) is cut off, r > 0, and only if Gamma_12 < 0, so that Gamma^-1 (r, 0) >= 0,
-    as it must be. With three a simulation shows V growing without bound (tests/certify/test_modified_bounds.py).
+    The projection is exact for a ball and for a box with up to ``EXACTLY`` faces in reach; one or two intervals of input gains
+    that follow a ball are projected after it.
     """
-    known_set, gamma = controller.bind(problem.known).box, controller.gamma
-    if known_set is None or not gain.is_matrix(gamma) or not (gamma - np.diag(np.diag(gamma))).any():
-        return False
     if isinstance(known_set, ParameterProduct):
-        meeting = (known_set.theta is not None) + known_set.gains.size
-    else:
-        meeting = 1 if isinstance(known_set, ParameterBall) else known_set.size
-    return bool(meeting > 1 and np.size(gamma) > 4)
+        return len(known_set.gains.faces) > EXACTLY or known_set.theta is not None
+    return isinstance(known_set, ParameterBox) and len(known_set.faces) > EXACTLY
 
 
 def _all_within(M_0: float, problem: Problem) -> bool:
@@ -114,9 +114,13 @@ def _all_within(M_0: float, problem: Problem) -> bool:
     return True
 
 
-def convergence(law: AdaptiveLaw) -> str:
-    """What is guaranteed of a normalised scheme with this law, on the plant without modelling error."""
+def convergence(law: AdaptiveLaw, known_set: EstimateSet | None) -> str:
+    """What is guaranteed of a normalised scheme with this law and projection, on the plant without modelling error."""
     settings: Any = law
+    if (not isinstance(law, (Gradient, IntegralCost)) or gain.is_matrix(law.gamma)) and cut_in_corners(known_set):
+        return (
+            f"nothing is guaranteed where the projection cuts corners: a gain matrix in a box of more than {EXACTLY} parameters"
+        )
     if isinstance(settings.leakage, (FixedSigma, EpsilonModification)):
         kind = type(settings.leakage).__name__
         return f"theta_hat and epsilon m_s stay bounded; with {kind} the tracking error converges to a set, not to zero"
@@ -128,12 +132,15 @@ def convergence(law: AdaptiveLaw) -> str:
     return f"the tracking error converges to zero and theta_hat, epsilon m_s stay bounded (Lemma 1, Theorem 2){bound}"
 
 
-def output_convergence(law: AdaptiveLaw | LyapunovLaw) -> str:
+def output_convergence(law: AdaptiveLaw | LyapunovLaw, known_set: EstimateSet | None) -> str:
     """What is guaranteed of an output-feedback scheme with this law on a plant of the assumed class."""
     if isinstance(law, LyapunovLaw):
+        if gain.is_matrix(law.gamma) and cut_in_corners(known_set):
+            return "nothing is guaranteed where the projection cuts corners"
         if law.leakage is None and law.dead_zone is None:
             return "all signals bounded, e -> 0"
         if isinstance(law.leakage, SwitchingSigma):
             return f"all signals bounded, e -> 0 (|theta*| <= M_0 = {law.leakage.M_0:g} provided)"
         return "all signals bounded; with the modification e converges to a set, not to zero"
-    return f"all signals bounded; {convergence(law)}"
+    found = convergence(law, known_set)
+    return found if "nothing is guaranteed" in found else f"all signals bounded; {found}"

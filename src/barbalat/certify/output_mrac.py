@@ -67,5 +67,5 @@ def certificate(problem: OutputProblem, controller: MracOutput) -> Certificate:
             )
     else:
         findings += _unmodelled(plant, controller)
-    assumptions.append(f"guaranteed for such a plant: {laws.output_convergence(law)}; no number bounds e")
+    assumptions.append(f"guaranteed for such a plant: {laws.output_convergence(law, equations.box)}; no number bounds e")
     return Certificate(values, frozenset(), tuple(assumptions), tuple(findings))

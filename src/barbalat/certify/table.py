@@ -212,7 +212,7 @@ def _normalized(problem: Problem, controller: RobustMrac | NormalizedMrac, simul
         EXACT_START,
         "c_0 makes W_m minimum phase (checked)",
         FROZEN,
-        laws.convergence(controller.law) + "; no number bounds e",
+        laws.convergence(controller.law, controller.bind(problem.known).box) + "; no number bounds e",
         LINEAR,
     ]
     return finish(problem, values, {"initial_parameter_error"}, assumptions, findings)

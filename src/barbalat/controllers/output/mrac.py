@@ -19,14 +19,11 @@ from barbalat.controllers.output.lyapunov import LyapunovLaw
 from barbalat.controllers.output.matching import filter_polynomial, input_filter, is_strictly_positive_real, refuse_contradiction
 from barbalat.controllers.robust_mrac import auxiliary_filter
 from barbalat.controllers.windup import applied, limits_of_predictor
-from barbalat.known_set import ParameterBox
+from barbalat.known_set import UNBOUNDED, ParameterBox
 from barbalat.linear import StateSpace
 from barbalat.output_problem import OutputKnown
 from barbalat.protocols import Value
 from barbalat.validate import Array, InputError
-
-UNBOUNDED = 1e150
-"""A bound that no run reaches: it has diverged long before."""
 
 
 class State(NamedTuple):
