@@ -9,7 +9,7 @@ import numpy as np
 
 from barbalat.closed_loop import ClosedLoop
 from barbalat.metrics import DIVERGENCE_LIMIT, divergence_measure
-from barbalat.packing import column
+from barbalat.packing import column, flatten
 from barbalat.protocols import Value
 
 if TYPE_CHECKING:
@@ -19,10 +19,13 @@ if TYPE_CHECKING:
 def continuous_twin(loop: ClosedLoop) -> ClosedLoop:
     """The loop with the equations that a sampled controller stands for; any other loop as it is.
 
-    Its flat state is the sampled loop's without what is held, which stands last.
+    Its flat state is the sampled loop's without what is held, which stands last. A sampled form with states of its own has
+    no such twin.
     """
     equations: Any = getattr(loop.equations, "continuous", None)
-    return loop if equations is None else replace(loop, equations=equations, sampled=False)
+    if equations is None or len(flatten(equations.initial())) != len(flatten(loop.equations.initial())):
+        return loop
+    return replace(loop, equations=equations, sampled=False)
 
 
 def coupling_function(loop: ClosedLoop, dt: float, step: ca.Function) -> ca.Function:

@@ -22,7 +22,7 @@ MEANINGS = {
     "error_bound": "of every component of e, at all times",
     "error_bound_worst": "the same for the worst theta of the known set",
     "adaptation_frequency": "of the frozen oscillator of adaptation [rad/s]",
-    "gamma_max": "largest gain that the solver bears at its step",
+    "gamma_max": "largest gain that the solver, or a law that takes Euler steps, bears at its step",
     "step_max": "largest step that the gain bears [s]",
     "delay_margin": "smallest destabilising delay [s]",
     "phase_margin": "[rad]",
