@@ -54,8 +54,10 @@ def certificate(problem: TrackingProblem, continuous: Certificate, controller: S
     step_max = values.get("step_max")
     if step_max is not None and step_max < controller.sample_time:
         lost = [key for key in ERRORS if values.pop(key, None) is not None]
-        chatters = f"its law is numerically unstable where |x| is largest: it bears a sample time up to about {step_max:.3g} s"
-        findings += (f"{chatters}; {' and '.join(lost)} of the continuous controller would not hold" if lost else chatters,)
+        unstable = (
+            f"where |x| is as large as its bound the law is numerically unstable: it bears samples up to about {step_max:.3g} s"
+        )
+        findings += (f"{unstable}; {' and '.join(lost)} of the continuous controller can't be relied on" if lost else unstable,)
     return Certificate(
         values, kept, (*continuous.assumptions, CONTINUOUS, HELD if isinstance(scheme, Mrac) else AS_EULER), findings
     )

@@ -9,6 +9,7 @@ from __future__ import annotations
 import struct
 
 from barbalat.lowering import llvm_watch
+from barbalat.lowering.llvm_loads import noise_loads, signal_loads
 from barbalat.lowering.llvm_past import lag_loads, past_loads, remember
 from barbalat.lowering.operations import COMPARISONS, Program
 from barbalat.lowering.shape import TAPS, LoopShape
@@ -220,8 +221,8 @@ def loop(
         *(f"  %x{i}{held} = phi {vector} [ %x{i}.b, %block ], [ {new[i]}, %{last} ]" for i in range(n)),
         *(f"  %a{i} = phi {vector} [ {printer.splat(resets[i])}, %block ], [ {new[n + i]}, %{last} ]" for i in range(m)),
         "  %now = add i64 %k, %start",
-        *_signal_loads(shape.signals, lanes, vector),
-        *_noise_loads(shape, vector),
+        *signal_loads(shape.signals, lanes, vector),
+        *noise_loads(shape, vector),
         *sampling,
         *watching,
         *past_loads(shape, lanes, vector),
@@ -242,37 +243,3 @@ def loop(
         *sorted(printer.intrinsics),
     ]
     return "\n".join(lines)
-
-
-def _noise_loads(shape: LoopShape, vector: str) -> list[str]:
-    if not shape.noise:
-        return []
-    lines = [
-        f"  %noise.at = udiv i64 %now, {shape.noise_hold}",
-        "  %noise.row = sub i64 %noise.at, %noise.first",
-        f"  %noise.base = mul i64 %noise.row, {shape.noise}",
-    ]
-    for i in range(shape.noise):
-        lines += [
-            f"  %n{i}.index = add i64 %noise.base, {i}",
-            f"  %n{i}.at = getelementptr {vector}, ptr %noise, i64 %n{i}.index",
-            f"  %n{i} = load {vector}, ptr %n{i}.at, align 8",
-        ]
-    return lines
-
-
-def _signal_loads(count: int, lanes: int, vector: str) -> list[str]:
-    lines = [f"  %s.row = mul i64 %k, {count}"]
-    for i in range(count):
-        lines += [
-            f"  %s{i}.index = add i64 %s.row, {i}",
-            f"  %s{i}.at = getelementptr double, ptr %signals, i64 %s{i}.index",
-        ]
-        scalar = f"%s{i}" if lanes == 1 else f"%s{i}.one"
-        lines.append(f"  {scalar} = load double, ptr %s{i}.at, align 8")
-        if lanes > 1:
-            lines += [
-                f"  %s{i}.in = insertelement {vector} poison, double {scalar}, i64 0",
-                f"  %s{i} = shufflevector {vector} %s{i}.in, {vector} poison, <{lanes} x i32> zeroinitializer",
-            ]
-    return lines

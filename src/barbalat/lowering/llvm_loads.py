@@ -1,0 +1,41 @@
+"""IR that loads what drives a step: the table of signals, the same for all members, and each member's noise."""
+
+from __future__ import annotations
+
+from barbalat.lowering.shape import LoopShape
+
+
+def noise_loads(shape: LoopShape, vector: str) -> list[str]:
+    """%n{i}: the noise of this step."""
+    if not shape.noise:
+        return []
+    lines = [
+        f"  %noise.at = udiv i64 %now, {shape.noise_hold}",
+        "  %noise.row = sub i64 %noise.at, %noise.first",
+        f"  %noise.base = mul i64 %noise.row, {shape.noise}",
+    ]
+    for i in range(shape.noise):
+        lines += [
+            f"  %n{i}.index = add i64 %noise.base, {i}",
+            f"  %n{i}.at = getelementptr {vector}, ptr %noise, i64 %n{i}.index",
+            f"  %n{i} = load {vector}, ptr %n{i}.at, align 8",
+        ]
+    return lines
+
+
+def signal_loads(count: int, lanes: int, vector: str) -> list[str]:
+    """%s{i}: the signals of this step, for every lane."""
+    lines = [f"  %s.row = mul i64 %k, {count}"]
+    for i in range(count):
+        lines += [
+            f"  %s{i}.index = add i64 %s.row, {i}",
+            f"  %s{i}.at = getelementptr double, ptr %signals, i64 %s{i}.index",
+        ]
+        scalar = f"%s{i}" if lanes == 1 else f"%s{i}.one"
+        lines.append(f"  {scalar} = load double, ptr %s{i}.at, align 8")
+        if lanes > 1:
+            lines += [
+                f"  %s{i}.in = insertelement {vector} poison, double {scalar}, i64 0",
+                f"  %s{i} = shufflevector {vector} %s{i}.in, {vector} poison, <{lanes} x i32> zeroinitializer",
+            ]
+    return lines
