@@ -118,6 +118,15 @@ def test_figures_and_quick_ledger(runs):
     assert {claim.id for claim in ledger.measure(runs, quick=True)} >= {"erratum-14", "bound-9", "loss-of-learning"}
 
 
+def test_what_is_measured_in_another_process_is_the_same(runs):
+    seen = []
+    with ledger.under_way(1, quick=True) as ahead:
+        found = ledger.measure(runs, quick=True, progress=seen.append, ahead=ahead)
+    assert seen[-1] == pytest.approx(1)
+    here = ledger.measure(runs, quick=True)
+    assert [(claim.id, claim.verdict, claim.measured) for claim in found] == [(c.id, c.verdict, c.measured) for c in here]
+
+
 def test_progress_is_that_of_the_seconds(runs):
     seen = []
     ledger.measure(runs, quick=True, progress=seen.append)

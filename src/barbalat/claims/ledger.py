@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future, ProcessPoolExecutor, as_completed
+from contextlib import contextmanager
 from dataclasses import dataclass
+from multiprocessing import get_context
+from typing import TypeAlias
 
 from barbalat.claims import (
     adapting_margins,
@@ -28,55 +32,95 @@ from barbalat.engine import Progress
 
 @dataclass(frozen=True)
 class Measurement:
-    """Some of the ledger's rows, and about how many seconds they take: the progress bar moves by that."""
+    """Some of the ledger's rows, and about how many seconds they take: the progress bar moves by that.
 
-    measure: Callable[[Runs], Claim | list[Claim]]
+    ``measure`` stands alone, or judges the runs of Section V, which it is then given.
+    """
+
+    measure: Callable[..., Claim | list[Claim]]
     seconds: float
     quick: bool = False
+    judges_runs: bool = False
+
+    def rows(self, *runs: Runs) -> list[Claim]:
+        """The rows."""
+        found = self.measure(*runs)
+        return [found] if isinstance(found, Claim) else found
 
 
 LEDGER = (
-    Measurement(figures.as_described, 0.1, quick=True),
-    Measurement(figures.without_projection, 0.1, quick=True),
-    Measurement(figures.erratum_claim, 0.1, quick=True),
-    Measurement(lambda _: tracking.bound_9(), 0.4, quick=True),
-    Measurement(lambda _: tracking.bound_10(), 0.6, quick=True),
-    Measurement(lambda _: tracking.bias_is_proportional(), 0.1, quick=True),
-    Measurement(lambda _: tracking.best_at_zero(), 0.2, quick=True),
-    Measurement(lambda _: tracking.constant_command(), 0.3, quick=True),
-    Measurement(lambda _: tracking.is_mrac(), 0.1, quick=True),
-    Measurement(lambda _: condition.condition(), 0.4, quick=True),
-    Measurement(lambda _: theta_size.filter_limits_theta(), 2.6),
-    Measurement(numerics.come_and_go, 0.1, quick=True),
-    Measurement(onset.boundary, 5.0),
-    Measurement(lambda _: numerics.without_filter(), 0.1),
-    Measurement(lambda _: numerics.smaller_gain(), 0.1),
-    Measurement(lambda _: numerics.small_tau(), 0.3),
-    Measurement(lambda _: stiff.own_oscillation(), 3.5),
-    Measurement(lambda _: stiff.stiff_solvers(), 7.0),
-    Measurement(lambda _: sampled.claim(), 1.0),
-    Measurement(lambda _: sampled.delays(), 1.0),
-    Measurement(lambda _: adapting_margins.claims(), 1.0),
-    Measurement(lambda _: robustness.claims(), 10.5),
-    Measurement(lambda _: lemma_1.claims(), 2.0),
-    Measurement(lambda _: linear_design.claims(), 5.5),
-    Measurement(learning.loss_of_learning, 0.1, quick=True),
-    Measurement(lambda _: learning.exponential(), 0.3, quick=True),
-    Measurement(lambda _: output_feedback.l1_is_linear(), 0.4),
-    Measurement(lambda _: output_feedback.rohrs(), 0.4),
-    Measurement(lambda _: output_feedback.any_relative_degree(), 1.4),
+    Measurement(figures.as_described, 0.1, quick=True, judges_runs=True),
+    Measurement(figures.without_projection, 0.1, quick=True, judges_runs=True),
+    Measurement(figures.erratum_claim, 0.1, quick=True, judges_runs=True),
+    Measurement(tracking.bound_9, 0.4, quick=True),
+    Measurement(tracking.bound_10, 0.6, quick=True),
+    Measurement(tracking.bias_is_proportional, 0.1, quick=True),
+    Measurement(tracking.best_at_zero, 0.2, quick=True),
+    Measurement(tracking.constant_command, 0.3, quick=True),
+    Measurement(tracking.is_mrac, 0.1, quick=True),
+    Measurement(condition.condition, 0.4, quick=True),
+    Measurement(theta_size.filter_limits_theta, 2.6),
+    Measurement(numerics.come_and_go, 0.1, quick=True, judges_runs=True),
+    Measurement(onset.boundary, 5.0, judges_runs=True),
+    Measurement(numerics.without_filter, 0.1),
+    Measurement(numerics.smaller_gain, 0.1),
+    Measurement(numerics.small_tau, 0.3),
+    Measurement(stiff.own_oscillation, 3.5),
+    Measurement(stiff.stiff_solvers, 7.0),
+    Measurement(sampled.claim, 1.0),
+    Measurement(sampled.delays, 1.0),
+    Measurement(adapting_margins.claims, 1.0),
+    Measurement(robustness.claims, 10.5),
+    Measurement(lemma_1.claims, 2.0),
+    Measurement(linear_design.claims, 5.5),
+    Measurement(learning.loss_of_learning, 0.1, quick=True, judges_runs=True),
+    Measurement(learning.exponential, 0.3, quick=True),
+    Measurement(output_feedback.l1_is_linear, 0.4),
+    Measurement(output_feedback.rohrs, 0.4),
+    Measurement(output_feedback.any_relative_degree, 1.4),
 )
 
 
-def measure(runs: Runs, *, quick: bool = False, progress: Progress | None = None) -> list[Claim]:
-    """The ledger; ``quick`` leaves out what takes longer than the figures themselves."""
-    chosen = [measurement for measurement in LEDGER if measurement.quick or not quick]
-    done, total = 0.0, sum(measurement.seconds for measurement in chosen)
-    ledger: list[Claim] = []
-    for measurement in chosen:
-        found = measurement.measure(runs)
-        ledger += [found] if isinstance(found, Claim) else found
-        done += measurement.seconds
+UnderWay: TypeAlias = "dict[int, Future[list[Claim]]]"
+"""By the place in ``LEDGER``: what is being measured in another process."""
+
+
+@contextmanager
+def under_way(processes: int, *, quick: bool = False) -> Iterator[UnderWay]:
+    """Measure what stands alone in so many processes of its own, the longest first; to be given to ``measure``.
+
+    The program that calls this must be one that a new process may import: started by ``if __name__ == "__main__"``.
+    """
+    alone = [i for i in _chosen(quick) if not LEDGER[i].judges_runs]
+    pool = ProcessPoolExecutor(processes, mp_context=get_context("spawn"))
+    try:
+        yield {i: pool.submit(_rows, i) for i in sorted(alone, key=lambda i: -LEDGER[i].seconds)}
+    finally:
+        pool.shutdown(cancel_futures=True)
+
+
+def _rows(place: int) -> list[Claim]:
+    return LEDGER[place].rows()
+
+
+def _chosen(quick: bool) -> list[int]:
+    return [i for i, measurement in enumerate(LEDGER) if measurement.quick or not quick]
+
+
+def measure(runs: Runs, *, quick: bool = False, progress: Progress | None = None, ahead: UnderWay | None = None) -> list[Claim]:
+    """The ledger; ``quick`` leaves out what takes longer than the figures themselves, ``ahead`` is already under way."""
+    chosen, ahead = _chosen(quick), ahead or {}
+    found: dict[int, list[Claim]] = {}
+
+    def take(place: int, rows: list[Claim]) -> None:
+        found[place] = rows
         if progress is not None:
-            progress(done / total)
-    return ledger
+            progress(sum(LEDGER[i].seconds for i in found) / sum(LEDGER[i].seconds for i in chosen))
+
+    for i in chosen:
+        if i not in ahead:
+            take(i, LEDGER[i].rows(*([runs] if LEDGER[i].judges_runs else [])))
+    places = {future: i for i, future in ahead.items()}
+    for future in as_completed(places):
+        take(places[future], future.result())
+    return [row for i in chosen for row in found[i]]

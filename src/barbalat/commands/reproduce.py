@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 import time
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -34,17 +35,20 @@ def execute(options: argparse.Namespace) -> int:
 
     folder = prepare_folder(options.out)
     seconds = {"start": time.perf_counter() - started}
-    with progress_bar("simulating") as progress:
-        runs = section_v.run(progress)
-    seconds["simulations"] = time.perf_counter() - started - sum(seconds.values())
-    figures = paper.paper_figures(runs)
-    with progress_bar("measuring the claims") as progress:
-        claims = ledger.measure(runs, quick=options.quick, progress=progress)
-    seconds["claims"] = time.perf_counter() - started - sum(seconds.values())
-    pictures, maps = write.draw_reproduction(folder, figures), write.draw_maps(folder, claims)
-    seconds["pictures"] = time.perf_counter() - started - sum(seconds.values())
-    certified = certified_paper(runs)
-    seconds["certificates"] = time.perf_counter() - started - sum(seconds.values())
+    with ledger.under_way(1 if options.quick else os.cpu_count() or 1, quick=options.quick) as ahead:
+        with progress_bar("simulating") as progress:
+            runs = section_v.run(progress)
+        seconds["simulations"] = time.perf_counter() - started - sum(seconds.values())
+        figures = paper.paper_figures(runs)
+        pictures = write.draw_reproduction(folder, figures)
+        seconds["pictures"] = time.perf_counter() - started - sum(seconds.values())
+        certified = certified_paper(runs)
+        seconds["certificates"] = time.perf_counter() - started - sum(seconds.values())
+        with progress_bar("measuring the claims") as progress:
+            claims = ledger.measure(runs, quick=options.quick, progress=progress, ahead=ahead)
+        seconds["claims"] = time.perf_counter() - started - sum(seconds.values())
+    maps = write.draw_maps(folder, claims)
+    seconds["maps"] = time.perf_counter() - started - sum(seconds.values())
     seconds["total"] = time.perf_counter() - started
     document = write.as_json(write.reproduction_document(figures, claims, certified, seconds))
     write_file(folder / "report.html", page.reproduction(figures, claims, pictures, maps, certified, seconds))
