@@ -536,3 +536,10 @@ def test_unmodelled_plants_that_look_wrong_are_said():
     problem = problem_of(TF([2.0, -4.0], [1.0, 4.0, 6.0, 3.0]), TF([M], [1.0, M]))
     findings = " ".join(certify(problem, [controller], Simulation(t_end=1.0, dt=1e-2))["c"].findings)
     assert "zero with real part 2" in findings and "against sign = 1" in findings
+
+
+def test_nothing_is_proven_of_a_linear_law_where_f_acts():
+    controller = MracOutput(order=1, relative_degree=1, sign=1, law=LAW, name="c")
+    problem = problem_of(G, TF([M], [1.0, M]), nonlinear="0.5*sin(y)")
+    table = table_1(problem, [controller], certify(problem, [controller], Simulation(t_end=1.0, dt=1e-2)))
+    assert {table.columns[0].cells[key].kind for key in ("stability", "tracking", "transient", "estimates")} == {"not proven"}

@@ -29,6 +29,8 @@ def _mrac(problem: OutputProblem, controller: MracOutput, values: dict[str, Any]
     open_ = None
     if order > controller.order:
         open_ = f"the plant is of order {order} and the design of {controller.order}: the rest is unmodelled"
+    elif problem.plant.f is not None:
+        open_ = "f(t, y) acts, and the law knows linear plants only"
     elif "nothing is guaranteed" in sentence:
         open_ = sentence
     vanishing = Cell("proven", "converges to zero for every bounded r")

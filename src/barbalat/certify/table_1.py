@@ -75,7 +75,7 @@ def _column(problem: TrackingProblem, controller: Controller, certificate: Certi
 
 def _violated(problem: TrackingProblem) -> tuple[str, ...]:
     if not isinstance(problem, Problem):
-        return tuple(departures(problem))
+        return tuple(f"{departure}; only bounds of |y| and |y - y_m| cover what acts" for departure in departures(problem))
     known_set = problem.known.box
     outside = known_set is not None and not known_set.contains(problem.parameters)
     return (*departures(problem), *([OUTSIDE] if outside else []))
