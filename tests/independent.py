@@ -19,6 +19,8 @@ from barbalat.controllers.output import L1Output, LinearOutput, MracOutput
 from barbalat.controllers.output.l1 import linear_equivalent
 from barbalat.controllers.output.lyapunov import LyapunovLaw
 from barbalat.linear import TransferFunction, input_filter
+from barbalat.packing import column, symbols
+from barbalat.stepping import jacobian_function
 from barbalat.validate import InputError
 
 EPS = np.finfo(float).eps
@@ -81,6 +83,37 @@ def brute_force(loop: ClosedLoop, signals, solver: str, dt: float, steps: int) -
         u=np.array(u),
         theta_hat=np.array([p.controller.theta_hat for p in parts]),
     )
+
+
+def symbols_against_numbers(loop: ClosedLoop, size: float) -> None:
+    """The derivative traced by CasADi and evaluated by it, and the same lines on NumPy arrays, at random states.
+
+    1e-10: the same sums in another order, a few dozen roundings of terms up to 1e4.
+    """
+    import casadi as ca
+
+    state_column, state = symbols("state", loop.size)
+    signal_column, signal = symbols("signals", 1)
+    outputs = [loop.derivative(state, signal), loop.limit(state), np.concatenate(loop.outputs(state, signal))]
+    traced = ca.Function("f", [state_column, signal_column], [column(value) for value in outputs])
+    random = np.random.default_rng(5)
+    for _ in range(20):
+        y, r = size * random.normal(size=loop.size), random.normal(size=1)
+        numbers = [loop.derivative(y, r), loop.limit(y), np.concatenate(loop.outputs(y, r))]
+        for symbolic, numeric in zip(traced(y, r), numbers, strict=True):
+            np.testing.assert_allclose(np.asarray(symbolic)[:, 0], numeric, rtol=1e-10, atol=1e-10)
+
+
+def jacobian_against_differences(loop: ClosedLoop) -> None:
+    """Central differences of the right-hand side: h^2 = 1e-10 times third derivatives, and eps/h = 1e-11 times values."""
+    random = np.random.default_rng(2)
+    y, signals = loop.initial() + 0.1 * random.uniform(0.5, 1.0, loop.size), np.array([0.7])
+    columns = []
+    for i in range(loop.size):
+        d = 1e-5 * np.eye(loop.size)[i]
+        columns.append((loop.derivative(y + d, signals) - loop.derivative(y - d, signals)) / 2e-5)
+    exact = np.asarray(jacobian_function(loop, 1e-3)(y, signals))
+    np.testing.assert_allclose(exact, np.array(columns).T, rtol=1e-5, atol=1e-5 * max(1, np.abs(exact).max()))
 
 
 def integrate(derivative, y0, t_end: float, t_eval=None, rtol: float = 1e-12, atol: float = 1e-12) -> np.ndarray:

@@ -13,9 +13,9 @@ from barbalat.controllers import LinearFeedback, Mrac
 from barbalat.ensemble import simulate_ensemble
 from barbalat.grid import Simulation
 from barbalat.linear import TransferFunction
-from barbalat.problem import Disturbance
 from barbalat.signals import Sine
 from barbalat.simulation import simulate
+from barbalat.tracking_problem import Disturbance
 from independent import refusal
 
 

@@ -22,7 +22,8 @@ from barbalat import (
     input_filter,
     simulate,
 )
-from barbalat.adapting import UNEXCITED, excitation, share_text
+from barbalat.adapting import UNEXCITED, share_text
+from barbalat.excitation import excitation
 from barbalat.known_set import ParameterBall
 
 CHATTERING = L1Adaptive(gamma=1e4, filter=input_filter(0.02))

@@ -45,7 +45,7 @@ if TYPE_CHECKING:
     from barbalat.measurement import Noise, Sensor
     from barbalat.output_problem import OutputPlant, OutputProblem, OutputReferenceModel
     from barbalat.plant import Plant, ReferenceModel
-    from barbalat.problem import Disturbance, Problem
+    from barbalat.problem import Problem
     from barbalat.regressors import GaussianRBF, Linear, Polynomial, Terms
     from barbalat.result import Result
     from barbalat.signals import Chirp, Constant, Recorded, Sine, Sines, Square, Step, Steps
@@ -55,6 +55,7 @@ if TYPE_CHECKING:
     from barbalat.study.delay_margin import delay_margins
     from barbalat.study.tau_limit import Grown, TauStudy
     from barbalat.study.tradeoff import trade_off
+    from barbalat.tracking_problem import Disturbance
     from barbalat.validate import InputError
 
 _HOME = {
@@ -97,7 +98,8 @@ _HOME = {
     "known_set": ("ParameterBall", "ParameterBox"),
     "measurement": ("Noise", "Sensor"),
     "plant": ("Plant", "ReferenceModel"),
-    "problem": ("Disturbance", "Problem"),
+    "problem": ("Problem",),
+    "tracking_problem": ("Disturbance",),
     "regressors": ("GaussianRBF", "Linear", "Polynomial", "Terms"),
     "result": ("Result",),
     "signals": ("Chirp", "Constant", "Recorded", "Sine", "Sines", "Square", "Step", "Steps"),

@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from barbalat.closed_loop import ClosedLoop
+from barbalat.excitation import Excitation, excitation
 from barbalat.known_set import EstimateSet, ParameterBall, ParameterBox, ParameterProduct
 from barbalat.packing import column, symbols
 from barbalat.protocols import Estimating
@@ -26,30 +27,8 @@ SWEPT = 0.1
 UNEXCITED = 1e-6
 """Of the windowed correlation matrix' least eigenvalue, 1 for orthogonal components, and of a mean square relative to before:
 an amplitude of a thousandth, below which a direction is not seen."""
-WINDOWS = 40
-"""Windows that are laid over a run, overlapping."""
 COARSE = 0.1
 """Of what the record's decimation does to the excitation; twenty instants for each period of the regressor stay below it."""
-
-
-class Excitation(NamedTuple):
-    """Persistent excitation: the least eigenvalue of 1/T times the integral of phi phi' over windows of length T.
-
-    level        the least over all windows, in the regressor's units squared
-    tail         that of the last quarter of the run
-    conditioning the least eigenvalue in the tail when phi is scaled to unit mean square in each component: 0 ... 1
-    fading       mean square of phi in the tail, relative to that of the window where it is largest
-    window       T [s]
-    sampling     how far the decimation of the record is felt: the relative change of ``tail`` when every second instant is left
-                 out, or the mean square change of phi from instant to instant over its mean square, whichever is more
-    """
-
-    level: float
-    tail: float
-    conditioning: float
-    fading: float
-    window: float
-    sampling: float
 
 
 class OnBounds(NamedTuple):
@@ -197,35 +176,6 @@ def on_bounds(box: ParameterBox, t: Array, low: Array, high: Array) -> OnBounds:
     first = np.where(met.any(axis=0) & ~fixed, t[met.argmax(axis=0)], np.nan)
     least, most, swept = (np.where(fixed, 0.0, weights @ share) for share in shares)
     return OnBounds(least, most, swept, first)
-
-
-def excitation(t: Array, phi: Array) -> Excitation | None:
-    """Of a regressor (K, p, m) at the instants t (K,); a window is a quarter of the run."""
-    if phi.shape[1] == 0 or len(t) < 16 or not np.isfinite(phi).all():
-        return None
-    window = float(t[-1] - t[0]) / 4
-    starts = np.linspace(t[0], t[-1] - window, WINDOWS)
-    spans = [slice(*np.searchsorted(t, (start - 1e-9 * window, start + window * (1 + 1e-9)))) for start in starts]
-    grams = [_gram(t[span], phi[span]) for span in spans]
-    last = spans[-1]
-    scale = np.sqrt(np.diag(grams[-1]))
-    tail, half = _least(grams[-1]), _least(_gram(t[last][::2], phi[last][::2]))
-    correlation = grams[-1] / np.outer(scale, scale) if (scale > 0).all() else np.zeros_like(grams[-1])
-    change = abs(half - tail) / max(tail, half) if max(tail, half) > 0 else 0.0
-    square = float(np.mean(phi[last] ** 2))
-    rough = float(np.mean(np.diff(phi[last], axis=0) ** 2)) / square if square > 0 else 0.0
-    squares = [float(np.trace(gram)) for gram in grams]
-    fading = squares[-1] / max(squares) if max(squares) > 0 else 0.0
-    return Excitation(min(map(_least, grams)), tail, _least(correlation), fading, window, max(change, rough))
-
-
-def _gram(t: Array, phi: Array) -> Array:
-    """1/T times the integral of phi phi', by the trapezoidal rule."""
-    return np.asarray(np.trapezoid(phi @ phi.transpose(0, 2, 1), t, axis=0) / (t[-1] - t[0]))
-
-
-def _least(gram: Array) -> float:
-    return max(float(np.linalg.eigvalsh(gram)[0]), 0.0)  # a rounding below zero is zero
 
 
 def _warnings(path: Array, error: float, bounds: OnBounds | None, sphere: float | None, found: Excitation | None) -> list[str]:

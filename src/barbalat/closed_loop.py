@@ -13,8 +13,8 @@ from barbalat.actuation import InputPath
 from barbalat.loop_parts import Held, LoopState, Outputs, Signals
 from barbalat.measurement import Sensor
 from barbalat.packing import flatten, map_arrays, unflatten
-from barbalat.problem import TrackingProblem
 from barbalat.protocols import Controller, Dynamics, Equations, Sample, SampledEquations, Value
+from barbalat.tracking_problem import TrackingProblem
 from barbalat.validate import Array
 
 

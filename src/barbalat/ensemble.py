@@ -15,9 +15,9 @@ from barbalat.engine import Batch, Progress, run
 from barbalat.grid import CHUNK_STEPS, Simulation
 from barbalat.metrics import Metrics
 from barbalat.packing import symbols
-from barbalat.problem import TrackingProblem
 from barbalat.protocols import Controller
 from barbalat.stepping import step_program
+from barbalat.tracking_problem import TrackingProblem
 from barbalat.validate import Array, InputError
 
 

@@ -21,8 +21,8 @@ from barbalat.grid import CHUNK_STEPS, Simulation, signal_table
 from barbalat.lowering.llvm_watch import WATCH_EVERY
 from barbalat.lowering.machine import Past, Watch
 from barbalat.measurement import standard_normal
-from barbalat.problem import TrackingProblem
 from barbalat.stepping import sampled_states
+from barbalat.tracking_problem import TrackingProblem
 from barbalat.validate import Array
 
 WINDOWS = 2000

@@ -15,10 +15,10 @@ from barbalat import validate
 from barbalat.actuation import PlantInput
 from barbalat.linear import StateSpace, TransferFunction
 from barbalat.measurement import Sensor
-from barbalat.problem import Disturbance, TrackingProblem, require_signal
 from barbalat.protocols import Signal, Value
 from barbalat.regressors import Terms, formula
 from barbalat.signals import Constant
+from barbalat.tracking_problem import Disturbance, TrackingProblem, require_signal
 from barbalat.validate import Array, InputError, freeze
 
 

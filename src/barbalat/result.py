@@ -14,8 +14,8 @@ from barbalat.certify.numerics import Stiffness
 from barbalat.closed_loop import ClosedLoop
 from barbalat.grid import Simulation
 from barbalat.metrics import Metrics
-from barbalat.problem import TrackingProblem
 from barbalat.protocols import Controller
+from barbalat.tracking_problem import TrackingProblem
 from barbalat.validate import Array
 
 if TYPE_CHECKING:

@@ -13,10 +13,10 @@ from barbalat.engine import Batch, Progress
 from barbalat.engine import run as advance
 from barbalat.grid import Simulation
 from barbalat.labelling import Run, stiffness_along, watch
-from barbalat.problem import TrackingProblem
 from barbalat.protocols import Controller
 from barbalat.result import Envelope, Result
 from barbalat.stepping import output_function, step_program
+from barbalat.tracking_problem import TrackingProblem
 from barbalat.validate import Array, InputError
 
 

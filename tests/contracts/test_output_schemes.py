@@ -16,13 +16,17 @@ from barbalat.ensemble import simulate_ensemble
 from barbalat.grid import Simulation
 from barbalat.linear import TransferFunction
 from barbalat.output_problem import OutputPlant, OutputProblem, OutputReferenceModel
-from barbalat.packing import column, symbols
 from barbalat.protocols import Controller
 from barbalat.signals import Constant, Sine
 from barbalat.simulation import simulate
 from barbalat.solvers import SOLVERS
-from barbalat.stepping import jacobian_function
-from independent import brute_force, example_output_controllers, refusal
+from independent import (
+    brute_force,
+    example_output_controllers,
+    jacobian_against_differences,
+    refusal,
+    symbols_against_numbers,
+)
 
 PLANTS = {
     1: TransferFunction([2.0], [1.0, -0.5]),
@@ -67,20 +71,7 @@ def test_the_registry_knows_the_class(example):
 
 
 def test_symbols_and_numbers_agree(example):
-    import casadi as ca
-
-    given, controller = example
-    loop = ClosedLoop.of(given, controller)
-    state_column, state = symbols("state", loop.size)
-    signal_column, signal = symbols("signals", 1)
-    outputs = [loop.derivative(state, signal), loop.limit(state), np.concatenate(loop.outputs(state, signal))]
-    traced = ca.Function("f", [state_column, signal_column], [column(value) for value in outputs])
-    random = np.random.default_rng(5)
-    for _ in range(20):
-        y, r = random.normal(size=loop.size), random.normal(size=1)
-        numbers = [loop.derivative(y, r), loop.limit(y), np.concatenate(loop.outputs(y, r))]
-        for symbolic, numeric in zip(traced(y, r), numbers, strict=True):
-            np.testing.assert_allclose(np.asarray(symbolic)[:, 0], numeric, rtol=1e-10, atol=1e-10)
+    symbols_against_numbers(ClosedLoop.of(*example), size=1.0)
 
 
 @pytest.mark.parametrize("solver", SOLVERS)
@@ -109,16 +100,7 @@ def test_the_error_of_a_solver_falls_with_its_order(example):
 
 
 def test_the_exact_jacobian_against_differences(example):
-    given, controller = example
-    loop = ClosedLoop.of(given, controller)
-    random = np.random.default_rng(2)
-    y, signals = loop.initial() + 0.1 * random.uniform(0.5, 1.0, loop.size), np.array([0.7])
-    columns = []
-    for i in range(loop.size):
-        d = 1e-5 * np.eye(loop.size)[i]
-        columns.append((loop.derivative(y + d, signals) - loop.derivative(y - d, signals)) / 2e-5)
-    exact = np.asarray(jacobian_function(loop, 1e-3)(y, signals))
-    np.testing.assert_allclose(exact, np.array(columns).T, rtol=1e-5, atol=1e-5 * max(1, np.abs(exact).max()))
+    jacobian_against_differences(ClosedLoop.of(*example))
 
 
 @pytest.mark.parametrize(("name", "n", "i"), EXAMPLES)

@@ -11,14 +11,12 @@ import pytest
 from barbalat.closed_loop import ClosedLoop
 from barbalat.controllers import SCHEMES, Mrac
 from barbalat.grid import Simulation
-from barbalat.packing import column, symbols
 from barbalat.problem import ParameterBox, Plant, Problem
 from barbalat.protocols import Controller
 from barbalat.signals import Constant, Sine
 from barbalat.simulation import simulate
 from barbalat.solvers import SOLVERS
-from barbalat.stepping import jacobian_function
-from independent import brute_force, example_controllers, refusal
+from independent import brute_force, example_controllers, jacobian_against_differences, refusal, symbols_against_numbers
 
 ORDERS = (1, 2, 3)
 EXAMPLES = [(name, n, i) for name in SCHEMES for n in ORDERS for i in range(len(example_controllers(n).get(name, [None])))]
@@ -55,22 +53,7 @@ def test_the_registry_knows_the_class(example):
 
 
 def test_symbols_and_numbers_agree(example):
-    """The derivative traced by CasADi and evaluated by it, and the same lines on NumPy arrays, at random states."""
-    import casadi as ca
-
-    problem, controller = example
-    loop = ClosedLoop.of(problem, controller)
-    state_column, state = symbols("state", loop.size)
-    signal_column, signal = symbols("signals", 1)
-    outputs = [loop.derivative(state, signal), loop.limit(state), np.concatenate(loop.outputs(state, signal))]
-    traced = ca.Function("f", [state_column, signal_column], [column(value) for value in outputs])
-    random = np.random.default_rng(5)
-    for _ in range(20):
-        y, r = 3 * random.normal(size=loop.size), random.normal(size=1)
-        numbers = [loop.derivative(y, r), loop.limit(y), np.concatenate(loop.outputs(y, r))]
-        for symbolic, numeric in zip(traced(y, r), numbers, strict=True):
-            # the same sums in another order: a few dozen roundings of terms up to 1e4
-            np.testing.assert_allclose(np.asarray(symbolic)[:, 0], numeric, rtol=1e-10, atol=1e-10)
+    symbols_against_numbers(ClosedLoop.of(*example), size=3.0)
 
 
 def test_the_flat_state_and_its_parts(example):
@@ -157,17 +140,7 @@ def test_shapes_and_numbers_of_a_result(example):
 
 
 def test_the_exact_jacobian_against_differences(example):
-    """Central differences of the right-hand side: h^2 = 1e-10 times third derivatives, and eps/h = 1e-11 times values."""
-    problem, controller = example
-    loop = ClosedLoop.of(problem, controller)
-    random = np.random.default_rng(2)
-    y, signals = loop.initial() + 0.1 * random.uniform(0.5, 1.0, loop.size), np.array([0.7])
-    columns = []
-    for i in range(loop.size):
-        d = 1e-5 * np.eye(loop.size)[i]
-        columns.append((loop.derivative(y + d, signals) - loop.derivative(y - d, signals)) / 2e-5)
-    exact = np.asarray(jacobian_function(loop, 1e-3)(y, signals))
-    np.testing.assert_allclose(exact, np.array(columns).T, rtol=1e-5, atol=1e-5 * max(1, np.abs(exact).max()))
+    jacobian_against_differences(ClosedLoop.of(*example))
 
 
 def test_projection_is_on_where_the_set_is_known_and_can_be_switched_off(adaptive):

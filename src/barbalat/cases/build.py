@@ -16,8 +16,9 @@ from barbalat.known_set import KnownSet, ParameterBall, ParameterBox
 from barbalat.linear import TransferFunction
 from barbalat.linear_design import delay_weight, hinf_feedback, pi_feedback
 from barbalat.plant import ReferenceModel
-from barbalat.problem import Disturbance, Known, Problem
+from barbalat.problem import Known, Problem
 from barbalat.protocols import Controller, Signal
+from barbalat.tracking_problem import Disturbance
 from barbalat.validate import InputError
 
 

@@ -17,10 +17,10 @@ from barbalat.controllers import Sampled
 from barbalat.grid import Simulation
 from barbalat.linear import TransferFunction, input_filter
 from barbalat.measurement import Noise, Sensor
-from barbalat.problem import TrackingProblem
 from barbalat.protocols import Controller, Signal
 from barbalat.solvers import SOLVERS
 from barbalat.stepping import Rhythm
+from barbalat.tracking_problem import TrackingProblem
 from barbalat.validate import InputError
 
 

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from barbalat.certify.certificate import Certificate
     from barbalat.grid import Simulation
-    from barbalat.problem import TrackingProblem
     from barbalat.protocols import Controller
+    from barbalat.tracking_problem import TrackingProblem
 
 
 class _Callable(ModuleType):

@@ -7,7 +7,8 @@ from typing import Any
 from barbalat.certify import theorem1
 from barbalat.certify.certificate import Certificate
 from barbalat.closed_loop import ClosedLoop
-from barbalat.problem import Problem, TrackingProblem
+from barbalat.problem import Problem
+from barbalat.tracking_problem import TrackingProblem
 
 MATCHED = "the plant is (1): matched uncertainty, no unmodelled dynamics, continuous time"
 NO_DISTURBANCE = "no disturbance acts"

@@ -26,7 +26,8 @@ from barbalat.certify.oscillator import Oscillator
 from barbalat.controllers import L1Adaptive, Mrac, NormalizedMrac, RobustMrac
 from barbalat.controllers.robust_mrac import Equations
 from barbalat.grid import Simulation
-from barbalat.problem import Problem, TrackingProblem
+from barbalat.problem import Problem
+from barbalat.tracking_problem import TrackingProblem
 from barbalat.validate import Array
 
 

@@ -12,7 +12,8 @@ from barbalat.certify.margins import complementary_sensitivity, margins, sensiti
 from barbalat.certify.peaks import peak_gain
 from barbalat.closed_loop import ClosedLoop
 from barbalat.linear import StateSpace
-from barbalat.problem import Problem, TrackingProblem
+from barbalat.problem import Problem
+from barbalat.tracking_problem import TrackingProblem
 from barbalat.validate import InputError
 
 KEYS = {"delay": "delay_margin", "phase": "phase_margin", "gain_up": "gain_margin", "gain_down": "gain_reduction_margin"}

@@ -14,8 +14,9 @@ from barbalat.certify.common import CONTINUOUS, OF_THE_PROBLEM
 from barbalat.certify.held import HeldOscillator
 from barbalat.controllers import L1Adaptive, LinearFeedback, Mrac, Sampled
 from barbalat.grid import Simulation
-from barbalat.problem import Problem, TrackingProblem
+from barbalat.problem import Problem
 from barbalat.solvers import EULER
+from barbalat.tracking_problem import TrackingProblem
 
 MIDPOINT = "no gain makes its law numerically unstable, so there is no gamma_max and no step_max"
 AS_EULER = "gamma_max and step_max are those of Euler's method at the sample time, for all that the controller integrates"

@@ -33,8 +33,9 @@ from barbalat.controllers import L1Adaptive, LinearFeedback, Mrac, NormalizedMra
 from barbalat.grid import Simulation
 from barbalat.linear import StateSpace
 from barbalat.output_problem import OutputProblem
-from barbalat.problem import Problem, TrackingProblem
+from barbalat.problem import Problem
 from barbalat.protocols import Controller
+from barbalat.tracking_problem import TrackingProblem
 from barbalat.validate import InputError
 
 

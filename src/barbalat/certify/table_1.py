@@ -17,8 +17,9 @@ from barbalat.certify.certificate import Certificate
 from barbalat.certify.common import OUTSIDE, departures
 from barbalat.controllers import LinearFeedback, Sampled
 from barbalat.controllers.output.linear import LinearOutput
-from barbalat.problem import Problem, TrackingProblem
+from barbalat.problem import Problem
 from barbalat.protocols import Controller
+from barbalat.tracking_problem import TrackingProblem
 
 PROPERTIES = {
     "stability": "Signals bounded",

@@ -10,8 +10,8 @@ from barbalat.certify.table import certify_where_possible
 from barbalat.certify.table_1 import Table, table_1
 from barbalat.claims.section_v import Runs
 from barbalat.grid import Simulation
-from barbalat.problem import TrackingProblem
 from barbalat.protocols import Controller
+from barbalat.tracking_problem import TrackingProblem
 
 
 class Certified(NamedTuple):

@@ -14,11 +14,12 @@ from barbalat.ensemble import simulate_ensemble
 from barbalat.grid import Simulation
 from barbalat.known_set import ParameterBox
 from barbalat.metrics import Metrics
-from barbalat.problem import Problem, TrackingProblem
+from barbalat.problem import Problem
 from barbalat.protocols import Controller
 from barbalat.signals import Constant
 from barbalat.study.criteria import Expected, tail_error
 from barbalat.study.motion import Motion
+from barbalat.tracking_problem import TrackingProblem
 from barbalat.validate import Array
 
 Member = tuple[TrackingProblem, Controller]

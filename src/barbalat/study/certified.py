@@ -11,11 +11,11 @@ import numpy as np
 from barbalat.certify.certificate import Certificate
 from barbalat.engine import Progress, part
 from barbalat.grid import Simulation
-from barbalat.problem import TrackingProblem
 from barbalat.protocols import Controller
 from barbalat.study.criteria import Lost, Onset
 from barbalat.study.delay_margin import Bracket, DelayMargins, delay_margins
 from barbalat.study.motion import RESTING, Motion
+from barbalat.tracking_problem import TrackingProblem
 
 
 def with_simulated_margins(

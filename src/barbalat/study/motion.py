@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from barbalat.grid import Simulation
-from barbalat.problem import TrackingProblem
+from barbalat.tracking_problem import TrackingProblem
 from barbalat.validate import Array
 
 INSTANTS = 20_000
