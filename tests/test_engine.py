@@ -12,7 +12,7 @@ import pytest
 from barbalat.closed_loop import ClosedLoop
 from barbalat.controllers import L1Adaptive, Mrac
 from barbalat.engine import Batch, best_lanes, run
-from barbalat.grid import CHUNK_STEPS, Simulation
+from barbalat.grid import CHUNK_STEPS, Simulation, segments_of
 from barbalat.linear import input_filter
 from barbalat.simulation import simulate
 from barbalat.stepping import step_program
@@ -71,7 +71,7 @@ def test_the_envelope_shows_what_decimation_hides(section_v):
 def test_segments_cover_every_step_once_and_end_at_the_tail(steps, record_points):
     simulation = Simulation(t_end=steps * STEP, dt=STEP, record_points=record_points)
     position = 0
-    for segment in simulation.segments(recorded=True):
+    for segment in segments_of(simulation, recorded=True):
         assert segment.start == position
         assert segment.length > 0
         assert segment.blocks > 0
@@ -119,7 +119,7 @@ def test_memory_does_not_grow_with_the_run(problems, record, record_points):
 def test_no_kernel_call_is_longer_than_a_chunk():
     """Also where few instants are recorded of very many steps: the table of the signals is made for a whole call."""
     simulation = Simulation(t_end=1e6, dt=1e-3, record_points=10)
-    assert next(iter(simulation.segments(recorded=True))).steps <= CHUNK_STEPS
+    assert next(iter(segments_of(simulation, recorded=True))).steps <= CHUNK_STEPS
 
 
 def test_progress_rises_to_one(problems):

@@ -12,7 +12,7 @@ from barbalat.adaptation.laws import LeastSquares
 from barbalat.closed_loop import ClosedLoop
 from barbalat.controllers import L1Adaptive, Mrac, RobustMrac
 from barbalat.engine import Batch, run
-from barbalat.grid import Simulation
+from barbalat.grid import Simulation, segments_of
 from barbalat.linear import input_filter
 from barbalat.metrics import DIVERGENCE_LIMIT
 from barbalat.problem import ParameterBox, Plant, Problem
@@ -83,7 +83,7 @@ def test_figures_across_kernel_calls(problems, monkeypatch, chunk):
     simulation = Simulation(t_end=1003 * STEP, dt=STEP, record_points=60)
     whole = simulate(problem, [controller], simulation)["L1"]
     monkeypatch.setattr(grid, "CHUNK_STEPS", chunk)
-    assert len(list(simulation.segments(recorded=True))) > 4
+    assert len(list(segments_of(simulation, recorded=True))) > 4
     cut = simulate(problem, [controller], simulation)["L1"]
     assert np.array_equal(cut.x, whole.x)
     assert cut.figures.pop("diverged_at") is None

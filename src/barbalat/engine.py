@@ -11,7 +11,7 @@ import numpy as np
 
 from barbalat import validate
 from barbalat.delay import PER_INPUT
-from barbalat.grid import Segment, Simulation, final_row, signal_table
+from barbalat.grid import Segment, Simulation, final_row, signal_table, segments_of
 from barbalat.lowering.machine import Kernel, Past, Watch, vector_width
 from barbalat.measurement import standard_normal
 from barbalat.metrics import Metrics, Totals
@@ -143,7 +143,7 @@ def run(
     """Advance all batches from 0 to t_end. Memory does not grow with t_end, except for what a batch records."""
     if threads is not None:
         validate.whole("threads", threads, least=1)
-    segments = list(simulation.segments(recorded=any(batch.record for batch in batches)))
+    segments = list(segments_of(simulation, recorded=any(batch.record for batch in batches)))
     groups = [group for batch in batches for group in batch.groups]
     with ThreadPoolExecutor(threads or os.cpu_count() or 1) as pool:
 

@@ -12,7 +12,7 @@ import numpy as np
 from barbalat import delay, validate
 from barbalat.closed_loop import ClosedLoop
 from barbalat.engine import Batch, Progress, run
-from barbalat.grid import CHUNK_STEPS, Simulation
+from barbalat.grid import CHUNK_STEPS, Simulation, segments_of
 from barbalat.metrics import Metrics
 from barbalat.packing import symbols
 from barbalat.protocols import Controller
@@ -132,7 +132,7 @@ def _points(simulation: Simulation) -> int:
 
 def _quarters(batch: Batch, simulation: Simulation) -> Array:
     """(M, 4, n) from the recorded blocks: each belongs to the quarter in which its middle lies."""
-    segments = list(simulation.segments(recorded=True))
+    segments = list(segments_of(simulation, recorded=True))
     middles = np.concatenate([s.start + (np.arange(s.blocks) + 0.5) * s.length for s in segments])
     quarter = (4 * middles / simulation.steps).astype(int)
     shape, at = batch.program.shape, batch.totals.at

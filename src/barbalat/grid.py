@@ -61,20 +61,6 @@ class Simulation:
         """The step at which the tail, the last quarter of [0, t_end], begins."""
         return self.steps - self.steps // 4
 
-    def segments(self, *, recorded: bool) -> Iterator[Segment]:
-        """The run cut into kernel calls; blocks never straddle the tail's start, so that figures of the tail are exact.
-
-        A recorded run has one block between two instants that are kept; any other has one for each call.
-        """
-        length = min(max(1, round(self.steps / self.record_points)), CHUNK_STEPS) if recorded else CHUNK_STEPS
-        per_chunk = max(1, CHUNK_STEPS // length)
-        for start, stop in ((0, self.tail_start), (self.tail_start, self.steps)):
-            whole = (stop - start) // length
-            for first in range(0, whole, per_chunk):
-                yield Segment(start + first * length, min(per_chunk, whole - first), length, start > 0)
-            if rest := (stop - start) % length:
-                yield Segment(stop - rest, 1, rest, start > 0)
-
 
 @dataclass(frozen=True)
 class Segment:
@@ -88,6 +74,21 @@ class Segment:
     @property
     def steps(self) -> int:
         return self.blocks * self.length
+
+
+def segments_of(simulation: Simulation, *, recorded: bool) -> Iterator[Segment]:
+    """The run cut into kernel calls; blocks never straddle the tail's start, so that figures of the tail are exact.
+
+    A recorded run has one block between two instants that are kept; any other has one for each call.
+    """
+    length = min(max(1, round(simulation.steps / simulation.record_points)), CHUNK_STEPS) if recorded else CHUNK_STEPS
+    per_chunk = max(1, CHUNK_STEPS // length)
+    for start, stop in ((0, simulation.tail_start), (simulation.tail_start, simulation.steps)):
+        whole = (stop - start) // length
+        for first in range(0, whole, per_chunk):
+            yield Segment(start + first * length, min(per_chunk, whole - first), length, start > 0)
+        if rest := (stop - start) % length:
+            yield Segment(stop - rest, 1, rest, start > 0)
 
 
 def signal_table(signals: tuple[Signal, ...], simulation: Simulation, start: int, steps: int) -> Array:

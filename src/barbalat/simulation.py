@@ -11,7 +11,7 @@ from barbalat import delay, validate
 from barbalat.closed_loop import ClosedLoop
 from barbalat.engine import Batch, Progress
 from barbalat.engine import run as advance
-from barbalat.grid import Simulation
+from barbalat.grid import Simulation, segments_of
 from barbalat.labelling import Run, stiffness_along, watch
 from barbalat.protocols import Controller
 from barbalat.result import Envelope, Result
@@ -100,7 +100,7 @@ def _record(simulation: Simulation, batch: Batch) -> tuple[Array, Array, Array]:
     """Steps (K,), states (K, size) and the accumulators between them (K - 1, ...) of a batch of one member."""
     (group,) = batch.groups
     blocks = np.concatenate([out[:, :, 0] for out in group.recorded])
-    starts = [s.start + np.arange(s.blocks) * s.length for s in simulation.segments(recorded=True)][: len(group.recorded)]
+    starts = [s.start + np.arange(s.blocks) * s.length for s in segments_of(simulation, recorded=True)][: len(group.recorded)]
     steps = np.append(np.concatenate(starts), simulation.steps)
     states = np.vstack([blocks[:, : batch.program.shape.states], group.state[:, 0]])
     return steps, states, blocks[:, batch.program.shape.states :]
