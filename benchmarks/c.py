@@ -10,8 +10,9 @@ from pathlib import Path
 
 import numpy as np
 
-from barbalat.lowering import c99, llvm_ir
+from barbalat.lowering import c99
 from barbalat.lowering.operations import Program
+from barbalat.lowering.shape import ENTRY
 from benchmarks.kernel import WITH_FIGURES, Loop, advance
 from benchmarks.loops import Case
 from benchmarks.race import Contestant
@@ -38,7 +39,7 @@ def compile_loop(source: str, flags: str, folder: Path, stem: str) -> Loop:
     text.write_text(source)
     command = f"gcc -O3 -march=native {flags} -shared -fPIC".split()
     subprocess.run([*command, str(text), "-o", str(library), "-lm"], check=True)
-    function = ctypes.CDLL(str(library))[llvm_ir.ENTRY]
+    function = ctypes.CDLL(str(library))[ENTRY]
     function.argtypes = [ctypes.c_int64] * 2 + [ctypes.c_void_p] * 4
     function.restype = None
 

@@ -14,10 +14,10 @@ from pathlib import Path
 import numpy as np
 
 from barbalat import RK4, Simulation
-from barbalat.closed_loop import ClosedLoop
-from barbalat.engine import Batch, best_lanes, run
-from barbalat.lowering.machine import Kernel
-from barbalat.stepping import step_program
+from barbalat.loop.closed_loop import ClosedLoop
+from barbalat.lowering.llvm.machine import Kernel
+from barbalat.run.engine import Batch, best_lanes, run
+from barbalat.run.step import step_program
 from benchmarks.loops import PROBLEM, STEP, Case, l1
 from benchmarks.race import Time
 from benchmarks.table import Row

@@ -7,16 +7,17 @@ from dataclasses import replace
 
 import numpy as np
 
-from barbalat import delay
-from barbalat.actuation import PlantInput
 from barbalat.adaptation.laws import LeastSquares
 from barbalat.cases.load import load_case
-from barbalat.closed_loop import ClosedLoop
 from barbalat.controllers import L1Adaptive, RobustMrac, Sampled
-from barbalat.engine import Batch
-from barbalat.grid import Simulation, signal_table
-from barbalat.linear import TransferFunction, input_filter
-from barbalat.stepping import step_program
+from barbalat.linear.systems import TransferFunction, input_filter
+from barbalat.loop.closed_loop import ClosedLoop
+from barbalat.problem.actuation import PlantInput
+from barbalat.run import delay
+from barbalat.run.engine import Batch
+from barbalat.run.grid import signal_table
+from barbalat.run.step import step_program
+from barbalat.solvers.simulation import Simulation
 from benchmarks.race import Contestant, race
 from benchmarks.table import Row
 

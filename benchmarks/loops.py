@@ -22,12 +22,12 @@ from barbalat import (
     Sine,
     input_filter,
 )
-from barbalat.closed_loop import ClosedLoop
-from barbalat.grid import signal_table
+from barbalat.loop.closed_loop import ClosedLoop
+from barbalat.loop.packing import symbols
 from barbalat.lowering.operations import Program, read
-from barbalat.packing import symbols
 from barbalat.protocols import Controller
-from barbalat.stepping import StepProgram, step_function, step_program
+from barbalat.run.grid import signal_table
+from barbalat.run.step import StepProgram, step_function, step_program
 
 STEP = 1e-4
 """Section V, Figs. 2 and 3 [s]."""

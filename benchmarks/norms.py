@@ -11,9 +11,10 @@ from typing import NamedTuple
 import numpy as np
 from scipy.integrate import IntegrationWarning, quad
 
-from barbalat.certify import theorem1
-from barbalat.certify.l1 import Enclosure, l1_norm
-from barbalat.linear import input_filter
+from barbalat.certificates.bounds import theorem_1
+from barbalat.linear.enclosure import Enclosure
+from barbalat.linear.l1_norms import l1_norm
+from barbalat.linear.systems import input_filter
 from benchmarks.loops import PROBLEM
 from benchmarks.race import WrongNumbersError
 from benchmarks.table import Row
@@ -55,7 +56,7 @@ class System(NamedTuple):
 
 def systems() -> list[System]:
     """Section V's condition, two random systems, a lightly damped one and one with poles far apart."""
-    A, B, C, _ = theorem1.filtered_model(PROBLEM.known, input_filter(0.02).realise())
+    A, B, C, _ = theorem_1.filtered_model(PROBLEM.known, input_filter(0.02).realise())
     found = [System("W_b(1 - C) of Section V, order 3", A, B, C[1:])]
     for n in (4, 8):
         rng = np.random.default_rng(n)

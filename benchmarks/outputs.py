@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from barbalat.adaptation.laws import LeastSquares
+from barbalat.adaptation.output_lyapunov import LyapunovLaw
 from barbalat.controllers import L1Adaptive, Mrac, RobustMrac
 from barbalat.controllers.output import L1Output, MracOutput
-from barbalat.controllers.output.lyapunov import LyapunovLaw
-from barbalat.linear import TransferFunction, input_filter
-from barbalat.output_problem import OutputPlant, OutputProblem, OutputReferenceModel
-from barbalat.problem import ParameterBox, Plant, Problem
+from barbalat.linear.systems import TransferFunction, input_filter
+from barbalat.problem.output_feedback import OutputProblem
+from barbalat.problem.output_plant import OutputPlant, OutputReferenceModel
+from barbalat.problem.state_feedback import ParameterBox, Plant, Problem
 from barbalat.signals import Sine
 from benchmarks.inputs import STEPS, advance
 from benchmarks.race import Contestant, race

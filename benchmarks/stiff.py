@@ -11,7 +11,7 @@ from typing import get_args
 
 from barbalat.claims import section_v, stiff
 from barbalat.claims.stiff_methods import Path, SciPyMethod, cvodes, scipy_path
-from barbalat.closed_loop import ClosedLoop
+from barbalat.loop.closed_loop import ClosedLoop
 from benchmarks.table import console
 
 TOLERANCES = (1e-3, 1e-6)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from barbalat.problem import ParameterBox, Plant, Problem, ReferenceModel
+from barbalat.problem.state_feedback import ParameterBox, Plant, Problem, ReferenceModel
 from barbalat.signals import Sine, Sines
 
 

@@ -13,14 +13,14 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from barbalat.adaptation.laws import Gradient, LeastSquares
-from barbalat.closed_loop import ClosedLoop
+from barbalat.adaptation.output_lyapunov import LyapunovLaw
 from barbalat.controllers import L1Adaptive, LinearFeedback, Mrac, NormalizedMrac, RobustMrac
 from barbalat.controllers.output import L1Output, LinearOutput, MracOutput
 from barbalat.controllers.output.l1 import linear_equivalent
-from barbalat.controllers.output.lyapunov import LyapunovLaw
-from barbalat.linear import TransferFunction, input_filter
-from barbalat.packing import column, symbols
-from barbalat.stepping import jacobian_function
+from barbalat.linear.systems import TransferFunction, input_filter
+from barbalat.loop.closed_loop import ClosedLoop
+from barbalat.loop.linearization import jacobian_function
+from barbalat.loop.packing import column, symbols
 from barbalat.validate import InputError
 
 EPS = np.finfo(float).eps

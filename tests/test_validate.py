@@ -25,14 +25,14 @@ from barbalat import (
 )
 from barbalat.adaptation.laws import Gradient, LeastSquares
 from barbalat.adaptation.normalization import Normalization
-from barbalat.closed_loop import ClosedLoop
 from barbalat.controllers import L1Adaptive, Mrac, NormalizedMrac, RobustMrac
-from barbalat.grid import Simulation
-from barbalat.linear import TransferFunction, input_filter
-from barbalat.problem import ParameterBall, ParameterBox, Plant, Problem, ReferenceModel
+from barbalat.linear.systems import TransferFunction, input_filter
+from barbalat.loop.closed_loop import ClosedLoop
+from barbalat.problem.state_feedback import ParameterBall, ParameterBox, Plant, Problem, ReferenceModel
+from barbalat.run.simulate import simulate
 from barbalat.signals import Chirp, Constant, Recorded, Sine, Sines, Square, Step, Steps
-from barbalat.simulation import simulate
 from barbalat.solvers import RK4
+from barbalat.solvers.simulation import Simulation
 from barbalat.validate import InputError
 from independent import refusal
 

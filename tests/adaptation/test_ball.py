@@ -11,7 +11,7 @@ from scipy.optimize import minimize
 from adaptation.examples import random_gain
 from barbalat.adaptation.gain import as_matrix, times
 from barbalat.adaptation.projection import limit, project
-from barbalat.known_set import ParameterBall
+from barbalat.problem.known_set import ParameterBall
 
 REPRODUCIBLE = settings(max_examples=300, derandomize=True, database=None, deadline=None)
 ALWAYS = 1e-9  # of quantities of order 1 to 1e3

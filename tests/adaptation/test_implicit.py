@@ -10,9 +10,9 @@ from examples import BOUND, G_0, inside, known_sets, laws
 from scipy.optimize import minimize
 
 from barbalat import ParameterBall, ParameterBox
-from barbalat.adaptation import gain, implicit, within
-from barbalat.adaptation.integral_cost import Memory as Data
+from barbalat.adaptation import gain, implicit, step_within_set
 from barbalat.adaptation.laws import Estimation, Gradient, IntegralCost
+from barbalat.adaptation.laws.integral_cost import Memory as Data
 from barbalat.validate import InputError
 
 RHO_0, RHO_1 = 20.0, 0.5
@@ -186,9 +186,9 @@ def test_the_step_within_a_set_against_a_quadratic_programme():
                 gamma = np.full(n, gamma[0])
             start = inside(random, known_set, n, on_the_border=random.random() < 0.3)
             used = float(gamma[0]) if isinstance(known_set, ParameterBall) else gamma
-            found = within.step(start, used, phi, coupling, error, known_set)
+            found = step_within_set.step(start, used, phi, coupling, error, known_set)
             metric = np.diag(1 / gamma) + coupling * np.outer(phi, phi)
-            free = within.step(start, used, phi, coupling, error, None)
+            free = step_within_set.step(start, used, phi, coupling, error, None)
             np.testing.assert_allclose(metric @ (free - start), phi * error, rtol=1e-9, atol=1e-9)
 
             def distance(theta, metric=metric, free=free):

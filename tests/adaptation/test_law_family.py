@@ -7,15 +7,14 @@ import pytest
 
 from adaptation import examples
 from barbalat import DeadZone, EpsilonModification, FixedSigma, ParameterBall, Problem, SwitchingSigma
-from barbalat.adaptation import covariance, integral_cost
 from barbalat.adaptation.gain import as_matrix
-from barbalat.adaptation.laws import LAWS
+from barbalat.adaptation.laws import LAWS, covariance, integral_cost
 from barbalat.adaptation.projection import limit
-from barbalat.closed_loop import ClosedLoop
 from barbalat.controllers import NormalizedMrac, RobustMrac
-from barbalat.grid import Simulation
-from barbalat.simulation import simulate
+from barbalat.loop.closed_loop import ClosedLoop
+from barbalat.run.simulate import simulate
 from barbalat.solvers import RK4
+from barbalat.solvers.simulation import Simulation
 from independent import brute_force, refusal
 
 N = 3

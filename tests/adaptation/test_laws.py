@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from scipy.integrate import quad_vec
 
-from barbalat.adaptation.covariance import Memory
 from barbalat.adaptation.laws import Estimation, Gradient, LeastSquares
+from barbalat.adaptation.laws.covariance import Memory
 from barbalat.adaptation.normalization import Normalization
 from independent import integrate
 

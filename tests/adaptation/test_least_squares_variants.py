@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from scipy.integrate import quad_vec
 
-from barbalat.adaptation import covariance
 from barbalat.adaptation.laws import (
     Estimation,
     IntegralCost,
@@ -15,6 +14,7 @@ from barbalat.adaptation.laws import (
     LeastSquaresBoundedGain,
     LeastSquaresForgetting,
     LeastSquaresResetting,
+    covariance,
 )
 from independent import integrate
 

@@ -22,11 +22,11 @@ from barbalat import (
 )
 from barbalat.adaptation.gain import as_matrix
 from barbalat.adaptation.lyapunov import Modifications
-from barbalat.closed_loop import ClosedLoop
-from barbalat.ensemble import simulate_ensemble
-from barbalat.grid import Simulation
-from barbalat.simulation import simulate
+from barbalat.loop.closed_loop import ClosedLoop
+from barbalat.run.ensemble import simulate_ensemble
+from barbalat.run.simulate import simulate
 from barbalat.solvers import RK4
+from barbalat.solvers.simulation import Simulation
 from independent import brute_force, integrate, refusal
 
 MATRIX = np.array([[3.0, 1.0], [1.0, 2.0]])

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from barbalat import DeadZone, EpsilonModification, FixedSigma, Gradient, LeastSquares, SwitchingSigma
-from barbalat.adaptation.covariance import Memory
 from barbalat.adaptation.laws import Estimation
+from barbalat.adaptation.laws.covariance import Memory
 from independent import integrate
 
 

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from barbalat.adaptation.projection import limit, project
-from barbalat.problem import ParameterBox
+from barbalat.problem.state_feedback import ParameterBox
 
 REPRODUCIBLE = settings(max_examples=300, derandomize=True, database=None, deadline=None)
 ALWAYS = 1e-9  # of quantities of order 1 to 1e3: products of a few random matrices, a few hundred roundings

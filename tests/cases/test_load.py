@@ -1,7 +1,6 @@
 """Case files: every key arrives where it should, and everything that can't be used is one clear sentence."""
 
 from operator import attrgetter
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -88,7 +87,7 @@ def test_linear_controllers_that_cannot_be(settings, words):
         parse_case(PAPER + LINEAR + settings)
 
 
-@pytest.mark.parametrize("name", [*bundled(), str(Path(str(bundled()["paper"])).with_name("template.toml"))])
+@pytest.mark.parametrize("name", [*bundled(), str(bundled()["paper"].parents[1] / "template.toml")])
 def test_every_bundled_file_loads(name):
     assert load_case(name).controllers
 

@@ -5,11 +5,12 @@ import numpy as np
 import pytest
 
 from barbalat import Mrac
-from barbalat.certify.loops import around_equilibrium, series
-from barbalat.certify.margins import margins
+from barbalat.certificates.linear_loops.around_equilibrium import around_equilibrium
 from barbalat.claims import adapting_margins, section_v
-from barbalat.closed_loop import ClosedLoop
-from barbalat.linear import TransferFunction
+from barbalat.linear.interconnections import series
+from barbalat.linear.margins import margins
+from barbalat.linear.systems import TransferFunction
+from barbalat.loop.closed_loop import ClosedLoop
 
 
 @pytest.fixture(scope="module")

@@ -48,7 +48,7 @@ EXPECTED = {
     "sampled-midpoint": "not confirmed",
     # z^2 - a z + a = 0 for a delay of a samples; 1/kappa is slow against them
     "sampled-delay": "confirmed with conditions",
-    # the frozen loop is unstable below a tau that grows with the delay, or with mu (tests/certify/test_frozen.py)
+    # the frozen loop is unstable below a tau that grows with the delay, or with mu (test_frozen.py)
     "tau-limit-delay": "confirmed", "tau-limit-mu": "confirmed",
     "siso-any-relative-degree": "confirmed",
 }  # fmt: skip

@@ -7,7 +7,7 @@ import pytest
 from barbalat import L1Adaptive, Simulation, input_filter, simulate
 from barbalat.claims import section_v
 from barbalat.claims.stiff_methods import Path, cvodes, implicit, scipy_path
-from barbalat.closed_loop import ClosedLoop
+from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.lowering.compiled import Compiled
 
 GIVEN = section_v.problem()

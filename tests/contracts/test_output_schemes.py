@@ -9,17 +9,18 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from barbalat.closed_loop import ClosedLoop
 from barbalat.controllers import Mrac, Sampled
 from barbalat.controllers.output import OUTPUT_SCHEMES, LinearOutput
-from barbalat.ensemble import simulate_ensemble
-from barbalat.grid import Simulation
-from barbalat.linear import TransferFunction
-from barbalat.output_problem import OutputPlant, OutputProblem, OutputReferenceModel
+from barbalat.linear.systems import TransferFunction
+from barbalat.loop.closed_loop import ClosedLoop
+from barbalat.problem.output_feedback import OutputProblem
+from barbalat.problem.output_plant import OutputPlant, OutputReferenceModel
 from barbalat.protocols import Controller
+from barbalat.run.ensemble import simulate_ensemble
+from barbalat.run.simulate import simulate
 from barbalat.signals import Constant, Sine
-from barbalat.simulation import simulate
 from barbalat.solvers import SOLVERS
+from barbalat.solvers.simulation import Simulation
 from independent import (
     brute_force,
     example_output_controllers,

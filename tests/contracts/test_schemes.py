@@ -8,14 +8,14 @@ from functools import cache
 import numpy as np
 import pytest
 
-from barbalat.closed_loop import ClosedLoop
 from barbalat.controllers import SCHEMES, Mrac
-from barbalat.grid import Simulation
-from barbalat.problem import ParameterBox, Plant, Problem
+from barbalat.loop.closed_loop import ClosedLoop
+from barbalat.problem.state_feedback import ParameterBox, Plant, Problem
 from barbalat.protocols import Controller
+from barbalat.run.simulate import simulate
 from barbalat.signals import Constant, Sine
-from barbalat.simulation import simulate
 from barbalat.solvers import SOLVERS
+from barbalat.solvers.simulation import Simulation
 from independent import brute_force, example_controllers, jacobian_against_differences, refusal, symbols_against_numbers
 
 ORDERS = (1, 2, 3)

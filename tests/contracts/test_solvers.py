@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from barbalat.closed_loop import ClosedLoop
 from barbalat.controllers import L1Adaptive
-from barbalat.grid import Simulation
-from barbalat.linear import input_filter
-from barbalat.problem import ParameterBox, Problem
-from barbalat.simulation import simulate
+from barbalat.linear.systems import input_filter
+from barbalat.loop.closed_loop import ClosedLoop
+from barbalat.problem.state_feedback import ParameterBox, Problem
+from barbalat.run.simulate import simulate
 from barbalat.solvers import SOLVERS
+from barbalat.solvers.simulation import Simulation
 from independent import brute_force
 
 

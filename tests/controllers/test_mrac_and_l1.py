@@ -8,11 +8,11 @@ from scipy import linalg
 from scipy import signal as scipy_signal
 
 from barbalat.controllers import L1Adaptive, Mrac
-from barbalat.grid import Simulation
-from barbalat.linear import TransferFunction, input_filter
-from barbalat.problem import Problem
+from barbalat.linear.systems import TransferFunction, input_filter
+from barbalat.problem.state_feedback import Problem
+from barbalat.run.simulate import simulate
 from barbalat.signals import Sine
-from barbalat.simulation import simulate
+from barbalat.solvers.simulation import Simulation
 from independent import integrate
 
 T_END = 4.0

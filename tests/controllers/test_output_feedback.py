@@ -10,31 +10,32 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from barbalat.actuation import PlantInput
-from barbalat.adaptation.dead_zone import DeadZone
-from barbalat.adaptation.fixed_sigma import FixedSigma
 from barbalat.adaptation.laws import LAWS, Gradient, LeastSquares
+from barbalat.adaptation.modifications.dead_zone import DeadZone
+from barbalat.adaptation.modifications.fixed_sigma import FixedSigma
+from barbalat.adaptation.output_lyapunov import LyapunovLaw
 from barbalat.cases.load import load_case
-from barbalat.certify.output import condition_norm, small_gain_system
-from barbalat.certify.output_mrac import matched_feedback
-from barbalat.certify.table import certify
-from barbalat.certify.table_1 import table_1
-from barbalat.closed_loop import ClosedLoop
+from barbalat.certificates.certify import certify
+from barbalat.certificates.schemes.output.l1 import condition_norm, small_gain_system
+from barbalat.certificates.schemes.output.mrac import matched_feedback
+from barbalat.certificates.table_1 import table_1
 from barbalat.controllers import Mrac, Sampled
 from barbalat.controllers.output.l1 import L1Output, fast_limit, linear_equivalent
 from barbalat.controllers.output.linear import LinearOutput
-from barbalat.controllers.output.lyapunov import LyapunovLaw
 from barbalat.controllers.output.matching import filter_polynomial, is_strictly_positive_real, matching_parameters
 from barbalat.controllers.output.mrac import MracOutput
 from barbalat.controllers.robust_mrac import auxiliary_filter
-from barbalat.ensemble import simulate_ensemble
-from barbalat.grid import Simulation
-from barbalat.linear import TransferFunction
-from barbalat.measurement import Noise, Sensor
-from barbalat.output_problem import OutputPlant, OutputProblem, OutputReferenceModel
-from barbalat.packing import column, symbols
+from barbalat.linear.systems import TransferFunction
+from barbalat.loop.closed_loop import ClosedLoop
+from barbalat.loop.packing import column, symbols
+from barbalat.problem.actuation import PlantInput
+from barbalat.problem.measurement import Noise, Sensor
+from barbalat.problem.output_feedback import OutputProblem
+from barbalat.problem.output_plant import OutputPlant, OutputReferenceModel
+from barbalat.run.ensemble import simulate_ensemble
+from barbalat.run.simulate import simulate
 from barbalat.signals import Sine, Step
-from barbalat.simulation import simulate
+from barbalat.solvers.simulation import Simulation
 from independent import refusal
 
 TF = TransferFunction

@@ -9,16 +9,16 @@ import pytest
 from scipy import linalg
 from scipy import signal as scipy_signal
 
-from barbalat.actuation import PlantInput
 from barbalat.adaptation.laws import Gradient, LeastSquares
 from barbalat.adaptation.normalization import Normalization
-from barbalat.closed_loop import ClosedLoop
 from barbalat.controllers import NormalizedMrac, RobustMrac
 from barbalat.controllers.robust_mrac import State
-from barbalat.grid import Simulation
-from barbalat.problem import ParameterBox, Plant, Problem, ReferenceModel
+from barbalat.loop.closed_loop import ClosedLoop
+from barbalat.problem.actuation import PlantInput
+from barbalat.problem.state_feedback import ParameterBox, Plant, Problem, ReferenceModel
+from barbalat.run.simulate import simulate
 from barbalat.signals import Sine, Sines
-from barbalat.simulation import simulate
+from barbalat.solvers.simulation import Simulation
 from independent import brute_force, integrate
 
 LAWS = {"least squares": LeastSquares(covariance0=20.0), "gradient": Gradient(gamma=30.0)}

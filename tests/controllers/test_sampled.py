@@ -8,22 +8,24 @@ import numpy as np
 import pytest
 
 from barbalat import CompositeLearning, DeadZone, EpsilonModification, FixedSigma, SwitchingSigma
-from barbalat.actuation import PlantInput
 from barbalat.adaptation.laws import Gradient, IntegralCost, LeastSquares, LeastSquaresBounded, LeastSquaresBoundedGain
-from barbalat.closed_loop import ClosedLoop
+from barbalat.adaptation.output_lyapunov import LyapunovLaw
 from barbalat.controllers import L1Adaptive, LinearFeedback, Mrac, NormalizedMrac, RobustMrac, Sampled
 from barbalat.controllers.output.l1 import L1Output
 from barbalat.controllers.output.linear import LinearOutput
-from barbalat.controllers.output.lyapunov import LyapunovLaw
 from barbalat.controllers.output.mrac import MracOutput
 from barbalat.controllers.windup import ModifiedError
-from barbalat.ensemble import simulate_ensemble
-from barbalat.grid import Simulation
-from barbalat.linear import TransferFunction, input_filter
-from barbalat.measurement import Noise, Sensor, standard_normal
-from barbalat.output_problem import OutputPlant, OutputProblem, OutputReferenceModel
+from barbalat.linear.systems import TransferFunction, input_filter
+from barbalat.loop.closed_loop import ClosedLoop
+from barbalat.problem.actuation import PlantInput
+from barbalat.problem.measurement import Noise, Sensor
+from barbalat.problem.output_feedback import OutputProblem
+from barbalat.problem.output_plant import OutputPlant, OutputReferenceModel
+from barbalat.run.ensemble import simulate_ensemble
+from barbalat.run.noise import standard_normal
+from barbalat.run.simulate import simulate
 from barbalat.signals import Sine
-from barbalat.simulation import simulate
+from barbalat.solvers.simulation import Simulation
 from independent import refusal
 
 

@@ -9,14 +9,15 @@ import pytest
 
 from barbalat import CompositeLearning, EpsilonModification, FixedSigma, ParameterBall, ParameterBox, SwitchingSigma
 from barbalat.controllers import L1Adaptive
-from barbalat.controllers.midpoint import Predictor
+from barbalat.controllers.l1_sampled import Predictor
 from barbalat.controllers.output.l1 import L1Output
-from barbalat.controllers.output.midpoint import OutputPredictor
-from barbalat.linear import TransferFunction, input_filter
-from barbalat.output_problem import OutputPlant, OutputProblem, OutputReferenceModel
-from barbalat.problem import Known
+from barbalat.controllers.output.l1_sampled import OutputPredictor
+from barbalat.linear.systems import TransferFunction, input_filter
+from barbalat.problem.output_feedback import OutputProblem
+from barbalat.problem.output_plant import OutputPlant, OutputReferenceModel
+from barbalat.problem.regressors import Linear, Uncertainty
+from barbalat.problem.state_feedback import Known
 from barbalat.protocols import Sample
-from barbalat.regressors import Linear, Uncertainty
 from barbalat.signals import Sine
 
 

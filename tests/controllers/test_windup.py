@@ -7,18 +7,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from barbalat.actuation import PlantInput
 from barbalat.adaptation.laws import Gradient, LeastSquares
 from barbalat.adaptation.learning import CompositeLearning
 from barbalat.cases.load import load_case
 from barbalat.controllers import L1Adaptive, Mrac, NormalizedMrac, RobustMrac, Sampled
 from barbalat.controllers.windup import ModifiedError
-from barbalat.grid import Simulation
-from barbalat.linear import input_filter
-from barbalat.packing import flatten
-from barbalat.problem import ParameterBox, Plant, Problem
+from barbalat.linear.systems import input_filter
+from barbalat.loop.packing import flatten
+from barbalat.problem.actuation import PlantInput
+from barbalat.problem.state_feedback import ParameterBox, Plant, Problem
+from barbalat.run.simulate import simulate
 from barbalat.signals import Sine, Square
-from barbalat.simulation import simulate
+from barbalat.solvers.simulation import Simulation
 from independent import refusal
 
 SIMULATION = Simulation(t_end=30.0, dt=1e-3)

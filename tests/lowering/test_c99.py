@@ -14,13 +14,13 @@ import numpy as np
 import pytest
 
 from barbalat import RK4, L1Adaptive, LeastSquares, ParameterBox, Plant, Problem, ReferenceModel, RobustMrac, input_filter
-from barbalat.closed_loop import ClosedLoop
-from barbalat.lowering import c99, llvm_ir
-from barbalat.lowering.machine import Kernel
+from barbalat.loop.closed_loop import ClosedLoop
+from barbalat.lowering import c99
+from barbalat.lowering.llvm.machine import Kernel
 from barbalat.lowering.operations import Operation, Program, read
 from barbalat.lowering.optimize import optimize
-from barbalat.lowering.shape import LoopShape
-from barbalat.stepping import step_program
+from barbalat.lowering.shape import ENTRY, LoopShape
+from barbalat.run.step import step_program
 
 needs_gcc = pytest.mark.skipif(shutil.which("gcc") is None, reason="gcc is not installed")
 
@@ -42,7 +42,7 @@ def compile_c(source: str, folder: Path, *flags: str) -> Callable[..., None]:
     # -ffp-contract=off: where an FMA stands is the list's decision, not the compiler's
     strict = "-std=c99 -pedantic -Wall -Wextra -Wno-unused-parameter -Werror -O2 -march=native -ffp-contract=off -shared -fPIC"
     subprocess.run(["gcc", *strict.split(), *flags, str(text), "-o", str(library), "-lm"], check=True)
-    function = ctypes.CDLL(str(library))[llvm_ir.ENTRY]
+    function = ctypes.CDLL(str(library))[ENTRY]
     function.argtypes = [ctypes.c_int64] * 2 + [ctypes.c_void_p] * 4
     function.restype = None
     return lambda blocks, steps, *arrays: function(blocks, steps, *(array.ctypes.data for array in arrays))

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from barbalat.lowering.machine import Kernel
+from barbalat.lowering.llvm.machine import Kernel
 from barbalat.lowering.operations import COMPARISONS, Program, read
 from barbalat.lowering.optimize import optimize
 from barbalat.lowering.shape import LoopShape

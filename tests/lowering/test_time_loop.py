@@ -6,15 +6,16 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from barbalat.closed_loop import ClosedLoop
-from barbalat.engine import Batch, run
-from barbalat.grid import Simulation, signal_table
-from barbalat.lowering.machine import Kernel, Watch
+from barbalat.loop.closed_loop import ClosedLoop
+from barbalat.lowering.llvm.machine import Kernel, Watch
 from barbalat.lowering.operations import read
 from barbalat.lowering.optimize import optimize
 from barbalat.lowering.shape import LoopShape
+from barbalat.run.engine import Batch, run
+from barbalat.run.grid import signal_table
+from barbalat.run.step import step_function, step_program
 from barbalat.solvers import RK4
-from barbalat.stepping import step_function, step_program
+from barbalat.solvers.simulation import Simulation
 from independent import example_controllers
 
 
@@ -141,8 +142,8 @@ def test_a_member_is_what_it_is_alone(problems, n, scheme):
 def test_two_runs_are_the_same_run(section_v):
     """In the regime of numerical chaos, where one bit would become a different trajectory."""
     from barbalat.controllers import L1Adaptive
-    from barbalat.linear import input_filter
-    from barbalat.simulation import simulate
+    from barbalat.linear.systems import input_filter
+    from barbalat.run.simulate import simulate
 
     controller = L1Adaptive(gamma=1e4, filter=input_filter(0.02))
     simulation = Simulation(t_end=5.0, dt=1e-4)

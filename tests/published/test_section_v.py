@@ -10,10 +10,10 @@ import pytest
 from barbalat.adaptation.laws import LeastSquares
 from barbalat.adaptation.normalization import Normalization
 from barbalat.controllers import L1Adaptive, Mrac, RobustMrac
-from barbalat.grid import Simulation
-from barbalat.linear import input_filter
-from barbalat.simulation import simulate
+from barbalat.linear.systems import input_filter
+from barbalat.run.simulate import simulate
 from barbalat.solvers import RK4
+from barbalat.solvers.simulation import Simulation
 
 THETA = np.array([4.0, -3.0])
 

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from barbalat.certify.table_1 import Table
+from barbalat.certificates.overview import Certified
+from barbalat.certificates.table_1 import Table
 from barbalat.claims.claim import Axis, Chart, Claim, Curve, Listing
 from barbalat.report import charts, page, plots, write
-from barbalat.report.certified import Certified
 from barbalat.validate import InputError
 
 

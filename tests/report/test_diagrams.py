@@ -5,10 +5,10 @@ import pytest
 from matplotlib.patches import Rectangle
 
 from barbalat.cases.load import load_case
-from barbalat.certify.table import certify
+from barbalat.certificates.certify import certify
 from barbalat.controllers.output.l1 import L1Output, fast_limit, linear_equivalent
-from barbalat.linear import TransferFunction
-from barbalat.output_problem import OutputPlant
+from barbalat.linear.systems import TransferFunction
+from barbalat.problem.output_plant import OutputPlant
 from barbalat.report import certificates, diagrams
 
 PLANT = OutputPlant(transfer_function=TransferFunction([458.0], [1.0, 31.0, 259.0, 229.0]), nonlinear="sin(y)")

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from matplotlib.image import imread
 
-from barbalat.certify.table_1 import Table
+from barbalat.certificates.overview import Certified
+from barbalat.certificates.table_1 import Table
 from barbalat.claims.claim import Axis, Claim, Curve, Map
 from barbalat.report import maps, page, plots, write
-from barbalat.report.certified import Certified
 from barbalat.validate import InputError
 
 

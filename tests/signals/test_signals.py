@@ -4,10 +4,11 @@ import numpy as np
 import pytest
 from scipy import signal as scipy_signal
 
-from barbalat.grid import Simulation, signal_table
 from barbalat.protocols import Signal
+from barbalat.run.grid import signal_table
 from barbalat.signals import Chirp, Constant, Recorded, Sine, Sines, Square, Step, Steps
 from barbalat.solvers import EULER, HEUN, RK4
+from barbalat.solvers.simulation import Simulation
 from independent import refusal
 
 T = np.linspace(0, 20, 401)

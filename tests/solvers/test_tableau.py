@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from barbalat.closed_loop import ClosedLoop
 from barbalat.controllers import L1Adaptive, Mrac
-from barbalat.grid import Simulation
-from barbalat.linear import input_filter
-from barbalat.problem import Plant, Problem
+from barbalat.linear.systems import input_filter
+from barbalat.loop.closed_loop import ClosedLoop
+from barbalat.problem.state_feedback import Plant, Problem
+from barbalat.run.simulate import simulate
 from barbalat.signals import Step, Steps
-from barbalat.simulation import simulate
 from barbalat.solvers import EULER, HEUN, RK4, SOLVERS, Tableau
+from barbalat.solvers.simulation import Simulation
 from independent import integrate
 
 # methods that are not registered, to see that nothing is made for the registered ones only

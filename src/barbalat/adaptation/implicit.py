@@ -11,18 +11,18 @@ from typing import Any
 import numpy as np
 
 from barbalat.adaptation import gain
-from barbalat.adaptation.bounded_covariance import LeastSquaresBounded
-from barbalat.adaptation.bounded_gain import LeastSquaresBoundedGain
-from barbalat.adaptation.covariance import Memory
-from barbalat.adaptation.dead_zone import DeadZone
-from barbalat.adaptation.forgetting import LeastSquaresForgetting
-from barbalat.adaptation.integral_cost import IntegralCost
-from barbalat.adaptation.integral_cost import Memory as Data
 from barbalat.adaptation.laws import AdaptiveLaw, Gradient, Rates
-from barbalat.adaptation.leakage import Leakage
+from barbalat.adaptation.laws.bounded_covariance import LeastSquaresBounded
+from barbalat.adaptation.laws.bounded_gain import LeastSquaresBoundedGain
+from barbalat.adaptation.laws.covariance import Memory
+from barbalat.adaptation.laws.forgetting import LeastSquaresForgetting
+from barbalat.adaptation.laws.integral_cost import IntegralCost
+from barbalat.adaptation.laws.integral_cost import Memory as Data
+from barbalat.adaptation.modifications.dead_zone import DeadZone
+from barbalat.adaptation.modifications.leakage import Leakage
+from barbalat.adaptation.modifications.switching_sigma import SwitchingSigma
 from barbalat.adaptation.projection import limit
-from barbalat.adaptation.switching_sigma import SwitchingSigma
-from barbalat.known_set import EstimateSet, KnownSet, ParameterBall, ParameterBox, ParameterProduct
+from barbalat.problem.known_set import EstimateSet, KnownSet, ParameterBall, ParameterBox, ParameterProduct
 from barbalat.protocols import Value
 from barbalat.validate import InputError
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple, Protocol
 
-from barbalat.known_set import KnownSet
+from barbalat.problem.known_set import KnownSet
 from barbalat.protocols import Value
 
 

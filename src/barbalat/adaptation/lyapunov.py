@@ -6,13 +6,13 @@ from dataclasses import dataclass
 from typing import Any
 
 from barbalat import validate
-from barbalat.adaptation import dead_zone as zone
 from barbalat.adaptation import gain
-from barbalat.adaptation import leakage as leak
-from barbalat.adaptation.epsilon_modification import EpsilonModification
 from barbalat.adaptation.learning import CompositeLearning
+from barbalat.adaptation.modifications import dead_zone as zone
+from barbalat.adaptation.modifications import leakage as leak
+from barbalat.adaptation.modifications.epsilon_modification import EpsilonModification
 from barbalat.adaptation.projection import project
-from barbalat.known_set import EstimateSet
+from barbalat.problem.known_set import EstimateSet
 from barbalat.protocols import Value
 from barbalat.validate import Array, InputError
 

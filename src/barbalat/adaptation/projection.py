@@ -14,7 +14,7 @@ from itertools import combinations
 import numpy as np
 
 from barbalat.adaptation.gain import is_matrix, times
-from barbalat.known_set import EstimateSet, ParameterBall, ParameterBox, ParameterProduct
+from barbalat.problem.known_set import EstimateSet, ParameterBall, ParameterBox, ParameterProduct
 from barbalat.protocols import Value
 
 ON_THE_SPHERE = 2.0**-46

@@ -12,13 +12,13 @@ from barbalat.cases.parts import Case, assembled, bound_and_sampled, low_pass, s
 from barbalat.cases.plant import build_plant, within
 from barbalat.controllers import L1Adaptive, LinearFeedback, Mrac, NormalizedMrac, RobustMrac
 from barbalat.controllers.windup import ModifiedError
-from barbalat.known_set import KnownSet, ParameterBall, ParameterBox
-from barbalat.linear import TransferFunction
-from barbalat.linear_design import delay_weight, hinf_feedback, pi_feedback
-from barbalat.plant import ReferenceModel
-from barbalat.problem import Known, Problem
+from barbalat.design import delay_weight, hinf_feedback, pi_feedback
+from barbalat.linear.systems import TransferFunction
+from barbalat.problem.known_set import KnownSet, ParameterBall, ParameterBox
+from barbalat.problem.plant import ReferenceModel
+from barbalat.problem.state_feedback import Known, Problem
+from barbalat.problem.tracking import Disturbance
 from barbalat.protocols import Controller, Signal
-from barbalat.tracking_problem import Disturbance
 from barbalat.validate import InputError
 
 

@@ -5,14 +5,14 @@ from __future__ import annotations
 from dataclasses import fields
 from typing import Any, Literal
 
-from barbalat.adaptation.dead_zone import DeadZone
-from barbalat.adaptation.epsilon_modification import EpsilonModification
-from barbalat.adaptation.fixed_sigma import FixedSigma
 from barbalat.adaptation.laws import LAWS, AdaptiveLaw
-from barbalat.adaptation.leakage import Leakage
 from barbalat.adaptation.learning import CompositeLearning
+from barbalat.adaptation.modifications.dead_zone import DeadZone
+from barbalat.adaptation.modifications.epsilon_modification import EpsilonModification
+from barbalat.adaptation.modifications.fixed_sigma import FixedSigma
+from barbalat.adaptation.modifications.leakage import Leakage
+from barbalat.adaptation.modifications.switching_sigma import SwitchingSigma
 from barbalat.adaptation.normalization import Normalization
-from barbalat.adaptation.switching_sigma import SwitchingSigma
 from barbalat.cases.tables import Gain, Table
 from barbalat.validate import InputError
 

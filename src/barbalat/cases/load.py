@@ -22,8 +22,8 @@ from barbalat.validate import InputError, show
 
 def bundled() -> dict[str, Path]:
     """The bundled cases: name -> file."""
-    folder = Path(str(resources.files("barbalat.cases")))
-    return {path.stem: path for path in sorted(folder.glob("*.toml")) if path.stem != "template"}
+    folder = Path(str(resources.files("barbalat.cases.bundled")))
+    return {path.stem: path for path in sorted(folder.glob("*.toml"))}
 
 
 def load_case(case: str | Path) -> Case:

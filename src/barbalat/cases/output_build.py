@@ -12,9 +12,10 @@ from barbalat.cases.plant_tables import TransferFunctionTable
 from barbalat.controllers.output.l1 import L1Output, fast_limit, linear_equivalent
 from barbalat.controllers.output.linear import LinearOutput
 from barbalat.controllers.output.mrac import MracOutput
-from barbalat.linear import TransferFunction
-from barbalat.linear_design import mixed_sensitivity, pi_controller
-from barbalat.output_problem import OutputPlant, OutputProblem, OutputReferenceModel, strictly_proper
+from barbalat.design import mixed_sensitivity, pi_controller
+from barbalat.linear.systems import TransferFunction, strictly_proper
+from barbalat.problem.output_feedback import OutputProblem
+from barbalat.problem.output_plant import OutputPlant, OutputReferenceModel
 from barbalat.protocols import Controller
 from barbalat.validate import InputError
 

@@ -7,12 +7,12 @@ from typing import Annotated, Literal, TypeAlias
 from pydantic import Field
 
 from barbalat.adaptation.law import AdaptiveLaw
+from barbalat.adaptation.output_lyapunov import LyapunovLaw
 from barbalat.cases.law_tables import LawTable, ModificationTable, NormalizationTable
 from barbalat.cases.plant_tables import InputTable, SensorTable, TransferFunctionTable
 from barbalat.cases.schema import SchemeTable, SimulationTable
 from barbalat.cases.signal_tables import Signal
 from barbalat.cases.tables import Gain, Table, Vector
-from barbalat.controllers.output.lyapunov import LyapunovLaw
 
 
 class OutputPlantTable(Table):

@@ -8,19 +8,20 @@ from pathlib import Path
 
 import numpy as np
 
-from barbalat import delay, signals
+from barbalat import signals
 from barbalat.cases import plant_tables, schema, signal_tables
 from barbalat.cases.plant import within
 from barbalat.cases.tables import Table
-from barbalat.closed_loop import ClosedLoop, bound
 from barbalat.controllers import Sampled
-from barbalat.grid import Simulation
-from barbalat.linear import TransferFunction, input_filter
-from barbalat.measurement import Noise, Sensor
+from barbalat.linear.systems import TransferFunction, input_filter
+from barbalat.loop.closed_loop import ClosedLoop, bound
+from barbalat.problem.measurement import Noise, Sensor
+from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller, Signal
+from barbalat.run import delay
+from barbalat.run.step import Rhythm
 from barbalat.solvers import SOLVERS
-from barbalat.stepping import Rhythm
-from barbalat.tracking_problem import TrackingProblem
+from barbalat.solvers.simulation import Simulation
 from barbalat.validate import InputError
 
 

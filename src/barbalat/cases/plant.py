@@ -5,15 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, TypeVar
 
-import numpy as np
-
-from barbalat.actuation import PlantInput
 from barbalat.cases import plant_tables, schema
 from barbalat.cases.tables import Table
-from barbalat.linear import TransferFunction
-from barbalat.plant import Plant, input_matrix
-from barbalat.regressors import GaussianRBF, Linear, Polynomial, Regressor, Terms
-from barbalat.validate import InputError, square_matrix
+from barbalat.design.pole_placement import place
+from barbalat.linear.systems import TransferFunction
+from barbalat.problem.actuation import PlantInput
+from barbalat.problem.plant import Plant
+from barbalat.problem.regressors import GaussianRBF, Linear, Polynomial, Regressor, Terms
+from barbalat.validate import InputError
 
 T = TypeVar("T")
 
@@ -50,27 +49,6 @@ def build_plant(table: schema.CaseTable) -> Plant:
         raise InputError("give either reference_model.A_m or reference_model.poles with plant.A")
     A_m = model.A_m if model.poles is None else place(plant.A, plant.b, model.poles)
     return Plant.matched(A=plant.A, A_m=A_m, **given)
-
-
-def place(A: Any, b: Any, poles: list[Any]) -> np.ndarray:
-    """A - b K with the poles asked for, by state feedback; a complex pole is given once, as [real, imaginary]."""
-    from scipy.signal import place_poles
-
-    A = square_matrix("plant.A", A)
-    b = input_matrix("plant.b", b, len(A)).reshape(len(A), -1)
-    wanted: list[complex] = []
-    for pole in poles:
-        parts = np.atleast_1d(pole)
-        if len(parts) > 2:
-            raise InputError(f"reference_model.poles must be numbers or [real, imaginary], got {pole!r}")
-        wanted += [complex(*parts)] if len(parts) == 1 or parts[1] == 0 else [complex(*parts), complex(*parts).conjugate()]
-    if len(wanted) != len(A):
-        raise InputError(f"reference_model.poles must place {len(A)} poles (a complex one counts twice), got {len(wanted)}")
-    try:
-        K = place_poles(A, b, np.array(wanted)).gain_matrix
-    except ValueError as error:
-        raise InputError(f"reference_model.poles can't be placed: {str(error).splitlines()[0]}") from None
-    return np.asarray(A - b @ K.real)
 
 
 def _regressor(table: Table | None) -> Regressor:

@@ -11,13 +11,14 @@ from functools import cache
 
 import numpy as np
 
-from barbalat.certify.loops import around_equilibrium, fast_adaptation
-from barbalat.certify.margins import Margins, margins
+from barbalat.certificates.linear_loops.around_equilibrium import around_equilibrium
+from barbalat.certificates.linear_loops.ideal import fast_adaptation
 from barbalat.claims import section_v
 from barbalat.claims.claim import Axis, Chart, Claim, Curve, Map, verdict
-from barbalat.closed_loop import ClosedLoop
 from barbalat.controllers import Mrac
-from barbalat.linear import StateSpace, input_filter
+from barbalat.linear.margins import Margins, margins
+from barbalat.linear.systems import StateSpace, input_filter
+from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.protocols import Controller
 from barbalat.validate import Array, InputError
 

@@ -8,7 +8,7 @@ from typing import Any, Literal
 import numpy as np
 
 from barbalat import validate
-from barbalat.result import Result
+from barbalat.run.result import Result
 from barbalat.validate import Array, InputError
 
 Verdict = Literal["confirmed", "confirmed with conditions", "not confirmed", "erratum"]

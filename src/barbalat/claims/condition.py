@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 
-from barbalat.certify import theorem1
+from barbalat.certificates.bounds import theorem_1
 from barbalat.claims import section_v
 from barbalat.claims.claim import Claim, verdict
-from barbalat.linear import input_filter
-from barbalat.problem import Known
+from barbalat.linear.enclosure import OUTWARD
+from barbalat.linear.systems import input_filter
+from barbalat.problem.state_feedback import Known
 
 THETA_MAX = 10.0
 PRINTED = 0.05
@@ -22,7 +23,7 @@ GAP = 1e-6
 def condition() -> Claim:
     """Where the condition holds, and whether it fails between there and the printed limit."""
     known = section_v.problem().known
-    largest = theorem1.kappa_admissible(known, THETA_MAX, SEARCHED)
+    largest = theorem_1.kappa_admissible(known, THETA_MAX, SEARCHED)
     least = fails_down_to(known, PRINTED)
     up_to_it = largest >= PRINTED
     rounded = round(largest, 2) >= PRINTED and least - largest < GAP
@@ -46,8 +47,8 @@ def _refuted(known: Known, least: float) -> str:
 
 def _value(known: Known, kappa: float) -> tuple[float, float]:
     """||W_b (C - 1)||_1 theta_max: guaranteed bounds from below and from above."""
-    found = theorem1.filter_condition(known, input_filter(kappa).realise(), THETA_MAX)
-    return found.norm.lower * THETA_MAX / theorem1.OUTWARD, found.value_upper
+    found = theorem_1.filter_condition(known, input_filter(kappa).realise(), THETA_MAX)
+    return found.norm.lower * THETA_MAX / OUTWARD, found.value_upper
 
 
 def holds_up_to(known: Known, kappa: float) -> bool:
@@ -56,12 +57,12 @@ def holds_up_to(known: Known, kappa: float) -> bool:
     For k1 < k2, 1 - C_k1 = (1 - C_k2) [1 - (1 - k1/k2)/(k1 s + 1)], and the bracket's L1 norm is 2 - k1/k2: a value v < 1 at k2
     stays below one down to (2 - 1/v) k2. Below kappa_max Theorem 1's own inequality N <= k ||s W_b||_1 takes over.
     """
-    small = theorem1.kappa_max(theorem1.derivative_norm(known), THETA_MAX) * (1 - 1e-9)
+    small = theorem_1.kappa_max(theorem_1.derivative_norm(known), THETA_MAX) * (1 - 1e-9)
     while kappa > small:
         value = _value(known, kappa)[1]
         if value >= 1 - 1e-9:  # the enclosures' own width
             return False
-        kappa *= max(2 - 1 / value, 0.5) * theorem1.OUTWARD
+        kappa *= max(2 - 1 / value, 0.5) * OUTWARD
     return True
 
 
@@ -73,5 +74,5 @@ def fails_down_to(known: Known, kappa: float) -> float:
     """
     least = math.inf
     while (value := _value(known, kappa)[0]) > 1 + SEARCHED / 2:
-        least = kappa = kappa / value * theorem1.OUTWARD
+        least = kappa = kappa / value * OUTWARD
     return least

@@ -7,7 +7,7 @@ import numpy as np
 from barbalat.claims import section_v
 from barbalat.claims.claim import Check, Claim, PaperFigure, verdict
 from barbalat.claims.section_v import Runs
-from barbalat.result import Result
+from barbalat.run.result import Result
 from barbalat.validate import Array
 
 THETA = np.array([4.0, -3.0])

@@ -8,23 +8,24 @@ from typing import NamedTuple
 
 import numpy as np
 
-from barbalat.actuation import PlantInput
-from barbalat.certify.loops import around_equilibrium, fast_adaptation, known_parameters
-from barbalat.certify.margins import margins
+from barbalat.certificates.linear_loops.around_equilibrium import around_equilibrium
+from barbalat.certificates.linear_loops.ideal import fast_adaptation, known_parameters
 from barbalat.claims import section_v
 from barbalat.claims.claim import Claim, Listing, verdict
 from barbalat.claims.variants import variant
-from barbalat.closed_loop import ClosedLoop
 from barbalat.controllers import Mrac
-from barbalat.ensemble import simulate_ensemble
-from barbalat.grid import Simulation
-from barbalat.linear import TransferFunction, input_filter
-from barbalat.problem import Problem
+from barbalat.linear.margins import margins
+from barbalat.linear.systems import TransferFunction, input_filter
+from barbalat.loop.closed_loop import ClosedLoop
+from barbalat.problem.actuation import PlantInput
+from barbalat.problem.state_feedback import Problem
 from barbalat.protocols import Controller, Signal
+from barbalat.run.ensemble import simulate_ensemble
 from barbalat.signals import Constant, Sine
-from barbalat.study.benchmark import ideal_errors, without_error
+from barbalat.solvers.simulation import Simulation
 from barbalat.study.criteria import Lost, Onset
 from barbalat.study.delay_margin import delay_margins
+from barbalat.study.ideal_benchmark import ideal_errors, without_error
 from barbalat.study.motion import Motion
 from barbalat.validate import Array
 

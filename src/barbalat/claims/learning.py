@@ -10,11 +10,11 @@ from barbalat.claims.claim import Claim, verdict
 from barbalat.claims.section_v import Runs
 from barbalat.claims.variants import numbers, variant
 from barbalat.controllers import Mrac, NormalizedMrac
-from barbalat.grid import Simulation
 from barbalat.protocols import Controller
-from barbalat.result import Result
+from barbalat.run.result import Result
+from barbalat.run.simulate import simulate
 from barbalat.signals import Sines
-from barbalat.simulation import simulate
+from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array
 
 

@@ -27,7 +27,7 @@ from barbalat.claims import (
 )
 from barbalat.claims.claim import Claim
 from barbalat.claims.section_v import Runs
-from barbalat.engine import Progress
+from barbalat.run.progress import Progress
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from barbalat.actuation import PlantInput
 from barbalat.adaptation.law import Estimation
 from barbalat.adaptation.laws import LeastSquares
 from barbalat.adaptation.normalization import Normalization
@@ -22,11 +21,12 @@ from barbalat.claims.claim import Claim, verdict
 from barbalat.claims.variants import numbers, variant
 from barbalat.controllers import RobustMrac
 from barbalat.controllers.robust_mrac import Equations as RobustEquations
-from barbalat.grid import Simulation
-from barbalat.linear import TransferFunction
-from barbalat.problem import Known, Problem
+from barbalat.linear.systems import TransferFunction
+from barbalat.problem.actuation import PlantInput
+from barbalat.problem.state_feedback import Known, Problem
 from barbalat.protocols import Value
-from barbalat.simulation import simulate
+from barbalat.run.simulate import simulate
+from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array
 
 MUS = (0.0, 0.005, 0.02, 0.1)

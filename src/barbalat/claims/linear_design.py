@@ -9,17 +9,17 @@ from typing import Any
 
 import numpy as np
 
-from barbalat.actuation import PlantInput
-from barbalat.certify.table import certify
+from barbalat.certificates.certify import certify
 from barbalat.claims import section_v
 from barbalat.claims.claim import Axis, Chart, Claim, Curve, Listing, verdict
 from barbalat.claims.variants import figures, variant
 from barbalat.controllers import LinearFeedback, Mrac
-from barbalat.grid import Simulation
-from barbalat.known_set import ParameterBox
-from barbalat.linear_design import hinf_feedback, pi_feedback
-from barbalat.problem import Problem
+from barbalat.design import hinf_feedback, pi_feedback
+from barbalat.problem.actuation import PlantInput
+from barbalat.problem.known_set import ParameterBox
+from barbalat.problem.state_feedback import Problem
 from barbalat.protocols import Controller
+from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array, InputError
 
 T_END, STEP = 60.0, 1e-4

@@ -12,7 +12,7 @@ from barbalat.claims.section_v import Runs
 from barbalat.claims.variants import figures, numbers
 from barbalat.controllers import Mrac
 from barbalat.protocols import Controller
-from barbalat.result import Result
+from barbalat.run.result import Result
 from barbalat.solvers import RK4
 from barbalat.validate import Array
 

@@ -6,24 +6,25 @@ from dataclasses import replace
 
 import numpy as np
 
-from barbalat.actuation import PlantInput
-from barbalat.adaptation.dead_zone import DeadZone
 from barbalat.adaptation.laws import Gradient
+from barbalat.adaptation.modifications.dead_zone import DeadZone
+from barbalat.adaptation.output_lyapunov import LyapunovLaw
 from barbalat.cases.load import load_case
 from barbalat.cases.parts import Case
 from barbalat.claims.claim import Claim, verdict
 from barbalat.claims.variants import numbers
 from barbalat.controllers.output.l1 import L1Output, linear_equivalent
 from barbalat.controllers.output.linear import LinearOutput
-from barbalat.controllers.output.lyapunov import LyapunovLaw
 from barbalat.controllers.output.mrac import MracOutput
-from barbalat.ensemble import simulate_ensemble
-from barbalat.grid import Simulation
-from barbalat.linear import TransferFunction
-from barbalat.output_problem import OutputPlant, OutputProblem, OutputReferenceModel
-from barbalat.result import Result
+from barbalat.linear.systems import TransferFunction
+from barbalat.problem.actuation import PlantInput
+from barbalat.problem.output_feedback import OutputProblem
+from barbalat.problem.output_plant import OutputPlant, OutputReferenceModel
+from barbalat.run.ensemble import simulate_ensemble
+from barbalat.run.result import Result
+from barbalat.run.simulate import simulate
 from barbalat.signals import Sine, Step
-from barbalat.simulation import simulate
+from barbalat.solvers.simulation import Simulation
 
 
 def claims() -> list[Claim]:

@@ -7,14 +7,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from barbalat.actuation import PlantInput
 from barbalat.claims import section_v
 from barbalat.claims.claim import Claim, Listing, verdict
 from barbalat.claims.variants import figures, numbers, variant
 from barbalat.controllers import Mrac, Sampled
-from barbalat.grid import Simulation
+from barbalat.problem.actuation import PlantInput
 from barbalat.protocols import Controller
-from barbalat.simulation import simulate
+from barbalat.run.simulate import simulate
+from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array
 
 GAINS = (1e2, 1e4, 1e6, 1e8)

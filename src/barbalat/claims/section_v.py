@@ -7,15 +7,15 @@ from functools import cache
 
 from barbalat.adaptation.laws import LeastSquares
 from barbalat.cases.load import load_case
-from barbalat.checking import check_numerics
 from barbalat.controllers import L1Adaptive, Mrac, NormalizedMrac, RobustMrac
-from barbalat.engine import Progress, part
-from barbalat.grid import Simulation
-from barbalat.linear import input_filter
-from barbalat.problem import Problem
+from barbalat.linear.systems import input_filter
+from barbalat.problem.state_feedback import Problem
 from barbalat.protocols import Controller
-from barbalat.result import Result
-from barbalat.simulation import simulate
+from barbalat.run.check_numerics import check_numerics
+from barbalat.run.progress import Progress, part_of
+from barbalat.run.result import Result
+from barbalat.run.simulate import simulate
+from barbalat.solvers.simulation import Simulation
 
 T_END = 60.0
 COARSE, FINE = 1e-4, 1e-5
@@ -77,10 +77,10 @@ def run(progress: Progress | None = None) -> Runs:
     ]
     given = problem()
     runs = Runs(
-        coarse=simulate(given, coarse, Simulation(t_end=T_END, dt=COARSE), progress=part(progress, 0.0, 0.1)),
-        fine=simulate(given, fine, Simulation(t_end=T_END, dt=FINE), progress=part(progress, 0.1, 0.3)),
+        coarse=simulate(given, coarse, Simulation(t_end=T_END, dt=COARSE), progress=part_of(progress, 0.0, 0.1)),
+        fine=simulate(given, fine, Simulation(t_end=T_END, dt=FINE), progress=part_of(progress, 0.1, 0.3)),
     )
     return Runs(
-        coarse=check_numerics(runs.coarse, progress=part(progress, 0.4, 0.2)),
-        fine=check_numerics(runs.fine, progress=part(progress, 0.6, 0.4)),
+        coarse=check_numerics(runs.coarse, progress=part_of(progress, 0.4, 0.2)),
+        fine=check_numerics(runs.fine, progress=part_of(progress, 0.6, 0.4)),
     )

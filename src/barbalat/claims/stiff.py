@@ -12,11 +12,11 @@ from barbalat.claims import section_v
 from barbalat.claims.claim import Claim, Listing, verdict
 from barbalat.claims.stiff_methods import NEWTON_STEPS, WINDOW, Path, SciPyMethod, cvodes, implicit, scipy_path
 from barbalat.claims.variants import numbers
-from barbalat.closed_loop import ClosedLoop
-from barbalat.grid import Simulation
-from barbalat.known_set import ParameterBox
+from barbalat.loop.closed_loop import ClosedLoop
+from barbalat.problem.known_set import ParameterBox
 from barbalat.protocols import Controller
-from barbalat.simulation import simulate
+from barbalat.run.simulate import simulate
+from barbalat.solvers.simulation import Simulation
 
 T_END = 20.0
 AUTOMATIC_END = 3.0

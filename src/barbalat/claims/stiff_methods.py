@@ -14,15 +14,15 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from barbalat.closed_loop import ClosedLoop
-from barbalat.known_set import ParameterBox
+from barbalat.loop.closed_loop import ClosedLoop
+from barbalat.loop.packing import column, symbols
 from barbalat.lowering.compiled import Compiled
-from barbalat.lowering.machine import Kernel
+from barbalat.lowering.llvm.machine import Kernel
 from barbalat.lowering.operations import read
 from barbalat.lowering.optimize import optimize
 from barbalat.lowering.shape import LoopShape
-from barbalat.packing import column, symbols
-from barbalat.problem import Problem
+from barbalat.problem.known_set import ParameterBox
+from barbalat.problem.state_feedback import Problem
 from barbalat.signals import Sine
 from barbalat.validate import Array
 

@@ -7,12 +7,12 @@ from functools import cache, cached_property
 
 import numpy as np
 
-from barbalat.certify.frozen import Borne, FrozenLoops, borne
-from barbalat.certify.modelling_error import DelayError, ModellingError, ScaledError
+from barbalat.certificates.linear_loops.frozen import Borne, FrozenLoops, borne
 from barbalat.claims import section_v
 from barbalat.claims.claim import Axis, Chart, Claim, Curve, Map, verdict
-from barbalat.grid import Simulation
-from barbalat.linear import TransferFunction
+from barbalat.linear.systems import TransferFunction
+from barbalat.problem.modelling_error import DelayError, ModellingError, ScaledError
+from barbalat.solvers.simulation import Simulation
 from barbalat.study.tau_limit import Grown, TauLimits, TauStudy
 from barbalat.validate import Array
 

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from barbalat.certify import theorem1
-from barbalat.certify.loops import fast_adaptation
+from barbalat.certificates.bounds import theorem_1
+from barbalat.certificates.linear_loops.ideal import fast_adaptation
 from barbalat.claims import section_v
 from barbalat.claims.claim import Axis, Claim, Curve, Map, verdict
 from barbalat.claims.variants import figures, numbers, variant
 from barbalat.controllers import Mrac
-from barbalat.linear import input_filter
-from barbalat.problem import Problem
+from barbalat.linear.systems import input_filter
+from barbalat.problem.state_feedback import Problem
 from barbalat.protocols import Controller
 from barbalat.signals import Constant
 from barbalat.validate import Array
@@ -64,7 +64,7 @@ def _tail(members: list[tuple[Problem, Controller]], t_end: float = 30.0) -> Arr
 def _guaranteed_scale(kappas: Array) -> Array:
     """The largest theta/[4, -3] with ||W_b (1 - C)||_1 |theta|_1 < 1, for each kappa."""
     known, size = section_v.problem().known, np.abs(DIRECTION).sum()
-    norms = [theorem1.filter_condition(known, input_filter(float(k)).realise(), 1.0).norm.upper for k in kappas]
+    norms = [theorem_1.filter_condition(known, input_filter(float(k)).realise(), 1.0).norm.upper for k in kappas]
     return np.array([1 / (norm * size) for norm in norms])
 
 

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from barbalat.certify import theorem1
+from barbalat.certificates.bounds import theorem_1
+from barbalat.certificates.bounds.model import model_bounds
 from barbalat.claims import section_v
 from barbalat.claims.claim import Claim, verdict
 from barbalat.claims.variants import figures, numbers, variant
 from barbalat.controllers import L1Adaptive, Mrac
-from barbalat.linear import input_filter
+from barbalat.linear.systems import input_filter
 from barbalat.signals import Constant
 
 MEMBERS = 192
@@ -24,8 +25,8 @@ def bound_9() -> Claim:
         theta, gamma = rng.uniform(-5, 5, 2), 10 ** rng.uniform(-1, 2)
         given = variant(theta=theta)
         members.append((given, Mrac(gamma=gamma)))
-        nu = theorem1.nu_0(theorem1.initial_parameter_error(np.zeros(2), theta), given.known)
-        bounds.append(theorem1.mrac_bound(nu, gamma))
+        nu = theorem_1.nu_0(theorem_1.initial_parameter_error(np.zeros(2), theta), given.known)
+        bounds.append(theorem_1.mrac_bound(nu, gamma))
     ratio = figures(members, 20.0, 1e-4).max_abs_e.max(axis=1) / np.array(bounds)
     return Claim(
         "bound-9", "Theorem 1 (i), eq. (9)", "The standard MRAC's error never exceeds nu_0/sqrt(Gamma)",
@@ -41,16 +42,16 @@ def bound_10() -> Claim:
     members, bounds = [], []
     given = section_v.problem()
     known, theta_max = given.known, 10.0
-    model, slope = theorem1.model_bounds(given), theorem1.derivative_norm(known)
-    largest = theorem1.kappa_max(slope, theta_max)
+    model, slope = model_bounds(given), theorem_1.derivative_norm(known)
+    largest = theorem_1.kappa_max(slope, theta_max)
     for kappa in np.geomspace(1e-3, 0.95 * largest, 8):
         C = input_filter(float(kappa))
-        found = theorem1.filter_condition(known, C.realise(), theta_max)
+        found = theorem_1.filter_condition(known, C.realise(), theta_max)
         for _ in range(MEMBERS // 8):
             theta, gamma = rng.uniform(-5, 5, 2), 10 ** rng.uniform(-1, 2)
             members.append((variant(theta=theta), L1Adaptive(gamma=gamma, filter=C)))
-            nu = theorem1.nu_0(theorem1.initial_parameter_error(np.zeros(2), theta), known)
-            bounds.append(theorem1.l1_bound(nu, gamma, found, theta_max, known.k_0, model))
+            nu = theorem_1.nu_0(theorem_1.initial_parameter_error(np.zeros(2), theta), known)
+            bounds.append(theorem_1.l1_bound(nu, gamma, found, theta_max, known.k_0, model))
     ratio = figures(members, 20.0, 1e-4).max_abs_e.max(axis=1) / np.array(bounds)
     return Claim(
         "bound-10", "Theorem 1 (ii), eq. (10)", "L1-AC's error never exceeds kappa nu_1 + nu_2/sqrt(Gamma)",
@@ -76,14 +77,14 @@ def bias_is_proportional() -> Claim:
 def best_at_zero() -> Claim:
     """The bound and the measured error against kappa, down to the unfiltered scheme."""
     given = section_v.problem()
-    known, model, gamma = given.known, theorem1.model_bounds(given), 100.0
-    nu = theorem1.nu_0(5.0, known)
+    known, model, gamma = given.known, model_bounds(given), 100.0
+    nu = theorem_1.nu_0(5.0, known)
     kappas = (0.04, 0.02, 0.01, 0.001)
     bounds = [
-        theorem1.l1_bound(nu, gamma, theorem1.filter_condition(known, input_filter(k).realise(), 10.0), 10.0, known.k_0, model)
+        theorem_1.l1_bound(nu, gamma, theorem_1.filter_condition(known, input_filter(k).realise(), 10.0), 10.0, known.k_0, model)
         for k in kappas
     ]
-    bounds.append(theorem1.mrac_bound(nu, gamma))
+    bounds.append(theorem_1.mrac_bound(nu, gamma))
     peaks = figures([(given, section_v.l1("L1", gamma, k)) for k in kappas], 60.0, 1e-4).max_abs_e.max(axis=1)
     unfiltered = figures([(given, Mrac(gamma=gamma))], 60.0, 1e-4).max_abs_e.max()
     errors = np.append(peaks, unfiltered)

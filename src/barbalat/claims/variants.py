@@ -7,15 +7,15 @@ from typing import Any
 
 import numpy as np
 
-from barbalat.actuation import PlantInput
 from barbalat.claims import section_v
-from barbalat.ensemble import simulate_ensemble
-from barbalat.grid import Simulation
-from barbalat.known_set import ParameterBox
-from barbalat.metrics import Metrics
-from barbalat.plant import Plant, ReferenceModel
-from barbalat.problem import Problem
+from barbalat.problem.actuation import PlantInput
+from barbalat.problem.known_set import ParameterBox
+from barbalat.problem.plant import Plant, ReferenceModel
+from barbalat.problem.state_feedback import Problem
 from barbalat.protocols import Controller, Signal
+from barbalat.run.ensemble import simulate_ensemble
+from barbalat.run.metrics import Metrics
+from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array
 
 

@@ -28,8 +28,8 @@ def execute(options: argparse.Namespace) -> int:
     from rich.markup import escape
 
     from barbalat.cases.load import load_case
-    from barbalat.certify.table import certify
-    from barbalat.certify.table_1 import table_1
+    from barbalat.certificates.certify import certify
+    from barbalat.certificates.table_1 import table_1
     from barbalat.report import tables
     from barbalat.report.write import as_json
     from barbalat.validate import InputError
@@ -39,8 +39,8 @@ def execute(options: argparse.Namespace) -> int:
     case = load_case(options.case)
     certificates = certify(case.problem, case.controllers, case.simulation)
     if options.simulate:
-        from barbalat.study.certified import with_simulated_margins
         from barbalat.study.criteria import Lost
+        from barbalat.study.simulated_margins import with_simulated_margins
 
         lost = Lost() if options.share is None else Lost(share=options.share)
         with progress_bar("simulating") as progress:

@@ -28,8 +28,8 @@ def execute(options: argparse.Namespace) -> int:
     started = time.perf_counter()
     from barbalat.claims import figures as paper
     from barbalat.claims import ledger, section_v
+    from barbalat.claims.paper_certificates import certified_paper
     from barbalat.report import page, tables, write
-    from barbalat.report.certified import certified_paper
     from barbalat.report.files import prepare_folder
     from barbalat.report.files import write as write_file
 

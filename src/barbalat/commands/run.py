@@ -30,8 +30,8 @@ def add(commands: Commands) -> None:
 def execute(options: argparse.Namespace) -> int:
     """Run the command; returns the exit code."""
     from barbalat.cases.load import load_case
-    from barbalat.checking import check_numerics
-    from barbalat.simulation import simulate
+    from barbalat.run.check_numerics import check_numerics
+    from barbalat.run.simulate import simulate
 
     case = load_case(options.case)
     folder = options.out
@@ -55,7 +55,7 @@ def execute(options: argparse.Namespace) -> int:
 
     certified = None
     if folder is not None and not options.no_plots:
-        from barbalat.report.certified import certified_case
+        from barbalat.certificates.overview import certified_case
 
         certified = certified_case(case.problem, case.controllers, case.simulation)
     document = write.as_json(write.run_document(case.name, results, certified))

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from barbalat.engine import Progress
+    from barbalat.run.progress import Progress
 
 
 @contextlib.contextmanager

@@ -34,7 +34,7 @@ def execute(options: argparse.Namespace) -> int:
     """Run the command; returns the exit code."""
     from barbalat import validate
     from barbalat.cases.load import load_case
-    from barbalat.problem import Problem
+    from barbalat.problem.state_feedback import Problem
     from barbalat.study.criteria import Lost
     from barbalat.study.tradeoff import trade_off
 

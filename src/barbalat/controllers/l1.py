@@ -9,18 +9,18 @@ import numpy as np
 
 from barbalat import validate
 from barbalat.adaptation import gain
-from barbalat.adaptation.dead_zone import DeadZone
-from barbalat.adaptation.leakage import Leakage
 from barbalat.adaptation.learning import CompositeLearning
 from barbalat.adaptation.lyapunov import Modifications
+from barbalat.adaptation.modifications.dead_zone import DeadZone
+from barbalat.adaptation.modifications.leakage import Leakage
 from barbalat.adaptation.projection import limit
-from barbalat.controllers.base import check_common, initial_estimate, projection_box
+from barbalat.controllers.settings import check_common, initial_estimate, projection_box
 from barbalat.controllers.windup import applied, limits_of_predictor
-from barbalat.known_set import EstimateSet
-from barbalat.linear import StateSpace, TransferFunction
-from barbalat.problem import Known
+from barbalat.linear.systems import StateSpace, TransferFunction
+from barbalat.problem.known_set import EstimateSet
+from barbalat.problem.regressors import Uncertainty
+from barbalat.problem.state_feedback import Known
 from barbalat.protocols import Value
-from barbalat.regressors import Uncertainty
 from barbalat.validate import Array, InputError
 
 

@@ -8,11 +8,11 @@ from typing import NamedTuple
 import numpy as np
 
 from barbalat import validate
-from barbalat.controllers.base import require_one_input
-from barbalat.linear import StateSpace, TransferFunction
-from barbalat.problem import Known
+from barbalat.controllers.settings import require_one_input
+from barbalat.linear.systems import StateSpace, TransferFunction
+from barbalat.problem.regressors import Linear as LinearRegressor
+from barbalat.problem.state_feedback import Known
 from barbalat.protocols import Value
-from barbalat.regressors import Linear as LinearRegressor
 from barbalat.validate import Array, InputError, freeze
 
 

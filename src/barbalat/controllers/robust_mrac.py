@@ -14,13 +14,13 @@ from barbalat import validate
 from barbalat.adaptation.laws import LAWS, AdaptiveLaw, Estimation
 from barbalat.adaptation.normalization import Normalization
 from barbalat.adaptation.projection import limit
-from barbalat.controllers.base import check_common, initial_estimate, projection_box, require_one_input
+from barbalat.controllers.settings import check_common, initial_estimate, projection_box, require_one_input
 from barbalat.controllers.windup import applied, limits_of_predictor
-from barbalat.known_set import KnownSet, ParameterProduct
-from barbalat.linear import StateSpace, TransferFunction, transfer_function
-from barbalat.problem import Known
+from barbalat.linear.systems import StateSpace, TransferFunction, transfer_function
+from barbalat.problem.known_set import KnownSet, ParameterProduct
+from barbalat.problem.regressors import Regressor
+from barbalat.problem.state_feedback import Known
 from barbalat.protocols import Value
-from barbalat.regressors import Regressor
 from barbalat.validate import Array, InputError
 
 

@@ -6,13 +6,17 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from barbalat import validate
-from barbalat.controllers import l1, linear_feedback, midpoint, mrac, robust_mrac
+from barbalat.controllers import l1, linear_feedback, mrac, robust_mrac
+from barbalat.controllers.l1_sampled import Predictor
 from barbalat.controllers.output import l1 as output_l1
 from barbalat.controllers.output import linear as output_linear
-from barbalat.controllers.output import midpoint as output_midpoint
 from barbalat.controllers.output import mrac as output_mrac
-from barbalat.linear import StateSpace
-from barbalat.problem import Known
+from barbalat.controllers.output import mrac_sampled as output_midpoint
+from barbalat.controllers.output.l1_sampled import OutputPredictor
+from barbalat.controllers.robust_mrac_sampled import Estimator
+from barbalat.controllers.tustin import Tustin
+from barbalat.linear.systems import StateSpace
+from barbalat.problem.state_feedback import Known
 from barbalat.protocols import Controller, Equations, Sample, SampledEquations, Value
 from barbalat.validate import InputError
 
@@ -83,17 +87,17 @@ class Sampled:
             return Euler(equations, T)  # type: ignore[arg-type]
         match equations:
             case l1.Equations():
-                return midpoint.Predictor.of(equations, T)
+                return Predictor.of(equations, T)
             case mrac.Equations():
-                return midpoint.Predictor.of(_with_predictor(equations, known), T, equations.windup)
+                return Predictor.of(_with_predictor(equations, known), T, equations.windup)
             case robust_mrac.Equations():
-                return midpoint.Estimator.of(equations, T)
+                return Estimator.of(equations, T)
             case output_l1.Equations():
-                return output_midpoint.OutputPredictor.of(equations, T)
+                return OutputPredictor.of(equations, T)
             case output_mrac.Equations():
                 return output_midpoint.OutputEstimator.of(equations, T)
             case linear_feedback.Equations() | output_linear.Equations():
-                return output_midpoint.Tustin.of(equations, T)
+                return Tustin.of(equations, T)
         raise InputError(f"discretization = 'midpoint' is not available for {self.name}; 'euler' is")
 
 

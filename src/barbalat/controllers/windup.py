@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from barbalat import validate
-from barbalat.output_problem import OutputKnown
-from barbalat.problem import Known
+from barbalat.problem.output_feedback import OutputKnown
+from barbalat.problem.state_feedback import Known
 from barbalat.protocols import Value
 from barbalat.validate import Array, InputError
 

@@ -9,9 +9,8 @@ from __future__ import annotations
 
 import math
 
-from barbalat.lowering.llvm_ir import ENTRY
 from barbalat.lowering.operations import COMPARISONS, Operation, Program
-from barbalat.lowering.shape import LoopShape
+from barbalat.lowering.shape import ENTRY, LoopShape
 
 _INFIX = {"add": "+", "sub": "-", "mul": "*", "div": "/", "lt": "<", "le": "<=", "eq": "==", "ne": "!="}
 _FUNCTIONS = {

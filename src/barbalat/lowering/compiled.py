@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from barbalat.lowering.machine import Kernel
+from barbalat.lowering.llvm.machine import Kernel
 from barbalat.lowering.operations import read
 from barbalat.lowering.optimize import optimize
 from barbalat.lowering.shape import LoopShape

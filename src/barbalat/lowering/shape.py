@@ -28,3 +28,10 @@ class LoopShape:
 
 TAPS = 3
 """Remembered values handed to a step for each delayed channel."""
+
+
+ENTRY = "barbalat_loop"
+
+
+WATCH_EVERY = 8
+"""Steps between two looks: what is looked at may cost as much as half a step."""

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from barbalat.certify.certificate import Certificate
-from barbalat.certify.rounding import down, up
+from barbalat.certificates.certificate import Certificate
+from barbalat.certificates.rounding import down, up
 from barbalat.report.numbers import number_text
 
 MEANINGS = {

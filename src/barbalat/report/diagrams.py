@@ -12,8 +12,8 @@ from matplotlib.patches import Circle, Rectangle
 from matplotlib.textpath import TextPath
 
 from barbalat.controllers.output.l1 import L1Output, LinearEquivalent, fast_limit, linear_equivalent
-from barbalat.linear import TransferFunction
-from barbalat.output_problem import OutputPlant
+from barbalat.linear.systems import TransferFunction
+from barbalat.problem.output_plant import OutputPlant
 from barbalat.report.numbers import number_text
 from barbalat.validate import Array
 

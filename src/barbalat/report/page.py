@@ -10,13 +10,13 @@ from importlib import resources
 from jinja2 import Environment, StrictUndefined
 
 import barbalat
-from barbalat.certify.table_1 import PROPERTIES
+from barbalat.certificates.overview import Certified
+from barbalat.certificates.table_1 import PROPERTIES
 from barbalat.claims.claim import Claim, PaperFigure
 from barbalat.report import tradeoff
 from barbalat.report.certificates import rows
-from barbalat.report.certified import Certified
 from barbalat.report.numbers import number_text
-from barbalat.result import Result
+from barbalat.run.result import Result
 from barbalat.study.tradeoff import TradeOff
 
 FIGURE_COLUMNS = {

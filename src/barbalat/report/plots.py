@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from barbalat.result import Result
+from barbalat.run.result import Result
 from barbalat.validate import Array
 
 # Okabe and Ito's palette: told apart by colour-blind readers and on a grey print

@@ -8,13 +8,13 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from barbalat.certify.certificate import Certificate
-from barbalat.certify.table_1 import PROPERTIES
-from barbalat.certify.table_1 import Table as Table1
+from barbalat.certificates.certificate import Certificate
+from barbalat.certificates.table_1 import PROPERTIES
+from barbalat.certificates.table_1 import Table as Table1
 from barbalat.claims.claim import Claim, PaperFigure
 from barbalat.report.certificates import rows
 from barbalat.report.numbers import number_text
-from barbalat.result import Result
+from barbalat.run.result import Result
 
 STYLES = {"confirmed": "green", "confirmed with conditions": "yellow", "not confirmed": "red", "erratum": "red"}
 KINDS = {"proven": "green", "not proven": "red", "estimate": "dim"}

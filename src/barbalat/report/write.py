@@ -12,13 +12,13 @@ from typing import Any
 
 from matplotlib.figure import Figure
 
+from barbalat.certificates.overview import Certified
 from barbalat.claims.claim import Claim, Map, PaperFigure
 from barbalat.controllers.output.l1 import L1Output
-from barbalat.output_problem import OutputProblem
+from barbalat.problem.output_feedback import OutputProblem
 from barbalat.report import charts, diagrams, maps, page, plots, tradeoff
-from barbalat.report.certified import Certified
 from barbalat.report.files import write
-from barbalat.result import Result
+from barbalat.run.result import Result
 from barbalat.study.tradeoff import TradeOff
 
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from barbalat import validate
-from barbalat.metrics import Metrics
+from barbalat.run.metrics import Metrics
 from barbalat.validate import Array
 
 

@@ -13,12 +13,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from barbalat import validate
-from barbalat.engine import Progress
-from barbalat.ensemble import simulate_ensemble
-from barbalat.grid import Simulation
-from barbalat.metrics import Metrics
-from barbalat.study.benchmark import Benchmark, Member, with_delay
+from barbalat.run.ensemble import simulate_ensemble
+from barbalat.run.metrics import Metrics
+from barbalat.run.progress import Progress
+from barbalat.solvers.simulation import Simulation
 from barbalat.study.criteria import Lost, Onset, tracks
+from barbalat.study.ideal_benchmark import Benchmark, Member, with_delay
 from barbalat.validate import Array, InputError
 
 SHORTEST = 2

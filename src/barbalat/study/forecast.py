@@ -8,9 +8,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from barbalat.ensemble import simulate_ensemble
-from barbalat.grid import CHUNK_STEPS, Simulation
-from barbalat.study.benchmark import IDEAL, Member, with_delay
+from barbalat.run.ensemble import simulate_ensemble
+from barbalat.run.grid import CHUNK_STEPS
+from barbalat.solvers.simulation import Simulation
+from barbalat.study.ideal_benchmark import IDEAL, Member, with_delay
 
 RUNS_EACH = 16.5
 """Simulations for each member, as measured on Section V: many are lost early in the scan, then come the halvings."""

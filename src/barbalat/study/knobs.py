@@ -9,15 +9,15 @@ from itertools import product
 import numpy as np
 
 from barbalat.adaptation.laws import LeastSquares
-from barbalat.certify.oscillator import Oscillator
-from barbalat.certify.table import certify
+from barbalat.certificates.certify import certify
+from barbalat.certificates.step_limits.oscillator import Oscillator
 from barbalat.controllers import L1Adaptive, Mrac, RobustMrac
-from barbalat.grid import Simulation
-from barbalat.linear import input_filter
-from barbalat.problem import Problem
+from barbalat.linear.systems import input_filter
+from barbalat.problem.state_feedback import Problem
 from barbalat.protocols import Controller
-from barbalat.simulation import simulate
-from barbalat.study.benchmark import ideal
+from barbalat.run.simulate import simulate
+from barbalat.solvers.simulation import Simulation
+from barbalat.study.ideal_benchmark import ideal
 from barbalat.validate import Array, InputError
 
 

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from barbalat.grid import Simulation
-from barbalat.tracking_problem import TrackingProblem
+from barbalat.problem.tracking import TrackingProblem
+from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array
 
 INSTANTS = 20_000

@@ -12,12 +12,12 @@ from typing import Any
 import numpy as np
 
 from barbalat import validate
-from barbalat.certify.modelling_error import ModellingError
 from barbalat.controllers import RobustMrac
-from barbalat.engine import Progress, part
-from barbalat.ensemble import simulate_ensemble
-from barbalat.grid import Simulation
-from barbalat.problem import Problem
+from barbalat.problem.modelling_error import ModellingError
+from barbalat.problem.state_feedback import Problem
+from barbalat.run.ensemble import simulate_ensemble
+from barbalat.run.progress import Progress, part_of
+from barbalat.solvers.simulation import Simulation
 from barbalat.study.motion import Motion
 from barbalat.validate import Array, InputError
 
@@ -133,12 +133,12 @@ class TauStudy:
         longer, rounds = near or simulation, halvings + 1
         grid = np.repeat(sizes, len(taus)), np.tile(taus, len(sizes))
         shape = len(sizes), len(taus)
-        tail = self.tail_errors(*grid, simulation, threads=threads, progress=part(progress, 0.0, 0.5)).reshape(shape)
+        tail = self.tail_errors(*grid, simulation, threads=threads, progress=part_of(progress, 0.0, 0.5)).reshape(shape)
         search = _Search(sizes, taus, tail)
         done = 0.5
         while len((chosen := search.open_members(halvings))[0]):
             width = (1 - done) / max(rounds, 2)  # more rounds than one and the halvings come where a longer run disagrees
-            step = part(progress, done, width)
+            step = part_of(progress, done, width)
             search.take(chosen[0], self.tail_errors(sizes[chosen[0]], chosen[1], longer, threads=threads, progress=step))
             done, rounds = done + width, rounds - 1
         if progress is not None:

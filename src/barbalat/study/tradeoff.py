@@ -9,10 +9,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from barbalat import validate
-from barbalat.engine import Progress
-from barbalat.grid import Simulation
-from barbalat.known_set import ParameterBox
-from barbalat.problem import Problem
+from barbalat.problem.known_set import ParameterBox
+from barbalat.problem.state_feedback import Problem
+from barbalat.run.progress import Progress
+from barbalat.solvers.simulation import Simulation
 from barbalat.study.criteria import Lost, Onset
 from barbalat.study.delay_margin import SHORTEST, DelayMargins, delay_margins
 from barbalat.study.forecast import Cost, Forecast

@@ -10,9 +10,9 @@ import numpy as np
 from barbalat import validate
 from barbalat.adaptation.projection import limit, project
 from barbalat.controllers.l1 import require_low_pass
-from barbalat.known_set import ParameterBox
-from barbalat.linear import StateSpace, TransferFunction
-from barbalat.output_problem import OutputKnown, strictly_proper
+from barbalat.linear.systems import StateSpace, TransferFunction, strictly_proper
+from barbalat.problem.known_set import ParameterBox
+from barbalat.problem.output_feedback import OutputKnown
 from barbalat.protocols import Value
 from barbalat.validate import InputError
 

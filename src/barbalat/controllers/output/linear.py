@@ -8,9 +8,9 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 
 from barbalat import validate
-from barbalat.conditions import balance
-from barbalat.linear import StateSpace, TransferFunction
-from barbalat.output_problem import OutputKnown
+from barbalat.linear.conditions import balance
+from barbalat.linear.systems import StateSpace, TransferFunction
+from barbalat.problem.output_feedback import OutputKnown
 from barbalat.protocols import Value
 from barbalat.validate import Array, InputError
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from barbalat import validate
-from barbalat.linear import StateSpace, TransferFunction
+from barbalat.linear.systems import StateSpace, TransferFunction
 from barbalat.validate import Array, InputError
 
 SLOWEST = 1e-9

@@ -14,14 +14,14 @@ from barbalat import validate
 from barbalat.adaptation.law import AdaptiveLaw, Estimation
 from barbalat.adaptation.laws import LAWS
 from barbalat.adaptation.normalization import Normalization
+from barbalat.adaptation.output_lyapunov import LyapunovLaw
 from barbalat.adaptation.projection import limit
-from barbalat.controllers.output.lyapunov import LyapunovLaw
 from barbalat.controllers.output.matching import filter_polynomial, input_filter, is_strictly_positive_real, refuse_contradiction
 from barbalat.controllers.robust_mrac import auxiliary_filter
 from barbalat.controllers.windup import applied, limits_of_predictor
-from barbalat.known_set import UNBOUNDED, ParameterBox
-from barbalat.linear import StateSpace
-from barbalat.output_problem import OutputKnown
+from barbalat.linear.systems import StateSpace
+from barbalat.problem.known_set import UNBOUNDED, ParameterBox
+from barbalat.problem.output_feedback import OutputKnown
 from barbalat.protocols import Value
 from barbalat.validate import Array, InputError
 

@@ -1,0 +1,56 @@
+"""Modified least squares: forgetting with a bounded covariance."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from barbalat.adaptation.law import Estimation, Rates
+from barbalat.adaptation.laws import covariance
+from barbalat.adaptation.laws.covariance import Memory
+from barbalat.adaptation.modifications import dead_zone as zone
+from barbalat.adaptation.modifications import leakage as leak
+from barbalat.problem.known_set import KnownSet
+from barbalat.protocols import Value
+from barbalat.validate import Array
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class LeastSquaresBounded:
+    """theta_hat' = proj(P (epsilon phi - w theta_hat)), P' = beta P - P phi phi'P/m_s^2, but P' = 0 where |P|_F = R_0 would grow.
+
+    covariance0       P(0), |P(0)|_F <= R_0: a number (times I), a diagonal (n,) or an s.p.d. matrix (n, n)
+    forgetting        beta > 0 [1/s]
+    covariance_bound  R_0 > 0
+    leakage           FixedSigma or SwitchingSigma; none by default
+    dead_zone         on epsilon m_s, for the estimate and the covariance; none by default
+
+    The norm is Frobenius', so that P <= R_0 I and the test is plain arithmetic. P^-1 stays bounded as well, since (P^-1)' is
+    zero or -beta P^-1 + phi phi'/m_s^2. The source leaves P at rest for good once it is at the bound; here it moves on
+    as soon as it would shrink. V' <= 0 either way. In a fixed-step solver P is scaled back at every stage that overshoots.
+
+    The epsilon-modification is refused for the reason given at LeastSquaresResetting.
+
+    Source: Ioannou and Sun, section 4.3.6; Ioannou and Fidan, section 3.7.3.
+    """
+
+    covariance0: float | Array
+    forgetting: float
+    covariance_bound: float
+    leakage: leak.Leakage | None = None
+    dead_zone: zone.DeadZone | None = None
+
+    def __post_init__(self) -> None:
+        covariance.accept(self, "least squares", leak.SIGMA, covariance.NOT_PROPORTIONAL)
+        zone.accept(self.dead_zone)
+
+    def initial(self, n: int) -> Memory:
+        return covariance.initial(self.covariance0, n, self.covariance_bound)
+
+    def rates(self, theta_hat: Value, memory: Memory, estimation: Estimation, known_set: KnownSet | None) -> Rates:
+        P = memory.covariance
+        theta_hat_dot, taken = covariance.learn(theta_hat, P, estimation, known_set, self.leakage, self.dead_zone)
+        P_dot = self.forgetting * P - taken
+        return Rates(theta_hat_dot, Memory(covariance.held(P, P_dot, self.covariance_bound)))
+
+    def limit(self, memory: Memory) -> Memory:
+        return Memory(covariance.bounded(memory.covariance, self.covariance_bound))

@@ -1,0 +1,59 @@
+"""Least squares with bounded-gain forgetting."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from barbalat.adaptation.law import Estimation, Rates
+from barbalat.adaptation.laws import covariance
+from barbalat.adaptation.laws.covariance import Memory
+from barbalat.adaptation.modifications import dead_zone as zone
+from barbalat.adaptation.modifications import leakage as leak
+from barbalat.problem.known_set import KnownSet
+from barbalat.protocols import Value
+from barbalat.validate import Array
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class LeastSquaresBoundedGain:
+    """theta_hat' = proj(P epsilon phi), P' = beta(t) P - P phi phi'P/m_s^2, beta(t) = beta_0 (1 - |P|_F/k_0).
+
+    covariance0       P(0), |P(0)|_F <= k_0: a number (times I), a diagonal (n,) or an s.p.d. matrix (n, n)
+    forgetting        beta_0 > 0 [1/s]
+    covariance_bound  k_0 > 0
+    leakage           SwitchingSigma; none by default
+    dead_zone         on epsilon m_s, for the estimate and the covariance; none by default
+
+    The norm is Frobenius', so that P <= k_0 I: d|P|_F/dt <= beta_0 (1 - |P|_F/k_0) |P|_F, which vanishes at k_0. Exponential
+    under persistent excitation, and no windup without: the forgetting fades. V' = -epsilon^2 m_s^2/2 - beta(t) V.
+
+    A fixed sigma and the epsilon-modification are refused: while one direction rests at k_0 nothing is forgotten, and P
+    decreases in the others as in pure least squares, without a lower bound.
+
+    Source: Slotine and Li, Applied Nonlinear Control, section 8.7.5.
+    """
+
+    covariance0: float | Array
+    forgetting: float
+    covariance_bound: float
+    leakage: leak.Leakage | None = None
+    dead_zone: zone.DeadZone | None = None
+
+    def __post_init__(self) -> None:
+        covariance.accept(self, "bounded-gain forgetting", leak.SWITCHING, covariance.NO_LOWER_BOUND)
+        zone.accept(self.dead_zone)
+
+    def initial(self, n: int) -> Memory:
+        return covariance.initial(self.covariance0, n, self.covariance_bound)
+
+    def rates(self, theta_hat: Value, memory: Memory, estimation: Estimation, known_set: KnownSet | None) -> Rates:
+        P = memory.covariance
+        theta_hat_dot, taken = covariance.learn(theta_hat, P, estimation, known_set, self.leakage, self.dead_zone)
+        beta = self.forgetting * (1 - np.sqrt(np.sum(P * P)) / self.covariance_bound)
+        return Rates(theta_hat_dot, Memory(beta * P - taken))
+
+    def limit(self, memory: Any) -> Any:
+        return memory

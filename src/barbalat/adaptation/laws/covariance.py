@@ -1,0 +1,115 @@
+"""What the least-squares laws share: the covariance as their memory, and the step that the data take.
+
+V = theta_tilde'P^-1 theta_tilde/2. With P' = beta P - P phi phi'P/m_s^2, (P^-1)' = -beta P^-1 + phi phi'/m_s^2, and so
+V' = -epsilon^2 m_s^2/2 - beta V without modelling error. With a dead zone of weight a, on the estimate and on what the data
+take from P alike, and |eta|/m_s <= g_0: V' = -a ((epsilon m_s)^2 - (eta/m_s)^2)/2 - beta V, which is not positive either.
+Source: Ioannou and Sun, section 4.3.6.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from barbalat import validate
+from barbalat.adaptation import gain
+from barbalat.adaptation.law import Estimation
+from barbalat.adaptation.modifications import leakage as leak
+from barbalat.adaptation.modifications.dead_zone import DeadZone
+from barbalat.adaptation.projection import project
+from barbalat.problem.known_set import KnownSet
+from barbalat.protocols import Value
+from barbalat.validate import InputError
+
+ROUNDING = 2.0**-46
+"""A norm this near to its bound, relatively, counts as at it; ``bounded`` leaves it within a sixteenth of that."""
+
+
+NO_LOWER_BOUND = "its covariance has no lower bound, which the proof that theta_hat stays bounded needs"
+NOT_PROPORTIONAL = "its V' is not proportional to the present error"
+
+
+class Memory(NamedTuple):
+    """The memory of a least-squares law."""
+
+    covariance: Value  # (n, n) P(t)
+
+
+def accept(settings: Any, law: str, leakages: tuple[type, ...], reason: str) -> None:
+    """The checks of a least-squares law's constructor; ``leakages`` are those it bears, the reason is for the others."""
+    if hasattr(settings, "covariance0"):
+        validate.freeze(settings, covariance0=gain.accept("law.covariance0", settings.covariance0))
+    for name in ("forgetting", "covariance_bound", "rho_0", "rho_1"):
+        if hasattr(settings, name):
+            validate.freeze(settings, **{name: validate.positive(f"law.{name}", getattr(settings, name))})
+    leak.accept(settings.leakage, law, leakages, reason)
+
+
+def initial(covariance0: Any, n: int, bound: float | None = None) -> Memory:
+    """P(0) of a number, a diagonal or a matrix; InputError where it doesn't fit n or exceeds ``bound`` in the Frobenius norm."""
+    gain.require_size("law.covariance0", covariance0, n)
+    P = gain.as_matrix(covariance0, n)
+    exceeds = bound is not None and np.linalg.norm(P) > bound
+    if isinstance(exceeds, (bool, np.bool_)) and exceeds:  # no number where an ensemble varies it; its members were checked
+        raise InputError(
+            f"law.covariance0 must not exceed law.covariance_bound = {bound:g} in the Frobenius norm, but {validate.show(P)} "
+            f"has the norm {np.linalg.norm(P):.6g} (a multiple of I has that times the square root of n)"
+        )
+    return Memory(P)
+
+
+def learn(
+    theta_hat: Value,
+    P: Value,
+    estimation: Estimation,
+    known_set: KnownSet | None,
+    leakage: leak.Leakage | None,
+    dead_zone: DeadZone | None,
+) -> tuple[Value, Value]:
+    """theta_hat' = proj(P (epsilon phi - w theta_hat)), and what the data take from the covariance: P phi phi'P/m_s^2."""
+    phi, m_s_squared, epsilon = estimation
+    P_phi = P @ phi
+    taken = np.outer(P_phi, P_phi) / m_s_squared
+    if dead_zone is not None:
+        a = dead_zone.weight(epsilon * epsilon * m_s_squared)
+        epsilon, taken = a * epsilon, a * taken
+    rate = P_phi * epsilon
+    if leakage is not None:
+        rate = rate - P @ (leakage.coefficient(theta_hat, epsilon * np.sqrt(m_s_squared)) * theta_hat)
+    return project(rate, theta_hat, known_set, P), taken
+
+
+def held(P: Value, P_dot: Value, bound: float) -> Value:
+    """P' = 0 where |P|_F is at its bound and would grow, P_dot elsewhere."""
+    reach = bound * (1 - ROUNDING)
+    stops = np.where(np.sum(P * P) >= reach * reach, 1.0, 0.0) * np.where(np.sum(P * P_dot) > 0, 1.0, 0.0)
+    return P_dot * (1 - stops)
+
+
+def bounded(P: Value, bound: float) -> Value:
+    """P scaled back to |P|_F <= bound, where a stage has overshot it."""
+    reach = bound * (1 - ROUNDING / 16)
+    squared = np.sum(P * P)
+    outside = squared > reach * reach
+    return np.where(outside, P * (reach / np.sqrt(np.where(outside, squared, 1.0))), P)
+
+
+def smallest_pivot(P: Value, shift: Value) -> Value:
+    """The smallest pivot of the elimination of P - shift I, up to the first that is not positive.
+
+    Positive exactly where lambda_min(P) > shift: a symmetric matrix is positive definite if and only if all its pivots are
+    positive (Sylvester's criterion), and up to the first that is not, they are those of exact elimination.
+    """
+    n = P.shape[0]
+    rest = [[P[i, j] - shift if i == j else P[i, j] for j in range(n)] for i in range(n)]
+    smallest = rest[0][0]
+    for k in range(n):
+        pivot = rest[k][k]
+        smallest = np.minimum(pivot, smallest)
+        inverse = 1 / np.where(pivot > 0, pivot, 1.0)  # behind a pivot that is not positive nothing counts any more
+        for i in range(k + 1, n):
+            factor = rest[i][k] * inverse
+            for j in range(k + 1, n):
+                rest[i][j] = rest[i][j] - factor * rest[k][j]
+    return smallest

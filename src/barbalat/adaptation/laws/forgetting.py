@@ -1,0 +1,54 @@
+"""Least squares with forgetting."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from barbalat.adaptation.law import Estimation, Rates
+from barbalat.adaptation.laws import covariance
+from barbalat.adaptation.laws.covariance import Memory
+from barbalat.adaptation.modifications import dead_zone as zone
+from barbalat.adaptation.modifications import leakage as leak
+from barbalat.problem.known_set import KnownSet
+from barbalat.protocols import Value
+from barbalat.validate import Array, InputError
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class LeastSquaresForgetting:
+    """theta_hat' = proj(P epsilon phi), P' = beta P - P phi phi'P/m_s^2.
+
+    covariance0  P(0): a number (times I), a diagonal (n,) or an s.p.d. matrix (n, n)
+    forgetting   beta > 0 [1/s]
+    leakage      SwitchingSigma; none by default
+
+    V' = -epsilon^2 m_s^2/2 - beta V: exponential under persistent excitation. Without it P grows like e^(beta t) (covariance
+    windup): use a bounded variant. A dead zone is refused, for inside it nothing keeps P from growing.
+
+    Source: Ioannou and Sun, section 4.3.6; Ioannou and Fidan, section 3.7.1.
+    """
+
+    covariance0: float | Array
+    forgetting: float
+    leakage: leak.Leakage | None = None
+    dead_zone: zone.DeadZone | None = None
+
+    def __post_init__(self) -> None:
+        covariance.accept(self, "least squares with forgetting", leak.SWITCHING, "its covariance has no bounds")
+        if self.dead_zone is not None:
+            raise InputError(
+                "a dead zone can't go with unbounded forgetting: inside the zone nothing is learnt and the covariance grows like "
+                "exp(beta t); take a law with bounded covariance or bounded gain"
+            )
+
+    def initial(self, n: int) -> Memory:
+        return covariance.initial(self.covariance0, n)
+
+    def rates(self, theta_hat: Value, memory: Memory, estimation: Estimation, known_set: KnownSet | None) -> Rates:
+        P = memory.covariance
+        theta_hat_dot, taken = covariance.learn(theta_hat, P, estimation, known_set, self.leakage, self.dead_zone)
+        return Rates(theta_hat_dot, Memory(self.forgetting * P - taken))
+
+    def limit(self, memory: Any) -> Any:
+        return memory

@@ -1,0 +1,73 @@
+"""The gradient law for the integral cost."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from barbalat import validate
+from barbalat.adaptation import gain
+from barbalat.adaptation.law import Estimation, Rates
+from barbalat.adaptation.modifications.leakage import SIGMA, Leakage, accept
+from barbalat.adaptation.projection import project
+from barbalat.problem.known_set import KnownSet
+from barbalat.protocols import Value
+from barbalat.validate import Array
+
+
+class Memory(NamedTuple):
+    """The data seen so far, forgotten at the rate beta."""
+
+    R: Value  # (n, n)
+    Q: Value  # (n,)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class IntegralCost:
+    """theta_hat' = proj(Gamma (Q - R theta_hat - w theta_hat)): steepest descent of the integral
+    of e^{-beta(t-s)} (z(s) - theta_hat(t)'phi(s))^2/(2 m_s^2(s)).
+
+    R' = -beta R + phi phi'/m_s^2, Q' = -beta Q + z phi/m_s^2, both from zero (Q has the opposite sign in the source).
+
+    gamma       Gamma > 0: a number, a diagonal (n,) or an s.p.d. matrix (n, n)
+    forgetting  beta > 0 [1/s]; |R| stays below 1/beta
+    leakage     FixedSigma or SwitchingSigma; none by default
+
+    Without modelling error Q = R theta, and V = theta_tilde'Gamma^-1 theta_tilde/2 has V' = -theta_tilde'R theta_tilde <= 0.
+    Under persistent excitation the rate of convergence grows with Gamma without bound, which the instantaneous cost's does not.
+
+    The law follows an integral of past errors. So a dead zone has no single error to act on, and for the
+    epsilon-modification V' is not proportional to the present error: both are refused.
+
+    Source: Ioannou and Sun, section 4.3.5; Ioannou and Fidan, section 3.6.2; Kreisselmeier (1977).
+    """
+
+    gamma: float | Array
+    forgetting: float
+    leakage: Leakage | None = None
+
+    def __post_init__(self) -> None:
+        validate.freeze(self, gamma=gain.accept("law.gamma", self.gamma))
+        validate.freeze(self, forgetting=validate.positive("law.forgetting", self.forgetting))
+        accept(self.leakage, "the integral-cost law", SIGMA, "its V' is not proportional to the present error")
+
+    def initial(self, n: int) -> Memory:
+        gain.require_size("law.gamma", self.gamma, n)
+        return Memory(np.zeros((n, n)), np.zeros(n))
+
+    def rates(self, theta_hat: Value, memory: Memory, estimation: Estimation, known_set: KnownSet | None) -> Rates:
+        phi, m_s_squared, epsilon = estimation
+        R, Q = memory
+        z = epsilon * m_s_squared + theta_hat @ phi
+        rate = gain.times(self.gamma, Q - R @ theta_hat)
+        if self.leakage is not None:
+            rate = rate - gain.times(self.gamma, self.leakage.coefficient(theta_hat, 0.0) * theta_hat)
+        return Rates(
+            project(rate, theta_hat, known_set, self.gamma),
+            Memory(np.outer(phi, phi) / m_s_squared - self.forgetting * R, phi * (z / m_s_squared) - self.forgetting * Q),
+        )
+
+    def limit(self, memory: Any) -> Any:
+        return memory

@@ -1,0 +1,50 @@
+"""Pure least squares: the law (15) of the paper."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from barbalat.adaptation.law import Estimation, Rates
+from barbalat.adaptation.laws import covariance
+from barbalat.adaptation.laws.covariance import Memory
+from barbalat.adaptation.modifications import dead_zone as zone
+from barbalat.adaptation.modifications import leakage as leak
+from barbalat.problem.known_set import KnownSet
+from barbalat.protocols import Value
+from barbalat.validate import Array
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class LeastSquares:
+    """theta_hat' = proj(P epsilon phi), P' = -P phi phi'P/m_s^2, P(0) = covariance0: eq. (15).
+
+    covariance0  P(0): a number (times I), a diagonal (n,) or an s.p.d. matrix (n, n)
+    leakage      SwitchingSigma; none by default
+    dead_zone    on epsilon m_s, for the estimate and the covariance; none by default
+
+    P only decreases: (P^-1)' = phi phi'/m_s^2. Under persistent excitation theta_tilde goes to zero like 1/t. A fixed sigma and
+    the epsilon-modification are refused: their proof of boundedness needs V <= c |theta_tilde|^2 for some c, and P^-1 has no
+    upper bound here.
+
+    Source: Ioannou and Sun, section 4.3.6; Ioannou and Fidan, section 3.7.2.
+    """
+
+    covariance0: float | Array
+    leakage: leak.Leakage | None = None
+    dead_zone: zone.DeadZone | None = None
+
+    def __post_init__(self) -> None:
+        covariance.accept(self, "pure least squares", leak.SWITCHING, covariance.NO_LOWER_BOUND)
+        zone.accept(self.dead_zone)
+
+    def initial(self, n: int) -> Memory:
+        return covariance.initial(self.covariance0, n)
+
+    def rates(self, theta_hat: Value, memory: Memory, estimation: Estimation, known_set: KnownSet | None) -> Rates:
+        P = memory.covariance
+        theta_hat_dot, taken = covariance.learn(theta_hat, P, estimation, known_set, self.leakage, self.dead_zone)
+        return Rates(theta_hat_dot, Memory(-taken))  # (15)
+
+    def limit(self, memory: Any) -> Any:
+        return memory

@@ -1,0 +1,60 @@
+"""Least squares with covariance resetting."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from barbalat.adaptation.law import Estimation, Rates
+from barbalat.adaptation.laws import covariance
+from barbalat.adaptation.laws.covariance import Memory
+from barbalat.adaptation.modifications import dead_zone as zone
+from barbalat.adaptation.modifications import leakage as leak
+from barbalat.problem.known_set import KnownSet
+from barbalat.protocols import Value
+from barbalat.validate import InputError
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class LeastSquaresResetting:
+    """theta_hat' = proj(P (epsilon phi - w theta_hat)), P' = -P phi phi'P/m_s^2, P(0) = rho_0 I, and P(t+) = rho_0 I wherever
+    lambda_min(P(t)) <= rho_1.
+
+    rho_0, rho_1  0 < rho_1 < rho_0
+    leakage       FixedSigma or SwitchingSigma; none by default
+    dead_zone     on epsilon m_s, for the estimate and the covariance; none by default
+
+    rho_1 I <= P <= rho_0 I. A reset lowers V, since P(t) <= rho_0 I before it. The test is the textbook's, exactly and without
+    eigenvalues: all pivots of P - rho_1 I are positive where lambda_min(P) > rho_1 and only there. It stands in ``limit``, so
+    that no stage of a solver sees a smaller covariance; the time of a reset is resolved to a stage.
+
+    The epsilon-modification is refused: V' = -((epsilon m_s)^2 - (eta/m_s)^2)/2 - w theta_tilde'theta_hat is positive where
+    epsilon = 0 and eta is not, and there that leakage is off.
+
+    Source: Ioannou and Sun, section 4.3.6; Ioannou and Fidan, section 3.7.3; Goodwin and Mayne (1987).
+    """
+
+    rho_0: float
+    rho_1: float
+    leakage: leak.Leakage | None = None
+    dead_zone: zone.DeadZone | None = None
+
+    def __post_init__(self) -> None:
+        covariance.accept(self, "least squares", leak.SIGMA, covariance.NOT_PROPORTIONAL)
+        if not self.rho_1 < self.rho_0:
+            raise InputError(f"law.rho_1 must be below law.rho_0 = {self.rho_0:g}, got {self.rho_1:g}")
+        zone.accept(self.dead_zone)
+
+    def initial(self, n: int) -> Memory:
+        return covariance.initial(self.rho_0, n)
+
+    def rates(self, theta_hat: Value, memory: Memory, estimation: Estimation, known_set: KnownSet | None) -> Rates:
+        P = memory.covariance
+        theta_hat_dot, taken = covariance.learn(theta_hat, P, estimation, known_set, self.leakage, self.dead_zone)
+        return Rates(theta_hat_dot, Memory(-taken))
+
+    def limit(self, memory: Memory) -> Memory:
+        P = memory.covariance
+        fresh = self.rho_0 * np.eye(P.shape[0])
+        return Memory(np.where(covariance.smallest_pivot(P, self.rho_1) <= 0, fresh, P))

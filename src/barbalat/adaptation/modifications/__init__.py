@@ -1,0 +1,1 @@
+"""Modifications of a law, one per file: leakage and dead zones."""

@@ -1,0 +1,33 @@
+"""What the leakage terms -Gamma w theta_hat have in common, and the refusal where a law does not bear one."""
+
+from __future__ import annotations
+
+from typing import Any, Protocol
+
+from barbalat.adaptation.modifications.epsilon_modification import EpsilonModification
+from barbalat.adaptation.modifications.fixed_sigma import FixedSigma
+from barbalat.adaptation.modifications.switching_sigma import SwitchingSigma
+from barbalat.protocols import Value
+from barbalat.validate import InputError, show
+
+ALL = (FixedSigma, SwitchingSigma, EpsilonModification)
+SIGMA = (FixedSigma, SwitchingSigma)
+SWITCHING = (SwitchingSigma,)
+
+
+class Leakage(Protocol):
+    """A leakage w >= 0; the law becomes theta_hat' = proj(Gamma (epsilon phi - w theta_hat))."""
+
+    def coefficient(self, theta_hat: Value, error: Value) -> Value:
+        """w; ``error`` is the scalar that drives the law: epsilon m_s, or e'P b."""
+        ...
+
+
+def accept(leakage: Any, law: str, kinds: tuple[type, ...] = ALL, reason: str = "") -> None:
+    """InputError for what is no leakage, and, with the reason, for one that the law does not bear."""
+    if leakage is None or isinstance(leakage, kinds):
+        return
+    if isinstance(leakage, ALL):
+        borne = " or ".join(kind.__name__ for kind in kinds)
+        raise InputError(f"{type(leakage).__name__} can't go with {law}: {reason}; {borne} can")
+    raise InputError(f"leakage must be a FixedSigma, SwitchingSigma or EpsilonModification, got {show(leakage)}")

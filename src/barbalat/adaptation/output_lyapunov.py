@@ -1,0 +1,51 @@
+"""The classical unnormalised law of output-feedback MRAC for relative degree one."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from barbalat import validate
+from barbalat.adaptation import gain
+from barbalat.adaptation.modifications import dead_zone as zone
+from barbalat.adaptation.modifications import leakage as leak
+from barbalat.adaptation.projection import project
+from barbalat.problem.known_set import ParameterBox
+from barbalat.protocols import Value
+from barbalat.validate import Array
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class LyapunovLaw:
+    """theta_hat' = proj(-Gamma (e omega sgn(k_p/k_m) + w theta_hat)), e = y - y_m.
+
+    gamma      Gamma > 0: a number, a diagonal (2 n,) or an s.p.d. matrix (2 n, 2 n)
+    leakage    w; none by default
+    dead_zone  on |e|; none by default
+
+    Without modelling error e converges to zero for a strictly positive real W_m; with it, and without a modification, the
+    estimates may drift until the loop bursts (Rohrs et al.). Source: Ioannou and Sun, section 6.4.1; Narendra and Annaswamy,
+    section 5.3; with sigma: Ioannou and Kokotovic (1983).
+    """
+
+    gamma: float | Array
+    leakage: leak.Leakage | None = None
+    dead_zone: zone.DeadZone | None = None
+
+    def __post_init__(self) -> None:
+        validate.freeze(self, gamma=gain.accept("law.gamma", self.gamma))
+        leak.accept(self.leakage, "the Lyapunov law")
+        zone.accept(self.dead_zone)
+
+    def initial(self, n: int) -> Any:
+        gain.require_size("law.gamma", self.gamma, n)
+        return ()
+
+    def rate(self, theta_hat: Value, omega: Value, e: Value, sign: float, box: ParameterBox | None) -> Value:
+        """theta_hat'; ``sign`` is that of k_p/k_m."""
+        if self.dead_zone is not None:
+            e = self.dead_zone.weight(e * e) * e
+        rate = -gain.scaled(self.gamma, sign * e, omega)
+        if self.leakage is not None:
+            rate = rate - gain.times(self.gamma, self.leakage.coefficient(theta_hat, e) * theta_hat)
+        return project(rate, theta_hat, box, self.gamma)

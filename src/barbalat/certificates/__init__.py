@@ -1,0 +1,1 @@
+"""What is known before any run: conditions, bounds, norms, limits of the numerics, margins, and Table 1."""

@@ -1,0 +1,71 @@
+"""Guaranteed bounds of the command and of the reference model, by L1 norms and a Lyapunov function."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from barbalat.linear.definite import exact_matrix, lyapunov_holds
+from barbalat.linear.enclosure import OUTWARD, float_above
+from barbalat.linear.l1_norms import l1_norm
+from barbalat.problem.state_feedback import Known, Problem
+from barbalat.protocols import BoundedSignal
+from barbalat.validate import Array, InputError
+
+
+@dataclass(frozen=True)
+class ModelBounds:
+    """Guaranteed bounds of the command and the reference model: sup |r|, sup max_i |x_m,i|, sup |x_m|_2."""
+
+    r: float
+    x_m: float
+    x_m_euclidean: float
+
+
+def model_bounds(problem: Problem) -> ModelBounds:
+    """Bounds from the signal's own and L1 norms, not from samples. InputError for a signal without a bound."""
+    r = problem.reference
+    if not isinstance(r, BoundedSignal):
+        raise InputError(f"a certificate needs a reference with a bound, and {r!r} has none")
+    each = state_bounds(problem)
+    return ModelBounds(r.bound, max(each), math.hypot(*each) * OUTWARD)
+
+
+def command_bounds(problem: Problem) -> Array:
+    """(m,) bounds of sup |(k_0 r)_j|; InputError for a command without a bound."""
+    pushed = np.zeros(problem.known.inputs)
+    for command, column in zip(problem.commands, np.reshape(problem.known.k_0, (len(pushed), -1)).T, strict=True):
+        if not isinstance(command, BoundedSignal):
+            raise InputError(f"a certificate needs a reference with a bound, and {command!r} has none")
+        pushed += np.abs(column) * command.bound
+    return pushed
+
+
+def state_bounds(problem: Problem) -> list[float]:
+    """Guaranteed bounds of sup |x_m,i|, i = 1 ... n, for any inputs and commands: those of the inputs add up."""
+    known, n, pushed = problem.known, problem.known.n, command_bounds(problem)
+    columns = known.b.reshape(n, -1).T
+
+    def forced(i: int) -> float:
+        norms = [l1_norm(known.A_m, b[:, None], np.eye(n)[i : i + 1], np.zeros((1, 1))).upper for b in columns]
+        return float(np.dot(pushed, norms))
+
+    return [(forced(i) + free) * OUTWARD for i, free in enumerate(_free_response_bounds(known))]
+
+
+def _free_response_bounds(known: Known) -> list[float]:
+    """sup over t of |e_i'e^{A_m t} x0|: V = x'Px decreases, so it is at most sqrt(x0'P x0) sqrt((P^-1)_ii)."""
+    if not known.x0.any():
+        return [0.0] * known.n
+    require_lyapunov(known)
+    P, x0 = exact_matrix(known.P), exact_matrix(known.x0[:, None])
+    energy, inverse = (x0.transpose() * P * x0)[0, 0], P.inv()
+    return [float_above((energy * inverse[i, i]).sqrt()) for i in range(known.n)]
+
+
+def require_lyapunov(known: Known) -> None:
+    """InputError where P is not certain to be a Lyapunov matrix of A_m."""
+    if not lyapunov_holds(known.P, known.A_m):
+        raise InputError("P A_m + A_m'P could not be verified to be negative definite: A_m is too close to losing stability")

@@ -1,0 +1,126 @@
+"""A guaranteed bound of |phi(x)| on a box of states: the regressor evaluated on balls, the box cut where that is too coarse."""
+
+from __future__ import annotations
+
+import heapq
+from dataclasses import dataclass
+from itertools import product
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from barbalat.linear.enclosure import float_above
+from barbalat.problem.regressors import Linear, Regressor
+from barbalat.validate import Array
+
+if TYPE_CHECKING:
+    from flint import arb
+
+TIGHT = 1.05
+"""The bound is at most this times the largest value that was seen, unless CUTS do not suffice."""
+CUTS = 400
+"""Of the box, at most; the bound holds after any number of them."""
+CORNERS = 8
+"""States up to which the corners of a box are tried for its largest value; beyond, the centre alone."""
+
+
+@dataclass(frozen=True, eq=False)
+class Ball:
+    """A number known within a radius (python-flint's arb) that NumPy's functions and a regressor's formulas compute with."""
+
+    value: arb
+
+    def __array_ufunc__(self, ufunc: Any, method: str, *inputs: Any) -> Any:
+        """NumPy's functions act on arrays of objects by these objects' methods and operators."""
+        return getattr(ufunc, method)(*(part.reshape() if isinstance(part, Ball) else part for part in inputs))
+
+    def reshape(self, *shape: int) -> Array:
+        alone = np.empty(shape, dtype=object)
+        alone.fill(self)
+        return alone
+
+    def __add__(self, other: Any) -> Ball:
+        return Ball(self.value + _arb(other))
+
+    def __mul__(self, other: Any) -> Ball:
+        return Ball(self.value**2 if other is self else self.value * _arb(other))  # a square is not negative
+
+    def __neg__(self) -> Ball:
+        return Ball(-self.value)
+
+    def __sub__(self, other: Any) -> Ball:
+        return Ball(self.value - _arb(other))
+
+    def __rsub__(self, other: Any) -> Ball:
+        return Ball(_arb(other) - self.value)
+
+    def __truediv__(self, other: Any) -> Ball:
+        return Ball(self.value / _arb(other))
+
+    def __rtruediv__(self, other: Any) -> Ball:
+        return Ball(_arb(other) / self.value)
+
+    def __pow__(self, exponent: float) -> Ball:
+        whole = float(exponent).is_integer()
+        return Ball(self.value ** (int(exponent) if whole else _arb(exponent)))
+
+    def __abs__(self) -> Ball:
+        return Ball(abs(self.value))
+
+    __radd__, __rmul__ = __add__, __mul__
+
+    def sqrt(self) -> Ball:
+        """Of the part that is not negative: an absolute value's ball may reach below zero by a rounding."""
+        from flint import arb
+
+        return Ball(arb(0).max(self.value.lower()).sqrt().union(arb(0).max(self.value.upper()).sqrt()))
+
+
+for _name in ("exp", "sin", "cos", "tanh"):  # NumPy asks an object for a method of the function's name
+    setattr(Ball, _name, lambda self, name=_name: Ball(getattr(self.value, name)()))
+
+
+def _arb(value: Any) -> arb:
+    from flint import arb
+
+    return value.value if isinstance(value, Ball) else arb(float(value))
+
+
+def largest_square(regressor: Regressor, low: Array, high: Array) -> float:
+    """At least max |phi(x)|_2^2 over low <= x <= high, (n,) each; infinite where balls bound nothing."""
+    if isinstance(regressor, Linear):
+        return float(np.sum(np.maximum(np.abs(low), np.abs(high)) ** 2)) * (1 + 1e-12)
+    seen = _seen(regressor, low, high)
+    boxes = [(-_above(regressor, low, high), 0, low, high)]
+    for count in range(1, CUTS + 1):
+        if not -boxes[0][0] > TIGHT * seen:
+            break
+        _, _, low, high = heapq.heappop(boxes)
+        side = int(np.argmax(high - low))
+        middle = (low[side] + high[side]) / 2
+        for k, (at, end) in enumerate(((low, np.where(np.arange(len(low)) == side, middle, high)),
+                                       (np.where(np.arange(len(low)) == side, middle, low), high))):  # fmt: skip
+            seen = max(seen, _seen(regressor, at, end))
+            heapq.heappush(boxes, (-_above(regressor, at, end), 2 * count + k, at, end))
+    return -boxes[0][0]
+
+
+def _above(regressor: Regressor, low: Array, high: Array) -> float:
+    from flint import arb
+
+    x = np.empty(len(low), dtype=object)
+    for i, (a, b) in enumerate(zip(low.tolist(), high.tolist(), strict=True)):
+        x[i] = Ball(arb(a).union(arb(b)))
+    total = arb(0)
+    for entry in regressor(x):
+        total += _arb(entry) ** 2
+    return float_above(total) if total.is_finite() else float("inf")
+
+
+def _seen(regressor: Regressor, low: Array, high: Array) -> float:
+    points = [(low + high) / 2]
+    if len(low) <= CORNERS:
+        points += [np.where(choice, high, low) for choice in product((False, True), repeat=len(low))]
+    with np.errstate(all="ignore"):  # a point where phi is no number shows nothing
+        squares = [float(np.sum(np.asarray(regressor(point), dtype=float) ** 2)) for point in points]
+    return max(0.0, *(square for square in squares if not np.isnan(square)))

@@ -1,0 +1,150 @@
+"""Theorem 1 as numbers: P, nu_0, the bounds (9) and (10), the condition on C(s) and where it flips.
+
+Everything that is called a bound is rounded outward. The derivations are in docs/theorem-1.md.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import Any
+
+import numpy as np
+
+from barbalat.certificates.bounds.model import ModelBounds, require_lyapunov
+from barbalat.linear.definite import smallest_eigenvalue
+from barbalat.linear.enclosure import OUTWARD, Enclosure
+from barbalat.linear.l1_norms import l1_norm
+from barbalat.linear.systems import StateSpace, TransferFunction, input_filter
+from barbalat.problem.known_set import KnownSet, ParameterBox
+from barbalat.problem.state_feedback import Known
+from barbalat.validate import Array
+
+
+@dataclass(frozen=True)
+class FilterCondition:
+    """||W_b (1 - C)||_1 theta_max < 1, and the enclosure of the norm."""
+
+    norm: Enclosure
+    value_upper: float
+    holds: bool
+
+
+def filtered_model(known: Known, C: StateSpace) -> tuple[Array, Array, Array, Array]:
+    """W_b(s)(1 - C(s)), from one input to n outputs, as (A, B, C, D)."""
+    n, m = known.n, C.order
+    A = np.block([[known.A_m, -np.outer(known.b, C.C)], [np.zeros((m, n)), C.A]])
+    B = np.concatenate([known.b * (1 - C.D), C.B])[:, None]
+    return A, B, np.eye(n, n + m), np.zeros((n, 1))
+
+
+def filter_condition(known: Known, C: StateSpace, theta_max: float) -> FilterCondition:
+    """The condition under which Theorem 1 (ii) speaks."""
+    return small_gain(l1_norm(*filtered_model(known, C)), theta_max)
+
+
+def small_gain(norm: Enclosure, theta_max: float) -> FilterCondition:
+    """norm theta_max < 1, with the product rounded up."""
+    value = norm.upper * theta_max * OUTWARD
+    return FilterCondition(norm, value, value < 1)
+
+
+def derivative_norm(known: Known) -> Enclosure:
+    """||s W_b(s)||_1; s W_b = A_m (sI - A_m)^-1 b + b is proper and its D = b counts."""
+    return l1_norm(known.A_m, known.b[:, None], known.A_m, known.b[:, None])
+
+
+def kappa_max(norm: Enclosure, theta_max: float) -> float:
+    """1/(theta_max ||s W_b||_1), rounded down."""
+    return math.inf if theta_max == 0 else 1 / (theta_max * norm.upper * OUTWARD)
+
+
+def kappa_admissible(known: Known, theta_max: float, relative: float = 1e-6) -> float:
+    """The largest kappa found for which the condition certainly holds for C = 1/(kappa s + 1), within ``relative``.
+
+    Bisection between kappa_max, where it holds, and a kappa where it certainly fails; infinite if it never fails.
+    """
+
+    def holds(kappa: float) -> bool:
+        return filter_condition(known, input_filter(kappa).realise(), theta_max).holds
+
+    # 1 - C -> 1 for kappa -> infinity: the norm tends to that of W_b itself
+    if theta_max == 0 or l1_norm(known.A_m, known.b[:, None], np.eye(known.n), np.zeros((known.n, 1))).upper * theta_max < 1:
+        return math.inf
+    good = kappa_max(derivative_norm(known), theta_max) * (1 - 1e-9)  # where kappa ||s W_b|| theta_max < 1, C's norm being 1
+    bad = good
+    while holds(bad):
+        good, bad = bad, 2 * bad
+    while bad / good > 1 + relative:
+        middle = math.sqrt(good * bad)
+        good, bad = (middle, bad) if holds(middle) else (good, middle)
+    return good
+
+
+def theta_max_above(known_set: KnownSet) -> float:
+    """The largest 1-norm in the known set, rounded up; a box's sum itself where it is a float."""
+    if not isinstance(known_set, ParameterBox):
+        return known_set.theta_max * OUTWARD
+    largest = np.maximum(np.abs(known_set.lower), np.abs(known_set.upper))
+    exact = sum((Fraction(value) for value in largest.tolist()), Fraction(0))
+    nearest = float(exact)
+    return nearest if Fraction(nearest) >= exact else math.nextafter(nearest, math.inf)
+
+
+def ingredients(known: Known, known_set: KnownSet | None, model: ModelBounds) -> dict[str, Any]:
+    """What (9) and (10) are computed from, by the certificate's keys: P, its lambda_min, theta_max, the bounds of r and x_m."""
+    values: dict[str, Any] = {"P": known.P.tolist(), "lambda_min": smallest_eigenvalue(known.P)}
+    if known_set is not None:
+        values["theta_max"] = theta_max_above(known_set)
+    return values | {"bounds": {"r": model.r, "x_m": model.x_m}}
+
+
+def initial_parameter_error(theta_hat0: Array, theta: Array) -> float:
+    """||theta_hat(0) - theta||_2, rounded up."""
+    return float(np.linalg.norm(theta_hat0 - theta)) * OUTWARD
+
+
+def largest_parameter_error(theta_hat0: Array, known_set: KnownSet) -> float:
+    """The same for the worst theta in the known set."""
+    return known_set.farthest(theta_hat0) * OUTWARD
+
+
+def nu_0(parameter_error: float, known: Known) -> float:
+    """||theta_tilde(0)||_2 / sqrt(lambda_min(P)), rounded up; the P that the controller uses is verified first."""
+    require_lyapunov(known)
+    return parameter_error / math.sqrt(smallest_eigenvalue(known.P)) * OUTWARD
+
+
+def mrac_bound(nu: float, gamma: float) -> float:
+    """(9)."""
+    return nu / math.sqrt(gamma) * OUTWARD
+
+
+def l1_bound(nu: float, gamma: float, condition: FilterCondition, theta_max: float, k_0: float, model: ModelBounds) -> float:
+    """(10), for any C(s): [nu_0/sqrt(Gamma) + N (theta_max |x_m| + |k_0| |r|)] / (1 - N theta_max), N = ||W_b (1 - C)||_1.
+
+    Infinite where the condition does not hold.
+    """
+    if not condition.holds:
+        return math.inf
+    bias = condition.norm.upper * (theta_max * model.x_m + abs(k_0) * model.r)
+    return (nu / math.sqrt(gamma) + bias) / (1 - condition.value_upper) * OUTWARD**3
+
+
+def first_order_constants(
+    nu: float, kappa: float, norm: Enclosure, theta_max: float, k_0: float, model: ModelBounds
+) -> tuple[float, float] | None:
+    """nu_1 and nu_2 of (10) for C = 1/(kappa s + 1); None where kappa is not below kappa_max."""
+    remaining = 1 - kappa / kappa_max(norm, theta_max)
+    if remaining <= 0:
+        return None
+    nu_1 = norm.upper * (theta_max * model.x_m + abs(k_0) * model.r) / remaining * OUTWARD**2
+    return nu_1, nu / remaining * OUTWARD
+
+
+def time_constant(C: TransferFunction | None) -> float | None:
+    """kappa where C(s) = 1/(kappa s + 1), else None; 0 for C = 1."""
+    if C is None:
+        return 0.0
+    return 1 / float(C.den[1]) if len(C.den) == 2 and len(C.num) == 1 else None

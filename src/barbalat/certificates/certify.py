@@ -1,0 +1,51 @@
+"""The certificate of each controller of a problem, put together from conditions, bounds, limits and margins."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from barbalat.certificates.certificate import Certificate
+from barbalat.certificates.schemes import SCHEMES, sampled
+from barbalat.certificates.schemes.state_feedback import beyond_the_paper
+from barbalat.controllers import Sampled
+from barbalat.problem.state_feedback import Problem
+from barbalat.problem.tracking import TrackingProblem
+from barbalat.protocols import Controller
+from barbalat.solvers.simulation import Simulation
+from barbalat.validate import InputError
+
+
+def certify(problem: TrackingProblem, controllers: Sequence[Controller], simulation: Simulation) -> dict[str, Certificate]:
+    """Certificates by the controllers' names; nothing is simulated, the solver and its step are what is judged.
+
+    Raises InputError for a controller of which no certificate is known, or that does not fit the problem.
+    """
+    return {controller.name: _certificate(problem, controller, simulation) for controller in controllers}
+
+
+def certify_where_possible(
+    problem: TrackingProblem, controllers: Sequence[Controller], simulation: Simulation
+) -> dict[str, Certificate]:
+    """The same for a report: what can't be certified has the reason as its finding."""
+    found = {}
+    for controller in controllers:
+        try:
+            found[controller.name] = _certificate(problem, controller, simulation)
+        except InputError as error:
+            found[controller.name] = Certificate({}, frozenset(), (), (f"no certificate: {error}",))
+    return found
+
+
+def _certificate(problem: TrackingProblem, controller: Controller, simulation: Simulation) -> Certificate:
+    if isinstance(controller, Sampled):
+        judged = sampled.judged_at(controller, simulation)
+        return sampled.certificate(problem, _certificate(problem, controller.controller, judged), controller, judged)
+    if isinstance(problem, Problem) and (
+        problem.plant.inputs > 1 or not problem.plant.is_linear or problem.input_gain is not None
+    ):
+        return beyond_the_paper(problem, controller, simulation)
+    scheme = SCHEMES.get(type(controller))
+    if scheme is None:
+        raise InputError(f"no certificate is known for {type(controller).__name__}")
+    found: Certificate = scheme.certificate(problem, controller, simulation)
+    return found

@@ -1,0 +1,195 @@
+"""The robust MRAC with its estimates frozen: a linear loop, and the modelling error that this loop bears.
+
+With theta_hat constant, xi, Xi and Q(s) are linear in x and u, and so is the control. By hand, for phi(x) = x, from the
+plant's input v to -u, with F = 1/(tau s + 1)^n* and G = (sI - A_m - b theta')^-1 b:
+
+    L = [F + (theta_hat + F (theta - theta_hat))'G]/(1 - F),    affine in theta_hat;
+    T = L/(1 + L) = (F + theta'G)/(1 + theta'G)                 where theta_hat = theta.
+
+The loop is taken from the scheme's own equations, by their exact Jacobians; the formula is what tests hold it against.
+A modelling error Delta_m at the plant's input closes T: stable for every Delta_m with |Delta_m(j w)| |T(j w)| < 1, by the
+small-gain theorem. None of this is a guarantee for the loop that adapts.
+
+Source: Theorem 2; Ioannou and Sun, section 8.2; Skogestad and Postlethwaite, section 7.5.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from barbalat import validate
+from barbalat.certificates.linear_loops.worst_case import extreme_points, points_inside
+from barbalat.controllers import NormalizedMrac, RobustMrac
+from barbalat.linear.crossings import frequency_grid
+from barbalat.linear.interconnections import complementary_sensitivity, sensitivity, series
+from barbalat.linear.systems import StateSpace
+from barbalat.loop.closed_loop import ClosedLoop
+from barbalat.loop.linearization import signals_at_rest
+from barbalat.loop.packing import column, flatten, symbols
+from barbalat.problem.modelling_error import ModellingError
+from barbalat.problem.state_feedback import Problem
+from barbalat.validate import Array, InputError
+
+POINTS, THINNED = 100, 4
+"""Over the known set: seeded points inside beside the extreme ones, at every fourth frequency of the grid: an estimate anyway."""
+
+
+@dataclass(frozen=True, eq=False)
+class FrozenLoops:
+    """The loops of one robust MRAC on one problem, broken at the plant's input, for any constant theta_hat.
+
+    The linear dynamics that the plant's input has already are part of them. Raises InputError for a problem whose frozen
+    loop is not rational: phi(x) other than x, several inputs, limits, quantisation or a delay at the plant's input.
+    """
+
+    problem: Problem
+    controller: RobustMrac | NormalizedMrac
+
+    def __post_init__(self) -> None:
+        validate.instance("problem", self.problem, Problem)
+        validate.instance("controller", self.controller, (RobustMrac, NormalizedMrac))
+        plant = self.problem.plant
+        if plant.inputs > 1:
+            raise InputError(f"the frozen loop is that of one input, but plant.b has {plant.inputs} columns")
+        if not plant.is_linear:
+            raise InputError("the frozen loop is linear only for phi(x) = x: plant.regressor must be left out")
+        path = plant.paths[0]
+        if not path.is_linear or path.delay > 0:
+            raise InputError(
+                "the frozen loop is rational only without saturation, rate_limit, quantization and delay in plant.input, "
+                f"got {validate.show(path)}"
+            )
+
+    def at(self, theta_hat: Array) -> StateSpace:
+        """L with the estimates frozen at ``theta_hat`` (n,); its states are x, the sensor's, zeta and Q's.
+
+        Of xi and Xi the control contains zeta = xi + Xi theta_hat alone, with zeta' = A_m zeta + b (theta_hat'x + u).
+        """
+        n = self.problem.plant.n
+        theta_hat = validate.vector("theta_hat", theta_hat, n)
+        A, B, C = (np.array(part) for part in self._jacobians(theta_hat))
+        identity = np.eye(len(A))
+        rest = [k for k in range(len(A)) if not n <= k < n + n * n]  # Xi stands behind xi, both at the front
+        combined = identity[rest]
+        combined[:n, n : n + n * n] = np.kron(np.eye(n), theta_hat)
+        loop = StateSpace(combined @ A[:, rest], combined @ B[:, 0], -C[0, rest], 0.0)
+        dynamics = self.problem.plant.paths[0].dynamics
+        return loop if dynamics is None else series(dynamics.realise(), loop)
+
+    @cached_property
+    def at_theta(self) -> StateSpace:
+        """L with the estimates frozen at the true parameters."""
+        return self.at(self.problem.plant.theta)
+
+    @cached_property
+    def gain_over_set(self) -> tuple[Array, Array] | None:
+        """Frequencies (K,) and the largest |T| found over the known set, infinite if a loop is unstable; ``None`` without one.
+
+        L and the closed loop's matrix are affine in theta_hat: n + 1 loops give those of all points.
+        """
+        known_set, n = self.problem.uncertainty, self.problem.plant.n
+        if known_set is None:
+            return None
+        rng = np.random.default_rng(0)
+        thetas = np.concatenate([extreme_points(known_set, rng), points_inside(known_set, rng, known_set.middle, 1.0, POINTS)])
+        origin, units = self.at(np.zeros(n)), [self.at(unit) for unit in np.eye(n)]
+        w = np.unique(frequency_grid(complementary_sensitivity(self.at_theta)))[::THINNED]
+        closed = sensitivity(origin).A
+        slopes = np.array([sensitivity(unit).A - closed for unit in units])
+        if np.linalg.eigvals(closed + np.tensordot(thetas, slopes, 1)).real.max() >= 0:
+            return w, np.full(len(w), np.inf)
+        L_0 = origin.response(w)
+        L = L_0 + thetas @ np.array([unit.response(w) - L_0 for unit in units])
+        return w, np.abs(L / (1 + L)).max(axis=0)
+
+    @cached_property
+    def _jacobians(self) -> Any:
+        """theta_hat -> A, B, C of what moves while the estimates rest: xi, Xi, x, the sensor and Q's state.
+
+        Their rates are linear in themselves and v, so the Jacobians at zero are exact. The law's rate enters the swapping
+        term alone, which stays zero; x_m and n_d reach no control.
+        """
+        import casadi as ca
+
+        loop = replace(ClosedLoop.of(self.problem, self.controller), paths=(None,), delayed=False)
+        state_column, state = symbols("state", loop.size)
+        input_column, v = symbols("v", 1)
+        slope, u = loop.derivative_given_input(state, signals_at_rest(loop, 0.0), v[0])
+        slope, control = column(slope), column(u.reshape(1))
+        marked = loop.unpack(np.arange(loop.size))
+        parts: Any = marked.controller
+        kept = flatten((parts.xi, parts.Xi, marked.x, marked.sensor, parts.filter)).astype(int).tolist()
+        by_state = [ca.jacobian(part, state_column) for part in (slope, control)]
+        jacobians = ca.Function(
+            "jacobians",
+            [state_column, input_column],
+            [by_state[0][kept, kept], ca.jacobian(slope, input_column)[kept, :], by_state[1][:, kept]],
+        )
+        rest, rows = np.zeros(loop.size), loop.theta_hat_rows
+
+        def at(theta_hat: Array) -> Any:
+            rest[rows] = theta_hat
+            return jacobians(rest, 0.0)
+
+        return at
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Borne:
+    """Sizes of a modelling error: what a frozen loop bears.
+
+    small_gain  below this size the small-gain theorem shows the loop with theta_hat = theta stable
+    limit       where that loop, exactly, loses stability; infinite where it doesn't
+    over_set    the small-gain size for the worst theta_hat of the known set that was found: an estimate. 0 where the loop is
+                unstable with one of them without any modelling error; ``None`` without a known set
+    Both small-gain sizes are minima over a grid of frequencies, the first one refined.
+    """
+
+    small_gain: float
+    limit: float
+    over_set: float | None
+
+
+def borne(loops: FrozenLoops, error: ModellingError) -> Borne:
+    """What the loop with frozen estimates bears of one family of modelling errors."""
+    over_set = None
+    if loops.gain_over_set is not None:
+        w, gain = loops.gain_over_set
+        over_set = float(error.allowed(w, gain).min()) if np.isfinite(gain).all() else 0.0
+    return Borne(small_gain=small_gain(loops.at_theta, error), limit=error.limit(loops.at_theta), over_set=over_set)
+
+
+def small_gain(loop: StateSpace, error: ModellingError) -> float:
+    """The size below which |Delta_m| |T| < 1 at all frequencies: on a grid around T's poles, its lowest valleys refined.
+
+    InputError where the loop is unstable without any modelling error.
+    """
+    from scipy.optimize import minimize_scalar
+
+    T = complementary_sensitivity(loop)
+    largest = float(np.linalg.eigvals(T.A).real.max())
+    if largest >= 0:
+        raise InputError(
+            f"small gain needs a loop that is stable without modelling error, but an eigenvalue has real part {largest:.6g}"
+        )
+    w = np.unique(frequency_grid(T))
+
+    def allowed(at: Array) -> Array:
+        return error.allowed(at, np.abs(T.response(at)))
+
+    sizes = allowed(w)
+    least = float(sizes.min())
+    valleys = np.flatnonzero((sizes[1:-1] <= sizes[:-2]) & (sizes[1:-1] <= sizes[2:]) & (sizes[1:-1] < 1.1 * least)) + 1
+    for k in valleys:
+        found = minimize_scalar(
+            lambda point: float(allowed(np.array([point]))[0]),
+            bounds=(w[k - 1], w[k + 1]),
+            method="bounded",
+            options={"xatol": 1e-9 * w[k]},
+        )
+        least = min(least, float(found.fun))
+    return least

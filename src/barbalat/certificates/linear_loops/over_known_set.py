@@ -1,0 +1,74 @@
+"""The margins of linear loops over the known set, under the certificate's keys."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+
+from barbalat.certificates.linear_loops.ideal import fast_adaptation, known_parameters
+from barbalat.certificates.linear_loops.margin_values import KEYS
+from barbalat.certificates.linear_loops.worst_case import Family, WorstCase, worst_case
+from barbalat.linear.systems import StateSpace
+from barbalat.problem.known_set import KnownSet
+from barbalat.problem.plant import Plant
+from barbalat.problem.state_feedback import Problem
+
+AT_REST = "with the estimates at rest on theta"
+FAST = "in the limit of fast adaptation"
+
+
+def at_rest(problem: Problem, findings: list[str]) -> dict[str, Any]:
+    """Of the loop that every scheme with C = 1 becomes; nothing without a known set."""
+    known_set = problem.uncertainty
+    return {} if known_set is None else _values([(AT_REST, _worst_at_rest(problem.plant, known_set))], findings)
+
+
+def filtered(problem: Problem, C: StateSpace, findings: list[str]) -> dict[str, Any]:
+    """Of L1-AC's two readings: in the limit of fast adaptation, and with the estimates at rest."""
+    known_set = problem.uncertainty
+    return {} if known_set is None else _values(_worst_filtered(problem.plant, known_set, C), findings)
+
+
+def fixed(problem: Problem, family: Family, findings: list[str]) -> dict[str, Any]:
+    """Of a linear controller's loop."""
+    known_set = problem.uncertainty
+    return {} if known_set is None else _values([("with a fixed controller", worst_case(family, known_set))], findings)
+
+
+@lru_cache(maxsize=16)
+def _worst_at_rest(plant: Plant, known_set: KnownSet) -> WorstCase:
+    """Several schemes of one case share it."""
+    return worst_case(Family(plant, lambda plant: known_parameters(plant, plant.theta)), known_set)
+
+
+@lru_cache(maxsize=16)
+def _worst_filtered(plant: Plant, known_set: KnownSet, C: StateSpace) -> list[tuple[str, WorstCase]]:
+    """L1-ACs of one case that differ in the gain alone share it."""
+    families = {
+        FAST: Family(plant, lambda plant: fast_adaptation(plant, C)),
+        AT_REST: Family(plant, lambda plant: known_parameters(plant, plant.theta, C)),
+    }
+    return [(which, worst_case(family, known_set)) for which, family in families.items()]
+
+
+def _values(found: list[tuple[str, WorstCase]], findings: list[str]) -> dict[str, Any]:
+    return {"margins_over_known_set": [_entry(which, worst, findings) for which, worst in found]}
+
+
+def _entry(which: str, worst: WorstCase, findings: list[str]) -> dict[str, Any]:
+    """JSON for one loop: each finite margin with its theta, beside the delay that the plant has."""
+    entry: dict[str, Any] = {"of": f"the linear loop {which}", "searched": worst.searched, "unlimited": []}
+    unstable_at = worst.unstable_at
+    if unstable_at is not None:
+        findings.append(
+            f"linear loop {which}: unstable at theta = [{', '.join(f'{v:.4g}' for v in unstable_at)}] of the known set"
+        )
+        return entry | {"unstable_at": unstable_at.tolist()}
+    for name, (value, theta) in worst.least.items():
+        if np.isfinite(value):
+            entry[KEYS[name]] = {"value": value, "theta": theta.tolist()}
+        else:
+            entry["unlimited"].append(KEYS[name])
+    return entry

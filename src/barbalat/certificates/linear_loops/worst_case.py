@@ -1,0 +1,196 @@
+"""Margins of a linear loop over the known set: its extreme points, seeded points inside, and a search around the worst.
+
+Thousands of points are screened on one grid of frequencies; the extreme points, the case's theta and the worst of each round are
+computed exactly, and the least of these is kept. A local minimum between the points may be lower: an estimate, no guarantee.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from barbalat.linear.interconnections import sensitivity, series
+from barbalat.linear.margins import margins
+from barbalat.linear.screening import screen
+from barbalat.linear.systems import StateSpace, states_response
+from barbalat.problem.known_set import KnownSet, ParameterBox
+from barbalat.problem.plant import Plant
+from barbalat.validate import Array, InputError
+
+INSIDE, AROUND, ROUNDS, EXTREMES = 1000, 200, 4, 1024
+"""Seeded points inside the set, around the worst of each margin in each round (a quarter as wide), and extreme points at most."""
+VERTICES, EXACTLY = 64, 20
+"""How many extreme points, and how many of the worst screened points for each margin, are computed exactly."""
+NAMES = ("delay", "phase", "gain_up", "gain_down")
+SEARCHED = (
+    "the set's {extremes} extreme points, {inside} seeded points inside, then {rounds} rounds of {around} around the worst, all "
+    "screened; the {exactly} worst of each round exactly, and the case's theta: the least found, no guarantee"
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Family:
+    """A linear loop for every theta: around (A_m + b theta', b), from the plant's input.
+
+    plant   whose theta is replaced; its input dynamics are put into the loop here
+    around  the controller's loop around a plant; (1 - theta'W_b) L and the closed loop's matrix must be affine in theta, which
+            they are for every linear controller around the plant, and for one that contains theta in its gains once
+    """
+
+    plant: Plant
+    around: Callable[[Plant], StateSpace]
+
+    @property
+    def delay(self) -> float:
+        """At the plant's input, not in the loop [s]."""
+        return float(self.plant.paths[0].delay)
+
+    def loop(self, theta: Array) -> StateSpace:
+        """Broken at the plant's input."""
+        loop, dynamics = self.around(replace(self.plant, theta=theta)), self.plant.paths[0].dynamics
+        return loop if dynamics is None else series(dynamics.realise(), loop)
+
+    def responses(self, w: Array) -> Callable[[Array], tuple[Array, Array]]:
+        """From thetas (M, n) to N and D, (M, K), with L(j w) = N/D: D = 1 - h, h = theta'W_b, and N = (1 - h) L.
+
+        Both are affine in theta: from the origin and the unit vectors.
+        """
+        units = np.eye(self.plant.n)
+        W_b = states_response(self.plant.A_m, self.plant.b, w).T
+        origin = self.loop(0 * units[0]).response(w)
+        slopes = np.array([(1 - h) * self.loop(unit).response(w) - origin for h, unit in zip(W_b, units, strict=True)])
+        return lambda thetas: (origin + _combined(thetas, slopes), 1 - _combined(thetas, W_b))
+
+    def largest_real_parts(self, thetas: Array) -> Array:
+        """Of the closed loop's eigenvalues, (M,)."""
+        origin = sensitivity(self.loop(np.zeros(self.plant.n))).A
+        slopes = np.array([sensitivity(self.loop(unit)).A - origin for unit in np.eye(self.plant.n)])
+        return np.asarray(np.linalg.eigvals(origin + np.tensordot(thetas, slopes, 1)).real.max(axis=1))
+
+    def frequencies(self, thetas: Array) -> Array:
+        """From far below to far above every pole and every crossover that the set allows, denser at faint damping.
+
+        A loop that is stable with the delay d has its crossovers below 2 pi/d: some turns are looked at closely.
+        """
+        loop = self.loop(np.zeros(self.plant.n))
+        poles = np.concatenate([np.linalg.eigvals(loop.A), np.linalg.eigvals(sensitivity(loop).A)])
+        sizes = np.abs(poles)
+        crossover = float(np.abs(thetas).sum(axis=1).max() * np.abs(self.plant.b).max())
+        slowest = sizes[sizes > 1e-9 * sizes.max()].min()
+        wide = np.geomspace(slowest / 100, 100 * max(sizes.max(), crossover), 500)
+        offsets = np.sinh(np.linspace(-5, 5, 41))
+        peaks = [p.imag + abs(p.real) * offsets for p in poles if p.imag > 0]
+        turns = [np.arange(1, 129) * np.pi / 16 / self.delay] if self.delay > 0 else []
+        w = np.concatenate([[1e-6 * slowest], wide, *peaks, *turns])  # the first stands for zero frequency
+        return np.unique(w[w > 0])
+
+
+def _combined(thetas: Array, rows: Array) -> Array:
+    """thetas (M, n) times rows (n, K), as sums: BLAS would start threads for it, which wait for each other on a busy machine."""
+    return sum((theta[:, None] * row for theta, row in zip(thetas.T, rows, strict=True)), np.zeros(1))
+
+
+@dataclass(frozen=True, eq=False)
+class WorstCase:
+    """The least margins that were found over the set, each with its theta.
+
+    least        by the margin's name in ``Margins``; gain_down is the largest one. Infinite where nothing destabilises
+    unstable_at  a theta of the set at which the loop is unstable already; ``None`` if none was met
+    """
+
+    least: dict[str, tuple[float, Array]]
+    unstable_at: Array | None
+    searched: str
+
+
+def worst_case(family: Family, known_set: KnownSet, seed: int = 0) -> WorstCase:
+    """Search the set for the least margins beside the plant's delay, and for the greatest gain reduction margin."""
+    rng = np.random.default_rng(seed)
+    extremes = extreme_points(known_set, rng)
+    center = np.mean(known_set.extent, axis=0)
+    own = np.reshape([family.plant.theta] if known_set.contains(family.plant.theta) else [], (-1, family.plant.n))
+    points = np.concatenate([extremes, points_inside(known_set, rng, center, 1.0, INSIDE), own])
+    searched = SEARCHED.format(extremes=len(extremes), inside=INSIDE, rounds=ROUNDS, around=AROUND, exactly=EXACTLY)
+    search = _Search(family, family.frequencies(points))
+    try:
+        search.look(np.concatenate([extremes[:VERTICES], own]))
+        search.screen(points)
+        for k in range(1, ROUNDS + 1):
+            centers = np.unique([theta for _, theta in search.least.values()], axis=0)
+            search.screen(np.concatenate([points_inside(known_set, rng, theta, 4.0**-k, AROUND) for theta in centers]))
+    except _Unstable as found:
+        return WorstCase({}, found.theta, searched)
+    return WorstCase(search.least, None, searched)
+
+
+class _Unstable(Exception):
+    """A loop of the family is not stable."""
+
+    def __init__(self, theta: Array) -> None:
+        super().__init__(f"unstable at theta = {theta}")
+        self.theta = theta
+
+
+class _Search:
+    """The least margins so far, all of them exact."""
+
+    def __init__(self, family: Family, w: Array) -> None:
+        self.family, self.w = family, w
+        self.least: dict[str, tuple[float, Array]] = {}
+        self._responses = family.responses(w)
+        self._seen: set[bytes] = set()
+
+    def screen(self, points: Array) -> None:
+        """Screen the points, and look at the worst of them for each margin."""
+        real_parts = self.family.largest_real_parts(points)
+        if real_parts.max() >= 0:
+            raise _Unstable(points[int(real_parts.argmax())])
+        N, D = self._responses(points)
+        screened = screen(N * np.exp(-1j * self.w * self.family.delay), D, self.w, self.family.delay)
+        for values in screened.values():
+            worst = np.argsort(values)[:EXACTLY]
+            self.look(points[worst[np.isfinite(values[worst])]])
+
+    def look(self, points: Array) -> None:
+        """Take the exact margins at the points into account."""
+        for theta in points:
+            if theta.tobytes() in self._seen:
+                continue
+            self._seen.add(theta.tobytes())
+            try:
+                found = margins(self.family.loop(theta), self.family.delay)
+            except InputError as error:
+                raise _Unstable(theta) from error
+            for name in NAMES:
+                value = float(getattr(found, name))
+                if name not in self.least or (
+                    value > self.least[name][0] if name == "gain_down" else value < self.least[name][0]
+                ):
+                    self.least[name] = (value, theta)
+
+
+def extreme_points(known_set: KnownSet, rng: np.random.Generator) -> Array:
+    """A box's vertices, or as many of them drawn at random; a ball's ends along the axes and as many points of its surface."""
+    n = known_set.size
+    if isinstance(known_set, ParameterBox):
+        if 2**n <= EXTREMES:
+            signs = np.array(list(itertools.product((0.0, 1.0), repeat=n)))
+        else:
+            signs = rng.integers(0, 2, (EXTREMES, n)).astype(float)
+        return np.asarray(known_set.lower + signs * (known_set.upper - known_set.lower))
+    directions = rng.standard_normal((EXTREMES - 2 * n, n))
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    return np.asarray(known_set.center + known_set.radius * np.concatenate([np.eye(n), -np.eye(n), directions]))
+
+
+def points_inside(known_set: KnownSet, rng: np.random.Generator, around: Array, share: float, count: int) -> Array:
+    """Points of the set in a box around a point, ``share`` of the set's extent wide; what falls outside is brought back."""
+    lower, upper = known_set.extent
+    points = around + share * (upper - lower) * rng.uniform(-0.5, 0.5, (count, known_set.size))
+    if isinstance(known_set, ParameterBox):
+        return np.clip(points, lower, upper)
+    away = points - known_set.center
+    return np.asarray(known_set.center + away * np.minimum(1, known_set.radius / np.linalg.norm(away, axis=1, keepdims=True)))

@@ -1,0 +1,1 @@
+"""The certificates of the schemes that measure y only."""

@@ -1,0 +1,113 @@
+"""What sampling takes away from a continuous controller's certificate, and the limits of a law that takes Euler steps."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from barbalat.adaptation.modifications.switching_sigma import SwitchingSigma
+from barbalat.certificates.assumptions import CONTINUOUS, OF_THE_PROBLEM
+from barbalat.certificates.bounds.model import model_bounds
+from barbalat.certificates.cells import Cell, Column
+from barbalat.certificates.certificate import Certificate
+from barbalat.certificates.step_limits import any_regressor, frozen_laws
+from barbalat.certificates.step_limits.held_oscillator import HeldOscillator
+from barbalat.controllers import L1Adaptive, LinearFeedback, Mrac, Sampled
+from barbalat.controllers.output.linear import LinearOutput
+from barbalat.problem.state_feedback import Problem
+from barbalat.problem.tracking import TrackingProblem
+from barbalat.solvers import EULER
+from barbalat.solvers.simulation import Simulation
+
+MIDPOINT = "no gain makes its law numerically unstable, so there is no gamma_max and no step_max"
+AS_EULER = "gamma_max and step_max are those of Euler's method at the sample time, for all that the controller integrates"
+HELD = "gamma_max and step_max are of the frozen law from sample to sample, with A_m's exact motion between them"
+ERRORS = ("error_bound", "error_bound_worst")
+
+
+def judged_at(controller: Sampled, simulation: Simulation) -> Simulation:
+    """The simulation whose numerics limit the controller: for a law that takes Euler steps, these steps."""
+    if controller.discretization != "euler":
+        return simulation
+    T = controller.sample_time
+    return Simulation(t_end=T * math.ceil(simulation.t_end / T * (1 - 1e-9)), dt=T, solver=EULER)
+
+
+def certificate(problem: TrackingProblem, continuous: Certificate, controller: Sampled, judged: Simulation) -> Certificate:
+    """From the continuous controller's certificate at ``judged_at``."""
+    what = f"the controller runs sampled every {controller.sample_time:g} s ({controller.discretization})"
+    if isinstance(controller.controller, LinearFeedback):
+        return replace(
+            continuous,
+            guaranteed=continuous.guaranteed & {"norms", "condition"},
+            assumptions=(*continuous.assumptions, CONTINUOUS),
+            findings=(*continuous.findings, what),
+        )
+    kept = continuous.guaranteed & (
+        {"norms", "condition", "kappa_admissible", "kappa_max", "nu_0", "nu_0_worst"} | OF_THE_PROBLEM
+    )
+    if controller.discretization == "midpoint":
+        values = {key: value for key, value in continuous.values.items() if key not in ("gamma_max", "step_max")}
+        findings = (*continuous.findings, f"{what}; {MIDPOINT}", *_of_the_midpoint_form(controller))
+        return Certificate(values, kept, (*continuous.assumptions, CONTINUOUS), findings)
+    values, findings, scheme = dict(continuous.values), (*continuous.findings, what), controller.controller
+    if isinstance(scheme, Mrac):  # all that it integrates is the law
+        values |= _of_mrac(problem, scheme, judged, values["nu_0"])
+    step_max = values.get("step_max")
+    if step_max is not None and step_max < controller.sample_time:
+        lost = [key for key in ERRORS if values.pop(key, None) is not None]
+        unstable = (
+            f"where |x| is as large as its bound the law is numerically unstable: it bears samples up to about {step_max:.3g} s"
+        )
+        findings += (f"{unstable}; {' and '.join(lost)} of the continuous controller can't be relied on" if lost else unstable,)
+    return Certificate(
+        values, kept, (*continuous.assumptions, CONTINUOUS, HELD if isinstance(scheme, Mrac) else AS_EULER), findings
+    )
+
+
+def _of_mrac(problem: TrackingProblem, scheme: Mrac, judged: Simulation, nu_0: float) -> dict[str, Any]:
+    """gamma_max and step_max; |x| within the bounds of the model and of e."""
+    assert isinstance(problem, Problem)
+    held, known = HeldOscillator(problem.known), problem.known
+    if known.inputs > 1 or not problem.plant.is_linear or problem.input_gain is not None:
+        return any_regressor.of_lyapunov_law(problem, scheme, judged, nu_0, held)
+    reach = model_bounds(problem).x_m_euclidean
+    values = frozen_laws.of_lyapunov_law(problem, scheme.gamma, judged, reach, nu_0, oscillator=held)
+    return frozen_laws.with_modifications(values, scheme, judged)
+
+
+def _of_the_midpoint_form(controller: Sampled) -> list[str]:
+    """What docs/sampled.md derives of the MRAC's, which has no filter between fast estimates and the input."""
+    scheme, T = controller.controller, controller.sample_time
+    if not isinstance(scheme, (Mrac, L1Adaptive)):
+        return []
+    findings = []
+    if isinstance(scheme, Mrac) or scheme.filter is None:
+        findings.append(
+            f"for a high gain and short samples its loop inside the known set bears a delay of one sample, {T:g} s, at the "
+            "plant's input; beyond that the estimates run between their bounds, and no bound of e is proven"
+        )
+    if np.ndim(scheme.gamma) == 2 or scheme.learning is not None:
+        findings.append(
+            "with a gain matrix or learning the predictor is fed with the estimate before its projection: while the projection "
+            "acts, x_hat leaves x_m, and with a delay the loop may be lost"
+        )
+    return findings
+
+
+def column(column: Column, controller: Sampled) -> Column:
+    """What holds in continuous time holds for a sampled controller as far as its samples resolve it."""
+    cells = {
+        key: Cell("not proven" if c.kind == "proven" else c.kind, f"in continuous time: {c.text}")
+        for key, c in column.cells.items()
+    }
+    scheme: Any = controller.controller
+    if controller.discretization == "midpoint" and not isinstance(scheme, (LinearFeedback, LinearOutput)):
+        leakage = getattr(getattr(scheme, "law", scheme), "leakage", None)
+        held = leakage is None or isinstance(leakage, SwitchingSigma)
+        growth = "does not grow" if held else "grows by no more than T w |theta|^2/2, w the leakage,"
+        cells["estimates"] = Cell("proven", f"V of the law {growth} from sample to sample, for every gain and sample time")
+    return replace(column, scheme=f"{column.scheme}, sampled ({controller.discretization})", cells=cells)

@@ -1,0 +1,105 @@
+"""The limits of the numerics for any regressor, several inputs and an unknown input gain, from a bound of |phi(x)| on a box.
+
+|x_i| <= |x_m,i| + |e|, and |e| <= nu_0/sqrt(Gamma) by (9), which holds for MRAC with every regressor; for L1-AC it is assumed.
+On that box |phi(x)|_2 is bounded by balls, and omega_a^2 <= Gamma |phi|_2^2 ||b'P b||. Source: docs/numerics.md.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from barbalat.certificates.bounds import laws
+from barbalat.certificates.bounds.model import command_bounds, state_bounds
+from barbalat.certificates.bounds.regressor import largest_square
+from barbalat.certificates.step_limits.frozen_laws import FrozenLaw, input_poles, with_modifications
+from barbalat.certificates.step_limits.oscillator import Oscillator
+from barbalat.controllers import L1Adaptive, Mrac
+from barbalat.problem.known_set import ParameterBall, ParameterBox
+from barbalat.problem.state_feedback import Problem
+from barbalat.solvers.simulation import Simulation
+
+STEPS_DOWN = 60
+"""Gains that are tried below the largest one that could be borne, each half the one before."""
+
+
+def of_lyapunov_law(
+    problem: Problem, controller: Mrac | L1Adaptive, simulation: Simulation, nu_0: float, oscillator: FrozenLaw | None = None
+) -> dict[str, Any]:
+    """adaptation_frequency, gamma_max, step_max under the contract's keys; ``None`` where there is no such limit."""
+    excited, gamma = Excited(problem, controller), controller.gamma
+    if oscillator is None:
+        poles = [input_poles(problem)]
+        if isinstance(controller, L1Adaptive) and controller.filter is not None:
+            poles.append(np.linalg.eigvals(controller.filter.realise().A))
+        oscillator = Oscillator(problem.known, simulation.solver, np.concatenate(poles))
+    g = laws.largest_gain(gamma) * excited.largest_square(laws.error_level(problem, controller, nu_0))
+    if not math.isfinite(g):
+        return {}
+    values: dict[str, Any] = {
+        "adaptation_frequency": math.sqrt(oscillator.bPb * g),
+        "gamma_max": None if np.ndim(gamma) else _largest_gain(excited, oscillator.largest_g(simulation.dt), nu_0),
+        "step_max": oscillator.largest_step(g),
+    }
+    return with_modifications(values, controller, simulation)
+
+
+@dataclass(frozen=True, eq=False)
+class Excited:
+    """How large the regressor of the law can be."""
+
+    problem: Problem
+    controller: Mrac | L1Adaptive
+
+    def largest_square(self, error: float) -> float:
+        """Of |phi|_2^2, with u below phi where its gain is unknown, while no component of e exceeds ``error``."""
+        problem = self.problem
+        bounds = np.array(state_bounds(problem)) + error
+        phi = largest_square(problem.plant.regressor, -bounds, bounds)
+        gains = problem.known.gains
+        if gains is None:
+            return phi
+        command = command_bounds(problem)
+        u = (self._largest_theta() * math.sqrt(phi) + command) / gains.lower
+        # u = (...)/omega_hat moves with the estimates: the coupling of MRAC is multiplied by omega/omega_hat
+        ratio = float(np.max(gains.upper / gains.lower)) if isinstance(self.controller, Mrac) else 1.0
+        return ratio * (phi + float(np.max(u**2)))
+
+    def _largest_theta(self) -> float:
+        """|theta_hat|_2 without the gains: |theta|_2 and the distance that V keeps it from theta, or the known set's."""
+        problem = self.problem
+        theta, error = problem.plant.theta, self.controller.bind(problem.known).theta_hat0 - problem.parameters
+        largest = float(np.linalg.norm(theta) + np.linalg.norm(error))
+        known_set = problem.uncertainty
+        if self.controller.projection is False or not isinstance(known_set, (ParameterBox, ParameterBall)):
+            return largest
+        return min(largest, known_set.farthest(np.zeros(known_set.size)))
+
+
+def _largest_gain(excited: Excited, largest_g: float, nu_0: float) -> float | None:
+    """The largest Gamma with Gamma |phi|^2 <= largest_g; 0 where the bound of |phi| shows none, ``None`` for phi = 0.
+
+    |phi|^2 falls with Gamma, since the error does, so that its limit for Gamma -> infinity gives a gain that is too large.
+    """
+
+    def bears(gamma: float) -> bool:
+        return gamma * excited.largest_square(nu_0 / math.sqrt(gamma)) <= largest_g
+
+    at_rest = excited.largest_square(0.0)
+    if at_rest == 0 or largest_g == 0:
+        return 0.0 if largest_g == 0 else None
+    high = largest_g / at_rest * (1 + 1e-9)
+    for _ in range(STEPS_DOWN):
+        low = high / 2
+        if bears(low):
+            break
+        high = low
+    else:
+        return 0.0
+    while high - low > 1e-3 * high:
+        middle = (low + high) / 2
+        low, high = (middle, high) if bears(middle) else (low, middle)
+    return low

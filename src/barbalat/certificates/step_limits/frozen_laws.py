@@ -1,0 +1,148 @@
+"""The contract's limits of the numerics: adaptation_frequency, gamma_max and step_max of a controller under its solver.
+
+All of them are estimates, made before any simulation: they freeze what moves slowly. Source: docs/numerics.md.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, Protocol
+
+import numpy as np
+
+from barbalat.adaptation.laws import (
+    AdaptiveLaw,
+    Gradient,
+    IntegralCost,
+    LeastSquares,
+    LeastSquaresBounded,
+    LeastSquaresBoundedGain,
+    LeastSquaresResetting,
+)
+from barbalat.adaptation.modifications.fixed_sigma import FixedSigma
+from barbalat.adaptation.modifications.switching_sigma import SwitchingSigma
+from barbalat.certificates.bounds.laws import largest_gain, least_gain
+from barbalat.certificates.step_limits.oscillator import Oscillator
+from barbalat.controllers import L1Adaptive, Mrac, NormalizedMrac, RobustMrac
+from barbalat.controllers.robust_mrac import Equations
+from barbalat.problem.state_feedback import Problem
+from barbalat.problem.tracking import TrackingProblem
+from barbalat.solvers.simulation import Simulation
+from barbalat.validate import Array
+
+
+class FrozenLaw(Protocol):
+    """What bears a frozen law: an Oscillator under a solver, a HeldOscillator from sample to sample."""
+
+    @property
+    def bPb(self) -> float: ...
+
+    def largest_g(self, h: float) -> float:
+        """The largest g = Gamma |x|^2 for a step."""
+        ...
+
+    def largest_step(self, g: float) -> float:
+        """The largest step for all gains from 0 to g."""
+        ...
+
+
+def of_lyapunov_law(
+    problem: Problem,
+    gamma: float | Array,
+    simulation: Simulation,
+    offset: float,
+    factor: float,
+    filter_poles: Array | None = None,
+    oscillator: FrozenLaw | None = None,
+) -> dict[str, Any]:
+    """For a law theta_hat' = Gamma (e'P b) x and |x|_2 <= offset + factor/sqrt(Gamma); for a matrix by its extreme eigenvalues.
+
+    ``None`` for gamma_max where no gain is too large, which takes x = 0, and for a matrix.
+    """
+    if oscillator is None:
+        beside = [input_poles(problem), np.zeros(0) if filter_poles is None else filter_poles]
+        oscillator = Oscillator(problem.known, simulation.solver, np.concatenate(beside))
+    root_g = math.sqrt(largest_gain(gamma)) * (offset + factor / math.sqrt(least_gain(gamma)))  # of x'Gamma x
+    largest_root = math.sqrt(oscillator.largest_g(simulation.dt))
+    return {
+        "adaptation_frequency": math.sqrt(oscillator.bPb) * root_g,
+        "gamma_max": _largest_gain(largest_root, offset, factor) if np.ndim(gamma) == 0 else None,
+        "step_max": oscillator.largest_step(root_g**2),
+    }
+
+
+def with_modifications(values: dict[str, Any], controller: Mrac | L1Adaptive, simulation: Simulation) -> dict[str, Any]:
+    """The same with what a leakage and a memory add: a decay of the estimates of their own, up to Gamma (w + gamma_c R).
+
+    A gain at which that ends is not looked for. Where nothing bounds w or R (an epsilon-modification, a memory without
+    forgetting and capacity), there is no step_max.
+    """
+    law, learning = controller.leakage, controller.learning
+    if law is None and learning is None:
+        return values
+    pull = 0.0
+    if isinstance(law, (FixedSigma, SwitchingSigma)):
+        pull += law.sigma
+    elif law is not None:
+        pull = math.inf
+    if learning is not None:
+        held = math.inf if learning.capacity is None else learning.capacity
+        pull += learning.gamma_c * min(
+            held, math.inf if learning.forgetting == 0 else 1 / learning.forgetting
+        )  # of lambda_max(R)
+    alone = simulation.solver.real_limit / (largest_gain(controller.gamma) * pull)
+    step_max = values["step_max"]
+    return values | {"gamma_max": None, "step_max": min(step_max, alone) if step_max and alone else None}
+
+
+def _largest_gain(root_g: float, offset: float, factor: float) -> float | None:
+    """The largest Gamma with sqrt(Gamma) |x|_2 <= root_g."""
+    room = root_g - factor
+    if room <= 0:
+        return 0.0
+    return None if offset == 0 else (room / offset) ** 2
+
+
+def of_parametric_model(
+    problem: Problem, controller: RobustMrac | NormalizedMrac, equations: Equations, simulation: Simulation
+) -> dict[str, Any]:
+    """For a law on the parametric model (13), whose adaptation is a decay: the regressor does not depend on the estimates."""
+    solver, law = simulation.solver, controller.law
+    filters = [np.linalg.eigvals(problem.known.A_m), input_poles(problem), np.array([-equations.normalization.delta_0])]
+    if equations.Q is not None:
+        filters.append(np.linalg.eigvals(equations.Q.A))
+    others = Oscillator(problem.known, solver, np.concatenate(filters)).largest_step(0.0)
+    fastest = fastest_adaptation(law)
+    values: dict[str, Any] = {} if fastest is None else {"step_max": min(others, solver.real_limit / fastest)}
+    if isinstance(law, Gradient) and fastest is not None and np.ndim(law.gamma) == 0:
+        values["gamma_max"] = solver.real_limit / simulation.dt if simulation.dt <= others else 0.0
+    return values
+
+
+def fastest_adaptation(law: AdaptiveLaw) -> float | None:
+    """The largest rate [1/s] at which estimates and covariance decay, from |phi|^2 < m_s^2; None where nothing bounds it.
+
+    A covariance's rate is the slope 2 P of P^2. ``None`` with leakage too, which adds a rate of its own.
+    """
+    settings: Any = law
+    if settings.leakage is not None:
+        return None
+    match law:
+        case Gradient(gamma=gamma):
+            return largest_gain(gamma)
+        case IntegralCost(gamma=gamma, forgetting=beta):  # |R| <= 1/beta
+            return max(beta, largest_gain(gamma) / beta)
+        case LeastSquares(covariance0=covariance0):
+            return 2 * largest_gain(covariance0)
+        case LeastSquaresResetting(rho_0=rho_0):
+            return 2 * rho_0
+        case LeastSquaresBounded(covariance_bound=bound, forgetting=beta):
+            return 2 * bound + beta
+        case LeastSquaresBoundedGain(covariance_bound=bound, forgetting=beta):
+            return 2 * bound + beta
+    return None
+
+
+def input_poles(problem: TrackingProblem) -> Array:
+    """Of what lies before the plant's inputs, which is integrated beside the adaptation."""
+    return np.concatenate([np.zeros(0) if path.dynamics is None else path.dynamics.poles for path in problem.plant.paths])

@@ -1,0 +1,154 @@
+"""The limits of the numerics for MRAC with output feedback: estimates, made before any simulation. Source: docs/numerics.md."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from barbalat.adaptation import gain
+from barbalat.adaptation.laws import Gradient
+from barbalat.adaptation.modifications.fixed_sigma import FixedSigma
+from barbalat.adaptation.modifications.switching_sigma import SwitchingSigma
+from barbalat.adaptation.output_lyapunov import LyapunovLaw
+from barbalat.certificates.bounds import laws
+from barbalat.certificates.certificate import Certificate
+from barbalat.certificates.step_limits.frozen_laws import fastest_adaptation, input_poles
+from barbalat.certificates.step_limits.oscillator import bisect
+from barbalat.controllers.output.matching import filter_polynomial
+from barbalat.controllers.output.mrac import MracOutput
+from barbalat.linear.l1_norms import l1_norm
+from barbalat.loop.closed_loop import ClosedLoop
+from barbalat.loop.linearization import jacobian_function
+from barbalat.problem.output_feedback import OutputProblem
+from barbalat.protocols import BoundedSignal
+from barbalat.solvers.simulation import Simulation
+from barbalat.validate import Array
+
+LYAPUNOV = (
+    "adaptation_frequency, gamma_max and step_max: estimates, of the loop with the estimates frozen at {where} and the regressor "
+    "at its largest there"
+)
+NORMALISED = "gamma_max and step_max: estimates, of the plain law on a frozen regressor, beside filters and plant"
+GAINS = np.geomspace(1e-12, 1.0, 240)
+"""Fractions of the largest g that are looked at beside g = 0."""
+
+
+class Frozen(NamedTuple):
+    """The loop around a law whose estimates rest: x' = A x + b q, e = c x, and the law's q' = -g e for g = Gamma |omega|^2."""
+
+    A: Array
+    b: Array
+    c: Array
+    omega_squared: float  # a bound of |omega|^2
+
+    def modes(self, g: float) -> Array:
+        root = math.sqrt(g)
+        top = np.hstack([self.A, root * self.b[:, None]])
+        return np.linalg.eigvals(np.vstack([top, np.append(-root * self.c, 0.0)]))
+
+
+def added(certificate: Certificate, problem: OutputProblem, controller: MracOutput, simulation: Simulation) -> Certificate:
+    """The certificate with the limits under the contract's keys."""
+    if not isinstance(controller.law, LyapunovLaw):
+        values = _of_parametric_model(problem, controller, simulation)
+        return replace(certificate, values=certificate.values | values, assumptions=(*certificate.assumptions, NORMALISED))
+    theta = certificate.values.get("theta_star")
+    where = "theta_hat(0)" if theta is None else "theta*"
+    found = _frozen(problem, controller, None if theta is None else np.array(theta))
+    if isinstance(found, str):
+        return replace(certificate, findings=(*certificate.findings, f"no limits of gain and step: {found.format(where=where)}"))
+    values = _of_lyapunov_law(found, controller.law, simulation)
+    assumptions = (*certificate.assumptions, LYAPUNOV.format(where=where))
+    return replace(certificate, values=certificate.values | values, assumptions=assumptions)
+
+
+def _of_parametric_model(problem: OutputProblem, controller: MracOutput, simulation: Simulation) -> dict[str, Any]:
+    equations, solver, law = controller.bind(problem.known), simulation.solver, controller.law
+    plant, W_m = problem.plant.transfer_function, problem.reference_model.transfer_function
+    parts = [plant.poles, W_m.poles, np.roots(filter_polynomial(controller.order, W_m, controller.filter_poles))]
+    parts += [np.array([-controller.normalization.delta_0]), input_poles(problem)]
+    if equations.Q is not None:
+        parts.append(np.linalg.eigvals(equations.Q.A))
+    poles = np.concatenate(parts)
+    others = _largest_step(lambda h: not _amplifies(simulation, h, poles), solver.reach / float(np.abs(poles).max()))
+    fastest = fastest_adaptation(law)  # type: ignore[arg-type]
+    values: dict[str, Any] = {} if fastest is None else {"step_max": min(others, solver.real_limit / fastest)}
+    if isinstance(law, Gradient) and fastest is not None and np.ndim(law.gamma) == 0:
+        values["gamma_max"] = solver.real_limit / simulation.dt if simulation.dt <= others else 0.0
+    return values
+
+
+def _of_lyapunov_law(frozen: Frozen, law: LyapunovLaw, simulation: Simulation) -> dict[str, Any]:
+    """At which g, from 0 up, and at which step does the solver amplify a mode that the frozen loop does not."""
+    solver, gamma = simulation.solver, laws.largest_gain(law.gamma)
+    g = gamma * frozen.omega_squared
+    modes = np.concatenate([frozen.modes(part) for part in np.append(g * GAINS, 0.0)])
+    step = _largest_step(lambda h: not _amplifies(simulation, h, modes), solver.reach / float(np.abs(modes).max()))
+    values: dict[str, Any] = {"adaptation_frequency": math.sqrt(g * max(float(frozen.c @ frozen.b), 0.0)) or None}
+    if isinstance(law.leakage, (FixedSigma, SwitchingSigma)):
+        return values | {"step_max": min(step, solver.real_limit / (gamma * law.leakage.sigma))}
+    if law.leakage is not None:  # an epsilon-modification: nothing bounds how fast it makes the estimates decay
+        return values
+    values["step_max"] = step
+    if np.ndim(law.gamma) == 0 and frozen.omega_squared > 0:
+        values["gamma_max"] = _largest_g(frozen, simulation) / frozen.omega_squared
+    return values
+
+
+def _largest_g(frozen: Frozen, simulation: Simulation) -> float:
+    """The largest g up to which no mode is amplified by the solver alone."""
+
+    def bears(g: float) -> bool:
+        return not _amplifies(simulation, simulation.dt, frozen.modes(g))
+
+    if not bears(0.0):
+        return 0.0
+    high = 1e-12
+    while bears(high):
+        high *= 1.5
+    return bisect(bears, high / 1.5, high)[0]
+
+
+def _largest_step(bears: Callable[[float], bool], beyond: float) -> float:
+    return bisect(bears, 0.0, 2 * beyond)[0]
+
+
+def _amplifies(simulation: Simulation, h: float, modes: Array) -> bool:
+    """As along a run: |R| above max(1, |e^z|) by so much that it makes a factor e up to t_end."""
+    z = h * modes
+    with np.errstate(divide="ignore"):
+        spurious = np.log(np.abs(simulation.solver.amplification(z))) - np.maximum(z.real, 0)
+    return bool((spurious * simulation.t_end / h > 1).any())
+
+
+def _frozen(problem: OutputProblem, controller: MracOutput, theta: Array | None) -> Frozen | str:
+    """From the exact Jacobian at rest with r = 1, or why there is none."""
+    law = controller.law
+    assert isinstance(law, LyapunovLaw)
+    plain = replace(controller, law=LyapunovLaw(gamma=law.gamma), lower=None, upper=None, c_0_min=None)
+    loop = ClosedLoop.of(problem, plain)
+    if loop.delayed:
+        return "the delay is not in the frozen loop"
+    if not isinstance(problem.reference, BoundedSignal):
+        return f"the reference has no bound: {problem.reference!r}"
+    equations: Any = loop.equations
+    state, rows = np.zeros(loop.size), np.arange(loop.size)[loop.theta_hat_rows]
+    state[rows] = equations.theta_hat0 if theta is None else theta
+    at_rest, commanded = np.zeros(loop.signal_count), np.zeros(loop.signal_count)
+    commanded[0] = 1.0  # omega = (0, ..., 0, 1): the last estimate's row and column are the law's and its way into the loop
+    J = np.asarray(jacobian_function(loop, 1.0)(state, commanded))
+    places = loop.unpack(np.arange(loop.size))
+    others = np.setdiff1d(np.arange(loop.size), [*rows, int(places.controller.n_d)])  # n_d rests with this law
+    A, b = J[np.ix_(others, others)], J[others, rows[-1]]
+    c = -J[rows[-1], others] / gain.as_matrix(law.gamma, len(rows))[-1, -1]
+    if np.linalg.eigvals(A).real.max() >= 0:
+        return "with the estimates frozen at {where} the loop is unstable, and nothing bounds its regressor"
+    into = (loop.derivative(state, commanded) - loop.derivative(state, at_rest))[others]
+    outputs = [np.eye(loop.size)[k, others] for k in (*places.controller.omega_1, *places.controller.omega_2)]
+    outputs.append(np.where(np.isin(others, places.x), equations.sign * c, 0.0))  # y
+    sizes = [l1_norm(A, into[:, None], output[None], np.zeros((1, 1))).upper for output in outputs]
+    return Frozen(A, b, c, problem.reference.bound**2 * float(1 + np.sum(np.square(sizes))))

@@ -1,0 +1,43 @@
+"""L1 output feedback from sample to sample by the midpoint rule."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from barbalat.adaptation.projection import limit
+from barbalat.controllers.output import l1
+from barbalat.controllers.steps import Filter
+from barbalat.protocols import Sample, Value
+
+
+@dataclass(frozen=True, eq=False)
+class OutputPredictor:
+    """(21): predictor and sigma in one implicit step, for every gamma and T; the predictor is fed with sigma inside its bounds.
+
+    With y_next = y + T (-m y_mid + m (u + s) + w), s what sigma estimates, y_tilde = y - y_hat and sigma_tilde = sigma - s,
+    V = y_tilde^2 + m sigma_tilde^2/gamma changes by at most -2 m T y_tilde^2 + 2 T y_tilde w, y_tilde that at the end.
+    """
+
+    continuous: l1.Equations
+    sample_time: float
+    filter: Filter
+
+    @classmethod
+    def of(cls, equations: l1.Equations, T: float) -> OutputPredictor:
+        return cls(equations, T, Filter.of(equations.C, T))
+
+    def initial(self) -> l1.State:
+        return self.continuous.initial()
+
+    def control(self, state: l1.State, y: Value, y_m: Value, r: Value) -> Value:
+        return self.continuous.control(state, y, y_m, r)
+
+    def advance(self, state: l1.State, before: Sample, u: Value, now: Sample) -> l1.State:
+        c, T, m = self.continuous, self.sample_time, self.continuous.m
+        end = 1 / (1 + m * T)
+        at_rest = end * (state.y_hat + T * m * ((now.x - before.x) / 2 + u + state.theta_hat))  # y_hat, were sigma to rest
+        moved = T * c.gamma * (now.x - at_rest) / (1 + T**2 * m * c.gamma * end)
+        sigma = limit(state.theta_hat + moved, c.box)
+        y_hat = at_rest + end * T * m * (sigma - state.theta_hat)
+        wanted = before.r - state.theta_hat[0], now.r - sigma[0]
+        return l1.State(sigma, y_hat, self.filter.end(state.filter, *wanted))

@@ -1,0 +1,57 @@
+"""Checks of settings that several schemes share."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from barbalat import validate
+from barbalat.problem.known_set import EstimateSet, ParameterProduct, with_gains
+from barbalat.problem.state_feedback import Known
+from barbalat.validate import Array, InputError
+
+
+def check_common(settings: Any) -> None:
+    """What every adaptive controller's settings share: a name, and an initial estimate of their own, if one is given."""
+    validate.label("name", settings.name)
+    if settings.theta_hat0 is not None:
+        object.__setattr__(settings, "theta_hat0", validate.vector("theta_hat0", settings.theta_hat0))
+
+
+def initial_estimate(theta_hat0: Any, box: EstimateSet | None, known: Known) -> Array:
+    """theta_hat(0), (p,): zero unless given, 1 or the nearest bound for an input gain; inside the known set if there is one."""
+    gains = known.inputs if known.uncertainty.gain_unknown else 0
+    default = np.concatenate([np.zeros(known.parameters - gains), np.ones(gains)])
+    if known.gains is not None:
+        default[-gains:] = np.clip(1.0, *known.gains.extent)
+    if theta_hat0 is not None and gains and len(theta_hat0) == known.parameters - gains:
+        theta_hat0 = np.concatenate([theta_hat0, default[-gains:]])
+    estimate = validate.vector("theta_hat0", default if theta_hat0 is None else theta_hat0, known.parameters)
+    if box is not None and not box.contains(estimate):
+        given = "the default, " if theta_hat0 is None else ""
+        raise InputError(f"theta_hat0 must lie in the known set, {box}, got {given}{validate.show(estimate)}")
+    return estimate
+
+
+def require_one_input(scheme: str, known: Known) -> None:
+    """InputError for several inputs or an unknown input gain, which only the Lyapunov schemes take."""
+    if known.inputs > 1:
+        raise InputError(f"{scheme} takes plants with one input, got {known.inputs}; mrac and l1 take several")
+    if known.uncertainty.gain_unknown:
+        raise InputError(f"{scheme} takes the input gain as known; mrac and l1 estimate it (uncertainty.input_gain)")
+
+
+def projection_box(projection: bool | None, known: Known) -> EstimateSet | None:
+    """What to project onto: by default the known set where one is given; the input gains, where unknown, always onto theirs.
+
+    u is divided by their estimates, which must stay away from zero.
+    """
+    if projection is not None and not isinstance(projection, (bool, np.bool_)):
+        raise InputError(f"projection must be true or false, got {validate.show(projection)}")
+    nothing = known.box is None or (isinstance(known.box, ParameterProduct) and known.box.theta is None)
+    if projection and nothing:
+        raise InputError(
+            "projection needs the known set: give uncertainty.lower and .upper, or .center and .radius, or set projection = false"
+        )
+    return known.box if projection is None or projection else with_gains(None, known.gains)

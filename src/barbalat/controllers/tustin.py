@@ -1,0 +1,37 @@
+"""Linear controllers from sample to sample by the trapezoidal rule."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from barbalat.controllers import linear_feedback
+from barbalat.controllers.output import linear
+from barbalat.controllers.steps import LinearStep
+from barbalat.protocols import Sample, Value
+
+
+@dataclass(frozen=True, eq=False)
+class Tustin:
+    """A linear controller on the output or on the state, by the trapezoidal rule."""
+
+    continuous: linear.Equations | linear_feedback.Equations
+    sample_time: float
+    step: LinearStep
+
+    @classmethod
+    def of(cls, equations: linear.Equations | linear_feedback.Equations, T: float) -> Tustin:
+        return cls(
+            equations, T, LinearStep.of(equations.K.A if isinstance(equations, linear_feedback.Equations) else equations.A, T)
+        )
+
+    def initial(self) -> Any:
+        return self.continuous.initial()
+
+    def control(self, state: Any, x: Value, x_m: Value, r: Value) -> Value:
+        return self.continuous.control(state, x, x_m, r)
+
+    def advance(self, state: Any, before: Sample, u: Value, now: Sample) -> Any:
+        rest = self.continuous.initial()  # at the origin the derivative is the forcing alone
+        forcings = [self.continuous.derivative(rest, *sample, u)[1] for sample in (before, now)]  # type: ignore[arg-type]
+        return type(state)(state.theta_hat, self.step.end(state[1], (forcings[0] + forcings[1]) / 2))

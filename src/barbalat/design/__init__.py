@@ -1,0 +1,17 @@
+"""Linear robust design for the same problems: mixed-sensitivity H-infinity and PI, the yardsticks beside the adaptive schemes."""
+
+from barbalat.design.feedback import hinf_feedback, pi_feedback
+from barbalat.design.hinf import MixedSensitivity, mixed_sensitivity
+from barbalat.design.pi import pi_controller
+from barbalat.design.uncertainty import default_delay, delay_weight, design_model
+
+__all__ = [
+    "MixedSensitivity",
+    "default_delay",
+    "delay_weight",
+    "design_model",
+    "hinf_feedback",
+    "mixed_sensitivity",
+    "pi_controller",
+    "pi_feedback",
+]

@@ -1,0 +1,151 @@
+"""Mixed-sensitivity H-infinity design: as fast a loop as the unmodelled dynamics allow.
+
+||[W_S S; W_KS K S; W_T T]||_inf <= 1 with W_T the size of the unmodelled dynamics, so that |W_T T| <= 1 keeps the loop
+stable under them, and W_S = (s/sqrt(M) + w_B)^2/(s + w_B sqrt(A))^2, which asks for the bandwidth w_B and for |S| to fall
+with the square of the frequency below it, as it does with a PI controller on this plant. The largest w_B that can be had is
+found by bisection. Source: Skogestad and Postlethwaite, Multivariable Feedback Control, sections 2.8 and 9.3.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from barbalat import validate
+from barbalat.design.uncertainty import delay_weight
+from barbalat.linear.systems import StateSpace, TransferFunction
+from barbalat.validate import Array, InputError
+
+PEAK = 2.0
+"""M: the largest |S| that W_S lets through; gives a gain margin of 2 and a phase margin of 29 degrees at least (ibid., 2.4)."""
+STEADY = 1e-6
+"""A: |S| at zero frequency; an integrator itself would put a pole of W_S on the axis, which the synthesis does not allow."""
+BACK_OFF = 0.9
+"""Of the largest bandwidth: at the limit itself the controller becomes improper and its fast pole runs away."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class MixedSensitivity:
+    """A design: controller on the error, the weights, the bandwidth asked for [rad/s], and the norm reached (at most 1)."""
+
+    controller: StateSpace
+    W_S: TransferFunction
+    W_KS: float
+    W_T: TransferFunction
+    bandwidth: float
+    norm: float
+
+
+def mixed_sensitivity(model: TransferFunction, delay: float, bandwidth: float | None = None) -> MixedSensitivity:
+    """A controller K(s) on the error for the model, which must bear the unmodelled delay [s] at its input.
+
+    bandwidth  w_B of W_S [rad/s]; by default 0.9 times the largest one for which the norm stays at or below 1
+
+    Raises InputError without the packages control and slycot (extra ``robust``), for a model with poles on the imaginary
+    axis, and where the weights cannot be met.
+    """
+    delay = validate.positive("unmodelled_delay", delay)
+    if abs(model.poles.real).min(initial=np.inf) < 1e-9 * max(1.0, float(np.abs(model.poles).max(initial=0.0))):
+        raise InputError("the H-infinity design needs a model without poles on the imaginary axis; add a little damping to them")
+    scaled = in_time_unit(model, delay)
+    if bandwidth is None:
+        bandwidth = BACK_OFF * _largest_bandwidth(scaled) / delay
+    bandwidth = validate.positive("bandwidth", bandwidth)
+    found = _suboptimal(_plant(scaled, bandwidth * delay))
+    if found is None:
+        raise InputError(f"no controller reaches the bandwidth {bandwidth:.4g} rad/s beside an unmodelled delay of {delay:.4g} s")
+    K, norm = found
+    return MixedSensitivity(
+        controller=StateSpace(K.A / delay, K.B / delay, K.C, K.D),
+        W_S=performance_weight(bandwidth),
+        W_KS=_effort(scaled),
+        W_T=delay_weight(delay),
+        bandwidth=bandwidth,
+        norm=norm,
+    )
+
+
+def in_time_unit(model: TransferFunction, unit: float) -> TransferFunction:
+    """The model with its time counted in ``unit`` s: in units of the delay the synthesis is conditioned best."""
+    return TransferFunction(*(c * unit ** -np.arange(len(c) - 1.0, -1.0, -1.0) for c in (model.num, model.den)))
+
+
+def performance_weight(bandwidth: float) -> TransferFunction:
+    """W_S(s) = (s/sqrt(M) + w_B)^2/(s + w_B sqrt(A))^2."""
+    num, den = [PEAK**-0.5, bandwidth], [1.0, bandwidth * STEADY**0.5]
+    return TransferFunction(np.polymul(num, num), np.polymul(den, den))
+
+
+def generalised_plant(G: StateSpace, W_S: StateSpace, W_KS: float, W_T: StateSpace) -> tuple[Array, Array, Array, Array]:
+    """From (w, u) to (W_S (w - G u), W_KS u, W_T G u, w - G u); G strictly proper."""
+    g, s, t = G.order, W_S.order, W_T.order
+    A = np.block([
+        [G.A, np.zeros((g, s + t))],
+        [-np.outer(W_S.B, G.C), W_S.A, np.zeros((s, t))],
+        [np.outer(W_T.B, G.C), np.zeros((t, s)), W_T.A],
+    ])  # fmt: skip
+    B = np.column_stack([np.concatenate([np.zeros(g), W_S.B, np.zeros(t)]), np.concatenate([G.B, np.zeros(s + t)])])
+    C = np.vstack([
+        np.concatenate([-W_S.D * G.C, W_S.C, np.zeros(t)]),
+        np.zeros(g + s + t),
+        np.concatenate([W_T.D * G.C, np.zeros(s), W_T.C]),
+        np.concatenate([-G.C, np.zeros(s + t)]),
+    ])  # fmt: skip
+    D = np.array([[W_S.D, 0.0], [0.0, W_KS], [0.0, 0.0], [1.0, 0.0]])
+    return A, B, C, D
+
+
+def _effort(scaled: TransferFunction) -> float:
+    """W_KS: K S may be as large as the inverse of the model at ten over the delay, so that K rolls off from there on."""
+    return float(abs(scaled.at(10j)))
+
+
+def _plant(scaled: TransferFunction, bandwidth: float) -> tuple[Array, Array, Array, Array]:
+    """The generalised plant in units of the delay."""
+    W_S, W_T = performance_weight(bandwidth), delay_weight(1.0)
+    return generalised_plant(scaled.realise(), W_S.realise(), _effort(scaled), W_T.realise())
+
+
+def _largest_bandwidth(scaled: TransferFunction) -> float:
+    """Bisection to 1 %, between 0.001 and 10 over the delay, on whether a controller with norm below 1 exists."""
+    low, high = 1e-3, 10.0
+    if _suboptimal(_plant(scaled, low)) is None:
+        raise InputError(
+            "no controller meets the weights even at a bandwidth of 0.001 over the unmodelled delay: the delay is too long"
+        )
+    while high / low > 1.01:
+        middle = math.sqrt(low * high)
+        low, high = (low, middle) if _suboptimal(_plant(scaled, middle)) is None else (middle, high)
+    return low
+
+
+def _suboptimal(plant: tuple[Array, Array, Array, Array]) -> tuple[StateSpace, float] | None:
+    """The central controller of norm below 1 and the norm it reaches; ``None`` where there is none."""
+    control, slycot = _packages()
+    A, B, C, D = plant
+    try:
+        *K, _ = slycot.sb10fd(len(A), B.shape[1], C.shape[0], 1, 1, 1.0, A, B, C, D)
+    except slycot.exceptions.SlycotArithmeticError:  # no admissible controller at this norm
+        return None
+    controller = control.ss(*K)
+    closed = control.ss(A, B, C, D, remove_useless_states=False).lft(controller)
+    if closed.poles().real.max() >= 0:
+        return None
+    norm = float(control.linfnorm(closed)[0])
+    if norm > 1:
+        return None
+    return StateSpace.accept("controller", controller), norm
+
+
+def _packages() -> tuple[Any, Any]:
+    try:
+        import control
+        import slycot
+    except ImportError as error:
+        raise InputError(
+            f"the H-infinity design needs the packages control and slycot ({error.name} is missing): install barbalat[robust]"
+        ) from None
+    return control, slycot

@@ -1,0 +1,1 @@
+"""LTI systems and all that is known of them without adaptive control."""

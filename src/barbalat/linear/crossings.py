@@ -1,0 +1,101 @@
+"""Where a linear loop's response crosses the unit circle and the real axis: none is lost between the points of a grid.
+
+Source: the crossings are zeros of 1 - L(-s)L(s) and of L(s) - L(-s) on the imaginary axis, as in Boyd, Balakrishnan, Kabamba
+(1989).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from barbalat.linear.systems import StateSpace
+from barbalat.validate import Array
+
+
+class Crossings:
+    """Of one loop; its response over frequency is computed once."""
+
+    def __init__(self, loop: StateSpace) -> None:
+        self.loop = loop
+        self._grid = frequency_grid(loop)
+        self._response = loop.response(self._grid)
+
+    def of_unit_circle(self, factor: float = 1.0) -> list[float]:
+        """The w > 0 with factor |L(j w)| = 1."""
+        scaled = StateSpace(self.loop.A, self.loop.B * factor, self.loop.C, self.loop.D * factor)
+        return self._zeros(lambda L: factor * np.abs(L) - 1, one_minus_magnitude(scaled))
+
+    def of_real_axis(self) -> list[float]:
+        """The w > 0 with L(j w) real."""
+        return self._zeros(np.imag, _imaginary_part(self.loop))
+
+    def _zeros(self, function: Callable[[Array], Array], system: StateSpace) -> list[float]:
+        """All w > 0 with function(L(j w)) = 0: zeros of ``system`` on the axis, and sign changes on a grid around the poles.
+
+        The zeros miss nothing between grid points; the grid holds against the rounding of zeros beside lightly damped poles.
+        Both are bracketed and refined on the function itself, so that no spurious one is returned.
+        """
+        from scipy.optimize import brentq
+
+        beside = np.concatenate([np.zeros(0), *(w * (1 + _SPREAD) for w in axis_zeros(system))])
+        points, order = np.unique(np.concatenate([self._grid, beside]), return_index=True)
+        values = function(np.concatenate([self._response, self.loop.response(beside)])[order])
+        found = [float(w) for w in points[values == 0]]
+        for k in np.flatnonzero(values[:-1] * values[1:] < 0):
+            at: Callable[[float], float] = lambda w: float(function(self.loop.response(np.array([w])))[0])  # noqa: E731
+            found.append(float(brentq(at, points[k], points[k + 1], xtol=1e-300, rtol=1e-13)))
+        return sorted(found)
+
+
+_SPREAD = np.concatenate([-np.logspace(-2, -12, 21), np.logspace(-12, -2, 21)])
+"""Relative distances around a computed zero that bracket the true one whatever rounding did to it."""
+
+
+def frequency_grid(loop: StateSpace) -> Array:
+    """Frequencies from far below to far above the poles, dense where a lightly damped one makes a narrow peak."""
+    poles = np.linalg.eigvals(loop.A)
+    sizes = np.abs(poles[np.abs(poles) > 0])
+    low, high = (sizes.min(), sizes.max()) if len(sizes) else (1.0, 1.0)
+    gain = max(1.0, float(np.linalg.norm(loop.C) * np.linalg.norm(loop.B)) / low)
+    wide = np.geomspace(low * 1e-4, high * 10 * gain, 500)
+    offsets = np.concatenate([-np.geomspace(1e-3, 1e3, 60)[::-1], [0.0], np.geomspace(1e-3, 1e3, 60)])
+    peaks = [p.imag + max(abs(p.real), 1e-12 * abs(p.imag)) * offsets for p in poles if p.imag > 0]
+    grid = np.concatenate([wide, *peaks])
+    return np.asarray(grid[grid > 0])
+
+
+def one_minus_magnitude(loop: StateSpace) -> StateSpace:
+    """1 - L(-s)L(s): L(-s) is (-A', -C', B', D), in series behind L. On the imaginary axis it is 1 - |L|^2."""
+    A, B, C, D = loop.A, loop.B, loop.C, loop.D
+    n = loop.order
+    behind = np.block([[A, np.zeros((n, n))], [-np.outer(C, C), -A.T]])
+    return StateSpace(behind, np.concatenate([B, -C * D]), -np.concatenate([D * C, B]), 1 - D * D)
+
+
+def _imaginary_part(loop: StateSpace) -> StateSpace:
+    """L(s) - L(-s): on the imaginary axis it is 2j Im L."""
+    A, B, C = loop.A, loop.B, loop.C
+    n = loop.order
+    beside = np.block([[A, np.zeros((n, n))], [np.zeros((n, n)), -A.T]])
+    return StateSpace(beside, np.concatenate([B, -C]), np.concatenate([C, -B]), 0.0)
+
+
+def zeros(system: StateSpace) -> Array:
+    """The system's finite zeros, as generalised eigenvalues of its pencil; rounding may leave very large ones besides."""
+    from scipy.linalg import eig
+
+    n = system.order
+    if n == 0:
+        return np.zeros(0, dtype=complex)
+    pencil = np.block([[system.A, system.B[:, None]], [system.C[None, :], np.array([[system.D]])]])
+    found = eig(pencil, np.diag([1.0] * n + [0.0]), right=False)
+    return np.asarray(found[np.isfinite(found)])
+
+
+def axis_zeros(system: StateSpace) -> Array:
+    """The positive w near which the system vanishes at s = j w."""
+    found = zeros(system)
+    # wide: a doubtful zero costs some evaluations, a lost one a wrong margin
+    return np.asarray(found[(np.abs(found.real) <= 1e-3 * np.abs(found)) & (found.imag > 0)].imag)

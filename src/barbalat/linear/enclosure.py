@@ -1,0 +1,61 @@
+"""A number that is known to lie between two floats, and rounding outward."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from flint import arb
+
+
+@dataclass(frozen=True)
+class Enclosure:
+    """Interval that contains a norm for certain, with how it was obtained.
+
+    `lower` and `upper` are rounded outward: lower <= true value <= upper. `converged` says whether the
+    requested relative width was reached within the work limit; the interval is valid either way.
+    `sign_changes` counts the sign changes located, `segments` the pieces of time integrated (both over all
+    channels and attempts), `precision_bits` is the largest working precision used.
+    """
+
+    lower: float
+    upper: float
+    converged: bool = True
+    sign_changes: int = 0
+    segments: int = 0
+    precision_bits: int = 53
+
+    @property
+    def ends(self) -> dict[str, float]:
+        """Both ends, by name: the certificate's block of a norm."""
+        return {"lower": self.lower, "upper": self.upper}
+
+    @property
+    def midpoint(self) -> float:
+        """Centre of the interval (rounded to nearest)."""
+        return self.lower + 0.5 * (self.upper - self.lower)
+
+    @property
+    def relative_width(self) -> float:
+        """Width divided by the upper end; 0 for the exact value 0."""
+        return (self.upper - self.lower) / self.upper if self.upper > 0.0 else 0.0
+
+
+def float_above(value: arb) -> float:
+    """Return the float nearest above every point of the ball; ArithmeticError for an indeterminate ball."""
+    return 0.0 - float_below(-value)  # 0.0 - 0.0 is +0.0, where a mere sign change would give -0.0
+
+
+def float_below(value: arb) -> float:
+    """Return the float nearest below every point of the ball; ArithmeticError for an indeterminate ball."""
+    if not value.is_finite():
+        raise ArithmeticError("the ball is not finite and has no enclosing floats")
+    bound = value.lower()
+    candidate = float(bound)  # rounded to nearest, so at most one unit too high
+    while not arb(candidate) <= bound:
+        candidate = math.nextafter(candidate, -math.inf)
+    return candidate
+
+
+OUTWARD = 1 + 1e-12
+"""Room for the handful of roundings of plain arithmetic on numbers that are bounds already (each at most 1.2e-16)."""

@@ -1,0 +1,6 @@
+"""L1 norms with guaranteed enclosures; ball arithmetic by python-flint (Arb)."""
+
+from barbalat.linear.enclosure import Enclosure, float_above, float_below
+from barbalat.linear.l1_norms.norm import l1_norm
+
+__all__ = ["Enclosure", "float_above", "float_below", "l1_norm"]

@@ -1,0 +1,211 @@
+"""Ball-arithmetic ground work: outward floats, exact spectra, verified decay certificates.
+
+Every quantity that enters a bound is an Arb ball (python-flint); plain floats only steer choices
+(step sizes, precision, iteration counts) whose outcome is verified afterwards in ball arithmetic.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import cast
+
+import numpy as np
+from flint import acb, arb, arb_mat, ctx, fmpz_mat
+from numpy.typing import NDArray
+
+FloatMatrix = NDArray[np.float64]
+
+# Bits at which the sign of a real part is first sought, and the precision beyond which it is given up: an
+# eigenvalue of a float64 matrix this close to the axis (2^-4096 relative) is on it for every purpose.
+_SPECTRUM_BITS = 64
+_SPECTRUM_BITS_LIMIT = 4096
+
+
+@dataclass(frozen=True)
+class ScaledSystem:
+    """Exact balls of a system in rescaled states and time, with the same transfer gain and the same L1 norm.
+
+    A (n, n), B (n, m), C (p, n); `time_exponent` is the k for which one unit of time is 2^-k s.
+    """
+
+    A: arb_mat
+    B: arb_mat
+    C: arb_mat
+    time_exponent: int
+
+
+def scaled(A: FloatMatrix, B: FloatMatrix, C: FloatMatrix) -> ScaledSystem:
+    """Return the system (A (n, n), B (n, m), C (p, n)) with states and time rescaled by powers of two.
+
+    The states follow LAPACK's gebal (Parlett and Reinsch 1969); time is scaled so that A has entries about 1,
+    which keeps every steering float in range. The product by a power of two is exact in Arb, so the result is
+    the given system to the last bit. Integral norms keep their value: A and B are both divided by 2^k.
+    """
+    from scipy.linalg.lapack import dgebal
+
+    n, m, p = A.shape[0], B.shape[1], C.shape[0]
+    # gebal scales by powers of two; anything else is cut to one, so that exactness does not rest on it.
+    _, _, _, scaling, _ = dgebal(A, scale=1, permute=0)
+    exponents = [math.frexp(float(scale))[1] - 1 for scale in scaling]
+    rows = A.tolist()
+    shifts = [math.frexp(rows[i][j])[1] + exponents[j] - exponents[i] for i in range(n) for j in range(n) if rows[i][j]]
+    time = max(shifts)
+    up = [arb(2) ** exponent for exponent in exponents]
+    down = [arb(2) ** -(exponent + time) for exponent in exponents]
+    return ScaledSystem(
+        arb_mat(n, n, [arb(rows[i][j]) * up[j] * down[i] for i in range(n) for j in range(n)]),
+        arb_mat(n, m, [arb(value) * down[i] for i, row in enumerate(B.tolist()) for value in row]),
+        arb_mat(p, n, [arb(value) * up[j] for row in C.tolist() for j, value in enumerate(row)]),
+        time,
+    )
+
+
+def eigenvalues(A: FloatMatrix) -> list[tuple[acb, int]]:
+    """Return disjoint enclosures of the eigenvalues of A (n, n), 1/s, each with its multiplicity.
+
+    The characteristic polynomial of the float64 matrix is computed exactly over the integers, so repeated and
+    defective eigenvalues are recognised exactly (square-free factorisation, arb_fmpz_poly_complex_roots).
+    """
+    n = A.shape[0]
+    entries: list[float] = A.ravel().tolist()
+    fractions = [value.as_integer_ratio() for value in entries]
+    denominator = max(bottom for _, bottom in fractions)  # a power of two, and so a multiple of the others
+    integers = fmpz_mat(n, n, [top * (denominator // bottom) for top, bottom in fractions])
+    # The stub of python-flint 0.9 types the (root, multiplicity) pairs as single roots.
+    roots = cast("list[tuple[acb, int]]", integers.charpoly().complex_roots())
+    scale = arb(denominator)
+    return [(acb(root) / scale, int(multiplicity)) for root, multiplicity in roots]
+
+
+def require_hurwitz(A: FloatMatrix) -> None:
+    """Raise ValueError unless every eigenvalue of A (n, n) certainly has a negative real part."""
+    bits = _SPECTRUM_BITS
+    while True:
+        with ctx.workprec(bits):
+            real_parts = [root.real for root, _ in eigenvalues(A)]
+            if all(part < 0 for part in real_parts):
+                return
+            largest = max(real_parts, key=lambda part: float(part.mid()))
+            unstable = any(part >= 0 for part in real_parts)
+            quoted = float(largest.mid())
+        if unstable or bits >= _SPECTRUM_BITS_LIMIT:
+            raise ValueError(
+                f"the L1 norm needs a matrix A certainly Hurwitz, but its largest eigenvalue real part is {quoted:.6g}"
+            )
+        bits *= 2
+
+
+@dataclass(frozen=True)
+class DecayCertificate:
+    """Verified quadratic form P with |C e^(As) x|, weighted by e^(rate s), bounded in L2 by sqrt(x'Px).
+
+    P is positive definite and A'P + PA + 2 rate P + C'C <= 0 in ball arithmetic. Integrating the derivative
+    of e^(2 rate s) x(s)'P x(s) along x(s) = e^(As) x gives, for every row c of C (p, n),
+    integral_0^inf e^(2 rate s) (c x(s))^2 ds <= x'Px, and norm(x(s)) <= e^(-rate s) norm(x). The existence of
+    P proves that A is Hurwitz with all real parts <= -rate (Khalil, Nonlinear Systems, Theorem 4.6).
+    """
+
+    rate: arb
+    factor: arb_mat  # upper triangular R with R'R = P, (n, n)
+
+    def norm(self, x: arb_mat) -> arb:
+        """Return an upper bound of sqrt(x'Px) for the column x (n, 1)."""
+        return euclidean_norm(self.factor * x)
+
+    def tail(self, norm: arb) -> arb:
+        """Return the bound norm / sqrt(2 rate) on integral_0^inf |c e^(As) x| ds (Cauchy-Schwarz)."""
+        return norm / (2 * self.rate).sqrt()
+
+
+def decay_certificate(A: arb_mat, C: arb_mat, spectrum: Sequence[complex], rate: float) -> DecayCertificate | None:
+    """Return a verified certificate for A (n, n), C (p, n) at the rate (1/s), None if this precision fails.
+
+    `spectrum` holds approximate eigenvalues of A, only used to steer the iteration. P is found by Smith's
+    doubling of the Cayley transform (R. A. Smith, SIAM J. Appl. Math. 16, 1968), then verified.
+    """
+    n = A.nrows()
+    shifted = A + identity(n) * arb(rate)
+    # C'C alone may be singular; the added multiple of I makes P definite and absorbs the rounding of P.
+    # A third of the digits keeps it far below C'C and far above the rounding.
+    gram = C.transpose() * C
+    largest = max((abs(gram[i, i]) for i in range(n)), key=float).upper()
+    slack = (largest if largest > 0 else arb(1)) * arb(2) ** (-(ctx.prec // 3))
+    weight = gram + identity(n) * slack
+    P = _approximate_lyapunov(shifted, weight, [value + rate for value in spectrum])
+    if P is None:
+        return None
+    product = shifted.transpose() * P
+    margin = -(product + product.transpose()) - gram
+    factor = _cholesky(P)
+    if factor is None or not _diagonally_dominant(margin):
+        return None
+    return DecayCertificate(arb(rate), factor)
+
+
+def euclidean_norm(x: arb_mat) -> arb:
+    """Return an upper bound of the Euclidean norm of the column x (n, 1)."""
+    # The square of a ball around 0 reaches below 0, where the root is not defined: only its upper end counts.
+    return (x.transpose() * x)[0, 0].upper().sqrt().upper()
+
+
+def identity(n: int) -> arb_mat:
+    """Return the exact identity matrix (n, n)."""
+    return arb_mat(n, n, [int(i == j) for i in range(n) for j in range(n)])
+
+
+def _approximate_lyapunov(M: arb_mat, weight: arb_mat, spectrum: Sequence[complex]) -> arb_mat | None:
+    """Return an approximate symmetric solution P of M'P + PM = -weight, None if that breaks down."""
+    shift = math.sqrt(min(abs(value) for value in spectrum)) * math.sqrt(max(abs(value) for value in spectrum))
+    if not (0.0 < shift < math.inf) or any(value.real >= 0.0 for value in spectrum):
+        return None
+    unit = identity(M.nrows()) * arb(shift)
+    try:
+        inverse = (unit - M).inv().mid()
+    except ZeroDivisionError:  # not invertible at this precision: the caller raises it
+        return None
+    transition = (inverse * (unit + M)).mid()
+    P = (inverse.transpose() * weight * inverse * arb(2 * shift)).mid()
+    for _ in range(_doublings([value / shift for value in spectrum])):
+        P = (P + transition.transpose() * P * transition).mid()
+        transition = (transition * transition).mid()
+    P = ((P + P.transpose()) * arb(0.5)).mid()
+    return P if all(entry.is_finite() for entry in P.entries()) else None
+
+
+def _doublings(spectrum: Sequence[complex]) -> int:
+    """Return how often to square the Cayley transform until its powers vanish at the working precision."""
+    # -2 ln|(1 + z)/(1 - z)| = -ln(1 + 4 Re z/|1 - z|^2), for each eigenvalue z of M scaled by the shift
+    decays = [-0.5 * math.log1p(max(4.0 * z.real / abs(1.0 - z) ** 2, -1.0 + 2.0**-52)) for z in spectrum]
+    slowest = max(min(decays), 2.0**-1000)
+    # Three squarings more leave room for the transient growth of defective blocks.
+    return max(1, math.ceil(math.log2(ctx.prec * math.log(2.0)) - math.log2(slowest))) + 3
+
+
+def _diagonally_dominant(matrix: arb_mat) -> bool:
+    """Say whether a symmetric matrix is certainly positive definite by Gershgorin's discs."""
+    n = matrix.nrows()
+    for i, row in enumerate(matrix.tolist()):
+        off_diagonal = sum((abs(row[j]) for j in range(n) if j != i), arb(0))
+        if not row[i] > off_diagonal:
+            return False
+    return True
+
+
+def _cholesky(P: arb_mat) -> arb_mat | None:
+    """Return upper triangular R with R'R = P (n, n), None unless every pivot is certainly positive."""
+    n = P.nrows()
+    rows = P.tolist()
+    factor: list[list[arb]] = []
+    for i in range(n):
+        pivot = rows[i][i]
+        if not pivot > 0:
+            return None
+        scale = pivot.rsqrt()
+        factor.append([arb(0)] * i + [rows[i][j] * scale for j in range(i, n)])
+        top = factor[i]
+        for j in range(i + 1, n):
+            for k in range(j, n):
+                rows[j][k] -= top[j] * top[k]
+    return arb_mat(factor)

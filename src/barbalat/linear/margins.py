@@ -1,0 +1,81 @@
+"""Exact gain, phase and delay margins of a linear loop, broken at the plant input, with or without a delay in it.
+
+Source: Skogestad and Postlethwaite, Multivariable Feedback Control, section 2.4.3.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from barbalat import validate
+from barbalat.linear.crossings import Crossings
+from barbalat.linear.interconnections import sensitivity
+from barbalat.linear.rotation import phase_crossings
+from barbalat.linear.systems import StateSpace
+from barbalat.validate import Array, InputError
+
+
+@dataclass(frozen=True)
+class Margins:
+    """Of the loop L e^(-s d) with u = -L v around it; infinite where nothing of that kind destabilises.
+
+    gain_up, gain_down  factors > 1 and < 1 at which the loop loses stability
+    phase               the smallest phase lag or lead [rad] that does, over all crossovers
+    delay               the smallest delay [s] that does, over all crossovers; beside d
+    crossovers          (K,) frequencies [rad/s] with |L| = 1
+    """
+
+    gain_up: float
+    gain_down: float
+    phase: float
+    delay: float
+    crossovers: tuple[float, ...]
+
+
+def margins(loop: Any, delay: float = 0.0) -> Margins:
+    """Margins of a loop that is stable when closed around the ``delay`` d [s].
+
+    loop   L(s): a StateSpace, a TransferFunction or a SISO python-control system
+
+    InputError where it is not, with the closed loop's largest real part, or the delay that it bears. A loop with
+    |L(infinity)| >= 1 bears none.
+    """
+    loop, delay = StateSpace.accept("loop", loop), validate.not_negative("delay", delay)
+    closed = sensitivity(loop).A
+    largest = float(np.linalg.eigvals(closed).real.max()) if loop.order else -np.inf
+    if largest >= 0:
+        raise InputError(f"margins need a stable closed loop, but its largest eigenvalue has real part {largest:.6g}")
+    crossings = Crossings(loop)
+    crossovers = np.array(crossings.of_unit_circle())
+    lags = _to_minus_one(loop.response(crossovers))
+    longest = float((lags / crossovers).min(initial=np.inf))
+    if abs(loop.D) >= 1:  # |L| >= 1 up to infinite frequency: an arbitrarily small delay meets -1
+        longest = 0.0
+    if delay > 0 and longest <= delay:
+        raise InputError(f"unstable: it bears a delay of {longest:.4g} s and has {delay:.4g} s")
+    lags = lags - delay * crossovers
+    phase = float(np.minimum(lags, 2 * np.pi - lags).min(initial=np.inf))
+    at = phase_crossings(crossings, delay, crossovers) if delay > 0 else np.array(crossings.of_real_axis())
+    up, down = _gain_factors(loop, delay, at)
+    return Margins(up, down, phase, longest - delay, tuple(crossovers.tolist()))
+
+
+def _to_minus_one(L: Array) -> Array:
+    """The lags in (0, 2 pi] that turn the values to the negative real axis."""
+    lag = np.angle(-L) % (2 * np.pi)
+    return np.where(lag > 0, lag, 2 * np.pi)
+
+
+def _gain_factors(loop: StateSpace, delay: float, at: Array) -> tuple[float, float]:
+    """The factors next to 1, above and below, that bring L e^(-s d) to -1 at some w of ``at``, at zero or at infinity."""
+    values = (loop.response(at) * np.exp(-1j * at * delay)).real.tolist()
+    if loop.order == 0 or np.linalg.cond(loop.A) < 1 / np.finfo(float).eps:
+        values.append(float(loop.response(np.zeros(1))[0].real))
+    values.append(-abs(loop.D) if delay > 0 else loop.D)  # beside a delay, L(infinity) turns through all phases
+    factors = [-1 / value for value in values if value < 0]
+    up = min((k for k in factors if k > 1), default=np.inf)
+    down = max((k for k in factors if k < 1), default=0.0)
+    return float(up), float(down)

@@ -1,0 +1,123 @@
+"""How much uncertainty a linear loop bears: mu of the matched family over all frequencies, and the parameters that break it.
+
+A grid proves nothing between its points. So every peak of mu is refined, the frequencies at which a real parameter alone
+could act are solved for, and the destabilising parameters that mu names are tried on the eigenvalues.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from barbalat.linear.crossings import frequency_grid
+from barbalat.linear.interconnections import sensitivity
+from barbalat.linear.mu import destabilising, mu_of_family
+from barbalat.linear.systems import StateSpace, TransferFunction, states_response
+from barbalat.validate import Array, InputError
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class MatchedFamily:
+    """x' = A_m x + b (theta'x + (1 + W Delta)[u]), theta in a box, |Delta(j w)| <= 1, around one linear controller.
+
+    loop    broken at the plant's input, with theta at the box's centre; its first n states are the plant's
+    width   (n,) half the box's sides
+    weight  W(s), the size of the unmodelled dynamics; ``None``: none
+
+    Raises InputError where the loop is unstable at the centre already: mu has no meaning then.
+    """
+
+    loop: StateSpace
+    width: Array
+    weight: TransferFunction | None = None
+
+    def __post_init__(self) -> None:
+        largest = float(np.linalg.eigvals(sensitivity(self.loop).A).real.max())
+        if largest >= 0:
+            raise InputError(
+                f"mu needs a loop that is stable at the centre of the known set, but an eigenvalue has real part {largest:.6g}"
+            )
+
+    def channels(self, w: Array) -> tuple[Array, Array]:
+        """a (K, n): the states' responses to a perturbation at the plant's input, times the widths; rho (K,) = |W T|."""
+        S = sensitivity(self.loop)
+        a = states_response(S.A, S.B, w)[:, : len(self.width)] * self.width
+        if self.weight is None:
+            return a, np.zeros(len(a))
+        return a, np.abs(self.weight.at(1j * w) * (1 - S.response(w)))
+
+    def largest_real_part(self, delta: Array) -> float:
+        """Of the closed loop's eigenvalues at theta = centre + width delta, without unmodelled dynamics."""
+        S = sensitivity(self.loop)
+        moved = S.A.copy()
+        moved[:, : len(self.width)] += np.outer(S.B, self.width * delta)
+        return float(np.linalg.eigvals(moved).real.max())
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class RobustStability:
+    """mu over frequency.
+
+    w, mu      (K,) the frequencies that were tried [rad/s], with the refined peaks, and the exact mu at each
+    peak       the largest of them: the family is stable up to 1/peak of its size, as far as these frequencies tell
+    frequency  where
+    delta      (n,) for real parameters alone: theta = centre + width delta is the nearest found on the border of stability
+    """
+
+    w: Array
+    mu: Array
+    peak: float
+    frequency: float
+    delta: Array | None
+
+    @property
+    def scale(self) -> float:
+        """By what factor the uncertainty may grow; infinite where nothing destabilises."""
+        return 1 / self.peak if self.peak > 0 else np.inf
+
+
+def robust_stability(family: MatchedFamily) -> RobustStability:
+    """mu of the family: a grid around the closed loop's poles, the critical frequencies, each peak refined."""
+    grid = np.unique(np.concatenate([[0.0], frequency_grid(sensitivity(family.loop))]))
+    w = np.unique(np.concatenate([grid, _real_crossings(family, grid)]))
+    w = np.unique(np.concatenate([w, _refined(family, w)]))
+    a, rho = family.channels(w)
+    found = mu_of_family(a, rho)
+    k = int(found.value.argmax())
+    peak = float(found.value[k])
+    delta = None
+    if family.weight is None and peak > 0:
+        delta = destabilising(a[k], float(found.m[k])) / peak
+    return RobustStability(w=w, mu=found.value, peak=peak, frequency=float(w[k]), delta=delta)
+
+
+def _refined(family: MatchedFamily, w: Array) -> Array:
+    """The maximisers between the neighbours of every local maximum that comes within half of the largest."""
+    from scipy.optimize import minimize_scalar
+
+    values = mu_of_family(*family.channels(w)).value
+    inside = np.flatnonzero((values[1:-1] >= values[:-2]) & (values[1:-1] >= values[2:]) & (values[1:-1] > values.max() / 2)) + 1
+
+    def negative(point: float) -> float:
+        return -float(mu_of_family(*family.channels(np.array([point]))).value[0])
+
+    found = [
+        minimize_scalar(negative, bounds=(w[k - 1], w[k + 1]), method="bounded", options={"xatol": 1e-9 * w[k]}) for k in inside
+    ]
+    return np.array([result.x for result in found])
+
+
+def _real_crossings(family: MatchedFamily, grid: Array) -> Array:
+    """Where some a_i is real: there a parameter can act alone, and mu of real parameters may jump."""
+    from scipy.optimize import brentq
+
+    def imaginary(point: float, i: int) -> float:
+        return float(family.channels(np.array([point]))[0][0, i].imag)
+
+    values = family.channels(grid)[0].imag
+    found = []
+    for i in np.flatnonzero(family.width > 0):
+        for k in np.flatnonzero(values[:-1, i] * values[1:, i] < 0):
+            found.append(float(brentq(imaginary, grid[k], grid[k + 1], args=(int(i),), xtol=1e-300, rtol=1e-14)))
+    return np.array(found)

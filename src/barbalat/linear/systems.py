@@ -1,0 +1,214 @@
+"""Linear time-invariant SISO systems: transfer functions, their realisation, and the numbers that conditions ask for."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from barbalat import validate
+from barbalat.linear.conditions import balance
+from barbalat.protocols import Value
+from barbalat.validate import Array, InputError
+
+
+@dataclass(frozen=True, eq=False)
+class StateSpace:
+    """x' = A x + B u, y = C x + D u with one input and one output; A (n, n), B (n,), C (n,), D scalar, n may be 0.
+
+    Equal, and of one hash, where all the numbers are.
+    """
+
+    A: Array
+    B: Array
+    C: Array
+    D: float
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, StateSpace) and self._numbers() == other._numbers()
+
+    def __hash__(self) -> int:
+        return hash(self._numbers())
+
+    def _numbers(self) -> tuple[bytes, ...]:
+        return tuple(np.asarray(value, dtype=float).tobytes() for value in (self.A, self.B, self.C, self.D))
+
+    @classmethod
+    def gain(cls, D: float) -> StateSpace:
+        """A number, without dynamics."""
+        return cls(np.zeros((0, 0)), np.zeros(0), np.zeros(0), D)
+
+    def transfer_function(self) -> TransferFunction:
+        """C (sI - A)^-1 B + D."""
+        strictly_proper = transfer_function(self.C, self.A, self.B)
+        return TransferFunction(np.polyadd(strictly_proper.num, self.D * strictly_proper.den), strictly_proper.den)
+
+    def derivative(self, state: Value, u: Value) -> Value:
+        """x'; with a state (n, m) m copies of the system, for u (m,)."""
+        return self.A @ state + (self.B * u if state.ndim == 1 else np.outer(self.B, u))
+
+    def output(self, state: Value, u: Value) -> Value:
+        return self.C @ state + self.D * u
+
+    def response(self, w: Array) -> Array:
+        """C (j w I - A)^-1 B + D at frequencies (K,) in rad/s."""
+        # a sum, not a product: BLAS would start threads for it, which wait for each other on a busy machine
+        return np.asarray((states_response(self.A, self.B, w) * self.C).sum(axis=1) + self.D)
+
+    @property
+    def order(self) -> int:
+        return len(self.B)
+
+    @classmethod
+    def accept(cls, field: str, system: Any) -> StateSpace:
+        """One of ours, a proper TransferFunction, or a SISO python-control system; InputError names the field.
+
+        A python-control StateSpace is taken as it is: by way of polynomials slow and fast poles together would lose digits.
+        """
+        if isinstance(system, cls):
+            return system
+        if all(hasattr(system, name) for name in ("A", "B", "C", "D")) and getattr(system, "dt", None) in (0, None):
+            A, B, C, D = (np.asarray(getattr(system, name), dtype=float) for name in "ABCD")
+            if D.shape == (1, 1):
+                return cls(A, B[:, 0], C[0], float(D[0, 0]))
+        found = TransferFunction.accept(field, system)
+        if found.relative_degree < 0:
+            raise InputError(
+                f"{field} must be proper, got num = {validate.show(found.num)} over den = {validate.show(found.den)}"
+            )
+        return found.realise()
+
+
+@dataclass(frozen=True, eq=False)
+class TransferFunction:
+    """num(s)/den(s), coefficients with the highest power first; leading zeros are dropped, den is made monic."""
+
+    num: Array
+    den: Array
+
+    def __post_init__(self) -> None:
+        num, den = (np.trim_zeros(validate.vector(name, getattr(self, name)), "f") for name in ("num", "den"))
+        if len(den) == 0:
+            raise InputError(f"den must not be zero, got {validate.show(self.den)}")
+        num = num if len(num) else np.zeros(1)
+        with np.errstate(over="ignore"):  # refused below, with the coefficients
+            object.__setattr__(self, "num", num / den[0])
+            object.__setattr__(self, "den", den / den[0])
+        if not (np.isfinite(self.num).all() and np.isfinite(self.den).all()):
+            raise InputError(f"num/den must stay finite when den is made monic, got den = {validate.show(den)}")
+
+    @classmethod
+    def accept(cls, field: str, system: Any) -> TransferFunction:
+        """One of ours, or a SISO python-control TransferFunction or StateSpace; InputError names the field."""
+        if isinstance(system, cls):
+            return system
+        if all(hasattr(system, name) for name in ("ninputs", "noutputs", "dt")):
+            import control
+
+            if (system.ninputs, system.noutputs) != (1, 1):
+                raise InputError(f"{field} must have one input and one output, got {system.ninputs} and {system.noutputs}")
+            if system.dt not in (0, None):
+                raise InputError(f"{field} must be a continuous-time system, got one with the sample time {system.dt}")
+            if not isinstance(system, (control.TransferFunction, control.StateSpace)):
+                raise InputError(f"{field} must be a transfer function or state space, got {type(system).__name__}")
+            converted = control.tf(system)
+            return cls(np.asarray(converted.num[0][0], float), np.asarray(converted.den[0][0], float))
+        raise InputError(f"{field} must be a TransferFunction or a python-control system, got {validate.show(system)}")
+
+    def __mul__(self, other: TransferFunction) -> TransferFunction:
+        return TransferFunction(np.polymul(self.num, other.num), np.polymul(self.den, other.den))
+
+    def at(self, s: Array) -> Array:
+        """The value at complex numbers s."""
+        return np.polyval(self.num, s) / np.polyval(self.den, s)
+
+    @property
+    def poles(self) -> Array:
+        return np.roots(self.den)
+
+    @property
+    def zeros(self) -> Array:
+        return np.roots(self.num)
+
+    @property
+    def relative_degree(self) -> int:
+        return len(self.den) - len(self.num)
+
+    @property
+    def dc_gain(self) -> float:
+        return float(self.num[-1] / self.den[-1]) if self.den[-1] != 0 else float("inf")
+
+    @property
+    def is_stable(self) -> bool:
+        return bool((self.poles.real < 0).all())
+
+    @property
+    def is_minimum_phase(self) -> bool:
+        """Every zero in the open left half plane, by more than rounding; a zero on the axis is not enough for an inverse."""
+        if len(self.num) == 1:
+            return True
+        size = max(float(np.abs(self.poles).max(initial=0)), float(np.abs(self.zeros).max()))
+        return bool(self.zeros.real.max() < -100 * len(self.den) * np.finfo(float).eps * size)
+
+    def realise(self) -> StateSpace:
+        """Controllable canonical form, states scaled by powers of two so that no rounding is added."""
+        order = len(self.den) - 1
+        if self.relative_degree < 0:
+            raise InputError(f"only a proper system has a realisation, got num {self.num} over den {self.den}")
+        num = np.concatenate([np.zeros(order + 1 - len(self.num)), self.num])
+        D = float(num[0])
+        if order == 0:
+            return StateSpace(np.zeros((0, 0)), np.zeros(0), np.zeros(0), D)
+        with np.errstate(over="ignore", invalid="ignore"):  # what leaves the range of floats is refused below
+            A, scale = balance(np.vstack([-self.den[1:], np.eye(order)[:-1]]))
+            B, C = np.eye(order)[0] / scale, (num[1:] - D * self.den[1:]) * scale
+        if not all(np.isfinite(part).all() for part in (A, B, C, D)):
+            raise InputError(f"the system's coefficients are too far apart to be realised: num {self.num}, den {self.den}")
+        return StateSpace(A, B, C, D)
+
+
+def states_response(A: Array, b: Array, w: Array) -> Array:
+    """(j w I - A)^-1 b at frequencies (K,) in rad/s, (K, n)."""
+    w = np.atleast_1d(np.asarray(w, dtype=float))
+    pencils = 1j * w[:, None, None] * np.eye(len(b)) - A
+    return np.asarray(np.linalg.solve(pencils, np.broadcast_to(b[:, None], (len(w), len(b), 1)))[..., 0])
+
+
+def input_filter(kappa: float) -> TransferFunction:
+    """C(s) = 1/(kappa s + 1), eq. (6); kappa > 0 in s."""
+    kappa = validate.positive("filter.kappa", kappa)
+    return TransferFunction(np.array([1.0]), np.array([kappa, 1.0]))
+
+
+def transfer_function(c: Array, A: Array, b: Array) -> TransferFunction:
+    """c'(sI - A)^-1 b, by the Faddeev-LeVerrier recursion (Gantmacher, The Theory of Matrices, ch. IV).
+
+    Leading coefficients of the numerator that are zero up to rounding are dropped: they decide the relative degree.
+    """
+    n = len(b)
+    A, scale = balance(A)
+    size = float(np.abs(c).max(initial=0.0)) or 1.0  # squares of very large entries would leave the range of floats
+    b, c = b / scale, c / size * scale
+    den, num = [1.0], []
+    adjugate = np.eye(n)  # coefficient of s^(n-1-k) in adj(sI - A)
+    for k in range(n):
+        num.append(float(c @ adjugate @ b))
+        product = A @ adjugate
+        den.append(-float(np.trace(product)) / (k + 1))
+        adjugate = product + den[-1] * np.eye(n)
+    # Markov parameters c'A^k b are bounded by |c| |A|^k |b|: below n roundings of that they are zero
+    bound = np.linalg.norm(c) * np.linalg.norm(b) * np.linalg.norm(A, 2) ** np.arange(n)
+    leading = 0
+    while leading < n and abs(num[leading]) <= 10 * n * np.finfo(float).eps * bound[leading]:
+        leading += 1
+    return TransferFunction(np.array(num[leading:] or [0.0]) * size, np.array(den))
+
+
+def strictly_proper(name: str, given: Any) -> TransferFunction:
+    """A transfer function that is zero at infinite frequency and not zero everywhere; InputError names the field."""
+    system = TransferFunction.accept(name, given)
+    if system.relative_degree < 1 or not system.num.any():
+        shown = f"num = {validate.show(system.num)}, den = {validate.show(system.den)}"
+        raise InputError(f"{name} must be strictly proper and not zero, got {shown}")
+    return system

@@ -1,0 +1,253 @@
+"""Plant, reference model and controller as one system of differential equations: the only place that packs a state vector."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from barbalat import validate
+from barbalat.loop.packing import flatten, map_arrays, unflatten
+from barbalat.loop.parts import Held, LoopState, Outputs, Signals
+from barbalat.problem.actuation import InputPath
+from barbalat.problem.measurement import Sensor
+from barbalat.problem.tracking import TrackingProblem
+from barbalat.protocols import Controller, Dynamics, Equations, Sample, SampledEquations, Value
+from barbalat.validate import Array
+
+
+@dataclass(frozen=True, eq=False)
+class ClosedLoop:
+    """One controller on one problem. Flat states are vectors of length ``size``."""
+
+    plant: Dynamics
+    model: Dynamics
+    equations: Equations | SampledEquations
+    paths: tuple[InputPath | None, ...] = (None,)  # for each input
+    commands: int | None = None  # None for one command, a scalar
+    lag: Sensor | None = None  # of the sensor
+    noise_std: Array | None = None
+    disturbed: bool = False
+    directions: tuple[Array, ...] = ()  # of the unmatched disturbances
+    output_disturbed: bool = False
+    clocked: bool = False
+    delayed: bool = False
+    sampled: bool = False
+    step: float | None = None  # the solver's [s]; only a rate limiter needs it
+
+    @classmethod
+    def of(cls, problem: TrackingProblem, controller: Controller) -> ClosedLoop:
+        validate.instance("problem", problem, TrackingProblem)
+        equations = bound(problem, controller)
+        sensor, noise = problem.sensor, problem.noise
+        return cls(
+            problem.dynamics,
+            problem.model,
+            equations,
+            paths=tuple(path.path() for path in problem.plant.paths),
+            commands=len(problem.commands) if isinstance(problem.reference, tuple) else None,
+            lag=sensor if sensor is not None and sensor.lag > 0 else None,
+            noise_std=None if noise is None else noise.std * np.ones(problem.dynamics.outputs),
+            disturbed=problem.disturbance is not None,
+            directions=tuple(disturbance.direction for disturbance in problem.unmatched),
+            output_disturbed=problem.output_disturbance is not None,
+            clocked=problem.depends_on_time,
+            delayed=problem.delay > 0,
+            sampled=isinstance(equations, SampledEquations),
+        )
+
+    def initial(self) -> Array:
+        """The flat state at t = 0; the model starts where the plant does."""
+        return np.asarray(flatten(self._initial))
+
+    @property
+    def _initial(self) -> LoopState:
+        y, y_m = self.plant.output(self.plant.x0), self.model.output(self.model.x0)
+        controller: Any = self.equations.initial()
+        return LoopState(
+            x=self.plant.x0,
+            x_m=self.model.x0,
+            input=tuple(() if path is None else path.initial() for path in self.paths),
+            sensor=np.zeros(0) if self.lag is None else y,
+            controller=controller,
+            held=Held(
+                np.zeros(() if self.inputs == 1 else self.inputs),
+                Sample(0 * y, 0 * y_m, np.zeros(() if self.commands is None else self.commands)),
+                np.zeros(()),
+                controller.theta_hat,
+            )
+            if self.sampled
+            else (),
+        )
+
+    @property
+    def inputs(self) -> int:
+        """Entries of u."""
+        return len(self.paths)
+
+    @property
+    def delayed_inputs(self) -> int:
+        """Inputs with a delay."""
+        return self.inputs if self.delayed else 0
+
+    @property
+    def noise(self) -> int:
+        """Noisy measured quantities."""
+        return 0 if self.noise_std is None else len(self.noise_std)
+
+    @property
+    def timed(self) -> int:
+        """Entries of ``signals`` that are functions of time: r, the disturbances, t itself."""
+        return (self.commands or 1) + self.disturbed + len(self.directions) + self.output_disturbed + self.clocked
+
+    @property
+    def signal_count(self) -> int:
+        """Entries of ``signals``: the functions of time, the noise, the delayed plant input."""
+        return self.timed + self.noise + self.delayed_inputs
+
+    @property
+    def size(self) -> int:
+        return len(flatten(self._initial))
+
+    @property
+    def errors(self) -> int:
+        """Components of the tracking error e."""
+        return int(self.model.output(self.model.x0).size)
+
+    @property
+    def measured_outputs(self) -> int:
+        """Outputs that are measured instead of the state."""
+        return 0 if self.plant.output(self.plant.x0).ndim else 1
+
+    @property
+    def parameters(self) -> int:
+        """Components of the estimate theta_hat."""
+        return int(self._initial.controller.theta_hat.size)
+
+    @property
+    def theta_hat_rows(self) -> slice:
+        """Where the estimates stand in a flat state."""
+        marked = self.unpack(np.arange(self.size)).controller.theta_hat.reshape(-1)
+        return slice(int(marked[0]), int(marked[-1]) + 1) if len(marked) else slice(0, 0)
+
+    def unpack(self, flat: Value) -> LoopState:
+        """The named parts of a flat state, numbers or symbols."""
+        state, used = unflatten(self._initial, flat, 0)
+        if used != len(flat):
+            raise ValueError(f"a flat state of this loop has {used} entries, got {len(flat)}")
+        return state  # type: ignore[no-any-return]
+
+    def derivative(self, flat: Value, signals: Value) -> Value:
+        """d/dt of the flat state; ``signals`` (signal_count,) stand in the order of ``Signals``."""
+        state, given = self.unpack(flat), self._signals(signals)
+        u = self._control(state, given)
+        v = given.delayed.reshape(u.shape) if self.delayed else self._through_input(state, u)
+        return flatten(self._rates(state, given, u, v))
+
+    def derivative_given_input(self, flat: Value, signals: Value, v: Value) -> tuple[Value, Value]:
+        """d/dt of the flat state, and the control u, when v reaches the plant instead of u: the loop broken there."""
+        state, given = self.unpack(flat), self._signals(signals)
+        u = self._control(state, given)
+        return flatten(self._rates(state, given, u, v)), u
+
+    def _rates(self, state: LoopState, given: Signals, u: Value, v: Value) -> LoopState:
+        t = [given.clock[0]] if self.clocked else []
+        x_dot = self.plant.derivative(state.x, v + given.matched[0] if self.disturbed else v, *t)  # (1), with (11)'s input
+        for i, direction in enumerate(self.directions):
+            x_dot = x_dot + direction * given.unmatched[i]
+        y, y_m = self._measured(state, given), self.model.output(state.x_m)
+        controller, held = state.controller, state.held
+        if self.sampled:
+            controller, held = (map_arrays(lambda value: 0 * value, part) for part in (controller, held))
+        else:
+            controller = self.equations.derivative(controller, y, y_m, given.r, u)  # type: ignore[union-attr]
+        return LoopState(
+            x=x_dot,
+            x_m=self.model.derivative(state.x_m, given.r),  # (2)
+            input=tuple(
+                part if path is None else path.derivative(part, u.reshape(-1)[i], self.step)
+                for i, (path, part) in enumerate(zip(self.paths, state.input, strict=True))
+            ),
+            sensor=state.sensor if self.lag is None else self.lag.derivative(state.sensor, self._output(state, given)),
+            controller=controller,
+            held=held,
+        )
+
+    def sample(self, flat: Value, signals: Value) -> Value:
+        """The flat state after a sampled controller has acted: it advances from the last sample to this one and sets u."""
+        assert isinstance(self.equations, SampledEquations)
+        state, given = self.unpack(flat), self._signals(signals)
+        now = Sample(self._measured(state, given), self.model.output(state.x_m), given.r)
+        advanced = self.equations.advance(state.controller, state.held.before, state.held.u, now)
+        old = flatten(state.controller)
+        chosen = np.where(state.held.started > 0, flatten(advanced), old)
+        controller, _ = unflatten(self._initial.controller, chosen, 0)
+        u = self.equations.control(controller, *now)
+        held = Held(u, now, 0 * state.held.started + 1, state.controller.theta_hat)
+        return flatten(state._replace(controller=controller, held=held))
+
+    def undelayed_input(self, flat: Value, signals: Value) -> Value:
+        """What enters the delay."""
+        state = self.unpack(flat)
+        return self._through_input(state, self._control(state, self._signals(signals)))
+
+    def _signals(self, flat: Value) -> Signals:
+        commands = self.commands or 1
+        timed = [self.disturbed, len(self.directions), self.output_disturbed, self.clocked]
+        ends = np.cumsum([commands, *timed, self.noise, self.delayed_inputs])
+        r = flat[0] if self.commands is None else flat[:commands]
+        return Signals(r, *(flat[start:end] for start, end in pairwise(ends)))
+
+    def _output(self, state: LoopState, given: Signals) -> Value:
+        y = self.plant.output(state.x)
+        return y + given.at_output[0] if self.output_disturbed else y
+
+    def _measured(self, state: LoopState, given: Signals) -> Value:
+        y = self._output(state, given) if self.lag is None else state.sensor
+        return y if self.noise_std is None else y + (self.noise_std * given.noise).reshape(y.shape)
+
+    def _control(self, state: LoopState, given: Signals) -> Value:
+        if self.sampled:
+            return state.held.u
+        return self.equations.control(state.controller, self._measured(state, given), self.model.output(state.x_m), given.r)
+
+    def _through_input(self, state: LoopState, u: Value) -> Value:
+        if all(path is None for path in self.paths):
+            return u
+        flat, passed = u.reshape(-1), []
+        for i, (path, part) in enumerate(zip(self.paths, state.input, strict=True)):
+            passed.append((flat[i] if path is None else path.output(part, flat[i])).reshape(1))
+        return np.concatenate(passed).reshape(u.shape)
+
+    def limit(self, flat: Value) -> Value:
+        """The state with the estimates limited to the known set; applied at every stage and at a step's end."""
+        state = self.unpack(flat)
+        if self.sampled:  # the estimates have moved and are counted
+            return flatten(state._replace(held=state.held._replace(theta_hat=state.controller.theta_hat)))
+        return flatten(state._replace(controller=self.equations.limit(state.controller)))  # type: ignore[union-attr]
+
+    def estimates_moved(self, flat: Value, following: Value) -> Value:
+        """|change of theta_hat| by a step from ``flat`` to ``following``, a sample at its start included, (n,)."""
+        state = self.unpack(flat)
+        now = state.controller.theta_hat
+        moved = now - state.held.theta_hat if self.sampled else self.unpack(following).controller.theta_hat - now
+        return np.abs(moved.reshape(-1))
+
+    def outputs(self, flat: Value, signals: Value) -> Outputs:
+        state, given = self.unpack(flat), self._signals(signals)
+        u, y = self._control(state, given), self._output(state, given)
+        e = (y - self.model.output(state.x_m)).reshape(-1)
+        y = y.reshape(-1)[: self.measured_outputs]
+        return Outputs(e, u.reshape(-1), state.controller.theta_hat.reshape(-1), state.x, state.x_m, y)
+
+
+def bound(problem: TrackingProblem, controller: Controller) -> Equations | SampledEquations:
+    """The controller's equations for this problem; InputError for what is no controller, or one for another measurement."""
+    if not isinstance(controller, Controller) or isinstance(controller, type):
+        raise validate.InputError(f"a controller must have a name and a method bind, got {validate.show(controller)}")
+    feedback = getattr(controller, "feedback", "state")
+    if feedback != problem.feedback:
+        raise validate.InputError(f"{controller.name} feeds back the {feedback}, but the problem measures the {problem.feedback}")
+    return controller.bind(problem.known)

@@ -1,0 +1,56 @@
+"""Exact Jacobians of a closed loop."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from barbalat.loop.closed_loop import ClosedLoop
+from barbalat.loop.packing import column, flatten, symbols
+from barbalat.protocols import Value
+from barbalat.validate import Array
+
+if TYPE_CHECKING:
+    import casadi as ca
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+
+def signals_at_rest(loop: ClosedLoop, r: float) -> Array:
+    """A constant command, no disturbance, no noise."""
+    return np.array([r] + [0.0] * (loop.signal_count - 1))
+
+
+def continuous_twin(loop: ClosedLoop) -> ClosedLoop:
+    """The loop with the equations that a sampled controller stands for; any other loop as it is.
+
+    Its flat state is the sampled loop's without what is held, which stands last. A sampled form with states of its own has
+    no such twin.
+    """
+    equations: Any = getattr(loop.equations, "continuous", None)
+    if equations is None or len(flatten(equations.initial())) != len(flatten(loop.equations.initial())):
+        return loop
+    return replace(loop, equations=equations, sampled=False)
+
+
+def jacobian_function(loop: ClosedLoop, dt: float) -> ca.Function:
+    """The exact Jacobian of the loop's right-hand side, (size, size), as a CasADi function of (state, signals)."""
+    loop = replace(loop, step=dt)
+    return _jacobian(loop, loop.derivative)
+
+
+def sampled_jacobian_function(loop: ClosedLoop) -> ca.Function:
+    """The same of what a sampled controller makes of a state."""
+    return _jacobian(loop, loop.sample)
+
+
+def _jacobian(loop: ClosedLoop, of: Callable[[Value, Value], Value]) -> ca.Function:
+    import casadi as ca
+
+    state_column, state = symbols("state", loop.size)
+    signal_column, signals = symbols("signals", loop.signal_count)
+    jacobian = ca.densify(ca.jacobian(column(of(state, signals)), state_column))
+    return ca.Function("jacobian", [state_column, signal_column], [jacobian], {"cse": True})

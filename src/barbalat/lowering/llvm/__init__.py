@@ -1,0 +1,1 @@
+"""The LLVM target: the operation list as machine code with SIMD lanes."""

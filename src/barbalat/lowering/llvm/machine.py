@@ -1,0 +1,172 @@
+"""LLVM IR -> machine code of this computer, callable from Python without the interpreter's lock."""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Callable
+from functools import cache
+
+import llvmlite.binding as llvm
+import numpy as np
+
+from barbalat.lowering.llvm import ir
+from barbalat.lowering.operations import Program
+from barbalat.lowering.shape import ENTRY, TAPS, LoopShape
+
+
+@cache
+def _target() -> llvm.Target:
+    llvm.initialize_native_target()
+    llvm.initialize_native_asmprinter()
+    return llvm.Target.from_default_triple()
+
+
+@cache
+def vector_width() -> int:
+    """Doubles in one vector register of this computer."""
+    features = llvm.get_host_cpu_features()
+    return 8 if features.get("avx512f") else 4 if features.get("avx") else 2
+
+
+class Past:
+    """The memory of a group of members between calls.
+
+    lags     (W,) int64, at least 1: how many steps ago the newest value lies that a member's step gets back
+    history  (channels, W): what every channel was before t = 0
+    """
+
+    def __init__(self, lags: np.ndarray, history: np.ndarray) -> None:
+        if lags.min() < 1:
+            raise ValueError(f"lags must be at least 1, got {lags.min()}")
+        self.lags = np.ascontiguousarray(lags, dtype=np.int64)
+        depth = int(lags.max()) + TAPS
+        self.history = history
+        self.mask = (1 << (depth - 1).bit_length()) - 1
+        self.ring = np.tile(history, (self.mask + TAPS, 1, 1))
+
+
+class Watch:
+    """What a kernel with a quantity to watch has kept: for each of ``windows`` windows of steps, from step ``first`` on, a row.
+
+    A row holds the largest value, the state and the number of the step at which it occurred; minus infinity where none did.
+    """
+
+    def __init__(self, states: int, first: int, stop: int, window: int) -> None:
+        self.first, self.stop, self.window = first, stop, window
+        self.rows = np.full((-(-(stop - first) // window), states + 2), -np.inf)
+
+
+class Kernel:
+    """A compiled loop; one call advances ``lanes`` members by ``blocks * steps`` steps.
+
+    The call releases the interpreter's lock, writes only into the arrays it is given, and may run in many threads at once.
+    """
+
+    def __init__(
+        self,
+        step: Program,
+        shape: LoopShape,
+        resets: tuple[float, ...],
+        lanes: int,
+        sample: Program | None = None,
+        watch: Program | None = None,
+    ) -> None:
+        if lanes < 1 or lanes & (lanes - 1):
+            raise ValueError(f"lanes must be a power of two, got {lanes}")
+        self.shape = shape
+        self.lanes = lanes
+        self.watches = watch is not None
+        self.ir = ir.loop(step, shape, resets, lanes, sample, watch)
+        target = _target()
+        machine = target.create_target_machine(
+            cpu=llvm.get_host_cpu_name(), features=llvm.get_host_cpu_features().flatten(), opt=3
+        )
+        module = llvm.parse_assembly(self.ir)
+        module.triple = target.triple
+        module.data_layout = str(machine.target_data)
+        options = llvm.create_pipeline_tuning_options(speed_level=2)
+        # One member at a time is a chain of dependent operations: packing neighbours into vectors only adds shuffles.
+        options.slp_vectorization = False
+        options.loop_unrolling = False
+        passes = llvm.create_pass_builder(machine, options)
+        passes.getModulePassManager().run(module, passes)
+        self._engine = llvm.create_mcjit_compiler(module, machine)
+        self._engine.finalize_object()
+        i64, pointer = ctypes.c_int64, ctypes.c_void_p
+        run, memory, windows = (i64, i64, *[pointer] * 4, i64), (pointer, pointer, i64, pointer), (pointer, i64, i64)
+        prototype = ctypes.CFUNCTYPE(None, *run, *memory, *windows)
+        self._call = prototype(self._engine.get_function_address(ENTRY))
+
+    def __call__(
+        self,
+        blocks: int,
+        steps: int,
+        state: np.ndarray,
+        parameters: np.ndarray,
+        signals: np.ndarray,
+        out: np.ndarray,
+        past: Past | None = None,
+        noise: np.ndarray | None = None,
+        watch: Watch | None = None,
+        *,
+        start: int = 0,
+    ) -> None:
+        """Shapes: see ``llvm_ir.loop``; all arrays are C-contiguous float64.
+
+        past   goes with a step that has delays
+        noise  goes with a step that has noise
+        watch  goes with a kernel that watches; its windows hold all steps
+        start  number of the first step since t = 0
+        """
+        self.bound(blocks, steps, state, parameters, signals, out, past, noise, watch, start=start)()
+
+    def bound(
+        self,
+        blocks: int,
+        steps: int,
+        state: np.ndarray,
+        parameters: np.ndarray,
+        signals: np.ndarray,
+        out: np.ndarray,
+        past: Past | None = None,
+        noise: np.ndarray | None = None,
+        watch: Watch | None = None,
+        *,
+        start: int = 0,
+    ) -> Callable[[], None]:
+        """The call with these arrays, checked once, to be made again and again; it keeps them alive."""
+        w, s = self.lanes, self.shape
+        rows = (start + blocks * steps - 1) // s.noise_hold - start // s.noise_hold + 1
+        expected = {
+            "state": (state, s.states * w),
+            "parameters": (parameters, s.parameters * w),
+            "signals": (signals, blocks * steps * s.signals),
+            "out": (out, blocks * (s.states + s.accumulators) * w),
+        }
+        if noise is not None:
+            expected["noise"] = (noise, rows * s.noise * w)
+        for name, (array, size) in expected.items():
+            if array.dtype != np.float64 or not array.flags.c_contiguous or array.size < size:
+                raise ValueError(
+                    f"{name} must be C-contiguous float64 with at least {size} entries, got {array.shape} {array.dtype}"
+                )
+        for what, given, count in (("a past", past, s.delayed), ("noise", noise, s.noise)):
+            if (given is None) != (count == 0):
+                raise ValueError(
+                    f"a kernel with {count} channels that need {what} was called {'without' if given is None else 'with'} it"
+                )
+        if (watch is None) == self.watches:
+            raise ValueError(f"a kernel that {'watches' if self.watches else 'does not watch'} was called {watch}")
+        if watch is not None and not watch.first <= start <= start + blocks * steps <= watch.stop:
+            raise ValueError(f"steps {start} to {start + blocks * steps} are not in windows from {watch.first} to {watch.stop}")
+        arrays = (state.ctypes.data, parameters.ctypes.data, signals.ctypes.data, out.ctypes.data)
+        memory = (None, None, 0) if past is None else (past.lags.ctypes.data, past.ring.ctypes.data, past.mask)
+        windows = (None, 0, 1) if watch is None else (watch.rows.ctypes.data, watch.first, watch.window)
+        arguments = (blocks, steps, *arrays, start, *memory, None if noise is None else noise.ctypes.data, *windows)
+        call, alive = self._call, (self, state, parameters, signals, out, past, noise, watch)
+
+        def again() -> None:
+            assert alive  # held by this closure, as its arguments are plain addresses
+            call(*arguments)
+
+        return again

@@ -1,0 +1,44 @@
+"""IR for a quantity that is watched: every window of steps keeps its largest value, and the state and the step where it occurred.
+
+It is looked at before every WATCH_EVERY-th step, counted from t = 0. Windows have nothing to do with blocks. What is no number
+never is the largest.
+"""
+
+from __future__ import annotations
+
+from barbalat.lowering.shape import WATCH_EVERY
+
+LAST_BLOCK = "kept"
+"""The last basic block of a step that has a watch."""
+
+
+def keep_largest(states: int, lines: list[str], quantity: str) -> list[str]:
+    """``lines`` compute the quantity. A new largest value is rare: a branch, not a selection for every entry of the state."""
+    stores = []
+    for i in range(states):
+        stores += [
+            f"  %kept{i}.to = getelementptr double, ptr %watch.row, i64 {1 + i}",
+            f"  store double %x{i}, ptr %kept{i}.to, align 8",
+        ]
+    return [
+        f"  %watch.phase = urem i64 %now, {WATCH_EVERY}",
+        "  %watch.due = icmp eq i64 %watch.phase, 0",
+        f"  br i1 %watch.due, label %watch, label %{LAST_BLOCK}",
+        "watch:",
+        "  %watch.since = sub i64 %now, %watch.first",
+        "  %watch.at = udiv i64 %watch.since, %watch.window",
+        f"  %watch.offset = mul i64 %watch.at, {states + 2}",
+        "  %watch.row = getelementptr double, ptr %watched, i64 %watch.offset",
+        "  %best = load double, ptr %watch.row, align 8",
+        *lines,
+        f"  %better = fcmp ogt double {quantity}, %best",
+        f"  br i1 %better, label %keep, label %{LAST_BLOCK}",
+        "keep:",
+        f"  store double {quantity}, ptr %watch.row, align 8",
+        *stores,
+        "  %kept.step = sitofp i64 %now to double",
+        f"  %kept.step.to = getelementptr double, ptr %watch.row, i64 {states + 1}",
+        "  store double %kept.step, ptr %kept.step.to, align 8",
+        f"  br label %{LAST_BLOCK}",
+        f"{LAST_BLOCK}:",
+    ]

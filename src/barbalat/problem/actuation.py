@@ -1,0 +1,139 @@
+"""What lies between the controller's output and the plant: converter, limits, actuator, delay. No controller knows it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from barbalat import validate
+from barbalat.linear.systems import StateSpace, TransferFunction
+from barbalat.protocols import Value
+from barbalat.validate import Array, InputError
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class PlantInput:
+    """The path of u to the plant: quantised, saturated, rate-limited, through omega (1 + Delta_m(s)), delayed; in this order.
+
+    quantization    step of a converter's output [unit of u]: u becomes the nearest multiple
+    saturation      (lower, upper) with lower < 0 < upper
+    rate_limit      largest |rate| [unit of u per s]; below it the output follows within a solver step
+    actuator        G_a(s) = 1 + Delta_m(s), proper and stable: eq. (11)
+    multiplicative  Delta_m(s) itself, likewise; with an actuator the two are in series
+    gain            the effectiveness omega > 0; 1 unless given
+    delay           [s], exact; 0, or at least one solver step
+    history         what reaches the plant until t = delay, a constant; 0 by default, and without effect where there is no delay
+
+    The dynamics start at rest. A delay commutes with everything else here, which does not change with time. Raises InputError.
+    """
+
+    quantization: float | None = None
+    saturation: Array | None = None
+    rate_limit: float | None = None
+    actuator: TransferFunction | None = None
+    multiplicative: TransferFunction | None = None
+    gain: float = 1.0
+    delay: float = 0.0
+    history: float = 0.0
+
+    def __post_init__(self) -> None:
+        for name in ("quantization", "rate_limit"):
+            if getattr(self, name) is not None:
+                validate.freeze(self, **{name: validate.positive(f"plant.input.{name}", getattr(self, name))})
+        if self.saturation is not None:
+            low, high = limits = validate.vector("plant.input.saturation", self.saturation, 2)
+            if not low < 0 < high:
+                raise InputError(
+                    f"plant.input.saturation must be [lower, upper] with lower < 0 < upper, got {validate.show(limits)}"
+                )
+            validate.freeze(self, saturation=limits)
+        parts = {"actuator": self.actuator, "multiplicative": self.multiplicative}
+        for name, part in parts.items():
+            if part is None:
+                continue
+            system = TransferFunction.accept(f"plant.input.{name}", part)
+            if system.relative_degree < 0 or not system.is_stable:
+                raise InputError(
+                    f"plant.input.{name} must be proper and stable, got num = {validate.show(system.num)}, "
+                    f"den = {validate.show(system.den)}"
+                )
+            validate.freeze(self, **{name: system})
+        validate.freeze(self, gain=validate.positive("plant.input.gain", self.gain))
+        validate.freeze(self, delay=validate.not_negative("plant.input.delay", self.delay))
+        validate.freeze(self, history=validate.number("plant.input.history", self.history))
+
+    @property
+    def dynamics(self) -> TransferFunction | None:
+        """The linear part without the delay, omega (1 + Delta_m(s)); ``None`` where that is 1."""
+        total: TransferFunction | None = self.actuator
+        if self.multiplicative is not None:
+            one_plus = TransferFunction(np.polyadd(self.multiplicative.den, self.multiplicative.num), self.multiplicative.den)
+            total = one_plus if total is None else total * one_plus
+        if self.gain == 1:
+            return total
+        return TransferFunction([self.gain], [1.0]) * (total or TransferFunction([1.0], [1.0]))
+
+    @property
+    def is_linear(self) -> bool:
+        """Whether nothing is quantised, saturated or rate-limited."""
+        return self.quantization is None and self.saturation is None and self.rate_limit is None
+
+    @property
+    def is_static_gain(self) -> bool:
+        """Whether nothing but the gain and the delay stands before the plant."""
+        return self.is_linear and self.actuator is None and self.multiplicative is None
+
+    def path(self) -> InputPath | None:
+        """The equations of everything but the delay; ``None`` where u reaches the plant as it is."""
+        dynamics = None if self.dynamics is None else self.dynamics.realise()
+        if dynamics is None and self.is_linear:
+            return None
+        return InputPath(self.quantization, self.saturation, self.rate_limit, dynamics)
+
+
+class InputState(NamedTuple):
+    """What the input path integrates."""
+
+    limited: Value  # (1,) output of the rate limiter, (0,) without one
+    dynamics: Value  # (order of 1 + Delta_m,)
+
+
+@dataclass(frozen=True, eq=False)
+class InputPath:
+    """The equations of a PlantInput without its delay."""
+
+    quantum: float | None
+    saturation: Array | None
+    rate_limit: float | None
+    dynamics: StateSpace | None
+
+    def initial(self) -> InputState:
+        return InputState(
+            np.zeros(0 if self.rate_limit is None else 1), np.zeros(0 if self.dynamics is None else self.dynamics.order)
+        )
+
+    def asked(self, u: Value) -> Value:
+        """u as the converter and the limits let it through."""
+        if self.quantum is not None:
+            u = self.quantum * np.floor(u / self.quantum + 0.5)
+        return u if self.saturation is None else np.clip(u, self.saturation[0], self.saturation[1])
+
+    def derivative(self, state: InputState, u: Value, step: float | None) -> InputState:
+        """``step`` is the solver's [s]: the rate limiter follows its input within one."""
+        asked = self.asked(u)
+        limited, dynamics = state
+        if self.rate_limit is not None:
+            if step is None:
+                raise ValueError("a rate limiter needs the solver's step")
+            limited = np.clip((asked - state.limited) / step, -self.rate_limit, self.rate_limit)
+            asked = state.limited[0]
+        if self.dynamics is not None:
+            dynamics = self.dynamics.derivative(state.dynamics, asked)
+        return InputState(limited, dynamics)
+
+    def output(self, state: InputState, u: Value) -> Value:
+        """What leaves the path, a scalar."""
+        passed = self.asked(u) if self.rate_limit is None else state.limited[0]
+        return passed if self.dynamics is None else self.dynamics.output(state.dynamics, passed)

@@ -1,0 +1,61 @@
+"""What lies between the plant and the controller: sensor lag and measurement noise. No controller knows it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from barbalat import validate
+from barbalat.protocols import Value
+from barbalat.validate import Array, InputError
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Noise:
+    """Gaussian measurement noise: a new value for each measured quantity every ``sample_time``, held in between.
+
+    std          standard deviation, one for all measured quantities or one for each [their units]
+    sample_time  [s], a whole number of solver steps. A fixed value keeps the noise the same when the step is refined
+    seed         with the member's number (``simulate_ensemble``) it fixes every value, whatever the threads and lanes
+
+    Source of the numbers: Philox counters (Salmon et al., 2011), turned Gaussian by the inverse distribution function.
+    """
+
+    std: Array | float
+    sample_time: float
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        std = validate.vector(
+            "sensor.noise.std", self.std if np.ndim(self.std) else [validate.number("sensor.noise.std", self.std)]
+        )
+        if (std < 0).any():
+            raise InputError(f"sensor.noise.std must not be negative, got {validate.show(std)}")
+        validate.freeze(
+            self,
+            std=std,
+            sample_time=validate.positive("sensor.noise.sample_time", self.sample_time),
+            seed=validate.whole("sensor.noise.seed", self.seed, least=0),
+        )
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Sensor:
+    """How the plant is measured: each quantity through 1/(lag s + 1), then noise is added.
+
+    lag    [s], 0 for none; the sensor starts settled on the initial value
+    noise  see Noise; None for none
+    """
+
+    lag: float = 0.0
+    noise: Noise | None = None
+
+    def __post_init__(self) -> None:
+        validate.freeze(self, lag=validate.not_negative("sensor.lag", self.lag))
+        if self.noise is not None:
+            validate.instance("sensor.noise", self.noise, Noise)
+
+    def derivative(self, state: Value, y: Value) -> Value:
+        """Of the lagged measurement, for the true y; both (n,)."""
+        return (y - state) / self.lag

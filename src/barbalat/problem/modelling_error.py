@@ -1,0 +1,81 @@
+"""Modelling errors Delta_m at the plant's input, eq. (11), as families of one size: what of them a linear loop bears."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Protocol
+
+import numpy as np
+
+from barbalat import validate
+from barbalat.linear.crossings import frequency_grid
+from barbalat.linear.interconnections import complementary_sensitivity, series
+from barbalat.linear.margins import margins
+from barbalat.linear.systems import StateSpace, TransferFunction
+from barbalat.problem.actuation import PlantInput
+from barbalat.validate import Array, InputError
+
+
+class ModellingError(Protocol):
+    """Delta_m of a given size > 0; size 0 is none."""
+
+    def added(self, path: PlantInput, size: float) -> PlantInput:
+        """The plant's input with the error beside what it has; InputError where both cannot be."""
+        ...
+
+    def allowed(self, w: Array, gain: Array) -> Array:
+        """(K,): at each frequency the size below which |Delta_m(j w)| gain < 1, for all smaller sizes too."""
+        ...
+
+    def limit(self, loop: StateSpace) -> float:
+        """The size at which a loop, broken at the plant's input, exactly loses stability; infinite where it doesn't."""
+        ...
+
+
+@dataclass(frozen=True)
+class DelayError:
+    """Delta_m = e^(-s d) - 1; the size is d [s]. |Delta_m| = 2 |sin(w d/2)|, at most 2."""
+
+    def added(self, path: PlantInput, size: float) -> PlantInput:
+        return replace(path, delay=path.delay + size)
+
+    def allowed(self, w: Array, gain: Array) -> Array:
+        with np.errstate(divide="ignore"):
+            half = 1 / (2 * gain)
+        return np.where(half <= 1, 2 / w * np.arcsin(np.minimum(half, 1.0)), np.inf)
+
+    def limit(self, loop: StateSpace) -> float:
+        return margins(loop).delay
+
+
+@dataclass(frozen=True, eq=False)
+class ScaledError:
+    """Delta_m = size times shape(s), which is proper and stable, such as -s/(T s + 1)."""
+
+    shape: TransferFunction
+
+    def __post_init__(self) -> None:
+        shape = TransferFunction.accept("shape", self.shape)
+        if shape.relative_degree < 0 or not shape.is_stable or not shape.num.any():
+            raise InputError(
+                f"shape must be proper, stable and not zero, got num = {validate.show(shape.num)}, "
+                f"den = {validate.show(shape.den)}"
+            )
+        validate.freeze(self, shape=shape)
+
+    def added(self, path: PlantInput, size: float) -> PlantInput:
+        if path.multiplicative is not None:
+            raise InputError("plant.input.multiplicative must be left out where a modelling error is to be added in its place")
+        return replace(path, multiplicative=TransferFunction(size * self.shape.num, self.shape.den))
+
+    def allowed(self, w: Array, gain: Array) -> Array:
+        with np.errstate(divide="ignore"):
+            return np.asarray(1 / (np.abs(self.shape.at(1j * w)) * gain))
+
+    def limit(self, loop: StateSpace) -> float:
+        """The loop that Delta_m closes is size times shape T: its gain margin, counted from a size that is well below it."""
+        T = complementary_sensitivity(loop)
+        w = frequency_grid(T)
+        small = 0.5 * float(self.allowed(w, np.abs(T.response(w))).min())  # margins refuses it, should it be unstable there
+        around = series(T, self.shape.realise())
+        return small * margins(replace(around, C=small * around.C, D=small * around.D)).gain_up

@@ -1,0 +1,153 @@
+"""The plant and the reference model of an output-feedback problem, as transfer functions."""
+
+from __future__ import annotations
+
+import ast
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, ClassVar
+
+import numpy as np
+
+from barbalat import validate
+from barbalat.linear.systems import StateSpace, TransferFunction, strictly_proper
+from barbalat.problem.actuation import PlantInput
+from barbalat.problem.formulas import formula
+from barbalat.problem.regressors import Terms
+from barbalat.protocols import Value
+from barbalat.validate import Array, InputError, freeze
+
+
+@dataclass(frozen=True, eq=False)
+class Nonlinearity:
+    """f(t, y), a formula in y and t with + - * / **, abs, exp, sin, cos, sqrt, tanh. Raises InputError for anything else."""
+
+    formula: str
+
+    def __post_init__(self) -> None:
+        self._terms  # noqa: B018  # refuses what is no formula
+
+    @cached_property
+    def _names(self) -> frozenset[str]:
+        if not isinstance(self.formula, str):
+            raise self._refusal()
+        try:
+            tree = ast.parse(self.formula.strip(), mode="eval")
+        except (SyntaxError, ValueError, MemoryError, RecursionError):
+            raise self._refusal() from None
+        return frozenset(node.id for node in ast.walk(tree) if isinstance(node, ast.Name))
+
+    @cached_property
+    def _terms(self) -> Terms:
+        given = {"y": "x1", "t": "x2"}
+        if any(name[0] == "x" for name in self._names):
+            raise self._refusal()
+        spelled = re.sub(r"\b[yt]\b", lambda name: given[name[0]], self.formula)
+        try:
+            return Terms(terms=(spelled,))
+        except InputError:
+            raise self._refusal() from None
+
+    def _refusal(self) -> InputError:
+        return InputError(
+            "plant.nonlinear must be a formula in y and t, numbers, + - * / ** and abs, exp, sin, cos, sqrt, tanh, such as "
+            f"'0.5*sin(y)', got {validate.show(self.formula)}"
+        )
+
+    @property
+    def depends_on_time(self) -> bool:
+        return "t" in self._names
+
+    @property
+    def function(self) -> Callable[[Any], Any]:
+        """f of the sequence (y, t), by whatever arithmetic its two entries have."""
+        return formula(self._terms.terms[0])
+
+    def __call__(self, y: Value, *t: Value) -> Value:
+        """f, a scalar; t is given where the formula contains it."""
+        return self._terms(np.concatenate([value.reshape(1) for value in (y, *t)]))[0]
+
+
+@dataclass(frozen=True, eq=False)
+class OutputDynamics:
+    """x' = A x + B (v + f(t, y)), y = C x, from rest: what a loop integrates of the plant or of the model."""
+
+    system: StateSpace
+    x0: Array
+    nonlinear: Nonlinearity | None = None
+
+    outputs: ClassVar[int] = 1
+    """Measured quantities."""
+
+    def derivative(self, x: Value, v: Value, *t: Value) -> Value:
+        """x' for the input v: u as it reaches the plant, and d; or the command. t [s] where f contains it."""
+        if self.nonlinear is not None:
+            v = v + self.nonlinear(self.output(x), *t)
+        return self.system.derivative(x, v)
+
+    def output(self, x: Value) -> Value:
+        """y, a scalar."""
+        return self.system.C @ x
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class OutputPlant:
+    """y = G(s)[u + d + f(t, y)], from rest: (18).
+
+    transfer_function  G(s), strictly proper: what is simulated, its unmodelled part included
+    nonlinear          f, a formula in y and t such as "(0.5 + 0.1*cos(t))*sin(y)"; none by default
+    input              limits, further unmodelled dynamics and delay before G; none by default
+
+    Raises InputError.
+    """
+
+    transfer_function: TransferFunction
+    nonlinear: str | None = None
+    input: PlantInput | None = None
+
+    def __post_init__(self) -> None:
+        freeze(self, transfer_function=strictly_proper("plant.transfer_function", self.transfer_function))
+        if self.input is not None:
+            validate.instance("plant.input", self.input, PlantInput)
+        self.dynamics  # noqa: B018  # refuses what has no realisation or is no formula
+
+    @property
+    def dynamics(self) -> OutputDynamics:
+        return _at_rest(self.transfer_function, self.f)
+
+    @property
+    def f(self) -> Nonlinearity | None:
+        """What ``nonlinear`` spells."""
+        return None if self.nonlinear is None else Nonlinearity(self.nonlinear)
+
+    @property
+    def paths(self) -> tuple[PlantInput, ...]:
+        """What lies before the input."""
+        return (PlantInput() if self.input is None else self.input,)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class OutputReferenceModel:
+    """y_m = W_m(s)[r], from rest: (19). W_m stable, strictly proper, minimum phase. Raises InputError."""
+
+    transfer_function: TransferFunction
+
+    def __post_init__(self) -> None:
+        W_m = strictly_proper("reference_model.transfer_function", self.transfer_function)
+        shown = f"num = {validate.show(W_m.num)}, den = {validate.show(W_m.den)}"
+        if not W_m.is_stable:
+            raise InputError(f"reference_model.transfer_function must be stable, got {shown}")
+        if not W_m.is_minimum_phase:
+            raise InputError(f"reference_model.transfer_function must be minimum phase, got {shown}")
+        freeze(self, transfer_function=W_m)
+
+    @property
+    def dynamics(self) -> OutputDynamics:
+        return _at_rest(self.transfer_function)
+
+
+def _at_rest(system: TransferFunction, nonlinear: Nonlinearity | None = None) -> OutputDynamics:
+    realised = system.realise()
+    return OutputDynamics(realised, np.zeros(realised.order), nonlinear)

@@ -1,0 +1,173 @@
+"""The plant (1) and the reference model (2)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from barbalat import validate
+from barbalat.linear.conditions import require_controllable, require_hurwitz
+from barbalat.problem.actuation import PlantInput
+from barbalat.problem.regressors import Linear, Regressor, Uncertainty
+from barbalat.protocols import Value
+from barbalat.validate import Array, InputError, freeze
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Plant:
+    """Plant with matched uncertainty, x' = A_m x + b (theta'phi(x) + u + d), x(0) = x0: eq. (1), where phi(x) = x.
+
+    A_m        (n, n)  known, Hurwitz, [1/s]
+    b          (n,)    known, or (n, m) for m inputs; (A_m, b) controllable
+    theta      (p,)    the true parameters, or (p, m), stored row by row as (p m,); no controller sees them
+    x0         (n,)    initial state, measured; zero by default
+    input              what lies before the input: limits, unmodelled dynamics, delay, eq. (11); none by default.
+                       With several inputs one PlantInput for all of them, or a list of one for each, with one delay
+    regressor          phi(x), (p,), known: x by default
+
+    Raises InputError for wrong shapes, a non-Hurwitz A_m, an uncontrollable pair.
+    """
+
+    A_m: Array
+    b: Array
+    theta: Array
+    x0: Array | None = None
+    input: PlantInput | tuple[PlantInput, ...] | None = None
+    regressor: Regressor = field(default_factory=Linear)
+
+    def __post_init__(self) -> None:
+        A_m = validate.square_matrix("plant.A_m", self.A_m)
+        n = A_m.shape[0]
+        validate.instance("plant.regressor", self.regressor, Regressor)
+        freeze(
+            self,
+            A_m=A_m,
+            b=input_matrix("plant.b", self.b, n),
+            x0=validate.vector("plant.x0", np.zeros(n) if self.x0 is None else self.x0, n),
+        )
+        freeze(self, theta=parameters("plant.theta", self.theta, self.regressor.size(n), self.inputs))
+        if self.input is not None:
+            freeze(self, input=_inputs(self.input, self.inputs))
+        require_hurwitz("plant.A_m", A_m)
+        require_controllable("(plant.A_m, plant.b)", A_m, self.b)
+
+    @classmethod
+    def matched(cls, *, A: Any, A_m: Any, b: Any, x0: Any = None, input: Any = None) -> Plant:
+        """The same plant given as x' = A x + b u: theta solves the matching condition A = A_m + b theta'; phi(x) = x.
+
+        Raises InputError, with the unmatched rest, when no theta does.
+        """
+        A_m = validate.square_matrix("reference_model.A_m", A_m)
+        n = A_m.shape[0]
+        A = validate.square_matrix("plant.A", A, n)
+        b = input_matrix("plant.b", b, n)
+        if not b.any():
+            raise InputError("plant.b must not be zero")
+        difference = A - A_m
+        scale = np.abs(b).max()  # squares of very large or small entries would leave the range of floats
+        directions = (b / scale).reshape(n, -1)
+        along = np.linalg.lstsq(directions, difference, rcond=None)[0]  # (m, n)
+        rest = difference - directions @ along
+        if np.abs(rest).max() > 1e-9 * max(1.0, float(np.abs(A).max()), float(np.abs(A_m).max())):
+            raise InputError(
+                "plant.A - reference_model.A_m must be matched (equal to b theta' for some theta), "
+                f"but the part {validate.show(rest)} is out of the reach of b = {validate.show(b)}"
+            )
+        with np.errstate(over="ignore"):  # an infinite theta is refused by the constructor
+            theta = (along / scale).T.reshape(-1)
+        return cls(A_m=A_m, b=b, theta=theta, x0=x0, input=input)
+
+    @property
+    def n(self) -> int:
+        """State dimension."""
+        return len(self.b)
+
+    @property
+    def inputs(self) -> int:
+        """Entries of u."""
+        return 1 if self.b.ndim == 1 else int(self.b.shape[1])
+
+    @property
+    def paths(self) -> tuple[PlantInput, ...]:
+        """What lies before each input."""
+        if self.input is None:
+            return (PlantInput(),) * self.inputs
+        return self.input if isinstance(self.input, tuple) else (self.input,)
+
+    @property
+    def outputs(self) -> int:
+        """Measured quantities."""
+        return self.n
+
+    @property
+    def is_linear(self) -> bool:
+        """Whether phi(x) = x."""
+        return isinstance(self.regressor, Linear)
+
+    def derivative(self, x: Value, v: Value) -> Value:
+        """x' for the matched input v: what reaches the plant of u, and d."""
+        phi = Uncertainty(self.regressor, self.inputs).phi(x)
+        return self.A_m @ x + np.dot(self.b, phi.T @ self.theta + v)  # (1)
+
+    def output(self, x: Value) -> Value:
+        """What is measured: the state."""
+        return x
+
+
+def input_matrix(field: str, b: Any, n: int) -> Array:
+    """b as (n,), or (n, m) for m > 1 inputs."""
+    if validate.dimensions(b) != 2:
+        return validate.vector(field, b, n)
+    matrix = validate.array(field, b, (n, None))
+    return validate.vector(field, matrix[:, 0], n) if matrix.shape[1] == 1 else matrix
+
+
+def parameters(field: str, theta: Any, p: int, m: int) -> Array:
+    """theta as (p m,), from that or from (p, m)."""
+    if validate.dimensions(theta) == 2:
+        return validate.vector(field, validate.array(field, theta, (p, m)).reshape(-1))
+    return validate.vector(field, theta, p * m)
+
+
+def _inputs(given: Any, m: int) -> Any:
+    """One PlantInput for one input, or a tuple of m."""
+    several = tuple(given) if isinstance(given, (list, tuple)) else (given,) * m
+    for path in several:
+        validate.instance("plant.input", path, PlantInput)
+    if len(several) != m or any(path.delay != several[0].delay for path in several):
+        raise InputError(f"plant.input must be one for all inputs, or a list of {m} with the same delay, got {len(several)}")
+    return several[0] if m == 1 else several
+
+
+@dataclass(frozen=True, eq=False)
+class Model:
+    """The reference model as a system of its own, which the loop integrates beside the plant."""
+
+    A_m: Array
+    b: Array
+    k_0: Array | float
+    x0: Array
+
+    def derivative(self, x_m: Value, r: Value) -> Value:
+        return self.A_m @ x_m + np.dot(self.b, np.dot(self.k_0, r))  # (2)
+
+    def output(self, x_m: Value) -> Value:
+        """What the plant's output is to follow."""
+        return x_m
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ReferenceModel:
+    """x_m' = A_m x_m + b k_0 r, x_m(0) = x(0): eq. (2); A_m and b are the plant's.
+
+    k_0  a number; with m inputs a matrix (m, q) for q commands
+    """
+
+    k_0: Array | float = 1.0
+
+    def __post_init__(self) -> None:
+        name = "reference_model.k_0"
+        matrix = isinstance(self.k_0, (list, tuple)) or validate.dimensions(self.k_0) > 0
+        freeze(self, k_0=validate.array(name, self.k_0, (None, None)) if matrix else validate.number(name, self.k_0))

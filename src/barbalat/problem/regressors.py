@@ -1,0 +1,155 @@
+"""Regressors phi(x) of the matched uncertainty theta'phi(x): the state itself, monomials, Gaussian functions, written terms."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import combinations_with_replacement
+from typing import Protocol, runtime_checkable
+
+import numpy as np
+
+from barbalat import validate
+from barbalat.problem.formulas import formula, states_of
+from barbalat.protocols import Value
+from barbalat.validate import Array, InputError
+
+
+@runtime_checkable
+class Regressor(Protocol):
+    """phi(x), known to the designer; computes with NumPy functions, so that symbols may stand for numbers."""
+
+    def size(self, n: int) -> int:
+        """Components of phi for n states; InputError where it does not fit them."""
+        ...
+
+    def __call__(self, x: Value) -> Value:
+        """phi(x), (p,), from x (n,)."""
+        ...
+
+
+@dataclass(frozen=True)
+class Linear:
+    """phi(x) = x: the paper's."""
+
+    def size(self, n: int) -> int:
+        return n
+
+    def __call__(self, x: Value) -> Value:
+        return x
+
+
+@dataclass(frozen=True, kw_only=True)
+class Polynomial:
+    """All monomials of the states of degree 1 ... ``degree``, a leading 1 where ``constant``; by degree, then lexically."""
+
+    degree: int
+    constant: bool = False
+
+    def __post_init__(self) -> None:
+        validate.freeze(self, degree=validate.whole("plant.regressor.degree", self.degree, least=1))
+
+    def powers(self, n: int) -> list[tuple[int, ...]]:
+        """The states that are multiplied, for each component."""
+        degrees = range(0 if self.constant else 1, self.degree + 1)
+        return [factors for degree in degrees for factors in combinations_with_replacement(range(n), degree)]
+
+    def size(self, n: int) -> int:
+        return len(self.powers(n))
+
+    def __call__(self, x: Value) -> Value:
+        terms = []
+        for factors in self.powers(x.shape[0]):
+            term = 0 * x[0] + 1
+            for i in factors:
+                term = term * x[i]
+            terms.append(term.reshape(1))
+        return np.concatenate(terms)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class GaussianRBF:
+    """phi_i(x) = exp(-|x - c_i|^2/(2 width^2)); ``centers`` (p, n), ``width`` > 0 in the states' units."""
+
+    centers: Array
+    width: float
+
+    def __post_init__(self) -> None:
+        validate.freeze(
+            self,
+            centers=validate.array("plant.regressor.centers", self.centers, (None, None)),
+            width=validate.positive("plant.regressor.width", self.width),
+        )
+
+    def size(self, n: int) -> int:
+        if self.centers.shape[1] != n:
+            raise InputError(f"plant.regressor.centers must have {n} columns, one for each state, got {self.centers.shape[1]}")
+        return len(self.centers)
+
+    def __call__(self, x: Value) -> Value:
+        distance = x.reshape(1, x.shape[0]) - self.centers
+        return np.exp(-np.sum(distance * distance, axis=1) / (2 * self.width * self.width))
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Terms:
+    """Written terms: each a formula in x1 ... xn with + - * / **, and abs, exp, sin, cos, sqrt, tanh.
+
+    ``Terms(terms=("x1", "x2", "abs(x1)*x2"))``. Raises InputError for anything else in a formula.
+    """
+
+    terms: tuple[str, ...]
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.terms, (list, tuple)) or not self.terms or not all(isinstance(term, str) for term in self.terms):
+            raise InputError(
+                f"plant.regressor.terms must be a list of formulas such as 'abs(x1)*x2', got {validate.show(self.terms)}"
+            )
+        validate.freeze(self, terms=tuple(self.terms))
+        for term in self.terms:
+            formula(term)
+
+    def size(self, n: int) -> int:
+        largest = max(states_of(term) for term in self.terms)
+        if largest > n:
+            raise InputError(f"plant.regressor.terms speak of x{largest}, but the plant has {n} states")
+        return len(self.terms)
+
+    def __call__(self, x: Value) -> Value:
+        return np.concatenate([(formula(term)(x) + 0 * x[0]).reshape(1) for term in self.terms])
+
+
+@dataclass(frozen=True, eq=False)
+class Uncertainty:
+    """How theta enters the input channels: u_j + theta_j'phi(x), theta = (theta_1, ..., theta_m) stored row by row of (p, m).
+
+    With one input Phi(x) is the vector phi(x), (p,), and everything reads as in the paper; with m it is (p m, m), so that
+    Phi'theta is (m,). Where the input gain omega is not known either, it is estimated with theta: u enters as Phi does.
+    """
+
+    regressor: Regressor
+    inputs: int
+    gain_unknown: bool = False
+
+    def phi(self, x: Value) -> Value:
+        """Phi(x)."""
+        phi = self.regressor(x)
+        if self.inputs == 1:
+            return phi
+        m = self.inputs
+        return np.outer(phi, np.eye(m).reshape(-1)).reshape(phi.shape[0] * m, m)
+
+    def with_input(self, x: Value, u: Value) -> Value:
+        """What multiplies all that is estimated: Phi(x), and below it u where its gain is unknown."""
+        if not self.gain_unknown:
+            return self.phi(x)
+        return np.concatenate([self.phi(x), u.reshape(1) if self.inputs == 1 else np.eye(self.inputs) * u])
+
+    def known_input(self, u: Value) -> Value:
+        """What of u enters the predictor without an estimate."""
+        return 0 * u if self.gain_unknown else u
+
+    def split(self, theta_hat: Value) -> tuple[Value, Value]:
+        """The estimates of theta and of omega; omega = 1 where it is known."""
+        if not self.gain_unknown:
+            return theta_hat, 1.0
+        return theta_hat[: -self.inputs], theta_hat[-1] if self.inputs == 1 else theta_hat[-self.inputs :]

@@ -1,0 +1,188 @@
+"""What is given: a plant and its model, the known set of the unknown parameters, commands, disturbances, measurement."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any, ClassVar
+
+import numpy as np
+
+from barbalat import validate
+from barbalat.problem.known_set import EstimateSet, KnownSet, ParameterBall, ParameterBox, ParameterProduct, with_gains
+from barbalat.problem.measurement import Sensor
+from barbalat.problem.plant import Model, Plant, ReferenceModel
+from barbalat.problem.regressors import Linear, Uncertainty
+from barbalat.problem.tracking import Disturbance, TrackingProblem, require_signal
+from barbalat.protocols import Signal
+from barbalat.signals import Constant
+from barbalat.validate import Array, InputError, freeze
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Known:
+    """What a designer knows of the problem and a controller may therefore use: everything but theta and d."""
+
+    A_m: Array  # (n, n)
+    b: Array  # (n,), or (n, m)
+    k_0: Array | float
+    x0: Array  # (n,) the state is measured, so is its initial value
+    box: EstimateSet | None  # of all that is estimated: theta, and the input gains where they are unknown
+    uncertainty: Uncertainty = Uncertainty(Linear(), inputs=1)  # noqa: RUF009  # immutable; Phi(x)
+    saturation: Array | None = None  # (2,) lower and upper limit of the actuator, (2, m) with m inputs; None where one has none
+
+    @property
+    def inputs(self) -> int:
+        return self.uncertainty.inputs
+
+    @property
+    def parameters(self) -> int:
+        """How many are estimated."""
+        theta = self.uncertainty.regressor.size(self.n) * self.inputs
+        return theta + self.inputs if self.uncertainty.gain_unknown else theta
+
+    @property
+    def theta_set(self) -> KnownSet | None:
+        """The known set of theta, for schemes that take the input gain as known."""
+        assert not self.uncertainty.gain_unknown and not isinstance(self.box, ParameterProduct)
+        return self.box
+
+    @property
+    def gains(self) -> ParameterBox | None:
+        """The intervals of the unknown input gains, (m,); ``None`` where they are known."""
+        if not self.uncertainty.gain_unknown or self.box is None:
+            return None
+        if isinstance(self.box, ParameterBox):
+            return ParameterBox(lower=self.box.lower[-self.inputs :], upper=self.box.upper[-self.inputs :])
+        assert isinstance(self.box, ParameterProduct)
+        return self.box.gains
+
+    @property
+    def n(self) -> int:
+        return len(self.b)
+
+    @property
+    def P(self) -> Array:
+        """The solution of P A_m + A_m'P = -I, (n, n)."""
+        from scipy.linalg import solve_continuous_lyapunov
+
+        P = solve_continuous_lyapunov(self.A_m.T, -np.eye(self.n))
+        return np.asarray((P + P.T) / 2)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Problem(TrackingProblem):
+    """The tracking problem of Section II.
+
+    plant, reference_model, reference  eqs (1) and (2), and the command r(t); a list of commands where k_0 is a matrix
+    uncertainty                        the known set Omega
+    disturbance                        matched: d(t) in x' = A_m x + b (theta'x + u + d)
+    unmatched                          others, each along a direction of its own
+    input_gain                         (lower, upper) > 0: the input's gain omega is unknown and estimated with theta; a list of
+                                       pairs for several inputs that differ. Goes with a box, a ball or no known set
+    sensor                             how the plant's state is measured; exactly by default
+    """
+
+    plant: Plant
+    reference_model: ReferenceModel = field(default_factory=ReferenceModel)
+    reference: Signal | tuple[Signal, ...] = field(default_factory=Constant)
+    uncertainty: KnownSet | None = None
+    input_gain: tuple[float, float] | tuple[tuple[float, float], ...] | None = None
+    disturbance: Signal | None = None
+    unmatched: tuple[Disturbance, ...] = ()
+    sensor: Sensor | None = None
+    name: str = "problem"
+
+    feedback: ClassVar[str] = "state"
+
+    def __post_init__(self) -> None:
+        validate.instance("plant", self.plant, Plant)
+        validate.instance("reference_model", self.reference_model, ReferenceModel)
+        if self.uncertainty is not None:
+            validate.instance("uncertainty", self.uncertainty, (ParameterBox, ParameterBall))
+            size, wanted = self.uncertainty.size, len(self.plant.theta)
+            if size != wanted:
+                first = "lower" if isinstance(self.uncertainty, ParameterBox) else "center"
+                raise InputError(f"uncertainty.{first} must have {wanted} entries, one for each parameter, got {size}")
+        if self.input_gain is not None:
+            self._check_input_gain()
+        self._check_commands()
+        if self.disturbance is not None:
+            require_signal("disturbance", self.disturbance)
+            if self.plant.inputs > 1:
+                raise InputError("disturbance needs a plant with one input; give unmatched with a direction instead")
+        if self.sensor is not None:
+            validate.instance("sensor", self.sensor, Sensor)
+            _one_for_each_state("sensor.noise.std", () if self.sensor.noise is None else self.sensor.noise.std, self.plant.n)
+        if not isinstance(self.unmatched, (list, tuple)):
+            raise InputError(f"unmatched must be a list of Disturbance, got {validate.show(self.unmatched)}")
+        for disturbance in self.unmatched:
+            validate.instance("unmatched", disturbance, Disturbance)
+            validate.vector("unmatched.direction", disturbance.direction, self.plant.n)
+        freeze(self, unmatched=tuple(self.unmatched))
+
+    def _check_input_gain(self) -> None:
+        name, m = "uncertainty.input_gain", self.plant.inputs
+        several = validate.dimensions(self.input_gain) == 2
+        pairs = validate.array(name, self.input_gain, (m, 2)) if several else validate.vector(name, self.input_gain, 2)[None]
+        for low, high in pairs:
+            if not 0 < low <= high:
+                raise InputError(f"{name} must be [lower, upper] with 0 < lower <= upper, got [{low:g}, {high:g}]")
+        given = tuple((float(low), float(high)) for low, high in pairs)
+        freeze(self, input_gain=given if several else given[0])
+
+    def _check_commands(self) -> None:
+        several = isinstance(self.reference, (list, tuple))
+        commands = tuple(self.reference) if several else (self.reference,)  # type: ignore[arg-type]
+        for command in commands:
+            require_signal("reference", command)
+        shape = np.shape(self.reference_model.k_0)
+        wanted = (self.plant.inputs, len(commands)) if several or self.plant.inputs > 1 else ()
+        if shape != wanted:
+            asked = f"a matrix {wanted[0]} x {wanted[1]} (inputs x commands)" if wanted else "a number"
+            raise InputError(f"reference_model.k_0 must be {asked}, got {validate.show(self.reference_model.k_0)}")
+        freeze(self, reference=commands if several else self.reference)
+
+    @property
+    def known(self) -> Known:
+        p, gains = self.plant, None
+        if self.input_gain is not None:
+            low, high = np.broadcast_to(self.input_gain, (p.inputs, 2)).T
+            gains = ParameterBox(lower=low, upper=high)
+        return Known(
+            A_m=p.A_m,
+            b=p.b,
+            k_0=self.reference_model.k_0,
+            x0=p.x0,
+            box=with_gains(self.uncertainty, gains),
+            uncertainty=Uncertainty(p.regressor, p.inputs, self.input_gain is not None),
+            saturation=_limits(p),
+        )
+
+    @property
+    def parameters(self) -> Array:
+        """The true values of all that is estimated: theta, and the input gains where they are unknown."""
+        if self.input_gain is None:
+            return self.plant.theta
+        return np.concatenate([self.plant.theta, [path.gain for path in self.plant.paths]])
+
+    @property
+    def dynamics(self) -> Plant:
+        return self.plant
+
+    @property
+    def model(self) -> Model:
+        """The reference model (2), which starts where the plant does."""
+        p = self.plant
+        return Model(p.A_m, p.b, self.reference_model.k_0, p.x0)
+
+
+def _limits(plant: Plant) -> Array | None:
+    limits = [path.saturation for path in plant.paths if path.saturation is not None]
+    if len(limits) < plant.inputs:
+        return None
+    return limits[0] if plant.inputs == 1 else np.column_stack(limits)
+
+
+def _one_for_each_state(field: str, values: Any, n: int) -> None:
+    if len(values) > 1:
+        validate.vector(field, values, n)

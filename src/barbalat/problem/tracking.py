@@ -1,0 +1,97 @@
+"""What every tracking problem has, whatever is measured: commands, disturbances, sensor, and the signals that drive the loop."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+
+from barbalat import validate
+from barbalat.problem.measurement import Noise, Sensor
+from barbalat.protocols import Signal
+from barbalat.signals import Clock
+from barbalat.validate import Array, InputError, freeze
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Disturbance:
+    """direction * signal(t), added to x': for what no control can cancel. ``direction`` is (n,)."""
+
+    direction: Array
+    signal: Signal
+
+    def __post_init__(self) -> None:
+        freeze(self, direction=validate.vector("unmatched.direction", self.direction))
+        require_signal("unmatched.signal", self.signal)
+
+
+class TrackingProblem:
+    """What a loop, a simulation and an ensemble read of a problem, whatever is measured."""
+
+    plant: Any
+    reference: Signal | tuple[Signal, ...]
+    disturbance: Signal | None
+    unmatched: tuple[Disturbance, ...]
+    sensor: Sensor | None
+    name: str
+    feedback: ClassVar[str]
+    """What is measured: "state" or "output"."""
+    output_disturbance: ClassVar[Signal | None] = None
+    """What is added to the output, where one is fed back."""
+    depends_on_time: ClassVar[bool] = False
+    """Whether the plant's equations contain t."""
+
+    @property
+    def known(self) -> Any:
+        """What the designer has."""
+        raise AssertionError("a problem says what is known of it")
+
+    @property
+    def dynamics(self) -> Any:
+        """The plant as a loop integrates it: x0, outputs, derivative, output."""
+        raise AssertionError("a problem has a plant")
+
+    @property
+    def model(self) -> Any:
+        """The reference model as a loop integrates it."""
+        raise AssertionError("a problem has a model")
+
+    @property
+    def parameters(self) -> Array | None:
+        """The true values of what is estimated, where the problem knows them."""
+        return None
+
+    @property
+    def commands(self) -> tuple[Signal, ...]:
+        """The reference signals."""
+        return self.reference if isinstance(self.reference, tuple) else (self.reference,)
+
+    @property
+    def delay(self) -> float:
+        """The delay at the plant's input [s]."""
+        return float(self.plant.paths[0].delay)
+
+    @property
+    def history(self) -> Array:
+        """What left the delay before anything of the run did, for each input, (m,)."""
+        return np.array([path.history for path in self.plant.paths])
+
+    @property
+    def noise(self) -> Noise | None:
+        """The measurement's noise."""
+        return None if self.sensor is None else self.sensor.noise
+
+    @property
+    def signals(self) -> tuple[Signal, ...]:
+        """The time functions that drive the loop, in the order in which ``ClosedLoop`` takes them."""
+        matched = () if self.disturbance is None else (self.disturbance,)
+        at_output = () if self.output_disturbance is None else (self.output_disturbance,)
+        clock = (Clock(),) if self.depends_on_time else ()
+        return (*self.commands, *matched, *(disturbance.signal for disturbance in self.unmatched), *at_output, *clock)
+
+
+def require_signal(field: str, signal: Any) -> None:
+    """InputError, naming the field, for what is no signal."""
+    if not isinstance(signal, Signal) or isinstance(signal, type):
+        raise InputError(f"{field} must be a signal such as Sine(amplitude=1, frequency=2), got {validate.show(signal)}")

@@ -1,0 +1,118 @@
+"""The spectrum at instants of a run: whether it stays inside its solver's region of stability. Source: docs/numerics.md."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from barbalat.controllers.sampled import Euler
+from barbalat.loop.closed_loop import ClosedLoop
+from barbalat.loop.linearization import continuous_twin, jacobian_function, sampled_jacobian_function
+from barbalat.solvers.simulation import Simulation
+from barbalat.validate import Array
+
+if TYPE_CHECKING:
+    import casadi as ca
+
+
+@dataclass(frozen=True)
+class Stiffness:
+    """How far a run stayed inside its solver's region of stability.
+
+    h_lambda_max   the largest h |eigenvalue| of the exact Jacobian at the instants looked at; NaN where none could be
+    unstable_from  the first step [s] at which the solver, or a law sampled by Euler steps, amplified a mode that the equations
+                   don't; None if none was found
+    looks          at how many instants the spectrum was taken
+    radius_max     for a law sampled by Euler steps: the largest spectral radius of the map from sample to sample; else None
+    """
+
+    h_lambda_max: float
+    unstable_from: float | None
+    looks: int
+    radius_max: float | None = None
+
+
+class Looks(NamedTuple):
+    """What K instants show, (K,) each."""
+
+    h_lambda: Array  # the largest h |eigenvalue|; infinite where the Jacobian is not finite
+    outside: Array  # whether a mode is amplified that the equations don't amplify
+    radius: Array | None  # of the map from sample to sample
+
+
+@dataclass(frozen=True, eq=False)
+class Spectrum:
+    """The frozen linear system of a loop at instants of its run.
+
+    A mode is amplified by the solver alone when |R(h lambda)| exceeds max(1, |e^(h lambda)|). It counts when, kept up for the
+    whole run, that would make a factor e: a fixed threshold would blame Euler's method for its harmless growth of slow modes.
+    """
+
+    loop: ClosedLoop
+    simulation: Simulation
+    jacobian: ca.Function
+    law: SampledLaw | None
+
+    @classmethod
+    def of(cls, loop: ClosedLoop, simulation: Simulation) -> Spectrum:
+        law = SampledLaw.of(loop, simulation) if isinstance(loop.equations, Euler) else None
+        return cls(loop, simulation, jacobian_function(loop, simulation.dt), law)
+
+    def at(self, states: Array, signals: Array) -> Looks:
+        """states (K, size), signals (K, channels)."""
+        matrices = evaluated(self.jacobian, states, signals)
+        finite = np.isfinite(matrices).all(axis=(1, 2))  # what overflows is far outside
+        h_lambda, outside = np.full(len(states), np.inf), ~finite
+        z = self.simulation.dt * np.linalg.eigvals(matrices[finite])
+        with np.errstate(divide="ignore"):  # R may vanish: no growth at all
+            spurious = np.log(np.abs(self.simulation.solver.amplification(z))) - np.maximum(z.real, 0)
+        h_lambda[finite] = np.abs(z).max(axis=1, initial=0.0)
+        outside[finite] = (spurious * self.simulation.steps > 1).any(axis=1)
+        if self.law is None:
+            return Looks(h_lambda, outside, None)
+        radius, amplified = self.law.at(states[finite], signals[finite], matrices[finite])
+        outside[finite] |= amplified
+        return Looks(h_lambda, outside, radius)
+
+
+@dataclass(frozen=True, eq=False)
+class SampledLaw:
+    """The map from sample to sample of a law that takes Euler steps, frozen: the controller's action after the plant's flow.
+
+    It counts as unstable when it amplifies more in the whole run than the continuous equations' fastest growth, by a factor e.
+    """
+
+    sample: ca.Function  # Jacobian of the controller's action
+    twin: ca.Function  # Jacobian of the continuous loop
+    sample_time: float
+    samples: float  # in the whole run
+
+    @classmethod
+    def of(cls, loop: ClosedLoop, simulation: Simulation) -> SampledLaw:
+        assert isinstance(loop.equations, Euler)
+        sample_time = loop.equations.sample_time
+        twin = jacobian_function(continuous_twin(loop), simulation.dt)
+        return cls(sampled_jacobian_function(loop), twin, sample_time, simulation.t_end / sample_time)
+
+    def at(self, states: Array, signals: Array, flow: Array) -> tuple[Array, Array]:
+        """Spectral radii (K,), and whether that is too much; ``flow`` are the loop's Jacobians between two samples."""
+        from scipy.linalg import expm
+
+        different, which = np.unique(flow, axis=0, return_inverse=True)  # of a linear plant there is one
+        T, size = self.sample_time, self.twin.size1_out(0)
+        maps = evaluated(self.sample, states, signals) @ expm(T * different)[which.reshape(-1)]
+        radius = np.abs(np.linalg.eigvals(maps)).max(axis=1, initial=0.0)
+        growth = np.linalg.eigvals(evaluated(self.twin, states[:, :size], signals)).real.max(axis=1, initial=0.0)
+        with np.errstate(divide="ignore"):
+            return radius, (np.log(radius) - T * growth) * self.samples > 1
+
+
+def evaluated(function: ca.Function, states: Array, signals: Array) -> Array:
+    """Matrices (K, size, size) of a CasADi function at K instants."""
+    size = function.size1_out(0)
+    if len(states) == 0:  # CasADi takes no columns for one
+        return np.zeros((0, size, size))
+    flat = np.asarray(function(states.T, signals.T))
+    return flat.reshape(size, len(states), size).transpose(1, 0, 2)

@@ -1,0 +1,188 @@
+"""Whether a run stayed inside its solver's region of stability, and from which step on it did not.
+
+While a run is simulated, its kernel keeps in each of some two thousand windows the state at which ``coupling_function`` was the
+largest; the exact spectrum is taken there. A window that shows an exit is simulated again in ever shorter ones, down to the
+step. The windows are cut from the run's steps alone, so that nothing here depends on what is recorded.
+"""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from barbalat.loop.closed_loop import ClosedLoop
+from barbalat.lowering.llvm.machine import Past, Watch
+from barbalat.lowering.shape import WATCH_EVERY
+from barbalat.problem.tracking import TrackingProblem
+from barbalat.run.diagnosis.spectrum import Looks, Spectrum, Stiffness
+from barbalat.run.engine import Batch, Group
+from barbalat.run.grid import CHUNK_STEPS, signal_table
+from barbalat.run.noise import standard_normal
+from barbalat.run.step import sampled_states
+from barbalat.solvers.simulation import Simulation
+from barbalat.validate import Array
+
+WINDOWS = 2000
+"""Of a run, at most; they are whole multiples of WATCH_EVERY."""
+LOOKS = 200
+"""Windows at which the spectrum is taken: half the stiffest ones, half spread over the others; before an exit all."""
+PIECES = 64
+"""Into which a window with an exit is cut, again and again."""
+
+
+class Instants(NamedTuple):
+    """Steps (K,) and the states there (K, size), after a sampled controller has acted."""
+
+    steps: Array
+    states: Array
+
+    def chosen(self, which: Array) -> Instants:
+        return Instants(self.steps[which], self.states[which])
+
+
+Look = Callable[[Instants], Looks]
+
+
+def watch(loop: ClosedLoop, simulation: Simulation) -> Watch:
+    """What a run's kernel needs for its label; the last window holds the end."""
+    return Watch(loop.size, 0, simulation.steps + 1, _window(simulation.steps, WINDOWS))
+
+
+def _window(steps: int, count: int) -> int:
+    """The least multiple of WATCH_EVERY of which ``count`` hold the steps."""
+    return WATCH_EVERY * -(-steps // (count * WATCH_EVERY))
+
+
+def stiffness_along(run: Run) -> Stiffness:
+    """Of a recorded run, up to its divergence."""
+    spectrum = Spectrum.of(run.loop, run.simulation)
+
+    def look(at: Instants) -> Looks:
+        return spectrum.at(at.states, run.signals(at.steps).T)
+
+    (group,) = run.batch.groups
+    assert group.watch is not None
+    stiffest, coupling = _kept(group.watch, run.stop)
+    order = np.argsort(-coupling, kind="stable")
+    rest = np.sort(order[LOOKS // 2 :])
+    spread = rest[np.linspace(0, len(rest) - 1, min(len(rest), LOOKS // 2)).astype(int)]
+    chosen = np.sort(np.concatenate([order[: LOOKS // 2], spread]))
+    found = look(stiffest.chosen(chosen))
+    step = None
+    if found.outside.any():
+        until = np.arange(int(chosen[found.outside.argmax()]) + 1)
+        step = run.first_outside(_first(stiffest.chosen(until), look), group.watch.window, look)
+    return Stiffness(
+        h_lambda_max=float(found.h_lambda[np.isfinite(found.h_lambda)].max(initial=0.0)),
+        unstable_from=None if step is None else float(run.simulation.time(step)),
+        looks=len(chosen),
+        radius_max=None if found.radius is None else float(found.radius.max(initial=0.0)),
+    )
+
+
+def _kept(watch: Watch, stop: float) -> tuple[Instants, Array]:
+    """Where the watched quantity was the largest in each window before the step ``stop``, and how large."""
+    rows = watch.rows[(watch.rows[:, 0] > -np.inf) & (watch.rows[:, -1] < stop)]
+    return Instants(rows[:, -1].astype(int), rows[:, 1:-1]), rows[:, 0]
+
+
+def _first(at: Instants, look: Look) -> int:
+    """The first step that is outside; the last of them is known to be."""
+    for begin in range(0, len(at.steps), LOOKS):
+        piece = at.chosen(np.arange(begin, min(begin + LOOKS, len(at.steps))))
+        outside = look(piece).outside
+        if outside.any():
+            return int(piece.steps[outside.argmax()])
+    return int(at.steps[-1])
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """A recorded run of one member, parts of which can be simulated again, bit by bit the same.
+
+    A loop with a delay is taken up at t = 0, since the record does not hold what is on its way; any other at a recorded step.
+
+    starts  (B,) recorded steps, states (B, size) what the kernel went on from there
+    stop    the step of the divergence, beyond the last one where there is none
+    """
+
+    problem: TrackingProblem
+    simulation: Simulation
+    loop: ClosedLoop
+    batch: Batch
+    starts: Array
+    states: Array
+    stop: float
+
+    def first_outside(self, step: int, window: int, look: Look) -> int:
+        """The first step outside of the window whose stiffest is given: exact where 8 steps in a row are outside."""
+        begin = step // window * window
+        known = self._known(max(begin - WATCH_EVERY + 1, 0))
+        while window > WATCH_EVERY:
+            window = _window(window, PIECES)
+            pieces = Watch(self.loop.size, begin, step + 1, window)
+            self._advance(self._advance(known, begin), step + 1, pieces)
+            step = _first(_kept(pieces, self.stop)[0], look)
+            begin += (step - begin) // window * window
+        return _first(self._every(known, max(step - WATCH_EVERY + 1, 0), step + 1), look)
+
+    def _known(self, step: int) -> Place:
+        """The state at a step, from the record."""
+        (group,) = self.batch.groups
+        k = 0 if self.loop.delayed else int(np.searchsorted(self.starts, step, side="right")) - 1
+        past = None if group.past is None else Past(group.past.lags, group.past.history)
+        begin = int(self.starts[k])
+        return self._advance(Place(begin, replace(group, state=self.states[k][:, None].copy(), past=past, recorded=[])), step)
+
+    def _every(self, known: Place, begin: int, stop: int) -> Instants:
+        """The states at all steps from ``begin`` to ``stop`` - 1."""
+        place = self._advance(known, begin)
+        states = []
+        for step in range(begin, stop):
+            states.append(place.group.state[:, 0].copy())
+            place = self._advance(place, step + 1)
+        steps = np.arange(begin, stop)
+        return Instants(steps, self.acted(steps, np.array(states)))
+
+    def _advance(self, place: Place, stop: int, watch: Watch | None = None) -> Place:
+        """The run at a later step."""
+        group, begin = place.group, place.step
+        watch = watch or Watch(self.loop.size, begin, max(stop, begin + 1), CHUNK_STEPS)
+        group = replace(group, state=group.state.copy(), past=copy.deepcopy(group.past), watch=watch)
+        while begin < stop:
+            steps = min(CHUNK_STEPS, stop - begin)
+            group.call(begin, 1, steps, group.state, signal_table(self.problem.signals, self.simulation, begin, steps))
+            begin += steps
+        return Place(begin, group)
+
+    def acted(self, steps: Array, states: Array) -> Array:
+        """The states at steps (K,) after a sampled controller has acted where it is due; of a continuous one as they are."""
+        if not self.loop.sampled:
+            return states
+        due = steps % self.batch.program.shape.sample_every == 0
+        after = states.copy()
+        after[due] = np.asarray(sampled_states(self.loop)(states[due].T, self.signals(steps[due]))).T
+        return after
+
+    def signals(self, steps: Array) -> Array:
+        """(signal_count, K). The delayed input is left at zero: no output and no frozen Jacobian depends on it."""
+        problem, loop = self.problem, self.loop
+        signals = np.zeros((loop.signal_count, len(steps)))
+        for i, signal in enumerate(problem.signals):
+            signals[i] = signal(self.simulation.time(steps))
+        if problem.noise is not None and len(steps):
+            rows = steps // self.batch.program.shape.noise_hold
+            drawn = [standard_normal(problem.noise.seed, 0, int(row), 1, loop.noise) for row in rows]
+            signals[loop.timed : loop.timed + loop.noise] = np.concatenate(drawn).T
+        return signals
+
+
+class Place(NamedTuple):
+    """A run at a step, ready to go on."""
+
+    step: int
+    group: Group

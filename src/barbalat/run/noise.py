@@ -1,0 +1,21 @@
+"""Gaussian numbers from counters: the same whatever the order in which they are drawn."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from barbalat.validate import Array
+
+BLOCK = 4
+"""Numbers that one count of a Philox counter makes."""
+
+
+def standard_normal(seed: int, member: int, first: int, rows: int, channels: int) -> Array:
+    """Rows first ... first + rows - 1 of a member's standard Gaussian numbers, (rows, channels)."""
+    from scipy.special import ndtri
+
+    counts = -(-channels // BLOCK)  # every row starts on a count of its own
+    generator = np.random.Philox(key=np.array([seed, member], dtype=np.uint64))
+    generator.advance(first * counts)
+    raw = generator.random_raw(rows * counts * BLOCK).reshape(rows, counts * BLOCK)[:, :channels]
+    return np.asarray(ndtri(((raw >> np.uint64(11)) + 0.5) * 2.0**-53))

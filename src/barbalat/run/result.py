@@ -1,0 +1,174 @@
+"""What a simulation gives back: arrays with names, figures, and the numerics they rest on."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from barbalat.loop.closed_loop import ClosedLoop
+from barbalat.problem.tracking import TrackingProblem
+from barbalat.protocols import Controller
+from barbalat.run.diagnosis.adapting import Adapting, adapting, regressor_along
+from barbalat.run.diagnosis.finer_step import FinerStep
+from barbalat.run.diagnosis.spectrum import Stiffness
+from barbalat.run.metrics import Metrics
+from barbalat.solvers.simulation import Simulation
+from barbalat.validate import Array
+
+if TYPE_CHECKING:
+    import control
+    import pandas
+    import xarray
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Envelope:
+    """The least and greatest value over the steps from t[k] to t[k+1]: what a decimated trajectory hides. (K - 1, ...)."""
+
+    e_min: Array
+    e_max: Array
+    u_min: Array
+    u_max: Array
+    theta_hat_min: Array
+    theta_hat_max: Array
+    theta_hat_path: Array  # the sum of |change| over the steps
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Result:
+    """One controller's run.
+
+    t                 (K,) recorded instants [s], from 0 to t_end, or to the divergence
+    x, x_m, e         (K, n) plant, model, tracking error x - x_m
+    y                 (K,) measured output; None where the state is measured
+    u                 (K,) control, or (K, m) with m inputs
+    r                 (K,) command, or (K, q) where k_0 is a matrix
+    theta_hat         (K, n) estimates
+    states            (K, size) all that is integrated; ``loop.unpack`` names the parts of a row
+    envelope          extrema between the recorded instants
+    figures           over every solver step, see Metrics; ``diverged_at`` is in s or None
+    stiffness         the largest h |eigenvalue| found along the run, and since when the solver itself was unstable
+    check             what a finer step says of a run that is labelled numerically unstable, from ``check_numerics``
+    """
+
+    problem: TrackingProblem
+    controller: Controller
+    simulation: Simulation
+    t: Array
+    x: Array
+    x_m: Array
+    y: Array | None
+    e: Array
+    u: Array
+    r: Array
+    theta_hat: Array
+    states: Array
+    envelope: Envelope
+    metrics: Metrics
+    stiffness: Stiffness
+    check: FinerStep | None = None
+
+    @property
+    def name(self) -> str:
+        return self.controller.name
+
+    @property
+    def loop(self) -> ClosedLoop:
+        """The equations of the run."""
+        return ClosedLoop.of(self.problem, self.controller)
+
+    @property
+    def figures(self) -> dict[str, float | list[float] | None]:
+        """The figures by name, ``None`` where there is no finite value: the JSON contract's block for a controller."""
+        return self.metrics.of_member(0)
+
+    @property
+    def diverged_at(self) -> float | None:
+        """When the run diverged [s]: x, x_m and theta_hat, or y and e, left 1e12, or a state ceased to be a number."""
+        value = float(self.metrics.diverged_at[0])
+        return None if np.isnan(value) else value
+
+    @property
+    def label(self) -> str | None:
+        """ "numerically unstable from t = ..." for a run that left its solver's, or its sampled law's, region of stability."""
+        start = self.stiffness.unstable_from
+        return None if start is None else f"numerically unstable from t = {start:.4g} s"
+
+    @property
+    def numerics(self) -> str:
+        """Solver, step and stiffness in one line."""
+        s = self.simulation
+        found = self.stiffness
+        limit = f"{s.solver.imaginary_limit:.3g} on the imaginary axis, {s.solver.real_limit:.3g} on the real one"
+        seen = f"h |lambda| up to {found.h_lambda_max:.3g} at the {found.looks} instants looked at"
+        parts = [f"{s.solver.name}, h = {s.dt:g} s, {seen}; the solver's limit is {limit}"]
+        if found.radius_max is not None:
+            parts.append(f"the sampled law's map from sample to sample has spectral radius up to {found.radius_max:.4g}")
+        return "; ".join([*parts, *([self.label] if self.label else []), *([self.check.sentence] if self.check else [])])
+
+    @cached_property
+    def adapting(self) -> Adapting | None:
+        """Excitation, distance moved, time on the bounds, warnings; ``None`` without estimates or without two instants."""
+        if self.theta_hat.shape[1] == 0 or len(self.t) < 2:
+            return None
+        envelope, loop = self.envelope, self.loop
+        extrema = envelope.theta_hat_min, envelope.theta_hat_max
+        phi = regressor_along(loop, self.states, self.x if self.y is None else self.y, self.u)
+        return adapting(loop, self.t, self.theta_hat, extrema, envelope.theta_hat_path, phi, self.problem.parameters)
+
+    def columns(self) -> dict[str, Array]:
+        """Scalar time series by name: x_1 ... u, r, theta_hat_1 ..., each (K,)."""
+        series = {name: getattr(self, name) for name in ("x", "x_m", "e", "theta_hat", "u", "r", "y")}
+        vectors = {name: value for name, value in series.items() if value is not None and value.ndim > 1}
+        result = {f"{name}_{i + 1}": value[:, i] for name, value in vectors.items() for i in range(value.shape[1])}
+        return result | {name: value for name, value in series.items() if value is not None and value.ndim == 1}
+
+    def to_pandas(self) -> pandas.DataFrame:
+        """A table with the time [s] as its index and one column for each scalar series."""
+        import pandas as pd
+
+        return pd.DataFrame(self.columns(), index=pd.Index(self.t, name="t"))
+
+    def to_xarray(self) -> xarray.Dataset:
+        """A dataset over the coordinates t [s], component (1 ... n) and parameter (1 ... p); solver and step are attributes."""
+        import xarray as xr
+
+        second = {"theta_hat": "parameter", "u": "input", "r": "command"}
+        if self.y is not None:  # plant and model have states of their own
+            second |= {"x": "state", "x_m": "model_state", "e": "error"}
+        series = {name: getattr(self, name) for name in ("x", "x_m", "e", "theta_hat", "u", "r", "y")}
+        variables: dict[str, Any] = {
+            name: (("t", second.get(name, "component"))[: value.ndim], value)
+            for name, value in series.items()
+            if value is not None
+        }
+        s = self.simulation
+        return xr.Dataset(
+            variables,
+            coords={
+                "t": self.t,
+                "component" if self.y is None else "state": np.arange(1, self.x.shape[1] + 1),
+                "parameter": np.arange(1, self.theta_hat.shape[1] + 1),
+            },
+            attrs={"controller": self.name, "solver": s.solver.name, "dt": s.dt, "numerics": self.numerics},
+        )
+
+    def to_control(self) -> control.TimeResponseData:
+        """python-control's time response: outputs x, states (x, x_m), inputs (r, u)."""
+        import control as ct
+
+        n = self.x.shape[1]
+        numbers = range(1, n + 1)
+        return ct.TimeResponseData(
+            self.t,
+            self.x.T,
+            np.vstack([self.x.T, self.x_m.T]),
+            np.vstack([self.r.T, self.u.T]),
+            output_labels=[f"x_{i}" for i in numbers],
+            state_labels=[*(f"x_{i}" for i in numbers), *(f"x_m_{i}" for i in numbers)],
+            input_labels=[name for name in self.columns() if name.split("_")[0] in ("r", "u")],
+            title=self.name,
+        )

@@ -1,0 +1,192 @@
+"""From a closed loop to a compiled kernel: one solver step with the figures' accumulators, traced once."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from barbalat.loop.closed_loop import ClosedLoop
+from barbalat.loop.packing import column, symbols
+from barbalat.lowering.llvm.machine import Kernel
+from barbalat.lowering.operations import Program, read
+from barbalat.lowering.optimize import optimize
+from barbalat.lowering.shape import TAPS, LoopShape
+from barbalat.problem.measurement import Noise
+from barbalat.protocols import SampledEquations, Value
+from barbalat.run.coupling import coupling_function
+from barbalat.run.delay import PER_INPUT
+from barbalat.run.metrics import Accumulators
+from barbalat.solvers import Tableau
+from barbalat.validate import InputError
+
+if TYPE_CHECKING:
+    import casadi as ca
+
+
+@dataclass(frozen=True)
+class StepProgram:
+    """One step as an operation list, and what a sampled controller does before it; compile it for a number of lanes."""
+
+    program: Program
+    shape: LoopShape
+    accumulators: Accumulators | None
+    sample: Program | None = None
+    watch: Program | None = None
+
+    def compile(self, lanes: int) -> Kernel:
+        resets = () if self.accumulators is None else self.accumulators.resets
+        return _compile(self.program, self.shape, resets, lanes, self.sample, self.watch)
+
+
+@lru_cache(maxsize=64)
+def _compile(
+    program: Program,
+    shape: LoopShape,
+    resets: tuple[float, ...],
+    lanes: int,
+    sample: Program | None,
+    watch: Program | None,
+) -> Kernel:
+    return Kernel(program, shape, resets, lanes, sample, watch)
+
+
+@dataclass(frozen=True, eq=False)
+class Rhythm:
+    """How often, in solver steps, what happens at instants of its own: a controller's samples, new noise."""
+
+    sample_every: int = 0
+    noise_hold: int = 1
+
+    @classmethod
+    def of(cls, loop: ClosedLoop, noise: Noise | None, dt: float) -> Rhythm:
+        """InputError where a time is not a whole number of steps."""
+        sample_time = loop.equations.sample_time if isinstance(loop.equations, SampledEquations) else None
+        return cls(
+            0 if sample_time is None else _whole_steps("sample_time", sample_time, dt),
+            1 if noise is None else _whole_steps("sensor.noise.sample_time", noise.sample_time, dt),
+        )
+
+
+def _whole_steps(field: str, time: float, dt: float) -> int:
+    steps = round(time / dt)
+    if steps < 1 or abs(steps * dt - time) > 1e-9 * time:
+        raise InputError(f"{field} must be a whole number of solver steps, got {time:g} s at dt = {dt:g} s")
+    return steps
+
+
+def step_function(
+    loop: ClosedLoop,
+    solver: Tableau,
+    dt: float,
+    parameters: ca.SX | None = None,
+    *,
+    delay_weights: Value = None,
+    figures: bool = True,
+) -> tuple[ca.Function, Accumulators | None]:
+    """The step as a CasADi function (state, accumulators, parameters, signals, past, noise) -> (state, accumulators, remember).
+
+    Also its accumulators; without ``figures`` there are none. ``delay_weights``, see ``delay.weights``, go with a delay: past
+    then holds the remembered values and ``remember`` those to add. ``loop`` and the weights may hold symbols; ``parameters`` is
+    then their CasADi column.
+    """
+    import casadi as ca
+
+    loop = replace(loop, step=dt)
+    state_column, state = symbols("state", loop.size)
+    signal_column, table_row = symbols("signals", len(solver.nodes) * loop.timed)
+    noise_column, noise = symbols("noise", loop.noise)
+    past_column, past = symbols("past", PER_INPUT * TAPS * loop.delayed_inputs)
+    signals = {}
+    for i, node in enumerate(solver.nodes):
+        delayed = [(past.reshape(loop.inputs, PER_INPUT * TAPS) @ delay_weights[i]).reshape(-1)] if loop.delayed else []
+        signals[node] = np.concatenate([table_row[i * loop.timed : (i + 1) * loop.timed], noise, *delayed])
+    following = solver.advance(loop.derivative, loop.limit, state, signals, dt)
+    remembered = ca.SX(0, 1)
+    if loop.delayed:
+        ends = (state, signals[solver.nodes[0]]), (following, signals[solver.nodes[-1]])
+        remembered = column(np.column_stack([loop.undelayed_input(*end).reshape(-1) for end in ends]).reshape(-1))
+    accumulators, old_column, new = None, ca.SX(0, 1), ca.SX(0, 1)
+    if figures:
+        accumulators = Accumulators(
+            errors=loop.errors, parameters=loop.parameters, inputs=loop.inputs, outputs=loop.measured_outputs
+        )
+        outputs = loop.outputs(state, signals[solver.nodes[0]])
+        after = loop.unpack(following)
+        old_column, old = symbols("accumulators", len(accumulators.resets))
+        moved = loop.estimates_moved(state, following)
+        new = column(accumulators.update(old, outputs, after, following, moved))
+    inputs = [state_column, old_column, _column(parameters), signal_column, past_column, noise_column]
+    return ca.Function("step", inputs, [column(following), new, remembered], {"cse": True}), accumulators
+
+
+def sample_function(loop: ClosedLoop, solver: Tableau, parameters: ca.SX | None = None) -> ca.Function:
+    """What a sampled controller does before a step, with the arguments of ``step_function``, -> state."""
+    import casadi as ca
+
+    state_column, state = symbols("state", loop.size)
+    signal_column, table_row = symbols("signals", len(solver.nodes) * loop.timed)
+    noise_column, noise = symbols("noise", loop.noise)
+    first = np.concatenate([table_row[: loop.timed], noise, np.zeros(loop.delayed_inputs)])
+    sampled = column(loop.sample(state, first))
+    inputs = [state_column, ca.SX(0, 1), _column(parameters), signal_column, ca.SX(0, 1), noise_column]
+    return ca.Function("sample", inputs, [sampled], {"cse": True})
+
+
+def sampled_states(loop: ClosedLoop) -> ca.Function:
+    """What a sampled controller makes of a state: (state, signals) -> state, columns of many instants may be given."""
+    import casadi as ca
+
+    state_column, state = symbols("state", loop.size)
+    signal_column, signals = symbols("signals", loop.signal_count)
+    return ca.Function("sampled", [state_column, signal_column], [column(loop.sample(state, signals))], {"cse": True})
+
+
+def _column(parameters: ca.SX | None) -> ca.SX:
+    import casadi as ca
+
+    return ca.SX(0, 1) if parameters is None else parameters
+
+
+def step_program(
+    loop: ClosedLoop,
+    solver: Tableau,
+    dt: float,
+    parameters: ca.SX | None = None,
+    *,
+    delay_weights: Value = None,
+    lag_per_member: bool = False,
+    noise: Noise | None = None,
+    figures: bool = True,
+    watch: bool = False,
+) -> StepProgram:
+    """Trace, optimise: see ``step_function``. ``noise`` is the measurement's; with ``watch`` ``coupling_function`` is watched."""
+    function, accumulators = step_function(loop, solver, dt, parameters, delay_weights=delay_weights, figures=figures)
+    states, accumulated, varied, signals = (function.nnz_in(i) for i in range(4))
+    rhythm = Rhythm.of(loop, noise, dt)
+    shape = LoopShape(
+        states,
+        accumulated,
+        varied,
+        signals,
+        delayed=PER_INPUT * loop.delayed_inputs,
+        lag_per_member=lag_per_member,
+        noise=loop.noise,
+        noise_hold=rhythm.noise_hold,
+        sample_every=rhythm.sample_every,
+    )
+    sample = optimize(read(sample_function(loop, solver, parameters))) if loop.sampled else None
+    watched = optimize(read(coupling_function(loop, dt, function))) if watch else None
+    return StepProgram(optimize(read(function)), shape, accumulators, sample, watched)
+
+
+def output_function(loop: ClosedLoop) -> ca.Function:
+    """The outputs (e, u, theta_hat, x, x_m) as a CasADi function of (state, signals); columns of many instants may be given."""
+    import casadi as ca
+
+    state_column, state = symbols("state", loop.size)
+    signal_column, signals = symbols("signals", loop.signal_count)
+    outputs = loop.outputs(state, signals)
+    return ca.Function("outputs", [state_column, signal_column], [column(value) for value in outputs], {"cse": True})

@@ -1,0 +1,56 @@
+"""How to simulate: the method, its step, the horizon."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from barbalat import validate
+from barbalat.solvers import RK4, Tableau
+from barbalat.validate import Array, InputError
+
+
+@dataclass(frozen=True, kw_only=True)
+class Simulation:
+    """How to simulate: fixed steps of ``dt`` [s] from 0 to ``t_end`` [s].
+
+    solver         a Tableau: EULER, HEUN, RK4
+    record_points  about how many instants of a trajectory are kept; figures are over every step all the same
+
+    Raises InputError where dt does not divide t_end.
+    """
+
+    t_end: float
+    dt: float
+    solver: Tableau = RK4
+    record_points: int = 2000
+    steps: int = field(init=False)
+
+    def __post_init__(self) -> None:
+        t_end = validate.positive("simulation.t_end", self.t_end)
+        dt = validate.positive("simulation.dt", self.dt)
+        validate.instance("simulation.solver", self.solver, Tableau)
+        record_points = validate.whole("simulation.record_points", self.record_points, least=2)
+        ratio = t_end / dt
+        if ratio > 1e12:  # a day of computing on one core: surely a slip of the pen
+            raise InputError(f"simulation.dt = {dt:g} makes {ratio:.3g} steps up to t_end = {t_end:g}; at most 1e12 are possible")
+        steps = round(ratio)
+        if steps < 1 or abs(steps * dt - t_end) > 1e-9 * t_end:
+            nearest = t_end / max(steps, 1)
+            raise InputError(
+                f"simulation.dt must divide simulation.t_end, but {t_end:g} / {dt:g} = {ratio:.9g}; {nearest!r} would"
+            )
+        object.__setattr__(self, "t_end", t_end)
+        object.__setattr__(self, "dt", dt)
+        object.__setattr__(self, "record_points", record_points)
+        object.__setattr__(self, "steps", steps)
+
+    def time(self, step: Array | float) -> Array:
+        """The instant of a step, or of a fraction between two; exact where t_end is a whole number of seconds."""
+        return np.asarray(step) * self.t_end / self.steps
+
+    @property
+    def tail_start(self) -> int:
+        """The step at which the tail, the last quarter of [0, t_end], begins."""
+        return self.steps - self.steps // 4

@@ -1,0 +1,153 @@
+"""What the runs with a delay are judged against: the undelayed ones, the model's motion, the loop that knows theta."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from barbalat.controllers import Mrac
+from barbalat.loop.closed_loop import ClosedLoop
+from barbalat.problem.known_set import ParameterBox
+from barbalat.problem.state_feedback import Problem
+from barbalat.problem.tracking import TrackingProblem
+from barbalat.protocols import Controller
+from barbalat.run.ensemble import simulate_ensemble
+from barbalat.run.metrics import Metrics
+from barbalat.signals import Constant
+from barbalat.solvers.simulation import Simulation
+from barbalat.study.criteria import Expected, tail_error
+from barbalat.study.motion import Motion
+from barbalat.validate import Array
+
+Member = tuple[TrackingProblem, Controller]
+
+IDEAL = 40
+"""Delays at which the loop that knows theta is run; in between its error is interpolated."""
+
+
+def without_error(members: Sequence[Member], metrics: Metrics, motions: Sequence[Motion]) -> Expected:
+    """What the runs of M members with a modelling error are judged against; ``metrics`` and ``motions`` of those without."""
+    return Expected(
+        error=tail_error(metrics),
+        rate=metrics.theta_hat_variation_rate,
+        motion=np.array([motion.largest for motion in motions]),
+        width=np.stack([known_width(*member) for member in members]),
+        crossings=np.array([motion.crossings for motion in motions]),
+        explained=np.zeros(len(members)),
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Benchmark:
+    """The same for any delay: ``explained`` (M, K) at the ``delays`` (K,)."""
+
+    without: Expected
+    delays: Array
+    explained: Array
+
+    @classmethod
+    def of(
+        cls,
+        members: Sequence[Member],
+        simulation: Simulation,
+        undelayed: Metrics,
+        shortest: float,
+        longest: float,
+        numbers: Array,
+    ) -> Benchmark:
+        """Members that share a problem share its motion and its ideal loop."""
+        delays = np.geomspace(shortest, longest, IDEAL)
+        motions: dict[int, Motion] = {}
+        added: dict[int, Array] = {}
+        for (problem, _), number in zip(members, numbers, strict=True):
+            if id(problem) in motions:
+                continue
+            motion = motions[id(problem)] = Motion.of(problem, simulation)
+            found = ideal_errors([problem, *(with_delay(problem, float(d)) for d in delays)], simulation, motion, int(number))
+            added[id(problem)] = np.full(len(delays), motion.largest) if found is None else found
+        keys = [id(problem) for problem, _ in members]
+        without = without_error(members, undelayed, [motions[key] for key in keys])
+        return cls(without, delays, np.stack([added[key] for key in keys]))
+
+    def at(self, chosen: Array, added: Array) -> Expected:
+        """For these members with these delays."""
+        explained = [np.interp(np.log(d), np.log(self.delays), self.explained[i]) for i, d in zip(chosen, added, strict=True)]
+        return self.without.of(chosen, np.array(explained))
+
+
+def known_width(problem: TrackingProblem, controller: Controller) -> Array:
+    """(p,) of the known set in each estimate's direction; without one, of -|theta|_2 ... |theta|_2; infinite without theta."""
+    loop = ClosedLoop.of(problem, controller)
+    equations: Any = getattr(loop.equations, "continuous", loop.equations)
+    known_set = getattr(equations, "box", None) or getattr(problem.known, "box", None)
+    if known_set is not None:
+        low, high = known_set.extent
+        return np.asarray((high - low)[: loop.parameters])
+    theta = problem.parameters
+    return np.full(loop.parameters, np.inf if theta is None else 2 * float(np.linalg.norm(theta)))
+
+
+def ideal_errors(problems: Sequence[Any], simulation: Simulation, motion: Motion, number: int = 0) -> Array | None:
+    """(K,) what each problem's modelling error adds to the tail's error where the controller knows theta.
+
+    The first problem is the one without it; all others have one structure. At most the model's own motion: there is no more to
+    be explained. Nothing where the loop that knows theta is not stable itself, so that its own limit cycle explains nothing.
+    ``None`` where the problem has no theta, as with output feedback.
+    """
+    if not isinstance(problems[0], Problem):
+        return None
+    (without,), found = (
+        tail_error(simulate_ensemble(group, simulation, numbers=[number] * len(group)).metrics)
+        for group in ([ideal(problems[0])], [ideal(problem) for problem in problems[1:]])
+    )
+    alone = simulate_ensemble([ideal(_left_alone(problem)) for problem in problems[1:]], simulation).metrics
+    decays = tail_error(alone) < DECAYED * alone.max_abs_e.max(axis=1)
+    with np.errstate(invalid="ignore"):
+        return np.where(decays, np.nan_to_num(np.clip(found - without, 0.0, motion.largest), nan=motion.largest), 0.0)
+
+
+DECAYED = 0.5
+"""A disturbed linear loop is stable if in the last quarter of the run its error is below this part of its largest: one that
+grows has its largest there."""
+
+
+def ideal(problem: Problem) -> Member:
+    """The loop with u = (-theta'phi(x) + k_0 r)/omega: an MRAC that starts at the true parameters and stays there."""
+    gains = [path.gain for path in problem.plant.paths]
+    known = replace(
+        problem,
+        uncertainty=ParameterBox(lower=problem.plant.theta, upper=problem.plant.theta),
+        input_gain=None if problem.input_gain is None else (min(gains), max(gains)),
+    )
+    return known, Mrac(gamma=FROZEN, theta_hat0=problem.parameters)
+
+
+def _left_alone(problem: Problem) -> Problem:
+    """The same plant with no limits at its input, no command and no disturbance, a little away from rest."""
+    paths = tuple(replace(path, quantization=None, saturation=None, rate_limit=None) for path in problem.plant.paths)
+    plant = replace(problem.plant, input=paths if len(paths) > 1 else paths[0], x0=np.full(problem.plant.n, LITTLE))
+    silent = tuple(Constant(0.0) for _ in problem.commands)
+    return replace(
+        problem,
+        plant=plant,
+        reference=silent if isinstance(problem.reference, tuple) else silent[0],
+        disturbance=None,
+        unmatched=(),
+        sensor=None if problem.sensor is None else replace(problem.sensor, noise=None),
+    )
+
+
+LITTLE = 1e-6
+"""A disturbance [units of x] at which a nonlinear phi(x) is linear, to that part."""
+
+FROZEN = 1e-60
+"""An adaptive gain with which no estimate moves, whatever the size of x that is no divergence yet (1e12)."""
+
+
+def with_delay(problem: Any, delay: float) -> Any:
+    """The problem with a delay added to each input."""
+    paths = tuple(replace(path, delay=path.delay + delay) for path in problem.plant.paths)
+    return replace(problem, plant=replace(problem.plant, input=paths[0] if len(paths) == 1 else paths))

@@ -1,0 +1,92 @@
+"""Certificates with the delays that the loops bear in simulation, beside the linear loops' exact margins."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from barbalat.certificates.certificate import Certificate
+from barbalat.problem.tracking import TrackingProblem
+from barbalat.protocols import Controller
+from barbalat.run.progress import Progress, part_of
+from barbalat.solvers.simulation import Simulation
+from barbalat.study.criteria import Lost, Onset
+from barbalat.study.delay_margin import Bracket, DelayMargins, delay_margins
+from barbalat.study.motion import RESTING, Motion
+
+
+def with_simulated_margins(
+    certificates: dict[str, Certificate],
+    problem: TrackingProblem,
+    controllers: Sequence[Controller],
+    simulation: Simulation,
+    *,
+    lost: Lost | None = None,
+    progress: Progress | None = None,
+) -> dict[str, Certificate]:
+    """The certificates with ``delay_onset_simulated`` and ``delay_margin_simulated`` [s], by ``Onset`` and by ``Lost``."""
+    result, criterion = dict(certificates), lost or Lost()
+    resting = (RESTING,) if Motion.of(problem, simulation).comes_to_rest else ()
+    for i, controller in enumerate(controllers):
+        share = part_of(progress, i / len(controllers), 1 / len(controllers))
+        found = delay_margins([(problem, controller)], simulation, lost=criterion, progress=share)
+        result[controller.name] = _with(result[controller.name], found, criterion, simulation, resting)
+    return result
+
+
+def _with(
+    certificate: Certificate, found: DelayMargins, lost: Lost, simulation: Simulation, resting: tuple[str, ...]
+) -> Certificate:
+    if not found.tracks[0]:
+        return replace(certificate, findings=(*certificate.findings, _not_tracking(found)))
+    onset = Onset()
+    meanings = {
+        "delay_onset_simulated": (
+            found.onset,
+            f"the loop is taken to oscillate when it is lost, when an estimate moves in the tail over more than {onset.share:g} "
+            "of its known range, as fast as if it crossed that more often than the model crosses its own and "
+            f"{onset.multiple:g} times as fast as without the delay, or when the error "
+            f"has grown by {onset.share:g} of the largest |x_m| beyond what the delay adds where theta is known",
+        ),
+        "delay_margin_simulated": (
+            found.loss,
+            f"the loop is taken to be lost when the error in the tail has grown by {lost.share:g} times the largest |x_m| or it "
+            "diverged, so that a smaller oscillation is borne",
+        ),
+    }
+    values: dict[str, Any] = {key: float(bracket.bears[0]) for key, (bracket, _) in meanings.items()}
+    return replace(
+        certificate,
+        values={**certificate.values, **values},
+        assumptions=(
+            *certificate.assumptions,
+            *(f"{key} was measured on the case's own run, no guarantee: {what}{_limit(bracket, simulation)}"
+              for key, (bracket, what) in meanings.items()),
+            *resting,
+        ),
+    )  # fmt: skip
+
+
+def _limit(bracket: Bracket, simulation: Simulation) -> str:
+    """What the number alone does not say: that the search ended at its first or last delay."""
+    if bracket.loses[0] == 0:
+        return "; its estimates oscillate without a delay already"
+    if np.isinf(bracket.loses[0]):
+        return "; it bears the longest delay that was tried"
+    if bracket.bears[0] == 0:
+        return f"; it bears not even the shortest delay that can be simulated, two steps, {2 * simulation.dt:g} s"
+    return ""
+
+
+def _not_tracking(found: DelayMargins) -> str:
+    diverged = found.undelayed.diverged_at[0]
+    if np.isfinite(diverged):
+        return f"no simulated delay margin: the loop diverges without a delay, at t = {diverged:.4g} s"
+    error = float(found.undelayed.tail_max_abs_e[0].max())
+    return (
+        "no simulated delay margin: without a delay the loop does not follow its model, |e| in the tail reaches "
+        f"{error:.4g}, more than the largest |x_m|"
+    )

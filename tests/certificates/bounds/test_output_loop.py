@@ -1,0 +1,183 @@
+"""Bounds of output-feedback loops against simulation, their pieces against formulas, and what must not be proven."""
+
+import control
+import numpy as np
+import pytest
+
+from barbalat.cases.load import load_case
+from barbalat.certificates.bounds import output_loop as subject
+from barbalat.certificates.bounds.slopes import largest_at_zero, largest_slope, steepest_seen
+from barbalat.certificates.certify import certify
+from barbalat.certificates.table_1 import table_1
+from barbalat.controllers.output.l1 import L1Output, linear_equivalent
+from barbalat.controllers.output.linear import LinearOutput
+from barbalat.linear.systems import TransferFunction
+from barbalat.problem.actuation import PlantInput
+from barbalat.problem.measurement import Noise, Sensor
+from barbalat.problem.output_feedback import OutputProblem
+from barbalat.problem.output_plant import Nonlinearity, OutputPlant, OutputReferenceModel
+from barbalat.run.ensemble import simulate_ensemble
+from barbalat.run.simulate import simulate
+from barbalat.signals import Constant, Sine, Square, Step
+from barbalat.solvers.simulation import Simulation
+
+TF = TransferFunction
+SIMULATION = Simulation(t_end=20.0, dt=2e-3)
+
+
+def problem(plant=None, m=3.0, **settings):
+    plant = plant or OutputPlant(transfer_function=TF([2.0], [1.0, 1.0]))
+    model = OutputReferenceModel(transfer_function=TF([m], [1.0, m]))
+    return OutputProblem(plant=plant, reference_model=model, **({"reference": Sine(1.0, 1.3)} | settings))
+
+
+def l1(**settings):
+    return L1Output(**({"m": 3.0, "gamma": 1e3, "filter": TF([30.0], [1.0, 30.0]), "sigma_bound": 100.0} | settings))
+
+
+DRIVERS = (
+    {"reference": Square(1.0, 0.7), "disturbance": Step(amplitude=0.5, start=3.0), "output_disturbance": None},
+    {"reference": Sine(1.0, 2.0), "disturbance": Sine(0.7, 5.0), "output_disturbance": Sine(0.2, 9.0)},
+)
+
+
+@pytest.mark.parametrize("drivers", DRIVERS, ids=["steps", "sines"])
+@pytest.mark.parametrize("f", [None, "0.6*sin(2*y + cos(t)) + 0.1*y"])
+@pytest.mark.parametrize("kind", ["l1", "linear"])
+def test_random_loops_stay_within_their_bounds(kind, f, drivers):
+    """25 loops each; where a bound is given no run exceeds it, and it is of use: within a factor of ten for most."""
+    random = np.random.default_rng(3)
+    members, bounds = [], []
+    while len(members) < 25:
+        plant = OutputPlant(transfer_function=TF([random.uniform(0.5, 3)], [1.0, random.uniform(-0.5, 3)]), nonlinear=f)
+        m = random.uniform(1, 5)
+        filter = TF([100.0], [1.0, random.uniform(8, 25), 100.0])
+        controller = l1(m=m, gamma=10 ** random.uniform(1.5, 3.5), filter=filter, sigma_bound=1e4)
+        if kind == "linear":
+            same = linear_equivalent(controller)
+            controller = LinearOutput(loop=same.feedback, feedforward=same.feedforward)
+        given = problem(plant, m, **drivers)
+        found = subject.output_bounds(given, controller, SIMULATION.t_end)
+        if isinstance(found, str):
+            assert "small gain" in found or "unstable" in found
+            continue
+        members.append((given, controller))
+        bounds.append(found)
+    metrics = simulate_ensemble(members, SIMULATION).metrics
+    assert np.isnan(metrics.diverged_at).all()
+    d_y = 0.0 if drivers["output_disturbance"] is None else drivers["output_disturbance"].bound
+    share = metrics.max_abs_e[:, 0] / [found.e for found in bounds]
+    assert share.max() <= 1
+    assert np.median(share) > 0.1
+    assert (metrics.max_abs_y <= [found.y + d_y for found in bounds]).all()
+    if kind == "l1":
+        sigma = np.abs([metrics.theta_hat_tail_min, metrics.theta_hat_tail_max]).max(axis=(0, 2))
+        assert (sigma <= [found.sigma for found in bounds]).all()
+
+
+def test_the_linear_loop_against_python_control():
+    """From r, d and d_y to y and e: block algebra of control.tf."""
+    given, controller = problem(), l1()
+    A, B, C, D = subject.linear_loop(given, controller)
+    G, K, F = (
+        control.tf(system.num, system.den)
+        for system in (
+            given.plant.transfer_function,
+            linear_equivalent(controller).feedback,
+            linear_equivalent(controller).feedforward,
+        )
+    )
+    W_m = control.tf([3.0], [1.0, 3.0])
+    S = 1 / (1 + K * G)
+    expected = [[G * S * F, G * S, -G * K * S], [G * S * F - W_m, G * S, 1 - G * K * S]]
+    for w in (0.3, 5.0, 60.0):
+        found = C @ np.linalg.solve(1j * w * np.eye(len(A)) - A, B) + D
+        for i, row in enumerate(expected):
+            for j, system in enumerate(row):
+                assert found[i, j] == pytest.approx(complex(system(1j * w)), rel=1e-8, abs=1e-10)
+
+
+@pytest.mark.parametrize(
+    ("formula", "radius", "slope", "at_zero"),
+    [
+        ("0.5*sin(y)", 7.0, 0.5, 0.0),
+        ("y**3 - 2*y", 2.0, 10.0, 0.0),
+        ("abs(y)*y", 1.5, 3.0, 0.0),
+        ("tanh(3*y) + 2", 1.0, 3.0, 2.0),
+        ("cos(2*t)*exp(y)/4", 1.0, np.e / 4, 0.25),
+        ("1/(y*y + 1)", 3.0, 3 * np.sqrt(3) / 8, 1.0),
+        ("sqrt(y + 2)", 1.0, 0.5, np.sqrt(2)),
+        ("2 - 1/(4*y*y)", 0.0, np.inf, np.inf),
+        ("5", 3.0, 0.0, 5.0),
+    ],
+)
+def test_slopes_of_formulas(formula, radius, slope, at_zero):
+    """Never below the true supremum, and above it by the slope's change over a piece at most."""
+    f = Nonlinearity(formula)
+    found = largest_slope(f, radius, 10.0)
+    assert found == slope if np.isinf(slope) else slope * (1 - 1e-12) <= found <= slope * 1.05 + 1e-12
+    if np.isfinite(slope):
+        assert steepest_seen(f, radius) <= slope * (1 + 1e-12)
+    assert largest_at_zero(f, 10.0) == pytest.approx(at_zero, rel=1e-8)
+
+
+def test_what_no_lipschitz_constant_can_lie_below():
+    assert steepest_seen(Nonlinearity("-0.2*y**3 + 60*y"), 0.0) == pytest.approx(60)
+    assert steepest_seen(Nonlinearity("y**3"), 2.0) == pytest.approx(12)
+
+
+CANNOT = {
+    "gamma too small for an unstable plant": (
+        problem(OutputPlant(transfer_function=TF([2.0], [1.0, -1.0]))),
+        l1(gamma=0.01, lipschitz=0.0),
+    ),
+    "f too steep": (problem(OutputPlant(transfer_function=TF([2.0], [1.0, 1.0]), nonlinear="40*y")), l1()),
+    "lipschitz contradicted": (
+        problem(OutputPlant(transfer_function=TF([2.0], [1.0, 1.0]), nonlinear="-0.2*y**3 + 60*y")),
+        l1(lipschitz=0.5),
+    ),
+    "wrong sign": (
+        problem(OutputPlant(transfer_function=TF([-2.0], [1.0, 1.0]))),
+        l1(design_plant=TF([2.0], [1.0, 1.0])),
+    ),
+    "sigma bound too small": (problem(disturbance=Constant(5.0)), l1(sigma_bound=0.5)),
+    "saturation": (problem(OutputPlant(transfer_function=TF([2.0], [1.0, 1.0]), input=PlantInput(saturation=[-1, 1]))), l1()),
+    "noise": (problem(sensor=Sensor(noise=Noise(std=0.1, sample_time=0.01))), l1()),
+    "PI and a steep f": (
+        problem(OutputPlant(transfer_function=TF([2.0], [1.0, 1.0]), nonlinear="60*y")),
+        LinearOutput(loop=TF([5.0, 5.0], [1.0, 0.0])),
+    ),
+}
+
+
+@pytest.mark.parametrize("case", CANNOT)
+def test_what_is_not_shown_is_not_called_proven(case):
+    given, controller = CANNOT[case]
+    certificates = certify(given, [controller], SIMULATION)
+    (certificate,) = certificates.values()
+    assert "output_bound" not in certificate.values
+    assert any("no bound of y" in finding for finding in certificate.findings)
+    (column,) = table_1(given, [controller], certificates).columns
+    assert {column.cells[key].kind for key in ("stability", "tracking", "transient")} == {"not proven"}
+
+
+def test_a_contradicted_lipschitz_constant_does_not_hold():
+    given, controller = CANNOT["lipschitz contradicted"]
+    (certificate,) = certify(given, [controller], SIMULATION).values()
+    assert not certificate.values["condition"]["holds"]
+    assert any("no Lipschitz constant" in finding for finding in certificate.findings)
+
+
+def test_the_bundled_case_is_proven_and_runs_within_its_bounds():
+    case = load_case("l1-output")
+    certificates = certify(case.problem, case.controllers, case.simulation)
+    runs = simulate(case.problem, case.controllers, case.simulation)
+    for name, certificate in certificates.items():
+        assert {"output_bound", "error_bound"} <= certificate.guaranteed
+        assert runs[name].figures["max_abs_e"][0] <= certificate.values["error_bound"]
+        assert runs[name].figures["max_abs_y"] <= certificate.values["output_bound"]
+    assert certificates["L1 output"].values["condition"]["holds"]
+    assert not any("Lipschitz" in finding for finding in certificates["L1 output"].findings)
+    assert certificates["L1 output"].values["error_bound"] == pytest.approx(
+        certificates["Linear equivalent"].values["error_bound"]
+    )

@@ -1,0 +1,119 @@
+"""Certificates of linear controllers: the bound against simulations, the norm against an impulse response, the keys."""
+
+import numpy as np
+import pytest
+from scipy import signal as scipy_signal
+
+from barbalat import (
+    InputError,
+    L1Adaptive,
+    LinearFeedback,
+    PlantInput,
+    Sampled,
+    Sine,
+    TransferFunction,
+    hinf_feedback,
+    input_filter,
+    pi_feedback,
+    simulate_ensemble,
+)
+from barbalat.certificates.certify import certify
+from barbalat.certificates.schemes import linear_feedback
+from barbalat.claims.variants import variant
+from barbalat.solvers.simulation import Simulation
+
+SIMULATION = Simulation(t_end=60.0, dt=1e-4)
+
+
+def test_the_norm_against_an_impulse_response(section_v):
+    """int |g_i| by quadrature on 400,000 points over 40 s; the slowest closed-loop pole, near 1/(8 delay), is long gone."""
+    given = pi_feedback(section_v.known, unmodelled_delay=0.02)
+    equations = given.bind(section_v.known)
+    loop = linear_feedback.loop_at(np.zeros(2), equations, section_v.known)
+    closed = scipy_signal.StateSpace(loop.A - np.outer(loop.B, loop.C), loop.B[:, None], np.eye(2, 3), np.zeros((2, 1)))
+    t = np.linspace(0, 40, 400_001)
+    _, g = scipy_signal.impulse(closed, T=t)
+    by_quadrature = np.trapezoid(np.abs(g), t, axis=0).max()
+    found = linear_feedback.error_norm(equations, section_v.known)
+    assert found.lower <= found.upper
+    assert by_quadrature == pytest.approx(found.upper, rel=1e-4)
+
+
+def test_the_bound_holds_over_the_known_set():
+    """48 draws of theta, box corners among them, and of the command; every step of every run stays below."""
+    rng = np.random.default_rng(11)
+    thetas = [np.array([p, q]) for p in (-5.0, 5.0) for q in (-5.0, 5.0)] + [rng.uniform(-5, 5, 2) for _ in range(8)]
+    given = variant()
+    for controller in (pi_feedback(given.known, unmodelled_delay=0.01), pi_feedback(given.known, unmodelled_delay=0.03)):
+        bound = certify(given, (controller,), SIMULATION)["PI"].values["error_bound"]
+        for frequency in (0.1, 0.5, 2.0, 6.0):
+            members = [(variant(theta=theta, reference=Sine(50.0, frequency)), controller) for theta in thetas]
+            largest = simulate_ensemble(members, Simulation(t_end=30.0, dt=1e-3)).metrics.max_abs_e
+            assert largest.max() < bound
+            assert largest.max() > 1e-4 * bound  # it is about these runs
+
+
+def test_keys_and_what_is_guaranteed():
+    pytest.importorskip("slycot")
+    given = variant()
+    found = certify(given, (hinf_feedback(given.known, unmodelled_delay=0.01),), SIMULATION)["H-infinity"]
+    assert found.guaranteed == {"norms", "condition", "error_bound"}
+    v = found.values
+    assert v["condition"]["holds"] and v["condition"]["of"] == "W_b S"
+    assert v["delay_margin"] > 0.01
+    assert 1 < v["sensitivity_peak"] < 2 and 1 < v["complementary_sensitivity_peak"] < 2
+    assert max(v["mu_parameters"], v["mu_dynamics"]) <= v["mu"] <= v["mu_parameters"] + v["mu_dynamics"]
+    assert v["parameter_scale"] == 1 / v["mu_parameters"]
+    # small gain in the L1 norm is at least as strict as exact stability of the same family
+    assert v["parameter_scale"] > 1 / v["condition"]["value_upper"]
+
+
+def test_theta_destabilising_is_on_the_border():
+    given = variant()
+    controller = pi_feedback(given.known, unmodelled_delay=0.02)
+    theta = np.array(certify(given, (controller,), SIMULATION)["PI"].values["theta_destabilising"])
+    for factor, sign in ((0.999, -1), (1.001, 1)):
+        loop = linear_feedback.loop_at(factor * theta, controller.bind(given.known), given.known)
+        assert np.sign(np.linalg.eigvals(loop.A - np.outer(loop.B, loop.C)).real.max()) == sign
+
+
+def test_mu_of_the_l1_limit_stands_beside_its_condition():
+    """The condition is sufficient in the L1 norm, mu exact for constant parameters: it always allows more."""
+    found = certify(variant(), (L1Adaptive(gamma=1.0, filter=input_filter(0.02)),), SIMULATION)["L1"].values
+    assert found["parameter_scale"] > 1 / found["condition"]["value_upper"]
+
+
+def test_an_unstable_nominal_loop_says_so():
+    given = variant()
+    positive = LinearFeedback(controller=TransferFunction([-50.0], [1.0]))
+    found = certify(given, (positive,), SIMULATION)["Linear"]
+    assert "error_bound" not in found.values and "mu_parameters" not in found.values
+    assert any("unstable" in finding for finding in found.findings)
+
+
+def test_input_dynamics_and_sampling_take_the_guarantee_away():
+    controller = pi_feedback(variant().known, unmodelled_delay=0.01)
+    for given, shown in ((variant(input=PlantInput(delay=0.01)), controller), (variant(), sampled(controller))):
+        assert "error_bound" not in certify(given, (shown,), SIMULATION)["PI"].guaranteed
+    left = certify(variant(input=PlantInput(delay=0.01)), (controller,), SIMULATION)["PI"].values["delay_margin"]
+    whole = certify(variant(), (controller,), SIMULATION)["PI"].values["delay_margin"]
+    assert left == pytest.approx(whole - 0.01)
+
+
+def sampled(controller):
+    return Sampled(controller=controller, sample_time=1e-3, discretization="euler")
+
+
+def test_settings_are_checked():
+    proper = TransferFunction([1.0], [1.0, 1.0])
+    for arguments, word in (
+        ({"controller": TransferFunction([1.0, 0.0, 0.0], [1.0, 1.0])}, "proper"),
+        ({"controller": 3.0}, "controller"),
+        ({"controller": proper, "unmodelled": TransferFunction([1.0], [1.0, -1.0])}, "stable"),
+        ({"controller": proper, "name": ""}, "name"),
+    ):
+        with pytest.raises(InputError, match=word):
+            LinearFeedback(**arguments)
+    for field in ("output", "nominal"):
+        with pytest.raises(InputError, match=field):
+            LinearFeedback(controller=proper, **{field: [1.0, 2.0, 3.0]}).bind(variant().known)

@@ -1,0 +1,151 @@
+"""Limits of a law that is sampled by Euler steps, and of MRAC with output feedback: against formulas and runs."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from barbalat import Constant, L1Adaptive, Mrac, Plant, Problem, ReferenceModel, Sampled, Simulation, input_filter, simulate
+from barbalat.cases.load import load_case
+from barbalat.certificates.bounds.model import model_bounds
+from barbalat.certificates.certify import certify
+from barbalat.certificates.step_limits.held_oscillator import HeldOscillator
+
+PAPER = load_case("paper").problem
+SIMULATION = Simulation(t_end=20.0, dt=1e-4)
+
+
+def euler(controller, sample_time=1e-4):
+    return Sampled(controller=controller, sample_time=sample_time, discretization="euler")
+
+
+def certificate(controller):
+    (found,) = certify(PAPER, (controller,), SIMULATION).values()
+    return found
+
+
+@pytest.mark.parametrize("sample_time", [1e-4, 1e-3])
+def test_the_largest_gain_is_that_of_the_damped_oscillator(sample_time):
+    """Gamma |x|^2 = b'b/(2 (b'P b)^2 T) for small T, |x| within the model's bound and that of e."""
+    found = certificate(euler(Mrac(gamma=1e-4), sample_time))
+    known, nu_0 = PAPER.known, found.values["nu_0"]
+    bPb = known.b @ known.P @ known.b
+    largest_g = known.b @ known.b / (2 * bPb**2 * sample_time)
+    gamma = ((np.sqrt(largest_g) - nu_0) / model_bounds(PAPER).x_m_euclidean) ** 2
+    assert found.values["gamma_max"] == pytest.approx(gamma, rel=0.02)
+
+
+def filtered(gamma):
+    return L1Adaptive(gamma=gamma, filter=input_filter(0.02))
+
+
+@pytest.mark.parametrize(("make", "factor"), [(lambda gamma: Mrac(gamma=gamma), 10), (filtered, 100)])
+def test_below_the_limit_no_label_and_well_above_one(make, factor):
+    """The limit takes the largest |x| that is possible: for MRAC twice what occurs, for L1-AC with (10) still more."""
+    gamma_max = certificate(euler(make(1.0))).values["gamma_max"]
+    assert gamma_max > 0
+    below, above = (simulate(PAPER, [euler(make(gamma))], SIMULATION) for gamma in (0.9 * gamma_max, factor * gamma_max))
+    (sound,), (labelled,) = below.values(), above.values()
+    assert sound.label is None
+    assert labelled.label is not None
+
+
+@pytest.mark.parametrize("a", [0.5, 60.0])
+@pytest.mark.parametrize("T", [1e-9, 1e-3, 0.05])
+def test_a_scalar_plant_has_a_closed_form(a, T):
+    """Jury's criterion: g <= 2 a^2/(T b^2), also where Euler's method would not bear the plant, a T > 2."""
+    problem = Problem(plant=Plant(A_m=[[-a]], b=[3.0], theta=[0.1]), reference=Constant(1.0))
+    held = HeldOscillator(problem.known)
+    exact = 2 * a**2 / (T * 9)
+    assert held.largest_g(T) == pytest.approx(exact, rel=1e-6)
+    assert held.largest_step(exact) == pytest.approx(T, rel=1e-6)
+
+
+@pytest.mark.parametrize("factor", [0.9, 1.1])
+def test_the_sampled_law_on_a_fast_plant_turns_where_it_is_said_to(factor):
+    """A constant command and a tiny error: x is the model's, and the estimates' steps die out or grow."""
+    a, T = 60.0, 0.05
+    plant = Plant(A_m=[[-a]], b=[1.0], theta=[0.1])
+    problem = Problem(plant=plant, reference_model=ReferenceModel(k_0=a), reference=Constant(1.0))
+    gamma = factor * 2 * a**2 / T
+    controller = euler(Mrac(gamma=gamma, theta_hat0=[0.1 + 1e-9]), T)
+    (run,) = simulate(problem, [controller], Simulation(t_end=20.0, dt=T / 50)).values()
+    (found,) = certify(problem, (controller,), run.simulation).values()
+    assert found.values["gamma_max"] == pytest.approx(gamma / factor, rel=1e-3)
+    assert ("error_bound" in found.values) == (factor < 1)
+    assert (abs(run.theta_hat[-1, 0] - 0.1) < 1e-6) == (factor < 1)  # or beyond 1
+    assert (run.label is None) == (factor < 1)
+
+
+def test_an_error_bound_is_given_only_where_the_law_can_be_trusted():
+    chattering, continuous = certificate(euler(Mrac(gamma=1e4))), certificate(Mrac(gamma=1e4))
+    assert not {"error_bound", "error_bound_worst"} & chattering.values.keys()
+    assert any("numerically unstable" in finding and "error_bound" in finding for finding in chattering.findings)
+    (run,) = simulate(PAPER, [euler(Mrac(gamma=1e4))], SIMULATION).values()
+    assert max(run.figures["max_abs_e"]) > continuous.values["error_bound"]  # it would not have held
+    calm = certificate(euler(Mrac(gamma=1e-4)))
+    assert calm.values["error_bound"] == certificate(Mrac(gamma=1e-4)).values["error_bound"]
+    assert "error_bound" not in calm.guaranteed
+
+
+def test_the_midpoint_form_has_no_limits():
+    found = certificate(Sampled(controller=Mrac(gamma=1e4), sample_time=1e-4))
+    assert not {"gamma_max", "step_max"} & found.values.keys()
+
+
+MATCHED = """
+name = "matched"
+[plant]
+transfer_function = { num = [2.0], den = [1.0, 1.0] }
+[reference_model]
+transfer_function = { num = [3.0], den = [1.0, 3.0] }
+[reference]
+kind = "constant"
+value = 1.5
+[simulation]
+t_end = 20.0
+dt = 1e-3
+[[controller]]
+scheme = "mrac-output"
+order = 1
+relative_degree = 1
+sign = 1
+law = { kind = "lyapunov", gamma = GAMMA }
+"""
+
+
+def matched(tmp_path, gamma):
+    path = tmp_path / "matched.toml"
+    path.write_text(MATCHED.replace("GAMMA", f"{gamma!r}"))
+    return load_case(path)
+
+
+@pytest.mark.parametrize("gamma", [1.0, 1e4])
+def test_output_feedback_turns_with_the_high_frequency_gain(tmp_path, gamma):
+    """y' = -y + 2 u: omega_a^2 = Gamma (y^2 + r^2) 2, and y is at most the model's, whose L1 norm is 1."""
+    case = matched(tmp_path, gamma)
+    (found,) = certify(case.problem, case.controllers, case.simulation).values()
+    assert found.values["adaptation_frequency"] == pytest.approx(np.sqrt(gamma * 2 * 1.5**2 * 2), rel=1e-6)
+    # s^2 + 3 s + omega_a^2 around the estimates theta*
+    wanted = np.roots([1.0, 3.0, found.values["adaptation_frequency"] ** 2])
+    steps = [h for h in np.geomspace(1e-5, 10, 4000) if (np.abs(case.simulation.solver.amplification(h * wanted)) > 1).any()]
+    assert found.values["step_max"] == pytest.approx(min(steps), rel=0.02)
+    again = matched(tmp_path, found.values["gamma_max"])
+    (at_limit,) = certify(again.problem, again.controllers, again.simulation).values()
+    assert at_limit.values["step_max"] == pytest.approx(case.simulation.dt, rel=1e-2)
+
+
+def test_output_feedback_below_and_above_its_step(tmp_path):
+    case = matched(tmp_path, 1e4)
+    (found,) = certify(case.problem, case.controllers, case.simulation).values()
+    for factor, labelled in ((0.9, False), (1.5, True)):
+        steps = round(20.0 / (factor * found.values["step_max"]))
+        (run,) = simulate(case.problem, case.controllers, Simulation(t_end=20.0, dt=20.0 / steps)).values()
+        assert (run.label is not None) is labelled
+
+
+def test_rohrs_controllers_have_limits():
+    case = load_case("rohrs")
+    for name, found in certify(case.problem, case.controllers, case.simulation).items():
+        assert ("step_max" in found.values) == (name != "Not adapting")
+        assert "step_max" not in found.guaranteed

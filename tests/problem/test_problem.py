@@ -1,0 +1,92 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy import linalg
+
+from barbalat.problem.state_feedback import Known, ParameterBox, Plant, Problem, ReferenceModel
+from barbalat.signals import Constant, Sine
+
+
+@pytest.mark.parametrize("n", [1, 2, 3])
+def test_P_solves_the_lyapunov_equation(problems, n):
+    """P = integral of exp(A_m't) exp(A_m t): a second way to the same matrix, by quadrature over the matrix exponential."""
+    A_m = problems[n].plant.A_m
+    nodes, weights = np.polynomial.legendre.leggauss(200)
+    length = 60.0  # exp(2 * -1 * 60) is below rounding: the slowest pole of the three problems is -1
+    times, weights = (nodes + 1) * length / 2, weights * length / 2
+    exponentials = linalg.expm(A_m * times[:, None, None])
+    expected = sum(w * E.T @ E for w, E in zip(weights, exponentials, strict=True))
+    P = problems[n].known.P
+    # 1e-10: 200 Gauss nodes resolve the fastest mode exp(-6 t) over 60 s to about that
+    np.testing.assert_allclose(P, expected, rtol=1e-10, atol=1e-10 * np.abs(expected).max())
+    assert (P == P.T).all()
+
+
+def test_P_of_section_v(section_v):
+    """By hand: the (2, 2) equation is 2 p_12 - 2 p_22 = -1, the (1, 1) one -0.6 p_12 = -1, the (1, 2) one gives p_11."""
+    p_12 = 1 / 0.6
+    p_22 = p_12 + 1 / 2
+    p_11 = p_12 + 0.3 * p_22
+    np.testing.assert_allclose(section_v.known.P, [[p_11, p_12], [p_12, p_22]], rtol=1e-13)
+
+
+def test_matched_recovers_theta():
+    """A = A_m + b theta' for random data."""
+    random = np.random.default_rng(1)
+    for n in (1, 2, 3, 4):
+        A_m = random.normal(size=(n, n)) - 5 * np.eye(n)
+        b, theta = random.normal(size=n), random.normal(size=n)
+        plant = Plant.matched(A=A_m + np.outer(b, theta), A_m=A_m, b=b)
+        np.testing.assert_allclose(plant.theta, theta, atol=1e-13 * 10)  # entries of order 1: a few dozen roundings
+
+
+def test_matched_with_a_badly_scaled_b():
+    plant = Plant.matched(A=[[0, 1], [-1, -1]], A_m=[[0, 1], [-2, -1]], b=[0, 1e-170])  # b'b underflows
+    np.testing.assert_allclose(plant.theta, [1e170, 0], rtol=1e-14)
+
+
+def test_defaults_are_rest_and_a_zero_command():
+    problem = Problem(plant=Plant(A_m=[[-1.0]], b=[1.0], theta=[2.0]))
+    assert problem.plant.x0.tolist() == [0.0]
+    assert problem.reference_model.k_0 == 1
+    assert problem.reference(np.array([0.0, 3.0])).tolist() == [0.0, 0.0]
+
+
+def test_a_designer_sees_neither_theta_nor_the_disturbance(section_v):
+    assert set(Known.__dataclass_fields__) == {"A_m", "b", "k_0", "x0", "box", "uncertainty", "saturation"}
+
+
+def test_signals_in_the_order_of_the_loop(section_v):
+    disturbance = Constant(1.0)
+    problem = Problem(plant=section_v.plant, reference=section_v.reference, disturbance=disturbance)
+    assert problem.signals == (section_v.reference, disturbance)
+    assert section_v.signals == (section_v.reference,)
+
+
+def test_theta_max_is_the_largest_1_norm_on_the_corners():
+    box = ParameterBox(lower=[-5.0, 1.0], upper=[3.0, 2.0])
+    corners = [abs(a) + abs(b) for a in (-5, 3) for b in (1, 2)]
+    assert box.theta_max == max(corners)
+
+
+def test_the_box_holds_its_faces_and_nothing_beyond():
+    box = ParameterBox(lower=[-5.0, -5.0], upper=[5.0, 5.0])
+    assert box.contains(np.array([5.0, -5.0]))
+    assert not box.contains(np.array([np.nextafter(5, 6), 0.0]))
+    assert not box.contains(np.array([0.0, np.nan]))
+
+
+def test_what_is_given_cannot_be_changed_afterwards(section_v):
+    A_m = np.array([[0.0, 1.0], [-0.3, -1.0]])
+    plant = Plant(A_m=A_m, b=[0, 1], theta=[4, -3])
+    A_m[0, 0] = 7.0
+    assert plant.A_m[0, 0] == 0.0
+    with pytest.raises(ValueError, match="read-only"):
+        plant.A_m[0, 0] = 7.0
+    with pytest.raises(AttributeError):
+        plant.theta = np.zeros(2)
+    with pytest.raises(AttributeError):
+        ReferenceModel(k_0=4.0).k_0 = 5.0
+    with pytest.raises(AttributeError):
+        section_v.reference = Sine(1.0, 1.0)

@@ -1,0 +1,221 @@
+"""Simulated delay margins by both criteria, against exact margins of linear loops and brute force."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from barbalat.cases.load import load_case
+from barbalat.certificates.certify import certify
+from barbalat.certificates.linear_loops.ideal import fast_adaptation, known_parameters
+from barbalat.controllers import L1Adaptive, Mrac
+from barbalat.linear.margins import margins
+from barbalat.linear.systems import input_filter
+from barbalat.problem.actuation import PlantInput
+from barbalat.problem.measurement import Noise, Sensor
+from barbalat.problem.plant import Plant
+from barbalat.problem.state_feedback import ParameterBox, Problem
+from barbalat.run.ensemble import simulate_ensemble
+from barbalat.signals import Constant, Sine
+from barbalat.solvers.simulation import Simulation
+from barbalat.study.criteria import Lost, Onset
+from barbalat.study.delay_margin import delay_margins
+from barbalat.study.ideal_benchmark import with_delay
+from barbalat.study.motion import Motion
+from barbalat.study.simulated_margins import with_simulated_margins
+from independent import refusal
+
+
+@pytest.mark.parametrize("kappa", [0.0, 0.05])
+def test_linear_loop_against_the_exact_margin(section_v, kappa):
+    """Known theta, no command: below the exact margin the state decays, above it grows; slowly near it.
+
+    3 % for the loss, 6 % for the onset, for which a tenth of the motion that is left after 300 s is too much.
+    """
+    problem = replace(section_v, reference=Constant(0.0))
+    C = None if kappa == 0 else input_filter(kappa)
+    controller = (
+        Mrac(gamma=1e-60, theta_hat0=[4.0, -3.0]) if C is None else L1Adaptive(gamma=1e-60, filter=C, theta_hat0=[4.0, -3.0])
+    )
+    exact = margins(known_parameters(problem.plant, problem.plant.theta, None if C is None else C.realise())).delay
+    found = delay_margins([(problem, controller)], Simulation(t_end=400.0, dt=2e-3), resolution=0.005)
+    for bracket, least in ((found.onset, 0.94), (found.loss, 0.97)):
+        assert bracket.bears[0] < bracket.loses[0] < bracket.bears[0] * 1.01
+        assert least * exact < bracket.bears[0] <= exact * 1.001
+
+
+@pytest.mark.parametrize("reference", [Sine(amplitude=50.0, frequency=0.5), Constant(50.0)])
+@pytest.mark.parametrize("kappa", [0.005, 0.02])
+def test_onset_of_fast_adaptation_against_its_linear_limit(section_v, kappa, reference):
+    """L1-AC tends to an LTI controller as Gamma grows: its exact margin is where it begins to oscillate. 5 %: Gamma = 100."""
+    exact = margins(fast_adaptation(section_v.plant, input_filter(kappa).realise())).delay
+    member = (replace(section_v, reference=reference), L1Adaptive(gamma=100.0, filter=input_filter(kappa)))
+    found = delay_margins([member], Simulation(t_end=40.0, dt=2e-4), resolution=0.01)
+    assert 0.95 * exact < found.onset.bears[0] < 1.05 * exact
+    assert found.loss.bears[0] > 3 * exact  # an oscillation within the projection's bounds is borne by that criterion
+
+
+def test_a_limit_cycle_that_projection_bounds_is_an_onset_and_no_loss(section_v):
+    """MRAC at a high gain: 2 ms of delay make the estimates sweep the whole known set, while e stays far below x_m."""
+    simulation, controller = Simulation(t_end=60.0, dt=1e-3), Mrac(gamma=1.0)
+    found = delay_margins([(section_v, controller)], simulation)
+    assert found.tracks[0]
+    assert not found.swings[0]
+    assert (found.onset.bears[0], found.onset.loses[0]) == (0.0, 2e-3)
+    assert found.loss.bears[0] > 0.1
+    delayed = simulate_ensemble([(with_delay(section_v, 2e-3), controller)], simulation).metrics
+    np.testing.assert_array_equal(delayed.theta_hat_tail_min[0], [-5.0, -5.0])
+    np.testing.assert_array_equal(delayed.theta_hat_tail_max[0], [5.0, 5.0])
+    assert delayed.theta_hat_variation_rate.min() > 100 * found.undelayed.theta_hat_variation_rate.max()
+    assert delayed.tail_max_abs_e.max() < 0.1 * _motion(section_v, simulation)
+
+
+def test_a_limit_cycle_that_saturation_bounds_is_an_onset_and_no_loss():
+    """theta known and at rest, a stable plant, bounded u: beyond the linear margin x oscillates, at a part of its motion."""
+    plant = Plant(
+        A_m=[[0.0, 1.0], [-2.0, -3.0]], b=[0.0, 1.0], theta=[-30.0, 0.0], x0=[3.0, 0.0], input=PlantInput(saturation=[-2.0, 2.0])
+    )
+    problem = Problem(plant=plant, reference=Constant(0.0), uncertainty=ParameterBox(lower=[-40.0, -1.0], upper=[0.0, 1.0]))
+    exact = margins(known_parameters(plant, plant.theta)).delay
+    found = delay_margins(
+        [(problem, Mrac(gamma=1e-60, theta_hat0=[-30.0, 0.0]))], Simulation(t_end=100.0, dt=1e-3), resolution=0.01
+    )
+    assert 0.97 * exact < found.onset.bears[0] < 1.03 * exact
+    assert np.isinf(found.loss.loses[0])
+
+
+def test_the_lag_of_a_command_is_no_onset(section_v):
+    """Where theta is known, all that a delay adds below the loop's own margin is explained by it: only the loss counts."""
+    controller = Mrac(gamma=1e-60, theta_hat0=[4.0, -3.0])
+    found = delay_margins([(section_v, controller)], Simulation(t_end=60.0, dt=1e-3))
+    assert found.onset.bears[0] == found.loss.bears[0] > 0.1
+
+
+@pytest.mark.parametrize("gamma", [1e-12, 1e-9])
+def test_what_does_not_follow_its_model_bears_nothing(section_v, gamma):
+    """An unstable plant with hardly any control: its error is far above the motion that is asked for."""
+    simulation = Simulation(t_end=20.0, dt=1e-3)
+    found = delay_margins([(section_v, Mrac(gamma=gamma))], simulation)
+    assert not found.tracks[0]
+    assert found.onset.loses[0] == found.loss.loses[0] == found.loss.bears[0] == 0
+    controllers = (Mrac(gamma=gamma),)
+    certificates = with_simulated_margins(
+        certify(section_v, controllers, simulation), section_v, controllers, simulation, lost=Lost(share=0.5)
+    )
+    assert not {"delay_onset_simulated", "delay_margin_simulated"} & certificates["MRAC"].values.keys()
+    assert "does not follow its model" in certificates["MRAC"].findings[-1]
+
+
+def test_simulated_margins_in_a_certificate(section_v):
+    """What is swinging without a delay already is said; the numbers are those of ``delay_margins``."""
+    simulation = Simulation(t_end=20.0, dt=1e-3)
+    controllers = (L1Adaptive(gamma=1e4, filter=input_filter(0.02), name="beyond the step"), Mrac(gamma=1e-3))
+    found = with_simulated_margins(certify(section_v, controllers, simulation), section_v, controllers, simulation)
+    alone = delay_margins([(section_v, controllers[1])], simulation)
+    values = found["MRAC"].values
+    assert values["delay_onset_simulated"] == alone.onset.bears[0] < values["delay_margin_simulated"] == alone.loss.bears[0]
+    assert found["beyond the step"].values["delay_onset_simulated"] == 0
+    assert any("without a delay already" in sentence for sentence in found["beyond the step"].assumptions)
+
+
+def test_delay_of_the_plant_is_beside_the_added_one(section_v):
+    problem = replace(section_v, reference=Constant(0.0))
+    delayed = replace(problem, plant=replace(problem.plant, input=PlantInput(delay=0.1)))
+    controller = Mrac(gamma=1e-60, theta_hat0=[4.0, -3.0])
+    simulation = Simulation(t_end=100.0, dt=2e-3)
+    alone, beside = (delay_margins([(p, controller)], simulation, resolution=0.005).loss.bears[0] for p in (problem, delayed))
+    assert beside == pytest.approx(alone - 0.1, abs=0.01 * alone)
+
+
+def test_brackets_against_brute_force(section_v):
+    """The reported pairs really bear and lose, by criteria written out here; the onset is no later; whatever the threads."""
+    simulation = Simulation(t_end=20.0, dt=1e-3)
+    members = [(section_v, Mrac(gamma=gamma, name="c")) for gamma in (1e-3, 1e-1)]
+    found = delay_margins(members, simulation, lost=Lost(share=0.3), threads=1)
+    again = delay_margins(members, simulation, lost=Lost(share=0.3), threads=2)
+    np.testing.assert_array_equal(found.loss.bears, again.loss.bears)
+    np.testing.assert_array_equal(found.onset.loses, again.onset.loses)
+    assert (found.onset.bears <= found.loss.bears).all()
+    motion = _motion(section_v, simulation)
+    without = found.undelayed
+    # |lambda| of A_m is above the command's 0.5 rad/s; each estimate's range is 10 wide
+    crossing = 10 * np.abs(np.linalg.eigvals(section_v.plant.A_m)).max() / np.pi
+    for i, (problem, controller) in enumerate(members):
+        tried = [(d, name) for name in ("onset", "loss") for d in (getattr(found, name).bears[i], getattr(found, name).loses[i])]
+        metrics = simulate_ensemble(
+            [(with_delay(problem, float(max(d, 2e-3))), controller) for d, _ in tried], simulation
+        ).metrics
+        grown = metrics.tail_max_abs_e.max(axis=1) - without.tail_max_abs_e[i].max()
+        span = metrics.theta_hat_tail_max - metrics.theta_hat_tail_min
+        swings = metrics.theta_hat_variation_rate > np.maximum(2 * without.theta_hat_variation_rate[i], crossing)
+        swings = (swings & (span > 1.0)).any(axis=1)
+        assert grown[2] <= 0.3 * motion < grown[3]
+        assert swings[1]
+        assert found.onset.bears[i] == 0 or not swings[0]
+
+
+def _motion(problem, simulation):
+    from barbalat.run.simulate import simulate
+
+    return float(np.abs(simulate(problem, [Mrac(gamma=1e-12)], replace(simulation, record_points=10**5))["MRAC"].x_m).max())
+
+
+def test_a_margin_under_noise_does_not_depend_on_the_neighbours(section_v):
+    """With noise as large as a fifth of the command: beside a member that is soon lost, beside one that is not, and alone."""
+    noisy = replace(section_v, sensor=Sensor(noise=Noise(std=10.0, sample_time=0.01, seed=4)))
+    soon = replace(noisy, plant=replace(noisy.plant, theta=[60.0, 60.0]))
+    simulation, controller = Simulation(t_end=20.0, dt=1e-3), Mrac(gamma=1.0)
+    beside = [
+        delay_margins([(p, Mrac(gamma=0.01)), (noisy, controller)], simulation, resolution=0.005).loss.bears[1]
+        for p in (soon, noisy)
+    ]
+    alone, other = (
+        delay_margins([(noisy, controller)], simulation, resolution=0.005, numbers=[number]).loss.bears[0] for number in (1, 7)
+    )
+    assert beside == [alone, alone]
+    assert other != alone  # another noise, or the seed would have no say
+
+
+def test_motion_of_a_model_in_its_steady_state():
+    """x_m' = -x_m + r, r = 2 sin t, from the steady state: x_m = sqrt(2) sin(t - pi/4). 1e-3: straight lines between instants."""
+    plant = Plant(A_m=[[-1.0]], b=[1.0], theta=[0.0], x0=[-1.0])
+    motion = Motion.of(
+        Problem(plant=plant, reference=Sine(amplitude=2.0, frequency=1.0)), Simulation(t_end=20 * np.pi, dt=np.pi / 500)
+    )
+    assert motion.largest == pytest.approx(np.sqrt(2), rel=1e-3)
+    assert motion.in_tail == pytest.approx(np.sqrt(2), rel=1e-3)
+    assert motion.rms == pytest.approx(1.0, rel=1e-3)
+    assert motion.crossings == pytest.approx(1 / np.pi, rel=1e-3)
+    assert not motion.comes_to_rest
+    settled = replace(plant, x0=[-10 / 26])  # 2/sqrt(26) sin(5t - arctan 5), which crosses its range 5/pi times a second
+    faster = Motion.of(
+        Problem(plant=settled, reference=Sine(amplitude=2.0, frequency=5.0)), Simulation(t_end=20 * np.pi, dt=np.pi / 500)
+    )
+    assert faster.crossings == pytest.approx(5 / np.pi, rel=1e-2)
+
+
+def test_a_command_that_comes_to_rest_is_said():
+    """Wing rock's command ends at 35 of 60 s: both criteria look at a loop at rest."""
+    case = load_case("wing-rock")
+    assert Motion.of(case.problem, case.simulation).comes_to_rest
+    controllers = case.controllers[:1]
+    certificates = certify(case.problem, controllers, case.simulation)
+    found = with_simulated_margins(certificates, case.problem, controllers, case.simulation)[controllers[0].name]
+    assert any("is not seen" in sentence for sentence in found.assumptions)
+
+
+def test_a_run_that_is_lost_without_delay(section_v):
+    found = delay_margins([(section_v, Mrac(gamma=1.0, projection=False))], Simulation(t_end=10.0, dt=0.5))
+    assert found.loss.bears[0] == found.loss.loses[0] == found.onset.loses[0] == 0
+    assert not found.tracks[0]
+
+
+def test_refusals(section_v):
+    member = [(section_v, Mrac(gamma=1.0))]
+    simulation = Simulation(t_end=1.0, dt=0.01)
+    assert "longest" in refusal(lambda: delay_margins(member, simulation, longest=0.01))
+    assert "scan" in refusal(lambda: delay_margins(member, simulation, scan=1))
+    assert "share" in refusal(lambda: Lost(share=0.0))
+    assert "onset.multiple" in refusal(lambda: Onset(multiple=-1.0))

@@ -1,0 +1,181 @@
+"""Trade-offs: fronts against brute force, all bundled cases, the forecast of the time, the page's words."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from barbalat.cases.load import load_case
+from barbalat.certificates.certify import certify
+from barbalat.certificates.step_limits.oscillator import Oscillator
+from barbalat.controllers import Mrac
+from barbalat.problem.state_feedback import Known
+from barbalat.report import tradeoff, write
+from barbalat.report.labels import Labels
+from barbalat.solvers import RK4
+from barbalat.solvers.simulation import Simulation
+from barbalat.study import forecast, knobs
+from barbalat.study.criteria import Lost, Onset
+from barbalat.study.knobs import Knobs, default_knobs
+from barbalat.study.tradeoff import Cloud, TradeOff, pareto_front, trade_off
+from independent import refusal
+
+STATE_FEEDBACK = ("f16-short-period", "first-order", "lateral-aircraft", "third-order", "wing-rock")
+
+
+def test_pareto_front_against_brute_force():
+    random = np.random.default_rng(1)
+    for _ in range(200):
+        size = int(random.integers(1, 40))
+        error, margin = random.integers(1, 12, size) / 4.0, random.integers(0, 12, size) / 4.0
+        error[random.random(size) < 0.1] = np.nan
+        front = pareto_front(error, margin)
+        usable = [i for i in range(size) if np.isfinite(error[i]) and margin[i] > 0]
+        best = {
+            (error[i], margin[i])
+            for i in usable
+            if not any(
+                error[j] <= error[i] and margin[j] >= margin[i] and (error[j], margin[j]) != (error[i], margin[i]) for j in usable
+            )
+        }
+        assert {(error[i], margin[i]) for i in front} == best
+        assert len(front) == len(best)
+        assert (np.diff(margin[front]) > 0).all()
+
+
+def test_trade_off_of_one_scheme_and_its_page(section_v, tmp_path):
+    chosen = (Knobs(scheme="MRAC", values={"gamma": np.array([1e-3, 1e-1])}, make=lambda gamma: Mrac(gamma=gamma)),)
+    seen, said = [], []
+    found = trade_off(
+        section_v, Simulation(t_end=20.0, dt=1e-3), knobs=chosen, plants=3, estimate=said.append, progress=seen.append
+    )
+    assert len(said) == 1
+    assert said[0] > 0
+    assert seen == sorted(seen)
+    assert seen[-1] == 1.0
+    (cloud,) = found.clouds
+    assert cloud.error.shape == cloud.onset.shape == cloud.loss.shape == (2, 3)
+    assert (cloud.onset <= cloud.loss).all()
+    np.testing.assert_array_equal(found.thetas[0], section_v.plant.theta)
+    assert all(section_v.uncertainty.contains(theta) for theta in found.thetas)
+    np.testing.assert_array_equal(cloud.at("worst", "loss")[1], cloud.loss.min(axis=1))
+    document = json.loads(write.as_json(tradeoff.as_document(found)))
+    assert document["schemes"]["MRAC"]["tunings"] == [{"gamma": 1e-3}, {"gamma": 1e-1}]
+    assert document["schemes"]["MRAC"]["onset"] == cloud.onset.tolist()
+    page = write.write_tradeoff(tmp_path, found)
+    assert "Tracking error against the delay" in page.read_text()
+    assert (tmp_path / "tradeoff.svg").stat().st_size > 1000
+
+
+@pytest.mark.parametrize("name", STATE_FEEDBACK)
+def test_every_bundled_case_with_measured_state(name):
+    """Few tunings over a sixth of the run: each scheme has some that follow, and a delay that they bear until loss."""
+    case = load_case(name)
+    simulation = replace(case.simulation, t_end=case.simulation.t_end / 6)
+    found = trade_off(case.problem, simulation, density=2, plants=1)
+    assert [cloud.scheme for cloud in found.clouds][:2] == ["MRAC", "L1-AC"]
+    takes_robust = case.problem.plant.inputs == 1 and case.problem.input_gain is None
+    assert (len(found.clouds) == 3) == takes_robust
+    assert any("Robust MRAC is left out: robust-mrac takes" in sentence for sentence in found.notes) == (not takes_robust)
+    for cloud in found.clouds:
+        assert (cloud.loss[np.isfinite(cloud.error)] > 0).any()
+
+
+def test_largest_gain_along_a_run_against_the_bound_of_certify(section_v):
+    """|x| along the run is below the bound that certify takes: the gain is larger, by a factor that a sine's bound explains."""
+    simulation = Simulation(t_end=60.0, dt=1e-3)
+    bound = certify(section_v, (Mrac(gamma=1.0),), simulation)["MRAC"].values["gamma_max"]
+    found, how = knobs.largest_gain(section_v, simulation)
+    assert (found, how) == (bound, "gamma_max of certify")
+    along = knobs._largest_along_the_ideal_run(section_v, simulation)
+    assert bound < along < 10 * bound
+
+
+def test_oscillator_of_two_inputs_is_that_of_each_where_they_are_apart():
+    """Two equal plants side by side have the modes of one, twice: the square of its characteristic polynomial."""
+    A_m, b = np.array([[0.0, 1.0], [-2.0, -3.0]]), np.array([0.0, 1.0])
+    zero = np.zeros((2, 2))
+    one = Known(A_m=A_m, b=b, k_0=1.0, x0=np.zeros(2), box=None)
+    two = Known(
+        A_m=np.block([[A_m, zero], [zero, A_m]]), b=np.kron(np.eye(2), b[:, None]), k_0=np.eye(2), x0=np.zeros(4), box=None
+    )
+    single, double = (Oscillator(known, RK4, np.zeros(0)) for known in (one, two))
+    assert double.bPb == pytest.approx(single.bPb, rel=1e-12)
+    g = np.array([0.3, 7.0])
+    for modes, twice in zip(single.modes(g), double.modes(g), strict=True):
+        np.testing.assert_allclose(np.poly(twice), np.polymul(np.poly(modes), np.poly(modes)), rtol=1e-9)
+    assert double.largest_g(1e-3) == pytest.approx(single.largest_g(1e-3), rel=1e-9)
+
+
+def test_refusals(section_v):
+    simulation = Simulation(t_end=1.0, dt=0.01)
+    assert "known set" in refusal(lambda: trade_off(replace(section_v, uncertainty=None), simulation))
+    still = load_case("wing-rock").problem
+    still = replace(still, reference=section_v.reference.__class__(amplitude=0.0, frequency=1.0))
+    still = replace(still, plant=replace(still.plant, x0=np.zeros(2)))
+    assert "moves the regressor" in refusal(lambda: default_knobs(still, simulation))
+
+
+def test_cost_is_told_apart_from_three_timings(section_v, monkeypatch):
+    """With a clock that follows the model exactly, the model's three numbers come back."""
+    call, member, step = 0.3, 2e-3, 5e-8
+    monkeypatch.setattr(forecast, "_timed", lambda members, _, steps: call + len(members) * (member + steps * step))
+    members = [(section_v, Mrac(gamma=1.0))] * 100
+    found = forecast.Cost.measured(members, Simulation(t_end=60.0, dt=1e-4))
+    assert (found.call, found.member, found.step) == pytest.approx((call, member, step), rel=1e-6)
+
+
+def test_forecast_is_refined_by_what_was_seen():
+    """30 s expected: after half of the first part its own pace counts, then the second is corrected by what the first took."""
+    expected = forecast.Forecast({"a": 10.0, "b": 20.0})
+    assert expected.total("a", 0.0, 0.0) == 30.0
+    assert expected.total("a", 0.5, 10.0) == 10.0 + 10.0 + 20.0
+    expected.finished["a"] = 20.0
+    assert expected.total("b", 0.0, 0.0) == 20.0 + 2 * 20.0
+    assert expected.total("b", 1.0, 33.0) == 53.0
+
+
+def _found(section_v, onset, loss) -> TradeOff:
+    """Two schemes with one tuning each of the same error, and these delays."""
+    clouds = tuple(
+        Cloud(scheme=name, tunings=({"gamma": 1.0},), error=np.array([[0.005]]), onset=np.array([[a]]), loss=np.array([[b]]))
+        for name, a, b in zip(("one", "other"), onset, loss, strict=True)
+    )
+    return TradeOff(
+        problem=section_v, simulation=Simulation(t_end=1.0, dt=0.01), thetas=np.zeros((1, 2)), clouds=clouds,
+        criteria=(Onset(), Lost()), notes=(), runs=0, seconds=0.0,
+    )  # fmt: skip
+
+
+def test_the_sentence_on_the_ranking(section_v):
+    flipped = tradeoff.ranking(_found(section_v, (0.1, 0.2), (0.5, 0.3)), "plant")
+    assert "order of the schemes depends on the criterion" in flipped
+    assert "at an error of at most 0.01 other, one by the onset, one, other by the loss" in flipped
+    assert "0.001" not in flipped  # neither is as good
+    same = tradeoff.ranking(_found(section_v, (0.1, 0.2), (0.31, 0.32)), "plant")
+    assert "other, one by the onset, one = other by the loss" in same
+    assert "does not depend" in tradeoff.ranking(_found(section_v, (0.1, 0.2), (0.3, 0.4)), "plant")
+    rows = tradeoff.at_equal_error(_found(section_v, (0.0, 0.2), (0.5, 0.3)), "plant")
+    assert rows[0] == ("0.001", *["no tuning"] * 4)
+    assert rows[1] == ("0.01", "< 0.02", "0.2", "0.5", "0.3")
+
+
+def test_labels_cover_neither_lines_nor_each_other():
+    """Twelve labels along a line in a panel with room for them."""
+    figure = Figure(figsize=(6, 5))
+    FigureCanvasAgg(figure)
+    axes = figure.add_subplot()
+    axes.set(xlim=(0, 10), ylim=(0, 10))
+    line = np.column_stack([np.linspace(1, 9, 12), 5 + 2 * np.sin(np.linspace(0, 3, 12))])
+    labels = Labels(axes, [line], 6.5)
+    for point in line:
+        labels.place("Gamma 690", point, "C0")
+    for i, (left, low, right, high) in enumerate(labels.boxes):
+        x, y = labels.taken.T
+        assert not ((x > left) & (x < right) & (y > low) & (y < high)).any()
+        assert not any(left < r and right > l and low < h and high > b for l, b, r, h in labels.boxes[:i])  # noqa: E741
