@@ -61,7 +61,7 @@ def test_page_and_files(tmp_path):
     claim = Claim("an-id", "somewhere", "statement", "confirmed", "1", "how", (example(),), (listing,))
     pictures = write.draw_maps(tmp_path, [claim])
     assert (tmp_path / "map-sizes.png").stat().st_size > 1000
-    html = page.reproduction([], [claim], {}, pictures, Certified({}, Table((), ())), {"total": 1.0})
+    html = page.reproduction([], [claim], {}, pictures, Certified({}, Table(())), {"total": 1.0})
     assert "error over size, for whole, ends early" in html
     assert "<td>PI &amp; co</td><td>1.03</td>" in html
     assert "A table" in html

@@ -63,7 +63,7 @@ def test_files_page_and_link(tmp_path):
     claim = Claim("some-claim", "Section V", "a statement", "confirmed", "1 s", "measured", (example(),))
     pictures = write.draw_maps(tmp_path, [claim])
     assert {path.name for path in tmp_path.iterdir()} == {"map-gain-step.png", "map-gain-step.svg"}
-    text = page.reproduction([], [claim], {}, pictures, Certified({}, Table((), ())), {"total": 1.0})
+    text = page.reproduction([], [claim], {}, pictures, Certified({}, Table(())), {"total": 1.0})
     assert 'href="#map-gain-step"' in text
     assert 'id="map-gain-step"' in text
     assert pictures["gain-step"].data in text

@@ -1,55 +1,99 @@
-"""What the certificates of all schemes share: their assumptions as sentences, parameter errors, what a case takes away."""
+"""What the certificates rest on, each checked on the case: what acts on the plant, where the estimates start, the known set."""
 
 from __future__ import annotations
 
-from typing import Any
-
-from barbalat.certificates.certificate import Certificate
+from barbalat.certificates.entry import Assumption
+from barbalat.problem.actuation import PlantInput
+from barbalat.problem.known_set import EstimateSet
+from barbalat.problem.measurement import Sensor
 from barbalat.problem.state_feedback import Problem
 from barbalat.problem.tracking import TrackingProblem
 
-MATCHED = "the plant is (1): matched uncertainty, no unmodelled dynamics, continuous time"
-NO_DISTURBANCE = "no disturbance acts"
-EXACT_START = "x_m(0) = x(0), and the predictor starts there too"
-IN_THE_SET = "theta and theta_hat(0) lie in the known set, and the estimates are projected onto it"
+FROZEN = "gamma_max and step_max freeze the state or the regressor in the plain adaptive law: estimates, no guarantee"
+LINEAR = "margins are exact for the linear loop named, not for the adaptive loop in motion"
 TRIED = "mu is exact at the frequencies that were tried: a grid, the critical ones, and each peak refined; not between them"
 CONTINUOUS = "bounds and margins are of the continuous controller: estimates for the sampled one"
-OUTSIDE = "the true theta lies outside the known set: with projection, none of the bounds holds"
 BEYOND = "conditions and margins are known for one input with phi(x) = x and a known gain: not for this plant"
 ON_THE_BOX = "|phi(x)| is bounded where every |x_i| is at most the model's bound plus that of e"
 ASSUMED = "there |e| <= nu_0/sqrt(Gamma) is assumed: it is not proven for this scheme"
-FROZEN = "gamma_max and step_max freeze the state or the regressor in the plain adaptive law: estimates, no guarantee"
-LINEAR = "margins are exact for the linear loop named, not for the adaptive loop in motion"
 
 OF_THE_PROBLEM = frozenset({"lambda_min", "theta_max", "bounds"})
 """Guaranteed values that no controller and no theta changes."""
 
-
-def finish(
-    problem: Problem, values: dict[str, Any], guaranteed: set[str], assumptions: list[str], findings: list[str]
-) -> Certificate:
-    """The certificate, less the guarantees that what acts on the plant takes away."""
-    found = departures(problem)
-    for departure in found:
-        findings.append(f"{departure}: the bounds (9) and (10) don't cover it")
-    if found:
-        guaranteed = guaranteed - {"error_bound", "error_bound_worst"}
-    if problem.disturbance is None and not problem.unmatched:
-        assumptions.append(NO_DISTURBANCE)
-    if any("outside the known set" in finding for finding in findings):
-        guaranteed = guaranteed & ({"norms", "condition", "kappa_admissible", "kappa_max"} | OF_THE_PROBLEM)
-    return Certificate(values, frozenset(guaranteed), tuple(assumptions), tuple(findings))
+START = Assumption("x_m(0) = x(0), and the predictor starts there too")
+"""Holds by construction: the model and every predictor start at the plant's x0."""
 
 
-def departures(problem: TrackingProblem) -> list[str]:
-    """What the case's plant has that (1) has not."""
+def nominal(problem: TrackingProblem) -> tuple[Assumption, ...]:
+    """The plant (1) as it stands, and nothing that acts on it."""
+    return exact_plant(problem), undisturbed(problem), measured(problem), START
+
+
+def exact_plant(problem: TrackingProblem) -> Assumption:
+    """No dynamics, limits or delay before the plant."""
+    return Assumption(
+        "the plant is (1): matched uncertainty, no unmodelled dynamics, no delay or limits, continuous time",
+        ", ".join(dict.fromkeys(word for path in problem.plant.paths for word in _on_the_way(path, _gain_known(problem)))),
+    )
+
+
+def undisturbed(problem: TrackingProblem) -> Assumption:
+    """Nothing acts on the plant but u."""
+    acts = [
+        ("disturbance", problem.disturbance is not None),
+        ("unmatched disturbance", bool(problem.unmatched)),
+        ("disturbance at the output", problem.output_disturbance is not None),
+    ]
+    return Assumption("no disturbance acts", ", ".join(word for word, there in acts if there))
+
+
+def measured(problem: TrackingProblem) -> Assumption:
+    """The measurement is the state itself."""
+    return Assumption("the state is measured exactly", ", ".join(_of_the_sensor(problem.sensor)))
+
+
+def in_the_set(problem: Problem) -> Assumption:
+    """Where the estimates are projected onto the known set, theta lies in it; theta_hat(0) does by construction."""
+    known_set: EstimateSet | None = problem.known.box
+    outside = known_set is not None and not known_set.contains(problem.parameters)
+    return Assumption(
+        "theta and theta_hat(0) lie in the known set, and the estimates are projected onto it",
+        "theta outside the known set" if outside else "",
+    )
+
+
+def departures(problem: TrackingProblem) -> tuple[str, ...]:
+    """In a few words each, what the case's plant has that (1) has not."""
+    return tuple(found.broken for found in (exact_plant(problem), undisturbed(problem), measured(problem)) if found.broken)
+
+
+def _gain_known(problem: TrackingProblem) -> bool:
+    return not isinstance(problem, Problem) or problem.input_gain is None
+
+
+def _on_the_way(path: PlantInput, gain_known: bool) -> list[str]:
     found = []
-    if problem.disturbance is not None or problem.unmatched or problem.output_disturbance is not None:
-        found.append("a disturbance acts")
-    gain_known = getattr(problem, "input_gain", None) is None
-    unmodelled_gain = gain_known and any(path.gain != 1 for path in problem.plant.paths)
-    if unmodelled_gain or problem.delay > 0 or not all(path.is_static_gain for path in problem.plant.paths):
-        found.append("the plant has unmodelled dynamics, a delay or limits at its input")
-    if problem.sensor is not None:
-        found.append("the state is measured with lag or noise, which margins don't cover either")
+    if path.delay > 0:
+        found.append(f"delay {path.delay:g} s")
+    if path.saturation is not None:
+        found.append("saturation")
+    if path.rate_limit is not None:
+        found.append("rate limit")
+    if path.quantization is not None:
+        found.append("quantization")
+    if path.actuator is not None:
+        found.append("actuator")
+    if path.multiplicative is not None:
+        found.append("unmodelled dynamics Delta_m")
+    if path.gain != 1 and gain_known:
+        found.append(f"input gain {path.gain:g}, unknown to the controller")
+    return found
+
+
+def _of_the_sensor(sensor: Sensor | None) -> list[str]:
+    found = []
+    if sensor is not None and sensor.lag > 0:
+        found.append(f"sensor lag {sensor.lag:g} s")
+    if sensor is not None and sensor.noise is not None:
+        found.append("measurement noise")
     return found

@@ -1,23 +1,59 @@
-"""What is guaranteed of each scheme, as statements with the case's constants: the entries of Table 1, see docs/table-1.md."""
+"""The cells of Table 1: statements with the case's constants, each an entry with what it rests on; see docs/table-1.md."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Literal, NamedTuple
+from typing import Any
 
+from barbalat.certificates.certificate import Certificate
+from barbalat.certificates.entry import Assumption, Entry, checked
 
-class Cell(NamedTuple):
-    """A statement; "proven" holds under the column's assumptions, an "estimate" is advice."""
-
-    kind: Literal["proven", "not proven", "estimate"]
-    text: str
-
+PROPERTIES = {
+    "stability": "Signals bounded",
+    "tracking": "Tracking error",
+    "transient": "Transient",
+    "estimates": "Estimates",
+    "modelling_error": "With modelling error (11)",
+    "tuning": "Gain, filter, step",
+    "margins": "Linear loop",
+}
+"""The rows; the first four are of the plant without modelling error."""
 
 NONLINEAR = "known for phi(x) = x; where phi grows faster, a normalised law may be too slow to keep x bounded"
 
-Analysis = Callable[[Any, Any, dict[str, Any]], tuple[str, dict[str, Cell]]]
-"""From the problem, the controller and its certificate's values to the scheme's name and its statements."""
+
+@dataclass(frozen=True)
+class Column:
+    """One controller: its cells by the keys of PROPERTIES."""
+
+    name: str
+    scheme: str
+    cells: dict[str, Entry]
+
+    def as_json(self) -> dict[str, Any]:
+        """The contract's block for a column; ``text`` is the statement, or why there is none."""
+        cells = {key: {"text": cell.text} | cell.as_json() for key, cell in self.cells.items()}
+        return {"name": self.name, "scheme": self.scheme, **cells}
+
+
+def statement(key: str, text: str, *assumptions: Assumption) -> Entry:
+    """What holds on this case; where the case breaks an assumption, that it does not apply, and why."""
+    return checked(key, text, assumptions, meaning=PROPERTIES[key])
+
+
+def nothing(key: str, why: str) -> Entry:
+    """What is not claimed for this scheme, and why."""
+    return Entry(key=key, value=None, kind="does not apply", meaning=PROPERTIES[key], why=why)
+
+
+def estimate(key: str, text: str) -> Entry:
+    """A number without a guarantee."""
+    return Entry(key=key, value=text, kind="estimate", meaning=PROPERTIES[key])
+
+
+def advice(key: str, text: str) -> Entry:
+    """A fact for orientation."""
+    return Entry(key=key, value=text, kind="advice", meaning=PROPERTIES[key])
 
 
 def limits_text(values: dict[str, Any]) -> str:
@@ -30,32 +66,29 @@ def limits_text(values: dict[str, Any]) -> str:
     return "; ".join(parts) or "no limit of the step is known"
 
 
-def margins_cell(values: dict[str, Any]) -> Cell:
-    """Delay margins, at the case's theta and over the known set."""
+def margins_cell(certificate: Certificate) -> Entry:
+    """Delay margins, at the case's theta and over the known set; exact where all that is shown is."""
     parts = []
-    if "margins_of" in values:
-        delay, which = values.get("delay_margin"), values["margins_of"].removeprefix("the linear loop ")
-        parts.append(f"delay margin {'unlimited' if delay is None else f'{delay:.4g} s'} ({which})")
-    for entry in values.get("margins_over_known_set", ()):
-        which = entry["of"].removeprefix("the linear loop ")
-        if "unstable_at" in entry:
-            parts.append(f"over the known set unstable somewhere ({which})")
-        elif "delay_margin" in entry:
-            parts.append(f"over the known set {entry['delay_margin']['value']:.4g} s at the least found ({which})")
-    if values.get("delay_margin_adapting") is not None:
-        parts.append(f"linearised with its law at the largest command {values['delay_margin_adapting']:.3g} s")
-    return Cell("estimate", "; ".join(parts) or "not known")
-
-
-@dataclass(frozen=True)
-class Column:
-    """One controller: its statements by the keys of PROPERTIES, and what they assume."""
-
-    name: str
-    scheme: str
-    cells: dict[str, Cell]
-    assumptions: tuple[str, ...]
-
-    def as_json(self) -> dict[str, Any]:
-        cells = {key: cell._asdict() for key, cell in self.cells.items()}
-        return {"name": self.name, "scheme": self.scheme, "assumptions": list(self.assumptions), **cells}
+    margin, over_set, adapting = (
+        certificate.entry(key) for key in ("delay_margin", "margins_over_known_set", "delay_margin_adapting")
+    )
+    if margin is not None and margin.applies:
+        value = "unlimited" if margin.value is None else f"{margin.value:.4g} s"
+        parts.append(f"delay margin {value} ({margin.of})")
+    for loop in () if over_set is None else over_set.value:
+        if "unstable_at" in loop:
+            parts.append(f"over the known set unstable somewhere ({loop['loop']})")
+        elif "delay_margin" in loop:
+            parts.append(f"over the known set {loop['delay_margin']['value']:.4g} s at the least found ({loop['loop']})")
+    if adapting is not None and adapting.value is not None:
+        parts.append(f"linearised with its law at the largest command {adapting.value:.3g} s")
+    if not parts:
+        return nothing("margins", "no linear loop is known")
+    only_exact = margin is not None and margin.kind == "exact" and len(parts) == 1
+    return Entry(
+        key="margins",
+        value="; ".join(parts),
+        kind="exact" if only_exact else "estimate",
+        meaning=PROPERTIES["margins"],
+        of=margin.of if only_exact and margin is not None else "",
+    )

@@ -1,31 +1,115 @@
-"""What a certificate is: numbers with the assumptions they rest on, by the names of the JSON contract."""
+"""A certificate: entries, and what was found besides; ``Draft`` is how a scheme's file writes one."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import Any
+
+from barbalat.certificates.entry import Assumption, Entry, Kind, checked
+from barbalat.certificates.quantities import QUANTITIES
 
 
 @dataclass(frozen=True)
 class Certificate:
     """One controller's certificate.
 
-    values       by the contract's keys; a key that has no meaning for the scheme is absent
-    guaranteed   the keys whose value is a bound that holds under the assumptions; all others are estimates
-    assumptions  sentences
-    findings     what failed to hold, as sentences: a condition, a bound that does not exist
+    entries  every value with its kind, what it means and what it rests on; a key that has no meaning for the scheme is absent
+    notes    what else was found, as sentences
     """
 
-    values: dict[str, Any]
-    guaranteed: frozenset[str]
-    assumptions: tuple[str, ...]
-    findings: tuple[str, ...] = ()
+    entries: tuple[Entry, ...] = ()
+    notes: tuple[str, ...] = ()
+
+    def entry(self, key: str) -> Entry | None:
+        """The entry of a key; None where the scheme has none."""
+        return next((entry for entry in self.entries if entry.key == key), None)
+
+    @property
+    def values(self) -> dict[str, Any]:
+        """The values that are claimed on this case, by the contract's keys."""
+        return {entry.key: entry.value for entry in self.entries if entry.applies}
+
+    @property
+    def guaranteed(self) -> frozenset[str]:
+        """The keys whose value is a bound that holds on this case; all others are not."""
+        return frozenset(entry.key for entry in self.entries if entry.kind == "guaranteed" and entry.value is not None)
+
+    @property
+    def assumptions(self) -> tuple[str, ...]:
+        """What the values that apply rest on, as sentences."""
+        return tuple(dict.fromkeys(s for entry in self.entries if entry.applies for s in entry.assumptions))
+
+    @property
+    def findings(self) -> tuple[str, ...]:
+        """What does not apply and why, then the notes, as sentences."""
+        keys: dict[str, list[str]] = {}
+        for entry in self.entries:
+            if not entry.applies:
+                keys.setdefault(entry.why, []).append(entry.key)
+        return (*(f"{', '.join(of)}: does not apply ({why})" for why, of in keys.items()), *self.notes)
 
     def as_json(self) -> dict[str, Any]:
-        """The JSON contract's block for a controller."""
+        """The JSON contract's block for a controller: flat keys for what applies, and all entries."""
         document = {key: value for key, value in self.values.items() if value is not None}
-        document["guaranteed"] = sorted(self.guaranteed & document.keys())
+        document["guaranteed"] = sorted(self.guaranteed)
         document["assumptions"] = list(self.assumptions)
         if self.findings:
             document["findings"] = list(self.findings)
+        document["entries"] = [entry.as_json() for entry in self.entries]
         return document
+
+    def with_entries(self, entries: tuple[Entry, ...], *notes: str) -> Certificate:
+        """The same with other entries and further notes."""
+        return replace(self, entries=entries, notes=(*self.notes, *notes))
+
+
+@dataclass(eq=False)
+class Draft:
+    """A certificate that is being written: entries in the order in which they come, and notes."""
+
+    entries: dict[str, Entry] = field(default_factory=dict)
+    notes: list[str] = field(default_factory=list)
+
+    def __getitem__(self, key: str) -> Any:
+        """The value that stands under a key, whether it applies on this case or not."""
+        return self.entries[key].value
+
+    def get(self, key: str) -> Any:
+        """The same, or None where nothing stands there."""
+        return self[key] if key in self.entries else None
+
+    def note(self, sentence: str) -> None:
+        """Something found, as a sentence; said once."""
+        if sentence not in self.notes:
+            self.notes.append(sentence)
+
+    def guarantee(self, key: str, value: Any, *assumptions: Assumption) -> None:
+        """A bound; it becomes one that does not apply where this case breaks an assumption."""
+        meaning, unit, _ = QUANTITIES[key]
+        self.entries[key] = checked(key, value, assumptions, unit=unit, meaning=meaning)
+
+    def exact(self, values: dict[str, Any], of: str, *assumptions: str) -> None:
+        """Values that are exact for the linear loop named."""
+        self._add(values, "exact", assumptions, of)
+
+    def estimate(self, values: dict[str, Any], *assumptions: str) -> None:
+        """Values without a guarantee."""
+        self._add(values, "estimate", assumptions)
+
+    def advise(self, values: dict[str, Any], *assumptions: str) -> None:
+        """Facts for orientation."""
+        self._add(values, "advice", assumptions)
+
+    def missing(self, key: str, why: str) -> None:
+        """A value that the scheme would have, and that this case has not."""
+        meaning, unit, _ = QUANTITIES[key]
+        self.entries[key] = Entry(key=key, value=None, kind="does not apply", unit=unit, meaning=meaning, why=why)
+
+    def finish(self) -> Certificate:
+        """The certificate."""
+        return Certificate(tuple(self.entries.values()), tuple(self.notes))
+
+    def _add(self, values: dict[str, Any], kind: Kind, assumptions: tuple[str, ...], of: str = "") -> None:
+        for key, value in values.items():
+            meaning, unit, _ = QUANTITIES[key]
+            self.entries[key] = Entry(key=key, value=value, kind=kind, unit=unit, meaning=meaning, assumptions=assumptions, of=of)

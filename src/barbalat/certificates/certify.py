@@ -32,7 +32,7 @@ def certify_where_possible(
         try:
             found[controller.name] = _certificate(problem, controller, simulation)
         except InputError as error:
-            found[controller.name] = Certificate({}, frozenset(), (), (f"no certificate: {error}",))
+            found[controller.name] = Certificate(notes=(f"no certificate: {error}",))
     return found
 
 

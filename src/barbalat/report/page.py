@@ -10,8 +10,8 @@ from importlib import resources
 from jinja2 import Environment, StrictUndefined
 
 import barbalat
+from barbalat.certificates.cells import PROPERTIES
 from barbalat.certificates.overview import Certified
-from barbalat.certificates.table_1 import PROPERTIES
 from barbalat.claims.claim import Claim, PaperFigure
 from barbalat.report import tradeoff
 from barbalat.report.certificates import rows

@@ -8,8 +8,8 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+from barbalat.certificates.cells import PROPERTIES
 from barbalat.certificates.certificate import Certificate
-from barbalat.certificates.table_1 import PROPERTIES
 from barbalat.certificates.table_1 import Table as Table1
 from barbalat.claims.claim import Claim, PaperFigure
 from barbalat.report.certificates import rows
@@ -17,7 +17,7 @@ from barbalat.report.numbers import number_text
 from barbalat.run.result import Result
 
 STYLES = {"confirmed": "green", "confirmed with conditions": "yellow", "not confirmed": "red", "erratum": "red"}
-KINDS = {"proven": "green", "not proven": "red", "estimate": "dim"}
+KINDS = {"guaranteed": "green", "exact": "green", "does not apply": "red", "estimate": "dim", "advice": "dim"}
 
 
 def figures_of_runs(results: Sequence[Result]) -> Table:

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
-from barbalat.certificates.certificate import Certificate
+from barbalat.certificates.certificate import Certificate, Draft
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller
 from barbalat.run.progress import Progress, part_of
@@ -41,7 +39,7 @@ def _with(
     certificate: Certificate, found: DelayMargins, lost: Lost, simulation: Simulation, resting: tuple[str, ...]
 ) -> Certificate:
     if not found.tracks[0]:
-        return replace(certificate, findings=(*certificate.findings, _not_tracking(found)))
+        return certificate.with_entries(certificate.entries, _not_tracking(found))
     onset = Onset()
     meanings = {
         "delay_onset_simulated": (
@@ -57,17 +55,11 @@ def _with(
             "diverged, so that a smaller oscillation is borne",
         ),
     }
-    values: dict[str, Any] = {key: float(bracket.bears[0]) for key, (bracket, _) in meanings.items()}
-    return replace(
-        certificate,
-        values={**certificate.values, **values},
-        assumptions=(
-            *certificate.assumptions,
-            *(f"{key} was measured on the case's own run, no guarantee: {what}{_limit(bracket, simulation)}"
-              for key, (bracket, what) in meanings.items()),
-            *resting,
-        ),
-    )  # fmt: skip
+    measured = Draft()
+    for key, (bracket, what) in meanings.items():
+        rests_on = f"{key} was measured on the case's own run, no guarantee: {what}{_limit(bracket, simulation)}"
+        measured.estimate({key: float(bracket.bears[0])}, rests_on, *resting)
+    return certificate.with_entries((*certificate.entries, *measured.entries.values()))
 
 
 def _limit(bracket: Bracket, simulation: Simulation) -> str:

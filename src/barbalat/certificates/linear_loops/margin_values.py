@@ -6,6 +6,8 @@ from typing import Any
 
 import numpy as np
 
+from barbalat.certificates.assumptions import LINEAR
+from barbalat.certificates.certificate import Draft
 from barbalat.certificates.linear_loops.around_equilibrium import around_equilibrium
 from barbalat.linear.delayed_peaks import delayed_peaks
 from barbalat.linear.interconnections import complementary_sensitivity, sensitivity, series
@@ -21,25 +23,40 @@ KEYS = {"delay": "delay_margin", "phase": "phase_margin", "gain_up": "gain_margi
 """The certificate's names of what ``Margins`` holds."""
 
 
-def margins_of(problem: TrackingProblem, loop: StateSpace, which: str, findings: list[str]) -> dict[str, Any]:
-    """Margins of the loop with the plant's input dynamics and delay in it: the delay margin is what it bears besides."""
+def add_margins(draft: Draft, problem: TrackingProblem, loop: StateSpace, which: str, assumed: str = LINEAR) -> None:
+    """Margins and peaks of the loop, with the plant's input dynamics and delay in it, and which loop that is."""
+    found = margins_of(problem, loop, which, draft.notes)
+    if not found:
+        return
+    name = f"{which}, broken at the plant input{_beside(problem)}"
+    draft.exact(found, name, assumed)
+    draft.advise({"margins_of": f"the linear loop {name}"})
+
+
+def _beside(problem: TrackingProblem) -> str:
+    """What of the case is in the loop besides, and what is not."""
+    path, sensor = problem.plant.paths[0], problem.sensor
+    beside = f", beside its delay of {problem.delay:g} s" if problem.delay > 0 else ""
+    left_out = [] if path.is_linear else ["its limits"]
+    if sensor is not None and sensor.lag > 0:
+        left_out.append(f"its sensor's lag of {sensor.lag:g} s")
+    return beside + (f", without {' and '.join(left_out)}" if left_out else "")
+
+
+def margins_of(problem: TrackingProblem, loop: StateSpace, which: str, notes: list[str]) -> dict[str, Any]:
+    """Margins by the certificate's keys; the delay margin is what the loop bears besides the delay that it has."""
     loop = with_input_dynamics(problem, loop)
     try:
         found = margins(loop, problem.delay)
     except InputError as error:
-        findings.append(f"linear loop {which}: {error}")
+        notes.append(f"linear loop {which}: {error}")
         return {}
     values = {key: finite(getattr(found, name)) for name, key in KEYS.items()}
     unlimited = [key for key, value in values.items() if value is None]
-    beside = f", beside its delay of {problem.delay:g} s" if problem.delay > 0 else ""
-    return values | {
-        "unlimited": unlimited or None,
-        **_peaks(loop, problem.delay, which, findings),
-        "margins_of": f"the linear loop {which}, broken at the plant input{beside}",
-    }
+    return values | {"unlimited": unlimited or None} | _peaks(loop, problem.delay, which, notes)
 
 
-def _peaks(loop: StateSpace, delay: float, which: str, findings: list[str]) -> dict[str, float]:
+def _peaks(loop: StateSpace, delay: float, which: str, notes: list[str]) -> dict[str, float]:
     """max |S| and max |T|; a finding where they are not known."""
     try:
         if delay > 0:
@@ -47,26 +64,29 @@ def _peaks(loop: StateSpace, delay: float, which: str, findings: list[str]) -> d
         else:
             S, T = (peak_gain(system(loop)).gain for system in (sensitivity, complementary_sensitivity))
     except InputError as error:
-        findings.append(f"linear loop {which}: {error}")
+        notes.append(f"linear loop {which}: {error}")
         return {}
     return {"sensitivity_peak": S, "complementary_sensitivity_peak": T}
 
 
-def adapting_margins(problem: Problem, loop: ClosedLoop, findings: list[str]) -> dict[str, Any]:
+def add_adapting_margins(draft: Draft, problem: Problem, loop: ClosedLoop) -> None:
     """The delay margin of the adaptive loop linearised at the constant command sup |r|."""
     level = problem.commands[0].bound  # type: ignore[attr-defined]  # model_bounds has checked that it is there
     if level == 0:
-        return {}
+        return
     equations: Any = loop.equations
     if not equations.modifications.is_off:
-        findings.append("the adapting loop's margin is given for the plain law only: with the modification it rests elsewhere")
-        return {}
+        draft.missing(
+            "delay_margin_adapting", "it is given for the plain law only: with the modification the loop rests elsewhere"
+        )
+        return
+    at = f"linearised at the constant command {level:g}"
     try:
         found = margins(with_input_dynamics(problem, around_equilibrium(loop, level)), problem.delay)
     except InputError as error:
-        findings.append(f"linear loop linearised at the constant command {level:g}: {error}")
-        return {}
-    return {"delay_margin_adapting": finite(found.delay)}
+        draft.missing("delay_margin_adapting", f"linear loop {at}: {error}")
+        return
+    draft.exact({"delay_margin_adapting": finite(found.delay)}, f"{at}, its law included{_beside(problem)}", LINEAR)
 
 
 def with_input_dynamics(problem: TrackingProblem, loop: StateSpace) -> StateSpace:

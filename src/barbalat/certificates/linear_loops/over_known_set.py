@@ -7,6 +7,8 @@ from typing import Any
 
 import numpy as np
 
+from barbalat.certificates.assumptions import LINEAR
+from barbalat.certificates.certificate import Draft
 from barbalat.certificates.linear_loops.ideal import fast_adaptation, known_parameters
 from barbalat.certificates.linear_loops.margin_values import KEYS
 from barbalat.certificates.linear_loops.worst_case import Family, WorstCase, worst_case
@@ -19,22 +21,25 @@ AT_REST = "with the estimates at rest on theta"
 FAST = "in the limit of fast adaptation"
 
 
-def at_rest(problem: Problem, findings: list[str]) -> dict[str, Any]:
+def add_at_rest(draft: Draft, problem: Problem) -> None:
     """Of the loop that every scheme with C = 1 becomes; nothing without a known set."""
     known_set = problem.uncertainty
-    return {} if known_set is None else _values([(AT_REST, _worst_at_rest(problem.plant, known_set))], findings)
+    if known_set is not None:
+        _add(draft, [(AT_REST, _worst_at_rest(problem.plant, known_set))])
 
 
-def filtered(problem: Problem, C: StateSpace, findings: list[str]) -> dict[str, Any]:
+def add_filtered(draft: Draft, problem: Problem, C: StateSpace) -> None:
     """Of L1-AC's two readings: in the limit of fast adaptation, and with the estimates at rest."""
     known_set = problem.uncertainty
-    return {} if known_set is None else _values(_worst_filtered(problem.plant, known_set, C), findings)
+    if known_set is not None:
+        _add(draft, _worst_filtered(problem.plant, known_set, C))
 
 
-def fixed(problem: Problem, family: Family, findings: list[str]) -> dict[str, Any]:
+def add_fixed(draft: Draft, problem: Problem, family: Family) -> None:
     """Of a linear controller's loop."""
     known_set = problem.uncertainty
-    return {} if known_set is None else _values([("with a fixed controller", worst_case(family, known_set))], findings)
+    if known_set is not None:
+        _add(draft, [("with a fixed controller", worst_case(family, known_set))])
 
 
 @lru_cache(maxsize=16)
@@ -53,18 +58,21 @@ def _worst_filtered(plant: Plant, known_set: KnownSet, C: StateSpace) -> list[tu
     return [(which, worst_case(family, known_set)) for which, family in families.items()]
 
 
-def _values(found: list[tuple[str, WorstCase]], findings: list[str]) -> dict[str, Any]:
-    return {"margins_over_known_set": [_entry(which, worst, findings) for which, worst in found]}
+def _add(draft: Draft, found: list[tuple[str, WorstCase]]) -> None:
+    draft.estimate({"margins_over_known_set": [_of_one_loop(draft, which, worst) for which, worst in found]}, LINEAR)
 
 
-def _entry(which: str, worst: WorstCase, findings: list[str]) -> dict[str, Any]:
+def _of_one_loop(draft: Draft, which: str, worst: WorstCase) -> dict[str, Any]:
     """JSON for one loop: each finite margin with its theta, beside the delay that the plant has."""
-    entry: dict[str, Any] = {"of": f"the linear loop {which}", "searched": worst.searched, "unlimited": []}
+    entry: dict[str, Any] = {
+        "of": f"the linear loop {which}",
+        "loop": which,
+        "searched": worst.searched,
+        "unlimited": [],
+    }
     unstable_at = worst.unstable_at
     if unstable_at is not None:
-        findings.append(
-            f"linear loop {which}: unstable at theta = [{', '.join(f'{v:.4g}' for v in unstable_at)}] of the known set"
-        )
+        draft.note(f"linear loop {which}: unstable at theta = [{', '.join(f'{v:.4g}' for v in unstable_at)}] of the known set")
         return entry | {"unstable_at": unstable_at.tolist()}
     for name, (value, theta) in worst.least.items():
         if np.isfinite(value):

@@ -10,21 +10,16 @@ which is (10) with S in the place of 1 - C, no parameter error to forget, and k_
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
-from barbalat.certificates.assumptions import (
-    MATCHED,
-    TRIED,
-    finish,
-)
+from barbalat.certificates.assumptions import TRIED, nominal
 from barbalat.certificates.bounds import theorem_1
 from barbalat.certificates.bounds.model import ModelBounds, model_bounds
-from barbalat.certificates.cells import Cell, margins_cell
-from barbalat.certificates.certificate import Certificate
+from barbalat.certificates.cells import advice, estimate, margins_cell, nothing, statement
+from barbalat.certificates.certificate import Certificate, Draft
+from barbalat.certificates.entry import Assumption, Entry
 from barbalat.certificates.linear_loops import over_known_set
-from barbalat.certificates.linear_loops.margin_values import margins_of
+from barbalat.certificates.linear_loops.margin_values import add_margins
 from barbalat.certificates.linear_loops.robustness import robustness
 from barbalat.certificates.linear_loops.worst_case import Family
 from barbalat.certificates.rounding import up
@@ -67,48 +62,59 @@ def bound(equations: linear_feedback.Equations, known: Known, x_m: float) -> tup
 def certificate(problem: Problem, controller: LinearFeedback, _: Simulation) -> Certificate:
     """The error's bound in Theorem 1's form, margins and peaks on the true plant, mu of the family."""
     known, known_set = problem.known, problem.uncertainty
-    equations = controller.bind(known)
-    values: dict[str, Any] = {}
-    findings: list[str] = []
-    guaranteed: set[str] = set()
+    equations, draft = controller.bind(known), Draft()
     if known_set is not None:
         try:
             condition, error_bound = bound(equations, known, model_bounds(problem).x_m)
         except InputError as error:
-            findings.append(str(error))
+            draft.missing("error_bound", str(error))
         else:
-            values["norms"] = {"W_b S": condition.norm.ends}
-            values["condition"] = {"of": "W_b S", "value_upper": condition.value_upper, "limit": 1.0, "holds": condition.holds}
-            guaranteed |= {"norms", "condition"}
+            draft.guarantee("norms", {"W_b S": condition.norm.ends})
+            draft.guarantee(
+                "condition", {"of": "W_b S", "value_upper": condition.value_upper, "limit": 1.0, "holds": condition.holds}
+            )
             if condition.holds:
-                values["error_bound"] = error_bound
-                guaranteed |= {"error_bound"}
-        if not known_set.contains(problem.plant.theta):
-            findings.append("the true theta lies outside the known set: the bound of the error does not hold")
-    values |= margins_of(problem, loop_at(problem.plant.theta, equations, known), "with the true parameters", findings)
+                draft.guarantee("error_bound", error_bound, *rests_on(problem))
+            else:
+                draft.missing("error_bound", "||W_b S||_1 times the set's radius is not below 1")
+    add_margins(draft, problem, loop_at(problem.plant.theta, equations, known), "with the true parameters")
     family = Family(problem.plant, lambda plant: loop_at(plant.theta, equations, known))
-    values |= over_known_set.fixed(problem, family, findings)
+    over_known_set.add_fixed(draft, problem, family)
     centre = problem.plant.theta if known_set is None else known_set.middle
-    values |= robustness(loop_at(centre, equations, known), known_set, controller.unmodelled, findings)
-    assumptions = [MATCHED, "x_m(0) = x(0), and K(s) starts at rest", "theta lies in the known set", TRIED]
-    return finish(problem, values, guaranteed, assumptions, findings)
+    draft.estimate(robustness(loop_at(centre, equations, known), known_set, controller.unmodelled, draft.notes), TRIED)
+    return draft.finish()
 
 
-def column(_: Problem, __: LinearFeedback, values: dict[str, Any]) -> tuple[str, dict[str, Cell]]:
-    """The scheme's name in Table 1 and its statements."""
-    bounded = "error_bound" in values
-    condition = values.get("condition")
+def rests_on(problem: Problem) -> tuple[Assumption, ...]:
+    """What the bound of the error rests on."""
+    known_set = problem.uncertainty
+    outside = known_set is not None and not known_set.contains(problem.plant.theta)
+    inside = Assumption("theta lies in the known set", "theta outside the known set" if outside else "")
+    return (*nominal(problem), Assumption("K(s) starts at rest"), inside)
+
+
+def column(problem: Problem, _: LinearFeedback, certificate: Certificate) -> tuple[str, dict[str, Entry]]:
+    """The scheme's name in Table 1 and its cells."""
+    values, bound = certificate.values, certificate.entry("error_bound")
+    condition, mu = values.get("condition"), values.get("mu_parameters")
     small_gain = "" if condition is None else f"||W_b S||_1 times the set's radius <= {up(condition['value_upper'])}"
-    mu = values.get("mu_parameters")
-    robustly = "" if mu is None else f"mu over the known set = {mu:.4g}, below 1 where every constant theta in it is stable"
+    robustly = (
+        "see its margins"
+        if mu is None
+        else (f"mu over the known set = {mu:.4g}, below 1 where every constant theta in it is stable")
+    )
+    if bound is None or bound.value is None:
+        why = small_gain or ("without a known set there is nothing to cover" if bound is None else bound.why)
+        stability, transient = nothing("stability", why), nothing("transient", "no bound: " + why)
+    else:
+        stability = statement("stability", small_gain, *rests_on(problem))
+        transient = statement("transient", f"|e| <= {up(bound.value)} at all times", *rests_on(problem))
     return "linear feedback", {
-        "stability": Cell("proven" if bounded else "not proven", small_gain or "without a known set there is nothing to cover"),
-        "tracking": Cell("not proven", "not to zero in general; to zero for a constant r where K(s) integrates"),
-        "transient": Cell("proven", f"|e| <= {up(values['error_bound'])} at all times")
-        if bounded
-        else Cell("not proven", "no bound"),
-        "estimates": Cell("estimate", "it estimates nothing"),
-        "modelling_error": Cell("estimate", robustly or "see its margins"),
-        "tuning": Cell("estimate", "no adaptive gain"),
-        "margins": margins_cell(values),
+        "stability": stability,
+        "tracking": nothing("tracking", "not to zero in general; to zero for a constant r where K(s) integrates"),
+        "transient": transient,
+        "estimates": advice("estimates", "it estimates nothing"),
+        "modelling_error": estimate("modelling_error", robustly),
+        "tuning": advice("tuning", "no adaptive gain"),
+        "margins": margins_cell(certificate),
     }

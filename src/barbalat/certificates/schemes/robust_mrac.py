@@ -1,4 +1,7 @@
-"""The certificate of the MRAC with a normalised law and of the robust MRAC (14)-(16), and their column of Table 1."""
+"""The certificate of the MRAC with a normalised law and of the robust MRAC (14)-(16), and their column of Table 1.
+
+What is guaranteed is Lemma 1's boundedness and convergence; its constants are not computable from the case.
+"""
 
 from __future__ import annotations
 
@@ -6,12 +9,13 @@ from typing import Any
 
 from barbalat.adaptation.modifications.epsilon_modification import EpsilonModification
 from barbalat.adaptation.modifications.fixed_sigma import FixedSigma
-from barbalat.certificates.assumptions import EXACT_START, FROZEN, LINEAR, MATCHED, finish
+from barbalat.certificates.assumptions import FROZEN, departures, in_the_set
 from barbalat.certificates.bounds import laws, theorem_1
-from barbalat.certificates.cells import NONLINEAR, Cell, limits_text, margins_cell
-from barbalat.certificates.certificate import Certificate
+from barbalat.certificates.cells import NONLINEAR, estimate, limits_text, margins_cell, nothing, statement
+from barbalat.certificates.certificate import Certificate, Draft
+from barbalat.certificates.entry import Assumption, Entry
 from barbalat.certificates.rounding import down
-from barbalat.certificates.schemes.state_feedback import margins_at_rest, parameter_errors, projected
+from barbalat.certificates.schemes.state_feedback import add_margins_at_rest, of_the_case, projected
 from barbalat.certificates.step_limits import frozen_laws
 from barbalat.controllers import NormalizedMrac, RobustMrac
 from barbalat.controllers.robust_mrac import minimum_phase_model
@@ -19,73 +23,95 @@ from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.problem.state_feedback import Problem
 from barbalat.solvers.simulation import Simulation
 
-
-def column(problem: Problem, controller: NormalizedMrac | RobustMrac, values: dict[str, Any]) -> tuple[str, dict[str, Cell]]:
-    """The scheme's name in Table 1 and its statements."""
-    sentence, law = laws.convergence(controller.law, controller.bind(problem.known).box), controller.law
-    to_zero, nothing = sentence.startswith("the tracking error converges to zero"), "nothing is guaranteed" in sentence
-    cut = "corners" in sentence
-    pulled = isinstance(law.leakage, (FixedSigma, EpsilonModification))  # type: ignore[attr-defined]
-    settled = "V of the law never grows; they converge to theta where phi/m_s is persistently exciting"
-    pull = "bounded, and pulled towards zero"
-    cells = {
-        "stability": Cell("not proven", sentence) if nothing else Cell("proven", "for every bounded r"),
-        "tracking": Cell("proven", "converges to zero for every bounded r") if to_zero else Cell("not proven", sentence),
-        "transient": Cell("not proven", "no bound before the estimates have settled"),
-        "estimates": Cell("not proven", sentence) if cut else Cell("proven", pull if pulled else settled),
-        "modelling_error": Cell("not proven", sentence) if nothing else _normalized_robustness(problem, controller),
-        "tuning": Cell("estimate", limits_text(values)),
-        "margins": margins_cell(values),
-    }
-    if not problem.plant.is_linear:  # the proof of boundedness needs |phi(x)| <= c |x|
-        cells |= dict.fromkeys(("stability", "tracking", "modelling_error"), Cell("not proven", NONLINEAR))
-    if not isinstance(controller, RobustMrac):
-        return "normalised MRAC", cells
-    degree = minimum_phase_model(controller.bind(problem.known).c_0, problem.known).relative_degree
-    power = "" if degree == 1 else f"^{degree}"
-    kept = f"the auxiliary input leaves 1 - 1/(tau s + 1){power} of c_0'e, of the order of tau; no number bounds it"
-    ceiling = 1 / controller.normalization.delta_0
-    window = f"tau_min < tau = {controller.tau:g} s < 1/delta_0 = {down(ceiling)} s (Theorem 2; tau_min grows with Delta)"
-    printed = Cell("not proven", "with the sign of (14) as printed the auxiliary input does not cancel the error")
-    cells["transient"] = printed if controller.printed_sign else Cell("proven", kept)
-    cells["tuning"] = Cell("estimate", f"{window}; {limits_text(values)}")
-    return "robust MRAC (14)-(16)", cells
-
-
-def _normalized_robustness(problem: Problem, controller: NormalizedMrac | RobustMrac) -> Cell:
-    if controller.normalization.alpha_0 == 0:
-        return Cell("not proven", "needs the dynamic normalisation, alpha_0 > 0 in (16); it is 0 here")
-    if not projected(problem, controller) and controller.law.leakage is None:  # type: ignore[attr-defined]
-        return Cell("not proven", "needs projection or leakage, and there is neither")
-    return Cell(
-        "proven",
-        "bounded, the mean square of e of the order of Delta, for every Delta that is small enough; how small is not computed",
-    )
+MINIMUM_PHASE = Assumption("c_0 makes W_m minimum phase")
+"""``bind`` refuses a c_0 that doesn't."""
 
 
 def certificate(problem: Problem, controller: RobustMrac | NormalizedMrac, simulation: Simulation) -> Certificate:
-    """What is guaranteed is Lemma 1's boundedness and convergence; its constants are not computable from the case."""
-    plant = problem.plant
-    loop = ClosedLoop.of(problem, controller)
-    values, findings = parameter_errors(problem, loop)
-    del values["nu_0"]
-    values.pop("nu_0_worst", None)
-    values["initial_parameter_error"] = theorem_1.initial_parameter_error(loop.equations.initial().theta_hat, plant.theta)  # type: ignore[attr-defined]
+    """The initial parameter error, the limits of the step, the margins at rest; with an auxiliary input the limit of tau."""
+    loop, draft = ClosedLoop.of(problem, controller), Draft()
     equations: Any = loop.equations
-    values |= frozen_laws.of_parametric_model(problem, controller, equations, simulation)
-    values |= margins_at_rest(problem, findings)
+    inside = () if problem.uncertainty is None else (in_the_set(problem),)
+    error = theorem_1.initial_parameter_error(equations.initial().theta_hat, problem.plant.theta)
+    draft.guarantee("initial_parameter_error", error, *inside)
+    draft.missing("error_bound", "no number bounds e: Lemma 1's constants can't be computed from the case")
+    draft.estimate(frozen_laws.of_parametric_model(problem, controller, equations, simulation), FROZEN)
+    add_margins_at_rest(draft, problem)
     if isinstance(controller, RobustMrac):
-        values["tau_below"] = 1 / controller.normalization.delta_0  # Theorem 2: tau in (tau_min, 1/delta_0)
-        if not controller.tau < values["tau_below"]:
-            findings.append(
-                f"Theorem 2 asks for tau < 1/delta_0 = {values['tau_below']:.4g} s, and tau is {controller.tau:.4g} s"
-            )
-    assumptions = [
-        MATCHED + "; with modelling error only Theorem 2's existence statement remains",
-        EXACT_START,
-        "c_0 makes W_m minimum phase (checked)",
-        FROZEN,
-        laws.convergence(controller.law, controller.bind(problem.known).box) + "; no number bounds e",
-        LINEAR,
-    ]
-    return finish(problem, values, {"initial_parameter_error"}, assumptions, findings)
+        draft.advise({"tau_below": 1 / controller.normalization.delta_0})
+        below = _below_the_ceiling(controller)
+        if below.broken:
+            draft.note(f"{below.sentence}, but {below.broken}")
+    return draft.finish()
+
+
+def column(problem: Problem, controller: NormalizedMrac | RobustMrac, certificate: Certificate) -> tuple[str, dict[str, Entry]]:
+    """The scheme's name in Table 1 and its cells."""
+    box = controller.bind(problem.known).box
+    sentence = laws.convergence(controller.law, box)
+    to_zero, none = sentence.startswith("the tracking error converges to zero"), "nothing is guaranteed" in sentence
+    cut = "corners" in sentence
+    rests_on = (*of_the_case(problem, box), MINIMUM_PHASE)
+    converges = "converges to zero for every bounded r"
+    cells = {
+        "stability": nothing("stability", sentence) if none else statement("stability", "for every bounded r", *rests_on),
+        "tracking": statement("tracking", converges, *rests_on) if to_zero else nothing("tracking", sentence),
+        "transient": nothing("transient", "no bound before the estimates have settled"),
+        "estimates": nothing("estimates", sentence) if cut else statement("estimates", _estimates(controller, none), *rests_on),
+        "modelling_error": nothing("modelling_error", sentence) if none else _robustness(problem, controller),
+        "tuning": estimate("tuning", limits_text(certificate.values)),
+        "margins": margins_cell(certificate),
+    }
+    if isinstance(controller, RobustMrac):
+        cells["transient"] = _transient(problem, controller, rests_on)
+        cells["tuning"] = estimate("tuning", f"{_window(controller)}; {limits_text(certificate.values)}")
+    if not problem.plant.is_linear:  # the proof of boundedness needs |phi(x)| <= c |x|
+        cells |= {key: nothing(key, NONLINEAR) for key in ("stability", "tracking", "modelling_error", "transient")}
+    return "robust MRAC (14)-(16)" if isinstance(controller, RobustMrac) else "normalised MRAC", cells
+
+
+def _below_the_ceiling(controller: RobustMrac) -> Assumption:
+    ceiling = 1 / controller.normalization.delta_0  # Theorem 2: tau in (tau_min, 1/delta_0)
+    broken = "" if controller.tau < ceiling else f"tau is {controller.tau:.4g} s"
+    return Assumption(f"Theorem 2 asks for tau < 1/delta_0 = {ceiling:.4g} s", broken)
+
+
+def _window(controller: RobustMrac) -> str:
+    ceiling = down(1 / controller.normalization.delta_0)
+    if _below_the_ceiling(controller).broken:
+        return f"tau = {controller.tau:g} s is not below 1/delta_0 = {ceiling} s, as Theorem 2 asks"
+    asked = f"tau = {controller.tau:g} s is below 1/delta_0 = {ceiling} s, as Theorem 2 asks"
+    return f"{asked}; tau_min, which grows with Delta, isn't computed"
+
+
+def _transient(problem: Problem, controller: RobustMrac, rests_on: tuple[Assumption, ...]) -> Entry:
+    if controller.printed_sign:
+        return nothing("transient", "with the sign of (14) as printed the auxiliary input does not cancel the error")
+    degree = minimum_phase_model(controller.bind(problem.known).c_0, problem.known).relative_degree
+    power = "" if degree == 1 else f"^{degree}"
+    kept = f"the auxiliary input leaves 1 - 1/(tau s + 1){power} of c_0'e, of the order of tau; no number bounds it"
+    return statement("transient", kept, *rests_on, _below_the_ceiling(controller))
+
+
+def _estimates(controller: NormalizedMrac | RobustMrac, none: bool) -> str:
+    law: Any = controller.law
+    if isinstance(law.leakage, (FixedSigma, EpsilonModification)):
+        return "bounded, and pulled towards zero"
+    exciting = "" if none else "; where phi/m_s is persistently exciting, which isn't checked here, they converge to theta"
+    return f"V of the law never grows{exciting}"
+
+
+def _robustness(problem: Problem, controller: NormalizedMrac | RobustMrac) -> Entry:
+    law: Any = controller.law
+    if controller.normalization.alpha_0 == 0:
+        return nothing("modelling_error", "needs the dynamic normalisation, alpha_0 > 0 in (16); it is 0 here")
+    if not projected(problem, controller) and law.leakage is None:
+        return nothing("modelling_error", "needs projection or leakage, and there is neither")
+    present = ", ".join(departures(problem))
+    text = "bounded, the mean square of e of the order of Delta, for every Delta that is small enough; how small is not computed"
+    small = Assumption(
+        "the case's own modelling error is small enough",
+        f"{present}: whether that is small enough is not known" if present else "",
+    )
+    outside = () if controller.bind(problem.known).box is None else (in_the_set(problem),)
+    return statement("modelling_error", text, small, *outside, MINIMUM_PHASE)

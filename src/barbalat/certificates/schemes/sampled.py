@@ -11,12 +11,12 @@ import numpy as np
 from barbalat.adaptation.modifications.switching_sigma import SwitchingSigma
 from barbalat.certificates.assumptions import CONTINUOUS, OF_THE_PROBLEM
 from barbalat.certificates.bounds.model import model_bounds
-from barbalat.certificates.cells import Cell, Column
-from barbalat.certificates.certificate import Certificate
+from barbalat.certificates.cells import Column
+from barbalat.certificates.certificate import Certificate, Draft
+from barbalat.certificates.entry import Entry
 from barbalat.certificates.step_limits import any_regressor, frozen_laws
 from barbalat.certificates.step_limits.held_oscillator import HeldOscillator
 from barbalat.controllers import L1Adaptive, LinearFeedback, Mrac, Sampled
-from barbalat.controllers.output.linear import LinearOutput
 from barbalat.problem.state_feedback import Problem
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.solvers import EULER
@@ -25,7 +25,9 @@ from barbalat.solvers.simulation import Simulation
 MIDPOINT = "no gain makes its law numerically unstable, so there is no gamma_max and no step_max"
 AS_EULER = "gamma_max and step_max are those of Euler's method at the sample time, for all that the controller integrates"
 HELD = "gamma_max and step_max are of the frozen law from sample to sample, with A_m's exact motion between them"
-ERRORS = ("error_bound", "error_bound_worst")
+ERRORS = {"error_bound", "error_bound_worst"}
+SAMPLING_CHANGES_NOTHING = OF_THE_PROBLEM | {"norms", "condition", "kappa_admissible", "kappa_max", "nu_0", "nu_0_worst"}
+"""Guaranteed values that are of the problem, of the filter, or of t = 0."""
 
 
 def judged_at(controller: Sampled, simulation: Simulation) -> Simulation:
@@ -38,34 +40,38 @@ def judged_at(controller: Sampled, simulation: Simulation) -> Simulation:
 
 def certificate(problem: TrackingProblem, continuous: Certificate, controller: Sampled, judged: Simulation) -> Certificate:
     """From the continuous controller's certificate at ``judged_at``."""
-    what = f"the controller runs sampled every {controller.sample_time:g} s ({controller.discretization})"
-    if isinstance(controller.controller, LinearFeedback):
-        return replace(
-            continuous,
-            guaranteed=continuous.guaranteed & {"norms", "condition"},
-            assumptions=(*continuous.assumptions, CONTINUOUS),
-            findings=(*continuous.findings, what),
-        )
-    kept = continuous.guaranteed & (
-        {"norms", "condition", "kappa_admissible", "kappa_max", "nu_0", "nu_0_worst"} | OF_THE_PROBLEM
-    )
+    scheme, T = controller.controller, controller.sample_time
+    entries = [_sampled(entry, controller) for entry in continuous.entries]
+    notes = [f"the controller runs sampled every {T:g} s ({controller.discretization})"]
+    if isinstance(scheme, LinearFeedback):
+        return continuous.with_entries(tuple(entries), *notes)
     if controller.discretization == "midpoint":
-        values = {key: value for key, value in continuous.values.items() if key not in ("gamma_max", "step_max")}
-        findings = (*continuous.findings, f"{what}; {MIDPOINT}", *_of_the_midpoint_form(controller))
-        return Certificate(values, kept, (*continuous.assumptions, CONTINUOUS), findings)
-    values, findings, scheme = dict(continuous.values), (*continuous.findings, what), controller.controller
+        entries = [entry for entry in entries if entry.key not in ("gamma_max", "step_max")]
+        return continuous.with_entries(tuple(entries), *notes, MIDPOINT, *_of_the_midpoint_form(controller))
+    draft = Draft({entry.key: entry for entry in entries}, notes)
     if isinstance(scheme, Mrac):  # all that it integrates is the law
-        values |= _of_mrac(problem, scheme, judged, values["nu_0"])
-    step_max = values.get("step_max")
-    if step_max is not None and step_max < controller.sample_time:
-        lost = [key for key in ERRORS if values.pop(key, None) is not None]
+        draft.estimate(_of_mrac(problem, scheme, judged, draft["nu_0"]), HELD)
+    limits = {key: draft[key] for key in ("gamma_max", "step_max") if draft.get(key) is not None}
+    if not isinstance(scheme, Mrac):
+        draft.estimate(limits, AS_EULER)
+    step_max = limits.get("step_max")
+    if step_max is not None and step_max < T:
         unstable = (
             f"where |x| is as large as its bound the law is numerically unstable: it bears samples up to about {step_max:.3g} s"
         )
-        findings += (f"{unstable}; {' and '.join(lost)} of the continuous controller can't be relied on" if lost else unstable,)
-    return Certificate(
-        values, kept, (*continuous.assumptions, CONTINUOUS, HELD if isinstance(scheme, Mrac) else AS_EULER), findings
-    )
+        for key in ERRORS & draft.entries.keys():
+            draft.entries[key] = replace(draft.entries[key], why=f"{draft.entries[key].why}; {unstable}")
+        draft.note(unstable)
+    return continuous.with_entries(tuple(draft.entries.values()), *draft.notes)
+
+
+def _sampled(entry: Entry, controller: Sampled) -> Entry:
+    """What is left of a continuous controller's value when the controller acts at samples only."""
+    if entry.kind == "guaranteed" and entry.key not in SAMPLING_CHANGES_NOTHING:
+        return replace(entry, kind="does not apply", why=f"sampled every {controller.sample_time:g} s")
+    if entry.kind == "exact":
+        return replace(entry, kind="estimate", assumptions=(*entry.assumptions, CONTINUOUS))
+    return entry
 
 
 def _of_mrac(problem: TrackingProblem, scheme: Mrac, judged: Simulation, nu_0: float) -> dict[str, Any]:
@@ -99,15 +105,17 @@ def _of_the_midpoint_form(controller: Sampled) -> list[str]:
 
 
 def column(column: Column, controller: Sampled) -> Column:
-    """What holds in continuous time holds for a sampled controller as far as its samples resolve it."""
+    """What holds in continuous time is not claimed of a sampled controller, but what the midpoint rule keeps of V is."""
+    sampled = f"sampled every {controller.sample_time:g} s"
     cells = {
-        key: Cell("not proven" if c.kind == "proven" else c.kind, f"in continuous time: {c.text}")
-        for key, c in column.cells.items()
+        key: replace(cell, kind="does not apply", why=sampled) if cell.kind == "guaranteed" else cell
+        for key, cell in column.cells.items()
     }
     scheme: Any = controller.controller
-    if controller.discretization == "midpoint" and not isinstance(scheme, (LinearFeedback, LinearOutput)):
+    if controller.discretization == "midpoint" and column.cells["estimates"].kind == "guaranteed":
         leakage = getattr(getattr(scheme, "law", scheme), "leakage", None)
         held = leakage is None or isinstance(leakage, SwitchingSigma)
         growth = "does not grow" if held else "grows by no more than T w |theta|^2/2, w the leakage,"
-        cells["estimates"] = Cell("proven", f"V of the law {growth} from sample to sample, for every gain and sample time")
+        text = f"V of the law {growth} from sample to sample, for every gain and sample time"
+        cells["estimates"] = replace(column.cells["estimates"], value=text)
     return replace(column, scheme=f"{column.scheme}, sampled ({controller.discretization})", cells=cells)

@@ -15,7 +15,7 @@ from barbalat.adaptation.modifications.fixed_sigma import FixedSigma
 from barbalat.adaptation.modifications.switching_sigma import SwitchingSigma
 from barbalat.adaptation.output_lyapunov import LyapunovLaw
 from barbalat.certificates.bounds import laws
-from barbalat.certificates.certificate import Certificate
+from barbalat.certificates.certificate import Draft
 from barbalat.certificates.step_limits.frozen_laws import fastest_adaptation, input_poles
 from barbalat.certificates.step_limits.oscillator import bisect
 from barbalat.controllers.output.matching import filter_polynomial
@@ -51,19 +51,19 @@ class Frozen(NamedTuple):
         return np.linalg.eigvals(np.vstack([top, np.append(-root * self.c, 0.0)]))
 
 
-def added(certificate: Certificate, problem: OutputProblem, controller: MracOutput, simulation: Simulation) -> Certificate:
-    """The certificate with the limits under the contract's keys."""
+def add_limits(draft: Draft, problem: OutputProblem, controller: MracOutput, simulation: Simulation) -> None:
+    """The limits under the contract's keys."""
     if not isinstance(controller.law, LyapunovLaw):
-        values = _of_parametric_model(problem, controller, simulation)
-        return replace(certificate, values=certificate.values | values, assumptions=(*certificate.assumptions, NORMALISED))
-    theta = certificate.values.get("theta_star")
+        draft.estimate(_of_parametric_model(problem, controller, simulation), NORMALISED)
+        return
+    theta = draft.get("theta_star")
     where = "theta_hat(0)" if theta is None else "theta*"
     found = _frozen(problem, controller, None if theta is None else np.array(theta))
     if isinstance(found, str):
-        return replace(certificate, findings=(*certificate.findings, f"no limits of gain and step: {found.format(where=where)}"))
-    values = _of_lyapunov_law(found, controller.law, simulation)
-    assumptions = (*certificate.assumptions, LYAPUNOV.format(where=where))
-    return replace(certificate, values=certificate.values | values, assumptions=assumptions)
+        for key in ("gamma_max", "step_max"):
+            draft.missing(key, found.format(where=where))
+        return
+    draft.estimate(_of_lyapunov_law(found, controller.law, simulation), LYAPUNOV.format(where=where))
 
 
 def _of_parametric_model(problem: OutputProblem, controller: MracOutput, simulation: Simulation) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""Certificates of the output-feedback schemes: condition (20), the linear loops that they are, margins.
+"""The certificate of L1 output feedback: condition (20), the linear controller that it is, margins; its column of Table 1.
 
 With G = N_g/D_g, C = N_c/D_c, G_m = m/(s + m),
     H(s) = G G_m/(C G + (1 - C) G_m) = m N_g D_c/[N_c N_g (s + m) + m (D_c - N_c) D_g],
@@ -13,11 +13,12 @@ from typing import Any
 import numpy as np
 
 from barbalat.certificates.bounds.slopes import steepest_seen
-from barbalat.certificates.cells import Cell, limits_text, margins_cell
-from barbalat.certificates.certificate import Certificate
-from barbalat.certificates.linear_loops.margin_values import finite, margins_of
+from barbalat.certificates.cells import advice, estimate, limits_text, margins_cell
+from barbalat.certificates.certificate import Certificate, Draft
+from barbalat.certificates.entry import Assumption, Entry
+from barbalat.certificates.linear_loops.margin_values import add_margins, finite, margins_of
 from barbalat.certificates.rounding import up
-from barbalat.certificates.schemes.output_feedback import FROM_REST, LINEAR_LOOP, bounds, of_linear_loop
+from barbalat.certificates.schemes.output_feedback import LINEAR_LOOP, add_bounds, cells_of_linear_loop
 from barbalat.controllers.output.l1 import L1Output, LinearEquivalent, fast_limit, linear_equivalent
 from barbalat.linear.enclosure import OUTWARD, Enclosure
 from barbalat.linear.l1_norms import l1_norm
@@ -47,71 +48,65 @@ def condition_norm(controller: L1Output, G: TransferFunction) -> Enclosure:
 
 def certificate(problem: OutputProblem, controller: L1Output, simulation: Simulation) -> Certificate:
     """Condition (20), the bounds of y and e, the linear controller that this scheme is, its margins."""
-    plant = problem.plant.transfer_function
+    plant, draft = problem.plant.transfer_function, Draft()
     G = plant if controller.design_plant is None else controller.design_plant
-    findings: list[str] = []
-    values, guaranteed = bounds(problem, controller, simulation, findings)
-    condition = _condition(controller, G, _lipschitz(problem, controller, values, findings), findings)
-    values |= condition | {"norms": values.get("norms", {}) | condition.get("norms", {}) or None}
-    guaranteed |= {"norms", "condition"} if "norms" in condition else set()
+    add_bounds(draft, problem, controller, simulation)
+    _add_condition(draft, controller, G, _lipschitz(draft, problem, controller))
     if not same_response(G, plant):
-        findings.append("(20) is judged for the design plant, which is not the plant; the bounds and margins are of the plant")
-    values["adaptation_frequency"] = math.sqrt(controller.gamma * controller.m)
-    values |= _limits(controller, simulation)
+        draft.note("(20) is judged for the design plant, which is not the plant; the bounds and margins are of the plant")
+    pair = "gamma_max and step_max are those of the pair sigma, y_hat alone: estimates for the loop"
+    draft.estimate({"adaptation_frequency": math.sqrt(controller.gamma * controller.m)} | _limits(controller, simulation), pair)
     equivalent, tends_to = linear_equivalent(controller), fast_limit(controller)
-    values["linear_equivalent"] = _coefficients(equivalent)
-    values["linear_equivalent_limit"] = _coefficients(tends_to)
-    K = equivalent.feedback
-    values |= margins_of(problem, (K * plant).realise(), "that the controller is while sigma is inside its bounds", findings)
-    limit = margins_of(problem, (tends_to.feedback * plant).realise(), "for gamma -> infinity", findings)
+    inside = "that the controller is while sigma is inside its bounds"
+    draft.exact({"linear_equivalent": _coefficients(equivalent)}, inside)
+    draft.exact({"linear_equivalent_limit": _coefficients(tends_to)}, "for gamma -> infinity")
+    add_margins(draft, problem, (equivalent.feedback * plant).realise(), inside, LINEAR_LOOP)
+    limit = margins_of(problem, (tends_to.feedback * plant).realise(), "for gamma -> infinity", draft.notes)
     if "delay_margin" in limit:
-        values["delay_margin_limit"] = limit["delay_margin"]
-    findings.append(
+        draft.exact({"delay_margin_limit": limit["delay_margin"]}, "for gamma -> infinity", LINEAR_LOOP)
+    draft.note(
         "inside the bounds of sigma this controller is linear, with a pole at s = 0: integral action; projection stops the "
         "integrator at the bounds: anti-windup"
     )
-    assumptions = (
-        *FROM_REST,
-        "(20) is of the limit gamma -> infinity and of a sigma without bounds; output_bound and error_bound are of this gamma",
-        "gamma_max and step_max are those of the pair sigma, y_hat alone: estimates for the loop",
-        LINEAR_LOOP,
-    )
-    return Certificate(values, frozenset(guaranteed), assumptions, tuple(findings))
+    return draft.finish()
 
 
-def _lipschitz(problem: OutputProblem, controller: L1Output, values: dict[str, Any], findings: list[str]) -> float | None:
+def _lipschitz(draft: Draft, problem: OutputProblem, controller: L1Output) -> float | None:
     """L of (20): as given unless f contradicts it, 0 without f, the slope of f within the bound of y; None if none is known."""
     f, given = problem.plant.f, controller.lipschitz
     if f is None:
         return given or 0.0
+    slope: float | None = draft.get("slope")
     if given is None:
-        if "slope" not in values:
-            findings.append("condition (20) can't be judged: the plant has f(t, y), and no lipschitz is given")
-        found: float | None = values.get("slope")
-        return found
-    least = steepest_seen(f, values.get("output_bound", 0.0))
+        return slope
+    least = steepest_seen(f, 0.0 if slope is None else draft["output_bound"])
     if least > given * OUTWARD:
-        where = "within the bound of y" if "slope" in values else "at y = 0"
-        findings.append(f"lipschitz = {given:g} is no Lipschitz constant of f, whose slope reaches {least:.6g} {where}")
+        where = "at y = 0" if slope is None else "within the bound of y"
+        draft.note(f"lipschitz = {given:g} is no Lipschitz constant of f, whose slope reaches {least:.6g} {where}")
         return least
-    if "slope" not in values:
-        findings.append(f"that lipschitz = {given:g} bounds the slope of f is assumed, not shown")
+    if slope is None:
+        draft.note(f"that lipschitz = {given:g} bounds the slope of f is assumed, not shown")
     return given
 
 
-def _condition(controller: L1Output, G: TransferFunction, L: float | None, findings: list[str]) -> dict[str, Any]:
+def _add_condition(draft: Draft, controller: L1Output, G: TransferFunction, L: float | None) -> None:
     """||H(1 - C)||_1 and, with L, condition (20)."""
     named = {"limit": 1.0, "of": "H (1 - C)", "times": "L"}
+    of_the_limit = Assumption(
+        "(20) is of the limit gamma -> infinity and of a sigma without bounds; the bounds are of this gamma"
+    )
     try:
         norm = condition_norm(controller, G)
     except InputError as error:
-        findings.append(str(error))
-        return {"condition": {"value_upper": None, "holds": False} | named}
-    values: dict[str, Any] = {"norms": {"H(1-C)": norm.ends}}
-    if L is not None:
-        upper = norm.upper * L * OUTWARD
-        values["condition"] = {"value_upper": upper, "holds": upper < 1} | named
-    return values
+        draft.note(str(error))
+        draft.estimate({"condition": {"value_upper": None, "holds": False} | named})
+        return
+    draft.guarantee("norms", (draft.get("norms") or {}) | {"H(1-C)": norm.ends})
+    if L is None:
+        draft.missing("condition", "it can't be judged: the plant has f(t, y), and no lipschitz is given")
+        return
+    upper = norm.upper * L * OUTWARD
+    draft.guarantee("condition", {"value_upper": upper, "holds": upper < 1} | named, of_the_limit)
 
 
 def same_response(one: TransferFunction, other: TransferFunction) -> bool:
@@ -157,18 +152,19 @@ def _largest(bears: Any, start: float) -> float:
     return low
 
 
-def column(problem: OutputProblem, controller: L1Output, values: dict[str, Any]) -> tuple[str, dict[str, Cell]]:
-    """The scheme's name in Table 1 and its statements."""
+def column(problem: OutputProblem, controller: L1Output, certificate: Certificate) -> tuple[str, dict[str, Entry]]:
+    """The scheme's name in Table 1 and its cells."""
+    values = certificate.values
     condition = values.get("condition")
     value = "unknown" if condition is None or condition["value_upper"] is None else f"<= {up(condition['value_upper'])}"
-    stated = f"condition (20): ||H(1 - C)||_1 L {value}"
+    stated = f"condition (20): ||H(1 - C)||_1 L {value}, for gamma -> infinity"
     inside = ""
     if "sigma_needed" in values:
         inside = f"; |sigma| <= {up(values['sigma_needed'])} stays inside its bound {controller.sigma_bound:g}"
     return "L1 output feedback (18)-(21), a linear controller with integral action", {
-        **of_linear_loop(problem, values, f"{inside}; {stated}", f"no bound in this case; {stated}, for gamma -> infinity"),
-        "estimates": Cell("estimate", "sigma is the state of an integrator, not a parameter: nothing is learnt"),
-        "modelling_error": Cell("estimate", "that of its linear loop: see the margins"),
-        "tuning": Cell("estimate", limits_text(values)),
-        "margins": margins_cell(values),
+        **cells_of_linear_loop(problem, certificate, inside),
+        "estimates": advice("estimates", "sigma is the state of an integrator, not a parameter: nothing is learnt"),
+        "modelling_error": estimate("modelling_error", "that of its linear loop: see the margins"),
+        "tuning": estimate("tuning", f"{limits_text(values)}; {stated}"),
+        "margins": margins_cell(certificate),
     }

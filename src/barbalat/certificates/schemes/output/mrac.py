@@ -9,10 +9,12 @@ import numpy as np
 from barbalat.adaptation.modifications.epsilon_modification import EpsilonModification
 from barbalat.adaptation.modifications.fixed_sigma import FixedSigma
 from barbalat.adaptation.output_lyapunov import LyapunovLaw
+from barbalat.certificates.assumptions import exact_plant, measured, undisturbed
 from barbalat.certificates.bounds import laws
-from barbalat.certificates.cells import Cell, limits_text, margins_cell
-from barbalat.certificates.certificate import Certificate
-from barbalat.certificates.linear_loops.margin_values import margins_of
+from barbalat.certificates.cells import estimate, limits_text, margins_cell, nothing, statement
+from barbalat.certificates.certificate import Certificate, Draft
+from barbalat.certificates.entry import Assumption, Entry
+from barbalat.certificates.linear_loops.margin_values import add_margins
 from barbalat.certificates.schemes.output_feedback import LINEAR_LOOP, REST
 from barbalat.certificates.step_limits import output_mrac
 from barbalat.controllers.output.matching import filter_polynomial, matching_parameters
@@ -48,86 +50,90 @@ def _unmodelled(plant: TransferFunction, controller: MracOutput) -> list[str]:
 
 
 def certificate(problem: OutputProblem, controller: MracOutput, simulation: Simulation) -> Certificate:
-    """theta*, the margins there, and what is guaranteed in words: no number bounds the error of these schemes."""
-    equations = controller.bind(problem.known)  # refuses what contradicts the assumptions
+    """theta*, the margins there, the limits of gain and step; no number bounds the error of these schemes."""
+    controller.bind(problem.known)  # refuses what contradicts the assumptions
     plant, W_m = problem.plant.transfer_function, problem.reference_model.transfer_function
-    values: dict[str, Any] = {}
-    findings: list[str] = []
-    n, n_star, law = controller.order, controller.relative_degree, controller.law
-    assumptions = [f"the plant is of order {n} and relative degree {n_star}, minimum phase, its gain of the sign given", REST]
+    draft, n = Draft(), controller.order
+    draft.missing("error_bound", "no number bounds e of these schemes")
     if len(plant.poles) <= n:
         Lambda = filter_polynomial(n, W_m, controller.filter_poles)
         theta = matching_parameters(plant, W_m, Lambda)
-        values["theta_star"] = theta.tolist()
-        loop = (matched_feedback(theta, Lambda) * plant).realise()
-        values |= margins_of(problem, loop, "with the parameters at theta*", findings)
-        assumptions.append(LINEAR_LOOP)
-        if equations.box is not None and not equations.box.contains(theta):
-            findings.append("theta* lies outside the known set: with projection, convergence is not guaranteed")
+        draft.advise({"theta_star": theta.tolist()})
+        add_margins(
+            draft, problem, (matched_feedback(theta, Lambda) * plant).realise(), "with the parameters at theta*", LINEAR_LOOP
+        )
         if len(plant.poles) < n:
-            findings.append(
-                f"theta* is one of many: the plant is of order {len(plant.poles)}, the controller is designed for {n}"
-            )
+            draft.note(f"theta* is one of many: the plant is of order {len(plant.poles)}, the controller is designed for {n}")
     else:
-        findings += _unmodelled(plant, controller)
-    assumptions.append(f"guaranteed for such a plant: {laws.output_convergence(law, equations.box)}; no number bounds e")
-    found = Certificate(values, frozenset(), tuple(assumptions), tuple(findings))
-    return output_mrac.added(found, problem, controller, simulation)
+        for sentence in _unmodelled(plant, controller):
+            draft.note(sentence)
+    output_mrac.add_limits(draft, problem, controller, simulation)
+    return draft.finish()
 
 
-def column(problem: OutputProblem, controller: MracOutput, values: dict[str, Any]) -> tuple[str, dict[str, Cell]]:
-    """The scheme's name in Table 1 and its statements."""
-    law, order = controller.law, len(problem.plant.transfer_function.poles)
+def rests_on(problem: OutputProblem, controller: MracOutput) -> tuple[Assumption, ...]:
+    """What the guarantees of these schemes rest on, checked on the case."""
+    plant, W_m = problem.plant.transfer_function, problem.reference_model.transfer_function
+    n, n_star, order = controller.order, controller.relative_degree, len(plant.poles)
+    beyond = f"the plant is of order {order} and the design of {n}: the rest is unmodelled" if order > n else ""
+    known_set, outside = controller.bind(problem.known).box, ""
+    if not beyond and known_set is not None:
+        theta = matching_parameters(plant, W_m, filter_polynomial(n, W_m, controller.filter_poles))
+        outside = "" if known_set.contains(theta) else "theta* outside the known set"
+    return (
+        Assumption(f"the plant is of order {n} and relative degree {n_star}, minimum phase, its gain of the sign given", beyond),
+        Assumption("the plant is linear", "f(t, y) acts, and the law knows linear plants only" if problem.plant.f else ""),
+        Assumption("theta* lies in the known set, and the estimates are projected onto it", outside),
+        exact_plant(problem),
+        undisturbed(problem),
+        measured(problem),
+        REST,
+    )
+
+
+def column(problem: OutputProblem, controller: MracOutput, certificate: Certificate) -> tuple[str, dict[str, Entry]]:
+    """The scheme's name in Table 1 and its cells."""
+    law: Any = controller.law
     lyapunov = isinstance(law, LyapunovLaw)
-    name = "MRAC with output feedback, " + ("unnormalised Lyapunov law" if lyapunov else "normalised law")
-    modified = law.leakage is not None or getattr(law, "dead_zone", None) is not None  # type: ignore[union-attr]
     sentence = laws.output_convergence(law, controller.bind(problem.known).box)
+    none, rest = "nothing is guaranteed" in sentence, rests_on(problem, controller)
+    modified = law.leakage is not None or getattr(law, "dead_zone", None) is not None
     converges = not modified if lyapunov else "tracking error converges to zero" in sentence
-    open_ = None
-    if order > controller.order:
-        open_ = f"the plant is of order {order} and the design of {controller.order}: the rest is unmodelled"
-    elif problem.plant.f is not None:
-        open_ = "f(t, y) acts, and the law knows linear plants only"
-    elif "nothing is guaranteed" in sentence:
-        open_ = sentence
-    vanishing = Cell("proven", "converges to zero for every bounded r")
-    kept = Cell("not proven", "converges to a set: the law is modified")
+    pulled = isinstance(law.leakage, (FixedSigma, EpsilonModification))
+    settled = "V of the law never grows; where the regressor is persistently exciting, which isn't checked here, they converge"
     auxiliary = "the auxiliary input leaves 1 - 1/(tau s + 1)^n* of the error, of the order of tau; no number"
-    pulled = isinstance(law.leakage, (FixedSigma, EpsilonModification))  # type: ignore[union-attr]
-    transient = Cell("proven", auxiliary) if controller.tau is not None and open_ is None else Cell("not proven", "no bound")
-    return name, {
-        "stability": Cell("proven", "for every bounded r") if open_ is None else Cell("not proven", open_),
-        "tracking": (vanishing if converges else kept) if open_ is None else Cell("not proven", open_),
-        "transient": transient,
-        "estimates": _estimates(open_, pulled),
-        "modelling_error": _robustness(controller),
-        "tuning": Cell("estimate", limits_text(values)),
-        "margins": margins_cell(values),
+
+    def claimed(key: str, text: str) -> Entry:
+        return nothing(key, sentence) if none else statement(key, text, *rest)
+
+    return "MRAC with output feedback, " + ("unnormalised Lyapunov law" if lyapunov else "normalised law"), {
+        "stability": claimed("stability", "for every bounded r"),
+        "tracking": claimed("tracking", "converges to zero for every bounded r")
+        if converges
+        else nothing("tracking", "converges to a set: the law is modified"),
+        "transient": nothing("transient", "no bound") if controller.tau is None else claimed("transient", auxiliary),
+        "estimates": claimed("estimates", "bounded, and pulled towards zero" if pulled else settled),
+        "modelling_error": _robustness(problem, controller),
+        "tuning": estimate("tuning", limits_text(certificate.values)),
+        "margins": margins_cell(certificate),
     }
 
 
-def _estimates(open_: str | None, pulled: bool) -> Cell:
-    if open_ is not None:
-        return Cell("not proven", open_)
-    if pulled:
-        return Cell("proven", "bounded, and pulled towards zero")
-    return Cell("proven", "V of the law never grows; they converge to theta* where the regressor is persistently exciting")
-
-
-def _robustness(controller: MracOutput) -> Cell:
-    law = controller.law
+def _robustness(problem: OutputProblem, controller: MracOutput) -> Entry:
+    law: Any = controller.law
     if isinstance(law, LyapunovLaw):
         if law.leakage is None and law.dead_zone is None:
-            return Cell("not proven", "not robust: the estimates may drift until the loop bursts (Rohrs)")
-        return Cell(
-            "not proven", "the estimates stay bounded; that all signals do is proven from a limited set of initial states only"
-        )
+            return nothing("modelling_error", "not robust: the estimates may drift until the loop bursts (Rohrs)")
+        why = "the estimates stay bounded; that all signals do is known from a limited set of initial states only"
+        return nothing("modelling_error", why)
     if controller.normalization.alpha_0 == 0:
-        return Cell("not proven", "needs the dynamic normalisation, alpha_0 > 0 in (16); it is 0 here")
-    bounded = controller.lower is not None or law.leakage is not None  # type: ignore[attr-defined]
-    if not bounded:
-        return Cell("not proven", "needs projection of all estimates or leakage, and there is neither")
-    return Cell(
-        "proven",
-        "bounded, the mean square of e of the order of Delta, for every Delta that is small enough; how small is not computed",
+        return nothing("modelling_error", "needs the dynamic normalisation, alpha_0 > 0 in (16); it is 0 here")
+    if controller.lower is None and law.leakage is None:
+        return nothing("modelling_error", "needs projection of all estimates or leakage, and there is neither")
+    present = ", ".join(found.broken for found in rests_on(problem, controller) if found.broken)
+    text = "bounded, the mean square of e of the order of Delta, for every Delta that is small enough; how small is not computed"
+    small = Assumption(
+        "the case's own modelling error is small enough",
+        f"{present}: whether that is small enough is not known" if present else "",
     )
+    return statement("modelling_error", text, small)

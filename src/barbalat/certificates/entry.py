@@ -1,0 +1,61 @@
+"""One value of a certificate or one cell of Table 1: data with its kind, its unit, its meaning and what it rests on."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import Any, Literal
+
+Kind = Literal["guaranteed", "exact", "estimate", "advice", "does not apply"]
+"""What a reader may do with a value.
+
+guaranteed      a bound, or a statement, that holds on this case; every assumption was checked on it
+exact           exact for the linear loop that ``of`` names, and for nothing else
+estimate        computed, without a guarantee
+advice          a fact for orientation that claims nothing of the loop
+does not apply  nothing is claimed on this case, and ``why`` says why
+"""
+
+
+@dataclass(frozen=True)
+class Assumption:
+    """What a value rests on; ``broken`` says in a few words what of this case contradicts it, and is empty where nothing does."""
+
+    sentence: str
+    broken: str = ""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Entry:
+    """A value by its key; ``value`` is ready for JSON, and None where there is none."""
+
+    key: str
+    value: Any
+    kind: Kind
+    unit: str = ""
+    meaning: str = ""
+    assumptions: tuple[str, ...] = ()
+    of: str = ""
+    why: str = ""
+
+    @property
+    def applies(self) -> bool:
+        """Whether anything is claimed on this case."""
+        return self.kind != "does not apply"
+
+    @property
+    def text(self) -> str:
+        """A cell's statement, or why there is none."""
+        return str(self.value) if self.applies else self.why
+
+    def as_json(self) -> dict[str, Any]:
+        """Every field that says something; ``value`` and ``kind`` always do."""
+        document = asdict(self) | {"assumptions": list(self.assumptions)}
+        return {key: value for key, value in document.items() if value or key in ("value", "kind", "assumptions")}
+
+
+def checked(key: str, value: Any, assumptions: tuple[Assumption, ...], *, unit: str = "", meaning: str = "") -> Entry:
+    """A guaranteed value; one that does not apply, with the reasons, where this case breaks an assumption."""
+    sentences = tuple(assumption.sentence for assumption in assumptions)
+    why = ", ".join(dict.fromkeys(assumption.broken for assumption in assumptions if assumption.broken))
+    kind: Kind = "does not apply" if why else "guaranteed"
+    return Entry(key=key, value=value, kind=kind, unit=unit, meaning=meaning, assumptions=sentences, why=why)
