@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from barbalat.adaptation.modifications.epsilon_modification import EpsilonModification
-from barbalat.adaptation.modifications.fixed_sigma import FixedSigma
+from barbalat.adaptation.guarantee import Estimates
 from barbalat.certificates.assumptions import EXACT_START, FROZEN, LINEAR, MATCHED, finish
 from barbalat.certificates.bounds import laws, theorem_1
 from barbalat.certificates.cells import NONLINEAR, Cell, limits_text, margins_cell
@@ -22,10 +21,9 @@ from barbalat.solvers.simulation import Simulation
 
 def column(problem: Problem, controller: NormalizedMrac | RobustMrac, values: dict[str, Any]) -> tuple[str, dict[str, Cell]]:
     """The scheme's name in Table 1 and its statements."""
-    sentence, law = laws.convergence(controller.law, controller.bind(problem.known).box), controller.law
-    to_zero, nothing = sentence.startswith("the tracking error converges to zero"), "nothing is guaranteed" in sentence
-    cut = "corners" in sentence
-    pulled = isinstance(law.leakage, (FixedSigma, EpsilonModification))  # type: ignore[attr-defined]
+    found = laws.guarantee_of(controller.law, controller.bind(problem.known).box)
+    sentence, to_zero, nothing = laws.convergence(found), found.error_to_zero, not found.bounded
+    cut, pulled = found.estimates is Estimates.UNKNOWN, found.estimates is Estimates.PULLED
     settled = "V of the law never grows; they converge to theta where phi/m_s is persistently exciting"
     pull = "bounded, and pulled towards zero"
     cells = {
@@ -47,7 +45,7 @@ def column(problem: Problem, controller: NormalizedMrac | RobustMrac, values: di
     ceiling = 1 / controller.normalization.delta_0
     window = f"tau_min < tau = {controller.tau:g} s < 1/delta_0 = {down(ceiling)} s (Theorem 2; tau_min grows with Delta)"
     printed = Cell("not proven", "with the sign of (14) as printed the auxiliary input does not cancel the error")
-    cells["transient"] = printed if controller.printed_sign else Cell("proven", kept)
+    cells["transient"] = printed if controller.printed_sign else Cell("not proven" if nothing else "proven", kept)
     cells["tuning"] = Cell("estimate", f"{window}; {limits_text(values)}")
     return "robust MRAC (14)-(16)", cells
 
@@ -55,7 +53,7 @@ def column(problem: Problem, controller: NormalizedMrac | RobustMrac, values: di
 def _normalized_robustness(problem: Problem, controller: NormalizedMrac | RobustMrac) -> Cell:
     if controller.normalization.alpha_0 == 0:
         return Cell("not proven", "needs the dynamic normalisation, alpha_0 > 0 in (16); it is 0 here")
-    if not projected(problem, controller) and controller.law.leakage is None:  # type: ignore[attr-defined]
+    if not projected(problem, controller) and not laws.guarantee_of(controller.law, None).leaks:
         return Cell("not proven", "needs projection or leakage, and there is neither")
     return Cell(
         "proven",
@@ -85,7 +83,7 @@ def certificate(problem: Problem, controller: RobustMrac | NormalizedMrac, simul
         EXACT_START,
         "c_0 makes W_m minimum phase (checked)",
         FROZEN,
-        laws.convergence(controller.law, controller.bind(problem.known).box) + "; no number bounds e",
+        laws.convergence(laws.guarantee_of(controller.law, controller.bind(problem.known).box)) + "; no number bounds e",
         LINEAR,
     ]
     return finish(problem, values, {"initial_parameter_error"}, assumptions, findings)

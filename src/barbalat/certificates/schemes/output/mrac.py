@@ -6,8 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from barbalat.adaptation.modifications.epsilon_modification import EpsilonModification
-from barbalat.adaptation.modifications.fixed_sigma import FixedSigma
+from barbalat.adaptation.guarantee import Estimates
 from barbalat.adaptation.output_lyapunov import LyapunovLaw
 from barbalat.certificates.bounds import laws
 from barbalat.certificates.cells import Cell, limits_text, margins_cell
@@ -70,9 +69,11 @@ def certificate(problem: OutputProblem, controller: MracOutput, simulation: Simu
             )
     else:
         findings += _unmodelled(plant, controller)
-    assumptions.append(f"guaranteed for such a plant: {laws.output_convergence(law, equations.box)}; no number bounds e")
-    found = Certificate(values, frozenset(), tuple(assumptions), tuple(findings))
-    return output_mrac.added(found, problem, controller, simulation)
+    found = laws.guarantee_of(law, equations.box)
+    sentence = laws.output_convergence(found, normalised=not isinstance(law, LyapunovLaw))
+    assumptions.append(f"guaranteed for such a plant: {sentence}; no number bounds e")
+    certificate = Certificate(values, frozenset(), tuple(assumptions), tuple(findings))
+    return output_mrac.added(certificate, problem, controller, simulation)
 
 
 def column(problem: OutputProblem, controller: MracOutput, values: dict[str, Any]) -> tuple[str, dict[str, Cell]]:
@@ -80,27 +81,27 @@ def column(problem: OutputProblem, controller: MracOutput, values: dict[str, Any
     law, order = controller.law, len(problem.plant.transfer_function.poles)
     lyapunov = isinstance(law, LyapunovLaw)
     name = "MRAC with output feedback, " + ("unnormalised Lyapunov law" if lyapunov else "normalised law")
-    modified = law.leakage is not None or getattr(law, "dead_zone", None) is not None  # type: ignore[union-attr]
-    sentence = laws.output_convergence(law, controller.bind(problem.known).box)
-    converges = not modified if lyapunov else "tracking error converges to zero" in sentence
+    found = laws.guarantee_of(law, controller.bind(problem.known).box)
+    sentence = laws.output_convergence(found, normalised=not lyapunov)
+    converges = found.error_to_zero and not (lyapunov and found.leaks)
     open_ = None
     if order > controller.order:
         open_ = f"the plant is of order {order} and the design of {controller.order}: the rest is unmodelled"
     elif problem.plant.f is not None:
         open_ = "f(t, y) acts, and the law knows linear plants only"
-    elif "nothing is guaranteed" in sentence:
+    elif not found.bounded:
         open_ = sentence
     vanishing = Cell("proven", "converges to zero for every bounded r")
     kept = Cell("not proven", "converges to a set: the law is modified")
     auxiliary = "the auxiliary input leaves 1 - 1/(tau s + 1)^n* of the error, of the order of tau; no number"
-    pulled = isinstance(law.leakage, (FixedSigma, EpsilonModification))  # type: ignore[union-attr]
+    pulled = found.estimates is Estimates.PULLED
     transient = Cell("proven", auxiliary) if controller.tau is not None and open_ is None else Cell("not proven", "no bound")
     return name, {
         "stability": Cell("proven", "for every bounded r") if open_ is None else Cell("not proven", open_),
         "tracking": (vanishing if converges else kept) if open_ is None else Cell("not proven", open_),
         "transient": transient,
         "estimates": _estimates(open_, pulled),
-        "modelling_error": _robustness(controller),
+        "modelling_error": _robustness(controller) if found.bounded or lyapunov else Cell("not proven", sentence),
         "tuning": Cell("estimate", limits_text(values)),
         "margins": margins_cell(values),
     }
@@ -124,7 +125,7 @@ def _robustness(controller: MracOutput) -> Cell:
         )
     if controller.normalization.alpha_0 == 0:
         return Cell("not proven", "needs the dynamic normalisation, alpha_0 > 0 in (16); it is 0 here")
-    bounded = controller.lower is not None or law.leakage is not None  # type: ignore[attr-defined]
+    bounded = controller.lower is not None or laws.guarantee_of(law, None).leaks
     if not bounded:
         return Cell("not proven", "needs projection of all estimates or leakage, and there is neither")
     return Cell(
