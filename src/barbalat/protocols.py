@@ -120,6 +120,28 @@ class SampledEquations(Protocol):
 
 
 @runtime_checkable
+class Discretizable(Protocol):
+    """Continuous equations that know their midpoint form."""
+
+    def sampled(self, T: float) -> SampledEquations:
+        """For samples of length T [s]; InputError where there is none for these settings."""
+        ...
+
+
+@runtime_checkable
+class DiscretizedEquations(SampledEquations, Protocol):
+    """Sampled equations that stand for continuous ones."""
+
+    @property
+    def continuous(self) -> Equations: ...
+
+    @property
+    def explicit(self) -> bool:
+        """Whether they take explicit steps, which a high gain or a long sample makes unstable."""
+        ...
+
+
+@runtime_checkable
 class Controller(Protocol):
     """A controller's settings: a frozen dataclass, validated in its constructor."""
 
@@ -130,4 +152,33 @@ class Controller(Protocol):
 
     def bind(self, known: Any) -> Equations | SampledEquations:
         """Join the settings with the plant's known part; raises InputError where they don't fit."""
+        ...
+
+
+@runtime_checkable
+class FeedingBack(Protocol):
+    """A controller that says what it feeds back; one that does not feeds back the state."""
+
+    @property
+    def feedback(self) -> str:
+        """What: "state" or "output"."""
+        ...
+
+
+def feedback_of(controller: Controller) -> str:
+    """What is fed back: "state" or "output"."""
+    return controller.feedback if isinstance(controller, FeedingBack) else "state"
+
+
+@runtime_checkable
+class Stepping(Protocol):
+    """A controller whose law may take numerical steps of its own, which are then part of a run's numerics."""
+
+    @property
+    def law_step(self) -> float | None:
+        """Their length [s]; None for a law that needs none to be resolved."""
+        ...
+
+    def refined(self, factor: int) -> Controller:
+        """The same with steps shorter by ``factor``, if it takes any."""
         ...

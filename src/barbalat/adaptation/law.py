@@ -1,11 +1,18 @@
-"""What an adaptive law for the linear parametric model z = theta'phi is. One law per file; the registry is ``laws``."""
+"""What an adaptive law for the linear parametric model z = theta'phi is. One law per file; the registry is ``laws``.
+
+``AdaptiveLaw`` is what every law has. What else may be known of it are protocols of their own, which a law from outside may
+leave out: ``SampledLaw``, ``RatedLaw``, ``GainLimitedLaw``, ``GuaranteedLaw``.
+"""
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol, runtime_checkable
 
-from barbalat.problem.known_set import KnownSet
+from barbalat import validate
+from barbalat.adaptation.guarantee import Guarantee
+from barbalat.problem.known_set import EstimateSet, Gain
 from barbalat.protocols import Value
+from barbalat.validate import InputError
 
 
 class Estimation(NamedTuple):
@@ -23,6 +30,23 @@ class Rates(NamedTuple):
     memory: Any  # as ``AdaptiveLaw.initial`` has it
 
 
+class SampleData(NamedTuple):
+    """The parametric model over one sample, in its middle; all of it is measured."""
+
+    T: float  # length of the sample [s]
+    z: Value
+    phi: Value  # (n,)
+    m_s_squared: Value
+
+
+class Moved(NamedTuple):
+    """What a law integrates, one sample later."""
+
+    theta_hat: Value  # (n,)
+    memory: Any
+
+
+@runtime_checkable
 class AdaptiveLaw(Protocol):
     """A law gives the rates of the estimate and of its own memory: a NamedTuple of arrays, or () for a law without one."""
 
@@ -30,8 +54,59 @@ class AdaptiveLaw(Protocol):
         """The memory at t = 0 for n parameters; InputError where the settings don't fit n."""
         ...
 
-    def rates(self, theta_hat: Value, memory: Any, estimation: Estimation, known_set: KnownSet | None) -> Rates: ...
+    def rates(self, theta_hat: Value, memory: Any, estimation: Estimation, known_set: EstimateSet | None) -> Rates: ...
 
     def limit(self, memory: Any) -> Any:
         """The memory as it is used at every stage of every solver: resets and bounds stand here."""
         ...
+
+
+@runtime_checkable
+class SampledLaw(Protocol):
+    """A law with an implicit step over a sample, for which V never grows: ``adaptation.implicit``."""
+
+    @property
+    def metric(self) -> Gain:
+        """Gamma of V = theta_tilde'Gamma^-1 theta_tilde; of a covariance only that it is a matrix is meant."""
+        ...
+
+    def sampled_step(self, theta_hat: Value, memory: Any, data: SampleData, known_set: EstimateSet | None) -> Moved:
+        """The estimate and the memory at the sample's end."""
+        ...
+
+
+@runtime_checkable
+class RatedLaw(Protocol):
+    """A law of which is known how fast it can be."""
+
+    @property
+    def fastest_rate(self) -> float | None:
+        """The largest rate [1/s] at which estimates and memory decay, from |phi|^2 < m_s^2; None where nothing bounds it."""
+        ...
+
+
+@runtime_checkable
+class GainLimitedLaw(Protocol):
+    """A law of which is known which gain makes it how fast."""
+
+    def gain_of_rate(self, rate: float) -> float | None:
+        """The gain, a number, for which ``fastest_rate`` would be ``rate`` [1/s]; None where there is no such number."""
+        ...
+
+
+@runtime_checkable
+class GuaranteedLaw(Protocol):
+    """A law of which is known what a normalised scheme with it guarantees."""
+
+    def guarantee(self, known_set: EstimateSet | None) -> Guarantee:
+        """With projection onto ``known_set``, on the plant without modelling error."""
+        ...
+
+
+def require_law(law: AdaptiveLaw) -> None:
+    """InputError for what is no law."""
+    if not isinstance(law, AdaptiveLaw) or isinstance(law, type):
+        raise InputError(
+            f"law must be a law on the parametric model (Gradient, LeastSquares, ... of adaptation.laws, or a class with "
+            f"initial, rates and limit), got {validate.show(law)}"
+        )

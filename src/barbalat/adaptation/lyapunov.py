@@ -6,13 +6,11 @@ from dataclasses import dataclass
 from typing import Any
 
 from barbalat import validate
-from barbalat.adaptation import gain
 from barbalat.adaptation.learning import CompositeLearning
 from barbalat.adaptation.modifications import dead_zone as zone
 from barbalat.adaptation.modifications import leakage as leak
 from barbalat.adaptation.modifications.epsilon_modification import EpsilonModification
-from barbalat.adaptation.projection import project
-from barbalat.problem.known_set import EstimateSet
+from barbalat.problem.known_set import EstimateSet, Gain, project
 from barbalat.protocols import Value
 from barbalat.validate import Array, InputError
 
@@ -62,15 +60,15 @@ class Modifications:
                 raise InputError(f"{type(part).__name__} takes plants with one input, got {inputs}")
 
     def rate(
-        self, gamma: Value, e: Value, P: Array, b: Array, phi: Value, theta_hat: Value, memory: Any, known_set: EstimateSet | None
+        self, gamma: Gain, e: Value, P: Array, b: Array, phi: Value, theta_hat: Value, memory: Any, known_set: EstimateSet | None
     ) -> Value:
         """theta_hat' for the error ``e``: of tracking for MRAC, of prediction for L1-AC."""
         error = e @ (P @ b)
         if self.dead_zone is not None:
             error = error * self.dead_zone.weight(e @ (P @ e))
-        rate = gain.scaled(gamma, error, phi) if len(phi.shape) == 1 else gain.times(gamma, phi @ error)
+        rate = gamma.scaled(error, phi) if len(phi.shape) == 1 else gamma.times(phi @ error)
         if self.learning is not None:
-            rate = rate + gain.times(gamma, self.learning.pull(memory, theta_hat))
+            rate = rate + gamma.times(self.learning.pull(memory, theta_hat))
         if self.leakage is not None:
-            rate = rate - gain.times(gamma, self.leakage.coefficient(theta_hat, error) * theta_hat)
+            rate = rate - gamma.times(self.leakage.coefficient(theta_hat, error) * theta_hat)
         return project(rate, theta_hat, known_set, gamma)

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from barbalat import validate
-from barbalat.adaptation import gain
+from barbalat.adaptation.guarantee import CORNERS, Guarantee, nothing, with_modifications
 from barbalat.adaptation.modifications import dead_zone as zone
 from barbalat.adaptation.modifications import leakage as leak
-from barbalat.adaptation.projection import project
-from barbalat.problem.known_set import ParameterBox
+from barbalat.problem.known_set import EstimateSet, Gain, gain, project
 from barbalat.protocols import Value
 from barbalat.validate import Array
 
@@ -38,14 +37,22 @@ class LyapunovLaw:
         zone.accept(self.dead_zone)
 
     def initial(self, n: int) -> Any:
-        gain.require_size("law.gamma", self.gamma, n)
+        Gain(self.gamma).require_size("law.gamma", n)
         return ()
 
-    def rate(self, theta_hat: Value, omega: Value, e: Value, sign: float, box: ParameterBox | None) -> Value:
+    def rate(self, theta_hat: Value, omega: Value, e: Value, sign: float, box: EstimateSet | None) -> Value:
         """theta_hat'; ``sign`` is that of k_p/k_m."""
         if self.dead_zone is not None:
             e = self.dead_zone.weight(e * e) * e
-        rate = -gain.scaled(self.gamma, sign * e, omega)
+        gamma = Gain(self.gamma)
+        rate = -gamma.scaled(sign * e, omega)
         if self.leakage is not None:
-            rate = rate - gain.times(self.gamma, self.leakage.coefficient(theta_hat, e) * theta_hat)
-        return project(rate, theta_hat, box, self.gamma)
+            rate = rate - gamma.times(self.leakage.coefficient(theta_hat, e) * theta_hat)
+        return project(rate, theta_hat, box, gamma)
+
+    def guarantee(self, known_set: EstimateSet | None) -> Guarantee:
+        """On a plant of the assumed class."""
+        found = with_modifications(Gain(self.gamma), known_set, self.leakage, self.dead_zone)
+        if not found.bounded:
+            return nothing(CORNERS, leaks=found.leaks)
+        return found if found.error_to_zero else replace(found, why="the modification")

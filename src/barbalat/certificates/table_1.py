@@ -42,4 +42,4 @@ def _column(problem: TrackingProblem, controller: Controller, certificate: Certi
         return None
     name, cells = scheme.column(problem, continuous, certificate)
     column = Column(controller.name, name, cells)
-    return sampled.column(column, controller) if isinstance(controller, Sampled) else column
+    return sampled.column(problem, column, controller) if isinstance(controller, Sampled) else column

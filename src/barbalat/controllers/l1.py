@@ -8,16 +8,15 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from barbalat import validate
-from barbalat.adaptation import gain
 from barbalat.adaptation.learning import CompositeLearning
 from barbalat.adaptation.lyapunov import Modifications
 from barbalat.adaptation.modifications.dead_zone import DeadZone
 from barbalat.adaptation.modifications.leakage import Leakage
-from barbalat.adaptation.projection import limit
+from barbalat.controllers.l1_sampled import Predictor
 from barbalat.controllers.settings import check_common, initial_estimate, projection_box
 from barbalat.controllers.windup import applied, limits_of_predictor
 from barbalat.linear.systems import StateSpace, TransferFunction
-from barbalat.problem.known_set import EstimateSet
+from barbalat.problem.known_set import EstimateSet, Gain, gain, limit
 from barbalat.problem.regressors import Uncertainty
 from barbalat.problem.state_feedback import Known
 from barbalat.protocols import Value
@@ -42,7 +41,7 @@ class Equations:
     k_0: Array | float
     P: Array
     uncertainty: Uncertainty
-    gamma: float | Array
+    gamma: Gain
     C: StateSpace
     theta_hat0: Array
     x0: Array
@@ -87,6 +86,9 @@ class Equations:
     def limit(self, state: State) -> State:
         return state._replace(theta_hat=limit(state.theta_hat, self.box))
 
+    def sampled(self, T: float) -> Predictor:
+        return Predictor.of(self, T)
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class L1Adaptive:
@@ -124,7 +126,8 @@ class L1Adaptive:
         return Modifications(leakage=self.leakage, dead_zone=self.dead_zone, learning=self.learning)
 
     def bind(self, known: Known) -> Equations:
-        gain.require_size("gamma", self.gamma, known.parameters)
+        gamma = Gain(self.gamma)
+        gamma.require_size("gamma", known.parameters)
         self._modifications().require_fit(known.inputs)
         box = projection_box(self.projection, known)
         return Equations(
@@ -133,7 +136,7 @@ class L1Adaptive:
             k_0=known.k_0,
             P=known.P,
             uncertainty=known.uncertainty,
-            gamma=self.gamma,
+            gamma=gamma,
             C=self._filter(unknown_gain=known.uncertainty.gain_unknown),
             theta_hat0=initial_estimate(self.theta_hat0, box, known),
             x0=known.x0,

@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from barbalat.adaptation import implicit, step_within_set
-from barbalat.controllers import l1
+from barbalat.adaptation import implicit
 from barbalat.controllers.steps import Filter, Unmoved, half_step
 from barbalat.controllers.windup import ModifiedError
 from barbalat.problem.known_set import KnownSet
 from barbalat.protocols import Sample, Value
 from barbalat.validate import Array, InputError
+
+if TYPE_CHECKING:
+    from barbalat.controllers import l1
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,6 +34,8 @@ class Predictor:
     coupling: Array | float  # T b'P (I - T A_m)^-1 b > 0; (m, m) with m inputs
     windup: ModifiedError | None = None
 
+    explicit: ClassVar[bool] = False
+
     @classmethod
     def of(cls, equations: l1.Equations, T: float, windup: ModifiedError | None = None) -> Predictor:
         modifications, box = equations.modifications, equations.box
@@ -46,7 +50,7 @@ class Predictor:
         return cls(
             equations,
             T,
-            step_within_set.kept_to(box, len(equations.theta_hat0), leaking=modifications.leakage is not None),
+            None if box is None else box.kept_by_steps(len(equations.theta_hat0), leaking=modifications.leakage is not None),
             end,
             Filter.of(equations.C, T),
             float(coupling) if np.ndim(coupling) == 0 else coupling,
@@ -68,7 +72,7 @@ class Predictor:
             c.modifications.leakage, state.theta_hat, unmoved.error, lambda w: self._moved(state, memory, unmoved, w)
         )
         x_hat = unmoved.x_hat + T * (self.end @ np.dot(c.b, unmoved.phi.T @ theta_hat))
-        following = l1.State(implicit.into(theta_hat, c.box, c.gamma), x_hat, state.filter, memory)
+        following = state._replace(theta_hat=implicit.into(theta_hat, c.box, c.gamma), x_hat=x_hat, memory=memory)
         wanted = c.filter_input(state, before.x, before.r), c.filter_input(following, now.x, now.r)
         return following._replace(filter=self.filter.end(state.filter, *wanted))
 
@@ -87,7 +91,7 @@ class Predictor:
         pull = () if learning is None else (learning.gamma_c * memory.R, learning.gamma_c * memory.Q)
         gain, rest = implicit.at_rest(c.gamma, state.theta_hat, T, w, *pull)
         error = unmoved.error - np.dot(self.coupling, unmoved.phi.T @ (rest - state.theta_hat))
-        return step_within_set.step(rest, T * gain, unmoved.phi, self.coupling, error, self.known_set)
+        return implicit.step_within(rest, gain.over(T), unmoved.phi, self.coupling, error, self.known_set)
 
     def _memory(self, state: l1.State, before: Sample, u: Value, now: Sample) -> Any:
         c, learning = self.continuous, self.continuous.modifications.learning

@@ -9,6 +9,8 @@ import numpy as np
 
 from barbalat import validate
 from barbalat.controllers.settings import require_one_input
+from barbalat.controllers.steps import LinearStep
+from barbalat.controllers.tustin import Tustin
 from barbalat.linear.systems import StateSpace, TransferFunction
 from barbalat.problem.regressors import Linear as LinearRegressor
 from barbalat.problem.state_feedback import Known
@@ -43,6 +45,9 @@ class Equations:
 
     def limit(self, state: State) -> State:
         return state
+
+    def sampled(self, T: float) -> Tustin:
+        return Tustin(self, T, LinearStep.of(self.K.A, T))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -8,15 +8,16 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from barbalat import validate
-from barbalat.adaptation import gain
 from barbalat.adaptation.learning import CompositeLearning
 from barbalat.adaptation.lyapunov import Modifications
 from barbalat.adaptation.modifications.dead_zone import DeadZone
 from barbalat.adaptation.modifications.leakage import Leakage
-from barbalat.adaptation.projection import limit
+from barbalat.controllers import l1
+from barbalat.controllers.l1_sampled import Predictor
 from barbalat.controllers.settings import check_common, initial_estimate, projection_box
 from barbalat.controllers.windup import ModifiedError, applied, known_limits
-from barbalat.problem.known_set import EstimateSet
+from barbalat.linear.systems import StateSpace
+from barbalat.problem.known_set import EstimateSet, Gain, gain, limit
 from barbalat.problem.regressors import Uncertainty
 from barbalat.problem.state_feedback import Known
 from barbalat.protocols import Value
@@ -40,7 +41,7 @@ class Equations:
     k_0: Array | float
     P: Array
     uncertainty: Uncertainty
-    gamma: float | Array
+    gamma: Gain
     theta_hat0: Array
     x0: Array
     box: EstimateSet | None
@@ -78,6 +79,24 @@ class Equations:
 
     def limit(self, state: State) -> State:
         return state._replace(theta_hat=limit(state.theta_hat, self.box))
+
+    def sampled(self, T: float) -> Predictor:
+        """As L1-AC with C = 1: its predictor is then the model, with ``limits`` the model adapted to them."""
+        with_predictor = l1.Equations(
+            A_m=self.A_m,
+            b=self.b,
+            k_0=self.k_0,
+            P=self.P,
+            uncertainty=self.uncertainty,
+            gamma=self.gamma,
+            C=StateSpace.gain(1.0),
+            theta_hat0=self.theta_hat0,
+            x0=self.x0,
+            box=self.box,
+            modifications=self.modifications,
+            limits=self.limits,
+        )
+        return Predictor.of(with_predictor, T, self.windup)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -119,7 +138,8 @@ class Mrac:
         return Modifications(leakage=self.leakage, dead_zone=self.dead_zone, learning=self.learning)
 
     def bind(self, known: Known) -> Equations:
-        gain.require_size("gamma", self.gamma, known.parameters)
+        gamma = Gain(self.gamma)
+        gamma.require_size("gamma", known.parameters)
         self._modifications().require_fit(known.inputs)
         box = projection_box(self.projection, known)
         return Equations(
@@ -128,7 +148,7 @@ class Mrac:
             k_0=known.k_0,
             P=known.P,
             uncertainty=known.uncertainty,
-            gamma=self.gamma,
+            gamma=gamma,
             theta_hat0=initial_estimate(self.theta_hat0, box, known),
             x0=known.x0,
             box=box,

@@ -11,13 +11,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from barbalat import validate
-from barbalat.adaptation.laws import LAWS, AdaptiveLaw, Estimation
+from barbalat.adaptation.law import AdaptiveLaw, Estimation, require_law
 from barbalat.adaptation.normalization import Normalization
-from barbalat.adaptation.projection import limit
+from barbalat.controllers.robust_mrac_sampled import Estimator
 from barbalat.controllers.settings import check_common, initial_estimate, projection_box, require_one_input
 from barbalat.controllers.windup import applied, limits_of_predictor
 from barbalat.linear.systems import StateSpace, TransferFunction, transfer_function
-from barbalat.problem.known_set import KnownSet, ParameterProduct
+from barbalat.problem.known_set import EstimateSet, limit
 from barbalat.problem.regressors import Regressor
 from barbalat.problem.state_feedback import Known
 from barbalat.protocols import Value
@@ -51,7 +51,7 @@ class Equations:
     normalization: Normalization
     theta_hat0: Array
     x0: Array
-    box: KnownSet | None
+    box: EstimateSet | None
     limits: Array | None = None  # of the input, where the parametric model is fed with what is left of u
 
     def initial(self) -> State:
@@ -100,6 +100,9 @@ class Equations:
 
     def limit(self, state: State) -> State:
         return state._replace(theta_hat=limit(state.theta_hat, self.box), memory=self.law.limit(state.memory))
+
+    def sampled(self, T: float) -> Estimator:
+        return Estimator.of(self, T)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -174,7 +177,7 @@ def _check_model_and_law(settings: RobustMrac | NormalizedMrac) -> None:
     check_common(settings)
     if settings.c_0 is not None:
         object.__setattr__(settings, "c_0", validate.vector("c_0", settings.c_0))
-    validate.instance("law", settings.law, tuple(LAWS.values()))
+    require_law(settings.law)
     validate.instance("normalization", settings.normalization, Normalization)
 
 
@@ -189,7 +192,6 @@ def _equations(settings: RobustMrac | NormalizedMrac, known: Known, Q: StateSpac
     minimum_phase_model(c_0, known)
     settings.law.initial(known.n)  # refuses settings of another size
     box = projection_box(settings.projection, known)
-    assert not isinstance(box, ParameterProduct)  # the input gain is known
     return Equations(
         A_m=known.A_m,
         b=known.b,

@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
 from barbalat.adaptation import implicit
-from barbalat.controllers import robust_mrac
+from barbalat.adaptation.law import SampleData, SampledLaw
 from barbalat.controllers.steps import Filter, LinearStep
 from barbalat.controllers.windup import applied
 from barbalat.protocols import Sample, Value
+
+if TYPE_CHECKING:
+    from barbalat.controllers import robust_mrac
 
 
 @dataclass(frozen=True, eq=False)
@@ -19,14 +23,17 @@ class Estimator:
 
     continuous: robust_mrac.Equations
     sample_time: float
+    law: SampledLaw
     model: LinearStep
     filter: Filter | None
 
+    explicit: ClassVar[bool] = False
+
     @classmethod
     def of(cls, equations: robust_mrac.Equations, T: float) -> Estimator:
-        implicit.require_implicit(equations.law, equations.box)
+        law = implicit.require_sampled(equations.law, equations.box)
         Q = None if equations.Q is None else Filter.of(equations.Q, T)
-        return cls(equations, T, LinearStep.of(equations.A_m, T), Q)
+        return cls(equations, T, law, LinearStep.of(equations.A_m, T), Q)
 
     def initial(self) -> robust_mrac.State:
         return self.continuous.initial()
@@ -45,15 +52,9 @@ class Estimator:
         decay = np.exp(-c.normalization.delta_0 * T)
         n_d = decay * state.n_d + (1 - decay) / c.normalization.delta_0 * (u * u)  # (16), exact for the u that was held
         m_s_squared = c.normalization.m_s_squared(phi, (state.n_d + n_d) / 2)
-        theta_hat, memory = implicit.step(c.law, T, state.theta_hat, state.memory, z, phi, m_s_squared, c.box)
-        following = robust_mrac.State(
-            theta_hat=theta_hat,
-            memory=memory,
-            xi=2 * xi_mid - state.xi,
-            Xi=2 * Xi_mid - state.Xi,
-            n_d=n_d,
-            swapping=state.swapping,
-            filter=state.filter,
+        theta_hat, memory = self.law.sampled_step(state.theta_hat, state.memory, SampleData(T, z, phi, m_s_squared), c.box)
+        following = state._replace(
+            theta_hat=theta_hat, memory=memory, xi=2 * xi_mid - state.xi, Xi=2 * Xi_mid - state.Xi, n_d=n_d
         )
         if self.filter is None:
             return following

@@ -2,22 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any, NamedTuple
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar, NamedTuple
 
 from barbalat import validate
-from barbalat.controllers import l1, linear_feedback, mrac, robust_mrac
-from barbalat.controllers.l1_sampled import Predictor
-from barbalat.controllers.output import l1 as output_l1
-from barbalat.controllers.output import linear as output_linear
-from barbalat.controllers.output import mrac as output_mrac
-from barbalat.controllers.output import mrac_sampled as output_midpoint
-from barbalat.controllers.output.l1_sampled import OutputPredictor
-from barbalat.controllers.robust_mrac_sampled import Estimator
-from barbalat.controllers.tustin import Tustin
-from barbalat.linear.systems import StateSpace
 from barbalat.problem.state_feedback import Known
-from barbalat.protocols import Controller, Equations, Sample, SampledEquations, Value
+from barbalat.protocols import Controller, Discretizable, Equations, Sample, SampledEquations, Value, feedback_of
 from barbalat.validate import InputError
 
 DISCRETIZATIONS = ("midpoint", "euler")
@@ -29,6 +19,8 @@ class Euler:
 
     continuous: Equations
     sample_time: float
+
+    explicit: ClassVar[bool] = True
 
     def initial(self) -> NamedTuple:
         return self.continuous.initial()
@@ -79,41 +71,21 @@ class Sampled:
     @property
     def feedback(self) -> str:
         """What is fed back: "state" or "output"."""
-        return getattr(self.controller, "feedback", "state")
+        return feedback_of(self.controller)
 
     def bind(self, known: Known) -> SampledEquations:
         equations, T = self.controller.bind(known), self.sample_time
+        if isinstance(equations, SampledEquations):
+            raise InputError(f"controller must be a continuous controller, but {self.name} is sampled itself")
         if self.discretization == "euler":
-            return Euler(equations, T)  # type: ignore[arg-type]
-        match equations:
-            case l1.Equations():
-                return Predictor.of(equations, T)
-            case mrac.Equations():
-                return Predictor.of(_with_predictor(equations, known), T, equations.windup)
-            case robust_mrac.Equations():
-                return Estimator.of(equations, T)
-            case output_l1.Equations():
-                return OutputPredictor.of(equations, T)
-            case output_mrac.Equations():
-                return output_midpoint.OutputEstimator.of(equations, T)
-            case linear_feedback.Equations() | output_linear.Equations():
-                return Tustin.of(equations, T)
-        raise InputError(f"discretization = 'midpoint' is not available for {self.name}; 'euler' is")
+            return Euler(equations, T)
+        if not isinstance(equations, Discretizable):
+            raise InputError(f"discretization = 'midpoint' is not available for {self.name}; 'euler' is")
+        return equations.sampled(T)
 
+    @property
+    def law_step(self) -> float | None:
+        return self.sample_time if self.discretization == "euler" else None
 
-def _with_predictor(equations: mrac.Equations, known: Known) -> l1.Equations:
-    """The MRAC as L1-AC with C = 1: its predictor is then the model, with ``limits`` the model adapted to them."""
-    return l1.Equations(
-        A_m=known.A_m,
-        b=known.b,
-        k_0=known.k_0,
-        P=known.P,
-        uncertainty=known.uncertainty,
-        gamma=equations.gamma,
-        C=StateSpace.gain(1.0),
-        theta_hat0=equations.theta_hat0,
-        x0=known.x0,
-        box=equations.box,
-        modifications=equations.modifications,
-        limits=equations.limits,
-    )
+    def refined(self, factor: int) -> Sampled:
+        return replace(self, sample_time=self.sample_time / factor) if self.discretization == "euler" else self

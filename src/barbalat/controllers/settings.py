@@ -2,24 +2,34 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Protocol
 
 import numpy as np
 
 from barbalat import validate
-from barbalat.problem.known_set import EstimateSet, ParameterProduct, with_gains
+from barbalat.problem.known_set import EstimateSet, with_gains
 from barbalat.problem.state_feedback import Known
 from barbalat.validate import Array, InputError
 
 
-def check_common(settings: Any) -> None:
-    """What every adaptive controller's settings share: a name, and an initial estimate of their own, if one is given."""
+class Adaptive(Protocol):
+    """What every adaptive controller's settings share."""
+
+    @property
+    def name(self) -> str: ...
+
+    @property
+    def theta_hat0(self) -> Array | None: ...
+
+
+def check_common(settings: Adaptive) -> None:
+    """The checks of a name, and of an initial estimate, if one is given."""
     validate.label("name", settings.name)
     if settings.theta_hat0 is not None:
         object.__setattr__(settings, "theta_hat0", validate.vector("theta_hat0", settings.theta_hat0))
 
 
-def initial_estimate(theta_hat0: Any, box: EstimateSet | None, known: Known) -> Array:
+def initial_estimate(theta_hat0: Array | None, box: EstimateSet | None, known: Known) -> Array:
     """theta_hat(0), (p,): zero unless given, 1 or the nearest bound for an input gain; inside the known set if there is one."""
     gains = known.inputs if known.uncertainty.gain_unknown else 0
     default = np.concatenate([np.zeros(known.parameters - gains), np.ones(gains)])
@@ -49,7 +59,7 @@ def projection_box(projection: bool | None, known: Known) -> EstimateSet | None:
     """
     if projection is not None and not isinstance(projection, (bool, np.bool_)):
         raise InputError(f"projection must be true or false, got {validate.show(projection)}")
-    nothing = known.box is None or (isinstance(known.box, ParameterProduct) and known.box.theta is None)
+    nothing = known.box is None or not known.box.bounds_theta
     if projection and nothing:
         raise InputError(
             "projection needs the known set: give uncertainty.lower and .upper, or .center and .radius, or set projection = false"

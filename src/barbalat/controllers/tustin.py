@@ -3,27 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
-from barbalat.controllers import linear_feedback
-from barbalat.controllers.output import linear
 from barbalat.controllers.steps import LinearStep
-from barbalat.protocols import Sample, Value
+from barbalat.protocols import Equations, Sample, Value
 
 
 @dataclass(frozen=True, eq=False)
 class Tustin:
-    """A linear controller on the output or on the state, by the trapezoidal rule."""
+    """A linear controller on the output or on the state, whose NamedTuple ends with the state of its linear system."""
 
-    continuous: linear.Equations | linear_feedback.Equations
+    continuous: Equations
     sample_time: float
     step: LinearStep
 
-    @classmethod
-    def of(cls, equations: linear.Equations | linear_feedback.Equations, T: float) -> Tustin:
-        return cls(
-            equations, T, LinearStep.of(equations.K.A if isinstance(equations, linear_feedback.Equations) else equations.A, T)
-        )
+    explicit: ClassVar[bool] = False
 
     def initial(self) -> Any:
         return self.continuous.initial()
@@ -33,5 +27,5 @@ class Tustin:
 
     def advance(self, state: Any, before: Sample, u: Value, now: Sample) -> Any:
         rest = self.continuous.initial()  # at the origin the derivative is the forcing alone
-        forcings = [self.continuous.derivative(rest, *sample, u)[1] for sample in (before, now)]  # type: ignore[arg-type]
+        forcings = [self.continuous.derivative(rest, *sample, u)[1] for sample in (before, now)]
         return type(state)(state.theta_hat, self.step.end(state[1], (forcings[0] + forcings[1]) / 2))

@@ -14,7 +14,16 @@ from barbalat.loop.parts import Held, LoopState, Outputs, Signals
 from barbalat.problem.actuation import InputPath
 from barbalat.problem.measurement import Sensor
 from barbalat.problem.tracking import TrackingProblem
-from barbalat.protocols import Controller, Dynamics, Equations, Sample, SampledEquations, Value
+from barbalat.protocols import (
+    Controller,
+    DiscretizedEquations,
+    Dynamics,
+    Equations,
+    Sample,
+    SampledEquations,
+    Value,
+    feedback_of,
+)
 from barbalat.validate import Array
 
 
@@ -34,7 +43,6 @@ class ClosedLoop:
     output_disturbed: bool = False
     clocked: bool = False
     delayed: bool = False
-    sampled: bool = False
     step: float | None = None  # the solver's [s]; only a rate limiter needs it
 
     @classmethod
@@ -55,7 +63,6 @@ class ClosedLoop:
             output_disturbed=problem.output_disturbance is not None,
             clocked=problem.depends_on_time,
             delayed=problem.delay > 0,
-            sampled=isinstance(equations, SampledEquations),
         )
 
     def initial(self) -> Array:
@@ -81,6 +88,21 @@ class ClosedLoop:
             if self.sampled
             else (),
         )
+
+    @property
+    def sampled(self) -> bool:
+        """Whether the controller acts at instants of its own."""
+        return isinstance(self.equations, SampledEquations)
+
+    @property
+    def sample_time(self) -> float | None:
+        """[s], of a sampled controller."""
+        return self.equations.sample_time if isinstance(self.equations, SampledEquations) else None
+
+    @property
+    def continuous(self) -> Equations | SampledEquations:
+        """The equations that a sampled controller stands for; others as they are."""
+        return self.equations.continuous if isinstance(self.equations, DiscretizedEquations) else self.equations
 
     @property
     def inputs(self) -> int:
@@ -159,10 +181,10 @@ class ClosedLoop:
             x_dot = x_dot + direction * given.unmatched[i]
         y, y_m = self._measured(state, given), self.model.output(state.x_m)
         controller, held = state.controller, state.held
-        if self.sampled:
+        if isinstance(self.equations, SampledEquations):
             controller, held = (map_arrays(lambda value: 0 * value, part) for part in (controller, held))
         else:
-            controller = self.equations.derivative(controller, y, y_m, given.r, u)  # type: ignore[union-attr]
+            controller = self.equations.derivative(controller, y, y_m, given.r, u)
         return LoopState(
             x=x_dot,
             x_m=self.model.derivative(state.x_m, given.r),  # (2)
@@ -224,9 +246,9 @@ class ClosedLoop:
     def limit(self, flat: Value) -> Value:
         """The state with the estimates limited to the known set; applied at every stage and at a step's end."""
         state = self.unpack(flat)
-        if self.sampled:  # the estimates have moved and are counted
+        if isinstance(self.equations, SampledEquations):  # the estimates have moved and are counted
             return flatten(state._replace(held=state.held._replace(theta_hat=state.controller.theta_hat)))
-        return flatten(state._replace(controller=self.equations.limit(state.controller)))  # type: ignore[union-attr]
+        return flatten(state._replace(controller=self.equations.limit(state.controller)))
 
     def estimates_moved(self, flat: Value, following: Value) -> Value:
         """|change of theta_hat| by a step from ``flat`` to ``following``, a sample at its start included, (n,)."""
@@ -247,7 +269,7 @@ def bound(problem: TrackingProblem, controller: Controller) -> Equations | Sampl
     """The controller's equations for this problem; InputError for what is no controller, or one for another measurement."""
     if not isinstance(controller, Controller) or isinstance(controller, type):
         raise validate.InputError(f"a controller must have a name and a method bind, got {validate.show(controller)}")
-    feedback = getattr(controller, "feedback", "state")
+    feedback = feedback_of(controller)
     if feedback != problem.feedback:
         raise validate.InputError(f"{controller.name} feeds back the {feedback}, but the problem measures the {problem.feedback}")
     return controller.bind(problem.known)

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -14,9 +15,6 @@ from barbalat.validate import Array
 
 if TYPE_CHECKING:
     import casadi as ca
-
-from collections.abc import Callable
-from typing import TYPE_CHECKING
 
 
 def signals_at_rest(loop: ClosedLoop, r: float) -> Array:
@@ -30,10 +28,9 @@ def continuous_twin(loop: ClosedLoop) -> ClosedLoop:
     Its flat state is the sampled loop's without what is held, which stands last. A sampled form with states of its own has
     no such twin.
     """
-    equations: Any = getattr(loop.equations, "continuous", None)
-    if equations is None or len(flatten(equations.initial())) != len(flatten(loop.equations.initial())):
-        return loop
-    return replace(loop, equations=equations, sampled=False)
+    twin = replace(loop, equations=loop.continuous)
+    same = len(flatten(twin.equations.initial())) == len(flatten(loop.equations.initial()))
+    return twin if same else loop
 
 
 def jacobian_function(loop: ClosedLoop, dt: float) -> ca.Function:

@@ -49,12 +49,9 @@ class Known:
     @property
     def gains(self) -> ParameterBox | None:
         """The intervals of the unknown input gains, (m,); ``None`` where they are known."""
-        if not self.uncertainty.gain_unknown or self.box is None:
+        if not self.uncertainty.gain_unknown or self.box is None or self.box.intervals is None:
             return None
-        if isinstance(self.box, ParameterBox):
-            return ParameterBox(lower=self.box.lower[-self.inputs :], upper=self.box.upper[-self.inputs :])
-        assert isinstance(self.box, ParameterProduct)
-        return self.box.gains
+        return self.box.intervals.last(self.inputs)
 
     @property
     def n(self) -> int:

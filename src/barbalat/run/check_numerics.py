@@ -4,13 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import TypeGuard
 
 import numpy as np
 
 from barbalat import validate
-from barbalat.controllers import Sampled
-from barbalat.protocols import Controller
+from barbalat.protocols import Controller, Stepping
 from barbalat.run.diagnosis.finer_step import FinerStep, Seen, compare
 from barbalat.run.progress import Progress, part_of
 from barbalat.run.result import Result
@@ -83,11 +81,7 @@ def _compared(
 
 def _refined(controller: Controller, factor: int) -> Controller:
     """A law that is sampled by Euler steps takes finer ones too: they are part of what is in question."""
-    return replace(controller, sample_time=controller.sample_time / factor) if _takes_euler_steps(controller) else controller
-
-
-def _takes_euler_steps(controller: Controller) -> TypeGuard[Sampled]:
-    return isinstance(controller, Sampled) and controller.discretization == "euler"
+    return controller.refined(factor) if isinstance(controller, Stepping) else controller
 
 
 def _horizon(result: Result, factor: int, afforded: int) -> float | None:
@@ -114,7 +108,7 @@ def _seen(result: Result) -> Seen:
         model=float(np.abs(result.x_m).max()),
         estimates=float(np.abs(result.theta_hat).max(initial=0.0)),
         steps=result.simulation.steps,
-        sample_time=controller.sample_time if _takes_euler_steps(controller) else None,
+        sample_time=controller.law_step if isinstance(controller, Stepping) else None,
     )
 
 

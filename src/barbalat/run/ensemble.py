@@ -69,7 +69,7 @@ def simulate_ensemble(
             raise InputError(f"all members must share their signals, but member {i + 1} has {validate.show(problem.signals)}")
     loops = [ClosedLoop.of(problem, controller) for problem, controller in members]
     noise_times = [None if problem.noise is None else problem.noise.sample_time for problem, _ in members]
-    sample_times = [getattr(loop.equations, "sample_time", None) for loop in loops]
+    sample_times = [loop.sample_time for loop in loops]
     for what, times in (("the noise's sample time", noise_times), ("the controller's sample time", sample_times)):
         if any(time != times[0] for time in times):
             raise InputError(f"all members must share {what}")

@@ -15,7 +15,7 @@ from barbalat.lowering.operations import Program, read
 from barbalat.lowering.optimize import optimize
 from barbalat.lowering.shape import TAPS, LoopShape
 from barbalat.problem.measurement import Noise
-from barbalat.protocols import SampledEquations, Value
+from barbalat.protocols import Value
 from barbalat.run.coupling import coupling_function
 from barbalat.run.delay import PER_INPUT
 from barbalat.run.metrics import Accumulators
@@ -63,7 +63,7 @@ class Rhythm:
     @classmethod
     def of(cls, loop: ClosedLoop, noise: Noise | None, dt: float) -> Rhythm:
         """InputError where a time is not a whole number of steps."""
-        sample_time = loop.equations.sample_time if isinstance(loop.equations, SampledEquations) else None
+        sample_time = loop.sample_time
         return cls(
             0 if sample_time is None else _whole_steps("sample_time", sample_time, dt),
             1 if noise is None else _whole_steps("sensor.noise.sample_time", noise.sample_time, dt),

@@ -10,7 +10,7 @@ import numpy as np
 
 from barbalat.controllers import Mrac
 from barbalat.loop.closed_loop import ClosedLoop
-from barbalat.problem.known_set import ParameterBox
+from barbalat.problem.known_set import ParameterBox, Projecting
 from barbalat.problem.state_feedback import Problem
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller
@@ -81,11 +81,11 @@ class Benchmark:
 def known_width(problem: TrackingProblem, controller: Controller) -> Array:
     """(p,) of the known set in each estimate's direction; without one, of -|theta|_2 ... |theta|_2; infinite without theta."""
     loop = ClosedLoop.of(problem, controller)
-    equations: Any = getattr(loop.equations, "continuous", loop.equations)
-    known_set = getattr(equations, "box", None) or getattr(problem.known, "box", None)
-    if known_set is not None:
-        low, high = known_set.extent
-        return np.asarray((high - low)[: loop.parameters])
+    sets = [part.box for part in (loop.continuous, problem.known) if isinstance(part, Projecting)]
+    known_set = next((known_set for known_set in sets if known_set is not None), None)
+    if known_set is not None and known_set.bounds_theta:
+        extents = [part.extent for part in (known_set.sphere, known_set.intervals) if part is not None]
+        return np.concatenate([high - low for low, high in extents])[: loop.parameters]
     theta = problem.parameters
     return np.full(loop.parameters, np.inf if theta is None else 2 * float(np.linalg.norm(theta)))
 

@@ -27,6 +27,7 @@ from barbalat import (
 from barbalat.certificates.bounds import laws
 from barbalat.certificates.certify import certify
 from barbalat.certificates.linear_loops.around_equilibrium import around_equilibrium
+from barbalat.certificates.table_1 import table_1
 from barbalat.linear.margins import margins
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.run.ensemble import simulate_ensemble
@@ -129,14 +130,18 @@ def test_a_fixed_sigma_does_break_the_bound(problems):
 
 def test_the_normalised_schemes_say_what_their_law_guarantees(problems):
     cases = {
-        LeastSquares(covariance0=5.0): "Lemma 1",
-        LeastSquares(covariance0=5.0, leakage=SwitchingSigma(sigma=0.1, M_0=5.0)): "M_0 = 5 provided",
+        LeastSquares(covariance0=5.0): "converges to zero",
+        LeastSquares(covariance0=5.0, leakage=SwitchingSigma(sigma=0.1, M_0=5.0)): "converges to zero",
+        LeastSquares(covariance0=5.0, leakage=SwitchingSigma(sigma=0.1, M_0=0.5)): "M_0 = 0.5 does not bound |theta|",
         Gradient(gamma=5.0, leakage=FixedSigma(sigma=0.1)): "converges to a set",
         Gradient(gamma=5.0, dead_zone=DeadZone(g_0=0.1)): "converges to a set",
         LeastSquaresForgetting(covariance0=5.0, forgetting=0.1): "persistently exciting",
     }
     for law, words in cases.items():
-        assert any(words in a for a in certificate(problems[2], NormalizedMrac(law=law)).assumptions)
+        controller = NormalizedMrac(law=law)
+        certificates = {controller.name: certificate(problems[2], controller)}
+        (column,) = table_1(problems[2], [controller], certificates).columns
+        assert words in column.cells["tracking"].text
 
 
 def test_the_adapting_loop_with_a_matrix_gain(problems):

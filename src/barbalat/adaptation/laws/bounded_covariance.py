@@ -4,12 +4,17 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from barbalat.adaptation.law import Estimation, Rates
+import numpy as np
+
+from barbalat import validate
+from barbalat.adaptation import implicit
+from barbalat.adaptation.guarantee import Guarantee, with_modifications
+from barbalat.adaptation.law import Estimation, Moved, Rates, SampleData
 from barbalat.adaptation.laws import covariance
 from barbalat.adaptation.laws.covariance import Memory
 from barbalat.adaptation.modifications import dead_zone as zone
 from barbalat.adaptation.modifications import leakage as leak
-from barbalat.problem.known_set import KnownSet
+from barbalat.problem.known_set import EstimateSet, Gain, gain
 from barbalat.protocols import Value
 from barbalat.validate import Array
 
@@ -40,13 +45,20 @@ class LeastSquaresBounded:
     dead_zone: zone.DeadZone | None = None
 
     def __post_init__(self) -> None:
-        covariance.accept(self, "least squares", leak.SIGMA, covariance.NOT_PROPORTIONAL)
+        validate.freeze(self, covariance0=gain.accept("law.covariance0", self.covariance0))
+        validate.freeze(self, forgetting=validate.positive("law.forgetting", self.forgetting))
+        validate.freeze(self, covariance_bound=validate.positive("law.covariance_bound", self.covariance_bound))
+        leak.accept(self.leakage, "least squares", leak.SIGMA, covariance.NOT_PROPORTIONAL)
         zone.accept(self.dead_zone)
+
+    @property
+    def metric(self) -> Gain:
+        return covariance.A_MATRIX
 
     def initial(self, n: int) -> Memory:
         return covariance.initial(self.covariance0, n, self.covariance_bound)
 
-    def rates(self, theta_hat: Value, memory: Memory, estimation: Estimation, known_set: KnownSet | None) -> Rates:
+    def rates(self, theta_hat: Value, memory: Memory, estimation: Estimation, known_set: EstimateSet | None) -> Rates:
         P = memory.covariance
         theta_hat_dot, taken = covariance.learn(theta_hat, P, estimation, known_set, self.leakage, self.dead_zone)
         P_dot = self.forgetting * P - taken
@@ -54,3 +66,19 @@ class LeastSquaresBounded:
 
     def limit(self, memory: Memory) -> Memory:
         return Memory(covariance.bounded(memory.covariance, self.covariance_bound))
+
+    def sampled_step(self, theta_hat: Value, memory: Memory, data: SampleData, known_set: EstimateSet | None) -> Moved:
+        given, T = memory.covariance, data.T
+        weight, forgotten = implicit.forgotten(self.forgetting, T)[1], given * np.exp(self.forgetting * T)
+        theta_next, P = covariance.correct(theta_hat, forgotten, weight, data, self.leakage, self.dead_zone)
+        grown = np.sum(P * P) > self.covariance_bound * self.covariance_bound
+        at_bound, _ = implicit.correct(Gain(given), T, theta_hat, data, self.leakage, self.dead_zone)
+        theta_next, P = np.where(grown, at_bound, theta_next), np.where(grown, given, P)
+        return Moved(implicit.into(theta_next, known_set, Gain(P)), self.limit(Memory(P)))
+
+    @property
+    def fastest_rate(self) -> float | None:
+        return None if self.leakage is not None else 2 * self.covariance_bound + self.forgetting
+
+    def guarantee(self, known_set: EstimateSet | None) -> Guarantee:
+        return with_modifications(self.metric, known_set, self.leakage, self.dead_zone)

@@ -8,23 +8,24 @@ Source: Ioannou and Sun, section 4.3.6.
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from barbalat import validate
-from barbalat.adaptation import gain
-from barbalat.adaptation.law import Estimation
+from barbalat.adaptation import implicit
+from barbalat.adaptation.law import Estimation, Moved, SampleData
 from barbalat.adaptation.modifications import leakage as leak
 from barbalat.adaptation.modifications.dead_zone import DeadZone
-from barbalat.adaptation.projection import project
-from barbalat.problem.known_set import KnownSet
+from barbalat.problem.known_set import EstimateSet, Gain, project
 from barbalat.protocols import Value
-from barbalat.validate import InputError
+from barbalat.validate import Array, InputError
 
 ROUNDING = 2.0**-46
 """A norm this near to its bound, relatively, counts as at it; ``bounded`` leaves it within a sixteenth of that."""
 
+A_MATRIX = Gain(np.eye(1))
+"""What a covariance is, whatever it starts as."""
 
 NO_LOWER_BOUND = "its covariance has no lower bound, which the proof that theta_hat stays bounded needs"
 NOT_PROPORTIONAL = "its V' is not proportional to the present error"
@@ -36,20 +37,10 @@ class Memory(NamedTuple):
     covariance: Value  # (n, n) P(t)
 
 
-def accept(settings: Any, law: str, leakages: tuple[type, ...], reason: str) -> None:
-    """The checks of a least-squares law's constructor; ``leakages`` are those it bears, the reason is for the others."""
-    if hasattr(settings, "covariance0"):
-        validate.freeze(settings, covariance0=gain.accept("law.covariance0", settings.covariance0))
-    for name in ("forgetting", "covariance_bound", "rho_0", "rho_1"):
-        if hasattr(settings, name):
-            validate.freeze(settings, **{name: validate.positive(f"law.{name}", getattr(settings, name))})
-    leak.accept(settings.leakage, law, leakages, reason)
-
-
-def initial(covariance0: Any, n: int, bound: float | None = None) -> Memory:
+def initial(covariance0: float | Array, n: int, bound: float | None = None) -> Memory:
     """P(0) of a number, a diagonal or a matrix; InputError where it doesn't fit n or exceeds ``bound`` in the Frobenius norm."""
-    gain.require_size("law.covariance0", covariance0, n)
-    P = gain.as_matrix(covariance0, n)
+    Gain(covariance0).require_size("law.covariance0", n)
+    P = Gain(covariance0).as_matrix(n)
     exceeds = bound is not None and np.linalg.norm(P) > bound
     if isinstance(exceeds, (bool, np.bool_)) and exceeds:  # no number where an ensemble varies it; its members were checked
         raise InputError(
@@ -63,7 +54,7 @@ def learn(
     theta_hat: Value,
     P: Value,
     estimation: Estimation,
-    known_set: KnownSet | None,
+    known_set: EstimateSet | None,
     leakage: leak.Leakage | None,
     dead_zone: DeadZone | None,
 ) -> tuple[Value, Value]:
@@ -77,7 +68,24 @@ def learn(
     rate = P_phi * epsilon
     if leakage is not None:
         rate = rate - P @ (leakage.coefficient(theta_hat, epsilon * np.sqrt(m_s_squared)) * theta_hat)
-    return project(rate, theta_hat, known_set, P), taken
+    return project(rate, theta_hat, known_set, Gain(P)), taken
+
+
+def correct(
+    theta_hat: Value, P: Value, weight: Value, data: SampleData, leakage: leak.Leakage | None, dead_zone: DeadZone | None
+) -> tuple[Value, Value]:
+    """Estimate and covariance after one sample's data, from P as forgetting leaves it; ``weight`` is the data's."""
+    theta_next, share = implicit.correct(Gain(P), weight, theta_hat, data, leakage, dead_zone)
+    _, _, phi, m_s_squared = data
+    P_phi = P @ phi
+    taken = weight * share
+    P = P - taken / (m_s_squared + taken * (phi @ P_phi)) * np.outer(P_phi, P_phi)  # P^-1 grows by taken phi phi'/m_s^2
+    return theta_next, P
+
+
+def moved(theta_next: Value, P: Value, known_set: EstimateSet | None) -> Moved:
+    """With the estimate brought into the set in the metric of the new covariance."""
+    return Moved(implicit.into(theta_next, known_set, Gain(P)), Memory(P))
 
 
 def held(P: Value, P_dot: Value, bound: float) -> Value:

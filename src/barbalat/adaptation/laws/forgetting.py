@@ -2,17 +2,23 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
 
-from barbalat.adaptation.law import Estimation, Rates
+import numpy as np
+
+from barbalat import validate
+from barbalat.adaptation import implicit
+from barbalat.adaptation.guarantee import Guarantee, with_modifications
+from barbalat.adaptation.law import Estimation, Moved, Rates, SampleData
 from barbalat.adaptation.laws import covariance
 from barbalat.adaptation.laws.covariance import Memory
 from barbalat.adaptation.modifications import dead_zone as zone
 from barbalat.adaptation.modifications import leakage as leak
-from barbalat.problem.known_set import KnownSet
+from barbalat.problem.known_set import EstimateSet, Gain, gain
 from barbalat.protocols import Value
 from barbalat.validate import Array, InputError
+
+UNEXCITED = "with unbounded forgetting nothing is guaranteed unless phi/m_s is persistently exciting"
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -35,20 +41,41 @@ class LeastSquaresForgetting:
     dead_zone: zone.DeadZone | None = None
 
     def __post_init__(self) -> None:
-        covariance.accept(self, "least squares with forgetting", leak.SWITCHING, "its covariance has no bounds")
+        validate.freeze(self, covariance0=gain.accept("law.covariance0", self.covariance0))
+        validate.freeze(self, forgetting=validate.positive("law.forgetting", self.forgetting))
+        leak.accept(self.leakage, "least squares with forgetting", leak.SWITCHING, "its covariance has no bounds")
         if self.dead_zone is not None:
             raise InputError(
                 "a dead zone can't go with unbounded forgetting: inside the zone nothing is learnt and the covariance grows like "
                 "exp(beta t); take a law with bounded covariance or bounded gain"
             )
 
+    @property
+    def metric(self) -> Gain:
+        return covariance.A_MATRIX
+
     def initial(self, n: int) -> Memory:
         return covariance.initial(self.covariance0, n)
 
-    def rates(self, theta_hat: Value, memory: Memory, estimation: Estimation, known_set: KnownSet | None) -> Rates:
+    def rates(self, theta_hat: Value, memory: Memory, estimation: Estimation, known_set: EstimateSet | None) -> Rates:
         P = memory.covariance
         theta_hat_dot, taken = covariance.learn(theta_hat, P, estimation, known_set, self.leakage, self.dead_zone)
         return Rates(theta_hat_dot, Memory(self.forgetting * P - taken))
 
-    def limit(self, memory: Any) -> Any:
+    def limit(self, memory: Memory) -> Memory:
         return memory
+
+    def sampled_step(self, theta_hat: Value, memory: Memory, data: SampleData, known_set: EstimateSet | None) -> Moved:
+        weight = implicit.forgotten(self.forgetting, data.T)[1]
+        P = memory.covariance * np.exp(self.forgetting * data.T)
+        theta_next, P = covariance.correct(theta_hat, P, weight, data, self.leakage, self.dead_zone)
+        return covariance.moved(theta_next, P, known_set)
+
+    @property
+    def fastest_rate(self) -> float | None:
+        """Nothing bounds the covariance."""
+        return None
+
+    def guarantee(self, known_set: EstimateSet | None) -> Guarantee:
+        found = with_modifications(self.metric, known_set, self.leakage, self.dead_zone)
+        return replace(found, bounded=False, error_to_zero=False, why=UNEXCITED) if found.bounded else found

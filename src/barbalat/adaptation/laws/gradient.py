@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from barbalat import validate
-from barbalat.adaptation import gain
-from barbalat.adaptation.law import Estimation, Rates
+from barbalat.adaptation import implicit
+from barbalat.adaptation.guarantee import Guarantee, with_modifications
+from barbalat.adaptation.law import Estimation, Moved, Rates, SampleData
 from barbalat.adaptation.modifications import dead_zone as zone
 from barbalat.adaptation.modifications import leakage as leak
-from barbalat.adaptation.projection import project
-from barbalat.problem.known_set import KnownSet
+from barbalat.problem.known_set import EstimateSet, Gain, gain, project
 from barbalat.protocols import Value
 from barbalat.validate import Array
 
@@ -39,19 +38,39 @@ class Gradient:
         leak.accept(self.leakage, "the gradient law")
         zone.accept(self.dead_zone)
 
-    def initial(self, n: int) -> Any:
-        gain.require_size("law.gamma", self.gamma, n)
+    @property
+    def metric(self) -> Gain:
+        return Gain(self.gamma)
+
+    def initial(self, n: int) -> tuple[()]:
+        self.metric.require_size("law.gamma", n)
         return ()
 
-    def rates(self, theta_hat: Value, memory: Any, estimation: Estimation, known_set: KnownSet | None) -> Rates:
+    def rates(self, theta_hat: Value, memory: tuple[()], estimation: Estimation, known_set: EstimateSet | None) -> Rates:
         phi, m_s_squared, epsilon = estimation
         if self.dead_zone is not None:
             epsilon = self.dead_zone.weight(epsilon * epsilon * m_s_squared) * epsilon
-        rate = gain.scaled(self.gamma, epsilon, phi)
+        gamma = self.metric
+        rate = gamma.scaled(epsilon, phi)
         if self.leakage is not None:
             w = self.leakage.coefficient(theta_hat, epsilon * np.sqrt(m_s_squared))
-            rate = rate - gain.times(self.gamma, w * theta_hat)
-        return Rates(project(rate, theta_hat, known_set, self.gamma), memory)
+            rate = rate - gamma.times(w * theta_hat)
+        return Rates(project(rate, theta_hat, known_set, gamma), memory)
 
-    def limit(self, memory: Any) -> Any:
+    def limit(self, memory: tuple[()]) -> tuple[()]:
         return memory
+
+    def sampled_step(self, theta_hat: Value, memory: tuple[()], data: SampleData, known_set: EstimateSet | None) -> Moved:
+        theta_hat, _ = implicit.correct(self.metric, data.T, theta_hat, data, self.leakage, self.dead_zone)
+        return Moved(implicit.into(theta_hat, known_set, self.metric), memory)
+
+    @property
+    def fastest_rate(self) -> float | None:
+        """Gamma; none is known with leakage, which adds a rate of its own: likewise in the other laws."""
+        return None if self.leakage is not None else self.metric.largest
+
+    def gain_of_rate(self, rate: float) -> float | None:
+        return None if self.leakage is not None or self.metric.dimensions else rate
+
+    def guarantee(self, known_set: EstimateSet | None) -> Guarantee:
+        return with_modifications(self.metric, known_set, self.leakage, self.dead_zone)

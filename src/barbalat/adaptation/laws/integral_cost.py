@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from barbalat import validate
-from barbalat.adaptation import gain
-from barbalat.adaptation.law import Estimation, Rates
+from barbalat.adaptation import implicit
+from barbalat.adaptation.guarantee import Guarantee, with_modifications
+from barbalat.adaptation.law import Estimation, Moved, Rates, SampleData
 from barbalat.adaptation.modifications.leakage import SIGMA, Leakage, accept
-from barbalat.adaptation.projection import project
-from barbalat.problem.known_set import KnownSet
+from barbalat.problem.known_set import EstimateSet, Gain, gain, project
 from barbalat.protocols import Value
 from barbalat.validate import Array
 
@@ -53,21 +53,44 @@ class IntegralCost:
         validate.freeze(self, forgetting=validate.positive("law.forgetting", self.forgetting))
         accept(self.leakage, "the integral-cost law", SIGMA, "its V' is not proportional to the present error")
 
+    @property
+    def metric(self) -> Gain:
+        return Gain(self.gamma)
+
     def initial(self, n: int) -> Memory:
-        gain.require_size("law.gamma", self.gamma, n)
+        self.metric.require_size("law.gamma", n)
         return Memory(np.zeros((n, n)), np.zeros(n))
 
-    def rates(self, theta_hat: Value, memory: Memory, estimation: Estimation, known_set: KnownSet | None) -> Rates:
+    def rates(self, theta_hat: Value, memory: Memory, estimation: Estimation, known_set: EstimateSet | None) -> Rates:
         phi, m_s_squared, epsilon = estimation
         R, Q = memory
         z = epsilon * m_s_squared + theta_hat @ phi
-        rate = gain.times(self.gamma, Q - R @ theta_hat)
+        gamma = self.metric
+        rate = gamma.times(Q - R @ theta_hat)
         if self.leakage is not None:
-            rate = rate - gain.times(self.gamma, self.leakage.coefficient(theta_hat, 0.0) * theta_hat)
+            rate = rate - gamma.times(self.leakage.coefficient(theta_hat, 0.0) * theta_hat)
         return Rates(
-            project(rate, theta_hat, known_set, self.gamma),
+            project(rate, theta_hat, known_set, gamma),
             Memory(np.outer(phi, phi) / m_s_squared - self.forgetting * R, phi * (z / m_s_squared) - self.forgetting * Q),
         )
 
-    def limit(self, memory: Any) -> Any:
+    def limit(self, memory: Memory) -> Memory:
         return memory
+
+    def sampled_step(self, theta_hat: Value, memory: Memory, data: SampleData, known_set: EstimateSet | None) -> Moved:
+        T, z, phi, m_s_squared = data
+        kept, weight = implicit.forgotten(self.forgetting, T)
+        R = kept * memory.R + weight * np.outer(phi, phi) / m_s_squared
+        Q = kept * memory.Q + weight * z * phi / m_s_squared
+        following = implicit.with_leakage(
+            self.leakage, theta_hat, 0.0, lambda w: implicit.at_rest(self.metric, theta_hat, T, w, R, Q)[1]
+        )
+        return Moved(implicit.into(following, known_set, self.metric), Memory(R, Q))
+
+    @property
+    def fastest_rate(self) -> float | None:
+        """Gamma/beta, since |R| <= 1/beta, or the forgetting."""
+        return None if self.leakage is not None else max(self.forgetting, self.metric.largest / self.forgetting)
+
+    def guarantee(self, known_set: EstimateSet | None) -> Guarantee:
+        return with_modifications(self.metric, known_set, self.leakage, None)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -35,8 +34,13 @@ class DeadZone:
         """max(0, E - g_0)/E from E^2: in [0, 1), the share of the error that counts."""
         return 1 - self.g_0 / np.sqrt(np.maximum(squared_error, self.g_0 * self.g_0))
 
+    def share(self, squared_error: Value, speed: Value) -> Value:
+        """a = 1 - g_0/|E_next| of the error E_next = E/(1 + a speed) that an implicit step leaves: linear in a, so solved."""
+        E = np.sqrt(np.maximum(squared_error, self.g_0 * self.g_0))
+        return (E - self.g_0) / (E + speed * self.g_0)
 
-def accept(dead_zone: Any) -> None:
+
+def accept(dead_zone: DeadZone | None) -> None:
     """InputError for what is no dead zone."""
     if dead_zone is not None:
         validate.instance("dead_zone", dead_zone, DeadZone)

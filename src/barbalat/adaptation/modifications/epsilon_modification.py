@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -26,3 +28,17 @@ class EpsilonModification:
 
     def coefficient(self, theta_hat: Value, error: Value) -> Value:
         return self.nu * np.abs(error)
+
+    @property
+    def largest(self) -> float:
+        """The largest w: nothing bounds it."""
+        return math.inf
+
+    @property
+    def harmless_within(self) -> float | None:
+        """It takes convergence to zero for every theta."""
+        return None
+
+    def over_sample(self, theta_hat: Value, error: Value, solve: Callable[[Value], Value]) -> Value:
+        """w for a sample, held: that before the estimates move."""
+        return self.coefficient(theta_hat, error)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from barbalat import validate
@@ -25,3 +26,17 @@ class FixedSigma:
 
     def coefficient(self, theta_hat: Value, error: Value) -> Value:
         return self.sigma
+
+    @property
+    def largest(self) -> float:
+        """The largest w."""
+        return self.sigma
+
+    @property
+    def harmless_within(self) -> float | None:
+        """It takes convergence to zero for every theta."""
+        return None
+
+    def over_sample(self, theta_hat: Value, error: Value, solve: Callable[[Value], Value]) -> Value:
+        """w for a sample, held: that before the estimates move."""
+        return self.coefficient(theta_hat, error)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Any, Protocol
+from collections.abc import Callable
+from typing import Protocol
 
 from barbalat.adaptation.modifications.epsilon_modification import EpsilonModification
 from barbalat.adaptation.modifications.fixed_sigma import FixedSigma
@@ -22,8 +23,22 @@ class Leakage(Protocol):
         """w; ``error`` is the scalar that drives the law: epsilon m_s, or e'P b."""
         ...
 
+    @property
+    def largest(self) -> float:
+        """The largest w there can be [1/s per unit of gain]; infinite where nothing bounds it."""
+        ...
 
-def accept(leakage: Any, law: str, kinds: tuple[type, ...] = ALL, reason: str = "") -> None:
+    @property
+    def harmless_within(self) -> float | None:
+        """The bound of |theta|_2 up to which V decreases as without it; None where it takes convergence to zero."""
+        ...
+
+    def over_sample(self, theta_hat: Value, error: Value, solve: Callable[[Value], Value]) -> Value:
+        """w for one sample, held; ``error`` is that before the estimates move, ``solve(w)`` the estimate at the end."""
+        ...
+
+
+def accept(leakage: Leakage | None, law: str, kinds: tuple[type, ...] = ALL, reason: str = "") -> None:
     """InputError for what is no leakage, and, with the reason, for one that the law does not bear."""
     if leakage is None or isinstance(leakage, kinds):
         return

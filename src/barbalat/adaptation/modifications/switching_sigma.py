@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -30,3 +31,21 @@ class SwitchingSigma:
     def coefficient(self, theta_hat: Value, error: Value) -> Value:
         size = np.sqrt(np.maximum(theta_hat @ theta_hat, self.M_0 * self.M_0))
         return self.sigma * np.minimum(size / self.M_0 - 1, 1.0)
+
+    @property
+    def largest(self) -> float:
+        """The largest w."""
+        return self.sigma
+
+    @property
+    def harmless_within(self) -> float | None:
+        """M_0."""
+        return self.M_0
+
+    def over_sample(self, theta_hat: Value, error: Value, solve: Callable[[Value], Value]) -> Value:
+        """w for a sample, held: evaluated where the full sigma would lead.
+
+        A larger leakage leaves a smaller estimate, so that w never exceeds what it is at the end, and is zero where the
+        estimate ends below M_0.
+        """
+        return self.coefficient(solve(self.sigma), error)

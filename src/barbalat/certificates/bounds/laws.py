@@ -3,38 +3,26 @@
 from __future__ import annotations
 
 from fractions import Fraction
-from typing import Any
 
 import numpy as np
 
-from barbalat.adaptation import gain
-from barbalat.adaptation.laws import AdaptiveLaw, Gradient
-from barbalat.adaptation.laws.forgetting import LeastSquaresForgetting
-from barbalat.adaptation.laws.integral_cost import IntegralCost
-from barbalat.adaptation.modifications.epsilon_modification import EpsilonModification
-from barbalat.adaptation.modifications.fixed_sigma import FixedSigma
-from barbalat.adaptation.modifications.switching_sigma import SwitchingSigma
+from barbalat.adaptation.guarantee import Guarantee, nothing
+from barbalat.adaptation.law import AdaptiveLaw, GuaranteedLaw
 from barbalat.adaptation.output_lyapunov import LyapunovLaw
-from barbalat.adaptation.projection import EXACTLY
 from barbalat.certificates.bounds.theorem_1 import mrac_bound, nu_0
+from barbalat.certificates.entry import Assumption
 from barbalat.controllers import L1Adaptive, Mrac
 from barbalat.linear.definite import smallest_eigenvalue
 from barbalat.linear.enclosure import OUTWARD, float_above
-from barbalat.problem.known_set import EstimateSet, ParameterBall, ParameterBox, ParameterProduct
+from barbalat.problem.known_set import EstimateSet, Gain
+from barbalat.problem.known_set.cone import EXACTLY
 from barbalat.problem.state_feedback import Problem
 from barbalat.validate import Array
 
 
 def least_gain(gamma: float | Array) -> float:
     """A guaranteed lower bound of the gain's smallest eigenvalue; a scalar gain itself."""
-    if gain.is_matrix(gamma):
-        return smallest_eigenvalue(gamma)
-    return float(np.min(gamma))
-
-
-def largest_gain(gamma: float | Array) -> float:
-    """The gain's largest eigenvalue, to rounding; a scalar gain itself."""
-    return float(np.linalg.eigvalsh(gamma)[-1]) if gain.is_matrix(gamma) else float(np.max(gamma))
+    return smallest_eigenvalue(gamma) if Gain(gamma).is_matrix else float(np.min(gamma))
 
 
 def weighted_error(theta_tilde: Array, gamma: Array) -> float:
@@ -42,7 +30,7 @@ def weighted_error(theta_tilde: Array, gamma: Array) -> float:
     from flint import arb_mat
 
     column = arb_mat(theta_tilde[:, None].tolist())
-    matrix = arb_mat(gain.as_matrix(gamma, len(theta_tilde)).tolist())
+    matrix = arb_mat(Gain(gamma).as_matrix(len(theta_tilde)).tolist())
     return float_above((column.transpose() * matrix.inv() * column)[0, 0].sqrt()) * OUTWARD
 
 
@@ -61,8 +49,8 @@ def why_no_bound(controller: Mrac | L1Adaptive, problem: Problem) -> str | None:
     bounds every theta in question.
     """
     known_set, gamma = controller.bind(problem.known).box, controller.gamma
-    full = gain.is_matrix(gamma) and bool((gamma - np.diag(np.diag(gamma))).any())
-    if full and cut_in_corners(known_set):
+    full = Gain(gamma).is_matrix and bool((gamma - np.diag(np.diag(gamma))).any())
+    if full and known_set is not None and known_set.cuts_corners:
         return (
             f"with a gain matrix and a box of more than {EXACTLY} parameters, or input gains beside a ball, what the projection "
             "cuts off in a corner may make V grow, so the bounds (9) and (10) don't hold; they do with a ball, a diagonal "
@@ -70,78 +58,32 @@ def why_no_bound(controller: Mrac | L1Adaptive, problem: Problem) -> str | None:
         )
     if controller.dead_zone is not None:
         return "inside the dead zone nothing is learnt, so the bounds (9) and (10) don't hold"
-    if isinstance(controller.leakage, SwitchingSigma):
-        M_0 = controller.leakage.M_0
-        if _all_within(M_0, problem):
-            return None
-        return f"the switching sigma's M_0 = {M_0:g} does not bound |theta| over the known set and the case's theta"
-    if controller.leakage is not None:
+    if controller.leakage is None:
+        return None
+    M_0 = controller.leakage.harmless_within
+    if M_0 is None:
         return f"{type(controller.leakage).__name__} pulls the estimates to zero, so the bounds (9) and (10) don't hold"
-    return None
+    of_theta = sum((Fraction(value) ** 2 for value in problem.parameters.ravel().tolist()), Fraction(0))
+    if of_theta <= Fraction(M_0) ** 2 and (problem.known.box is None or problem.known.box.within(Fraction(M_0))):
+        return None
+    return f"the switching sigma's M_0 = {M_0:g} does not bound |theta| over the known set and the case's theta"
 
 
-def cut_in_corners(known_set: EstimateSet | None) -> bool:
-    """Whether with a gain matrix, or least squares, the limit may cut off in a corner what does not keep the proof.
-
-    The projection is exact for a ball and for a box with up to ``EXACTLY`` faces in reach; one or two intervals of input gains
-    that follow a ball are projected after it.
-    """
-    if isinstance(known_set, ParameterProduct):
-        return len(known_set.gains.faces) > EXACTLY or known_set.theta is not None
-    return isinstance(known_set, ParameterBox) and len(known_set.faces) > EXACTLY
+def guarantee_of(law: AdaptiveLaw | LyapunovLaw, known_set: EstimateSet | None) -> Guarantee:
+    """What the law says of itself; none is known of a law that says nothing."""
+    if isinstance(law, GuaranteedLaw):
+        return law.guarantee(known_set)
+    return nothing(f"nothing is guaranteed: no guarantee of {type(law).__name__} is known")
 
 
-def _all_within(M_0: float, problem: Problem) -> bool:
-    """Whether |theta|_2 <= M_0 for the case's parameters and for all of the known set, in exact arithmetic; with input gains
-    beside a ball it is asked for a little more: |theta|_2 + |omega|_1 <= M_0.
-    """
-
-    def squares(values: Array) -> Fraction:
-        return sum((Fraction(value) ** 2 for value in values.ravel().tolist()), Fraction(0))
-
-    known_set, bound = problem.known.box, Fraction(M_0)
-    if squares(problem.parameters) > bound**2:
-        return False
-    if isinstance(known_set, ParameterProduct):
-        bound -= sum((Fraction(value) for value in known_set.gains.upper.tolist()), Fraction(0))
-        known_set = known_set.theta
-        if bound < 0:
-            return False
-    if isinstance(known_set, ParameterBox):
-        return squares(np.maximum(np.abs(known_set.lower), np.abs(known_set.upper))) <= bound**2
-    if isinstance(known_set, ParameterBall):
-        room = bound - Fraction(known_set.radius)
-        return room >= 0 and squares(known_set.center) <= room**2
-    return True
+def bounds_the_parameters(found: Guarantee, parameters: Array | None) -> Assumption:
+    """A switching leakage's M_0 bounds the true parameters, where there is one; None for parameters that don't exist."""
+    if found.M_0 is None:
+        return Assumption("no bound M_0 of the parameters is needed")
+    above = parameters is None or float(np.linalg.norm(parameters)) * OUTWARD > found.M_0
+    return Assumption(f"|theta| <= M_0 = {found.M_0:g}", f"M_0 = {found.M_0:g} does not bound |theta|" if above else "")
 
 
-def convergence(law: AdaptiveLaw, known_set: EstimateSet | None) -> str:
-    """What is guaranteed of a normalised scheme with this law and projection, on the plant without modelling error."""
-    settings: Any = law
-    if (not isinstance(law, (Gradient, IntegralCost)) or gain.is_matrix(law.gamma)) and cut_in_corners(known_set):
-        return (
-            f"nothing is guaranteed where the projection cuts corners: a gain matrix in a box of more than {EXACTLY} parameters"
-        )
-    if isinstance(settings.leakage, (FixedSigma, EpsilonModification)):
-        kind = type(settings.leakage).__name__
-        return f"theta_hat and epsilon m_s stay bounded; with {kind} the tracking error converges to a set, not to zero"
-    if getattr(settings, "dead_zone", None) is not None:
-        return "theta_hat and epsilon m_s stay bounded; with a dead zone the tracking error converges to a set, not to zero"
-    if isinstance(law, LeastSquaresForgetting):
-        return "with unbounded forgetting nothing is guaranteed unless phi/m_s is persistently exciting"
-    bound = f" (|theta| <= M_0 = {settings.leakage.M_0:g} provided)" if settings.leakage is not None else ""
-    return f"the tracking error converges to zero and theta_hat, epsilon m_s stay bounded (Lemma 1, Theorem 2){bound}"
-
-
-def output_convergence(law: AdaptiveLaw | LyapunovLaw, known_set: EstimateSet | None) -> str:
-    """What is guaranteed of an output-feedback scheme with this law on a plant of the assumed class."""
-    if isinstance(law, LyapunovLaw):
-        if gain.is_matrix(law.gamma) and cut_in_corners(known_set):
-            return "nothing is guaranteed where the projection cuts corners"
-        if law.leakage is None and law.dead_zone is None:
-            return "all signals bounded, e -> 0"
-        if isinstance(law.leakage, SwitchingSigma):
-            return f"all signals bounded, e -> 0 (|theta*| <= M_0 = {law.leakage.M_0:g} provided)"
-        return "all signals bounded; with the modification e converges to a set, not to zero"
-    found = convergence(law, known_set)
-    return found if "nothing is guaranteed" in found else f"all signals bounded; {found}"
+def kept_from_zero(found: Guarantee) -> str:
+    """Why the tracking error does not converge to zero, or what is not known."""
+    return f"with {found.why} the tracking error converges to a set, not to zero" if found.bounded else found.why

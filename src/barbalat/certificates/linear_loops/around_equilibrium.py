@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 
-from barbalat.adaptation.gain import times
 from barbalat.linear.systems import StateSpace
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.loop.linearization import signals_at_rest
@@ -50,7 +49,7 @@ def _moving_directions(loop: ClosedLoop, x: Array) -> Array:
     kept = [i for i in range(loop.size) if not n <= i < 2 * n and not rows.start <= i < rows.stop]
     along = np.zeros(loop.size)
     equations: Any = loop.equations
-    direction = times(equations.gamma, x)
+    direction = equations.gamma.times(x)
     length = float(np.linalg.norm(direction))
     if length == 0:
         return identity[:, kept]

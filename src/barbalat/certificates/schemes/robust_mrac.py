@@ -7,8 +7,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from barbalat.adaptation.modifications.epsilon_modification import EpsilonModification
-from barbalat.adaptation.modifications.fixed_sigma import FixedSigma
+from barbalat.adaptation.guarantee import Estimates, Guarantee
 from barbalat.certificates.assumptions import FROZEN, departures, in_the_set
 from barbalat.certificates.bounds import laws, theorem_1
 from barbalat.certificates.cells import NONLINEAR, estimate, limits_text, margins_cell, nothing, statement
@@ -48,22 +47,24 @@ def certificate(problem: Problem, controller: RobustMrac | NormalizedMrac, simul
 def column(problem: Problem, controller: NormalizedMrac | RobustMrac, certificate: Certificate) -> tuple[str, dict[str, Entry]]:
     """The scheme's name in Table 1 and its cells."""
     box = controller.bind(problem.known).box
-    sentence = laws.convergence(controller.law, box)
-    to_zero, none = sentence.startswith("the tracking error converges to zero"), "nothing is guaranteed" in sentence
-    cut = "corners" in sentence
-    rests_on = (*of_the_case(problem, box), MINIMUM_PHASE)
-    converges = "converges to zero for every bounded r"
+    found = laws.guarantee_of(controller.law, box)
+    rests_on = (*of_the_case(problem, box), MINIMUM_PHASE, laws.bounds_the_parameters(found, problem.parameters))
+    why = laws.kept_from_zero(found)
+
+    def claimed(key: str, text: str, holds: bool) -> Entry:
+        return statement(key, text, *rests_on) if holds else nothing(key, why)
+
     cells = {
-        "stability": nothing("stability", sentence) if none else statement("stability", "for every bounded r", *rests_on),
-        "tracking": statement("tracking", converges, *rests_on) if to_zero else nothing("tracking", sentence),
+        "stability": claimed("stability", "for every bounded r", found.bounded),
+        "tracking": claimed("tracking", "converges to zero for every bounded r", found.error_to_zero),
         "transient": nothing("transient", "no bound before the estimates have settled"),
-        "estimates": nothing("estimates", sentence) if cut else statement("estimates", _estimates(controller, none), *rests_on),
-        "modelling_error": nothing("modelling_error", sentence) if none else _robustness(problem, controller),
+        "estimates": claimed("estimates", _estimates(found), found.estimates is not Estimates.UNKNOWN),
+        "modelling_error": _robustness(problem, controller, found),
         "tuning": estimate("tuning", limits_text(certificate.values)),
         "margins": margins_cell(certificate),
     }
     if isinstance(controller, RobustMrac):
-        cells["transient"] = _transient(problem, controller, rests_on)
+        cells["transient"] = _transient(problem, controller, rests_on) if found.bounded else nothing("transient", why)
         cells["tuning"] = estimate("tuning", f"{_window(controller)}; {limits_text(certificate.values)}")
     if not problem.plant.is_linear:  # the proof of boundedness needs |phi(x)| <= c |x|
         cells |= {key: nothing(key, NONLINEAR) for key in ("stability", "tracking", "modelling_error", "transient")}
@@ -93,19 +94,19 @@ def _transient(problem: Problem, controller: RobustMrac, rests_on: tuple[Assumpt
     return statement("transient", kept, *rests_on, _below_the_ceiling(controller))
 
 
-def _estimates(controller: NormalizedMrac | RobustMrac, none: bool) -> str:
-    law: Any = controller.law
-    if isinstance(law.leakage, (FixedSigma, EpsilonModification)):
+def _estimates(found: Guarantee) -> str:
+    if found.estimates is Estimates.PULLED:
         return "bounded, and pulled towards zero"
-    exciting = "" if none else "; where phi/m_s is persistently exciting, which isn't checked here, they converge to theta"
-    return f"V of the law never grows{exciting}"
+    exciting = "; where phi/m_s is persistently exciting, which isn't checked here, they converge to theta"
+    return f"V of the law never grows{exciting if found.bounded else ''}"
 
 
-def _robustness(problem: Problem, controller: NormalizedMrac | RobustMrac) -> Entry:
-    law: Any = controller.law
+def _robustness(problem: Problem, controller: NormalizedMrac | RobustMrac, found: Guarantee) -> Entry:
+    if not found.bounded:
+        return nothing("modelling_error", found.why)
     if controller.normalization.alpha_0 == 0:
         return nothing("modelling_error", "needs the dynamic normalisation, alpha_0 > 0 in (16); it is 0 here")
-    if not projected(problem, controller) and law.leakage is None:
+    if not projected(problem, controller) and not found.leaks:
         return nothing("modelling_error", "needs projection or leakage, and there is neither")
     present = ", ".join(departures(problem))
     text = "bounded, the mean square of e of the order of Delta, for every Delta that is small enough; how small is not computed"

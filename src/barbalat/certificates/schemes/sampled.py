@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from barbalat.adaptation.modifications.switching_sigma import SwitchingSigma
 from barbalat.certificates.assumptions import CONTINUOUS, OF_THE_PROBLEM
 from barbalat.certificates.bounds.model import model_bounds
-from barbalat.certificates.cells import Column
+from barbalat.certificates.cells import Column, statement
 from barbalat.certificates.certificate import Certificate, Draft
 from barbalat.certificates.entry import Entry
+from barbalat.certificates.schemes.state_feedback import of_the_case
 from barbalat.certificates.step_limits import any_regressor, frozen_laws
 from barbalat.certificates.step_limits.held_oscillator import HeldOscillator
 from barbalat.controllers import L1Adaptive, LinearFeedback, Mrac, Sampled
@@ -104,18 +104,29 @@ def _of_the_midpoint_form(controller: Sampled) -> list[str]:
     return findings
 
 
-def column(column: Column, controller: Sampled) -> Column:
+def column(problem: TrackingProblem, column: Column, controller: Sampled) -> Column:
     """What holds in continuous time is not claimed of a sampled controller, but what the midpoint rule keeps of V is."""
-    sampled = f"sampled every {controller.sample_time:g} s"
+    why = f"sampled every {controller.sample_time:g} s"
     cells = {
-        key: replace(cell, kind="does not apply", why=sampled) if cell.kind == "guaranteed" else cell
+        key: replace(cell, kind="does not apply", why=why) if cell.kind == "guaranteed" else cell
         for key, cell in column.cells.items()
     }
-    scheme: Any = controller.controller
-    if controller.discretization == "midpoint" and column.cells["estimates"].kind == "guaranteed":
-        leakage = getattr(getattr(scheme, "law", scheme), "leakage", None)
-        held = leakage is None or isinstance(leakage, SwitchingSigma)
-        growth = "does not grow" if held else "grows by no more than T w |theta|^2/2, w the leakage,"
-        text = f"V of the law {growth} from sample to sample, for every gain and sample time"
-        cells["estimates"] = replace(column.cells["estimates"], value=text)
+    if controller.discretization == "midpoint":
+        cells["estimates"] = _estimates(problem, column.cells["estimates"], controller, cells["estimates"])
     return replace(column, scheme=f"{column.scheme}, sampled ({controller.discretization})", cells=cells)
+
+
+def _estimates(problem: TrackingProblem, continuous: Entry, controller: Sampled, otherwise: Entry) -> Entry:
+    """V of the law from sample to sample, under the assumptions of the continuous law; see docs/sampled.md."""
+    scheme: Any = controller.controller
+    leakage = getattr(getattr(scheme, "law", scheme), "leakage", None)
+    held = leakage is None or leakage.harmless_within is not None
+    growth = "does not grow" if held else "grows by no more than T w |theta|^2/2, w the leakage,"
+    text = f"V of the law {growth} from sample to sample, for every gain and sample time"
+    if continuous.kind == "guaranteed":
+        return replace(continuous, value=text)
+    if isinstance(problem, Problem) and isinstance(scheme, (Mrac, L1Adaptive)) and not held:
+        box = scheme.bind(problem.known).box
+        if box is None or not box.cuts_corners:
+            return statement("estimates", text, *of_the_case(problem, box))
+    return otherwise

@@ -18,7 +18,7 @@ from barbalat.certificates.bounds.regressor import largest_square
 from barbalat.certificates.step_limits.frozen_laws import FrozenLaw, input_poles, with_modifications
 from barbalat.certificates.step_limits.oscillator import Oscillator
 from barbalat.controllers import L1Adaptive, Mrac
-from barbalat.problem.known_set import ParameterBall, ParameterBox
+from barbalat.problem.known_set import Gain
 from barbalat.problem.state_feedback import Problem
 from barbalat.solvers.simulation import Simulation
 
@@ -36,7 +36,7 @@ def of_lyapunov_law(
         if isinstance(controller, L1Adaptive) and controller.filter is not None:
             poles.append(np.linalg.eigvals(controller.filter.realise().A))
         oscillator = Oscillator(problem.known, simulation.solver, np.concatenate(poles))
-    g = laws.largest_gain(gamma) * excited.largest_square(laws.error_level(problem, controller, nu_0))
+    g = Gain(gamma).largest * excited.largest_square(laws.error_level(problem, controller, nu_0))
     if not math.isfinite(g):
         return {}
     values: dict[str, Any] = {
@@ -74,7 +74,7 @@ class Excited:
         theta, error = problem.plant.theta, self.controller.bind(problem.known).theta_hat0 - problem.parameters
         largest = float(np.linalg.norm(theta) + np.linalg.norm(error))
         known_set = problem.uncertainty
-        if self.controller.projection is False or not isinstance(known_set, (ParameterBox, ParameterBall)):
+        if self.controller.projection is False or known_set is None:
             return largest
         return min(largest, known_set.farthest(np.zeros(known_set.size)))
 

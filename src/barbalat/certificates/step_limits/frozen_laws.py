@@ -10,21 +10,12 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from barbalat.adaptation.laws import (
-    AdaptiveLaw,
-    Gradient,
-    IntegralCost,
-    LeastSquares,
-    LeastSquaresBounded,
-    LeastSquaresBoundedGain,
-    LeastSquaresResetting,
-)
-from barbalat.adaptation.modifications.fixed_sigma import FixedSigma
-from barbalat.adaptation.modifications.switching_sigma import SwitchingSigma
-from barbalat.certificates.bounds.laws import largest_gain, least_gain
+from barbalat.adaptation.law import AdaptiveLaw, GainLimitedLaw, RatedLaw
+from barbalat.certificates.bounds.laws import least_gain
 from barbalat.certificates.step_limits.oscillator import Oscillator
 from barbalat.controllers import L1Adaptive, Mrac, NormalizedMrac, RobustMrac
 from barbalat.controllers.robust_mrac import Equations
+from barbalat.problem.known_set import Gain
 from barbalat.problem.state_feedback import Problem
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.solvers.simulation import Simulation
@@ -62,7 +53,7 @@ def of_lyapunov_law(
     if oscillator is None:
         beside = [input_poles(problem), np.zeros(0) if filter_poles is None else filter_poles]
         oscillator = Oscillator(problem.known, simulation.solver, np.concatenate(beside))
-    root_g = math.sqrt(largest_gain(gamma)) * (offset + factor / math.sqrt(least_gain(gamma)))  # of x'Gamma x
+    root_g = math.sqrt(Gain(gamma).largest) * (offset + factor / math.sqrt(least_gain(gamma)))  # of x'Gamma x
     largest_root = math.sqrt(oscillator.largest_g(simulation.dt))
     return {
         "adaptation_frequency": math.sqrt(oscillator.bPb) * root_g,
@@ -81,16 +72,14 @@ def with_modifications(values: dict[str, Any], controller: Mrac | L1Adaptive, si
     if law is None and learning is None:
         return values
     pull = 0.0
-    if isinstance(law, (FixedSigma, SwitchingSigma)):
-        pull += law.sigma
-    elif law is not None:
-        pull = math.inf
+    if law is not None:
+        pull += law.largest
     if learning is not None:
         held = math.inf if learning.capacity is None else learning.capacity
         pull += learning.gamma_c * min(
             held, math.inf if learning.forgetting == 0 else 1 / learning.forgetting
         )  # of lambda_max(R)
-    alone = simulation.solver.real_limit / (largest_gain(controller.gamma) * pull)
+    alone = simulation.solver.real_limit / (Gain(controller.gamma).largest * pull)
     step_max = values["step_max"]
     return values | {"gamma_max": None, "step_max": min(step_max, alone) if step_max and alone else None}
 
@@ -107,40 +96,21 @@ def of_parametric_model(
     problem: Problem, controller: RobustMrac | NormalizedMrac, equations: Equations, simulation: Simulation
 ) -> dict[str, Any]:
     """For a law on the parametric model (13), whose adaptation is a decay: the regressor does not depend on the estimates."""
-    solver, law = simulation.solver, controller.law
     filters = [np.linalg.eigvals(problem.known.A_m), input_poles(problem), np.array([-equations.normalization.delta_0])]
     if equations.Q is not None:
         filters.append(np.linalg.eigvals(equations.Q.A))
-    others = Oscillator(problem.known, solver, np.concatenate(filters)).largest_step(0.0)
-    fastest = fastest_adaptation(law)
-    values: dict[str, Any] = {} if fastest is None else {"step_max": min(others, solver.real_limit / fastest)}
-    if isinstance(law, Gradient) and fastest is not None and np.ndim(law.gamma) == 0:
-        values["gamma_max"] = solver.real_limit / simulation.dt if simulation.dt <= others else 0.0
+    others = Oscillator(problem.known, simulation.solver, np.concatenate(filters)).largest_step(0.0)
+    return of_decay(controller.law, simulation, others)
+
+
+def of_decay(law: AdaptiveLaw, simulation: Simulation, others: float) -> dict[str, Any]:
+    """step_max and gamma_max of a law whose adaptation is a decay; ``others`` is the largest step that all else bears."""
+    limit, values = simulation.solver.real_limit, {}
+    if isinstance(law, RatedLaw) and (fastest := law.fastest_rate) is not None:
+        values["step_max"] = min(others, limit / fastest)
+    if isinstance(law, GainLimitedLaw) and (largest := law.gain_of_rate(limit / simulation.dt)) is not None:
+        values["gamma_max"] = largest if simulation.dt <= others else 0.0
     return values
-
-
-def fastest_adaptation(law: AdaptiveLaw) -> float | None:
-    """The largest rate [1/s] at which estimates and covariance decay, from |phi|^2 < m_s^2; None where nothing bounds it.
-
-    A covariance's rate is the slope 2 P of P^2. ``None`` with leakage too, which adds a rate of its own.
-    """
-    settings: Any = law
-    if settings.leakage is not None:
-        return None
-    match law:
-        case Gradient(gamma=gamma):
-            return largest_gain(gamma)
-        case IntegralCost(gamma=gamma, forgetting=beta):  # |R| <= 1/beta
-            return max(beta, largest_gain(gamma) / beta)
-        case LeastSquares(covariance0=covariance0):
-            return 2 * largest_gain(covariance0)
-        case LeastSquaresResetting(rho_0=rho_0):
-            return 2 * rho_0
-        case LeastSquaresBounded(covariance_bound=bound, forgetting=beta):
-            return 2 * bound + beta
-        case LeastSquaresBoundedGain(covariance_bound=bound, forgetting=beta):
-            return 2 * bound + beta
-    return None
 
 
 def input_poles(problem: TrackingProblem) -> Array:

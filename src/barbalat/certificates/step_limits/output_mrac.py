@@ -9,20 +9,17 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from barbalat.adaptation import gain
-from barbalat.adaptation.laws import Gradient
-from barbalat.adaptation.modifications.fixed_sigma import FixedSigma
-from barbalat.adaptation.modifications.switching_sigma import SwitchingSigma
+from barbalat.adaptation.law import AdaptiveLaw
 from barbalat.adaptation.output_lyapunov import LyapunovLaw
-from barbalat.certificates.bounds import laws
 from barbalat.certificates.certificate import Draft
-from barbalat.certificates.step_limits.frozen_laws import fastest_adaptation, input_poles
+from barbalat.certificates.step_limits.frozen_laws import input_poles, of_decay
 from barbalat.certificates.step_limits.oscillator import bisect
 from barbalat.controllers.output.matching import filter_polynomial
 from barbalat.controllers.output.mrac import MracOutput
 from barbalat.linear.l1_norms import l1_norm
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.loop.linearization import jacobian_function
+from barbalat.problem.known_set import Gain
 from barbalat.problem.output_feedback import OutputProblem
 from barbalat.protocols import BoundedSignal
 from barbalat.solvers.simulation import Simulation
@@ -54,7 +51,7 @@ class Frozen(NamedTuple):
 def add_limits(draft: Draft, problem: OutputProblem, controller: MracOutput, simulation: Simulation) -> None:
     """The limits under the contract's keys."""
     if not isinstance(controller.law, LyapunovLaw):
-        draft.estimate(_of_parametric_model(problem, controller, simulation), NORMALISED)
+        draft.estimate(_of_parametric_model(problem, controller, controller.law, simulation), NORMALISED)
         return
     theta = draft.get("theta_star")
     where = "theta_hat(0)" if theta is None else "theta*"
@@ -66,8 +63,10 @@ def add_limits(draft: Draft, problem: OutputProblem, controller: MracOutput, sim
     draft.estimate(_of_lyapunov_law(found, controller.law, simulation), LYAPUNOV.format(where=where))
 
 
-def _of_parametric_model(problem: OutputProblem, controller: MracOutput, simulation: Simulation) -> dict[str, Any]:
-    equations, solver, law = controller.bind(problem.known), simulation.solver, controller.law
+def _of_parametric_model(
+    problem: OutputProblem, controller: MracOutput, law: AdaptiveLaw, simulation: Simulation
+) -> dict[str, Any]:
+    equations, solver = controller.bind(problem.known), simulation.solver
     plant, W_m = problem.plant.transfer_function, problem.reference_model.transfer_function
     parts = [plant.poles, W_m.poles, np.roots(filter_polynomial(controller.order, W_m, controller.filter_poles))]
     parts += [np.array([-controller.normalization.delta_0]), input_poles(problem)]
@@ -75,24 +74,20 @@ def _of_parametric_model(problem: OutputProblem, controller: MracOutput, simulat
         parts.append(np.linalg.eigvals(equations.Q.A))
     poles = np.concatenate(parts)
     others = _largest_step(lambda h: not _amplifies(simulation, h, poles), solver.reach / float(np.abs(poles).max()))
-    fastest = fastest_adaptation(law)  # type: ignore[arg-type]
-    values: dict[str, Any] = {} if fastest is None else {"step_max": min(others, solver.real_limit / fastest)}
-    if isinstance(law, Gradient) and fastest is not None and np.ndim(law.gamma) == 0:
-        values["gamma_max"] = solver.real_limit / simulation.dt if simulation.dt <= others else 0.0
-    return values
+    return of_decay(law, simulation, others)
 
 
 def _of_lyapunov_law(frozen: Frozen, law: LyapunovLaw, simulation: Simulation) -> dict[str, Any]:
     """At which g, from 0 up, and at which step does the solver amplify a mode that the frozen loop does not."""
-    solver, gamma = simulation.solver, laws.largest_gain(law.gamma)
+    solver, gamma = simulation.solver, Gain(law.gamma).largest
     g = gamma * frozen.omega_squared
     modes = np.concatenate([frozen.modes(part) for part in np.append(g * GAINS, 0.0)])
     step = _largest_step(lambda h: not _amplifies(simulation, h, modes), solver.reach / float(np.abs(modes).max()))
     values: dict[str, Any] = {"adaptation_frequency": math.sqrt(g * max(float(frozen.c @ frozen.b), 0.0)) or None}
-    if isinstance(law.leakage, (FixedSigma, SwitchingSigma)):
-        return values | {"step_max": min(step, solver.real_limit / (gamma * law.leakage.sigma))}
-    if law.leakage is not None:  # an epsilon-modification: nothing bounds how fast it makes the estimates decay
-        return values
+    if law.leakage is not None:
+        if math.isinf(law.leakage.largest):  # nothing bounds how fast it makes the estimates decay
+            return values
+        return values | {"step_max": min(step, solver.real_limit / (gamma * law.leakage.largest))}
     values["step_max"] = step
     if np.ndim(law.gamma) == 0 and frozen.omega_squared > 0:
         values["gamma_max"] = _largest_g(frozen, simulation) / frozen.omega_squared
@@ -144,7 +139,7 @@ def _frozen(problem: OutputProblem, controller: MracOutput, theta: Array | None)
     places = loop.unpack(np.arange(loop.size))
     others = np.setdiff1d(np.arange(loop.size), [*rows, int(places.controller.n_d)])  # n_d rests with this law
     A, b = J[np.ix_(others, others)], J[others, rows[-1]]
-    c = -J[rows[-1], others] / gain.as_matrix(law.gamma, len(rows))[-1, -1]
+    c = -J[rows[-1], others] / Gain(law.gamma).as_matrix(len(rows))[-1, -1]
     if np.linalg.eigvals(A).real.max() >= 0:
         return "with the estimates frozen at {where} the loop is unstable, and nothing bounds its regressor"
     into = (loop.derivative(state, commanded) - loop.derivative(state, at_rest))[others]

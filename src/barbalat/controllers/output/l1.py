@@ -8,10 +8,10 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 
 from barbalat import validate
-from barbalat.adaptation.projection import limit, project
 from barbalat.controllers.l1 import require_low_pass
+from barbalat.controllers.output.l1_sampled import OutputPredictor
 from barbalat.linear.systems import StateSpace, TransferFunction, strictly_proper
-from barbalat.problem.known_set import ParameterBox
+from barbalat.problem.known_set import ParameterBox, limit, project
 from barbalat.problem.output_feedback import OutputKnown
 from barbalat.protocols import Value
 from barbalat.validate import InputError
@@ -49,6 +49,9 @@ class Equations:
 
     def limit(self, state: State) -> State:
         return state._replace(theta_hat=limit(state.theta_hat, self.box))
+
+    def sampled(self, T: float) -> OutputPredictor:
+        return OutputPredictor.of(self, T)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, ClassVar
 
-from barbalat.adaptation.projection import limit
-from barbalat.controllers.output import l1
 from barbalat.controllers.steps import Filter
+from barbalat.problem.known_set import limit
 from barbalat.protocols import Sample, Value
+
+if TYPE_CHECKING:
+    from barbalat.controllers.output import l1
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,6 +24,8 @@ class OutputPredictor:
     continuous: l1.Equations
     sample_time: float
     filter: Filter
+
+    explicit: ClassVar[bool] = False
 
     @classmethod
     def of(cls, equations: l1.Equations, T: float) -> OutputPredictor:
@@ -40,4 +45,4 @@ class OutputPredictor:
         sigma = limit(state.theta_hat + moved, c.box)
         y_hat = at_rest + end * T * m * (sigma - state.theta_hat)
         wanted = before.r - state.theta_hat[0], now.r - sigma[0]
-        return l1.State(sigma, y_hat, self.filter.end(state.filter, *wanted))
+        return state._replace(theta_hat=sigma, y_hat=y_hat, filter=self.filter.end(state.filter, *wanted))

@@ -8,6 +8,8 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 
 from barbalat import validate
+from barbalat.controllers.steps import LinearStep
+from barbalat.controllers.tustin import Tustin
 from barbalat.linear.conditions import balance
 from barbalat.linear.systems import StateSpace, TransferFunction
 from barbalat.problem.output_feedback import OutputKnown
@@ -48,6 +50,9 @@ class Equations:
 
     def limit(self, state: State) -> State:
         return state
+
+    def sampled(self, T: float) -> Tustin:
+        return Tustin(self, T, LinearStep.of(self.A, T))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -11,16 +11,15 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 
 from barbalat import validate
-from barbalat.adaptation.law import AdaptiveLaw, Estimation
-from barbalat.adaptation.laws import LAWS
+from barbalat.adaptation.law import AdaptiveLaw, Estimation, require_law
 from barbalat.adaptation.normalization import Normalization
 from barbalat.adaptation.output_lyapunov import LyapunovLaw
-from barbalat.adaptation.projection import limit
 from barbalat.controllers.output.matching import filter_polynomial, input_filter, is_strictly_positive_real, refuse_contradiction
+from barbalat.controllers.output.mrac_sampled import OutputEstimator
 from barbalat.controllers.robust_mrac import auxiliary_filter
 from barbalat.controllers.windup import applied, limits_of_predictor
 from barbalat.linear.systems import StateSpace
-from barbalat.problem.known_set import UNBOUNDED, ParameterBox
+from barbalat.problem.known_set import UNBOUNDED, ParameterBox, limit
 from barbalat.problem.output_feedback import OutputKnown
 from barbalat.protocols import Value
 from barbalat.validate import Array, InputError
@@ -127,6 +126,9 @@ class Equations:
         memory = self.law.limit(state.memory) if not isinstance(self.law, LyapunovLaw) else state.memory
         return state._replace(theta_hat=limit(state.theta_hat, self.box), memory=memory)
 
+    def sampled(self, T: float) -> OutputEstimator:
+        return OutputEstimator.of(self, T)
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class MracOutput:
@@ -178,7 +180,8 @@ class MracOutput:
             raise InputError(f"relative_degree must not exceed order = {self.order}, got {self.relative_degree}")
         if isinstance(self.sign, bool) or self.sign not in (1, -1):
             raise InputError(f"sign must be 1 or -1, got {validate.show(self.sign)}")
-        validate.instance("law", self.law, (LyapunovLaw, *LAWS.values()))
+        if not isinstance(self.law, LyapunovLaw):
+            require_law(self.law)
         validate.instance("normalization", self.normalization, Normalization)
         if (self.lower is None) != (self.upper is None):
             raise InputError("lower and upper go together")

@@ -1,22 +1,22 @@
-"""The output-feedback schemes and the linear controllers from sample to sample: midpoint steps in closed form.
-
-docs/sampled.md has what holds. Linear parts go by the trapezoidal rule (Tustin).
-"""
+"""The output-feedback MRAC from sample to sample by the midpoint rule: docs/sampled.md has what holds."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
 from barbalat.adaptation import implicit
+from barbalat.adaptation.law import SampleData, SampledLaw
 from barbalat.adaptation.output_lyapunov import LyapunovLaw
-from barbalat.controllers.output import mrac
 from barbalat.controllers.steps import Filter, LinearStep
 from barbalat.controllers.windup import applied
 from barbalat.protocols import Sample, Value
 from barbalat.validate import InputError
+
+if TYPE_CHECKING:
+    from barbalat.controllers.output import mrac
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,9 +25,12 @@ class OutputEstimator:
 
     continuous: mrac.Equations
     sample_time: float
+    law: SampledLaw
     regressors: LinearStep
     model: LinearStep
     filter: Filter | None
+
+    explicit: ClassVar[bool] = False
 
     @classmethod
     def of(cls, equations: mrac.Equations, T: float) -> OutputEstimator:
@@ -36,10 +39,10 @@ class OutputEstimator:
                 "discretization = 'midpoint' is not known for the Lyapunov law of output feedback, whose predictor would need "
                 "the plant's gain (docs/sampled.md); take 'euler', or a law on the parametric model such as gradient"
             )
-        implicit.require_implicit(equations.law, equations.box)
+        law = implicit.require_sampled(equations.law, equations.box)
         Q = None if equations.Q is None else Filter.of(equations.Q, T)
         regressors, model = LinearStep.of(equations.regressor_filter.A, T), LinearStep.of(equations.W_m.A, T)
-        return cls(equations, T, regressors, model, Q)
+        return cls(equations, T, law, regressors, model, Q)
 
     def initial(self) -> mrac.State:
         return self.continuous.initial()
@@ -58,8 +61,8 @@ class OutputEstimator:
         decay = np.exp(-c.normalization.delta_0 * T)
         n_d = decay * state.n_d + (1 - decay) / c.normalization.delta_0 * (u * u + y * y)
         m_s_squared = c.normalization.m_s_squared(phi, (state.n_d + n_d) / 2)
-        law: Any = c.law
-        theta_hat, memory = implicit.step(law, T, state.theta_hat, state.memory, W_m.C @ xi, phi, m_s_squared, c.box)
+        data = SampleData(T, W_m.C @ xi, phi, m_s_squared)
+        theta_hat, memory = self.law.sampled_step(state.theta_hat, state.memory, data, c.box)
         following = state._replace(
             theta_hat=theta_hat,
             memory=memory,

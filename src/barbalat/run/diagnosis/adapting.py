@@ -14,7 +14,7 @@ import numpy as np
 
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.loop.packing import column, symbols
-from barbalat.problem.known_set import EstimateSet, ParameterBall, ParameterBox, ParameterProduct
+from barbalat.problem.known_set import EstimateSet, ParameterBox, Projecting
 from barbalat.protocols import Estimating
 from barbalat.run.diagnosis.excitation import Excitation, excitation
 from barbalat.validate import Array
@@ -104,7 +104,7 @@ def adapting(
 
     phi (K, p, m) as of ``regressor_along``, theta (p,) the true parameters, None where there are none to speak of.
     """
-    known_set = getattr(getattr(loop.equations, "continuous", loop.equations), "box", None)
+    known_set = loop.continuous.box if isinstance(loop.continuous, Projecting) else None
     tail = t[:-1] >= t[-1] - (t[-1] - t[0]) / 4 if len(t) > 1 else np.zeros(0, bool)
     path = moved.sum(axis=0)
     bounds, sphere = _at_the_edge(known_set, t, theta_hat, extrema)
@@ -127,15 +127,12 @@ def _at_the_edge(
 ) -> tuple[OnBounds | None, float | None]:
     """Time on the faces of a box, and on a sphere; beside a ball, or beside nothing, the input gains have faces of their own."""
     bounds, sphere = None, None
-    if isinstance(known_set, ParameterBox) and len(t) > 1:
-        bounds = on_bounds(known_set, t, *extrema)
-    if isinstance(known_set, ParameterProduct) and len(t) > 1:
-        first = theta_hat.shape[1] - known_set.gains.size
-        own = on_bounds(known_set.gains, t, *(side[:, first:] for side in extrema))
+    if known_set is not None and known_set.intervals is not None and len(t) > 1:
+        first = theta_hat.shape[1] - known_set.intervals.size
+        own = on_bounds(known_set.intervals, t, *(side[:, first:] for side in extrema))
         of_theta = (np.zeros(first), np.zeros(first), np.zeros(first), np.full(first, np.nan))
         bounds = OnBounds(*(np.concatenate(both) for both in zip(of_theta, own, strict=True)))
-    ball = known_set.theta if isinstance(known_set, ParameterProduct) else known_set
-    if isinstance(ball, ParameterBall):
+    if known_set is not None and (ball := known_set.sphere) is not None:
         away = np.linalg.norm(theta_hat[:, : ball.size] - ball.center, axis=1)
         sphere = float(np.mean(away >= ball.radius * (1 - 1e-9)))  # the projection's roundings
     return bounds, sphere
@@ -146,7 +143,7 @@ def regressor_along(loop: ClosedLoop, states: Array, measured: Array, u: Array) 
 
     ``measured`` (K, n) or, for an output, (K,), and the controls u at the same instants.
     """
-    equations: Any = getattr(loop.equations, "continuous", loop.equations)  # a sampled scheme's regressor is the continuous one's
+    equations = loop.continuous  # a sampled scheme's regressor is the continuous one's
     if not isinstance(equations, Estimating):
         return np.zeros((len(states), 0, 0))
     import casadi as ca

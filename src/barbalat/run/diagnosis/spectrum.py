@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from barbalat.controllers.sampled import Euler
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.loop.linearization import continuous_twin, jacobian_function, sampled_jacobian_function
+from barbalat.protocols import DiscretizedEquations
 from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array
 
@@ -57,7 +57,9 @@ class Spectrum:
 
     @classmethod
     def of(cls, loop: ClosedLoop, simulation: Simulation) -> Spectrum:
-        law = SampledLaw.of(loop, simulation) if isinstance(loop.equations, Euler) else None
+        equations, law = loop.equations, None
+        if isinstance(equations, DiscretizedEquations) and equations.explicit:
+            law = SampledLaw.of(loop, simulation, equations.sample_time)
         return cls(loop, simulation, jacobian_function(loop, simulation.dt), law)
 
     def at(self, states: Array, signals: Array) -> Looks:
@@ -90,9 +92,7 @@ class SampledLaw:
     samples: float  # in the whole run
 
     @classmethod
-    def of(cls, loop: ClosedLoop, simulation: Simulation) -> SampledLaw:
-        assert isinstance(loop.equations, Euler)
-        sample_time = loop.equations.sample_time
+    def of(cls, loop: ClosedLoop, simulation: Simulation, sample_time: float) -> SampledLaw:
         twin = jacobian_function(continuous_twin(loop), simulation.dt)
         return cls(sampled_jacobian_function(loop), twin, sample_time, simulation.t_end / sample_time)
 

@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
-from barbalat.adaptation.modifications.epsilon_modification import EpsilonModification
-from barbalat.adaptation.modifications.fixed_sigma import FixedSigma
+from barbalat.adaptation.guarantee import Estimates, Guarantee
 from barbalat.adaptation.output_lyapunov import LyapunovLaw
 from barbalat.certificates.assumptions import exact_plant, measured, undisturbed
 from barbalat.certificates.bounds import laws
@@ -73,13 +70,11 @@ def certificate(problem: OutputProblem, controller: MracOutput, simulation: Simu
 
 def rests_on(problem: OutputProblem, controller: MracOutput) -> tuple[Assumption, ...]:
     """What the guarantees of these schemes rest on, checked on the case."""
-    plant, W_m = problem.plant.transfer_function, problem.reference_model.transfer_function
-    n, n_star, order = controller.order, controller.relative_degree, len(plant.poles)
+    n, n_star, order = controller.order, controller.relative_degree, len(problem.plant.transfer_function.poles)
     beyond = f"the plant is of order {order} and the design of {n}: the rest is unmodelled" if order > n else ""
-    known_set, outside = controller.bind(problem.known).box, ""
-    if not beyond and known_set is not None:
-        theta = matching_parameters(plant, W_m, filter_polynomial(n, W_m, controller.filter_poles))
-        outside = "" if known_set.contains(theta) else "theta* outside the known set"
+    known_set, theta = controller.bind(problem.known).box, _theta_star(problem, controller)
+    inside = known_set is None or theta is None or known_set.contains(theta)
+    outside = "" if inside else "theta* outside the known set"
     return (
         Assumption(f"the plant is of order {n} and relative degree {n_star}, minimum phase, its gain of the sign given", beyond),
         Assumption("the plant is linear", "f(t, y) acts, and the law knows linear plants only" if problem.plant.f else ""),
@@ -93,34 +88,40 @@ def rests_on(problem: OutputProblem, controller: MracOutput) -> tuple[Assumption
 
 def column(problem: OutputProblem, controller: MracOutput, certificate: Certificate) -> tuple[str, dict[str, Entry]]:
     """The scheme's name in Table 1 and its cells."""
-    law: Any = controller.law
-    lyapunov = isinstance(law, LyapunovLaw)
-    sentence = laws.output_convergence(law, controller.bind(problem.known).box)
-    none, rest = "nothing is guaranteed" in sentence, rests_on(problem, controller)
-    modified = law.leakage is not None or getattr(law, "dead_zone", None) is not None
-    converges = not modified if lyapunov else "tracking error converges to zero" in sentence
-    pulled = isinstance(law.leakage, (FixedSigma, EpsilonModification))
+    lyapunov = isinstance(controller.law, LyapunovLaw)
+    found = laws.guarantee_of(controller.law, controller.bind(problem.known).box)
+    theta = _theta_star(problem, controller)
+    rest = (*rests_on(problem, controller), laws.bounds_the_parameters(found, theta))
+    pulled = found.estimates is Estimates.PULLED
     settled = "V of the law never grows; where the regressor is persistently exciting, which isn't checked here, they converge"
     auxiliary = "the auxiliary input leaves 1 - 1/(tau s + 1)^n* of the error, of the order of tau; no number"
 
-    def claimed(key: str, text: str) -> Entry:
-        return nothing(key, sentence) if none else statement(key, text, *rest)
+    def claimed(key: str, text: str, holds: bool) -> Entry:
+        return statement(key, text, *rest) if holds else nothing(key, laws.kept_from_zero(found))
 
     return "MRAC with output feedback, " + ("unnormalised Lyapunov law" if lyapunov else "normalised law"), {
-        "stability": claimed("stability", "for every bounded r"),
-        "tracking": claimed("tracking", "converges to zero for every bounded r")
-        if converges
-        else nothing("tracking", "converges to a set: the law is modified"),
-        "transient": nothing("transient", "no bound") if controller.tau is None else claimed("transient", auxiliary),
-        "estimates": claimed("estimates", "bounded, and pulled towards zero" if pulled else settled),
-        "modelling_error": _robustness(problem, controller),
+        "stability": claimed("stability", "for every bounded r", found.bounded),
+        "tracking": claimed("tracking", "converges to zero for every bounded r", found.error_to_zero),
+        "transient": nothing("transient", "no bound")
+        if controller.tau is None
+        else claimed("transient", auxiliary, found.bounded),
+        "estimates": claimed("estimates", "bounded, and pulled towards zero" if pulled else settled, found.bounded),
+        "modelling_error": _robustness(problem, controller, found),
         "tuning": estimate("tuning", limits_text(certificate.values)),
         "margins": margins_cell(certificate),
     }
 
 
-def _robustness(problem: OutputProblem, controller: MracOutput) -> Entry:
-    law: Any = controller.law
+def _theta_star(problem: OutputProblem, controller: MracOutput) -> Array | None:
+    """The parameters with which the plant is the model; None where the plant is of higher order than designed for."""
+    plant, W_m, n = problem.plant.transfer_function, problem.reference_model.transfer_function, controller.order
+    if len(plant.poles) > n:
+        return None
+    return matching_parameters(plant, W_m, filter_polynomial(n, W_m, controller.filter_poles))
+
+
+def _robustness(problem: OutputProblem, controller: MracOutput, found: Guarantee) -> Entry:
+    law = controller.law
     if isinstance(law, LyapunovLaw):
         if law.leakage is None and law.dead_zone is None:
             return nothing("modelling_error", "not robust: the estimates may drift until the loop bursts (Rohrs)")
@@ -128,7 +129,9 @@ def _robustness(problem: OutputProblem, controller: MracOutput) -> Entry:
         return nothing("modelling_error", why)
     if controller.normalization.alpha_0 == 0:
         return nothing("modelling_error", "needs the dynamic normalisation, alpha_0 > 0 in (16); it is 0 here")
-    if controller.lower is None and law.leakage is None:
+    if not found.bounded:
+        return nothing("modelling_error", found.why)
+    if controller.lower is None and not found.leaks:
         return nothing("modelling_error", "needs projection of all estimates or leakage, and there is neither")
     present = ", ".join(found.broken for found in rests_on(problem, controller) if found.broken)
     text = "bounded, the mean square of e of the order of Delta, for every Delta that is small enough; how small is not computed"

@@ -1,0 +1,63 @@
+"""What is guaranteed of a scheme with an adaptive law: data; the certificates make sentences of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+
+from barbalat.adaptation.modifications.dead_zone import DeadZone
+from barbalat.adaptation.modifications.leakage import Leakage
+from barbalat.problem.known_set import EstimateSet, Gain
+from barbalat.problem.known_set.cone import EXACTLY
+
+
+class Estimates(Enum):
+    """What the estimates do."""
+
+    SETTLE = "V of the law never grows"
+    PULLED = "a leakage pulls them to zero"
+    UNKNOWN = "nothing is guaranteed of them"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Guarantee:
+    """What holds on the plant without modelling error.
+
+    bounded        all signals, theta_hat and epsilon m_s among them
+    error_to_zero  the tracking error converges to zero
+    estimates      what they do
+    leaks          whether a leakage keeps them bounded beside a modelling error as well
+    why            where not ``bounded``, the sentence that says so; where not ``error_to_zero``, what keeps it from zero
+    M_0            the bound of |theta| that is provided; None where none is needed
+    """
+
+    bounded: bool = True
+    error_to_zero: bool = True
+    estimates: Estimates = Estimates.SETTLE
+    leaks: bool = False
+    why: str = ""
+    M_0: float | None = None
+
+
+CORNERS = "nothing is guaranteed where the projection cuts corners"
+
+
+def nothing(why: str, *, leaks: bool = False) -> Guarantee:
+    """No guarantee."""
+    return Guarantee(bounded=False, error_to_zero=False, estimates=Estimates.UNKNOWN, leaks=leaks, why=why)
+
+
+def with_modifications(
+    metric: Gain, known_set: EstimateSet | None, leakage: Leakage | None, dead_zone: DeadZone | None
+) -> Guarantee:
+    """Of a law whose V' is not positive without them."""
+    leaks = leakage is not None
+    if metric.is_matrix and known_set is not None and known_set.cuts_corners:
+        return nothing(f"{CORNERS}: a gain matrix in a box of more than {EXACTLY} parameters", leaks=leaks)
+    if leakage is not None and leakage.harmless_within is None:
+        kind = type(leakage).__name__
+        return Guarantee(error_to_zero=False, estimates=Estimates.PULLED, leaks=True, why=kind)
+    M_0 = None if leakage is None else leakage.harmless_within
+    if dead_zone is not None:
+        return Guarantee(error_to_zero=False, leaks=leaks, why="a dead zone", M_0=M_0)
+    return Guarantee(leaks=leaks, M_0=M_0)

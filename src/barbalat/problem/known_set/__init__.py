@@ -1,0 +1,60 @@
+"""The known convex set of the unknown parameters: a box or a ball, and beside it the intervals of unknown input gains.
+
+Each set projects an adaptive law onto itself: the estimate never leaves it, and the Lyapunov function still decreases. Every
+projection subtracts Gamma g lambda from the rate with the outward normal g of a face or sphere and lambda >= 0. Since
+theta_tilde'Gamma^-1 Gamma g = (theta_hat - theta)'g >= 0 for every theta in a convex set, V = theta_tilde'Gamma^-1 theta_tilde
+never grows by it. An implicit step (``implicit_step``) is theta_next = proj(theta + Gamma phi s) with
+s = error - K phi'(theta_next - theta); docs/sampled.md, "The known set", has the proofs.
+
+Source: Ioannou and Fidan, Adaptive Control Tutorial, section 3.10; Ioannou and Sun, Robust Adaptive Control, section 4.4.
+"""
+
+from __future__ import annotations
+
+from typing import Protocol, TypeAlias, runtime_checkable
+
+import numpy as np
+
+from barbalat.problem.known_set.ball import ParameterBall
+from barbalat.problem.known_set.box import UNBOUNDED, ParameterBox
+from barbalat.problem.known_set.gain import ONE, Gain
+from barbalat.problem.known_set.product import ParameterProduct
+from barbalat.protocols import Value
+
+__all__ = [
+    "UNBOUNDED", "EstimateSet", "Gain", "KnownSet", "ParameterBall", "ParameterBox", "ParameterProduct", "Projecting",
+    "limit", "project", "with_gains",
+]  # fmt: skip
+
+KnownSet: TypeAlias = ParameterBox | ParameterBall
+"""What theta can be projected onto."""
+
+EstimateSet: TypeAlias = KnownSet | ParameterProduct
+"""What an estimate can be projected onto: of theta, or of theta and the input gains."""
+
+
+def with_gains(theta: KnownSet | None, gains: ParameterBox | None) -> EstimateSet | None:
+    """The set of all that is estimated; ``None`` for no set and no unknown gains."""
+    if gains is None:
+        return theta
+    if isinstance(theta, ParameterBox):
+        return ParameterBox(lower=np.concatenate([theta.lower, gains.lower]), upper=np.concatenate([theta.upper, gains.upper]))
+    return ParameterProduct(theta, gains)
+
+
+@runtime_checkable
+class Projecting(Protocol):
+    """Equations that may keep their estimates in a set."""
+
+    @property
+    def box(self) -> EstimateSet | None: ...
+
+
+def project(rate: Value, theta_hat: Value, known_set: EstimateSet | None, gain: Gain = ONE) -> Value:
+    """proj(.) of (4), (7) and (15); ``None`` for the set means no projection."""
+    return rate if known_set is None else known_set.project(rate, theta_hat, gain)
+
+
+def limit(theta_hat: Value, known_set: EstimateSet | None) -> Value:
+    """The stage value of the estimate, limited to the set (a limited integrator); ``None`` means no limit."""
+    return theta_hat if known_set is None else known_set.limit(theta_hat)

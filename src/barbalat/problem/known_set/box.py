@@ -1,0 +1,170 @@
+"""A box as the known set, of the parameters or of the input gains."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from fractions import Fraction
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+
+from barbalat import validate
+from barbalat.problem.known_set import cone
+from barbalat.problem.known_set.gain import ONE, Gain
+from barbalat.protocols import Value
+from barbalat.validate import Array, InputError
+
+if TYPE_CHECKING:
+    from barbalat.problem.known_set.ball import ParameterBall
+
+UNBOUNDED = 1e150
+"""A bound that no run reaches: it has diverged long before."""
+
+PASSES = 4
+"""Guesses, with several inputs, of which components end on a face. The step is taken where one of them proves right."""
+
+AGREEMENT = 2.0**-36
+"""Of a guess with the equations, relatively: a few thousand roundings."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ParameterBox:
+    """The known convex set Omega = {lower <= theta <= upper}, componentwise; both (n,)."""
+
+    lower: Array
+    upper: Array
+    faces: tuple[int, ...] = field(init=False, repr=False)
+    """The components with a bound that a run can reach."""
+
+    sphere: ClassVar[ParameterBall | None] = None
+    bounds_theta: ClassVar[bool] = True
+
+    def __post_init__(self) -> None:
+        lower = validate.vector("uncertainty.lower", self.lower)
+        upper = validate.vector("uncertainty.upper", self.upper, len(lower))
+        empty = np.flatnonzero(lower > upper)
+        if len(empty):
+            i = int(empty[0])
+            raise InputError(
+                f"uncertainty.lower must not exceed uncertainty.upper, but in component {i + 1} "
+                f"{lower[i]:g} > {upper[i]:g}: the set is empty"
+            )
+        validate.freeze(self, lower=lower)
+        validate.freeze(self, upper=upper)
+        reached = np.minimum(np.abs(lower), np.abs(upper)) < UNBOUNDED
+        object.__setattr__(self, "faces", tuple(np.flatnonzero(reached).tolist()))
+
+    def __str__(self) -> str:
+        return f"between {validate.show(self.lower)} and {validate.show(self.upper)}"
+
+    @property
+    def size(self) -> int:
+        """The number of parameters."""
+        return len(self.lower)
+
+    def contains(self, theta: Array) -> bool:
+        return bool((self.lower <= theta).all() and (theta <= self.upper).all())
+
+    def within(self, bound: Fraction) -> bool:
+        """Whether |theta|_2 <= bound for every theta in the set, in exact arithmetic."""
+        farthest = np.maximum(np.abs(self.lower), np.abs(self.upper))
+        return sum((Fraction(value) ** 2 for value in farthest.tolist()), Fraction(0)) <= bound**2
+
+    @property
+    def extent(self) -> tuple[Array, Array]:
+        """The least and the largest value of each component in the set."""
+        return self.lower, self.upper
+
+    @property
+    def theta_max(self) -> float:
+        """The largest 1-norm in the set."""
+        return self.farthest_1(np.zeros(self.size))
+
+    @property
+    def middle(self) -> Array:
+        """The set's centre, (n,)."""
+        return np.asarray((self.lower + self.upper) / 2)
+
+    def farthest_1(self, theta: Array) -> float:
+        """The largest 1-norm of the difference between ``theta`` and a point of the set."""
+        return float(np.maximum(np.abs(theta - self.lower), np.abs(self.upper - theta)).sum())
+
+    def farthest(self, theta: Array) -> float:
+        """The largest Euclidean distance from ``theta`` to a point of the set."""
+        return float(np.linalg.norm(np.maximum(np.abs(theta - self.lower), np.abs(self.upper - theta))))
+
+    @property
+    def intervals(self) -> ParameterBox:
+        """The intervals that the last of the estimates have: here all of them."""
+        return self
+
+    def last(self, count: int) -> ParameterBox:
+        """Of the last components alone."""
+        return ParameterBox(lower=self.lower[-count:], upper=self.upper[-count:])
+
+    @property
+    def cuts_corners(self) -> bool:
+        """Whether with a gain matrix the limit may cut off in a corner what does not keep the proof of V' <= 0."""
+        return len(self.faces) > cone.EXACTLY
+
+    def project(self, rate: Value, theta_hat: Value, gain: Gain = ONE) -> Value:
+        """A component on a face does not move outward; a gain matrix moves the others with it."""
+        if gain.is_matrix:
+            return cone.onto_the_cone(rate, theta_hat, self, gain.value)
+        highest = np.where(theta_hat >= self.upper, 0.0, np.inf)
+        lowest = np.where(theta_hat <= self.lower, 0.0, -np.inf)
+        return np.maximum(np.minimum(rate, highest), lowest)
+
+    def limit(self, theta_hat: Value) -> Value:
+        """The nearest point of the set."""
+        return np.clip(theta_hat, self.lower, self.upper)
+
+    def nearest(self, theta_hat: Value, gain: Gain) -> Value:
+        """A point of the set that is no farther from any other of its points in the metric Gamma^-1."""
+        return self.limit(cone.nearest(theta_hat, self, gain.value) if gain.is_matrix else theta_hat)
+
+    def why_no_step(self, gain: Gain) -> str | None:
+        """Why no implicit step is known for such a gain: one is, for every gain."""
+        return None
+
+    def kept_by_steps(self, size: int, *, leaking: bool) -> ParameterBox:
+        """What an implicit step keeps to: with a leakage the least box that also holds zero, to which it draws."""
+        if not leaking:
+            return ParameterBox(lower=self.lower, upper=self.upper)
+        return ParameterBox(lower=np.minimum(self.lower, 0.0), upper=np.maximum(self.upper, 0.0))
+
+    def implicit_step(self, theta: Value, gain: Gain, phi: Value, coupling: Value, error: Value) -> Value:
+        """theta_next, for a number or a diagonal. With one input theta_next = limit(theta + Gamma phi s).
+
+        As |s| grows from zero, component i of the estimate moves at gamma_i |phi_i| until its room is used up:
+        |error| = |s| + K sum_i |phi_i| min(gamma_i |phi_i| |s|, room_i). The right side is concave and piecewise linear in |s|,
+        so it is the least of its lines, and |s| the largest of their roots. The lines differ in the components that have
+        arrived; these arrive one after another.
+        """
+        if phi.ndim == 2:
+            return self._step_of_several_inputs(theta, gain, phi, coupling, error)
+        size = np.abs(phi)
+        rate = gain.value * size
+        room = np.where(error * phi > 0, self.upper - theta, theta - self.lower)
+        largest = np.abs(error) / (1 + coupling * (rate @ size))
+        for j in range(self.size):
+            arrived = np.where(room * rate[j] <= room[j] * rate, 1.0, 0.0)
+            line = np.abs(error) - coupling * ((arrived * room) @ size)
+            largest = np.maximum(largest, line / (1 + coupling * (((1 - arrived) * rate) @ size)))
+        return self.limit(theta + gain.times(phi) * np.where(error > 0, largest, -largest))
+
+    def _step_of_several_inputs(self, theta: Value, gain: Gain, phi: Value, coupling: Value, error: Value) -> Value:
+        """With the components on a face guessed, s solves a linear system; the step without a set where no guess is right."""
+        inputs, moves = phi.shape[1], gain.as_matrix(phi.shape[0]) @ phi
+        free = gain.implicit_step(theta, phi, coupling, error)
+        wanted = free
+        for _ in range(PASSES):
+            inside = np.where(self.limit(wanted) == wanted, 1.0, 0.0)
+            moved = (1 - inside) * (self.limit(wanted) - theta)
+            system = np.eye(inputs) + coupling @ ((phi * inside.reshape(-1, 1)).T @ moves)
+            s = np.linalg.solve(system, error - coupling @ (phi.T @ moved))
+            wanted = theta + moves @ s
+        found = self.limit(wanted)
+        left = error - coupling @ (phi.T @ (found - theta)) - s
+        solved = left @ left <= AGREEMENT**2 * (s @ s + error @ error)
+        return np.where(solved, found, free)

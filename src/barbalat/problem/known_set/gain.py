@@ -1,0 +1,97 @@
+"""Adaptive gains Gamma > 0: a number, a diagonal (n,) or a symmetric positive definite matrix (n, n)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from barbalat import validate
+from barbalat.protocols import Value
+from barbalat.validate import Array, InputError
+
+
+@dataclass(frozen=True, eq=False)
+class Gain:
+    """A gain of a law, or its covariance, in numbers or symbols: what kind it is is asked here, once."""
+
+    value: Value
+    dimensions: int = field(init=False, repr=False)  # 0 of a number, 1 of a diagonal, 2 of a matrix
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "dimensions", np.ndim(self.value))
+
+    @property
+    def is_matrix(self) -> bool:
+        return self.dimensions == 2
+
+    def require_size(self, field: str, n: int) -> None:
+        """InputError where a diagonal or a matrix is not of the size of the problem."""
+        shape = np.shape(self.value)
+        if shape not in ((), (n,), (n, n)):
+            got = f"{' x '.join(map(str, shape))}: {validate.show(self.value)}"
+            raise InputError(f"{field} must fit the {n} parameters, got {got}")
+
+    @property
+    def largest(self) -> float:
+        """The largest eigenvalue, to rounding; a number itself."""
+        return float(np.linalg.eigvalsh(self.value)[-1]) if self.is_matrix else float(np.max(self.value))
+
+    def times(self, vector: Value) -> Value:
+        """Gamma v."""
+        return self.value @ vector if self.is_matrix else self.value * vector
+
+    def scaled(self, scalar: Value, vector: Value) -> Value:
+        """Gamma s v, for a number s."""
+        return self.value @ (scalar * vector) if self.is_matrix else self.value * scalar * vector
+
+    def over(self, T: float) -> Gain:
+        """T Gamma."""
+        return Gain(T * self.value)
+
+    def of_first(self, n: int) -> Gain:
+        """That of the first n components alone, for a number or a diagonal."""
+        return self if self.dimensions == 0 else Gain(self.value[:n])
+
+    def as_matrix(self, n: int) -> Value:
+        """(n, n)."""
+        return self.value if self.is_matrix else self.value * np.eye(n)
+
+    def implicit_step(self, theta: Value, phi: Value, coupling: Value, error: Value) -> Value:
+        """theta_next = theta + Gamma phi s with s = error - K phi'(theta_next - theta), K = ``coupling``.
+
+        phi (n,), or with m inputs phi (n, m), coupling (m, m) and error (m,).
+        """
+        if phi.ndim == 1:
+            moves = self.times(phi)
+            return theta + moves * (error / (1 + coupling * (phi @ moves)))
+        moves = self.as_matrix(phi.shape[0]) @ phi
+        return theta + moves @ np.linalg.solve(np.eye(phi.shape[1]) + coupling @ (phi.T @ moves), error)
+
+
+ONE = Gain(1.0)
+
+
+def accept(field: str, value: float | Array) -> float | Array:
+    """A positive number as a float, a positive diagonal or an s.p.d. matrix as a read-only array; InputError for others."""
+    if isinstance(value, (bool, int, float, np.integer, np.floating)):
+        return validate.positive(field, value)
+    kinds = f"{field} must be a positive number, a list of them (a diagonal) or a symmetric positive definite matrix"
+    dimensions = validate.dimensions(value)
+    if dimensions == 1:
+        diagonal = validate.vector(field, value)
+        if not (diagonal > 0).all():
+            raise InputError(f"{kinds}, got {validate.show(diagonal)}")
+        return diagonal
+    if dimensions == 2:
+        matrix = validate.square_matrix(field, value)
+        if (matrix != matrix.T).any() or not _is_positive_definite(matrix):
+            raise InputError(f"{kinds}, got {validate.show(matrix)}")
+        return matrix
+    raise InputError(f"{kinds}, got {validate.show(value)}")
+
+
+def _is_positive_definite(matrix: Array) -> bool:
+    """Beyond rounding: the smallest eigenvalue is computed with an error of the order of eps times the largest."""
+    eigenvalues = np.linalg.eigvalsh(matrix)
+    return bool(eigenvalues[0] > len(matrix) * np.finfo(float).eps * eigenvalues[-1])
