@@ -30,7 +30,6 @@ from barbalat.adaptation.normalization import Normalization
 from barbalat.cases.load import bundled, load_case
 from barbalat.certificates.certify import certify_where_possible
 from barbalat.certificates.rounding import down, up
-from barbalat.certificates.step_limits.frozen_laws import fastest_adaptation
 from barbalat.certificates.table_1 import PROPERTIES, table_1
 from barbalat.claims.variants import variant
 from barbalat.cli import main
@@ -181,4 +180,4 @@ def test_every_law_has_a_fastest_rate_or_says_that_nothing_bounds_it():
     }
     assert set(cases) == set(LAWS)
     for name, (settings, rate) in cases.items():
-        assert fastest_adaptation(LAWS[name](**settings)) == rate
+        assert LAWS[name](**settings).fastest_rate == rate
