@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -17,10 +16,10 @@ from barbalat.adaptation.output_lyapunov import LyapunovLaw
 from barbalat.certificates.bounds import laws
 from barbalat.certificates.certificate import Certificate
 from barbalat.certificates.step_limits.frozen_laws import fastest_adaptation, input_poles
-from barbalat.certificates.step_limits.oscillator import bisect
 from barbalat.controllers.output.matching import filter_polynomial
 from barbalat.controllers.output.mrac import MracOutput
 from barbalat.linear.l1_norms import l1_norm
+from barbalat.linear.largest import largest, largest_from
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.loop.linearization import jacobian_function
 from barbalat.problem.output_feedback import OutputProblem
@@ -74,7 +73,7 @@ def _of_parametric_model(problem: OutputProblem, controller: MracOutput, simulat
     if equations.Q is not None:
         parts.append(np.linalg.eigvals(equations.Q.A))
     poles = np.concatenate(parts)
-    others = _largest_step(lambda h: not _amplifies(simulation, h, poles), solver.reach / float(np.abs(poles).max()))
+    others = _largest_step(simulation, poles)
     fastest = fastest_adaptation(law)  # type: ignore[arg-type]
     values: dict[str, Any] = {} if fastest is None else {"step_max": min(others, solver.real_limit / fastest)}
     if isinstance(law, Gradient) and fastest is not None and np.ndim(law.gamma) == 0:
@@ -87,7 +86,7 @@ def _of_lyapunov_law(frozen: Frozen, law: LyapunovLaw, simulation: Simulation) -
     solver, gamma = simulation.solver, laws.largest_gain(law.gamma)
     g = gamma * frozen.omega_squared
     modes = np.concatenate([frozen.modes(part) for part in np.append(g * GAINS, 0.0)])
-    step = _largest_step(lambda h: not _amplifies(simulation, h, modes), solver.reach / float(np.abs(modes).max()))
+    step = _largest_step(simulation, modes)
     values: dict[str, Any] = {"adaptation_frequency": math.sqrt(g * max(float(frozen.c @ frozen.b), 0.0)) or None}
     if isinstance(law.leakage, (FixedSigma, SwitchingSigma)):
         return values | {"step_max": min(step, solver.real_limit / (gamma * law.leakage.sigma))}
@@ -105,16 +104,13 @@ def _largest_g(frozen: Frozen, simulation: Simulation) -> float:
     def bears(g: float) -> bool:
         return not _amplifies(simulation, simulation.dt, frozen.modes(g))
 
-    if not bears(0.0):
-        return 0.0
-    high = 1e-12
-    while bears(high):
-        high *= 1.5
-    return bisect(bears, high / 1.5, high)[0]
+    return largest_from(bears, 1e-12, factor=1.5) if bears(0.0) else 0.0
 
 
-def _largest_step(bears: Callable[[float], bool], beyond: float) -> float:
-    return bisect(bears, 0.0, 2 * beyond)[0]
+def _largest_step(simulation: Simulation, modes: Array) -> float:
+    """The largest step up to which no mode is amplified by the solver alone."""
+    beyond = 2 * simulation.solver.reach / float(np.abs(modes).max())
+    return largest(lambda h: not _amplifies(simulation, h, modes), 0.0, beyond)
 
 
 def _amplifies(simulation: Simulation, h: float, modes: Array) -> bool:
