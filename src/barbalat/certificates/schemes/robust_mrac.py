@@ -46,8 +46,7 @@ def column(problem: Problem, controller: NormalizedMrac | RobustMrac, values: di
     kept = f"the auxiliary input leaves 1 - 1/(tau s + 1){power} of c_0'e, of the order of tau; no number bounds it"
     ceiling = 1 / controller.normalization.delta_0
     window = f"tau_min < tau = {controller.tau:g} s < 1/delta_0 = {down(ceiling)} s (Theorem 2; tau_min grows with Delta)"
-    printed = Cell("not proven", "with the sign of (14) as printed the auxiliary input does not cancel the error")
-    cells["transient"] = printed if controller.printed_sign else Cell("proven", kept)
+    cells["transient"] = Cell("proven", kept)
     cells["tuning"] = Cell("estimate", f"{window}; {limits_text(values)}")
     return "robust MRAC (14)-(16)", cells
 
