@@ -1,6 +1,7 @@
 """Theorem 2's trade-off by simulation: the robust MRAC's tau against the size of a modelling error, and the boundary in tau.
 
-It is measured on the runs that are made, of the loop that adapts: no guarantee. ``certify.frozen`` has the linear loop beside it.
+It is measured on the runs that are made, of the loop that adapts: no guarantee. The linear
+loop beside it is in ``certificates.linear_loops.frozen``.
 """
 
 from __future__ import annotations
