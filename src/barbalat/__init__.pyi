@@ -16,6 +16,7 @@ from .adaptation.normalization import Normalization as Normalization
 from .adaptation.output_lyapunov import LyapunovLaw as LyapunovLaw
 from .certificates.certificate import Certificate as Certificate
 from .certificates.certify import certify as certify
+from .controllers import KnownParameters as KnownParameters
 from .controllers import L1Adaptive as L1Adaptive
 from .controllers import LinearFeedback as LinearFeedback
 from .controllers import Mrac as Mrac
