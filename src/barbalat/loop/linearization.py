@@ -36,9 +36,8 @@ def continuous_twin(loop: ClosedLoop) -> ClosedLoop:
     return replace(loop, equations=equations, sampled=False)
 
 
-def jacobian_function(loop: ClosedLoop, dt: float) -> ca.Function:
+def jacobian_function(loop: ClosedLoop) -> ca.Function:
     """The exact Jacobian of the loop's right-hand side, (size, size), as a CasADi function of (state, signals)."""
-    loop = replace(loop, step=dt)
     return _jacobian(loop, loop.derivative)
 
 

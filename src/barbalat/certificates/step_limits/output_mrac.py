@@ -127,6 +127,7 @@ def _frozen(problem: OutputProblem, controller: MracOutput, theta: Array | None)
     assert isinstance(law, LyapunovLaw)
     plain = replace(controller, law=LyapunovLaw(gamma=law.gamma), lower=None, upper=None, c_0_min=None)
     loop = ClosedLoop.of(problem, plain)
+    loop = replace(loop, paths=tuple(path and replace(path, rate_limit=None) for path in loop.paths))  # one that does not act
     if loop.delayed:
         return "the delay is not in the frozen loop"
     if not isinstance(problem.reference, BoundedSignal):
@@ -136,7 +137,7 @@ def _frozen(problem: OutputProblem, controller: MracOutput, theta: Array | None)
     state[rows] = equations.theta_hat0 if theta is None else theta
     at_rest, commanded = np.zeros(loop.signal_count), np.zeros(loop.signal_count)
     commanded[0] = 1.0  # omega = (0, ..., 0, 1): the last estimate's row and column are the law's and its way into the loop
-    J = np.asarray(jacobian_function(loop, 1.0)(state, commanded))
+    J = np.asarray(jacobian_function(loop)(state, commanded))
     places = loop.unpack(np.arange(loop.size))
     others = np.setdiff1d(np.arange(loop.size), [*rows, int(places.controller.n_d)])  # n_d rests with this law
     A, b = J[np.ix_(others, others)], J[others, rows[-1]]

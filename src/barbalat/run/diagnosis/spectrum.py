@@ -58,7 +58,7 @@ class Spectrum:
     @classmethod
     def of(cls, loop: ClosedLoop, simulation: Simulation) -> Spectrum:
         law = SampledLaw.of(loop, simulation) if isinstance(loop.equations, Euler) else None
-        return cls(loop, simulation, jacobian_function(loop, simulation.dt), law)
+        return cls(loop, simulation, jacobian_function(loop), law)
 
     def at(self, states: Array, signals: Array) -> Looks:
         """states (K, size), signals (K, channels)."""
@@ -93,7 +93,7 @@ class SampledLaw:
     def of(cls, loop: ClosedLoop, simulation: Simulation) -> SampledLaw:
         assert isinstance(loop.equations, Euler)
         sample_time = loop.equations.sample_time
-        twin = jacobian_function(continuous_twin(loop), simulation.dt)
+        twin = jacobian_function(continuous_twin(loop))
         return cls(sampled_jacobian_function(loop), twin, sample_time, simulation.t_end / sample_time)
 
     def at(self, states: Array, signals: Array, flow: Array) -> tuple[Array, Array]:
