@@ -16,7 +16,8 @@ import numpy as np
 from barbalat import RK4, Simulation
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.lowering.llvm.machine import Kernel
-from barbalat.run.engine import Batch, best_lanes, run
+from barbalat.run.batch import Batch, best_lanes
+from barbalat.run.engine import run
 from barbalat.run.step import step_program
 from benchmarks.loops import PROBLEM, STEP, Case, l1
 from benchmarks.race import Time
@@ -30,10 +31,11 @@ import sys
 import tempfile
 from pathlib import Path
 from barbalat import Simulation
-from barbalat.engine import Batch, run
+from barbalat.run.batch import Batch
+from barbalat.run.engine import run
 from benchmarks.loops import PROBLEM, STEP, l1
 case = l1(64)
-batch = Batch(case.optimised(figures=True), case.states, case.parameters)
+batch = Batch(case.loop, case.optimised(figures=True), case.states, case.parameters)
 run([batch], PROBLEM.signals, Simulation(t_end=float(sys.argv[1]), dt=STEP))
 print(next(line.split()[1] for line in Path("/proc/self/status").read_text().splitlines() if line.startswith("VmHWM")))
 """
@@ -64,7 +66,7 @@ def two_cores(members: int, *, quick: bool) -> Section:
     simulation = Simulation(t_end=4.0 if quick else 20.0, dt=STEP)
 
     def engine(threads: int) -> tuple[float, float]:
-        batch = Batch(program, case.states, case.parameters)
+        batch = Batch(case.loop, program, case.states, case.parameters)
         busy = time.process_time()
         wall = _seconds(lambda: run([batch], PROBLEM.signals, simulation, threads=threads))
         return wall, (time.process_time() - busy) / wall

@@ -11,12 +11,9 @@ from barbalat.adaptation.laws import LeastSquares
 from barbalat.cases.load import load_case
 from barbalat.controllers import L1Adaptive, RobustMrac, Sampled
 from barbalat.linear.systems import TransferFunction, input_filter
-from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.problem.actuation import PlantInput
-from barbalat.run import delay
-from barbalat.run.engine import Batch
+from barbalat.run.batch import Batch
 from barbalat.run.grid import signal_table
-from barbalat.run.step import step_program
 from barbalat.solvers.simulation import Simulation
 from benchmarks.race import Contestant, race
 from benchmarks.table import Row
@@ -57,13 +54,8 @@ def per_state(members: int, *, quick: bool) -> tuple[list[Row], list[str]]:
 
 def advance(problem, controller, members: int) -> tuple[Callable[[int], np.ndarray], int]:
     """A function that takes the loop so many steps further in machine code, and the loop's states."""
-    loop = ClosedLoop.of(problem, controller)
-    weights, lags = None, None
-    if problem.delay > 0:
-        weights = delay.weights(problem.delay, SIMULATION.dt, SIMULATION.solver)
-        lags = np.full(members, delay.lag(problem.delay, SIMULATION.dt))
-    program = step_program(loop, SIMULATION.solver, SIMULATION.dt, delay_weights=weights)
-    (group,) = Batch(program, np.repeat(loop.initial()[:, None], members, axis=1), np.zeros((0, members)), lags=lags).groups
+    batch = Batch.of([(problem, controller)] * members, SIMULATION)
+    (group,) = batch.groups
     table = signal_table(problem.signals, SIMULATION, 0, STEPS)
 
     def run(steps: int) -> np.ndarray:
@@ -71,4 +63,4 @@ def advance(problem, controller, members: int) -> tuple[Callable[[int], np.ndarr
         group.call(0, 1, steps, state, table)
         return state
 
-    return run, loop.size
+    return run, batch.loop.size

@@ -65,6 +65,11 @@ class Case:
     def members(self) -> int:
         return self.states.shape[1]
 
+    @property
+    def loop(self) -> ClosedLoop:
+        """The first member's."""
+        return self.loop_of(self.parameters[:, 0])
+
     def optimised(self, *, figures: bool = False) -> StepProgram:
         column, values = symbols("parameters", len(self.parameters))
         return step_program(self.loop_of(values), RK4, STEP, column, figures=figures)

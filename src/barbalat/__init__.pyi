@@ -16,8 +16,7 @@ from .adaptation.normalization import Normalization as Normalization
 from .adaptation.output_lyapunov import LyapunovLaw as LyapunovLaw
 from .certificates.certificate import Certificate as Certificate
 from .certificates.certify import certify as certify
-from .certificates.linear_loops.frozen import FrozenLoops as FrozenLoops
-from .certificates.linear_loops.frozen import borne as borne
+from .controllers import KnownParameters as KnownParameters
 from .controllers import L1Adaptive as L1Adaptive
 from .controllers import LinearFeedback as LinearFeedback
 from .controllers import Mrac as Mrac
@@ -43,8 +42,6 @@ from .problem.known_set import ParameterBall as ParameterBall
 from .problem.known_set import ParameterBox as ParameterBox
 from .problem.measurement import Noise as Noise
 from .problem.measurement import Sensor as Sensor
-from .problem.modelling_error import DelayError as DelayError
-from .problem.modelling_error import ScaledError as ScaledError
 from .problem.output_feedback import OutputProblem as OutputProblem
 from .problem.output_plant import OutputPlant as OutputPlant
 from .problem.output_plant import OutputReferenceModel as OutputReferenceModel
@@ -76,8 +73,6 @@ from .solvers.simulation import Simulation as Simulation
 from .study.criteria import Lost as Lost
 from .study.criteria import Onset as Onset
 from .study.delay_margin import delay_margins as delay_margins
-from .study.tau_limit import Grown as Grown
-from .study.tau_limit import TauStudy as TauStudy
 from .study.tradeoff import trade_off as trade_off
 from .validate import InputError as InputError
 

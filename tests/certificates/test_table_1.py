@@ -94,10 +94,9 @@ def test_robustness_is_proven_only_with_its_ingredients():
     assert cells["modelling_error"].kind == "guaranteed" and cells["tracking"].kind == "does not apply"
 
 
-def test_the_auxiliary_inputs_sign_decides():
+def test_the_auxiliary_input_decides():
     law = LeastSquares(covariance0=500.0)
     assert column(variant(), RobustMrac(tau=0.5, law=law))[0]["transient"].kind == "guaranteed"
-    assert column(variant(), RobustMrac(tau=0.5, law=law, printed_sign=True))[0]["transient"].kind == "does not apply"
     assert column(variant(), NormalizedMrac(law=law))[0]["transient"].kind == "does not apply"
 
 

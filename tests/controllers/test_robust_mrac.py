@@ -11,6 +11,7 @@ from scipy import signal as scipy_signal
 
 from barbalat.adaptation.laws import Gradient, LeastSquares
 from barbalat.adaptation.normalization import Normalization
+from barbalat.claims.printed_sign import PrintedSign
 from barbalat.controllers import NormalizedMrac, RobustMrac
 from barbalat.controllers.robust_mrac import State
 from barbalat.loop.closed_loop import ClosedLoop
@@ -99,7 +100,8 @@ def test_what_the_auxiliary_input_leaves_of_the_error(n, relative_degree, printe
     """
     problem, c_0 = random_problem(2, n, relative_degree)
     tau = 0.4
-    loop = ClosedLoop.of(problem, RobustMrac(c_0=c_0, tau=tau, law=LAWS["least squares"], printed_sign=printed_sign))
+    controller = RobustMrac(c_0=c_0, tau=tau, law=LAWS["least squares"])
+    loop = ClosedLoop.of(problem, PrintedSign(controller=controller) if printed_sign else controller)
     A, B, C = auxiliary_lag(tau, relative_degree)
 
     def argument(state, x):
@@ -125,8 +127,10 @@ def test_what_the_auxiliary_input_leaves_of_the_error(n, relative_degree, printe
         assert violation < 1e-7  # 1e-8 as above, times the filter's gain 1/tau^n* = 40
 
 
-def largest_output_error(problem, c_0, tau, printed_sign):
-    controller = RobustMrac(c_0=c_0, tau=tau, law=LeastSquares(covariance0=500.0), printed_sign=printed_sign)
+def largest_output_error(problem, c_0, tau, *, printed_sign=False):
+    controller = RobustMrac(c_0=c_0, tau=tau, law=LeastSquares(covariance0=500.0))
+    if printed_sign:
+        controller = PrintedSign(controller=controller)
     simulation = Simulation(t_end=20.0, dt=1e-3, record_points=20_000)  # every step is recorded
     result = simulate(problem, [controller], simulation)[controller.name]
     assert len(result.t) == 20_001
@@ -143,7 +147,7 @@ def test_the_erratum_in_section_v(section_v):
     """
     c_0 = np.array([1.0, 1.0])
     taus = np.array([0.1, 0.05, 0.025, 0.0125])
-    right = [largest_output_error(section_v, c_0, tau, printed_sign=False) for tau in taus]
+    right = [largest_output_error(section_v, c_0, tau) for tau in taus]
     printed = [largest_output_error(section_v, c_0, tau, printed_sign=True) for tau in taus]
     assert np.polyfit(np.log(taus), np.log(right), 1)[0] == pytest.approx(1, abs=0.1)  # O(tau) + O(tau^2)
     assert min(printed) > 0.9 * max(printed)
@@ -154,7 +158,7 @@ def test_the_erratum_in_section_v(section_v):
 def test_the_error_shrinks_with_tau_for_any_relative_degree(n, relative_degree):
     problem, c_0 = random_problem(5, n, relative_degree)
     taus = np.array([0.04, 0.02, 0.01])
-    right = [largest_output_error(problem, c_0, tau, printed_sign=False) for tau in taus]
+    right = [largest_output_error(problem, c_0, tau) for tau in taus]
     assert np.polyfit(np.log(taus), np.log(right), 1)[0] == pytest.approx(1, abs=0.15)
 
 

@@ -11,7 +11,8 @@ from barbalat.lowering.llvm.machine import Kernel, Watch
 from barbalat.lowering.operations import read
 from barbalat.lowering.optimize import optimize
 from barbalat.lowering.shape import LoopShape
-from barbalat.run.engine import Batch, run
+from barbalat.run.batch import Batch
+from barbalat.run.engine import run
 from barbalat.run.grid import signal_table
 from barbalat.run.step import step_function, step_program
 from barbalat.solvers import RK4
@@ -98,15 +99,14 @@ def batch_of(problem, controller, starts, simulation, lanes, record):
     loop = ClosedLoop.of(problem, controller)
     states = loop.initial()[:, None].repeat(starts.shape[1], axis=1)
     states[: len(starts)] += starts
-    return Batch(
-        step_program(loop, simulation.solver, simulation.dt), states, np.zeros((0, starts.shape[1])), record=record, lanes=lanes
-    ), loop
+    program = step_program(loop, simulation.solver, simulation.dt)
+    return Batch(loop, program, states, np.zeros((0, starts.shape[1])), record=record, lanes=lanes)
 
 
 def figures_of(problem, controller, starts, simulation, lanes, threads, record=False):
-    batch, loop = batch_of(problem, controller, starts, simulation, lanes, record)
+    batch = batch_of(problem, controller, starts, simulation, lanes, record)
     run([batch], problem.signals, simulation, threads=threads)
-    metrics = batch.metrics(simulation, loop.theta_hat_rows)
+    metrics = batch.metrics(simulation)
     figures = [getattr(metrics, name) for name in metrics.__dataclass_fields__]
     return [batch.final_states, *(figure for figure in figures if figure is not None)]
 

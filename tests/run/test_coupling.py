@@ -26,7 +26,7 @@ CONTROLLERS = {
 
 def coupling(loop):
     step, _ = step_function(loop, RK4, 1e-3)
-    function = coupling_function(loop, 1e-3, step)
+    function = coupling_function(loop, step)
 
     def at(state, r):
         return float(function(state, 0, [], np.full(3, r), [], []))
@@ -38,7 +38,7 @@ def coupling(loop):
 def test_differences_are_those_of_the_squared_eigenvalues(name):
     """tr J^2 from the spectrum at two states: where neither part changes its sign, the constants cancel in the difference."""
     loop = ClosedLoop.of(PAPER, CONTROLLERS[name])
-    at, jacobian, random = coupling(loop), jacobian_function(loop, 1e-3), np.random.default_rng(5)
+    at, jacobian, random = coupling(loop), jacobian_function(loop), np.random.default_rng(5)
     state = loop.initial() + random.normal(size=loop.size)
     pairs = []
     for scale in (1.0, 1.001):

@@ -12,7 +12,8 @@ import pytest
 from barbalat.controllers import L1Adaptive, Mrac
 from barbalat.linear.systems import input_filter
 from barbalat.loop.closed_loop import ClosedLoop
-from barbalat.run.engine import Batch, best_lanes, run
+from barbalat.run.batch import Batch, best_lanes
+from barbalat.run.engine import run
 from barbalat.run.grid import CHUNK_STEPS, segments_of
 from barbalat.run.simulate import simulate
 from barbalat.run.step import step_program
@@ -97,7 +98,7 @@ def peak_memory(simulation, problem, controller, record) -> int:
     program = step_program(loop, simulation.solver, simulation.dt)
     program.compile(1)
     tracemalloc.start()
-    batch = Batch(program, loop.initial()[:, None], np.zeros((0, 1)), record=record)
+    batch = Batch(loop, program, loop.initial()[:, None], np.zeros((0, 1)), record=record)
     run([batch], problem.signals, simulation, threads=1)
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()

@@ -13,7 +13,8 @@ from barbalat.linear.systems import input_filter
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.problem.state_feedback import ParameterBox, Plant, Problem
 from barbalat.run import grid
-from barbalat.run.engine import Batch, run
+from barbalat.run.batch import Batch
+from barbalat.run.engine import run
 from barbalat.run.grid import segments_of
 from barbalat.run.metrics import DIVERGENCE_LIMIT
 from barbalat.run.simulate import simulate
@@ -198,9 +199,9 @@ def test_no_speed_of_divergence_gives_a_warning(h, solver, top):
     states = loop.initial()[:, None].repeat(2001, axis=1)
     states[0] = np.append(top / 1.5**steps * np.geomspace(1e-4, 1e4, 2000), 0.0)
     simulation = Simulation(t_end=steps * h, dt=h, solver=solver, record_points=7)
-    batch = Batch(step_program(loop, solver, h), states, np.zeros((0, 2001)))
+    batch = Batch(loop, step_program(loop, solver, h), states, np.zeros((0, 2001)))
     run([batch], problem.signals, simulation)
-    metrics = batch.metrics(simulation, loop.theta_hat_rows)
+    metrics = batch.metrics(simulation)
     assert (metrics.diverged_at[:-1] == h).all()
     assert np.isnan(metrics.rms_e[:-1]).all()
     assert np.isfinite(metrics.rms_e[-1]).all()
@@ -224,9 +225,9 @@ def test_members_that_diverge_do_not_disturb_the_others(problems):
     states = loop.initial()[:, None].repeat(5, axis=1)
     states[0] = [0.0, 1.0, 2.0**10, 2.0**20, 0.0]
     simulation = Simulation(t_end=60.0, dt=1.0, solver=EULER, record_points=5)
-    batch = Batch(step_program(loop, EULER, 1.0), states, np.zeros((0, 5)), lanes=4)
+    batch = Batch(loop, step_program(loop, EULER, 1.0), states, np.zeros((0, 5)), lanes=4)
     run([batch], problem.signals, simulation)
-    metrics = batch.metrics(simulation, loop.theta_hat_rows)
+    metrics = batch.metrics(simulation)
     np.testing.assert_array_equal(metrics.diverged_at, [np.nan, 40, 30, 20, np.nan])  # 2^40 > 1e12 > 2^39
     assert metrics.max_abs_e[[0, 4], 0].tolist() == [1.0, 1.0]  # e = x - x_m with x = 0, x_m(0) = 1
     assert np.isnan(metrics.max_abs_e[1:4]).all()

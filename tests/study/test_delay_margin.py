@@ -10,7 +10,7 @@ import pytest
 from barbalat.cases.load import load_case
 from barbalat.certificates.certify import certify
 from barbalat.certificates.linear_loops.ideal import fast_adaptation, known_parameters
-from barbalat.controllers import L1Adaptive, Mrac
+from barbalat.controllers import KnownParameters, L1Adaptive, Mrac
 from barbalat.linear.margins import margins
 from barbalat.linear.systems import input_filter
 from barbalat.problem.actuation import PlantInput
@@ -36,9 +36,7 @@ def test_linear_loop_against_the_exact_margin(section_v, kappa):
     """
     problem = replace(section_v, reference=Constant(0.0))
     C = None if kappa == 0 else input_filter(kappa)
-    controller = (
-        Mrac(gamma=1e-60, theta_hat0=[4.0, -3.0]) if C is None else L1Adaptive(gamma=1e-60, filter=C, theta_hat0=[4.0, -3.0])
-    )
+    controller = KnownParameters(theta=[4.0, -3.0]) if C is None else L1Adaptive(gamma=1e-60, filter=C, theta_hat0=[4.0, -3.0])
     exact = margins(known_parameters(problem.plant, problem.plant.theta, None if C is None else C.realise())).delay
     found = delay_margins([(problem, controller)], Simulation(t_end=400.0, dt=2e-3), resolution=0.005)
     for bracket, least in ((found.onset, 0.94), (found.loss, 0.97)):
@@ -79,16 +77,14 @@ def test_a_limit_cycle_that_saturation_bounds_is_an_onset_and_no_loss():
     )
     problem = Problem(plant=plant, reference=Constant(0.0), uncertainty=ParameterBox(lower=[-40.0, -1.0], upper=[0.0, 1.0]))
     exact = margins(known_parameters(plant, plant.theta)).delay
-    found = delay_margins(
-        [(problem, Mrac(gamma=1e-60, theta_hat0=[-30.0, 0.0]))], Simulation(t_end=100.0, dt=1e-3), resolution=0.01
-    )
+    found = delay_margins([(problem, KnownParameters(theta=[-30.0, 0.0]))], Simulation(t_end=100.0, dt=1e-3), resolution=0.01)
     assert 0.97 * exact < found.onset.bears[0] < 1.03 * exact
     assert np.isinf(found.loss.loses[0])
 
 
 def test_the_lag_of_a_command_is_no_onset(section_v):
     """Where theta is known, all that a delay adds below the loop's own margin is explained by it: only the loss counts."""
-    controller = Mrac(gamma=1e-60, theta_hat0=[4.0, -3.0])
+    controller = KnownParameters(theta=[4.0, -3.0])
     found = delay_margins([(section_v, controller)], Simulation(t_end=60.0, dt=1e-3))
     assert found.onset.bears[0] == found.loss.bears[0] > 0.1
 
@@ -123,7 +119,7 @@ def test_simulated_margins_in_a_certificate(section_v):
 def test_delay_of_the_plant_is_beside_the_added_one(section_v):
     problem = replace(section_v, reference=Constant(0.0))
     delayed = replace(problem, plant=replace(problem.plant, input=PlantInput(delay=0.1)))
-    controller = Mrac(gamma=1e-60, theta_hat0=[4.0, -3.0])
+    controller = KnownParameters(theta=[4.0, -3.0])
     simulation = Simulation(t_end=100.0, dt=2e-3)
     alone, beside = (delay_margins([(p, controller)], simulation, resolution=0.005).loss.bears[0] for p in (problem, delayed))
     assert beside == pytest.approx(alone - 0.1, abs=0.01 * alone)

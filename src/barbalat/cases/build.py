@@ -87,7 +87,6 @@ def _controller(table: schema.SchemeTable) -> Controller:
                 law=table.law.build(),
                 c_0=table.c_0,
                 normalization=table.normalization.build(),
-                printed_sign=table.printed_sign,
                 saturated_predictor=table.saturated_predictor,
                 **table.common(),
             )

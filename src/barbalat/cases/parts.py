@@ -14,7 +14,8 @@ from barbalat.cases.plant import within
 from barbalat.cases.tables import Table
 from barbalat.controllers import Sampled
 from barbalat.linear.systems import TransferFunction, input_filter
-from barbalat.loop.closed_loop import ClosedLoop, bound
+from barbalat.loop.binding import bound, require_controllers
+from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.problem.measurement import Noise, Sensor
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller, Signal
@@ -94,9 +95,7 @@ def bound_and_sampled(controller: Controller, table: schema.SchemeTable, problem
 
 def assembled(problem: TrackingProblem, controllers: Sequence[Controller], simulation: Simulation) -> Case:
     """The case, after what its parts must agree on was checked."""
-    names = [controller.name for controller in controllers]
-    if twice := sorted({name for name in names if names.count(name) > 1}):
-        raise InputError(f"every controller needs a name of its own, but {twice[0]!r} stands {names.count(twice[0])} times")
+    require_controllers(controllers)
     if problem.delay > 0:
         delay.lag(problem.delay, simulation.dt)  # refuses a delay that this step can't carry
     for controller in controllers:

@@ -118,7 +118,6 @@ class RobustMracTable(AdaptiveTable):
     law: LawTable
     c_0: Vector | None = None
     normalization: NormalizationTable = NormalizationTable()
-    printed_sign: bool = False
     saturated_predictor: bool = False
 
 

@@ -7,6 +7,7 @@ from functools import cache
 
 from barbalat.adaptation.laws import LeastSquares
 from barbalat.cases.load import load_case
+from barbalat.claims.printed_sign import PrintedSign
 from barbalat.controllers import L1Adaptive, Mrac, NormalizedMrac, RobustMrac
 from barbalat.linear.systems import input_filter
 from barbalat.problem.state_feedback import Problem
@@ -37,10 +38,10 @@ class Runs:
     fine: dict[str, Result]
 
 
-def robust_mrac(name: str, tau: float = TAU, *, printed_sign: bool = False, projection: bool = True) -> RobustMrac:
+def robust_mrac(name: str, tau: float = TAU, *, projection: bool = True) -> RobustMrac:
     """The robust MRAC as in Figure 2."""
     law = LeastSquares(covariance0=COVARIANCE0)
-    return RobustMrac(c_0=C_0, tau=tau, law=law, printed_sign=printed_sign, projection=projection, name=name)
+    return RobustMrac(c_0=C_0, tau=tau, law=law, projection=projection, name=name)
 
 
 def l1(name: str, gamma: float, kappa: float = KAPPA, *, projection: bool = True) -> L1Adaptive:
@@ -63,7 +64,7 @@ def run(progress: Progress | None = None) -> Runs:
         robust_mrac("Robust MRAC, no projection", projection=False),
         NormalizedMrac(c_0=C_0, law=LeastSquares(covariance0=COVARIANCE0), name="Robust MRAC, no auxiliary input"),
         *(robust_mrac(f"tau {tau}", tau) for tau in ERRATUM_TAUS),
-        *(robust_mrac(f"tau {tau}, printed sign", tau, printed_sign=True) for tau in ERRATUM_TAUS),
+        *(PrintedSign(controller=robust_mrac(f"tau {tau}, printed sign", tau)) for tau in ERRATUM_TAUS),
         l1("L1", 1e4),
         l1("L1, no projection", 1e4, projection=False),
         l1("L1, kappa/2", 1e4, KAPPA / 2),

@@ -10,6 +10,7 @@ from barbalat.claims import section_v
 from barbalat.claims.claim import Axis, Claim, Curve, Map, verdict
 from barbalat.claims.variants import figures, numbers, variant
 from barbalat.controllers import Mrac
+from barbalat.linear.largest import largest
 from barbalat.linear.systems import input_filter
 from barbalat.problem.state_feedback import Problem
 from barbalat.protocols import Controller
@@ -71,13 +72,12 @@ def _guaranteed_scale(kappas: Array) -> Array:
 def _exact_scale(kappa: float) -> float:
     """Where the limit of fast adaptation loses stability, by bisection."""
     C = input_filter(kappa).realise()
-    low, high = 1e-3, 1e4
-    for _ in range(40):
-        middle = (low * high) ** 0.5
-        loop = fast_adaptation(variant(theta=middle * DIRECTION).plant, C)
-        closed = np.linalg.eigvals(loop.A - np.outer(loop.B, loop.C) / (1 + loop.D))
-        low, high = (middle, high) if closed.real.max() < 0 else (low, middle)
-    return low
+
+    def is_stable(scale: float) -> bool:
+        loop = fast_adaptation(variant(theta=scale * DIRECTION).plant, C)
+        return bool(np.linalg.eigvals(loop.A - np.outer(loop.B, loop.C) / (1 + loop.D)).real.max() < 0)
+
+    return largest(is_stable, 1e-3, 1e4, within=1e-10)
 
 
 def _map() -> Map:

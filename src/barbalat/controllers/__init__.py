@@ -1,5 +1,6 @@
 """The registry: one line for each scheme, by the name that case files use. The contract tests run over it."""
 
+from barbalat.controllers.known_parameters import KnownParameters
 from barbalat.controllers.l1 import L1Adaptive
 from barbalat.controllers.linear_feedback import LinearFeedback
 from barbalat.controllers.mrac import Mrac
@@ -14,4 +15,4 @@ SCHEMES = {
     "linear": LinearFeedback,
 }
 
-__all__ = ["SCHEMES", "L1Adaptive", "LinearFeedback", "Mrac", "NormalizedMrac", "RobustMrac", "Sampled"]
+__all__ = ["SCHEMES", "KnownParameters", "L1Adaptive", "LinearFeedback", "Mrac", "NormalizedMrac", "RobustMrac", "Sampled"]

@@ -46,7 +46,6 @@ class Equations:
     regressor: Regressor
     c_0: Array
     Q: StateSpace | None
-    swapping_sign: float
     law: AdaptiveLaw
     normalization: Normalization
     theta_hat0: Array
@@ -73,7 +72,7 @@ class Equations:
     def auxiliary_input_argument(self, state: State, x: Value) -> Value:
         """What -Q(s) filters. The paper prints the second term with the opposite sign: an erratum, see the class RobustMrac."""
         estimation = self.estimation(state, x)
-        return estimation.epsilon * estimation.m_s_squared + self.swapping_sign * (self.c_0 @ state.swapping)
+        return estimation.epsilon * estimation.m_s_squared + self.c_0 @ state.swapping
 
     def control(self, state: State, x: Value, x_m: Value, r: Value) -> Value:
         u = -state.theta_hat @ self.regressor(x) + self.k_0 * r
@@ -115,7 +114,6 @@ class RobustMrac:
     normalization  of the estimation error: eq. (16)
     theta_hat0     (n,), zero by default; inside the known set
     projection     onto the known set; by default on where one is given
-    printed_sign   use the sign of W_c0 as the paper prints it, to show the difference
     saturated_predictor  against windup: the parametric model and n_d are fed with sat(u); off by default
 
     Erratum of (14). By the swapping lemma, without modelling error and with x_m(0) = x(0),
@@ -137,7 +135,6 @@ class RobustMrac:
     normalization: Normalization = field(default_factory=Normalization)
     theta_hat0: Array | None = None
     projection: bool | None = None
-    printed_sign: bool = False
     saturated_predictor: bool = False
     name: str = "Robust MRAC"
 
@@ -148,7 +145,7 @@ class RobustMrac:
     def bind(self, known: Known) -> Equations:
         require_one_input("robust-mrac", known)
         Q = auxiliary_filter(minimum_phase_model(_output_vector(self.c_0, known), known), self.tau)
-        return _equations(self, known, Q, swapping_sign=-1.0 if self.printed_sign else 1.0)
+        return _equations(self, known, Q)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -170,7 +167,7 @@ class NormalizedMrac:
         _check_model_and_law(self)
 
     def bind(self, known: Known) -> Equations:
-        return _equations(self, known, Q=None, swapping_sign=1.0)
+        return _equations(self, known, Q=None)
 
 
 def _check_model_and_law(settings: RobustMrac | NormalizedMrac) -> None:
@@ -186,7 +183,7 @@ def _output_vector(c_0: Array | None, known: Known) -> Array:
     return known.P @ known.b if c_0 is None else validate.vector("c_0", c_0, known.n)
 
 
-def _equations(settings: RobustMrac | NormalizedMrac, known: Known, Q: StateSpace | None, swapping_sign: float) -> Equations:
+def _equations(settings: RobustMrac | NormalizedMrac, known: Known, Q: StateSpace | None) -> Equations:
     require_one_input("a controller on the parametric model (13)", known)
     c_0 = _output_vector(settings.c_0, known)
     minimum_phase_model(c_0, known)
@@ -199,7 +196,6 @@ def _equations(settings: RobustMrac | NormalizedMrac, known: Known, Q: StateSpac
         regressor=known.uncertainty.regressor,
         c_0=c_0,
         Q=Q,
-        swapping_sign=swapping_sign,
         law=settings.law,
         normalization=settings.normalization,
         theta_hat0=initial_estimate(settings.theta_hat0, box, known),

@@ -8,7 +8,6 @@ found by bisection. Source: Skogestad and Postlethwaite, Multivariable Feedback 
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,6 +15,7 @@ import numpy as np
 
 from barbalat import validate
 from barbalat.design.uncertainty import delay_weight
+from barbalat.linear.largest import largest
 from barbalat.linear.systems import StateSpace, TransferFunction
 from barbalat.validate import Array, InputError
 
@@ -111,15 +111,16 @@ def _plant(scaled: TransferFunction, bandwidth: float) -> tuple[Array, Array, Ar
 
 def _largest_bandwidth(scaled: TransferFunction) -> float:
     """Bisection to 1 %, between 0.001 and 10 over the delay, on whether a controller with norm below 1 exists."""
-    low, high = 1e-3, 10.0
-    if _suboptimal(_plant(scaled, low)) is None:
+
+    def is_met(bandwidth: float) -> bool:
+        return _suboptimal(_plant(scaled, bandwidth)) is not None
+
+    least = 1e-3
+    if not is_met(least):
         raise InputError(
             "no controller meets the weights even at a bandwidth of 0.001 over the unmodelled delay: the delay is too long"
         )
-    while high / low > 1.01:
-        middle = math.sqrt(low * high)
-        low, high = (low, middle) if _suboptimal(_plant(scaled, middle)) is None else (middle, high)
-    return low
+    return largest(is_met, least, 10.0, within=0.01)
 
 
 def _suboptimal(plant: tuple[Array, Array, Array, Array]) -> tuple[StateSpace, float] | None:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from barbalat import validate
+from barbalat.loop.binding import bound
 from barbalat.loop.packing import flatten, map_arrays, unflatten
 from barbalat.loop.parts import Held, LoopState, Outputs, Signals
 from barbalat.problem.actuation import InputPath
@@ -22,7 +23,6 @@ from barbalat.protocols import (
     Sample,
     SampledEquations,
     Value,
-    feedback_of,
 )
 from barbalat.validate import Array
 
@@ -43,10 +43,10 @@ class ClosedLoop:
     output_disturbed: bool = False
     clocked: bool = False
     delayed: bool = False
-    step: float | None = None  # the solver's [s]; only a rate limiter needs it
 
     @classmethod
-    def of(cls, problem: TrackingProblem, controller: Controller) -> ClosedLoop:
+    def of(cls, problem: TrackingProblem, controller: Controller, step: float | None = None) -> ClosedLoop:
+        """``step`` is the solver's [s]; only a rate limiter at the plant's input needs it: see ``PlantInput.path``."""
         validate.instance("problem", problem, TrackingProblem)
         equations = bound(problem, controller)
         sensor, noise = problem.sensor, problem.noise
@@ -54,7 +54,7 @@ class ClosedLoop:
             problem.dynamics,
             problem.model,
             equations,
-            paths=tuple(path.path() for path in problem.plant.paths),
+            paths=tuple(path.path(step) for path in problem.plant.paths),
             commands=len(problem.commands) if isinstance(problem.reference, tuple) else None,
             lag=sensor if sensor is not None and sensor.lag > 0 else None,
             noise_std=None if noise is None else noise.std * np.ones(problem.dynamics.outputs),
@@ -189,7 +189,7 @@ class ClosedLoop:
             x=x_dot,
             x_m=self.model.derivative(state.x_m, given.r),  # (2)
             input=tuple(
-                part if path is None else path.derivative(part, u.reshape(-1)[i], self.step)
+                part if path is None else path.derivative(part, u.reshape(-1)[i])
                 for i, (path, part) in enumerate(zip(self.paths, state.input, strict=True))
             ),
             sensor=state.sensor if self.lag is None else self.lag.derivative(state.sensor, self._output(state, given)),
@@ -263,13 +263,3 @@ class ClosedLoop:
         e = (y - self.model.output(state.x_m)).reshape(-1)
         y = y.reshape(-1)[: self.measured_outputs]
         return Outputs(e, u.reshape(-1), state.controller.theta_hat.reshape(-1), state.x, state.x_m, y)
-
-
-def bound(problem: TrackingProblem, controller: Controller) -> Equations | SampledEquations:
-    """The controller's equations for this problem; InputError for what is no controller, or one for another measurement."""
-    if not isinstance(controller, Controller) or isinstance(controller, type):
-        raise validate.InputError(f"a controller must have a name and a method bind, got {validate.show(controller)}")
-    feedback = feedback_of(controller)
-    if feedback != problem.feedback:
-        raise validate.InputError(f"{controller.name} feeds back the {feedback}, but the problem measures the {problem.feedback}")
-    return controller.bind(problem.known)

@@ -33,9 +33,8 @@ def continuous_twin(loop: ClosedLoop) -> ClosedLoop:
     return twin if same else loop
 
 
-def jacobian_function(loop: ClosedLoop, dt: float) -> ca.Function:
+def jacobian_function(loop: ClosedLoop) -> ca.Function:
     """The exact Jacobian of the loop's right-hand side, (size, size), as a CasADi function of (state, signals)."""
-    loop = replace(loop, step=dt)
     return _jacobian(loop, loop.derivative)
 
 

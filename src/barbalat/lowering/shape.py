@@ -13,6 +13,8 @@ class LoopShape:
     lag_per_member     whether members look back differently far
     noise              numbers of its own that each member gets at every step, the same for ``noise_hold`` steps
     sample_every       steps between two calls of the sampled part, which acts on the state before the step; 0: there is none
+
+    ``None`` for ``noise_hold`` or ``sample_every``: an argument of every call, a count of at least 1. Compiled in is faster.
     """
 
     states: int
@@ -22,8 +24,8 @@ class LoopShape:
     delayed: int = 0
     lag_per_member: bool = False
     noise: int = 0
-    noise_hold: int = 1
-    sample_every: int = 0
+    noise_hold: int | None = 1
+    sample_every: int | None = 0
 
 
 TAPS = 3

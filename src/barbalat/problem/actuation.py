@@ -85,12 +85,15 @@ class PlantInput:
         """Whether nothing but the gain and the delay stands before the plant."""
         return self.is_linear and self.actuator is None and self.multiplicative is None
 
-    def path(self) -> InputPath | None:
-        """The equations of everything but the delay; ``None`` where u reaches the plant as it is."""
+    def path(self, step: float | None = None) -> InputPath | None:
+        """The equations of everything but the delay; ``None`` where u reaches the plant as it is.
+
+        ``step`` is the solver's [s]: within one a rate limiter follows what it is asked for. Nothing else needs it.
+        """
         dynamics = None if self.dynamics is None else self.dynamics.realise()
         if dynamics is None and self.is_linear:
             return None
-        return InputPath(self.quantization, self.saturation, self.rate_limit, dynamics)
+        return InputPath(self.quantization, self.saturation, self.rate_limit, dynamics, None if self.rate_limit is None else step)
 
 
 class InputState(NamedTuple):
@@ -108,6 +111,7 @@ class InputPath:
     saturation: Array | None
     rate_limit: float | None
     dynamics: StateSpace | None
+    follows_within: float | None = None  # [s], the rate limiter; None where only the path's linear part is asked for
 
     def initial(self) -> InputState:
         return InputState(
@@ -120,14 +124,13 @@ class InputPath:
             u = self.quantum * np.floor(u / self.quantum + 0.5)
         return u if self.saturation is None else np.clip(u, self.saturation[0], self.saturation[1])
 
-    def derivative(self, state: InputState, u: Value, step: float | None) -> InputState:
-        """``step`` is the solver's [s]: the rate limiter follows its input within one."""
+    def derivative(self, state: InputState, u: Value) -> InputState:
         asked = self.asked(u)
         limited, dynamics = state
         if self.rate_limit is not None:
-            if step is None:
+            if self.follows_within is None:
                 raise ValueError("a rate limiter needs the solver's step")
-            limited = np.clip((asked - state.limited) / step, -self.rate_limit, self.rate_limit)
+            limited = np.clip((asked - state.limited) / self.follows_within, -self.rate_limit, self.rate_limit)
             asked = state.limited[0]
         if self.dynamics is not None:
             dynamics = self.dynamics.derivative(state.dynamics, asked)

@@ -1,13 +1,17 @@
-"""The terms of a regressor, written as formulas: parsed, never executed."""
+"""Formulas in named variables: parsed, never executed."""
 
 from __future__ import annotations
 
 import ast
-from collections.abc import Callable
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from functools import cache
+from typing import Any
 
 import numpy as np
 
+from barbalat import validate
 from barbalat.protocols import Value
 from barbalat.validate import InputError
 
@@ -24,49 +28,68 @@ _OPERATORS: dict[type, Callable[[Value, Value], Value]] = {
     ast.Pow: lambda a, b: a**b,
 }
 
-
-def _tree(term: str) -> ast.expr:
-    try:
-        return ast.parse(term.strip(), mode="eval").body
-    except (SyntaxError, ValueError, MemoryError, RecursionError):
-        raise InputError(f"plant.regressor.terms: {term!r} is not a formula") from None
+Evaluation = Callable[[Mapping[str, Value]], Value]
+"""From the variables' values by name, by whatever arithmetic they have."""
 
 
-def states_of(term: str) -> int:
-    """The largest number of a state in a formula."""
-    return max(
-        (int(node.id[1:]) for node in ast.walk(_tree(term)) if isinstance(node, ast.Name) and node.id[1:].isdigit()), default=0
+@dataclass(frozen=True)
+class Variables:
+    """Which names a formula may use: a regular expression, and how a message speaks of them."""
+
+    pattern: str
+    shown: str
+
+
+@dataclass(frozen=True, eq=False)
+class Formula:
+    """What was parsed, and the variables in it."""
+
+    names: frozenset[str]
+    evaluate: Evaluation
+
+
+def formula(field: str, text: Any, variables: Variables) -> Formula:
+    """The text as a formula; InputError, which names the field, where it is none or uses anything else."""
+    if not isinstance(text, str):
+        raise _refusal(field, text, variables)
+    return _parsed(field, text, variables)
+
+
+def _refusal(field: str, text: Any, variables: Variables, part: ast.AST | None = None) -> InputError:
+    found = "" if part is None else f", which contains {ast.unparse(part)!r}"
+    return InputError(
+        f"{field} must be a formula in {variables.shown}, numbers, + - * / ** and {', '.join(_FUNCTIONS)}, "
+        f"got {validate.show(text)}{found}"
     )
 
 
 @cache
-def formula(term: str) -> Callable[[Value], Value]:
-    """A formula as a function of x; nothing but the operations named above can be in it."""
+def _parsed(field: str, text: str, variables: Variables) -> Formula:
+    names: set[str] = set()
 
-    def refuse(node: ast.AST) -> InputError:
-        return InputError(
-            f"plant.regressor.terms: {term!r} may contain x1, x2, ..., numbers, + - * / ** and {', '.join(_FUNCTIONS)}, "
-            f"not {ast.unparse(node)!r}"
-        )
-
-    def build(node: ast.expr) -> Callable[[Value], Value]:
+    def build(node: ast.expr) -> Evaluation:
         match node:
             case ast.Constant(value=int() | float() as value) if not isinstance(value, bool):
                 return lambda _: float(value)
-            case ast.Name(id=name) if name[0] == "x" and name[1:].isdigit() and int(name[1:]) >= 1:
-                index = int(name[1:]) - 1
-                return lambda x: x[index]
+            case ast.Name(id=name) if re.fullmatch(variables.pattern, name):
+                names.add(name)
+                return lambda given: given[name]
             case ast.UnaryOp(op=ast.USub(), operand=operand):
                 inner = build(operand)
-                return lambda x: -inner(x)
+                return lambda given: -inner(given)
             case ast.BinOp(left=left, op=op, right=right) if type(op) in _OPERATORS:
                 if isinstance(op, ast.Pow) and not isinstance(right, ast.Constant):
-                    raise refuse(node)
+                    raise _refusal(field, text, variables, node)
                 combine, a, b = _OPERATORS[type(op)], build(left), build(right)
-                return lambda x: combine(a(x), b(x))
+                return lambda given: combine(a(given), b(given))
             case ast.Call(func=ast.Name(id=name), args=[argument], keywords=[]) if name in _FUNCTIONS:
                 function, inner = _FUNCTIONS[name], build(argument)
-                return lambda x: function(inner(x))
-        raise refuse(node)
+                return lambda given: function(inner(given))
+        raise _refusal(field, text, variables, node)
 
-    return build(_tree(term))
+    try:
+        tree = ast.parse(text.strip(), mode="eval").body
+    except (SyntaxError, ValueError, MemoryError, RecursionError):
+        raise _refusal(field, text, variables) from None
+    evaluate = build(tree)
+    return Formula(frozenset(names), evaluate)

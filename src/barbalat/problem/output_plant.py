@@ -2,11 +2,7 @@
 
 from __future__ import annotations
 
-import ast
-import re
-from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
@@ -14,10 +10,11 @@ import numpy as np
 from barbalat import validate
 from barbalat.linear.systems import StateSpace, TransferFunction, strictly_proper
 from barbalat.problem.actuation import PlantInput
-from barbalat.problem.formulas import formula
-from barbalat.problem.regressors import Terms
+from barbalat.problem.formulas import Formula, Variables, formula
 from barbalat.protocols import Value
 from barbalat.validate import Array, InputError, freeze
+
+OUTPUT_AND_TIME = Variables("y|t", "y and t")
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,47 +24,23 @@ class Nonlinearity:
     formula: str
 
     def __post_init__(self) -> None:
-        self._terms  # noqa: B018  # refuses what is no formula
+        self._parsed  # noqa: B018  # refuses what is no formula
 
-    @cached_property
-    def _names(self) -> frozenset[str]:
-        if not isinstance(self.formula, str):
-            raise self._refusal()
-        try:
-            tree = ast.parse(self.formula.strip(), mode="eval")
-        except (SyntaxError, ValueError, MemoryError, RecursionError):
-            raise self._refusal() from None
-        return frozenset(node.id for node in ast.walk(tree) if isinstance(node, ast.Name))
-
-    @cached_property
-    def _terms(self) -> Terms:
-        given = {"y": "x1", "t": "x2"}
-        if any(name[0] == "x" for name in self._names):
-            raise self._refusal()
-        spelled = re.sub(r"\b[yt]\b", lambda name: given[name[0]], self.formula)
-        try:
-            return Terms(terms=(spelled,))
-        except InputError:
-            raise self._refusal() from None
-
-    def _refusal(self) -> InputError:
-        return InputError(
-            "plant.nonlinear must be a formula in y and t, numbers, + - * / ** and abs, exp, sin, cos, sqrt, tanh, such as "
-            f"'0.5*sin(y)', got {validate.show(self.formula)}"
-        )
+    @property
+    def _parsed(self) -> Formula:
+        return formula("plant.nonlinear", self.formula, OUTPUT_AND_TIME)
 
     @property
     def depends_on_time(self) -> bool:
-        return "t" in self._names
+        return "t" in self._parsed.names
 
-    @property
-    def function(self) -> Callable[[Any], Any]:
-        """f of the sequence (y, t), by whatever arithmetic its two entries have."""
-        return formula(self._terms.terms[0])
+    def at(self, y: Any, t: Any) -> Any:
+        """f by whatever arithmetic y and t have."""
+        return self._parsed.evaluate({"y": y, "t": t})
 
     def __call__(self, y: Value, *t: Value) -> Value:
         """f, a scalar; t is given where the formula contains it."""
-        return self._terms(np.concatenate([value.reshape(1) for value in (y, *t)]))[0]
+        return self.at(y, *(t or (None,))) + 0 * y
 
 
 @dataclass(frozen=True, eq=False)

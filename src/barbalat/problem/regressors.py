@@ -9,7 +9,7 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 
 from barbalat import validate
-from barbalat.problem.formulas import formula, states_of
+from barbalat.problem.formulas import Formula, Variables, formula
 from barbalat.protocols import Value
 from barbalat.validate import Array, InputError
 
@@ -90,6 +90,9 @@ class GaussianRBF:
         return np.exp(-np.sum(distance * distance, axis=1) / (2 * self.width * self.width))
 
 
+STATES = Variables(r"x[1-9][0-9]*", "x1, x2, ...")
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Terms:
     """Written terms: each a formula in x1 ... xn with + - * / **, and abs, exp, sin, cos, sqrt, tanh.
@@ -105,17 +108,20 @@ class Terms:
                 f"plant.regressor.terms must be a list of formulas such as 'abs(x1)*x2', got {validate.show(self.terms)}"
             )
         validate.freeze(self, terms=tuple(self.terms))
-        for term in self.terms:
-            formula(term)
+        self._formulas()  # refuses what is none
+
+    def _formulas(self) -> list[Formula]:
+        return [formula("plant.regressor.terms", term, STATES) for term in self.terms]
 
     def size(self, n: int) -> int:
-        largest = max(states_of(term) for term in self.terms)
+        largest = max((int(name[1:]) for found in self._formulas() for name in found.names), default=0)
         if largest > n:
             raise InputError(f"plant.regressor.terms speak of x{largest}, but the plant has {n} states")
         return len(self.terms)
 
     def __call__(self, x: Value) -> Value:
-        return np.concatenate([(formula(term)(x) + 0 * x[0]).reshape(1) for term in self.terms])
+        given = {f"x{i + 1}": x[i] for i in range(x.shape[0])}
+        return np.concatenate([(found.evaluate(given) + 0 * x[0]).reshape(1) for found in self._formulas()])
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -17,7 +16,7 @@ if TYPE_CHECKING:
     import casadi as ca
 
 
-def coupling_function(loop: ClosedLoop, dt: float, step: ca.Function) -> ca.Function:
+def coupling_function(loop: ClosedLoop, step: ca.Function) -> ca.Function:
     """|sum of J_ij J_ji over i != j| + sum of J_ii^2, less what is constant of it; J is the Jacobian of the right-hand side.
 
     Without the bars that is the sum of the squares of the eigenvalues, tr J^2; for the frozen oscillator of adaptation it is
@@ -28,7 +27,7 @@ def coupling_function(loop: ClosedLoop, dt: float, step: ca.Function) -> ca.Func
     given = [ca.SX.sym(step.name_in(i), step.nnz_in(i)) for i in range(step.n_in())]
     state, table_row, noise = (ca.array(given[i]).reshape(-1) for i in (0, 3, 5))
     signals = np.concatenate([table_row[: loop.timed], noise, np.zeros(loop.delayed_inputs)])  # of the step's start
-    twin = replace(continuous_twin(loop), step=dt)
+    twin = continuous_twin(loop)
     slope: Value = column(twin.derivative(state[: twin.size], signals))
     own, crossed = _cycles(ca.jacobian(slope, given[0][: twin.size]))
     quantity = ca.array(own + ca.fabs(crossed)).reshape(-1)

@@ -2,24 +2,20 @@
 
 from __future__ import annotations
 
-import copy
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, fields, is_dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from barbalat import validate
-from barbalat.loop.closed_loop import ClosedLoop
-from barbalat.loop.packing import symbols
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller
-from barbalat.run import delay
-from barbalat.run.engine import Batch, run
-from barbalat.run.grid import CHUNK_STEPS, segments_of
+from barbalat.run.batch import Batch
+from barbalat.run.engine import run
+from barbalat.run.grid import CHUNK_STEPS
 from barbalat.run.metrics import Metrics
 from barbalat.run.progress import Progress
-from barbalat.run.step import step_program
 from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array, InputError
 
@@ -67,38 +63,13 @@ def simulate_ensemble(
     for i, (problem, _) in enumerate(members):
         if problem.signals != signals:
             raise InputError(f"all members must share their signals, but member {i + 1} has {validate.show(problem.signals)}")
-    loops = [ClosedLoop.of(problem, controller) for problem, controller in members]
-    noise_times = [None if problem.noise is None else problem.noise.sample_time for problem, _ in members]
-    sample_times = [loop.sample_time for loop in loops]
-    for what, times in (("the noise's sample time", noise_times), ("the controller's sample time", sample_times)):
-        if any(time != times[0] for time in times):
-            raise InputError(f"all members must share {what}")
-    delays = [problem.delay for problem, _ in members]
-    weights, lags, history = [None] * len(loops), None, None
-    if loops[0].delayed:
-        weights = [delay.weights(value, simulation.dt, simulation.solver) for value in delays]
-        lags = np.array([delay.lag(value, simulation.dt) for value in delays])
-        history = np.column_stack([problem.history for problem, _ in members])
-    template, parameters, column = _symbolic_template([Member(*pair) for pair in zip(loops, weights, strict=True)])
-    program = step_program(
-        template.loop,
-        simulation.solver,
-        simulation.dt,
-        column,
-        delay_weights=template.delay_weights,
-        lag_per_member=lags is not None and bool((lags != lags[0]).any()),
-        noise=members[0][0].noise,
-    )
-    states = np.column_stack([loop.initial() for loop in loops])
-    seeds = None if loops[0].noise == 0 else np.array([problem.noise.seed for problem, _ in members if problem.noise is not None])
-    given: dict[str, Any] = {"lags": lags, "history": history, "seeds": seeds, "numbers": streams, "lanes": lanes}
-    batch = Batch(program, states, parameters, record=quarters, **given)
+    batch = Batch.of(members, simulation, numbers=streams, record=quarters, lanes=lanes)
     blocks = replace(simulation, record_points=_points(simulation)) if quarters else simulation
     run([batch], signals, blocks, threads=threads, progress=progress)
     return EnsembleResult(
         simulation=simulation,
-        metrics=batch.metrics(simulation, loops[0].theta_hat_rows),
-        varied=len(parameters),
+        metrics=batch.metrics(simulation),
+        varied=len(batch.parameters),
         quarters=_quarters(batch, blocks) if quarters else None,
     )
 
@@ -135,99 +106,10 @@ def _points(simulation: Simulation) -> int:
 
 def _quarters(batch: Batch, simulation: Simulation) -> Array:
     """(M, 4, n) from the recorded blocks: each belongs to the quarter in which its middle lies."""
-    segments = list(segments_of(simulation, recorded=True))
-    middles = np.concatenate([s.start + (np.arange(s.blocks) + 0.5) * s.length for s in segments])
-    quarter = (4 * middles / simulation.steps).astype(int)
-    shape, at = batch.program.shape, batch.totals.at
-    found = []
-    for group in batch.groups:
-        members = group.columns.stop - group.columns.start
-        out = np.concatenate(group.recorded)[:, shape.states :]  # ends early where every member has diverged
-        e = np.maximum(-out[:, at["e", "min"]], out[:, at["e", "max"]])
-        result = np.full((4, e.shape[1], members), -np.inf)
-        np.maximum.at(result, quarter[: len(e)], e)
-        found.append(np.moveaxis(result, 2, 0))
-    together = np.concatenate(found)
-    together[~np.isnan(batch.totals.diverged_step)] = np.nan
-    return together
-
-
-@dataclass(frozen=True, eq=False)
-class Member:
-    """Everything that a member's step depends on."""
-
-    loop: ClosedLoop
-    delay_weights: Array | None  # as of ``delay.weights``
-
-
-def _symbolic_template(members: list[Member]) -> tuple[Member, Array, Any]:
-    """The first member with a symbol in place of each number that differs; the members' values (p, M); the symbols' column."""
-    structure = list(_structure(members[0]))
-    numbers = np.empty((len(list(_numbers(members[0]))), len(members)))
-    for i, member in enumerate(members):
-        if list(_structure(member)) != structure:
-            raise InputError(
-                f"all members must have one structure (scheme, sizes, projection, delay), but member {i + 1} differs"
-            )
-        numbers[:, i] = list(_numbers(member))
-    differs = (numbers != numbers[:, :1]).any(axis=1)
-    column, parameters = symbols("parameters", int(differs.sum()))
-    places = np.cumsum(differs) - 1
-    values = iter([parameters[int(place)] if d else None for place, d in zip(places, differs, strict=True)])
-    return _replace(members[0], values), numbers[differs], column
-
-
-def _structure(part: Any) -> Iterator[Any]:
-    """Everything about a part that is not a number: types, shapes, options."""
-    if is_dataclass(part):
-        yield type(part)
-        for field in fields(part):
-            yield field.name
-            yield from _structure(getattr(part, field.name))
-    elif isinstance(part, tuple):
-        yield len(part)
-        for entry in part:
-            yield from _structure(entry)
-    elif isinstance(part, np.ndarray):
-        yield part.shape
-    elif not isinstance(part, float):
-        yield part
-
-
-def _numbers(part: Any) -> Iterator[float]:
-    if is_dataclass(part):
-        for field in fields(part):
-            yield from _numbers(getattr(part, field.name))
-    elif isinstance(part, tuple):
-        for entry in part:
-            yield from _numbers(entry)
-    elif isinstance(part, np.ndarray):
-        yield from part.ravel().tolist()
-    elif isinstance(part, float):
-        yield part
-
-
-def _replace(part: Any, values: Iterator[Any]) -> Any:
-    """A copy with each number for which ``values`` has a symbol replaced by it, in the order of ``_numbers``."""
-    if is_dataclass(part):
-        twin = copy.copy(part)
-        for field in fields(part):
-            object.__setattr__(twin, field.name, _replace(getattr(part, field.name), values))
-        return twin
-    if isinstance(part, tuple):
-        return tuple(_replace(entry, values) for entry in part)
-    if isinstance(part, np.ndarray):
-        entries = [next(values) for _ in range(part.size)]
-        return part if all(entry is None for entry in entries) else _array_of(part, entries)
-    if isinstance(part, float):
-        symbol = next(values)
-        return part if symbol is None else symbol
-    return part
-
-
-def _array_of(numbers: Array, entries: list[Any]) -> Any:
-    """An array of expressions with the shape of ``numbers``."""
-    import casadi as ca
-
-    flat = [number if entry is None else ca.SX(entry) for number, entry in zip(numbers.ravel().tolist(), entries, strict=True)]
-    return ca.array(ca.vertcat(*flat)).reshape(*numbers.shape)
+    blocks = batch.blocks(simulation)
+    quarter = (4 * (blocks.starts + 0.5 * blocks.lengths) / simulation.steps).astype(int)
+    e = np.maximum(-blocks.figure("e", "min"), blocks.figure("e", "max"))
+    found = np.full((4, *e.shape[1:]), -np.inf)
+    np.maximum.at(found, quarter, e)
+    found[:, :, ~np.isnan(batch.diverged_step)] = np.nan
+    return np.moveaxis(found, 2, 0)

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from barbalat import validate
+from barbalat.lowering.shape import WATCH_EVERY
 from barbalat.protocols import Signal
 from barbalat.signals.smooth import Continuous
 from barbalat.solvers.simulation import Simulation
@@ -44,6 +45,11 @@ def segments_of(simulation: Simulation, *, recorded: bool) -> Iterator[Segment]:
             yield Segment(start + first * length, min(per_chunk, whole - first), length, start > 0)
         if rest := (stop - start) % length:
             yield Segment(stop - rest, 1, rest, start > 0)
+
+
+def window_of(steps: int, count: int) -> int:
+    """The least multiple of WATCH_EVERY of which ``count`` hold the steps."""
+    return WATCH_EVERY * -(-steps // (count * WATCH_EVERY))
 
 
 def signal_table(signals: tuple[Signal, ...], simulation: Simulation, start: int, steps: int) -> Array:

@@ -3,24 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 
 from barbalat import validate
-from barbalat.loop.closed_loop import ClosedLoop
+from barbalat.loop.binding import require_controllers
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller
-from barbalat.run import delay
-from barbalat.run.diagnosis.stability_label import Run, stiffness_along, watch
-from barbalat.run.engine import Batch
-from barbalat.run.engine import run as advance
-from barbalat.run.grid import segments_of
+from barbalat.run.batch import Batch
+from barbalat.run.diagnosis.stability_label import WINDOWS, Run, stiffness_along
+from barbalat.run.engine import run
 from barbalat.run.progress import Progress
 from barbalat.run.result import Envelope, Result
-from barbalat.run.step import output_function, step_program
+from barbalat.run.step import output_function
 from barbalat.solvers.simulation import Simulation
-from barbalat.validate import Array, InputError
+from barbalat.validate import InputError
 
 
 def simulate(
@@ -43,42 +40,29 @@ def simulate(
         raise InputError(f"controllers must be a list of controllers, got {validate.show(controllers)}")
     if not controllers:
         raise InputError("at least one controller is needed, got none")
-    loops = [ClosedLoop.of(problem, controller) for controller in controllers]
-    names = [controller.name for controller in controllers]
-    if twice := sorted({name for name in names if names.count(name) > 1}):
-        raise InputError(f"every controller needs a name of its own, but {twice[0]!r} stands {names.count(twice[0])} times")
-    batches = []
-    for loop in loops:
-        weights, lags, history = None, None, None
-        seeds = None if problem.noise is None else np.array([problem.noise.seed])
-        if loop.delayed:
-            weights = delay.weights(problem.delay, simulation.dt, simulation.solver)
-            lags, history = np.array([delay.lag(problem.delay, simulation.dt)]), problem.history[:, None]
-        program = step_program(loop, simulation.solver, simulation.dt, delay_weights=weights, noise=problem.noise, watch=True)
-        start, watched = loop.initial()[:, None], watch(loop, simulation)
-        past: dict[str, Any] = {"lags": lags, "history": history}
-        batches.append(Batch(program, start, np.zeros((0, 1)), **past, seeds=seeds, record=True, watch=watched))
-    advance(batches, problem.signals, simulation, threads=threads, progress=progress)
-    parts = zip(controllers, loops, batches, strict=True)
-    return {c.name: _result(problem, c, simulation, loop, batch) for c, loop, batch in parts}
+    require_controllers(controllers)
+    batches = [Batch.of([(problem, controller)], simulation, record=True, windows=WINDOWS) for controller in controllers]
+    run(batches, problem.signals, simulation, threads=threads, progress=progress)
+    return {c.name: _result(problem, c, simulation, batch) for c, batch in zip(controllers, batches, strict=True)}
 
 
-def _result(problem: TrackingProblem, controller: Controller, simulation: Simulation, loop: ClosedLoop, batch: Batch) -> Result:
-    steps, states, accumulators = _record(simulation, batch)
-    metrics = batch.metrics(simulation, loop.theta_hat_rows)
-    stop = np.inf
+def _result(problem: TrackingProblem, controller: Controller, simulation: Simulation, batch: Batch) -> Result:
+    loop, blocks, stop = batch.loop, batch.blocks(simulation), np.inf
+    steps = np.append(blocks.starts, simulation.steps)
+    states = np.vstack([blocks.states[:, :, 0], batch.final_states.T])
+    metrics = batch.metrics(simulation)
     if not np.isnan(metrics.diverged_at[0]):
-        stop = batch.totals.diverged_step[0]
+        stop = batch.diverged_step[0]
         kept = int(np.searchsorted(steps, stop))  # the instants before it
-        steps, states, accumulators = steps[:kept], states[:kept], accumulators[: max(kept - 1, 0)]
-    run = Run(problem, simulation, loop, batch, steps, states, stop)
-    t, signals, states = simulation.time(steps), run.signals(steps), run.acted(steps, states)
+        steps, states = steps[:kept], states[:kept]
+    made = Run(problem, simulation, batch, steps, states, stop)
+    t, signals, states = simulation.time(steps), made.signals(steps), made.acted(steps, states)
     e, u, theta_hat, x, x_m, y = (np.asarray(value).T for value in output_function(loop)(states.T, signals))
-    at = batch.totals.at
+    between = slice(0, max(len(steps) - 1, 0))
     extrema = [(quantity, side) for quantity in ("e", "u", "theta_hat") for side in ("min", "max")]
     envelope = Envelope(
-        **{f"{quantity}_{side}": accumulators[:, at[quantity, side]] for quantity, side in extrema},
-        theta_hat_path=accumulators[:, at["variation", "sum"]],
+        **{f"{quantity}_{side}": blocks.figure(quantity, side)[between, :, 0] for quantity, side in extrema},
+        theta_hat_path=blocks.figure("variation", "sum")[between, :, 0],
     )
     return Result(
         problem=problem,
@@ -95,15 +79,5 @@ def _result(problem: TrackingProblem, controller: Controller, simulation: Simula
         states=states,
         envelope=envelope,
         metrics=metrics,
-        stiffness=stiffness_along(run),
+        stiffness=stiffness_along(made),
     )
-
-
-def _record(simulation: Simulation, batch: Batch) -> tuple[Array, Array, Array]:
-    """Steps (K,), states (K, size) and the accumulators between them (K - 1, ...) of a batch of one member."""
-    (group,) = batch.groups
-    blocks = np.concatenate([out[:, :, 0] for out in group.recorded])
-    starts = [s.start + np.arange(s.blocks) * s.length for s in segments_of(simulation, recorded=True)][: len(group.recorded)]
-    steps = np.append(np.concatenate(starts), simulation.steps)
-    states = np.vstack([blocks[:, : batch.program.shape.states], group.state[:, 0]])
-    return steps, states, blocks[:, batch.program.shape.states :]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
@@ -80,7 +80,7 @@ def _whole_steps(field: str, time: float, dt: float) -> int:
 def step_function(
     loop: ClosedLoop,
     solver: Tableau,
-    dt: float,
+    dt: Value,
     parameters: ca.SX | None = None,
     *,
     delay_weights: Value = None,
@@ -89,12 +89,11 @@ def step_function(
     """The step as a CasADi function (state, accumulators, parameters, signals, past, noise) -> (state, accumulators, remember).
 
     Also its accumulators; without ``figures`` there are none. ``delay_weights``, see ``delay.weights``, go with a delay: past
-    then holds the remembered values and ``remember`` those to add. ``loop`` and the weights may hold symbols; ``parameters`` is
-    then their CasADi column.
+    then holds the remembered values and ``remember`` those to add. ``loop``, ``dt`` and the weights may hold symbols;
+    ``parameters`` is then their CasADi column.
     """
     import casadi as ca
 
-    loop = replace(loop, step=dt)
     state_column, state = symbols("state", loop.size)
     signal_column, table_row = symbols("signals", len(solver.nodes) * loop.timed)
     noise_column, noise = symbols("noise", loop.noise)
@@ -150,22 +149,29 @@ def _column(parameters: ca.SX | None) -> ca.SX:
     return ca.SX(0, 1) if parameters is None else parameters
 
 
+PLAIN = Rhythm()
+"""Nothing is sampled, and nothing is noisy."""
+
+
 def step_program(
     loop: ClosedLoop,
     solver: Tableau,
-    dt: float,
+    dt: Value,
     parameters: ca.SX | None = None,
     *,
     delay_weights: Value = None,
     lag_per_member: bool = False,
-    noise: Noise | None = None,
+    rhythm: Rhythm = PLAIN,
+    adjustable: bool = False,
     figures: bool = True,
     watch: bool = False,
 ) -> StepProgram:
-    """Trace, optimise: see ``step_function``. ``noise`` is the measurement's; with ``watch`` ``coupling_function`` is watched."""
+    """Trace, optimise: see ``step_function``; with ``watch`` ``coupling_function`` is watched.
+
+    ``adjustable``: the rhythm is no part of the program, but an argument of every call of its kernel.
+    """
     function, accumulators = step_function(loop, solver, dt, parameters, delay_weights=delay_weights, figures=figures)
     states, accumulated, varied, signals = (function.nnz_in(i) for i in range(4))
-    rhythm = Rhythm.of(loop, noise, dt)
     shape = LoopShape(
         states,
         accumulated,
@@ -174,11 +180,11 @@ def step_program(
         delayed=PER_INPUT * loop.delayed_inputs,
         lag_per_member=lag_per_member,
         noise=loop.noise,
-        noise_hold=rhythm.noise_hold,
-        sample_every=rhythm.sample_every,
+        noise_hold=None if adjustable and loop.noise else rhythm.noise_hold,
+        sample_every=None if adjustable and loop.sampled else rhythm.sample_every,
     )
     sample = optimize(read(sample_function(loop, solver, parameters))) if loop.sampled else None
-    watched = optimize(read(coupling_function(loop, dt, function))) if watch else None
+    watched = optimize(read(coupling_function(loop, function))) if watch else None
     return StepProgram(optimize(read(function)), shape, accumulators, sample, watched)
 
 

@@ -6,13 +6,13 @@ it is measured, not guaranteed.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from barbalat import validate
+from barbalat.linear.largest import halvings
 from barbalat.run.ensemble import simulate_ensemble
 from barbalat.run.metrics import Metrics
 from barbalat.run.progress import Progress
@@ -86,11 +86,10 @@ def delay_margins(
     validate.whole("scan", scan, least=2)
     resolution = validate.positive("resolution", resolution)
     delays = np.geomspace(SHORTEST * simulation.dt, longest, scan)
-    halvings = max(0, math.ceil(math.log2(math.log(delays[1] / delays[0]) / math.log1p(resolution))))
     streams = np.arange(len(members)) if numbers is None else np.asarray(numbers)
     undelayed = simulate_ensemble(members, simulation, numbers=streams, threads=threads).metrics
     benchmark = Benchmark.of(members, simulation, undelayed, float(delays[0]), longest, streams)
-    search = _Search(benchmark, (onset or Onset(), lost or Lost()), scan, halvings)
+    search = _Search(benchmark, (onset or Onset(), lost or Lost()), scan, halvings(delays[1] / delays[0], resolution))
     if members[0][0].noise is None:  # noise moves the estimates too: then nothing is said of the undelayed run
         search.find_swinging(undelayed)
 

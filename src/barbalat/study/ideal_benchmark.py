@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from barbalat.controllers import Mrac
+from barbalat.controllers import KnownParameters
 from barbalat.loop.closed_loop import ClosedLoop
-from barbalat.problem.known_set import ParameterBox, Projecting
+from barbalat.problem.known_set import Projecting
 from barbalat.problem.state_feedback import Problem
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller
@@ -115,14 +115,8 @@ grows has its largest there."""
 
 
 def ideal(problem: Problem) -> Member:
-    """The loop with u = (-theta'phi(x) + k_0 r)/omega: an MRAC that starts at the true parameters and stays there."""
-    gains = [path.gain for path in problem.plant.paths]
-    known = replace(
-        problem,
-        uncertainty=ParameterBox(lower=problem.plant.theta, upper=problem.plant.theta),
-        input_gain=None if problem.input_gain is None else (min(gains), max(gains)),
-    )
-    return known, Mrac(gamma=FROZEN, theta_hat0=problem.parameters)
+    """The problem with the controller that knows its parameters."""
+    return problem, KnownParameters(theta=problem.parameters)
 
 
 def _left_alone(problem: Problem) -> Problem:
@@ -142,9 +136,6 @@ def _left_alone(problem: Problem) -> Problem:
 
 LITTLE = 1e-6
 """A disturbance [units of x] at which a nonlinear phi(x) is linear, to that part."""
-
-FROZEN = 1e-60
-"""An adaptive gain with which no estimate moves, whatever the size of x that is no divergence yet (1e12)."""
 
 
 def with_delay(problem: Any, delay: float) -> Any:

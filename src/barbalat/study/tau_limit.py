@@ -1,6 +1,7 @@
 """Theorem 2's trade-off by simulation: the robust MRAC's tau against the size of a modelling error, and the boundary in tau.
 
-It is measured on the runs that are made, of the loop that adapts: no guarantee. ``certify.frozen`` has the linear loop beside it.
+It is measured on the runs that are made, of the loop that adapts: no guarantee. The linear
+loop beside it is in ``certificates.linear_loops.frozen``.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ import numpy as np
 
 from barbalat import validate
 from barbalat.controllers import RobustMrac
+from barbalat.linear.largest import halvings
 from barbalat.problem.modelling_error import ModellingError
 from barbalat.problem.state_feedback import Problem
 from barbalat.run.ensemble import simulate_ensemble
@@ -129,18 +131,18 @@ class TauStudy:
         """
         sizes, taus = _ascending("sizes", sizes), _ascending("taus", taus)
         ratio = float((taus[1:] / taus[:-1]).max(initial=1.0))
-        halvings = _halvings(ratio, validate.positive("resolution", resolution))
-        longer, rounds = near or simulation, halvings + 1
+        rounds = halvings(ratio, validate.positive("resolution", resolution))
+        longer, to_come = near or simulation, rounds + 1
         grid = np.repeat(sizes, len(taus)), np.tile(taus, len(sizes))
         shape = len(sizes), len(taus)
         tail = self.tail_errors(*grid, simulation, threads=threads, progress=part_of(progress, 0.0, 0.5)).reshape(shape)
         search = _Search(sizes, taus, tail)
         done = 0.5
-        while len((chosen := search.open_members(halvings))[0]):
-            width = (1 - done) / max(rounds, 2)  # more rounds than one and the halvings come where a longer run disagrees
+        while len((chosen := search.open_members(rounds))[0]):
+            width = (1 - done) / max(to_come, 2)  # more rounds than one and the halvings come where a longer run disagrees
             step = part_of(progress, done, width)
             search.take(chosen[0], self.tail_errors(sizes[chosen[0]], chosen[1], longer, threads=threads, progress=step))
-            done, rounds = done + width, rounds - 1
+            done, to_come = done + width, to_come - 1
         if progress is not None:
             progress(1.0)
         return TauLimits(
@@ -194,11 +196,6 @@ class _Search:
         self.loses[chosen[lost]] = trial[lost]
         self.bears[chosen[~lost]], self.error[chosen[~lost]] = trial[~lost], tail[~lost]
         self.runs += len(chosen)
-
-
-def _halvings(ratio: float, resolution: float) -> int:
-    """Bisections until neighbours of the scan are within the resolution."""
-    return max(0, int(np.ceil(np.log2(np.log(ratio) / np.log1p(resolution))))) if ratio > 1 else 0
 
 
 def _ascending(name: str, values: Any) -> Array:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -105,8 +104,7 @@ def largest_at_zero(f: Nonlinearity, t_end: float) -> float:
 
 def _at(f: Nonlinearity, y: arb, t_end: float) -> Slope:
     half = arb(t_end) / 2
-    function: Callable[[Any], Any] = f.function
-    return _as_slope(function([Slope(y, arb(1)), Slope(half + arb(0, 1) * half, arb(0))]))
+    return _as_slope(f.at(y=Slope(y, arb(1)), t=Slope(half + arb(0, 1) * half, arb(0))))
 
 
 def _above(value: arb) -> float:

@@ -16,6 +16,7 @@ from barbalat.certificates.bounds.model import ModelBounds, require_lyapunov
 from barbalat.linear.definite import smallest_eigenvalue
 from barbalat.linear.enclosure import OUTWARD, Enclosure
 from barbalat.linear.l1_norms import l1_norm
+from barbalat.linear.largest import largest_from
 from barbalat.linear.systems import StateSpace, TransferFunction, input_filter
 from barbalat.problem.known_set import KnownSet, ParameterBox
 from barbalat.problem.state_feedback import Known
@@ -72,14 +73,8 @@ def kappa_admissible(known: Known, theta_max: float, relative: float = 1e-6) -> 
     # 1 - C -> 1 for kappa -> infinity: the norm tends to that of W_b itself
     if theta_max == 0 or l1_norm(known.A_m, known.b[:, None], np.eye(known.n), np.zeros((known.n, 1))).upper * theta_max < 1:
         return math.inf
-    good = kappa_max(derivative_norm(known), theta_max) * (1 - 1e-9)  # where kappa ||s W_b|| theta_max < 1, C's norm being 1
-    bad = good
-    while holds(bad):
-        good, bad = bad, 2 * bad
-    while bad / good > 1 + relative:
-        middle = math.sqrt(good * bad)
-        good, bad = (middle, bad) if holds(middle) else (good, middle)
-    return good
+    start = kappa_max(derivative_norm(known), theta_max) * (1 - 1e-9)  # where kappa ||s W_b|| theta_max < 1, C's norm being 1
+    return largest_from(holds, start, within=relative)
 
 
 def theta_max_above(known_set: KnownSet) -> float:

@@ -86,8 +86,6 @@ def _window(controller: RobustMrac) -> str:
 
 
 def _transient(problem: Problem, controller: RobustMrac, rests_on: tuple[Assumption, ...]) -> Entry:
-    if controller.printed_sign:
-        return nothing("transient", "with the sign of (14) as printed the auxiliary input does not cancel the error")
     degree = minimum_phase_model(controller.bind(problem.known).c_0, problem.known).relative_degree
     power = "" if degree == 1 else f"^{degree}"
     kept = f"the auxiliary input leaves 1 - 1/(tau s + 1){power} of c_0'e, of the order of tau; no number bounds it"

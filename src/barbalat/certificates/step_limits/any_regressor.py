@@ -18,6 +18,7 @@ from barbalat.certificates.bounds.regressor import largest_square
 from barbalat.certificates.step_limits.frozen_laws import FrozenLaw, input_poles, with_modifications
 from barbalat.certificates.step_limits.oscillator import Oscillator
 from barbalat.controllers import L1Adaptive, Mrac
+from barbalat.linear.largest import largest_from
 from barbalat.problem.known_set import Gain
 from barbalat.problem.state_feedback import Problem
 from barbalat.solvers.simulation import Simulation
@@ -91,15 +92,5 @@ def _largest_gain(excited: Excited, largest_g: float, nu_0: float) -> float | No
     at_rest = excited.largest_square(0.0)
     if at_rest == 0 or largest_g == 0:
         return 0.0 if largest_g == 0 else None
-    high = largest_g / at_rest * (1 + 1e-9)
-    for _ in range(STEPS_DOWN):
-        low = high / 2
-        if bears(low):
-            break
-        high = low
-    else:
-        return 0.0
-    while high - low > 1e-3 * high:
-        middle = (low + high) / 2
-        low, high = (middle, high) if bears(middle) else (low, middle)
-    return low
+    beyond = largest_g / at_rest * (1 + 1e-9)
+    return largest_from(bears, beyond, within=1e-3, least=beyond / 2**STEPS_DOWN)

@@ -10,17 +10,16 @@ which is exact for the plant. What a solver of differential equations would bear
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
-from barbalat.certificates.step_limits.oscillator import bisect
+from barbalat.linear.largest import largest_from
 from barbalat.problem.state_feedback import Known
 from barbalat.validate import Array
 
 FINER = 1.1
-"""Between two gains or sample times that are tried."""
+"""Between two gains or sample times that are tried, upward from one that must be borne: the first exit counts."""
 FRACTIONS = np.geomspace(1e-6, 1.0, 40)
 """Of the largest g, at all of which a sample time is tried."""
 
@@ -34,12 +33,13 @@ class HeldOscillator:
     def largest_g(self, T: float) -> float:
         """The largest g up to which no mode grows at the sample time T [s]."""
         start = (1e-6 / T) ** 2 / self.bPb  # turns q by 1e-6 in a sample
-        return _first(lambda g: not self._grows(T, np.array([g])), start)
+        return largest_from(lambda g: not self._grows(T, np.array([g])), start, factor=FINER, least=start)
 
     def largest_step(self, g: float) -> float:
         """The largest sample time [s] up to which no mode grows for any gain from 0 to g > 0."""
         rate = float(np.abs(np.linalg.eigvals(self.known.A_m)).max()) + math.sqrt(g * self.bPb)
-        return _first(lambda T: not self._grows(T, g * FRACTIONS), 1e-6 / rate)
+        start = 1e-6 / rate
+        return largest_from(lambda T: not self._grows(T, g * FRACTIONS), start, factor=FINER, least=start)
 
     @property
     def bPb(self) -> float:
@@ -63,11 +63,3 @@ class HeldOscillator:
         mu = np.linalg.eigvals(moves)
         rounding = 10 * size * np.finfo(float).eps * np.abs(mu).max(axis=1, keepdims=True)
         return bool((2 * mu.real + T * np.abs(mu) ** 2 > rounding).any())
-
-
-def _first(bears: Callable[[float], bool], start: float) -> float:
-    """The largest value up to which all is borne: steps upward, then bisection; 0 where the start is too much already."""
-    high = start
-    while bears(high):
-        high *= FINER
-    return bisect(bears, high / FINER, high)[0] if high > start else 0.0

@@ -8,11 +8,11 @@ entry for each, with any phi(x) its square takes the place of |x|^2. Source: doc
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
+from barbalat.linear.largest import largest
 from barbalat.problem.state_feedback import Known
 from barbalat.solvers import Tableau
 from barbalat.validate import Array
@@ -68,9 +68,9 @@ class Oscillator:
         grid = 100 * (self.solver.reach / h) ** 2 / self.bPb * GRID  # the last is beyond every explicit method's reach
         first = int(np.argmax(self._amplified(h * self.modes(grid))))
         low = grid[first - 1] if first else 0.0
-        largest, _ = bisect(lambda g: not self._amplified(h * self.modes(np.array([g]))[0]), low, grid[first])
+        found = largest(lambda g: not self._amplified(h * self.modes(np.array([g]))[0]), low, grid[first])
         undamped = (self.solver.imaginary_limit / h) ** 2 / self.bPb
-        return min(largest, undamped) if undamped > 0 else largest
+        return min(found, undamped) if undamped > 0 else found
 
     def largest_step(self, g: float) -> float:
         """The largest step at which no mode is amplified for any frozen gain from 0 to g.
@@ -79,7 +79,7 @@ class Oscillator:
         """
         modes = self.fixed if g == 0 else np.concatenate([self.fixed, self.modes(g * GRID).ravel()])
         beyond = 2 * self.solver.reach / float(np.abs(modes).max())
-        step, _ = bisect(lambda h: not self._amplified(h * modes), 0.0, beyond)
+        step = largest(lambda h: not self._amplified(h * modes), 0.0, beyond)
         limit = self.solver.imaginary_limit
         return min(step, limit / math.sqrt(g * self.bPb)) if limit > 0 and g > 0 else step
 
@@ -87,11 +87,3 @@ class Oscillator:
         """Whether a mode along the last axis grows, by more than an eigenvalue's rounding."""
         rounding = 10 * z.shape[-1] * np.finfo(float).eps * np.abs(z).max(axis=-1, keepdims=True)
         return np.asarray((self.solver.growth(z) > rounding).any(axis=-1))
-
-
-def bisect(bears: Callable[[float], bool], low: float, high: float) -> tuple[float, float]:
-    """Neighbouring floats, or nearly: the smaller bears, the larger does not, as at the start."""
-    while high - low > 4 * np.finfo(float).eps * high:
-        middle = math.sqrt(low * high) if low > 0 else high / 16
-        low, high = (middle, high) if bears(middle) else (low, middle)
-    return low, high

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -13,10 +12,10 @@ from barbalat.adaptation.law import AdaptiveLaw
 from barbalat.adaptation.output_lyapunov import LyapunovLaw
 from barbalat.certificates.certificate import Draft
 from barbalat.certificates.step_limits.frozen_laws import input_poles, of_decay
-from barbalat.certificates.step_limits.oscillator import bisect
 from barbalat.controllers.output.matching import filter_polynomial
 from barbalat.controllers.output.mrac import MracOutput
 from barbalat.linear.l1_norms import l1_norm
+from barbalat.linear.largest import largest, largest_from
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.loop.linearization import jacobian_function
 from barbalat.problem.known_set import Gain
@@ -66,15 +65,14 @@ def add_limits(draft: Draft, problem: OutputProblem, controller: MracOutput, sim
 def _of_parametric_model(
     problem: OutputProblem, controller: MracOutput, law: AdaptiveLaw, simulation: Simulation
 ) -> dict[str, Any]:
-    equations, solver = controller.bind(problem.known), simulation.solver
+    equations = controller.bind(problem.known)
     plant, W_m = problem.plant.transfer_function, problem.reference_model.transfer_function
     parts = [plant.poles, W_m.poles, np.roots(filter_polynomial(controller.order, W_m, controller.filter_poles))]
     parts += [np.array([-controller.normalization.delta_0]), input_poles(problem)]
     if equations.Q is not None:
         parts.append(np.linalg.eigvals(equations.Q.A))
     poles = np.concatenate(parts)
-    others = _largest_step(lambda h: not _amplifies(simulation, h, poles), solver.reach / float(np.abs(poles).max()))
-    return of_decay(law, simulation, others)
+    return of_decay(law, simulation, _largest_step(simulation, poles))
 
 
 def _of_lyapunov_law(frozen: Frozen, law: LyapunovLaw, simulation: Simulation) -> dict[str, Any]:
@@ -82,7 +80,7 @@ def _of_lyapunov_law(frozen: Frozen, law: LyapunovLaw, simulation: Simulation) -
     solver, gamma = simulation.solver, Gain(law.gamma).largest
     g = gamma * frozen.omega_squared
     modes = np.concatenate([frozen.modes(part) for part in np.append(g * GAINS, 0.0)])
-    step = _largest_step(lambda h: not _amplifies(simulation, h, modes), solver.reach / float(np.abs(modes).max()))
+    step = _largest_step(simulation, modes)
     values: dict[str, Any] = {"adaptation_frequency": math.sqrt(g * max(float(frozen.c @ frozen.b), 0.0)) or None}
     if law.leakage is not None:
         if math.isinf(law.leakage.largest):  # nothing bounds how fast it makes the estimates decay
@@ -100,16 +98,13 @@ def _largest_g(frozen: Frozen, simulation: Simulation) -> float:
     def bears(g: float) -> bool:
         return not _amplifies(simulation, simulation.dt, frozen.modes(g))
 
-    if not bears(0.0):
-        return 0.0
-    high = 1e-12
-    while bears(high):
-        high *= 1.5
-    return bisect(bears, high / 1.5, high)[0]
+    return largest_from(bears, 1e-12, factor=1.5) if bears(0.0) else 0.0
 
 
-def _largest_step(bears: Callable[[float], bool], beyond: float) -> float:
-    return bisect(bears, 0.0, 2 * beyond)[0]
+def _largest_step(simulation: Simulation, modes: Array) -> float:
+    """The largest step up to which no mode is amplified by the solver alone."""
+    beyond = 2 * simulation.solver.reach / float(np.abs(modes).max())
+    return largest(lambda h: not _amplifies(simulation, h, modes), 0.0, beyond)
 
 
 def _amplifies(simulation: Simulation, h: float, modes: Array) -> bool:
@@ -126,6 +121,7 @@ def _frozen(problem: OutputProblem, controller: MracOutput, theta: Array | None)
     assert isinstance(law, LyapunovLaw)
     plain = replace(controller, law=LyapunovLaw(gamma=law.gamma), lower=None, upper=None, c_0_min=None)
     loop = ClosedLoop.of(problem, plain)
+    loop = replace(loop, paths=tuple(path and replace(path, rate_limit=None) for path in loop.paths))  # one that does not act
     if loop.delayed:
         return "the delay is not in the frozen loop"
     if not isinstance(problem.reference, BoundedSignal):
@@ -135,7 +131,7 @@ def _frozen(problem: OutputProblem, controller: MracOutput, theta: Array | None)
     state[rows] = equations.theta_hat0 if theta is None else theta
     at_rest, commanded = np.zeros(loop.signal_count), np.zeros(loop.signal_count)
     commanded[0] = 1.0  # omega = (0, ..., 0, 1): the last estimate's row and column are the law's and its way into the loop
-    J = np.asarray(jacobian_function(loop, 1.0)(state, commanded))
+    J = np.asarray(jacobian_function(loop)(state, commanded))
     places = loop.unpack(np.arange(loop.size))
     others = np.setdiff1d(np.arange(loop.size), [*rows, int(places.controller.n_d)])  # n_d rests with this law
     A, b = J[np.ix_(others, others)], J[others, rows[-1]]

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import struct
 
-from barbalat.lowering.llvm.loads import noise_loads, signal_loads
+from barbalat.lowering.llvm.loads import count, noise_loads, signal_loads
 from barbalat.lowering.llvm.past import lag_loads, past_loads, remember
 from barbalat.lowering.llvm.watch import LAST_BLOCK, keep_largest
 from barbalat.lowering.operations import COMPARISONS, Program
@@ -141,6 +141,7 @@ def loop(
     noise       [rows][noise][W]: a row for each ``noise_hold`` steps since t = 0, the first row that of ``start``
 
     watched     rows of ``watch``, see ``watch.keep_largest``; then the first step of the first and the steps of each
+    at last     ``sample_every`` and ``noise_hold``, read where the shape leaves them open
 
     Before a step whose number is a multiple of ``sample_every``, ``sample`` replaces the state. ``watch`` is a quantity whose
     largest value in every window of steps is kept with the state there; it takes one member.
@@ -166,7 +167,7 @@ def loop(
         printer.intrinsics |= sampler.intrinsics
         held, last = ".held", "go"
         sampling = [
-            f"  %phase = urem i64 %now, {shape.sample_every}",
+            f"  %phase = urem i64 %now, {count(shape.sample_every, 'sample.every')}",
             "  %due = icmp eq i64 %phase, 0",
             "  br i1 %due, label %sample, label %go",
             "sample:",
@@ -198,12 +199,13 @@ def loop(
     lines = [
         f"define void @{ENTRY}(i64 %blocks, i64 %steps, ptr noalias %state, ptr noalias %parameters, "
         "ptr noalias %signals, ptr noalias %out, i64 %start, ptr noalias %lags, ptr noalias %ring, i64 %mask, "
-        "ptr noalias %noise, ptr noalias %watched, i64 %watch.first, i64 %watch.window) alignstack(64) {",
+        "ptr noalias %noise, ptr noalias %watched, i64 %watch.first, i64 %watch.window, "
+        "i64 %sample.every, i64 %noise.hold) alignstack(64) {",
         "entry:",
         *(line for i in range(n) for line in load(f"x{i}.0", "%state", str(i))),
         *(line for i in range(shape.parameters) for line in load(f"p{i}", "%parameters", str(i))),
         *lag_loads(shape, lanes),
-        f"  %noise.first = udiv i64 %start, {shape.noise_hold}",
+        f"  %noise.first = udiv i64 %start, {count(shape.noise_hold, 'noise.hold')}",
         "  br label %block",
         "block:",
         "  %b = phi i64 [ 0, %entry ], [ %b.next, %block.end ]",

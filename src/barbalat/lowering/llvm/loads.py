@@ -5,12 +5,17 @@ from __future__ import annotations
 from barbalat.lowering.shape import LoopShape
 
 
+def count(compiled: int | None, argument: str) -> str:
+    """A count of steps: compiled in, or the kernel's argument."""
+    return f"%{argument}" if compiled is None else str(compiled)
+
+
 def noise_loads(shape: LoopShape, vector: str) -> list[str]:
     """%n{i}: the noise of this step."""
     if not shape.noise:
         return []
     lines = [
-        f"  %noise.at = udiv i64 %now, {shape.noise_hold}",
+        f"  %noise.at = udiv i64 %now, {count(shape.noise_hold, 'noise.hold')}",
         "  %noise.row = sub i64 %noise.at, %noise.first",
         f"  %noise.base = mul i64 %noise.row, {shape.noise}",
     ]
@@ -23,10 +28,10 @@ def noise_loads(shape: LoopShape, vector: str) -> list[str]:
     return lines
 
 
-def signal_loads(count: int, lanes: int, vector: str) -> list[str]:
+def signal_loads(signals: int, lanes: int, vector: str) -> list[str]:
     """%s{i}: the signals of this step, for every lane."""
-    lines = [f"  %s.row = mul i64 %k, {count}"]
-    for i in range(count):
+    lines = [f"  %s.row = mul i64 %k, {signals}"]
+    for i in range(signals):
         lines += [
             f"  %s{i}.index = add i64 %s.row, {i}",
             f"  %s{i}.at = getelementptr double, ptr %signals, i64 %s{i}.index",

@@ -94,7 +94,7 @@ class Kernel:
         self._engine.finalize_object()
         i64, pointer = ctypes.c_int64, ctypes.c_void_p
         run, memory, windows = (i64, i64, *[pointer] * 4, i64), (pointer, pointer, i64, pointer), (pointer, i64, i64)
-        prototype = ctypes.CFUNCTYPE(None, *run, *memory, *windows)
+        prototype = ctypes.CFUNCTYPE(None, *run, *memory, *windows, i64, i64)
         self._call = prototype(self._engine.get_function_address(ENTRY))
 
     def __call__(
@@ -110,6 +110,8 @@ class Kernel:
         watch: Watch | None = None,
         *,
         start: int = 0,
+        sample_every: int | None = None,
+        noise_hold: int | None = None,
     ) -> None:
         """Shapes: see ``llvm_ir.loop``; all arrays are C-contiguous float64.
 
@@ -117,8 +119,10 @@ class Kernel:
         noise  goes with a step that has noise
         watch  goes with a kernel that watches; its windows hold all steps
         start  number of the first step since t = 0
+        sample_every, noise_hold  where the shape leaves them open
         """
-        self.bound(blocks, steps, state, parameters, signals, out, past, noise, watch, start=start)()
+        rhythm = {"sample_every": sample_every, "noise_hold": noise_hold}
+        self.bound(blocks, steps, state, parameters, signals, out, past, noise, watch, start=start, **rhythm)()
 
     def bound(
         self,
@@ -133,10 +137,13 @@ class Kernel:
         watch: Watch | None = None,
         *,
         start: int = 0,
+        sample_every: int | None = None,
+        noise_hold: int | None = None,
     ) -> Callable[[], None]:
         """The call with these arrays, checked once, to be made again and again; it keeps them alive."""
         w, s = self.lanes, self.shape
-        rows = (start + blocks * steps - 1) // s.noise_hold - start // s.noise_hold + 1
+        every, hold = _count("sample_every", s.sample_every, sample_every), _count("noise_hold", s.noise_hold, noise_hold)
+        rows = (start + blocks * steps - 1) // hold - start // hold + 1
         expected = {
             "state": (state, s.states * w),
             "parameters": (parameters, s.parameters * w),
@@ -162,7 +169,7 @@ class Kernel:
         arrays = (state.ctypes.data, parameters.ctypes.data, signals.ctypes.data, out.ctypes.data)
         memory = (None, None, 0) if past is None else (past.lags.ctypes.data, past.ring.ctypes.data, past.mask)
         windows = (None, 0, 1) if watch is None else (watch.rows.ctypes.data, watch.first, watch.window)
-        arguments = (blocks, steps, *arrays, start, *memory, None if noise is None else noise.ctypes.data, *windows)
+        arguments = (blocks, steps, *arrays, start, *memory, None if noise is None else noise.ctypes.data, *windows, every, hold)
         call, alive = self._call, (self, state, parameters, signals, out, past, noise, watch)
 
         def again() -> None:
@@ -170,3 +177,14 @@ class Kernel:
             call(*arguments)
 
         return again
+
+
+def _count(name: str, compiled: int | None, given: int | None) -> int:
+    """What is compiled in, or what a call gives: a divisor of 0 would end the process."""
+    if compiled is not None:
+        if given not in (None, compiled):
+            raise ValueError(f"{name} = {compiled} is compiled in, got {given}")
+        return compiled
+    if given is None or given < 1:
+        raise ValueError(f"this kernel needs {name}, at least 1, with every call, got {given}")
+    return given

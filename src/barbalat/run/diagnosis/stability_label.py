@@ -7,20 +7,18 @@ step. The windows are cut from the run's steps alone, so that nothing here depen
 
 from __future__ import annotations
 
-import copy
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
-from barbalat.loop.closed_loop import ClosedLoop
-from barbalat.lowering.llvm.machine import Past, Watch
+from barbalat.lowering.llvm.machine import Watch
 from barbalat.lowering.shape import WATCH_EVERY
 from barbalat.problem.tracking import TrackingProblem
+from barbalat.run.batch import Batch, Group
 from barbalat.run.diagnosis.spectrum import Looks, Spectrum, Stiffness
-from barbalat.run.engine import Batch, Group
-from barbalat.run.grid import CHUNK_STEPS, signal_table
+from barbalat.run.grid import CHUNK_STEPS, signal_table, window_of
 from barbalat.run.noise import standard_normal
 from barbalat.run.step import sampled_states
 from barbalat.solvers.simulation import Simulation
@@ -47,26 +45,16 @@ class Instants(NamedTuple):
 Look = Callable[[Instants], Looks]
 
 
-def watch(loop: ClosedLoop, simulation: Simulation) -> Watch:
-    """What a run's kernel needs for its label; the last window holds the end."""
-    return Watch(loop.size, 0, simulation.steps + 1, _window(simulation.steps, WINDOWS))
-
-
-def _window(steps: int, count: int) -> int:
-    """The least multiple of WATCH_EVERY of which ``count`` hold the steps."""
-    return WATCH_EVERY * -(-steps // (count * WATCH_EVERY))
-
-
 def stiffness_along(run: Run) -> Stiffness:
     """Of a recorded run, up to its divergence."""
-    spectrum = Spectrum.of(run.loop, run.simulation)
+    spectrum = Spectrum.of(run.batch.loop, run.simulation)
 
     def look(at: Instants) -> Looks:
         return spectrum.at(at.states, run.signals(at.steps).T)
 
-    (group,) = run.batch.groups
-    assert group.watch is not None
-    stiffest, coupling = _kept(group.watch, run.stop)
+    watch = run.batch.watch
+    assert watch is not None
+    stiffest, coupling = _kept(watch, run.stop)
     order = np.argsort(-coupling, kind="stable")
     rest = np.sort(order[LOOKS // 2 :])
     spread = rest[np.linspace(0, len(rest) - 1, min(len(rest), LOOKS // 2)).astype(int)]
@@ -75,7 +63,7 @@ def stiffness_along(run: Run) -> Stiffness:
     step = None
     if found.outside.any():
         until = np.arange(int(chosen[found.outside.argmax()]) + 1)
-        step = run.first_outside(_first(stiffest.chosen(until), look), group.watch.window, look)
+        step = run.first_outside(_first(stiffest.chosen(until), look), watch.window, look)
     return Stiffness(
         h_lambda_max=float(found.h_lambda[np.isfinite(found.h_lambda)].max(initial=0.0)),
         unstable_from=None if step is None else float(run.simulation.time(step)),
@@ -112,7 +100,6 @@ class Run:
 
     problem: TrackingProblem
     simulation: Simulation
-    loop: ClosedLoop
     batch: Batch
     starts: Array
     states: Array
@@ -123,8 +110,8 @@ class Run:
         begin = step // window * window
         known = self._known(max(begin - WATCH_EVERY + 1, 0))
         while window > WATCH_EVERY:
-            window = _window(window, PIECES)
-            pieces = Watch(self.loop.size, begin, step + 1, window)
+            window = window_of(window, PIECES)
+            pieces = Watch(self.batch.loop.size, begin, step + 1, window)
             self._advance(self._advance(known, begin), step + 1, pieces)
             step = _first(_kept(pieces, self.stop)[0], look)
             begin += (step - begin) // window * window
@@ -132,11 +119,8 @@ class Run:
 
     def _known(self, step: int) -> Place:
         """The state at a step, from the record."""
-        (group,) = self.batch.groups
-        k = 0 if self.loop.delayed else int(np.searchsorted(self.starts, step, side="right")) - 1
-        past = None if group.past is None else Past(group.past.lags, group.past.history)
-        begin = int(self.starts[k])
-        return self._advance(Place(begin, replace(group, state=self.states[k][:, None].copy(), past=past, recorded=[])), step)
+        k = 0 if self.batch.loop.delayed else int(np.searchsorted(self.starts, step, side="right")) - 1
+        return self._advance(Place(int(self.starts[k]), self.batch.resumed(self.states[k])), step)
 
     def _every(self, known: Place, begin: int, stop: int) -> Instants:
         """The states at all steps from ``begin`` to ``stop`` - 1."""
@@ -150,9 +134,8 @@ class Run:
 
     def _advance(self, place: Place, stop: int, watch: Watch | None = None) -> Place:
         """The run at a later step."""
-        group, begin = place.group, place.step
-        watch = watch or Watch(self.loop.size, begin, max(stop, begin + 1), CHUNK_STEPS)
-        group = replace(group, state=group.state.copy(), past=copy.deepcopy(group.past), watch=watch)
+        begin = place.step
+        group = place.group.twin(watch or Watch(self.batch.loop.size, begin, max(stop, begin + 1), CHUNK_STEPS))
         while begin < stop:
             steps = min(CHUNK_STEPS, stop - begin)
             group.call(begin, 1, steps, group.state, signal_table(self.problem.signals, self.simulation, begin, steps))
@@ -161,21 +144,22 @@ class Run:
 
     def acted(self, steps: Array, states: Array) -> Array:
         """The states at steps (K,) after a sampled controller has acted where it is due; of a continuous one as they are."""
-        if not self.loop.sampled:
+        loop = self.batch.loop
+        if not loop.sampled:
             return states
-        due = steps % self.batch.program.shape.sample_every == 0
+        due = steps % self.batch.rhythm.sample_every == 0
         after = states.copy()
-        after[due] = np.asarray(sampled_states(self.loop)(states[due].T, self.signals(steps[due]))).T
+        after[due] = np.asarray(sampled_states(loop)(states[due].T, self.signals(steps[due]))).T
         return after
 
     def signals(self, steps: Array) -> Array:
         """(signal_count, K). The delayed input is left at zero: no output and no frozen Jacobian depends on it."""
-        problem, loop = self.problem, self.loop
+        problem, loop = self.problem, self.batch.loop
         signals = np.zeros((loop.signal_count, len(steps)))
         for i, signal in enumerate(problem.signals):
             signals[i] = signal(self.simulation.time(steps))
         if problem.noise is not None and len(steps):
-            rows = steps // self.batch.program.shape.noise_hold
+            rows = steps // self.batch.rhythm.noise_hold
             drawn = [standard_normal(problem.noise.seed, 0, int(row), 1, loop.noise) for row in rows]
             signals[loop.timed : loop.timed + loop.noise] = np.concatenate(drawn).T
         return signals

@@ -22,11 +22,15 @@ from barbalat.certificates.schemes.output_feedback import LINEAR_LOOP, add_bound
 from barbalat.controllers.output.l1 import L1Output, LinearEquivalent, fast_limit, linear_equivalent
 from barbalat.linear.enclosure import OUTWARD, Enclosure
 from barbalat.linear.l1_norms import l1_norm
+from barbalat.linear.largest import largest_from
 from barbalat.linear.systems import TransferFunction
 from barbalat.problem.output_feedback import OutputProblem
 from barbalat.solvers import Tableau
 from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array, InputError
+
+LIMITS = 1e-9
+"""Relative width of the limits of gain and step: far below what an estimate is worth."""
 
 
 def small_gain_system(controller: L1Output, G: TransferFunction) -> TransferFunction:
@@ -124,32 +128,14 @@ def _coefficients(linear: LinearEquivalent) -> dict[str, dict[str, list[float]]]
 def _limits(controller: L1Output, simulation: Simulation) -> dict[str, Any]:
     """The largest gamma for this step, the largest step for this gamma: s^2 + m s + gamma m within the solver's region."""
     solver, m = simulation.solver, controller.m
-    gamma = _largest(lambda value: _bears(solver, simulation.dt, m, value), controller.gamma)
-    step = _largest(lambda value: _bears(solver, value, m, controller.gamma), simulation.dt)
+    gamma = largest_from(lambda value: _bears(solver, simulation.dt, m, value), controller.gamma, within=LIMITS)
+    step = largest_from(lambda value: _bears(solver, value, m, controller.gamma), simulation.dt, within=LIMITS)
     return {"gamma_max": finite(gamma), "step_max": finite(step)}
 
 
 def _bears(solver: Tableau, h: float, m: float, gamma: float) -> bool:
     poles: Array = np.roots([1.0, m, gamma * m])
     return bool((np.abs(solver.amplification(h * poles)) <= 1).all())
-
-
-def _largest(bears: Any, start: float) -> float:
-    """The largest value up to which it bears all, to 1e-9: by doubling or halving from ``start``, then bisection."""
-    low = start
-    while not bears(low):
-        low /= 2
-        if low < 1e-300:
-            return 0.0
-    high = 2 * low
-    while bears(high):
-        low, high = high, 2 * high
-        if math.isinf(high):
-            return math.inf
-    while high - low > 1e-9 * high:
-        middle = (low + high) / 2
-        low, high = (middle, high) if bears(middle) else (low, middle)
-    return low
 
 
 def column(problem: OutputProblem, controller: L1Output, certificate: Certificate) -> tuple[str, dict[str, Entry]]:

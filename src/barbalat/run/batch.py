@@ -1,0 +1,244 @@
+"""Members of one structure and the kernel they share: how they are put together, and what is read of them after a run."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from barbalat.loop.closed_loop import ClosedLoop
+from barbalat.lowering.llvm.machine import Kernel, Past, Watch, vector_width
+from barbalat.problem.tracking import TrackingProblem
+from barbalat.protocols import Controller, SampledEquations
+from barbalat.run import delay
+from barbalat.run.delay import PER_INPUT
+from barbalat.run.grid import Segment, segments_of, window_of
+from barbalat.run.metrics import Metrics, Totals
+from barbalat.run.noise import standard_normal
+from barbalat.run.step import PLAIN, Rhythm, StepProgram, step_program
+from barbalat.run.template import Template
+from barbalat.solvers.simulation import Simulation
+from barbalat.validate import Array, InputError
+
+
+def best_lanes(members: int) -> int:
+    """Members in one kernel call: alone, or two vector registers, whose chains of operations then overlap."""
+    if members == 1:
+        return 1
+    return min(2 * vector_width(), 1 << (members - 1).bit_length())
+
+
+@dataclass(frozen=True, eq=False)
+class Blocks:
+    """What a recorded batch kept of B blocks, as far as any of its M members came.
+
+    starts, lengths  (B,) in steps
+    states           (B, size, M) at each block's start; NaN where all members of a kernel's call had diverged before
+    accumulators     (B, accumulators, M) over each block's steps; likewise
+    """
+
+    starts: Array
+    lengths: Array
+    states: Array
+    accumulators: Array
+    at: dict[tuple[str, str], slice]
+
+    def figure(self, quantity: str, operation: str) -> Array:
+        """(B, entries, M) accumulators by their names, see ``Accumulators``."""
+        return self.accumulators[:, self.at[quantity, operation]]
+
+
+@dataclass(eq=False)
+class Batch:
+    """Members of one structure: the same step program, each with its own initial state and parameters.
+
+    loop     the first member's; states (size, M), parameters (p, M)
+    lags     (M,) for a step with a delay, see ``delay.lag``, and history (m, M), what each of its m inputs was before t = 0
+    seeds    (M,) and numbers (M,) for one with noise: which stream each member has, 0 ... M - 1 unless given
+    record   keeps every block's start state and accumulators
+    watch    goes with a program that watches, of one member
+    """
+
+    loop: ClosedLoop
+    program: StepProgram
+    states: Array
+    parameters: Array
+    rhythm: Rhythm = PLAIN
+    record: bool = False
+    lanes: int | None = None
+    lags: Array | None = None
+    history: Array | None = None
+    seeds: Array | None = None
+    numbers: Array | None = None
+    watch: Watch | None = None
+    totals: Totals = field(init=False)
+    groups: list[Group] = field(init=False)
+
+    @classmethod
+    def of(
+        cls,
+        members: Sequence[tuple[TrackingProblem, Controller]],
+        simulation: Simulation,
+        *,
+        numbers: Array | None = None,
+        record: bool = False,
+        lanes: int | None = None,
+        windows: int = 0,
+        adjustable: bool = False,
+    ) -> Batch:
+        """All that the members' kernel needs: weights and lags of the delay, history, streams of noise, rhythm.
+
+        windows     of the run, at most, in which the kernel of a single member keeps what is watched; 0: none
+        adjustable  dt, the delay's weights and the rhythm become arguments of the kernel, so that one serves them all. A step
+                    takes 6 to 9 % longer and differs in the last bits; for sweeps over them
+
+        Raises InputError where the members are not of one structure.
+        """
+        problems = [problem for problem, _ in members]
+        loops = [ClosedLoop.of(problem, controller, simulation.dt) for problem, controller in members]
+        first = loops[0]
+        rhythm = _rhythm_of(loops, problems, simulation.dt)
+        weights = lags = history = None
+        if first.delayed:
+            weights = [delay.weights(problem.delay, simulation.dt, simulation.solver) for problem in problems]
+            lags = np.array([delay.lag(problem.delay, simulation.dt) for problem in problems])
+            history = np.column_stack([problem.history for problem in problems])
+        template = Template.of(loops, weights, free_step=simulation.dt if adjustable else None)
+        program = step_program(
+            template.loop,
+            simulation.solver,
+            simulation.dt if template.dt is None else template.dt,
+            template.column,
+            delay_weights=template.delay_weights,
+            lag_per_member=lags is not None and bool((lags != lags[0]).any()),
+            rhythm=rhythm,
+            adjustable=adjustable,
+            watch=windows > 0,
+        )
+        return cls(
+            first,
+            program,
+            np.column_stack([loop.initial() for loop in loops]),
+            template.values,
+            rhythm,
+            record=record,
+            lanes=lanes,
+            lags=lags,
+            history=history,
+            seeds=np.array([problem.noise.seed for problem in problems if problem.noise is not None]) if first.noise else None,
+            numbers=numbers,
+            watch=Watch(first.size, 0, simulation.steps + 1, window_of(simulation.steps, windows)) if windows else None,
+        )
+
+    def __post_init__(self) -> None:
+        assert self.program.accumulators is not None
+        members = self.states.shape[1]
+        width = self.lanes or best_lanes(members)
+        self.totals = Totals(self.program.accumulators, members)
+        kernel = self.program.compile(width)
+        self.groups = []
+        for first in range(0, members, width):
+            index = np.minimum(np.arange(first, first + width), members - 1)  # the last group repeats the last member
+            columns = slice(first, min(first + width, members))
+            state, parameters = (np.ascontiguousarray(part_of[:, index]) for part_of in (self.states, self.parameters))
+            past = None if self.lags is None else self._past(index)
+            numbers = np.arange(members) if self.numbers is None else self.numbers
+            streams = None if self.seeds is None else [(int(self.seeds[i]), int(numbers[i])) for i in index]
+            self.groups.append(Group(self, kernel, columns, state, parameters, past, streams, self.watch))
+
+    def _past(self, index: Array) -> Past:
+        assert self.lags is not None
+        inputs = self.program.shape.delayed // PER_INPUT
+        given = np.zeros((inputs, self.states.shape[1])) if self.history is None else self.history
+        return Past(self.lags[index], np.repeat(given, PER_INPUT, axis=0)[:, index])
+
+    @property
+    def final_states(self) -> Array:
+        """(size, M)."""
+        return np.concatenate([g.state[:, : g.columns.stop - g.columns.start] for g in self.groups], axis=1)
+
+    @property
+    def diverged_step(self) -> Array:
+        """(M,) the step at which each member left what is bounded; NaN where it did not."""
+        return self.totals.diverged_step
+
+    def metrics(self, simulation: Simulation) -> Metrics:
+        return self.totals.metrics(simulation, self.final_states[self.loop.theta_hat_rows])
+
+    def blocks(self, simulation: Simulation) -> Blocks:
+        """What was recorded over the run that was made with ``simulation``."""
+        kept = [np.concatenate(group.recorded) for group in self.groups]
+        count = max(len(blocks) for blocks in kept)
+        padded = [np.pad(b, ((0, count - len(b)), (0, 0), (0, 0)), constant_values=np.nan) if len(b) < count else b for b in kept]
+        together = padded[0] if len(padded) == 1 else np.concatenate(padded, axis=2)
+        cut = list(segments_of(simulation, recorded=True))
+        starts = np.concatenate([s.start + np.arange(s.blocks) * s.length for s in cut])
+        lengths = np.repeat([s.length for s in cut], [s.blocks for s in cut])
+        states = self.program.shape.states
+        return Blocks(starts[:count], lengths[:count], together[:, :states], together[:, states:], self.totals.at)
+
+    def resumed(self, state: Array) -> Group:
+        """The only member in this state (size,), with nothing on its way: at t = 0, or at any time where there is no delay."""
+        (group,) = self.groups
+        past = None if group.past is None else Past(group.past.lags, group.past.history)
+        return replace(group, state=state[:, None].copy(), past=past, recorded=[])
+
+
+def _rhythm_of(loops: Sequence[ClosedLoop], problems: Sequence[TrackingProblem], dt: float) -> Rhythm:
+    """The one rhythm of all members; InputError where they have several, or where one does not fit the step."""
+    noise_times = [None if problem.noise is None else problem.noise.sample_time for problem in problems]
+    sample_times = [loop.equations.sample_time if isinstance(loop.equations, SampledEquations) else None for loop in loops]
+    for what, times in (("the noise's sample time", noise_times), ("the controller's sample time", sample_times)):
+        if any(time != times[0] for time in times):
+            raise InputError(f"all members must share {what}")
+    return Rhythm.of(loops[0], problems[0].noise, dt)
+
+
+@dataclass(eq=False)
+class Group:
+    """As many members as the kernel has lanes."""
+
+    batch: Batch
+    kernel: Kernel
+    columns: slice
+    state: Array
+    parameters: Array
+    past: Past | None
+    streams: list[tuple[int, int]] | None  # seed and number of each member: its noise
+    watch: Watch | None
+    recorded: list[Array] = field(default_factory=list)
+
+    def advance(self, segment: Segment, table: Array) -> None:
+        if not np.isnan(self.batch.totals.diverged_step[self.columns]).any():
+            return  # every member has diverged
+        out = self.call(segment.start, segment.blocks, segment.length, self.state, table)
+        self.batch.totals.merge(segment, out[:, self.batch.program.shape.states :], self.columns)
+        if self.batch.record:
+            self.recorded.append(out)
+
+    def finish(self, steps: int, row: Array) -> None:
+        """The outputs at t_end, after all ``steps``: one more step whose end state is thrown away."""
+        out = self.call(steps, 1, 1, self.state.copy(), row)
+        self.batch.totals.merge_final(out[0, self.batch.program.shape.states :], self.columns)
+
+    def twin(self, watch: Watch) -> Group:
+        """The same members at the same place, to be taken further beside them."""
+        return replace(self, state=self.state.copy(), past=copy.deepcopy(self.past), watch=watch)
+
+    def call(self, start: int, blocks: int, length: int, state: Array, table: Array) -> Array:
+        shape, rhythm = self.batch.program.shape, self.batch.rhythm
+        out = np.empty((blocks, shape.states + shape.accumulators, self.state.shape[1]))
+        arrays = (state, self.parameters, table, out, self.past, self._noise(start, blocks * length), self.watch)
+        self.kernel(blocks, length, *arrays, start=start, sample_every=rhythm.sample_every, noise_hold=rhythm.noise_hold)
+        return out[:, :, : self.columns.stop - self.columns.start]
+
+    def _noise(self, start: int, steps: int) -> Array | None:
+        """The rows of every member's noise that these steps need, (rows, channels, W)."""
+        if self.streams is None:
+            return None
+        hold, channels = self.batch.rhythm.noise_hold, self.batch.program.shape.noise
+        first, last = start // hold, (start + steps - 1) // hold
+        streams = [standard_normal(*stream, first, last - first + 1, channels) for stream in self.streams]
+        return np.ascontiguousarray(np.stack(streams, axis=2))

@@ -1,0 +1,56 @@
+"""The search for the largest value that is borne, against values that are known."""
+
+from __future__ import annotations
+
+import math
+import sys
+
+import pytest
+
+from barbalat.linear.largest import geometric_mean, halvings, largest, largest_from
+
+
+def up_to(limit):
+    return lambda value: value <= limit
+
+
+@pytest.mark.parametrize("limit", [1e-300, 1e-160, 3e-5, 0.7, 1.0 - 1e-16, 1e12, 1e200])
+def test_neighbours_of_a_known_limit(limit):
+    """Also where the product of the ends is below the smallest float, which once made the search endless."""
+    eight_roundings = 8 * sys.float_info.epsilon
+    assert largest(up_to(limit), 0.0, 10 * limit) == pytest.approx(limit, rel=eight_roundings)
+    assert largest(up_to(limit), limit / 1e4, limit * 1e4) == pytest.approx(limit, rel=eight_roundings)
+    for start in (limit / 1e3, limit * 1e3):
+        assert largest_from(up_to(limit), start) == pytest.approx(limit, rel=eight_roundings)
+
+
+def test_what_is_found_is_borne_and_what_is_a_little_above_is_not():
+    found = largest(up_to(math.pi), 1.0, 10.0, within=1e-3)
+    assert found <= math.pi < found * (1 + 1e-3 / (1 - 1e-3))
+
+
+def test_where_nothing_or_everything_is_borne():
+    assert largest(lambda _: False, 0.0, 1.0) == 0.0
+    assert largest_from(lambda _: False, 1.0) == 0.0
+    assert largest_from(up_to(0.4), 1.0, least=0.5) == 0.0
+    assert largest_from(lambda _: True, 1.0) == math.inf
+
+
+def test_the_first_exit_counts_where_the_steps_are_short():
+    """Borne below 2 and from 3 to 4: steps of a tenth see the gap, and the boundary found is its beginning."""
+    found = largest_from(lambda value: value <= 2 or 3 <= value <= 4, 1.0, factor=1.1)
+    assert found == pytest.approx(2.0, rel=1e-15)
+
+
+def test_geometric_means_beyond_the_range_of_the_product():
+    assert geometric_mean(2.0, 8.0) == 4.0
+    assert geometric_mean(1e-200, 1e-300) == pytest.approx(1e-250, rel=1e-14)
+    assert geometric_mean(1e200, 1e300) == pytest.approx(1e250, rel=1e-14)
+
+
+@pytest.mark.parametrize(("ratio", "within"), [(1.0, 0.01), (1.0001, 0.01), (1.5, 0.02), (100.0, 1e-6)])
+def test_as_many_halvings_as_it_takes(ratio, within):
+    count, width = 0, ratio
+    while width > 1 + within:
+        width, count = math.sqrt(width), count + 1
+    assert halvings(ratio, within) == count
