@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import math
-from typing import Any, TypeAlias
+from typing import Annotated, Any, TypeAlias
 
 import numpy as np
 
 Array: TypeAlias = Any
 """A float NumPy array; its shape stands beside each name. Constructors take whatever NumPy can turn into one, hence Any."""
+Vector: TypeAlias = Annotated[Any, "vector"]
+"""The same of one dimension. For settings: their fields' types say what case files may hold."""
+Matrix: TypeAlias = Annotated[Any, "matrix"]
+"""The same of two dimensions."""
 
 
 class InputError(ValueError):

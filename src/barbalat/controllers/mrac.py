@@ -20,7 +20,7 @@ from barbalat.problem.known_set import EstimateSet
 from barbalat.problem.regressors import Uncertainty
 from barbalat.problem.state_feedback import Known
 from barbalat.protocols import Value
-from barbalat.validate import Array, InputError
+from barbalat.validate import Array, InputError, Vector
 
 
 class State(NamedTuple):
@@ -96,7 +96,7 @@ class Mrac:
     """
 
     gamma: float | Array
-    theta_hat0: Array | None = None
+    theta_hat0: Vector | None = None
     projection: bool | None = None
     leakage: Leakage | None = None
     dead_zone: DeadZone | None = None

@@ -21,7 +21,7 @@ from barbalat.problem.known_set import KnownSet, ParameterProduct
 from barbalat.problem.regressors import Regressor
 from barbalat.problem.state_feedback import Known
 from barbalat.protocols import Value
-from barbalat.validate import Array, InputError
+from barbalat.validate import Array, InputError, Vector
 
 
 class State(NamedTuple):
@@ -130,9 +130,9 @@ class RobustMrac:
 
     tau: float
     law: AdaptiveLaw
-    c_0: Array | None = None
+    c_0: Vector | None = None
     normalization: Normalization = field(default_factory=Normalization)
-    theta_hat0: Array | None = None
+    theta_hat0: Vector | None = None
     projection: bool | None = None
     printed_sign: bool = False
     saturated_predictor: bool = False
@@ -156,9 +156,9 @@ class NormalizedMrac:
     """
 
     law: AdaptiveLaw
-    c_0: Array | None = None
+    c_0: Vector | None = None
     normalization: Normalization = field(default_factory=Normalization)
-    theta_hat0: Array | None = None
+    theta_hat0: Vector | None = None
     projection: bool | None = None
     saturated_predictor: bool = False
     name: str = "Normalised MRAC"

@@ -8,7 +8,7 @@ import numpy as np
 
 from barbalat import validate
 from barbalat.protocols import Value
-from barbalat.validate import Array, InputError
+from barbalat.validate import InputError, Vector
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -22,7 +22,7 @@ class Noise:
     Source of the numbers: Philox counters (Salmon et al., 2011), turned Gaussian by the inverse distribution function.
     """
 
-    std: Array | float
+    std: float | Vector
     sample_time: float
     seed: int = 0
 

@@ -11,7 +11,7 @@ import numpy as np
 from barbalat import validate
 from barbalat.problem.formulas import formula, states_of
 from barbalat.protocols import Value
-from barbalat.validate import Array, InputError
+from barbalat.validate import InputError, Matrix
 
 
 @runtime_checkable
@@ -70,7 +70,7 @@ class Polynomial:
 class GaussianRBF:
     """phi_i(x) = exp(-|x - c_i|^2/(2 width^2)); ``centers`` (p, n), ``width`` > 0 in the states' units."""
 
-    centers: Array
+    centers: Matrix
     width: float
 
     def __post_init__(self) -> None:
@@ -116,6 +116,14 @@ class Terms:
 
     def __call__(self, x: Value) -> Value:
         return np.concatenate([(formula(term)(x) + 0 * x[0]).reshape(1) for term in self.terms])
+
+
+REGRESSORS = {
+    "polynomial": Polynomial,
+    "gaussian": GaussianRBF,
+    "terms": Terms,
+}
+"""The registry, by the names of case files, where the state itself is what stands without one."""
 
 
 @dataclass(frozen=True, eq=False)

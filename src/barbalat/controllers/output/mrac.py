@@ -23,7 +23,7 @@ from barbalat.linear.systems import StateSpace
 from barbalat.problem.known_set import UNBOUNDED, ParameterBox
 from barbalat.problem.output_feedback import OutputKnown
 from barbalat.protocols import Value
-from barbalat.validate import Array, InputError
+from barbalat.validate import Array, InputError, Vector
 
 
 class State(NamedTuple):
@@ -155,12 +155,12 @@ class MracOutput:
     relative_degree: int
     sign: int
     law: AdaptiveLaw | LyapunovLaw
-    theta_hat0: Array | None = None
+    theta_hat0: Vector | None = None
     tau: float | None = None
     normalization: Normalization = field(default_factory=Normalization)
-    filter_poles: Array | None = None
-    lower: Array | None = None
-    upper: Array | None = None
+    filter_poles: Vector | None = None
+    lower: Vector | None = None
+    upper: Vector | None = None
     c_0_min: float | None = None
     saturated_predictor: bool = False
     name: str = "MRAC output"
