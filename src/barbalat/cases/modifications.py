@@ -28,8 +28,14 @@ def choices_of(keys: dict[str, Key]) -> Choices:
 
 def modification_keys(choices: Choices) -> dict[str, Key]:
     """The keys that choose and set the modifications; none is required."""
-    kinds = [kind for kinds in choices.values() for kind in kinds]
-    return {name: key._replace(default=None) for kind in kinds for name, key in keys_of(kind, Differences()).items()}
+    found: dict[str, Key] = {}
+    for kind in (kind for kinds in choices.values() for kind in kinds):
+        keys = keys_of(kind, Differences())
+        for name, key in keys.items():
+            others = " and ".join(other for other in keys if other != name)
+            meaning = f"{found[name].meaning}; with {others} {key.meaning}" if name in found else key.meaning
+            found[name] = key._replace(default=None, meaning=meaning)
+    return found
 
 
 def modified(given: Given, choices: Choices) -> Given:

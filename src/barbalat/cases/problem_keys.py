@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+
 from barbalat import validate
 from barbalat.cases.keys import REQUIRED, Context, Differences, Given, Key, keys_of
 from barbalat.design.pole_placement import place
@@ -32,7 +33,7 @@ def _as_given(given: Given, _: Context) -> Given:
 
 
 def _problem(given: Given, _: Context) -> Problem:
-    """The disturbances stand with the plant, the unknown input gain with the known set, the model's A_m or poles with the model."""
+    """The disturbances stand with the plant, the input gain with the known set, what A becomes with the model."""
     plant, model, known = given.pop("plant"), given.pop("reference_model"), given.pop("uncertainty", {})
     disturbances = {key: plant.pop(key) for key in ("disturbance", "unmatched") if key in plant}
     reference_model = ReferenceModel(k_0=model["k_0"])
@@ -84,6 +85,7 @@ def _output_problem(given: Given, _: Context) -> OutputProblem:
     return OutputProblem(plant=OutputPlant(**plant), **disturbances, **given)
 
 
+_NAME = Key(str, "of the case")
 _DISTURBANCE = Key(Signal | None, "matched: it enters with u; none by default", None)
 
 DIFFERENCES: dict[type, Differences] = {
@@ -91,14 +93,15 @@ DIFFERENCES: dict[type, Differences] = {
         keys={
             "uncertainty": Key(Uncertainty, "the known set Omega; without one nothing is projected", None),
             "simulation": Key(Simulation, "how to simulate"),
+            "name": _NAME,
         },
-        required=("reference_model", "reference", "name"),
+        required=("reference_model", "reference"),
         without=("input_gain", "disturbance", "unmatched"),
         make=_problem,
     ),
     OutputProblem: Differences(
-        keys={"simulation": Key(Simulation, "how to simulate")},
-        required=("reference", "name"),
+        keys={"simulation": Key(Simulation, "how to simulate"), "name": _NAME},
+        required=("reference",),
         without=("disturbance", "output_disturbance"),
         make=_output_problem,
     ),

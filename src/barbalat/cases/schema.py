@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import is_dataclass
 from functools import cache
-from types import NoneType, UnionType
+from types import GenericAlias, NoneType, UnionType
 from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
 from pydantic import AfterValidator, AliasChoices, Field, create_model
 
 from barbalat.adaptation.law import AdaptiveLaw
 from barbalat.adaptation.laws import LAWS, OUTPUT_LAWS, LyapunovLaw
-from barbalat.cases.keys import REQUIRED, Differences, Key, Make, keys_of
+from barbalat.cases.keys import REQUIRED, Context, Differences, Given, Key, Make, keys_of
 from barbalat.cases.modifications import Modification, choices_of, modification_keys, modified
 from barbalat.cases.problem_keys import DIFFERENCES as PROBLEM_DIFFERENCES
 from barbalat.cases.scheme_keys import DIFFERENCES as SCHEME_DIFFERENCES
@@ -42,36 +42,44 @@ _FORMS: dict[Any, set[str]] = {float: {"number"}, Vector: {"vector"}, Matrix: {"
 @cache
 def case_table(problem: type) -> type[Table]:
     """The table of a whole case, by the problem that it poses."""
-    keys = keys_of(problem, DIFFERENCES[problem])
-    controllers = list[_one_of(CASES[problem], "scheme")]  # type: ignore[misc]
-    return _model(Recipe(problem, keys, DIFFERENCES[problem].make), controller=(controllers, Field(min_length=1)))
+    controllers = GenericAlias(list, (_one_of(CASES[problem], "scheme"),))
+    return _model(_recipe(problem), controller=(controllers, Field(min_length=1)))
 
 
 @cache
-def table_of(settings: type, choice: tuple[str, str] | None = None) -> type[Table]:
-    """The table that makes an object of a class; ``choice`` is the key and the value by which it is chosen among others."""
-    keys, make = _recipe(settings, is_scheme=choice is not None and choice[0] == "scheme")
-    if choice is None:
-        return _model(Recipe(settings, keys, make))
-    key, name = choice
-    return _model(Recipe(settings, keys, make, name), **{key: (Literal[name], ...)})  # type: ignore[valid-type]
+def table_of(settings: type, key: str = "", choice: str = "") -> type[Table]:
+    """The table that makes an object of a class; it may be one of several, of which ``key`` = "``choice``" chooses it."""
+    more = {key: (Literal[choice], ...)} if key else {}
+    return _model(_recipe(settings, choice, is_scheme=key == "scheme"), **more)
 
 
-def _recipe(settings: type, *, is_scheme: bool) -> tuple[dict[str, Key], Make]:
+def _recipe(settings: type, choice: str = "", *, is_scheme: bool = False) -> Recipe:
+    """A field that holds a modification becomes the keys of its settings: in a law's table, or in a scheme's ``modification``."""
     differences = DIFFERENCES.get(settings, Differences())
     keys = keys_of(settings, differences)
     make: Make = differences.make or (lambda given, _: settings(**given))
     if is_scheme:
-        keys = keys | {"name": keys["name"]._replace(type=Annotated[str, Field(min_length=1)])} | SAMPLING
+        keys = (
+            keys
+            | {"name": keys["name"]._replace(type=Annotated[str, Field(min_length=1)], meaning="in results, tables and figures")}
+            | SAMPLING
+        )
     choices = choices_of(keys)
     if not choices:
-        return keys, make
+        return Recipe(settings, keys, make, choice)
     keys = {name: key for name, key in keys.items() if name not in choices}
     if not is_scheme:
-        return keys | modification_keys(choices), lambda given, context: make(modified(given, choices), context)
+        return Recipe(
+            settings, keys | modification_keys(choices), lambda given, context: make(modified(given, choices), context), choice
+        )
     table = _model(Recipe(Modification, modification_keys(choices), lambda given, _: modified(given, choices)))
-    keys |= {"modification": Key(table, "of the law, see below; none by default", None)}
-    return keys, lambda given, context: make(given | given.pop("modification", {}), context)
+    keys |= {"modification": Key(table, "of the law; none by default", None)}
+
+    def make_modified(given: Given, context: Context) -> Any:
+        modifications = given.pop("modification", {})
+        return make(given | modifications, context)
+
+    return Recipe(settings, keys, make_modified, choice)
 
 
 def _model(recipe: Recipe, **more: Any) -> type[Table]:
@@ -91,14 +99,19 @@ def _definition(name: str, key: Key) -> tuple[Any, Any]:
     return form(key.type), Field(**details)
 
 
+def members_of(hint: Any) -> list[Any]:
+    """What a field may hold besides ``None``."""
+    return [one for one in (get_args(hint) if get_origin(hint) in (Union, UnionType) else (hint,)) if one is not NoneType]
+
+
 def form(hint: Any) -> Any:
     """The type of a field of settings as pydantic checks it."""
-    members = [one for one in (get_args(hint) if get_origin(hint) in (Union, UnionType) else (hint,)) if one is not NoneType]
+    members = members_of(hint)
     if all(one in _FORMS for one in members):
         return numbers(set().union(*(_FORMS[one] for one in members)))
     lists = [one for one in members if get_origin(one) is tuple]
     if lists and len(members) == 1:
-        return list[form(get_args(hint)[0])]  # type: ignore[misc]
+        return GenericAlias(list, (form(get_args(lists[0])[0]),))
     if lists:
         return one_or_several(form(next(one for one in members if one not in lists)))
     kinds = {name: settings for one in members for name, settings in KINDS.get(one, {}).items()}
@@ -108,12 +121,17 @@ def form(hint: Any) -> Any:
     if member in NAMED:
         names = NAMED[member]
         return Annotated[Literal[tuple(names)], AfterValidator(names.__getitem__)]
-    return table_of(member) if is_dataclass(member) else member
+    if isinstance(member, type) and is_dataclass(member):
+        return table_of(member)
+    is_table = isinstance(member, type) and issubclass(member, Table)
+    if is_table or member in (bool, int, str) or get_origin(member) in (Annotated, Literal):
+        return member
+    raise TypeError(f"no form in a case file is known for {hint}: say in cases/scheme_keys.py which keys give it")
 
 
 def _one_of(registry: Mapping[str, type], key: str) -> Any:
     """One of the tables of a registry, chosen by ``key``."""
-    tables = [table_of(settings, (key, name)) for name, settings in registry.items()]
+    tables = [table_of(settings, key, name) for name, settings in registry.items()]
     for table in tables:
         table.recipe.elsewhere.update(name for other in tables for name in other.recipe.keys)
     return Annotated[Union[tuple(tables)], Field(discriminator=key)]  # noqa: UP007  # made at run time

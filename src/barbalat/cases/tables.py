@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from types import GenericAlias
 from typing import Annotated, Any, ClassVar, Union
 
 from pydantic import BaseModel, ConfigDict, Discriminator, Tag, model_validator
@@ -72,7 +73,9 @@ def numbers(forms: set[str]) -> Any:
 
 def one_or_several(one: Any) -> Any:
     """A table, or a list of such tables."""
-    return chosen({"one": one, "several": list[one]}, lambda value: "several" if isinstance(value, list) else "one")
+    return chosen(
+        {"one": one, "several": GenericAlias(list, (one,))}, lambda value: "several" if isinstance(value, list) else "one"
+    )
 
 
 def chosen(forms: dict[str, Any], choose: Callable[[Any], str]) -> Any:

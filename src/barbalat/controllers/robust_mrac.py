@@ -152,7 +152,14 @@ class RobustMrac:
 class NormalizedMrac:
     """u = -theta_hat'x + k_0 r with a law driven by the normalised estimation error: RobustMrac without auxiliary input.
 
-    Parameters as there. Source: Section II; Ioannou and Sun, section 6.5.
+    law            of ``adaptation.laws``
+    c_0            (n,); W_m(s) = c_0'(sI - A_m)^-1 b must be minimum phase; P b by default
+    normalization  of the estimation error: eq. (16)
+    theta_hat0     (n,), zero by default; inside the known set
+    projection     onto the known set; by default on where one is given
+    saturated_predictor  against windup: the parametric model and n_d are fed with sat(u); off by default
+
+    Source: Section II; Ioannou and Sun, section 6.5.
     """
 
     law: AdaptiveLaw

@@ -82,7 +82,10 @@ class StateSpace:
 
 @dataclass(frozen=True, eq=False)
 class TransferFunction:
-    """num(s)/den(s), coefficients with the highest power first; leading zeros are dropped, den is made monic."""
+    """num(s)/den(s); leading zeros are dropped, den is made monic.
+
+    num, den  coefficients, highest power first
+    """
 
     num: Vector
     den: Vector

@@ -18,7 +18,10 @@ UNBOUNDED = 1e150
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ParameterBox:
-    """The known convex set Omega = {lower <= theta <= upper}, componentwise; both (n,)."""
+    """The known convex set Omega = {lower <= theta <= upper}, componentwise.
+
+    lower, upper  (p,) each, lower <= upper
+    """
 
     lower: Array
     upper: Array
@@ -77,7 +80,11 @@ class ParameterBox:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ParameterBall:
-    """The known convex set Omega = {|theta - center|_2 <= radius}; center (n,), radius > 0."""
+    """The known convex set Omega = {|theta - center|_2 <= radius}.
+
+    center  (p,)
+    radius  of the ball in the Euclidean norm, > 0
+    """
 
     center: Array
     radius: float

@@ -28,6 +28,9 @@ class OutputKnown:
 class OutputProblem(TrackingProblem):
     """Plant, model, command r(t), input disturbance d(t), output disturbance, and how y is measured.
 
+    reference           the command r(t)
+    output_disturbance  added to the output; none by default
+
     What ``output_disturbance`` adds to G's output belongs to y: it is in e = y - y_m and in what is measured, not in f(t, y).
     """
 

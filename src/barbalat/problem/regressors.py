@@ -40,7 +40,11 @@ class Linear:
 
 @dataclass(frozen=True, kw_only=True)
 class Polynomial:
-    """All monomials of the states of degree 1 ... ``degree``, a leading 1 where ``constant``; by degree, then lexically."""
+    """All monomials of the states of degree 1 ... ``degree``, a leading 1 where ``constant``; by degree, then lexically.
+
+    degree    the highest, >= 1
+    constant  whether a 1 stands in front
+    """
 
     degree: int
     constant: bool = False
@@ -68,7 +72,11 @@ class Polynomial:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class GaussianRBF:
-    """phi_i(x) = exp(-|x - c_i|^2/(2 width^2)); ``centers`` (p, n), ``width`` > 0 in the states' units."""
+    """phi_i(x) = exp(-|x - c_i|^2/(2 width^2)).
+
+    centers  (p, n), one row for each function
+    width    > 0, in the states' units
+    """
 
     centers: Matrix
     width: float
@@ -94,7 +102,9 @@ class GaussianRBF:
 class Terms:
     """Written terms: each a formula in x1 ... xn with + - * / **, and abs, exp, sin, cos, sqrt, tanh.
 
-    ``Terms(terms=("x1", "x2", "abs(x1)*x2"))``. Raises InputError for anything else in a formula.
+    terms  the formulas, such as ["x1", "x2", "abs(x1)*x2"]
+
+    Raises InputError for anything else in a formula.
     """
 
     terms: tuple[str, ...]

@@ -16,7 +16,11 @@ from barbalat.validate import Array, InputError, Vector, freeze
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Disturbance:
-    """direction * signal(t), added to x': for what no control can cancel. ``direction`` is (n,)."""
+    """direction * signal(t), added to x': for what no control can cancel.
+
+    direction  (n,)
+    signal     of any kind
+    """
 
     direction: Vector
     signal: Signal

@@ -15,7 +15,9 @@ from barbalat.validate import Array, InputError
 class Simulation:
     """How to simulate: fixed steps of ``dt`` [s] from 0 to ``t_end`` [s].
 
-    solver         a Tableau: EULER, HEUN, RK4
+    t_end          horizon [s]
+    dt             step [s]; it divides t_end
+    solver         the method, a Tableau: EULER, HEUN, RK4
     record_points  about how many instants of a trajectory are kept; figures are over every step all the same
 
     Raises InputError where dt does not divide t_end.
