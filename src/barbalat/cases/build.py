@@ -54,7 +54,7 @@ def build(case: Table, folder: Path) -> Case:
     def others(settings: type) -> dict[str, Callable[[], Any]]:
         """The case's controllers of a class, by name, each with what makes it."""
         chosen = [table for table in tables if table.recipe.settings is settings]
-        return {_name(table): partial(_made, table, context, "") for table in chosen}
+        return {_name(table): partial(made, table, context, "") for table in chosen}
 
     context, controllers = Context(folder, problem.known, others), []
     for i, table in enumerate(tables, start=1):
@@ -68,7 +68,7 @@ def _name(table: Table) -> str:
     return str(vars(table)["name"])
 
 
-def _made(table: Table, context: Context, place: str) -> Any:
+def made(table: Table, context: Context, place: str) -> Any:
     """The object of a table; ``place`` is where it stands, for messages."""
     return table.recipe.make(_given(table, context, place), context)
 
@@ -85,7 +85,7 @@ def _value(value: Any, context: Context, place: str) -> Any:
     if not isinstance(value, Table):
         return value
     with within(place):
-        return _made(value, context, place)
+        return made(value, context, place)
 
 
 def _bound(table: Table, context: Context, problem: TrackingProblem) -> Controller:

@@ -121,7 +121,7 @@ DIFFERENCES: dict[type, Differences] = {
     OutputPlant: Differences(
         keys={
             "disturbance": _DISTURBANCE,
-            "output_disturbance": Key(Signal | None, "added to the output; none by default", None),
+            "output_disturbance": keys_of(OutputProblem, Differences())["output_disturbance"],
         },
         make=_as_given,
     ),

@@ -10,6 +10,9 @@ from barbalat import validate
 from barbalat.protocols import Value
 from barbalat.validate import InputError, Vector
 
+LARGEST_SEED = 2**64 - 1
+"""A Philox counter's key has 64 bits for it."""
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Noise:
@@ -36,7 +39,7 @@ class Noise:
             self,
             std=std,
             sample_time=validate.positive("sensor.noise.sample_time", self.sample_time),
-            seed=validate.whole("sensor.noise.seed", self.seed, least=0),
+            seed=validate.whole("sensor.noise.seed", self.seed, least=0, most=LARGEST_SEED),
         )
 
 

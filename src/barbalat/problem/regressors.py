@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from itertools import combinations_with_replacement
 from typing import Protocol, runtime_checkable
@@ -58,7 +59,8 @@ class Polynomial:
         return [factors for degree in degrees for factors in combinations_with_replacement(range(n), degree)]
 
     def size(self, n: int) -> int:
-        return len(self.powers(n))
+        """Counted, not listed: a slip of the pen in ``degree`` would otherwise fill the memory before it is refused."""
+        return math.comb(n + self.degree, n) - (0 if self.constant else 1)
 
     def __call__(self, x: Value) -> Value:
         terms = []

@@ -25,6 +25,9 @@ from barbalat.problem.output_feedback import OutputKnown
 from barbalat.protocols import Value
 from barbalat.validate import Array, InputError, Vector
 
+LARGEST_ORDER = 100
+"""Of the plant that is designed for: the coefficients of Lambda = (s + a)^99 span 29 decades, and doubles have 16 digits."""
+
 
 class State(NamedTuple):
     """What the controller integrates."""
@@ -171,7 +174,7 @@ class MracOutput:
         validate.label("name", self.name)
         validate.freeze(
             self,
-            order=validate.whole("order", self.order, least=1),
+            order=validate.whole("order", self.order, least=1, most=LARGEST_ORDER),
             relative_degree=validate.whole("relative_degree", self.relative_degree, least=1),
         )
         if self.relative_degree > self.order:
