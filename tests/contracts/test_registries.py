@@ -60,6 +60,18 @@ def test_the_docs_hold_what_the_registries_make():
     assert key_tables.page(PAGE) == PAGE, "run: python -m barbalat.cases.key_tables docs/cases.md"
 
 
+@pytest.mark.parametrize("problem", CASES)
+def test_editors_get_a_schema(problem):
+    """JSON Schema with every kind and scheme, each key described."""
+    schema = case_table(problem).model_json_schema()
+    tags = {value.get("const") for table in schema["$defs"].values() for value in table["properties"].values()}
+    assert tags >= {*CASES[problem], *SIGNALS}
+    for table in schema["$defs"].values():
+        assert table["additionalProperties"] is False
+        for key, value in table["properties"].items():
+            assert "const" in value or value["description"], (table["title"], key)
+
+
 def test_every_key_has_a_meaning():
     """Written once, in the docstring of the settings: for the docs and for the schema of editors."""
     for problem in CASES:

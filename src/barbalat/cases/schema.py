@@ -94,8 +94,10 @@ def _definition(name: str, key: Key) -> tuple[Any, Any]:
     details: dict[str, Any] = {"description": key.meaning}
     if key.alias is not None:
         details["validation_alias"] = AliasChoices(name, key.alias)
-    if key.default is not REQUIRED:
+    if isinstance(key.default, (bool, int, float, str)):
         details["default"] = key.default
+    elif key.default is not REQUIRED:
+        details["default_factory"] = lambda: None  # the settings have their own; a JSON Schema then speaks of none
     return form(key.type), Field(**details)
 
 
