@@ -357,6 +357,12 @@ def test_the_equivalent_of_a_controller_of_the_case():
     assert limit.feedforward.num.tolist() == fast_limit(first).feedforward.num.tolist()
 
 
+def test_the_equivalent_of_a_sampled_controller_is_that_of_the_continuous_one():
+    text = output_case(f"{L1_TABLE}\nsample_time = 0.1", 'scheme = "linear"\nname = "same"\nequivalent_of = "A"')
+    sampled, same = parse_case(text, "c").controllers
+    assert same.loop.den.tolist() == linear_equivalent(sampled.controller).feedback.den.tolist()
+
+
 @pytest.mark.parametrize(
     ("controllers", "words"),
     [

@@ -54,7 +54,7 @@ def build(case: Table, folder: Path) -> Case:
     def others(settings: type) -> dict[str, Callable[[], Any]]:
         """The case's controllers of a class, by name, each with what makes it."""
         chosen = [table for table in tables if table.recipe.settings is settings]
-        return {_name(table): partial(made, table, context, "") for table in chosen}
+        return {_name(table): partial(_controller, table, context) for table in chosen}
 
     context, controllers = Context(folder, problem.known, others), []
     for i, table in enumerate(tables, start=1):
@@ -64,7 +64,7 @@ def build(case: Table, folder: Path) -> Case:
 
 
 def _name(table: Table) -> str:
-    """A controller's name: given, or its scheme's."""
+    """A controller's name: as given, or its settings' default."""
     return str(vars(table)["name"])
 
 
@@ -88,11 +88,17 @@ def _value(value: Any, context: Context, place: str) -> Any:
         return made(value, context, place)
 
 
+def _controller(table: Table, context: Context) -> Controller:
+    """The controller as it is in continuous time."""
+    given = _given(table, context, "")
+    controller: Controller = table.recipe.make({key: value for key, value in given.items() if key not in SAMPLING}, context)
+    return controller
+
+
 def _bound(table: Table, context: Context, problem: TrackingProblem) -> Controller:
     """The controller, sampled if asked, after it was bound to the problem once to see that the two fit."""
-    given = _given(table, context, "")
-    sampling = {key: given.pop(key) for key in SAMPLING if key in given}
-    controller: Controller = table.recipe.make(given, context)
+    controller = _controller(table, context)
+    sampling = {key: vars(table)[key] for key in SAMPLING if key in table.model_fields_set}
     if "sample_time" in sampling:
         controller = Sampled(controller=controller, **sampling)
     elif sampling:

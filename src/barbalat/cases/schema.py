@@ -36,6 +36,7 @@ CASES: dict[type, Mapping[str, type]] = {Problem: SCHEMES, OutputProblem: OUTPUT
 """The problems that a case file can pose, and the schemes that solve them."""
 DIFFERENCES = PROBLEM_DIFFERENCES | SCHEME_DIFFERENCES
 
+_NAME = Annotated[str, Field(min_length=1)]
 _FORMS: dict[Any, set[str]] = {float: {"number"}, Vector: {"vector"}, Matrix: {"matrix"}, Array: {"vector", "matrix"}}
 
 
@@ -59,19 +60,14 @@ def _recipe(settings: type, choice: str = "", *, is_scheme: bool = False) -> Rec
     keys = keys_of(settings, differences)
     make: Make = differences.make or (lambda given, _: settings(**given))
     if is_scheme:
-        keys = (
-            keys
-            | {"name": keys["name"]._replace(type=Annotated[str, Field(min_length=1)], meaning="in results, tables and figures")}
-            | SAMPLING
-        )
+        keys |= {"name": Key(_NAME, "in results, tables and figures", keys["name"].default), **SAMPLING}
     choices = choices_of(keys)
     if not choices:
         return Recipe(settings, keys, make, choice)
     keys = {name: key for name, key in keys.items() if name not in choices}
     if not is_scheme:
-        return Recipe(
-            settings, keys | modification_keys(choices), lambda given, context: make(modified(given, choices), context), choice
-        )
+        keys |= modification_keys(choices)
+        return Recipe(settings, keys, lambda given, context: make(modified(given, choices), context), choice)
     table = _model(Recipe(Modification, modification_keys(choices), lambda given, _: modified(given, choices)))
     keys |= {"modification": Key(table, "of the law; none by default", None)}
 
