@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import math
-from typing import Any, TypeAlias
+from typing import Annotated, Any, TypeAlias
 
 import numpy as np
 
 Array: TypeAlias = Any
 """A float NumPy array; its shape stands beside each name. Constructors take whatever NumPy can turn into one, hence Any."""
+Vector: TypeAlias = Annotated[Any, "vector"]
+"""The same of one dimension. For settings: their fields' types say what case files may hold."""
+Matrix: TypeAlias = Annotated[Any, "matrix"]
+"""The same of two dimensions."""
 
 
 class InputError(ValueError):
@@ -17,7 +21,10 @@ class InputError(ValueError):
 
 def show(value: Any) -> str:
     """A value as it appears in a message: short, on one line."""
-    text = np.array2string(value, separator=", ") if isinstance(value, np.ndarray) else repr(value)
+    try:
+        text = np.array2string(value, separator=", ") if isinstance(value, np.ndarray) else repr(value)
+    except RecursionError:
+        text = f"a {type(value).__name__} nested too deeply to be shown"
     text = " ".join(text.split())
     return text if len(text) <= 100 else text[:97] + "..."
 
@@ -35,10 +42,12 @@ def number(field: str, value: Any) -> float:
     return result
 
 
-def whole(field: str, value: Any, least: int) -> int:
-    """A whole number of at least ``least``."""
-    if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value < least:
-        raise InputError(f"{field} must be a whole number of at least {least}, got {show(value)}")
+def whole(field: str, value: Any, least: int, most: int | None = None) -> int:
+    """A whole number of at least ``least``, and at most ``most``."""
+    is_whole = isinstance(value, (int, np.integer)) and not isinstance(value, bool)
+    if not is_whole or value < least or (most is not None and value > most):
+        limits = f"of at least {least}" if most is None else f"from {least} to {most}"
+        raise InputError(f"{field} must be a whole number {limits}, got {show(value)}")
     return int(value)
 
 

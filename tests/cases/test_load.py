@@ -357,6 +357,12 @@ def test_the_equivalent_of_a_controller_of_the_case():
     assert limit.feedforward.num.tolist() == fast_limit(first).feedforward.num.tolist()
 
 
+def test_the_equivalent_of_a_sampled_controller_is_that_of_the_continuous_one():
+    text = output_case(f"{L1_TABLE}\nsample_time = 0.1", 'scheme = "linear"\nname = "same"\nequivalent_of = "A"')
+    sampled, same = parse_case(text, "c").controllers
+    assert same.loop.den.tolist() == linear_equivalent(sampled.controller).feedback.den.tolist()
+
+
 @pytest.mark.parametrize(
     ("controllers", "words"),
     [
@@ -394,3 +400,50 @@ def test_the_equivalent_of_a_controller_of_the_case():
 def test_output_keys_that_do_not_go_together(controllers, words):
     message = refusal(lambda: parse_case(output_case(*controllers), "c"))
     assert all(word in message for word in words), message
+
+
+DEEP = ".".join(["a"] * 3000)
+NOISE = "[sensor]\nnoise = {{ std = 1.0, sample_time = {}, seed = {} }}\n[reference]"
+POLYNOMIAL = 'theta = [4.0, -3.0]\nregressor = { kind = "polynomial", degree = 3000 }'
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("[reference]", NOISE.format(1e-3, 2**64), ["sensor.noise.seed", "18446744073709551615"]),
+        ("[reference]", NOISE.format(61.0, 0), ["sensor.noise.sample_time", "t_end = 60 s", "61"]),
+        ('name = "L1"', 'name = "L1"\nsample_time = 1e80', ["L1", "sample_time", "t_end = 60 s", "1e+80"]),
+        ('name = "L1"', 'name = "L1"\nsample_time = 18446744073709551617', ["L1", "sample_time", "t_end = 60 s"]),
+        ("k_0 = 4.0", f"k_0 = 4.0\n{DEEP} = 1", ["unknown key reference_model.a"]),
+        ("k_0 = 4.0", f"k_0.{DEEP} = 1", ["reference_model.k_0", "nested"]),
+        ("theta = [4.0, -3.0]", POLYNOMIAL, ["plant.theta", "4504500"]),
+        ("dt = 1e-4", "dt = 1e-5\nrecord_points = 6000000", ["simulation.record_points", "at most 1000000", "6000000"]),
+    ],
+)
+def test_extreme_values_are_refused_in_one_sentence(old, new, words):
+    message = refusal(lambda: parse_case(edited(old, new)))
+    assert all(word in message for word in words), message
+
+
+def test_a_pole_that_is_no_number():
+    text = edited("A_m = [[0.0, 1.0], [-0.3, -1.0]]", "A = [[0.0, 1.0], [3.7, -4.0]]").replace("theta = [4.0, -3.0]\n", "")
+    assert "reference_model.poles must be numbers" in refusal(
+        lambda: parse_case(text.replace("k_0 = 4.0", "k_0 = 4.0\npoles = [[]]"))
+    )
+
+
+def test_an_order_that_no_computer_holds():
+    controller = (
+        'scheme = "mrac-output"\norder = 1000000\nrelative_degree = 1\nsign = 1\nlaw = { kind = "lyapunov", gamma = 1.0 }'
+    )
+    assert "order must be a whole number from 1 to 100, got 1000000" in refusal(lambda: parse_case(output_case(controller), "c"))
+
+
+def test_all_steps_of_a_short_run_may_be_recorded():
+    assert parse_case(edited("dt = 1e-4", "dt = 1e-3\nrecord_points = 6000000")).simulation.record_points == 6000000
+
+
+def test_a_second_spelling_is_understood():
+    """``value`` for a constant's amplitude, ``path`` for a file."""
+    constant = edited('kind = "sine"\namplitude = 50.0\nfrequency = 0.5', 'kind = "constant"\nvalue = 3')
+    assert parse_case(constant).problem.reference(np.zeros(1)) == [3.0]

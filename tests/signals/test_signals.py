@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from scipy import signal as scipy_signal
 
-from barbalat.protocols import Signal
 from barbalat.run.grid import signal_table
 from barbalat.signals import Chirp, Constant, Recorded, Sine, Sines, Square, Step, Steps
 from barbalat.solvers import EULER, HEUN, RK4
@@ -12,32 +11,6 @@ from barbalat.solvers.simulation import Simulation
 from independent import refusal
 
 T = np.linspace(0, 20, 401)
-ALL = [
-    Constant(3.0), Sine(50.0, 0.5), Sines((1.0, 2.0), (0.5, 3.0)), Chirp(1.0, 0.1, 5.0, 10.0), Step(1.0, 5.0),
-    Steps((1.0, 2.0), (3.0, 4.0)), Square(1.0, 2.0), Recorded([0.0, 1.0], [2.0, 3.0]),
-]  # fmt: skip
-
-
-@pytest.mark.parametrize("signal", ALL, ids=lambda s: type(s).__name__)
-@pytest.mark.parametrize("shape", [(), (1,), (3,), (2, 3)])
-def test_the_result_has_the_shape_of_the_times(signal, shape):
-    t = np.full(shape, 0.25)
-    assert isinstance(signal, Signal)
-    assert np.shape(signal(t)) == shape
-    assert np.shape(signal.before(t)) == shape
-
-
-@pytest.mark.parametrize("signal", ALL, ids=lambda s: type(s).__name__)
-def test_before_is_the_limit_from_the_left(signal):
-    """At every time of the grid, jumps included: the value just before it. 1e-6: smooth signals move by that much in 1e-9 s."""
-    np.testing.assert_allclose(signal.before(T[1:]), signal(T[1:] - 1e-9), atol=1e-6)
-
-
-@pytest.mark.parametrize("signal", ALL, ids=lambda s: type(s).__name__)
-def test_the_bound_bounds(signal):
-    """Over a dense grid; and it is no wild guess."""
-    largest = np.abs(signal(np.linspace(0, 50, 20_001))).max()
-    assert 0.6 * signal.bound <= largest <= signal.bound
 
 
 def test_the_bound_is_guaranteed_to_the_last_bit():

@@ -1,190 +1,135 @@
-"""The case file's keys, as pydantic models: types and spelling are checked here, meaning in the objects' constructors."""
+"""The case file's tables, made from the registries and from the fields of the settings that stand in them."""
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from collections.abc import Mapping
+from dataclasses import is_dataclass
+from functools import cache
+from types import GenericAlias, NoneType, UnionType
+from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
-from pydantic import Field
+from pydantic import AfterValidator, AliasChoices, Field, create_model
 
-from barbalat.cases.law_tables import LawTable, LearningTable, ModificationTable, NormalizationTable
-from barbalat.cases.plant_tables import (
-    GaussianTable,
-    InputTable,
-    NoiseTable,
-    PlantTable,
-    PolynomialTable,
-    ReferenceModelTable,
-    SensorTable,
-    TermsTable,
-    TransferFunctionTable,
-    UncertaintyTable,
-    UnmatchedTable,
-)
-from barbalat.cases.signal_tables import (
-    ChirpSignal,
-    ConstantSignal,
-    CsvSignal,
-    OneOrSeveralSignals,
-    SineSignal,
-    SinesSignal,
-    SquareSignal,
-    StepSignal,
-    StepsSignal,
-)
-from barbalat.cases.tables import Gain, Table, Vector
+from barbalat.adaptation.law import AdaptiveLaw
+from barbalat.adaptation.laws import LAWS, OUTPUT_LAWS, LyapunovLaw
+from barbalat.cases.keys import REQUIRED, Context, Differences, Given, Key, Make, keys_of
+from barbalat.cases.modifications import Modification, choices_of, modification_keys, modified
+from barbalat.cases.problem_keys import DIFFERENCES as PROBLEM_DIFFERENCES
+from barbalat.cases.scheme_keys import DIFFERENCES as SCHEME_DIFFERENCES
+from barbalat.cases.scheme_keys import SAMPLING
+from barbalat.cases.tables import Recipe, Table, numbers, one_or_several
+from barbalat.controllers import SCHEMES
+from barbalat.controllers.output import OUTPUT_SCHEMES
+from barbalat.problem.output_feedback import OutputProblem
+from barbalat.problem.regressors import REGRESSORS, Regressor
+from barbalat.problem.state_feedback import Problem
+from barbalat.protocols import Signal
+from barbalat.signals import SIGNALS
+from barbalat.solvers import SOLVERS, Tableau
+from barbalat.validate import Array, Matrix, Vector
 
+KINDS: dict[Any, Mapping[str, type]] = {Signal: SIGNALS, Regressor: REGRESSORS, AdaptiveLaw: LAWS, LyapunovLaw: OUTPUT_LAWS}
+"""By the type that a field asks for, the registry of what it may be: a table whose key ``kind`` says which."""
+NAMED: dict[Any, Mapping[str, Any]] = {Tableau: SOLVERS}
+"""The same for what a case file only names."""
+CASES: dict[type, Mapping[str, type]] = {Problem: SCHEMES, OutputProblem: OUTPUT_SCHEMES}
+"""The problems that a case file can pose, and the schemes that solve them."""
+DIFFERENCES = PROBLEM_DIFFERENCES | SCHEME_DIFFERENCES
 
-class SimulationTable(Table):
-    """[simulation]."""
-
-    t_end: float
-    dt: float
-    solver: str = "rk4"
-    record_points: int = 2000
+_NAME = Annotated[str, Field(min_length=1)]
+_FORMS: dict[Any, set[str]] = {float: {"number"}, Vector: {"vector"}, Matrix: {"matrix"}, Array: {"vector", "matrix"}}
 
 
-class FilterTable(Table):
-    """filter = { kappa = ... } or { num = [...], den = [...] }."""
-
-    kappa: float | None = None
-    num: Vector | None = None
-    den: Vector | None = None
-
-
-class SchemeTable(Table):
-    """What all schemes have in common."""
-
-    name: str | None = Field(default=None, min_length=1)
-    sample_time: float | None = None
-    discretization: Literal["midpoint", "euler"] | None = None
+@cache
+def case_table(problem: type) -> type[Table]:
+    """The table of a whole case, by the problem that it poses."""
+    controllers = GenericAlias(list, (_one_of(CASES[problem], "scheme"),))
+    return _model(_recipe(problem), controller=(controllers, Field(min_length=1)))
 
 
-class AdaptiveTable(SchemeTable):
-    """What all adaptive schemes have in common."""
-
-    projection: bool | None = None
-    theta_hat0: Vector | None = None
-
-    def common(self) -> dict[str, Any]:
-        """The settings that were given."""
-        given = {"name": self.name, "projection": self.projection, "theta_hat0": self.theta_hat0}
-        return {key: value for key, value in given.items() if value is not None}
+@cache
+def table_of(settings: type, key: str = "", choice: str = "") -> type[Table]:
+    """The table that makes an object of a class; it may be one of several, of which ``key`` = "``choice``" chooses it."""
+    more = {key: (Literal[choice], ...)} if key else {}
+    return _model(_recipe(settings, choice, is_scheme=key == "scheme"), **more)
 
 
-class ModifiedErrorTable(Table):
-    """modified_error = { mu = ..., margin = ... }."""
+def _recipe(settings: type, choice: str = "", *, is_scheme: bool = False) -> Recipe:
+    """A field that holds a modification becomes the keys of its settings: in a law's table, or in a scheme's ``modification``."""
+    differences = DIFFERENCES.get(settings, Differences())
+    keys = keys_of(settings, differences)
+    make: Make = differences.make or (lambda given, _: settings(**given))
+    if is_scheme:
+        keys |= {"name": Key(_NAME, "in results, tables and figures", keys["name"].default), **SAMPLING}
+    choices = choices_of(keys)
+    if not choices:
+        return Recipe(settings, keys, make, choice)
+    keys = {name: key for name, key in keys.items() if name not in choices}
+    if not is_scheme:
+        keys |= modification_keys(choices)
+        return Recipe(settings, keys, lambda given, context: make(modified(given, choices), context), choice)
+    table = _model(Recipe(Modification, modification_keys(choices), lambda given, _: modified(given, choices)))
+    keys |= {"modification": Key(table, "of the law; none by default", None)}
 
-    mu: float = 0.0
-    margin: float = 0.0
+    def make_modified(given: Given, context: Context) -> Any:
+        modifications = given.pop("modification", {})
+        return make(given | modifications, context)
 
-
-class MracTable(AdaptiveTable):
-    """scheme = "mrac"."""
-
-    scheme: Literal["mrac"]
-    gamma: Gain
-    modified_error: ModifiedErrorTable | None = None
-    modification: ModificationTable | None = None
-    learning: LearningTable | None = None
-
-
-class L1Table(AdaptiveTable):
-    """scheme = "l1"."""
-
-    scheme: Literal["l1"]
-    gamma: Gain
-    saturated_predictor: bool = False
-    filter: FilterTable
-    modification: ModificationTable | None = None
-    learning: LearningTable | None = None
+    return Recipe(settings, keys, make_modified, choice)
 
 
-class NormalizedMracTable(AdaptiveTable):
-    """scheme = "mrac-normalized"; gamma alone means the gradient law."""
-
-    scheme: Literal["mrac-normalized"]
-    gamma: Gain | None = None
-    law: LawTable | None = None
-    c_0: Vector | None = None
-    normalization: NormalizationTable = NormalizationTable()
-    saturated_predictor: bool = False
+def _model(recipe: Recipe, **more: Any) -> type[Table]:
+    """The pydantic model of a table; ``more`` are keys that its object does not see."""
+    definitions: dict[str, Any] = {key: _definition(key, given) for key, given in recipe.keys.items()}
+    model = create_model(recipe.settings.__name__, __base__=Table, **more, **definitions)
+    model.recipe = recipe
+    return model
 
 
-class RobustMracTable(AdaptiveTable):
-    """scheme = "robust-mrac"."""
-
-    scheme: Literal["robust-mrac"]
-    tau: float
-    law: LawTable
-    c_0: Vector | None = None
-    normalization: NormalizationTable = NormalizationTable()
-    saturated_predictor: bool = False
-
-
-class LinearTable(SchemeTable):
-    """scheme = "linear": a transfer function, or a design."""
-
-    scheme: Literal["linear"]
-    controller: TransferFunctionTable | None = None
-    design: Literal["hinf", "pi"] | None = None
-    unmodelled_delay: float | None = None
-    bandwidth: float | None = None
-    output: Vector | None = None
-    nominal: Vector | None = None
+def _definition(name: str, key: Key) -> tuple[Any, Any]:
+    details: dict[str, Any] = {"description": key.meaning}
+    if key.alias is not None:
+        details["validation_alias"] = AliasChoices(name, key.alias)
+    if isinstance(key.default, (bool, int, float, str)):
+        details["default"] = key.default
+    elif key.default is not REQUIRED:
+        details["default_factory"] = lambda: None  # the settings have their own; a JSON Schema then speaks of none
+    return form(key.type), Field(**details)
 
 
-ControllerTable = Annotated[
-    MracTable | L1Table | NormalizedMracTable | RobustMracTable | LinearTable,
-    Field(discriminator="scheme"),
-]
+def members_of(hint: Any) -> list[Any]:
+    """What a field may hold besides ``None``."""
+    return [one for one in (get_args(hint) if get_origin(hint) in (Union, UnionType) else (hint,)) if one is not NoneType]
 
 
-class CaseTable(Table):
-    """A whole case file."""
+def form(hint: Any) -> Any:
+    """The type of a field of settings as pydantic checks it."""
+    members = members_of(hint)
+    if all(one in _FORMS for one in members):
+        return numbers(set().union(*(_FORMS[one] for one in members)))
+    lists = [one for one in members if get_origin(one) is tuple]
+    if lists and len(members) == 1:
+        return GenericAlias(list, (form(get_args(lists[0])[0]),))
+    if lists:
+        return one_or_several(form(next(one for one in members if one not in lists)))
+    kinds = {name: settings for one in members for name, settings in KINDS.get(one, {}).items()}
+    if kinds:
+        return _one_of(kinds, "kind")
+    (member,) = members
+    if member in NAMED:
+        names = NAMED[member]
+        return Annotated[Literal[tuple(names)], AfterValidator(names.__getitem__)]
+    if isinstance(member, type) and is_dataclass(member):
+        return table_of(member)
+    is_table = isinstance(member, type) and issubclass(member, Table)
+    if is_table or member in (bool, int, str) or get_origin(member) in (Annotated, Literal):
+        return member
+    raise TypeError(f"no form in a case file is known for {hint}: say in cases/scheme_keys.py which keys give it")
 
-    name: str
-    plant: PlantTable
-    reference_model: ReferenceModelTable
-    reference: OneOrSeveralSignals
-    uncertainty: UncertaintyTable | None = None
-    sensor: SensorTable | None = None
-    simulation: SimulationTable
-    controller: list[ControllerTable] = Field(min_length=1)
 
-
-TABLES: dict[str | None, type[Table]] = {
-    None: CaseTable,
-    "plant": PlantTable,
-    "input": InputTable,
-    "actuator": TransferFunctionTable,
-    "multiplicative": TransferFunctionTable,
-    "unmatched": UnmatchedTable,
-    "polynomial": PolynomialTable,
-    "gaussian": GaussianTable,
-    "terms": TermsTable,
-    "sensor": SensorTable,
-    "noise": NoiseTable,
-    "reference_model": ReferenceModelTable,
-    "uncertainty": UncertaintyTable,
-    "simulation": SimulationTable,
-    "filter": FilterTable,
-    "modified_error": ModifiedErrorTable,
-    "law": LawTable,
-    "modification": ModificationTable,
-    "learning": LearningTable,
-    "normalization": NormalizationTable,
-    "constant": ConstantSignal,
-    "step": StepSignal,
-    "steps": StepsSignal,
-    "sine": SineSignal,
-    "sines": SinesSignal,
-    "square": SquareSignal,
-    "chirp": ChirpSignal,
-    "csv": CsvSignal,
-    "mrac": MracTable,
-    "l1": L1Table,
-    "mrac-normalized": NormalizedMracTable,
-    "robust-mrac": RobustMracTable,
-    "linear": LinearTable,
-}
-"""Every table by the last name in its place: its key, or the kind or scheme that chose it."""
+def _one_of(registry: Mapping[str, type], key: str) -> Any:
+    """One of the tables of a registry, chosen by ``key``."""
+    tables = [table_of(settings, key, name) for name, settings in registry.items()]
+    for table in tables:
+        table.recipe.elsewhere.update(name for other in tables for name in other.recipe.keys)
+    return Annotated[Union[tuple(tables)], Field(discriminator=key)]  # noqa: UP007  # made at run time

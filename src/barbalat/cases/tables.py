@@ -1,39 +1,84 @@
-"""What the tables of a case file have in common."""
+"""A table of a case file as a pydantic model: its keys' types are checked here, their meaning in the objects' constructors."""
 
 from __future__ import annotations
 
-from typing import Annotated, Any, TypeAlias
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from types import GenericAlias
+from typing import Annotated, Any, ClassVar, Union
 
-from pydantic import BaseModel, ConfigDict, Discriminator, Tag
+from pydantic import BaseModel, ConfigDict, Discriminator, Tag, model_validator
+from pydantic_core import PydanticCustomError
 
-Vector = list[float]
-Matrix = list[list[float]]
-SHAPES = ("number", "vector", "matrix", "one", "several")
-"""What tells the forms of a value apart; pydantic names them in the places of its findings."""
+from barbalat.cases.keys import REQUIRED, Key, Make
 
-
-def _shape(value: Any) -> str:
-    if not isinstance(value, list):
-        return "number"
-    return "matrix" if value and isinstance(value[0], list) else "vector"
-
-
-_Number: TypeAlias = Annotated[float, Tag("number")]
-_Vector: TypeAlias = Annotated[Vector, Tag("vector")]
-_Matrix: TypeAlias = Annotated[Matrix, Tag("matrix")]
-Gain = Annotated[_Number | _Vector | _Matrix, Discriminator(_shape)]
-"""A number, a diagonal or a matrix."""
-VectorOrMatrix = Annotated[_Vector | _Matrix, Discriminator(lambda value: "matrix" if _shape(value) == "matrix" else "vector")]
-NumberOrVector = Annotated[_Number | _Vector, Discriminator(lambda value: "number" if _shape(value) == "number" else "vector")]
-NumberOrMatrix = Annotated[_Number | _Matrix, Discriminator(lambda value: "number" if _shape(value) == "number" else "matrix")]
+FORMS = {"number": float, "vector": list[float], "matrix": list[list[float]]}
+"""The forms of numbers, by the names that tell them apart in the places of pydantic's findings."""
+TAGS = (*FORMS, "one", "several")
+"""All names of forms in such a place."""
 
 
-def how_many(value: Any) -> str:
-    """Whether a list of tables is given, or one."""
-    return "several" if isinstance(value, list) else "one"
+@dataclass(frozen=True, eq=False)
+class Recipe:
+    """What a table is made of, and what is made of it."""
+
+    settings: type
+    keys: dict[str, Key]
+    make: Make
+    choice: str = ""
+    """The kind or scheme that chooses this table among others."""
+    elsewhere: set[str] = field(default_factory=set)
+    """The keys of all of those."""
 
 
 class Table(BaseModel):
     """A table of a case file: unknown keys are refused, and so is a text where a number is meant."""
 
     model_config = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
+
+    recipe: ClassVar[Recipe]
+
+    @model_validator(mode="before")
+    @classmethod
+    def _refuse_unknown_keys(cls, given: Any) -> Any:
+        """A misspelt key is often also a missing one: the finding speaks of the spelling, and of nothing else in this table."""
+        if not isinstance(given, dict):
+            return given
+        keys = cls.recipe.keys
+        aliases = {key.alias for key in keys.values()}
+        details: dict[str, Any] = {"known": list(cls.model_fields), "choice": cls.recipe.choice}
+        unknown = [key for key in given if key not in cls.model_fields and key not in aliases]
+        for key in unknown:
+            if key not in cls.recipe.elsewhere:
+                raise PydanticCustomError("unknown_key", "unknown", {"key": key, **details})
+        if unknown and all(name in given or key.alias in given for name, key in keys.items() if key.default is REQUIRED):
+            raise PydanticCustomError("meaningless_key", "no meaning", {"key": unknown[0], **details})
+        return given
+
+
+def numbers(forms: set[str]) -> Any:
+    """A number, a list or a matrix, whichever of them ``forms`` allows."""
+    if len(forms) == 1:
+        return FORMS[next(iter(forms))]
+
+    def form(value: Any) -> str:
+        if not isinstance(value, list):
+            looks = ("number", "vector")
+        else:
+            looks = ("matrix", "vector") if value and isinstance(value[0], list) else ("vector", "matrix")
+        return looks[0] if looks[0] in forms else looks[1]
+
+    return chosen({name: FORMS[name] for name in FORMS if name in forms}, form)
+
+
+def one_or_several(one: Any) -> Any:
+    """A table, or a list of such tables."""
+    return chosen(
+        {"one": one, "several": GenericAlias(list, (one,))}, lambda value: "several" if isinstance(value, list) else "one"
+    )
+
+
+def chosen(forms: dict[str, Any], choose: Callable[[Any], str]) -> Any:
+    """One of several types, by a look at the value: so that findings speak of that one only."""
+    tagged = tuple(Annotated[form, Tag(name)] for name, form in forms.items())
+    return Annotated[Union[tagged], Discriminator(choose)]  # noqa: UP007  # made at run time

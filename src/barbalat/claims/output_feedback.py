@@ -9,8 +9,8 @@ import numpy as np
 from barbalat.adaptation.laws import Gradient
 from barbalat.adaptation.modifications.dead_zone import DeadZone
 from barbalat.adaptation.output_lyapunov import LyapunovLaw
+from barbalat.cases.build import Case
 from barbalat.cases.load import load_case
-from barbalat.cases.parts import Case
 from barbalat.claims.claim import Claim, verdict
 from barbalat.claims.variants import numbers
 from barbalat.controllers.output.l1 import L1Output, linear_equivalent

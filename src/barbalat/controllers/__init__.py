@@ -9,8 +9,8 @@ from barbalat.controllers.sampled import Sampled
 
 SCHEMES = {
     "mrac": Mrac,
-    "mrac-normalized": NormalizedMrac,
     "l1": L1Adaptive,
+    "mrac-normalized": NormalizedMrac,
     "robust-mrac": RobustMrac,
     "linear": LinearFeedback,
 }

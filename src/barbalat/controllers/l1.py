@@ -20,7 +20,7 @@ from barbalat.problem.known_set import EstimateSet, Gain, gain, limit
 from barbalat.problem.regressors import Uncertainty
 from barbalat.problem.state_feedback import Known
 from barbalat.protocols import Value
-from barbalat.validate import Array, InputError
+from barbalat.validate import Array, InputError, Vector
 
 
 class State(NamedTuple):
@@ -98,7 +98,8 @@ class L1Adaptive:
     filter      C(s): stable, strictly proper, C(0) = 1; starts at rest. ``None`` means C = 1, which is the standard MRAC
     theta_hat0  (p,), zero by default; inside the known set
     projection  onto the known set; by default on where one is given. An unknown input gain's estimate is always projected
-    leakage, dead_zone, learning  modifications of the law, none by default: see ``adaptation.lyapunov``
+    leakage, dead_zone  modifications of the law, none by default: see ``adaptation.lyapunov``
+    learning    a memory of past data; none by default
     saturated_predictor  against windup: the predictor is fed with sat(u), times omega_hat where the input gain is unknown, so
                 that x_tilde does not see the limit; off by default
 
@@ -107,7 +108,7 @@ class L1Adaptive:
 
     gamma: float | Array
     filter: TransferFunction | None
-    theta_hat0: Array | None = None
+    theta_hat0: Vector | None = None
     projection: bool | None = None
     leakage: Leakage | None = None
     dead_zone: DeadZone | None = None

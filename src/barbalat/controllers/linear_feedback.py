@@ -15,7 +15,7 @@ from barbalat.linear.systems import StateSpace, TransferFunction
 from barbalat.problem.regressors import Linear as LinearRegressor
 from barbalat.problem.state_feedback import Known
 from barbalat.protocols import Value
-from barbalat.validate import Array, InputError, freeze
+from barbalat.validate import Array, InputError, Vector, freeze
 
 
 class State(NamedTuple):
@@ -64,8 +64,8 @@ class LinearFeedback:
     """
 
     controller: StateSpace | TransferFunction
-    output: Array | None = None
-    nominal: Array | None = None
+    output: Vector | None = None
+    nominal: Vector | None = None
     unmodelled: TransferFunction | None = None
     name: str = "Linear"
 

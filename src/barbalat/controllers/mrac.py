@@ -21,7 +21,7 @@ from barbalat.problem.known_set import EstimateSet, Gain, gain, limit
 from barbalat.problem.regressors import Uncertainty
 from barbalat.problem.state_feedback import Known
 from barbalat.protocols import Value
-from barbalat.validate import Array, InputError
+from barbalat.validate import Array, InputError, Vector
 
 
 class State(NamedTuple):
@@ -108,14 +108,15 @@ class Mrac:
     gamma       adaptive gain Gamma > 0: a number, a diagonal (p,) or an s.p.d. matrix (p, p)
     theta_hat0  (p,), zero by default; inside the known set
     projection  onto the known set; by default on where one is given. An unknown input gain's estimate is always projected
-    leakage, dead_zone, learning  modifications of the law, none by default: see ``adaptation.lyapunov``
+    leakage, dead_zone  modifications of the law, none by default: see ``adaptation.lyapunov``
+    learning    a memory of past data; none by default
     modified_error  against windup where the input saturates: see ``ModifiedError``; none by default
 
     Source: eqs (3)-(4); Ioannou and Sun, Robust Adaptive Control, section 6.2.
     """
 
     gamma: float | Array
-    theta_hat0: Array | None = None
+    theta_hat0: Vector | None = None
     projection: bool | None = None
     leakage: Leakage | None = None
     dead_zone: DeadZone | None = None

@@ -21,7 +21,7 @@ from barbalat.problem.known_set import EstimateSet, limit
 from barbalat.problem.regressors import Regressor
 from barbalat.problem.state_feedback import Known
 from barbalat.protocols import Value
-from barbalat.validate import Array, InputError
+from barbalat.validate import Array, InputError, Vector
 
 
 class State(NamedTuple):
@@ -131,9 +131,9 @@ class RobustMrac:
 
     tau: float
     law: AdaptiveLaw
-    c_0: Array | None = None
+    c_0: Vector | None = None
     normalization: Normalization = field(default_factory=Normalization)
-    theta_hat0: Array | None = None
+    theta_hat0: Vector | None = None
     projection: bool | None = None
     saturated_predictor: bool = False
     name: str = "Robust MRAC"
@@ -152,13 +152,20 @@ class RobustMrac:
 class NormalizedMrac:
     """u = -theta_hat'x + k_0 r with a law driven by the normalised estimation error: RobustMrac without auxiliary input.
 
-    Parameters as there. Source: Section II; Ioannou and Sun, section 6.5.
+    law            of ``adaptation.laws``
+    c_0            (n,); W_m(s) = c_0'(sI - A_m)^-1 b must be minimum phase; P b by default
+    normalization  of the estimation error: eq. (16)
+    theta_hat0     (n,), zero by default; inside the known set
+    projection     onto the known set; by default on where one is given
+    saturated_predictor  against windup: the parametric model and n_d are fed with sat(u); off by default
+
+    Source: Section II; Ioannou and Sun, section 6.5.
     """
 
     law: AdaptiveLaw
-    c_0: Array | None = None
+    c_0: Vector | None = None
     normalization: Normalization = field(default_factory=Normalization)
-    theta_hat0: Array | None = None
+    theta_hat0: Vector | None = None
     projection: bool | None = None
     saturated_predictor: bool = False
     name: str = "Normalised MRAC"

@@ -19,7 +19,7 @@ def place(A: Any, b: Any, poles: list[Any]) -> np.ndarray:
     wanted: list[complex] = []
     for pole in poles:
         parts = np.atleast_1d(pole)
-        if len(parts) > 2:
+        if len(parts) not in (1, 2):
             raise InputError(f"reference_model.poles must be numbers or [real, imaginary], got {pole!r}")
         wanted += [complex(*parts)] if len(parts) == 1 or parts[1] == 0 else [complex(*parts), complex(*parts).conjugate()]
     if len(wanted) != len(A):

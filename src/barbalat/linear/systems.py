@@ -10,7 +10,7 @@ import numpy as np
 from barbalat import validate
 from barbalat.linear.conditions import balance
 from barbalat.protocols import Value
-from barbalat.validate import Array, InputError
+from barbalat.validate import Array, InputError, Vector
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,10 +82,13 @@ class StateSpace:
 
 @dataclass(frozen=True, eq=False)
 class TransferFunction:
-    """num(s)/den(s), coefficients with the highest power first; leading zeros are dropped, den is made monic."""
+    """num(s)/den(s); leading zeros are dropped, den is made monic.
 
-    num: Array
-    den: Array
+    num, den  coefficients, highest power first
+    """
+
+    num: Vector
+    den: Vector
 
     def __post_init__(self) -> None:
         num, den = (np.trim_zeros(validate.vector(name, getattr(self, name)), "f") for name in ("num", "den"))

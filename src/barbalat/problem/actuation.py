@@ -10,7 +10,7 @@ import numpy as np
 from barbalat import validate
 from barbalat.linear.systems import StateSpace, TransferFunction
 from barbalat.protocols import Value
-from barbalat.validate import Array, InputError
+from barbalat.validate import Array, InputError, Vector
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -30,7 +30,7 @@ class PlantInput:
     """
 
     quantization: float | None = None
-    saturation: Array | None = None
+    saturation: Vector | None = None
     rate_limit: float | None = None
     actuator: TransferFunction | None = None
     multiplicative: TransferFunction | None = None

@@ -8,7 +8,10 @@ import numpy as np
 
 from barbalat import validate
 from barbalat.protocols import Value
-from barbalat.validate import Array, InputError
+from barbalat.validate import InputError, Vector
+
+LARGEST_SEED = 2**64 - 1
+"""A Philox counter's key has 64 bits for it."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -22,7 +25,7 @@ class Noise:
     Source of the numbers: Philox counters (Salmon et al., 2011), turned Gaussian by the inverse distribution function.
     """
 
-    std: Array | float
+    std: float | Vector
     sample_time: float
     seed: int = 0
 
@@ -36,7 +39,7 @@ class Noise:
             self,
             std=std,
             sample_time=validate.positive("sensor.noise.sample_time", self.sample_time),
-            seed=validate.whole("sensor.noise.seed", self.seed, least=0),
+            seed=validate.whole("sensor.noise.seed", self.seed, least=0, most=LARGEST_SEED),
         )
 
 

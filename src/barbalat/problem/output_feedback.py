@@ -28,6 +28,12 @@ class OutputKnown:
 class OutputProblem(TrackingProblem):
     """Plant, model, command r(t), input disturbance d(t), output disturbance, and how y is measured.
 
+    plant, reference_model  by their transfer functions
+    reference               the command r(t)
+    disturbance             enters with u; none by default
+    output_disturbance      added to the output; none by default
+    sensor                  how y is measured; exactly by default
+
     What ``output_disturbance`` adds to G's output belongs to y: it is in e = y - y_m and in what is measured, not in f(t, y).
     """
 

@@ -103,7 +103,12 @@ class OutputPlant:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class OutputReferenceModel:
-    """y_m = W_m(s)[r], from rest: (19). W_m stable, strictly proper, minimum phase. Raises InputError."""
+    """y_m = W_m(s)[r], from rest: (19).
+
+    transfer_function  W_m(s): stable, strictly proper, minimum phase
+
+    Raises InputError.
+    """
 
     transfer_function: TransferFunction
 

@@ -12,7 +12,7 @@ from barbalat.linear.conditions import require_controllable, require_hurwitz
 from barbalat.problem.actuation import PlantInput
 from barbalat.problem.regressors import Linear, Regressor, Uncertainty
 from barbalat.protocols import Value
-from barbalat.validate import Array, InputError, freeze
+from barbalat.validate import Array, InputError, Matrix, Vector, freeze
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -30,10 +30,10 @@ class Plant:
     Raises InputError for wrong shapes, a non-Hurwitz A_m, an uncontrollable pair.
     """
 
-    A_m: Array
+    A_m: Matrix
     b: Array
     theta: Array
-    x0: Array | None = None
+    x0: Vector | None = None
     input: PlantInput | tuple[PlantInput, ...] | None = None
     regressor: Regressor = field(default_factory=Linear)
 
@@ -165,7 +165,7 @@ class ReferenceModel:
     k_0  a number; with m inputs a matrix (m, q) for q commands
     """
 
-    k_0: Array | float = 1.0
+    k_0: float | Matrix = 1.0
 
     def __post_init__(self) -> None:
         name = "reference_model.k_0"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from itertools import combinations_with_replacement
 from typing import Protocol, runtime_checkable
@@ -11,7 +12,7 @@ import numpy as np
 from barbalat import validate
 from barbalat.problem.formulas import Formula, Variables, formula
 from barbalat.protocols import Value
-from barbalat.validate import Array, InputError
+from barbalat.validate import InputError, Matrix
 
 
 @runtime_checkable
@@ -40,7 +41,11 @@ class Linear:
 
 @dataclass(frozen=True, kw_only=True)
 class Polynomial:
-    """All monomials of the states of degree 1 ... ``degree``, a leading 1 where ``constant``; by degree, then lexically."""
+    """All monomials of the states of degree 1 ... ``degree``, a leading 1 where ``constant``; by degree, then lexically.
+
+    degree    the highest, >= 1
+    constant  whether a 1 stands in front
+    """
 
     degree: int
     constant: bool = False
@@ -54,7 +59,8 @@ class Polynomial:
         return [factors for degree in degrees for factors in combinations_with_replacement(range(n), degree)]
 
     def size(self, n: int) -> int:
-        return len(self.powers(n))
+        """Counted, not listed: a slip of the pen in ``degree`` would otherwise fill the memory before it is refused."""
+        return math.comb(n + self.degree, n) - (0 if self.constant else 1)
 
     def __call__(self, x: Value) -> Value:
         terms = []
@@ -68,9 +74,13 @@ class Polynomial:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class GaussianRBF:
-    """phi_i(x) = exp(-|x - c_i|^2/(2 width^2)); ``centers`` (p, n), ``width`` > 0 in the states' units."""
+    """phi_i(x) = exp(-|x - c_i|^2/(2 width^2)).
 
-    centers: Array
+    centers  (p, n), one row for each function
+    width    > 0, in the states' units
+    """
+
+    centers: Matrix
     width: float
 
     def __post_init__(self) -> None:
@@ -97,7 +107,9 @@ STATES = Variables(r"x[1-9][0-9]*", "x1, x2, ...")
 class Terms:
     """Written terms: each a formula in x1 ... xn with + - * / **, and abs, exp, sin, cos, sqrt, tanh.
 
-    ``Terms(terms=("x1", "x2", "abs(x1)*x2"))``. Raises InputError for anything else in a formula.
+    terms  the formulas, such as ["x1", "x2", "abs(x1)*x2"]
+
+    Raises InputError for anything else in a formula.
     """
 
     terms: tuple[str, ...]
@@ -122,6 +134,14 @@ class Terms:
     def __call__(self, x: Value) -> Value:
         given = {f"x{i + 1}": x[i] for i in range(x.shape[0])}
         return np.concatenate([(found.evaluate(given) + 0 * x[0]).reshape(1) for found in self._formulas()])
+
+
+REGRESSORS = {
+    "polynomial": Polynomial,
+    "gaussian": GaussianRBF,
+    "terms": Terms,
+}
+"""The registry, by the names of case files, where the state itself is what stands without one."""
 
 
 @dataclass(frozen=True, eq=False)

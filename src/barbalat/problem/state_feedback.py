@@ -70,7 +70,8 @@ class Known:
 class Problem(TrackingProblem):
     """The tracking problem of Section II.
 
-    plant, reference_model, reference  eqs (1) and (2), and the command r(t); a list of commands where k_0 is a matrix
+    plant, reference_model             eqs (1) and (2)
+    reference                          the command r(t); a list of commands where k_0 is a matrix
     uncertainty                        the known set Omega
     disturbance                        matched: d(t) in x' = A_m x + b (theta'x + u + d)
     unmatched                          others, each along a direction of its own

@@ -11,14 +11,18 @@ from barbalat import validate
 from barbalat.problem.measurement import Noise, Sensor
 from barbalat.protocols import Signal
 from barbalat.signals import Clock
-from barbalat.validate import Array, InputError, freeze
+from barbalat.validate import Array, InputError, Vector, freeze
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Disturbance:
-    """direction * signal(t), added to x': for what no control can cancel. ``direction`` is (n,)."""
+    """direction * signal(t), added to x': for what no control can cancel.
 
-    direction: Array
+    direction  (n,)
+    signal     of any kind
+    """
+
+    direction: Vector
     signal: Signal
 
     def __post_init__(self) -> None:

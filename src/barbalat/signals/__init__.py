@@ -1,7 +1,18 @@
-"""Commands, disturbances and recorded data: functions of time that drive the loop."""
+"""Commands, disturbances and recorded data: functions of time that drive the loop. The registry has case files' names."""
 
 from barbalat.signals.piecewise import Square, Step, Steps
 from barbalat.signals.recorded import Recorded
 from barbalat.signals.smooth import Chirp, Clock, Constant, Sine, Sines
 
-__all__ = ["Chirp", "Clock", "Constant", "Recorded", "Sine", "Sines", "Square", "Step", "Steps"]
+SIGNALS = {
+    "constant": Constant,
+    "step": Step,
+    "steps": Steps,
+    "sine": Sine,
+    "sines": Sines,
+    "square": Square,
+    "chirp": Chirp,
+    "csv": Recorded,
+}
+
+__all__ = ["SIGNALS", "Chirp", "Clock", "Constant", "Recorded", "Sine", "Sines", "Square", "Step", "Steps"]

@@ -18,7 +18,12 @@ def rounding_of(t: Array) -> Array:
 
 @dataclass(frozen=True)
 class Step:
-    """constant for t < start, constant + amplitude from then on; ``start`` in s."""
+    """constant for t < start, constant + amplitude from then on.
+
+    amplitude  height of the step
+    start      [s]
+    constant   the value before
+    """
 
     amplitude: float
     start: float = 0.0
@@ -40,7 +45,12 @@ class Step:
 
 @dataclass(frozen=True)
 class Steps:
-    """values[i] from times[i] on, ``initial`` before times[0]; times in s, increasing."""
+    """values[i] from times[i] on, ``initial`` before times[0].
+
+    times    [s], increasing
+    values   as many as times
+    initial  the value before the first
+    """
 
     times: tuple[float, ...]
     values: tuple[float, ...]
@@ -72,7 +82,13 @@ class Steps:
 
 @dataclass(frozen=True)
 class Square:
-    """constant + amplitude for the first half of each period 2 pi / frequency, constant - amplitude for the second."""
+    """constant + amplitude for the first half of each period 2 pi / frequency, constant - amplitude for the second.
+
+    amplitude  of the swing
+    frequency  [rad/s], > 0
+    phase      [rad]
+    constant   what it swings around
+    """
 
     amplitude: float
     frequency: float

@@ -43,7 +43,7 @@ class Clock(Continuous):
 
 @dataclass(frozen=True)
 class Constant(Continuous):
-    """r(t) = amplitude."""
+    """amplitude, at all times."""
 
     amplitude: float = 0.0
 
@@ -60,7 +60,13 @@ class Constant(Continuous):
 
 @dataclass(frozen=True)
 class Sine(Continuous):
-    """r(t) = constant + amplitude sin(frequency t + phase)."""
+    """constant + amplitude sin(frequency t + phase).
+
+    amplitude  of the swing
+    frequency  [rad/s], > 0
+    phase      [rad]
+    constant   what it swings around
+    """
 
     amplitude: float
     frequency: float
@@ -81,7 +87,13 @@ class Sine(Continuous):
 
 @dataclass(frozen=True)
 class Sines(Continuous):
-    """r(t) = constant + sum of amplitudes[i] sin(frequencies[i] t + phases[i])."""
+    """constant + sum of amplitudes[i] sin(frequencies[i] t + phases[i]).
+
+    amplitudes   of the swings
+    frequencies  [rad/s], > 0, as many as amplitudes
+    phases       [rad], as many; zeros by default
+    constant     what they swing around
+    """
 
     amplitudes: tuple[float, ...]
     frequencies: tuple[float, ...]
@@ -112,7 +124,14 @@ class Sines(Continuous):
 
 @dataclass(frozen=True)
 class Chirp(Continuous):
-    """A sine whose frequency runs linearly from ``frequency_start`` to ``frequency_end`` in ``duration`` s, then stays."""
+    """A sine whose frequency runs linearly from ``frequency_start`` to ``frequency_end`` in ``duration``, then stays.
+
+    amplitude        of the swing
+    frequency_start  [rad/s], >= 0
+    frequency_end    [rad/s], >= 0
+    duration         of the sweep [s], > 0
+    constant         what it swings around
+    """
 
     amplitude: float
     frequency_start: float

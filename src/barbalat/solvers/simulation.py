@@ -10,12 +10,17 @@ from barbalat import validate
 from barbalat.solvers import RK4, Tableau
 from barbalat.validate import Array, InputError
 
+MOST_RECORDED = 1_000_000
+"""Points of a trajectory: 1 GB for each controller, at some 1 kB for the state of an adaptive loop and its envelope."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Simulation:
     """How to simulate: fixed steps of ``dt`` [s] from 0 to ``t_end`` [s].
 
-    solver         a Tableau: EULER, HEUN, RK4
+    t_end          horizon [s]
+    dt             step [s]; it divides t_end
+    solver         the method, a Tableau: EULER, HEUN, RK4
     record_points  about how many instants of a trajectory are kept; figures are over every step all the same
 
     Raises InputError where dt does not divide t_end.
@@ -40,6 +45,11 @@ class Simulation:
             nearest = t_end / max(steps, 1)
             raise InputError(
                 f"simulation.dt must divide simulation.t_end, but {t_end:g} / {dt:g} = {ratio:.9g}; {nearest!r} would"
+            )
+        if min(steps, record_points) > MOST_RECORDED:
+            raise InputError(
+                f"simulation.record_points must be at most {MOST_RECORDED}, got {record_points}: each point of each controller "
+                "takes some 1 kB of memory; figures are over every step all the same"
             )
         object.__setattr__(self, "t_end", t_end)
         object.__setattr__(self, "dt", dt)

@@ -8,6 +8,7 @@ from barbalat.adaptation.laws.gradient import Gradient
 from barbalat.adaptation.laws.integral_cost import IntegralCost
 from barbalat.adaptation.laws.least_squares import LeastSquares
 from barbalat.adaptation.laws.resetting import LeastSquaresResetting
+from barbalat.adaptation.output_lyapunov import LyapunovLaw
 
 LAWS = {
     "gradient": Gradient,
@@ -18,8 +19,10 @@ LAWS = {
     "least-squares-bounded": LeastSquaresBounded,
     "least-squares-bounded-gain": LeastSquaresBoundedGain,
 }
+OUTPUT_LAWS = {"lyapunov": LyapunovLaw} | LAWS
+"""The laws of output-feedback MRAC."""
 
 __all__ = [
-    "LAWS", "AdaptiveLaw", "Estimation", "Gradient", "IntegralCost", "LeastSquares", "LeastSquaresBounded",
-    "LeastSquaresBoundedGain", "LeastSquaresForgetting", "LeastSquaresResetting", "Rates",
+    "LAWS", "OUTPUT_LAWS", "AdaptiveLaw", "Estimation", "Gradient", "IntegralCost", "LeastSquares", "LeastSquaresBounded",
+    "LeastSquaresBoundedGain", "LeastSquaresForgetting", "LeastSquaresResetting", "LyapunovLaw", "Rates",
 ]  # fmt: skip

@@ -14,6 +14,8 @@ from barbalat.protocols import Value
 class DeadZone:
     """Continuous dead zone of half-width g_0 > 0: an error of size E counts as E - g_0, and as nothing inside.
 
+    g_0  half-width of the zone: a bound of the modelling error
+
     For the laws on the parametric model E = |epsilon m_s|, so that epsilon becomes epsilon + g with g = -g_0/m_s for
     epsilon m_s > g_0, g_0/m_s for epsilon m_s < -g_0, -epsilon between. With |eta|/m_s <= g_0 for the modelling error eta,
     V = theta_tilde'Gamma^-1 theta_tilde does not grow. The price: the error converges to the zone, not to zero.

@@ -16,6 +16,8 @@ from barbalat.protocols import Value
 class EpsilonModification:
     """w = nu |error|, error = epsilon m_s, or e'P b for the Lyapunov laws: the leakage fades with the error, nu > 0.
 
+    nu  the leakage for an error of one
+
     Its proof needs a V' that is proportional to |error|: V' <= |error| (d_0 + ... - nu theta_tilde'theta_hat).
 
     Source: Narendra and Annaswamy (1987), IEEE TAC 32(2); Ioannou and Sun, section 8.4.1.

@@ -13,6 +13,8 @@ from barbalat.protocols import Value
 class FixedSigma:
     """w = sigma > 0: the estimates stay bounded under bounded modelling errors without a known set.
 
+    sigma  the leakage
+
     The price: V' = ... - sigma theta_tilde'theta_hat may be positive, so also without modelling error the tracking error does
     not converge to zero, only to a set of the order of sqrt(sigma) |theta|.
 

@@ -15,6 +15,9 @@ from barbalat.protocols import Value
 class SwitchingSigma:
     """w = 0 for |theta_hat| <= M_0, sigma (|theta_hat|/M_0 - 1) up to 2 M_0, sigma beyond; Euclidean norm.
 
+    sigma  the leakage far out
+    M_0    where it begins: a bound of |theta|
+
     Where |theta| <= M_0, w theta_tilde'theta_hat >= w |theta_hat| (|theta_hat| - M_0) >= 0: what holds without modelling error
     holds with it as well, for every law. M_0 must be a bound of |theta|.
 

@@ -61,8 +61,8 @@ class L1Output:
     m             pole of the model m/(s + m) [rad/s], > 0; the problem's reference model must be it
     gamma         adaptive gain > 0
     filter        C(s): stable, strictly proper, C(0) = 1; starts at rest
-    sigma_bound   |sigma| <= sigma_bound by projection, > 0; None for no bound
-    lipschitz     L of condition (20), for certificates only; None: 0 without f, else the slope that f is found to have
+    sigma_bound   |sigma| <= sigma_bound by projection, > 0; no bound by default
+    lipschitz     L of condition (20), for certificates only; by default 0 without f, else the slope that f is found to have
     design_plant  G(s) that the design assumes, for certificates; the plant itself by default
 
     Source: eqs (18)-(21); Cao and Hovakimyan, IEEE TAC 54(4), 2009; Hovakimyan and Cao, section 4.1.

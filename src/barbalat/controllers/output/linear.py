@@ -57,7 +57,10 @@ class Equations:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class LinearOutput:
-    """u = K(s)[y_m - y], K = ``loop``; or u = F(s)[r] - K(s)[y] where a feedforward is given; both proper, from rest.
+    """u = K(s)[y_m - y]; or u = F(s)[r] - K(s)[y] where a feedforward is given; both proper, from rest.
+
+    loop         K(s)
+    feedforward  F(s); none by default
 
     An unstable F must have the denominator of K, whose dynamics it then shares: the loop would not see its own.
     """

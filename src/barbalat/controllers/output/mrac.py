@@ -22,7 +22,10 @@ from barbalat.linear.systems import StateSpace
 from barbalat.problem.known_set import UNBOUNDED, ParameterBox, limit
 from barbalat.problem.output_feedback import OutputKnown
 from barbalat.protocols import Value
-from barbalat.validate import Array, InputError
+from barbalat.validate import Array, InputError, Vector
+
+LARGEST_ORDER = 100
+"""Of the plant that is designed for: the coefficients of Lambda = (s + a)^99 span 29 decades, and doubles have 16 digits."""
 
 
 class State(NamedTuple):
@@ -139,7 +142,7 @@ class MracOutput:
     sign             of the high-frequency gain, 1 or -1
     law              LyapunovLaw (n* = 1 with a strictly positive real W_m; unnormalised) or a law of the family
     theta_hat0       (2 n,): theta_1, theta_2, theta_3, c_0; zero by default, c_0 at its bound
-    tau              time constant of the auxiliary input [s]; None for none; only with a law of the family
+    tau              time constant of the auxiliary input [s]; none by default; only with a law of the family
     normalization    m_s^2 = 1 + phi'phi + alpha_0 n_d, n_d' = -delta_0 n_d + u^2 + y^2
     filter_poles     the roots of Lambda_0, order - 1 less the model's zeros; all at -max |pole of W_m| by default
     lower, upper     (2 n,) each, the known set; none by default
@@ -157,12 +160,12 @@ class MracOutput:
     relative_degree: int
     sign: int
     law: AdaptiveLaw | LyapunovLaw
-    theta_hat0: Array | None = None
+    theta_hat0: Vector | None = None
     tau: float | None = None
     normalization: Normalization = field(default_factory=Normalization)
-    filter_poles: Array | None = None
-    lower: Array | None = None
-    upper: Array | None = None
+    filter_poles: Vector | None = None
+    lower: Vector | None = None
+    upper: Vector | None = None
     c_0_min: float | None = None
     saturated_predictor: bool = False
     name: str = "MRAC output"
@@ -173,7 +176,7 @@ class MracOutput:
         validate.label("name", self.name)
         validate.freeze(
             self,
-            order=validate.whole("order", self.order, least=1),
+            order=validate.whole("order", self.order, least=1, most=LARGEST_ORDER),
             relative_degree=validate.whole("relative_degree", self.relative_degree, least=1),
         )
         if self.relative_degree > self.order:

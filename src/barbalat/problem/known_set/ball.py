@@ -35,7 +35,11 @@ SCALAR_ONLY = (
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ParameterBall:
-    """The known convex set Omega = {|theta - center|_2 <= radius}; center (n,), radius > 0."""
+    """The known convex set Omega = {|theta - center|_2 <= radius}.
+
+    center  (p,)
+    radius  of the ball in the Euclidean norm, > 0
+    """
 
     center: Array
     radius: float

@@ -29,7 +29,10 @@ AGREEMENT = 2.0**-36
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ParameterBox:
-    """The known convex set Omega = {lower <= theta <= upper}, componentwise; both (n,)."""
+    """The known convex set Omega = {lower <= theta <= upper}, componentwise.
+
+    lower, upper  (p,) each, lower <= upper
+    """
 
     lower: Array
     upper: Array

@@ -1,0 +1,162 @@
+"""The tables of keys in docs/cases.md, from the registries and the settings' docstrings.
+
+``python -m barbalat.cases.key_tables docs/cases.md`` writes them anew between the page's marks.
+"""
+
+from __future__ import annotations
+
+import inspect
+import re
+import sys
+from collections.abc import Mapping
+from dataclasses import is_dataclass
+from pathlib import Path
+from typing import Annotated, Any, Literal, get_args, get_origin
+
+from barbalat.adaptation.laws import LAWS, OUTPUT_LAWS, AdaptiveLaw, LyapunovLaw
+from barbalat.adaptation.learning import CompositeLearning
+from barbalat.adaptation.normalization import Normalization
+from barbalat.cases.keys import REQUIRED, Key
+from barbalat.cases.schema import NAMED, case_table, members_of, table_of
+from barbalat.cases.scheme_keys import LowPass
+from barbalat.controllers import SCHEMES
+from barbalat.controllers.output import OUTPUT_SCHEMES
+from barbalat.controllers.windup import ModifiedError
+from barbalat.linear.systems import TransferFunction
+from barbalat.problem.output_feedback import OutputProblem
+from barbalat.problem.regressors import REGRESSORS, Regressor
+from barbalat.problem.state_feedback import Problem
+from barbalat.protocols import Signal
+from barbalat.signals import SIGNALS
+from barbalat.validate import Array, Matrix, Vector
+
+WORDS: dict[Any, str] = {
+    float: "number",
+    int: "integer",
+    bool: "true or false",
+    str: "text",
+    Vector: "list",
+    Matrix: "matrix",
+    Array: "list or matrix",
+    TransferFunction: "{ num, den }",
+    Signal: "signal",
+    Regressor: "regressor",
+    AdaptiveLaw: "law",
+    LyapunovLaw: "law",
+}
+"""What the types of fields are called on the page; other settings are a table."""
+
+PARTS = {"filter": LowPass, "learning": CompositeLearning, "normalization": Normalization, "modified_error": ModifiedError}
+"""The tables within a controller's that are no law."""
+
+
+def tables() -> dict[str, str]:
+    """The page's tables in Markdown, by the names of their marks."""
+    parts = [row for name, settings in PARTS.items() for row in _rows(table_of(settings).recipe.keys, f"{name}.")]
+    only_output = {name: law for name, law in OUTPUT_LAWS.items() if name not in LAWS}
+    return {
+        "problem": _markdown("key", "type", "default", "meaning", rows=_rows(case_table(Problem).recipe.keys)),
+        "regressors": _registry(REGRESSORS, "kind"),
+        "signals": _registry(SIGNALS, "kind"),
+        "schemes": _registry(SCHEMES, "scheme"),
+        "parts": _markdown("key", "type", "default", "meaning", rows=parts),
+        "laws": _registry(LAWS, "kind"),
+        "output problem": _markdown("key", "type", "default", "meaning", rows=_rows(case_table(OutputProblem).recipe.keys)),
+        "output schemes": _registry(OUTPUT_SCHEMES, "scheme"),
+        "output laws": _registry(only_output, "kind"),
+    }
+
+
+def page(text: str) -> str:
+    """The page with its tables as they are now."""
+    for name, table in tables().items():
+        before, mark, rest = text.partition(f"<!-- keys: {name} -->\n")
+        _, end, after = rest.partition("<!-- end -->")
+        if not end:
+            raise ValueError(f"the page has no place for the keys of {name}: a line <!-- keys: {name} -->, below it <!-- end -->")
+        text = before + mark + table + end + after
+    return text
+
+
+def _rows(keys: Mapping[str, Key], prefix: str = "") -> list[tuple[str, ...]]:
+    """A row for each key; those of a table that only one key can hold, under that key."""
+    rows: list[tuple[str, ...]] = []
+    for name, key in keys.items():
+        first = members_of(key.type)[0]
+        if isinstance(first, type) and is_dataclass(first) and first not in WORDS and first not in NAMED:
+            rows += _rows(table_of(first).recipe.keys, f"{prefix}{name}.")
+        else:
+            rows.append((f"`{prefix}{name}`", *_described(key)))
+    return rows
+
+
+def _registry(registry: Mapping[str, type], choice: str) -> str:
+    """What each name stands for, and a row for each key of it; the keys that all have alike come last."""
+    keys = {name: table_of(settings, choice, name).recipe.keys for name, settings in registry.items()}
+    first = next(iter(keys.values()))
+    common = {
+        name: key
+        for name, key in first.items()
+        if len(registry) > 1 and all(name in one and one[name][:2] == key[:2] for one in keys.values())
+    }
+    rows: list[tuple[str, ...]] = []
+    for name, settings in registry.items():
+        rows.append((f"`{name}`", "", "", "", _cell(summary(settings))))
+        rows += [("", f"`{key}`", *_described(given)) for key, given in keys[name].items() if key not in common]
+    for key, given in common.items():
+        differs = any(one[key].default != given.default for one in keys.values())
+        rows.append(("all", f"`{key}`", *_described(given._replace(default=None) if differs else given)))
+    return _markdown(choice, "key", "type", "default", "meaning", rows=rows)
+
+
+def summary(settings: type) -> str:
+    """The first sentence of a docstring."""
+    return inspect.cleandoc(settings.__doc__ or "").split("\n\n")[0]
+
+
+def _described(key: Key) -> tuple[str, str, str]:
+    default = "required" if key.default is REQUIRED else "" if key.default is None else _plain(key.default)
+    return words(key.type), default, _cell(key.meaning)
+
+
+def _plain(default: object) -> str:
+    """A default as TOML writes it."""
+    names = {id(value): name for named in NAMED.values() for name, value in named.items()}
+    if id(default) in names:
+        return names[id(default)]
+    return str(default).lower() if isinstance(default, bool) else str(default)
+
+
+def words(hint: Any) -> str:
+    """What stands for a key, in words."""
+    found = list(dict.fromkeys(word for one in members_of(hint) for word in _word(one).split(" or ")))
+    return " or ".join([*[", ".join(found[:-1])] * (len(found) > 1), found[-1]])
+
+
+def _word(hint: Any) -> str:
+    if hint in WORDS:
+        return WORDS[hint]
+    if hint in NAMED:
+        return " or ".join(NAMED[hint])
+    if get_origin(hint) is Literal:
+        return " or ".join(f"`{name}`" for name in get_args(hint))
+    if get_origin(hint) is Annotated:
+        return _word(get_args(hint)[0])
+    if get_origin(hint) is tuple:
+        item = get_args(hint)[0]
+        return f"list of {words(item)}s" if item in WORDS or is_dataclass(item) else "list"
+    return "table"
+
+
+def _cell(text: str) -> str:
+    text = re.sub(r"\(?docs/([\w-]+\.md)\)?", r"([\1](\1))", " ".join(text.split()).replace("``", "`"))
+    return text.replace("|", r"\|").replace("*", r"\*")
+
+
+def _markdown(*head: str, rows: list[tuple[str, ...]]) -> str:
+    return "".join(f"| {' | '.join(row)} |\n" for row in (head, ("---",) * len(head), *rows))
+
+
+if __name__ == "__main__":
+    file = Path(sys.argv[1])
+    file.write_text(page(file.read_text(encoding="utf-8")), encoding="utf-8")

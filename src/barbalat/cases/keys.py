@@ -1,0 +1,85 @@
+"""The keys of a table of a case file: the fields of the settings that it makes, and where it differs from them."""
+
+from __future__ import annotations
+
+import inspect
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import MISSING, dataclass, field, fields
+from pathlib import Path
+from typing import Any, NamedTuple, get_type_hints
+
+REQUIRED = MISSING
+"""Stands for a default where there is none."""
+
+Given = dict[str, Any]
+"""What the keys of one table say, tables among them already built; keys that were not given are absent."""
+
+
+class Key(NamedTuple):
+    """One key of a table."""
+
+    type: Any  # as a field of settings would have it
+    meaning: str
+    default: Any = REQUIRED  # None where the settings' own default is no plain value
+    alias: str | None = None  # a second spelling that is understood
+
+
+class Context(NamedTuple):
+    """What building a table needs beside the table itself."""
+
+    folder: Path  # where relative paths start
+    known: Any = None  # the problem's known part, for controllers
+    others: Callable[[type], dict[str, Callable[[], Any]]] = lambda _: {}
+    """The case's controllers of a class, by name, each with what makes it."""
+
+
+Make = Callable[[Given, Context], Any]
+"""Makes a table's object from what was given."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Differences:
+    """How the keys that make an object differ from the fields of its class.
+
+    keys       those that are no fields, or not of the field's type
+    required   fields that have a default in Python but must be given here; ``optional`` the other way round
+    without    fields that no key gives
+    make       the object from what was given; by default the class with that as keyword arguments
+    """
+
+    keys: Mapping[str, Key] = field(default_factory=dict)
+    required: tuple[str, ...] = ()
+    optional: tuple[str, ...] = ()
+    without: tuple[str, ...] = ()
+    make: Make | None = None
+
+
+def keys_of(settings: type, differences: Differences) -> dict[str, Key]:
+    """The keys from which an object of a class is made: name -> Key."""
+    types, meanings = get_type_hints(settings, include_extras=True), meanings_of(settings)
+    found: dict[str, Key] = {}
+    for one in fields(settings):
+        if not one.init or one.name in differences.without:
+            continue
+        default = None if one.default_factory is not MISSING else one.default
+        found[one.name] = Key(types[one.name], meanings.get(one.name, ""), default)
+    found |= {name: found[name]._replace(default=REQUIRED) for name in differences.required}
+    found |= {name: found[name]._replace(default=None) for name in differences.optional}
+    return found | dict(differences.keys)
+
+
+def meanings_of(settings: type) -> dict[str, str]:
+    """What the docstring of a class says of its fields: its lines "name  meaning", with their continuations further in."""
+    found: dict[str, str] = {}
+    names: list[str] = []
+    for line in inspect.cleandoc(settings.__doc__ or "").splitlines():
+        row = re.match(r"(\w+(?:, \w+)*) {2,}(\S.*)$", line)
+        if row:
+            names = row[1].split(", ")
+            found |= dict.fromkeys(names, row[2])
+        elif line.startswith("    "):
+            found |= {name: f"{found[name]} {line.strip()}" for name in names}
+        else:
+            names = []
+    return found

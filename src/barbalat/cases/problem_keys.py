@@ -1,0 +1,165 @@
+"""Where the keys of plant, model, known set and signals are not the fields of what they make, and how to make it then."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from barbalat import validate
+from barbalat.cases.keys import REQUIRED, Context, Differences, Given, Key, keys_of
+from barbalat.design.pole_placement import place
+from barbalat.problem.known_set import ParameterBall, ParameterBox
+from barbalat.problem.output_feedback import OutputProblem
+from barbalat.problem.output_plant import OutputPlant
+from barbalat.problem.plant import Plant, ReferenceModel
+from barbalat.problem.state_feedback import Problem
+from barbalat.problem.tracking import Disturbance
+from barbalat.protocols import Signal
+from barbalat.signals import Constant, Recorded
+from barbalat.solvers.simulation import Simulation
+from barbalat.validate import Array, InputError, Matrix, Vector
+
+
+@dataclass(frozen=True)
+class Uncertainty:
+    """[uncertainty]: a box or a ball; the intervals of unknown input gains."""
+
+
+_BOX, _BALL = (keys_of(kind, Differences()) for kind in (ParameterBox, ParameterBall))
+
+
+def _as_given(given: Given, _: Context) -> Given:
+    """For a table that makes nothing by itself: the problem is made of several."""
+    return given
+
+
+def _problem(given: Given, _: Context) -> Problem:
+    """The disturbances stand with the plant, the input gain with the known set, what A becomes with the model."""
+    plant, model, known = given.pop("plant"), given.pop("reference_model"), given.pop("uncertainty", {})
+    disturbances = {key: plant.pop(key) for key in ("disturbance", "unmatched") if key in plant}
+    reference_model = ReferenceModel(k_0=model["k_0"])
+    return Problem(plant=_plant(plant, model), reference_model=reference_model, **disturbances, **known, **given)
+
+
+def _plant(plant: Given, model: Given) -> Plant:
+    """The plant, given by A_m and theta, or by A with the model's A_m or poles."""
+    if "A" not in plant:
+        if "A_m" not in plant:
+            raise InputError("plant.A_m is missing (or give plant.A together with reference_model.A_m or .poles)")
+        if "theta" not in plant:
+            raise InputError("plant.theta is missing")
+        if "poles" in model:
+            raise InputError("reference_model.poles goes with plant.A, which is missing")
+        if model.get("A_m", plant["A_m"]) != plant["A_m"]:
+            raise InputError("reference_model.A_m differs from plant.A_m; give one of them, or plant.A with reference_model.A_m")
+        return Plant(**plant)
+    if "A_m" in plant:
+        raise InputError("plant.A and plant.A_m are both given; plant.A goes with reference_model.A_m")
+    if "theta" in plant:
+        raise InputError("plant.A and plant.theta are both given; theta follows from plant.A and reference_model.A_m")
+    if "regressor" in plant:
+        raise InputError("plant.A and plant.regressor are both given; with plant.A the regressor is the state")
+    if ("A_m" in model) == ("poles" in model):
+        raise InputError("give either reference_model.A_m or reference_model.poles with plant.A")
+    A_m = model["A_m"] if "A_m" in model else place(plant["A"], plant["b"], model["poles"])
+    return Plant.matched(A_m=A_m, **plant)
+
+
+def _uncertainty(given: Given, _: Context) -> Given:
+    """Exactly one of a box and a ball, or only the input gains; a matrix has a row for each input."""
+    found = {key: value for key, value in given.items() if key != "input_gain"}
+    gain = {key: value for key, value in given.items() if key == "input_gain"}
+    if gain and not found:
+        return gain
+    if found.keys() not in (_BOX.keys(), _BALL.keys()):
+        got = ", ".join(sorted(found)) or "nothing"
+        raise InputError(f"uncertainty must have either lower and upper, or center and radius, got {got}")
+    for key, value in found.items():
+        if isinstance(value, list) and value and isinstance(value[0], list):
+            found[key] = validate.array(f"uncertainty.{key}", value, (None, None)).reshape(-1)
+    return {"uncertainty": ParameterBox(**found) if "lower" in found else ParameterBall(**found), **gain}
+
+
+def _output_problem(given: Given, _: Context) -> OutputProblem:
+    plant = given.pop("plant")
+    disturbances = {key: plant.pop(key) for key in ("disturbance", "output_disturbance") if key in plant}
+    return OutputProblem(plant=OutputPlant(**plant), **disturbances, **given)
+
+
+_NAME = Key(str, "of the case")
+_DISTURBANCE = Key(Signal | None, "matched: it enters with u; none by default", None)
+
+DIFFERENCES: dict[type, Differences] = {
+    Problem: Differences(
+        keys={
+            "uncertainty": Key(Uncertainty, "the known set Omega; without one nothing is projected", None),
+            "simulation": Key(Simulation, "how to simulate"),
+            "name": _NAME,
+        },
+        required=("reference_model", "reference"),
+        without=("input_gain", "disturbance", "unmatched"),
+        make=_problem,
+    ),
+    OutputProblem: Differences(
+        keys={"simulation": Key(Simulation, "how to simulate"), "name": _NAME},
+        required=("reference",),
+        without=("disturbance", "output_disturbance"),
+        make=_output_problem,
+    ),
+    Plant: Differences(
+        keys={
+            "A": Key(
+                Matrix,
+                "instead of A_m and theta: x' = A x + b u; theta follows from A = A_m + b theta' with `reference_model.A_m`",
+                None,
+            ),
+            "disturbance": _DISTURBANCE,
+            "unmatched": Key(tuple[Disturbance, ...], "others: direction (n,) times the signal is added to x'", None),
+        },
+        optional=("A_m", "theta"),
+        make=_as_given,
+    ),
+    OutputPlant: Differences(
+        keys={
+            "disturbance": _DISTURBANCE,
+            "output_disturbance": keys_of(OutputProblem, Differences())["output_disturbance"],
+        },
+        make=_as_given,
+    ),
+    ReferenceModel: Differences(
+        keys={
+            "A_m": Key(Matrix, "with `plant.A`", None),
+            "poles": Key(
+                tuple[float | Vector, ...],
+                "with `plant.A`: the model's poles by state feedback; a complex pole once, as [real, imaginary]",
+                None,
+            ),
+        },
+        required=("k_0",),
+        make=_as_given,
+    ),
+    Uncertainty: Differences(
+        keys={
+            **{name: key._replace(default=None) for name, key in (_BOX | _BALL).items()},
+            "input_gain": Key(
+                Array,
+                "[lower, upper] > 0: the input gain is unknown, estimated and always projected; beside a box, a ball or neither. "
+                "A list of pairs for several inputs",
+                None,
+            ),
+        },
+        make=_uncertainty,
+    ),
+    Constant: Differences(keys={"amplitude": Key(float, "the value", REQUIRED, "value")}),
+    Recorded: Differences(
+        keys={
+            "file": Key(
+                str,
+                "a column of times and a column of values, an optional header; relative to the case file",
+                REQUIRED,
+                "path",
+            )
+        },
+        without=("times", "values"),
+        make=lambda given, context: Recorded.from_csv(context.folder / given["file"]),
+    ),
+}

@@ -1,0 +1,33 @@
+"""For each registered signal, regressor and law a table of a case file; what is registered without one fails its contract."""
+
+SIGNALS = {
+    "constant": {"amplitude": 3.0},
+    "step": {"amplitude": 1.0, "start": 5.0, "constant": 0.5},
+    "steps": {"times": [1.0, 2.0], "values": [3.0, 4.0], "initial": 1.0},
+    "sine": {"amplitude": 50.0, "frequency": 0.5, "phase": 0.1, "constant": 2.0},
+    "sines": {"amplitudes": [1.0, 2.0], "frequencies": [0.5, 3.0], "phases": [0.1, 0.2], "constant": 0.5},
+    "square": {"amplitude": 1.0, "frequency": 2.0, "phase": 0.1, "constant": 0.5},
+    "chirp": {"amplitude": 1.0, "frequency_start": 0.1, "frequency_end": 5.0, "duration": 10.0, "constant": 0.5},
+    "csv": {"file": "r.csv"},
+}
+CSV = "t,r\n0,2\n1,3\n"
+"""What stands in that file."""
+
+REGRESSORS = {
+    "polynomial": {"degree": 1, "constant": False},
+    "gaussian": {"centers": [[0.0, 1.0], [1.0, 0.0]], "width": 2.0},
+    "terms": {"terms": ["x1", "abs(x1)*x2"]},
+}
+"""Each with two components for two states."""
+
+_FORGETTING = {"forgetting": 0.3, "covariance_bound": 40.0}
+LAWS = {
+    "lyapunov": {"gamma": 2.0},
+    "gradient": {"gamma": [1.0, 2.0]},
+    "integral-cost": {"gamma": [[2.0, 1.0], [1.0, 2.0]], "forgetting": 0.4},
+    "least-squares": {"covariance0": 3.0},
+    "least-squares-forgetting": {"covariance0": 3.0, "forgetting": 0.3},
+    "least-squares-resetting": {"rho_0": 20.0, "rho_1": 0.5},
+    "least-squares-bounded": {"covariance0": 3.0, **_FORGETTING},
+    "least-squares-bounded-gain": {"covariance0": 3.0, **_FORGETTING},
+}

@@ -1,0 +1,199 @@
+"""What every registered name owes: an example, a row of docs/cases.md, a scheme its certificate; and that a case file says it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from barbalat.adaptation.laws import OUTPUT_LAWS
+from barbalat.cases import key_tables
+from barbalat.cases.build import made
+from barbalat.cases.keys import Context
+from barbalat.cases.load import parse_case
+from barbalat.cases.schema import CASES, case_table, table_of
+from barbalat.cases.tables import Table
+from barbalat.certificates.schemes import SCHEMES as CERTIFICATES
+from barbalat.controllers import SCHEMES, Mrac
+from barbalat.controllers.output import OUTPUT_SCHEMES
+from barbalat.problem.regressors import REGRESSORS, Regressor
+from barbalat.protocols import BoundedSignal
+from barbalat.signals import SIGNALS
+from barbalat.signals.smooth import Continuous
+from barbalat.solvers import SOLVERS
+from contracts import case_examples
+from independent import example_controllers, example_output_controllers, refusal
+
+PAGE = (Path(__file__).parents[2] / "docs" / "cases.md").read_text(encoding="utf-8")
+EXAMPLES = {
+    "scheme": (SCHEMES, example_controllers(2)),
+    "output scheme": (OUTPUT_SCHEMES, example_output_controllers(2)),
+    "law": (OUTPUT_LAWS, case_examples.LAWS),
+    "signal": (SIGNALS, case_examples.SIGNALS),
+    "regressor": (REGRESSORS, case_examples.REGRESSORS),
+}
+
+
+@pytest.mark.parametrize("registry", EXAMPLES)
+def test_every_registered_name_has_an_example_and_a_row_of_the_docs(registry):
+    registered, examples = EXAMPLES[registry]
+    lacking = {name: "an example" for name in registered if name not in examples}
+    lacking |= {name: "a row in docs/cases.md" for name in registered if f"\n| `{name}` |" not in PAGE}
+    assert not lacking
+
+
+def test_every_solver_has_its_name_in_the_docs():
+    (row,) = {line for line in PAGE.splitlines() if line.startswith("| `simulation.solver` |")}
+    assert not [name for name in SOLVERS if name not in row]
+
+
+def test_every_scheme_has_a_certificate():
+    schemes = SCHEMES | OUTPUT_SCHEMES
+    assert not [name for name, settings in schemes.items() if settings not in CERTIFICATES]
+    for module in CERTIFICATES.values():
+        assert callable(module.certificate) and callable(module.column), module.__name__
+
+
+def test_the_docs_hold_what_the_registries_make():
+    assert key_tables.page(PAGE) == PAGE, "run: python -m barbalat.cases.key_tables docs/cases.md"
+
+
+@pytest.mark.parametrize("problem", CASES)
+def test_editors_get_a_schema(problem):
+    """JSON Schema with every kind and scheme, each key described."""
+    schema = case_table(problem).model_json_schema()
+    tags = {value.get("const") for table in schema["$defs"].values() for value in table["properties"].values()}
+    assert tags >= {*CASES[problem], *SIGNALS}
+    for table in schema["$defs"].values():
+        assert table["additionalProperties"] is False
+        for key, value in table["properties"].items():
+            assert "const" in value or value["description"], (table["title"], key)
+
+
+def test_every_key_has_a_meaning():
+    """Written once, in the docstring of the settings: for the docs and for the schema of editors."""
+    for problem in CASES:
+        case_table(problem)
+    tables = Table.__subclasses__()
+    assert len(tables) > 30
+    lacking = [f"{table.__name__}.{name}" for table in tables for name, key in table.recipe.keys.items() if not key.meaning]
+    assert not lacking
+
+
+@pytest.fixture
+def folder(tmp_path):
+    (tmp_path / "r.csv").write_text(case_examples.CSV)
+    return tmp_path
+
+
+def of_case_file(registry, name, folder):
+    """The object that the example's table makes."""
+    registered, examples = EXAMPLES[registry]
+    table = table_of(registered[name], "kind", name).model_validate({"kind": name, **examples[name]})
+    return made(table, Context(folder), name)
+
+
+@pytest.mark.parametrize(("registry", "name"), [(r, name) for r in ("signal", "regressor", "law") for name in EXAMPLES[r][0]])
+def test_a_case_file_says_it(registry, name, folder):
+    """Each key arrives in the field of its name."""
+    registered, examples = EXAMPLES[registry]
+    found = of_case_file(registry, name, folder)
+    assert type(found) is registered[name]
+    for key, value in examples[name].items():
+        if key != "file":
+            np.testing.assert_array_equal(getattr(found, key), value)
+
+
+@pytest.mark.parametrize("name", REGRESSORS)
+def test_a_regressor_computes_as_many_components_as_it_says(name, folder):
+    found = of_case_file("regressor", name, folder)
+    assert isinstance(found, Regressor)
+    assert found(np.array([0.3, -0.7])).shape == (found.size(2),) == (2,)
+
+
+@pytest.mark.parametrize("name", SIGNALS)
+@pytest.mark.parametrize("shape", [(), (1,), (3,), (2, 3)])
+def test_a_signal_has_the_shape_of_the_times(name, shape, folder):
+    signal, t = of_case_file("signal", name, folder), np.full(shape, 0.25)
+    assert isinstance(signal, BoundedSignal)
+    assert np.shape(signal(t)) == shape
+    assert np.shape(signal.before(t)) == shape
+
+
+@pytest.mark.parametrize("name", SIGNALS)
+def test_before_is_the_limit_from_the_left(name, folder):
+    """At every time of the grid, jumps included: the value just before it. 1e-6: smooth signals move by that much in 1e-8 s."""
+    signal, t = of_case_file("signal", name, folder), np.linspace(0, 20, 401)
+    np.testing.assert_allclose(signal.before(t[1:]), signal(t[1:] - 1e-9), atol=1e-6)
+
+
+@pytest.mark.parametrize("name", SIGNALS)
+def test_the_bound_of_a_signal_bounds_it(name, folder):
+    """Over a dense grid; and it is no wild guess."""
+    signal = of_case_file("signal", name, folder)
+    largest = np.abs(signal(np.linspace(0, 50, 20_001))).max()
+    assert 0.6 * signal.bound <= largest <= signal.bound
+
+
+@dataclass(frozen=True)
+class Ramp(Continuous):
+    """slope t.
+
+    slope  [1/s]
+    """
+
+    slope: float
+
+    def __call__(self, t):
+        return self.slope * np.asarray(t)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Half(Mrac):
+    """The MRAC with half its gain.
+
+    share  of the gain
+    """
+
+    share: float = 0.5
+
+
+@pytest.fixture
+def registered(monkeypatch):
+    """A signal and a scheme from outside, each with one line in its registry."""
+    monkeypatch.setitem(SIGNALS, "ramp", Ramp)
+    monkeypatch.setitem(SCHEMES, "half", Half)
+    for cached in (case_table, table_of):
+        cached.cache_clear()
+    yield
+    for cached in (case_table, table_of):
+        cached.cache_clear()
+
+
+CASE = """
+name = "c"
+plant = { A_m = [[-1.0]], b = [1.0], theta = [1.0] }
+reference_model = { k_0 = 1.0 }
+reference = { kind = "ramp", slope = 2 }
+simulation = { t_end = 1.0, dt = 0.1 }
+[[controller]]
+scheme = "half"
+gamma = 3.0
+share = 0.25
+sample_time = 0.2
+modification = { sigma = 0.1 }
+"""
+
+
+@pytest.mark.usefixtures("registered")
+def test_a_registry_line_is_all_that_case_files_need():
+    case = parse_case(CASE)
+    assert case.problem.reference(np.array([3.0])) == [6.0]
+    (sampled,) = case.controllers
+    assert (sampled.controller.share, sampled.controller.leakage.sigma, sampled.sample_time) == (0.25, 0.1, 0.2)
+    assert "reference.slope is missing" in refusal(lambda: parse_case(CASE.replace(", slope = 2", "")))
+    assert "did you mean 'share'" in refusal(lambda: parse_case(CASE.replace("share", "shrae")))
+    assert "controller 1.tau has no meaning for half" in refusal(lambda: parse_case(CASE.replace("share", "tau")))
+    assert "|  | `slope` | number | required | [1/s] |" in key_tables.page(PAGE)
