@@ -55,9 +55,20 @@ class Differences:
     make: Make | None = None
 
 
+def _types_of(settings: type) -> dict[str, Any]:
+    """The fields' types; what a class says of itself beside its fields may name types that are imported for checkers only."""
+    names, found = {one.name for one in fields(settings)}, {}
+    for kind in reversed(settings.__mro__):  # a field's type is named in the module of the class that has it
+        own = {name: given for name, given in vars(kind).get("__annotations__", {}).items() if name in names}
+        found |= get_type_hints(
+            type(kind.__name__, (), {"__annotations__": own, "__module__": kind.__module__}), include_extras=True
+        )
+    return found
+
+
 def keys_of(settings: type, differences: Differences) -> dict[str, Key]:
     """The keys from which an object of a class is made: name -> Key."""
-    types, meanings = get_type_hints(settings, include_extras=True), meanings_of(settings)
+    types, meanings = _types_of(settings), meanings_of(settings)
     found: dict[str, Key] = {}
     for one in fields(settings):
         if not one.init or one.name in differences.without:
