@@ -57,7 +57,8 @@ class Differences:
 
 def _types_of(settings: type) -> dict[str, Any]:
     """The fields' types; what a class says of itself beside its fields may name types that are imported for checkers only."""
-    names, found = {one.name for one in fields(settings)}, {}
+    names = {one.name for one in fields(settings)}
+    found: dict[str, Any] = {}
     for kind in reversed(settings.__mro__):  # a field's type is named in the module of the class that has it
         own = {name: given for name, given in vars(kind).get("__annotations__", {}).items() if name in names}
         found |= get_type_hints(
