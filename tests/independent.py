@@ -14,7 +14,7 @@ from scipy.integrate import solve_ivp
 
 from barbalat.adaptation.laws import Gradient, LeastSquares
 from barbalat.adaptation.output_lyapunov import LyapunovLaw
-from barbalat.controllers import L1Adaptive, LinearFeedback, Mrac, NormalizedMrac, RobustMrac
+from barbalat.controllers import L1Adaptive, LinearFeedback, Mrac, MracClosedLoop, NormalizedMrac, RobustMrac
 from barbalat.controllers.output import L1Output, LinearOutput, MracOutput
 from barbalat.controllers.output.l1 import linear_equivalent
 from barbalat.linear.systems import TransferFunction, input_filter
@@ -129,6 +129,7 @@ def example_controllers(n: int) -> dict[str, tuple]:
     covariance0 = {1: 50.0, 2: 50.0, 3: 500.0}[n]
     return {
         "mrac": (Mrac(gamma=gamma),),
+        "mrac-closed-loop": (MracClosedLoop(gamma=gamma, model_feedback=-0.5 * np.eye(n)),),
         "l1": (L1Adaptive(gamma=gamma, filter=input_filter(0.01)),),
         "mrac-normalized": (NormalizedMrac(law=Gradient(gamma=200.0)), NormalizedMrac(law=LeastSquares(covariance0=covariance0))),
         "robust-mrac": (

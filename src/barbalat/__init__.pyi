@@ -20,6 +20,7 @@ from .controllers import KnownParameters as KnownParameters
 from .controllers import L1Adaptive as L1Adaptive
 from .controllers import LinearFeedback as LinearFeedback
 from .controllers import Mrac as Mrac
+from .controllers import MracClosedLoop as MracClosedLoop
 from .controllers import NormalizedMrac as NormalizedMrac
 from .controllers import RobustMrac as RobustMrac
 from .controllers import Sampled as Sampled

@@ -15,7 +15,7 @@ from barbalat.cases.keys import Context
 from barbalat.cases.load import parse_case
 from barbalat.cases.schema import CASES, case_table, table_of
 from barbalat.cases.tables import Table
-from barbalat.certificates.schemes import SCHEMES as CERTIFICATES
+from barbalat.certificates.schemes import scheme_file
 from barbalat.controllers import SCHEMES, Mrac
 from barbalat.controllers.output import OUTPUT_SCHEMES
 from barbalat.problem.regressors import REGRESSORS, Regressor
@@ -50,10 +50,11 @@ def test_every_solver_has_its_name_in_the_docs():
 
 
 def test_every_scheme_has_a_certificate():
-    schemes = SCHEMES | OUTPUT_SCHEMES
-    assert not [name for name, settings in schemes.items() if settings not in CERTIFICATES]
-    for module in CERTIFICATES.values():
-        assert callable(module.certificate) and callable(module.column), module.__name__
+    for examples in (example_controllers(2), example_output_controllers(2)):
+        for name, (example, *_) in examples.items():
+            file = scheme_file(example)
+            assert file is not None, f"{name} lacks its file in certificates/schemes"
+            assert callable(file.certificate) and callable(file.column), name
 
 
 def test_the_docs_hold_what_the_registries_make():

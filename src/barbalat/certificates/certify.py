@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from barbalat.certificates.certificate import Certificate
-from barbalat.certificates.schemes import SCHEMES, sampled
+from barbalat.certificates.schemes import sampled, scheme_file
 from barbalat.certificates.schemes.state_feedback import beyond_the_paper
 from barbalat.controllers import Sampled
 from barbalat.problem.state_feedback import Problem
@@ -44,8 +44,7 @@ def _certificate(problem: TrackingProblem, controller: Controller, simulation: S
         problem.plant.inputs > 1 or not problem.plant.is_linear or problem.input_gain is not None
     ):
         return beyond_the_paper(problem, controller, simulation)
-    scheme = SCHEMES.get(type(controller))
+    scheme = scheme_file(controller)
     if scheme is None:
         raise InputError(f"no certificate is known for {type(controller).__name__}")
-    found: Certificate = scheme.certificate(problem, controller, simulation)
-    return found
+    return scheme.certificate(problem, controller, simulation)

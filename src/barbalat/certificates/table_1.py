@@ -12,7 +12,7 @@ from typing import Any
 
 from barbalat.certificates.cells import PROPERTIES, Column
 from barbalat.certificates.certificate import Certificate
-from barbalat.certificates.schemes import SCHEMES, sampled
+from barbalat.certificates.schemes import sampled, scheme_file
 from barbalat.controllers import Sampled
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller
@@ -37,7 +37,7 @@ def table_1(problem: TrackingProblem, controllers: Sequence[Controller], certifi
 
 def _column(problem: TrackingProblem, controller: Controller, certificate: Certificate) -> Column | None:
     continuous = controller.controller if isinstance(controller, Sampled) else controller
-    scheme = SCHEMES.get(type(continuous))
+    scheme = scheme_file(continuous)
     if scheme is None:
         return None
     name, cells = scheme.column(problem, continuous, certificate)

@@ -11,12 +11,12 @@ from barbalat.adaptation.law import AdaptiveLaw, GuaranteedLaw
 from barbalat.adaptation.output_lyapunov import LyapunovLaw
 from barbalat.certificates.bounds.theorem_1 import mrac_bound, nu_0
 from barbalat.certificates.entry import Assumption
-from barbalat.controllers import L1Adaptive, Mrac
+from barbalat.controllers import L1Adaptive, Mrac, MracClosedLoop
 from barbalat.linear.definite import smallest_eigenvalue
 from barbalat.linear.enclosure import OUTWARD, float_above
 from barbalat.problem.known_set import EstimateSet, Gain
 from barbalat.problem.known_set.cone import EXACTLY
-from barbalat.problem.state_feedback import Problem
+from barbalat.problem.state_feedback import Known, Problem
 from barbalat.validate import Array
 
 
@@ -34,12 +34,15 @@ def weighted_error(theta_tilde: Array, gamma: Array) -> float:
     return float_above((column.transpose() * matrix.inv() * column)[0, 0].sqrt()) * OUTWARD
 
 
-def error_level(problem: Problem, controller: Mrac | L1Adaptive, nu: float) -> float:
-    """nu_0/sqrt(Gamma) of (9), for a matrix sqrt(theta_tilde'Gamma^-1 theta_tilde/lambda_min(P)), rounded up."""
+def error_level(
+    problem: Problem, controller: Mrac | L1Adaptive | MracClosedLoop, nu: float, closed: Known | None = None
+) -> float:
+    """nu_0/sqrt(Gamma) of (9), for a matrix sqrt(theta_tilde'Gamma^-1 theta_tilde/lambda_min(P)), rounded up; P may be ``closed``'s."""
     known, gamma = problem.known, controller.gamma
     if np.ndim(gamma) == 0:
         return mrac_bound(nu, float(gamma))
-    return nu_0(weighted_error(controller.bind(known).theta_hat0 - problem.parameters, gamma), known)
+    theta_tilde = controller.bind(known).theta_hat0 - problem.parameters
+    return nu_0(weighted_error(theta_tilde, np.asarray(gamma)), closed or known)
 
 
 def why_no_bound(controller: Mrac | L1Adaptive, problem: Problem) -> str | None:

@@ -1,22 +1,39 @@
-"""The registry: the file that has a scheme's certificate and its column of Table 1, by the class of the controller."""
+"""The certificates of the schemes: the file here has the name of the controller's file in ``barbalat.controllers``."""
 
-from types import ModuleType
+from __future__ import annotations
 
-from barbalat.certificates.schemes import l1, linear_feedback, mrac, robust_mrac
-from barbalat.certificates.schemes.output import l1 as output_l1
-from barbalat.certificates.schemes.output import linear as output_linear
-from barbalat.certificates.schemes.output import mrac as output_mrac
-from barbalat.controllers import L1Adaptive, LinearFeedback, Mrac, NormalizedMrac, RobustMrac
-from barbalat.controllers.output import L1Output, LinearOutput, MracOutput
+from importlib import import_module
+from importlib.util import find_spec
+from typing import Any, Protocol
 
-SCHEMES: dict[type, ModuleType] = {
-    Mrac: mrac,
-    L1Adaptive: l1,
-    NormalizedMrac: robust_mrac,
-    RobustMrac: robust_mrac,
-    LinearFeedback: linear_feedback,
-    MracOutput: output_mrac,
-    L1Output: output_l1,
-    LinearOutput: output_linear,
-}
-"""Each has certificate(problem, controller, simulation) and column(problem, controller, values)."""
+from barbalat.certificates.certificate import Certificate
+from barbalat.certificates.entry import Entry
+from barbalat.protocols import Controller
+from barbalat.solvers.simulation import Simulation
+
+CONTROLLERS = "barbalat.controllers."
+
+
+class SchemeFile(Protocol):
+    """What the file of a scheme has; each takes the scheme's own problem and controller."""
+
+    def certificate(self, problem: Any, controller: Any, simulation: Simulation) -> Certificate:
+        """What is known before any run."""
+        ...
+
+    def column(self, problem: Any, controller: Any, certificate: Certificate) -> tuple[str, dict[str, Entry]]:
+        """The scheme's name in Table 1, and its cells by the keys of PROPERTIES."""
+        ...
+
+
+def scheme_file(controller: Controller) -> SchemeFile | None:
+    """The certificate's file of a controller's scheme; None for a class from outside the package."""
+    place = type(controller).__module__
+    if not place.startswith(CONTROLLERS):
+        return None
+    name = f"{__name__}.{place.removeprefix(CONTROLLERS)}"
+    if find_spec(name) is None:
+        return None
+    found: Any = import_module(name)
+    file: SchemeFile = found
+    return file

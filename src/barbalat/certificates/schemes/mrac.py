@@ -9,7 +9,7 @@ from barbalat.certificates.bounds import laws, theorem_1
 from barbalat.certificates.bounds.model import model_bounds
 from barbalat.certificates.cells import estimate, limits_text, margins_cell, nothing, statement
 from barbalat.certificates.certificate import Certificate, Draft
-from barbalat.certificates.entry import Entry
+from barbalat.certificates.entry import Assumption, Entry
 from barbalat.certificates.linear_loops.margin_values import add_adapting_margins
 from barbalat.certificates.rounding import up
 from barbalat.certificates.schemes.state_feedback import (
@@ -25,6 +25,8 @@ from barbalat.controllers import L1Adaptive, Mrac
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.problem.state_feedback import Problem
 from barbalat.solvers.simulation import Simulation
+
+EXCITED = "V never grows; where phi is persistently exciting, which isn't checked here, they converge to theta"
 
 
 def certificate(problem: Problem, controller: Mrac, simulation: Simulation) -> Certificate:
@@ -59,23 +61,28 @@ def cells(problem: Problem, controller: Mrac | L1Adaptive, certificate: Certific
     """The cells; those of L1-AC too where C = 1, since the two coincide."""
     void = laws.why_no_bound(controller, problem)
     rests_on = of_the_case(problem, controller.bind(problem.known).box)
-    converges = "converges to zero for every bounded r"
+    found = lyapunov_cells(certificate, rests_on, "nu_0/sqrt(Gamma) = ", ", (9)")
+    estimates = lyapunov_estimates(problem, controller, bounded=True)
+    found |= {"estimates": estimates, "modelling_error": unproven_robustness(problem, controller)}
+    return found if void is None else found | {"tracking": nothing("tracking", void)}
+
+
+def lyapunov_cells(
+    certificate: Certificate, rests_on: tuple[Assumption, ...], formula: str = "", source: str = ""
+) -> dict[str, Entry]:
+    """What a Lyapunov function of the error and the estimates gives; ``formula`` and ``source`` are those of the bound of e."""
+    bound, worst = certificate.entry("error_bound"), certificate.entry("error_bound_worst")
+    transient = nothing("transient", "no bound is known" if bound is None else bound.why)
+    if bound is not None and bound.value is not None:
+        text = f"|e| <= {formula}{up(bound.value)} at all times{source}"
+        text += "" if worst is None else f"; {up(worst.value)} for the worst theta of the known set"
+        transient = statement("transient", text, *rests_on)
     return {
         "stability": statement("stability", "for every Gamma > 0 and every bounded r", *rests_on),
-        "tracking": statement("tracking", converges, *rests_on) if void is None else nothing("tracking", void),
-        "transient": _transient(problem, controller, certificate),
-        "estimates": lyapunov_estimates(problem, controller, bounded=True),
-        "modelling_error": unproven_robustness(problem, controller),
+        "tracking": statement("tracking", "converges to zero for every bounded r", *rests_on),
+        "transient": transient,
+        "estimates": statement("estimates", EXCITED, *rests_on),
+        "modelling_error": nothing("modelling_error", "that x stays bounded is not known without normalisation"),
         "tuning": estimate("tuning", "the bound falls with 1/sqrt(Gamma); " + limits_text(certificate.values)),
         "margins": margins_cell(certificate),
     }
-
-
-def _transient(problem: Problem, controller: Mrac | L1Adaptive, certificate: Certificate) -> Entry:
-    bound, worst = certificate.entry("error_bound"), certificate.entry("error_bound_worst")
-    if bound is None or bound.value is None:
-        return nothing("transient", "no bound is known" if bound is None else bound.why)
-    text = f"|e| <= nu_0/sqrt(Gamma) = {up(bound.value)} at all times, (9)"
-    if worst is not None:
-        text += f"; {up(worst.value)} for the worst theta of the known set"
-    return statement("transient", text, *of_the_case(problem, controller.bind(problem.known).box))

@@ -1,0 +1,57 @@
+"""The certificate of the MRAC with a closed-loop reference model: what its Lyapunov function gives, and its column of Table 1.
+
+V = e_c'P e_c + theta_tilde'Gamma^-1 theta_tilde has V' <= -|e_c|^2 with P of A_m + L, so |e_c|_2 <= nu_0/sqrt(Gamma) with that P.
+The error against the open-loop model (2) is e = [I - (sI - A_m)^-1 L] e_c, whose L1 norm carries the bound over.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from barbalat.certificates.assumptions import FROZEN
+from barbalat.certificates.bounds import laws, theorem_1
+from barbalat.certificates.bounds.model import model_bounds
+from barbalat.certificates.certificate import Certificate, Draft
+from barbalat.certificates.entry import Assumption, Entry
+from barbalat.certificates.schemes.mrac import lyapunov_cells
+from barbalat.certificates.schemes.state_feedback import add_margins_at_rest, of_the_case
+from barbalat.certificates.step_limits import frozen_laws
+from barbalat.certificates.step_limits.oscillator import Oscillator
+from barbalat.controllers import MracClosedLoop
+from barbalat.linear.enclosure import OUTWARD
+from barbalat.linear.l1_norms import l1_norm
+from barbalat.problem.known_set import Gain
+from barbalat.problem.state_feedback import Problem
+from barbalat.solvers.simulation import Simulation
+
+
+def certificate(problem: Problem, controller: MracClosedLoop, simulation: Simulation) -> Certificate:
+    """The bound of e, the limits of gain and step, the margins with the estimates at rest."""
+    known, draft, n = problem.known, Draft(), problem.known.n
+    equations, rests_on = controller.bind(known), _rests_on(problem, controller)
+    closed = replace(known, A_m=known.A_m + equations.L)  # its P is the controller's
+    carried = l1_norm(known.A_m, -equations.L, np.eye(n), np.eye(n))
+    nu_0 = theorem_1.nu_0(theorem_1.initial_parameter_error(equations.theta_hat0, problem.parameters), closed)
+    draft.guarantee("nu_0", nu_0, *rests_on)
+    bound = carried.upper * laws.error_level(problem, controller, nu_0, closed) * OUTWARD
+    draft.guarantee("error_bound", bound, *rests_on)
+    oscillator = Oscillator(closed, simulation.solver, np.append(np.linalg.eigvals(known.A_m), frozen_laws.input_poles(problem)))
+    offset, factor = model_bounds(problem).x_m_euclidean, np.sqrt(n) * carried.upper * nu_0
+    limits = frozen_laws.of_lyapunov_law(problem, controller.gamma, simulation, offset, factor, oscillator=oscillator)
+    draft.estimate(limits, FROZEN)
+    add_margins_at_rest(draft, problem)
+    return draft.finish()
+
+
+def column(problem: Problem, controller: MracClosedLoop, certificate: Certificate) -> tuple[str, dict[str, Entry]]:
+    """The scheme's name in Table 1 and its cells."""
+    return "MRAC with a closed-loop reference model", lyapunov_cells(certificate, _rests_on(problem, controller))
+
+
+def _rests_on(problem: Problem, controller: MracClosedLoop) -> tuple[Assumption, ...]:
+    """What V' <= 0 rests on, checked on the case."""
+    box = controller.bind(problem.known).box
+    cut = Gain(controller.gamma).is_matrix and box is not None and box.cuts_corners
+    return (*of_the_case(problem, box), Assumption("V' <= 0 in corners", "a gain matrix in corners of the set" if cut else ""))

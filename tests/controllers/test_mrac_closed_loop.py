@@ -1,0 +1,51 @@
+"""MRAC with a closed-loop reference model: against the standard MRAC at L = 0, and its bound against runs."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from barbalat import Mrac, MracClosedLoop, ParameterBox, Plant, PlantInput, Sine, certify, simulate
+from barbalat.solvers.simulation import Simulation
+from independent import refusal
+
+SIMULATION = Simulation(t_end=20.0, dt=1e-3)
+
+
+def test_without_feedback_it_is_the_standard_mrac(problems):
+    """With L = 0 the model is (2); equal but for the order of roundings."""
+    runs = simulate(problems[2], [Mrac(gamma=2.0), MracClosedLoop(gamma=2.0, model_feedback=np.zeros((2, 2)))], SIMULATION)
+    plain, closed = runs.values()
+    np.testing.assert_allclose(closed.theta_hat, plain.theta_hat, atol=1e-12)
+    np.testing.assert_allclose(closed.e, plain.e, atol=1e-12)
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_the_bound_holds_along_runs(problems, seed):
+    rng = np.random.default_rng(seed)
+    given = problems[2]
+    problem = replace(
+        given,
+        plant=Plant(A_m=given.plant.A_m, b=given.plant.b, theta=rng.uniform(-2, 2, 2), x0=rng.normal(size=2)),
+        uncertainty=ParameterBox(lower=[-2.0, -2.0], upper=[2.0, 2.0]),
+        reference=Sine(amplitude=rng.uniform(0.1, 5), frequency=10 ** rng.uniform(-1, 1)),
+    )
+    gamma = 10 ** rng.uniform(0, 2) if seed % 2 else 10 ** rng.uniform(0, 2, 2)
+    controller = MracClosedLoop(gamma=gamma, model_feedback=-rng.uniform(0, 5) * np.eye(2) + 0.2 * rng.normal(size=(2, 2)))
+    (found,) = certify(problem, [controller], SIMULATION).values()
+    (run,) = simulate(problem, [controller], SIMULATION).values()
+    assert "error_bound" in found.guaranteed
+    assert max(run.figures["max_abs_e"]) <= found.values["error_bound"]
+
+
+def test_nothing_is_claimed_beside_a_delay(problems):
+    plant = replace(problems[2].plant, input=PlantInput(delay=0.1))
+    (found,) = certify(
+        replace(problems[2], plant=plant), [MracClosedLoop(gamma=1.0, model_feedback=-np.eye(2))], SIMULATION
+    ).values()
+    assert "error_bound" not in found.values and "delay 0.1 s" in found.entry("error_bound").why
+
+
+def test_an_unstable_model_is_refused(problems):
+    controller = MracClosedLoop(gamma=1.0, model_feedback=5.0 * np.eye(2))
+    assert "A_m + model_feedback must be Hurwitz" in refusal(lambda: controller.bind(problems[2].known))
