@@ -6,9 +6,10 @@ import argparse
 import os
 import sys
 import tempfile
+import time
 from pathlib import Path
 
-from benchmarks import house, inputs, norms, outputs, speed
+from benchmarks import house, inputs, norms, outputs, processor, speed
 from benchmarks.loops import CASES
 from benchmarks.race import WrongNumbersError
 from benchmarks.table import console, show
@@ -17,22 +18,37 @@ MEMBERS = 1024
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(prog="python -m benchmarks", description="Barbalat side by side with its peers.")
-    parser.add_argument("--quick", action="store_true", help="fewer repeats and variants: about a minute")
-    quick = parser.parse_args().quick
+    start = time.perf_counter()
+    parser = argparse.ArgumentParser(prog="./dev benchmark", description="Barbalat side by side with its peers, in one run.")
+    parser.add_argument("--quick", action="store_true", help="fewer repeats, variants and peers: within a minute instead of five")
+    parser.add_argument("--peers", action="store_true", help="also JAX, diffrax and Numba, which ./dev installs for it")
+    parser.add_argument("--avx2", action="store_true", help="everyone compiles as for this processor without AVX-512")
+    given = parser.parse_args()
+    if given.avx2:
+        processor.without_avx512()
+    console.print(f"{processor.description()}; load average before the start: {os.getloadavg()[0]:.2f}")
     console.print("Times are ns for one RK4 step of one member: best of interleaved repeats (how much slower the median is).")
-    console.print("A peer is the fastest variant of its kind; all were checked to compute what the kernel computes.")
-    console.print(f"{os.cpu_count()} cores; load average before the start: {os.getloadavg()[0]:.2f}\n")
+    console.print("A peer is the fastest variant of its kind; all were checked to compute what the kernel computes.\n")
     try:
-        with tempfile.TemporaryDirectory() as folder:
-            for case in CASES:
-                show(*speed.trajectory(case(), Path(folder), quick=quick))
-            for case in CASES:
-                show(*speed.ensemble(case(MEMBERS), Path(folder), quick=quick))
-        show("L1 norms: a certified enclosure against quadratures", *norms.section(quick=quick))
+        compare(speed.Extent(given.quick, given.peers))
     except WrongNumbersError as error:
         print(f"wrong numbers: {error}", file=sys.stderr)
         return 1
+    if not given.peers:
+        console.print("Not compared: JAX, diffrax, Numba. --peers installs and times them.")
+    console.print(f"Finished in {time.perf_counter() - start:.0f} s.")
+    return 0
+
+
+def compare(extent: speed.Extent) -> None:
+    """Every section, printed as soon as it is measured."""
+    quick = extent.quick
+    with tempfile.TemporaryDirectory() as folder:
+        for case in CASES:
+            show(*speed.trajectory(case(), Path(folder), extent))
+        for case in CASES:
+            show(*speed.ensemble(case(MEMBERS), Path(folder), extent))
+    show("L1 norms: a certified enclosure against quadratures", *norms.section(quick=quick))
     show("The second core, ns per step of one member", *house.two_cores(MEMBERS, quick=quick))
     for members in (1, 16):
         show("Delay and actuator, time per state as a ratio to the plain loop's", *inputs.per_state(members, quick=quick))
@@ -40,7 +56,6 @@ def main() -> int:
     show("From equations to a kernel", [row for case in CASES for row in house.compiling(case(), quick=quick)], [])
     show("Memory", *house.memory(quick=quick))
     show("The command line", *house.command_line(quick=quick))
-    return 0
 
 
 if __name__ == "__main__":

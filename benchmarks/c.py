@@ -4,41 +4,73 @@ from __future__ import annotations
 
 import ctypes
 import itertools
-import shutil
-import subprocess
+import os
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
 from barbalat.lowering import c99
 from barbalat.lowering.operations import Program
 from barbalat.lowering.shape import ENTRY
+from benchmarks.gcc import shared_library
 from benchmarks.kernel import WITH_FIGURES, Loop, advance
 from benchmarks.loops import Case
 from benchmarks.race import Contestant
 
-PLAIN = ("", "-ffp-contract=off", "-ffast-math", "-ffast-math -mprefer-vector-width=512")
+FAST_MATH = ("-ffast-math", "-ffast-math -mprefer-vector-width=512")
 """-ffast-math assumes that nothing is infinite or NaN. The loops hold an infinite constant in the projection, which gcc 12
 happens to treat well, as the check shows; the figures start at infinity, so that there it must stay off."""
 
 NO_TRAPS = ("-fno-trapping-math", "-fno-trapping-math -mprefer-vector-width=512")
 """What LLVM assumes by default: nobody looks at the floating-point flags. NaN and infinity keep their meaning."""
 
-FIGURES = ("", *NO_TRAPS)
+PLAIN = ("", "-ffp-contract=off")
 
-WIDTHS = (8, 16, 32, 64)
-
-
-def missing() -> str | None:
-    return None if shutil.which("gcc") else "gcc is not installed"
+WIDTHS = (8, 16, 32)
 
 
-def compile_loop(source: str, flags: str, folder: Path, stem: str) -> Loop:
-    """Build a shared library from the source in ``folder``; arrays in, as the kernel takes them."""
-    text, library = folder / f"{stem}.c", folder / f"{stem}.so"
-    text.write_text(source)
-    command = f"gcc -O3 -march=native {flags} -shared -fPIC".split()
-    subprocess.run([*command, str(text), "-o", str(library), "-lm"], check=True)
+class Family(NamedTuple):
+    """Variants of one kind, of which the fastest counts."""
+
+    name: str
+    flag_sets: tuple[str, ...]
+    figures: bool
+
+
+def families(case: Case, *, quick: bool) -> list[Family]:
+    """In an ensemble only what gcc vectorises; ``quick`` keeps the flags that have come out on top so far."""
+    both = 1 if quick else 2
+    plain = () if case.members > 1 else PLAIN
+    return [
+        Family("C", (*plain, *FAST_MATH[:both]), figures=False),
+        Family("C, -fno-trapping-math", NO_TRAPS[:both], figures=False),
+        Family(f"C{WITH_FIGURES}", NO_TRAPS[:both], figures=True),
+    ]
+
+
+def contestants(case: Case, steps: int, folder: Path, family: Family, *, quick: bool) -> list[Contestant]:
+    """Every variant; ``quick`` keeps the order and the width that have come out on top so far."""
+    ours = case.optimised(figures=family.figures)
+    lists: dict[str, Program] = {"our order": ours.program}
+    if not quick:
+        lists["CasADi's order"] = case.as_read(figures=family.figures)
+    widths = (1,) if case.members == 1 else (16,) if quick else WIDTHS
+    resets = () if ours.accumulators is None else ours.accumulators.resets
+
+    def build(variant: tuple[str, int, str]) -> Contestant:
+        order, lanes, flags = variant
+        library = shared_library(c99.loop(lists[order], ours.shape, resets, lanes), f"-O3 {flags}", folder)
+        parts = [f"{order}{WITH_FIGURES * family.figures}", f"{lanes} wide" * (lanes > 1), flags]
+        return Contestant(", ".join(filter(None, parts)), steps, advance(_loop(library), ours.shape, case, lanes))
+
+    with ThreadPoolExecutor(os.cpu_count()) as pool:  # each waits for a gcc
+        return list(pool.map(build, itertools.product(lists, widths, family.flag_sets)))
+
+
+def _loop(library: Path) -> Loop:
+    """Arrays in, as the kernel takes them."""
     function = ctypes.CDLL(str(library))[ENTRY]
     function.argtypes = [ctypes.c_int64] * 2 + [ctypes.c_void_p] * 4
     function.restype = None
@@ -47,21 +79,3 @@ def compile_loop(source: str, flags: str, folder: Path, stem: str) -> Loop:
         function(blocks, steps, state.ctypes.data, parameters.ctypes.data, signals.ctypes.data, out.ctypes.data)
 
     return loop
-
-
-def contestants(
-    case: Case, steps: int, folder: Path, flag_sets: tuple[str, ...], *, figures: bool = False, quick: bool = False
-) -> list[Contestant]:
-    """Every variant; ``quick`` keeps the width that has come out on top so far."""
-    ours = case.optimised(figures=figures)
-    lists: dict[str, Program] = {"our order": ours.program, "CasADi's order": case.as_read(figures=figures)}
-    widths = (1,) if case.members == 1 else (64,) if quick else WIDTHS
-    resets = () if ours.accumulators is None else ours.accumulators.resets
-    result = []
-    for (order, program), lanes, flags in itertools.product(lists.items(), widths, flag_sets):
-        source = c99.loop(program, ours.shape, resets, lanes)
-        stem = f"{case.name}-{case.members}-{figures}-{order}-{lanes}-{flags}".replace(" ", "_").replace("'", "")
-        loop = compile_loop(source, flags, folder, stem)
-        name = f"{order}{WITH_FIGURES * figures}" + (f", {lanes} wide" if lanes > 1 else "") + (f", {flags}" if flags else "")
-        result.append(Contestant(name, steps, advance(loop, ours.shape, case, lanes)))
-    return result

@@ -50,7 +50,7 @@ def compiling(case: Case, *, quick: bool) -> list[Row]:
         Kernel(program.program, program.shape, program.accumulators.resets, lanes)
 
     rows = []
-    for lanes in (1, best_lanes(1024)):
+    for lanes in sorted({1, 8, best_lanes(1024)}):
         samples = [_seconds(build, lanes) for _ in range(3 if quick else 7)]
         what = f"{case.name}: {lanes} lane{'s' * (lanes > 1)}, seconds"
         rows.append(Row(what, _text(samples), "", min(samples), at_most=0.15))
@@ -107,7 +107,8 @@ def command_line(*, quick: bool) -> Section:
     if not command.exists():
         return [], [f"skipped: the command barbalat is not installed beside {Path(sys.executable).name}"]
     rows, notes = [], []
-    for argument, limit, repeats in (("--help", 0.3, 5), ("reproduce --quick", 10.0, 1 if quick else 2)):
+    commands = [("--help", 0.3, 5), ("reproduce --quick", 10.0, 1)]
+    for argument, limit, repeats in commands[:1] if quick else commands:
         with tempfile.TemporaryDirectory() as folder:
             samples, done = [], None
             for _ in range(repeats):

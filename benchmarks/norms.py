@@ -23,8 +23,8 @@ WIDTH = 1e-9
 """Relative width that is asked of the enclosure, and the error that a quadrature must reach."""
 DECAYED = 30.0
 """Slowest time constants after which a quadrature stops: e^-30 is 1e-13."""
-MOST_POINTS = 2**24
-"""Of a trapezoidal rule, 128 MB for each array."""
+MOST_POINTS, MOST_QUICKLY = 2**24, 2**20
+"""Of a trapezoidal rule, 128 MB for each array; and in a quick run."""
 ROUGHLY = 1e-4
 """Relative: what a quadrature must reach in any case, or it is not the same integral."""
 
@@ -74,20 +74,21 @@ def systems() -> list[System]:
 
 
 def section(*, quick: bool) -> tuple[list[Row], list[str]]:
-    rows = [row for system in systems() for row in _compare(system, 3 if quick else 9)]
+    most = MOST_QUICKLY if quick else MOST_POINTS
+    rows = [row for system in systems() for row in _compare(system, 1 if quick else 3, most)]
     notes = [
         f"Enclosures of relative width {WIDTH:g}, guaranteed; a quadrature's error is known only because of them.",
         "Where the error is the enclosure's width, the quadrature's value lies inside.",
-        f"Trapezoids: the least power of two of points, up to 2^{MOST_POINTS.bit_length() - 1}, with an error up to {WIDTH:g}, "
+        f"Trapezoids: the least power of two of points, up to 2^{most.bit_length() - 1}, with an error up to {WIDTH:g}, "
         f"found beforehand; quad is asked for {WIDTH:g}.",
         f"Both stop at {DECAYED:g} slowest time constants and evaluate by eigenvectors. Best of interleaved repeats.",
     ]
     return rows, notes
 
 
-def _compare(system: System, repeats: int) -> list[Row]:
+def _compare(system: System, repeats: int, most: int) -> list[Row]:
     found = l1_norm(system.A, system.B, system.C, np.zeros((1, 1)), relative_width=WIDTH)
-    points = _points_needed(system, found)
+    points = _points_needed(system, found, most)
     contestants = {
         "enclosure": lambda: l1_norm(system.A, system.B, system.C, np.zeros((1, 1)), relative_width=WIDTH).midpoint,
         f"trapezoids, 2^{points.bit_length() - 1} points": lambda: trapezoids(system, points),
@@ -119,9 +120,9 @@ def _error(value: float, found: Enclosure) -> float:
     return max(value - found.upper, found.lower - value, 0.0) / found.lower or found.relative_width
 
 
-def _points_needed(system: System, found: Enclosure) -> int:
+def _points_needed(system: System, found: Enclosure, most: int) -> int:
     points = 2**8
-    while points < MOST_POINTS and _error(trapezoids(system, points), found) > WIDTH:
+    while points < most and _error(trapezoids(system, points), found) > WIDTH:
         points *= 2
     return points
 

@@ -51,7 +51,7 @@ def per_state(members: int, *, quick: bool) -> tuple[list[Row], list[str]]:
     rows = []
     for name, pair in PAIRS.items():
         (ours, n_ours), (theirs, n_theirs) = (advance(problem, controller, members) for problem, controller in pair)
-        times = race([Contestant("output", STEPS, ours), Contestant("state", STEPS, theirs)], members, 5 if quick else 15)
+        times = race([Contestant("output", STEPS, ours), Contestant("state", STEPS, theirs)], members, 3 if quick else 9)
         each = [times["output"].best / n_ours, times["state"].best / n_theirs]
         texts = [f"{times[which].best:.3g} ns, {states} states" for which, states in (("output", n_ours), ("state", n_theirs))]
         rows.append(Row(f"{name}, {members} at once", *texts, each[0] / each[1], at_most=1.0))

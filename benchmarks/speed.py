@@ -3,77 +3,85 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import NamedTuple
 
-from benchmarks import c, jax_scan, kernel, numba_loop, numpy_loop
+from benchmarks import c, gcc, kernel
 from benchmarks.kernel import WITH_FIGURES
 from benchmarks.loops import Case
+from benchmarks.peers import c_by_hand, numpy_loop
 from benchmarks.race import CHECK_STEPS, Contestant, Time, check, fastest, race
 from benchmarks.table import Row
 
 SLOW_STEPS = CHECK_STEPS
 """Steps of a timed call of a peer that needs microseconds a step; also spares JAX a second compilation."""
 
-
-def trajectory(case: Case, folder: Path, *, quick: bool) -> tuple[str, list[Row], list[str]]:
-    """One member: against C, Numba, JAX, NumPy."""
-    steps, repeats = (20_000, 7) if quick else (50_000, 15)
-    ours, full = (kernel.contestant(case, steps, figures=figures) for figures in (False, True))
-    peers = _c_peers(case, steps, folder, quick=quick) | _jax_peers(case)
-    notes = [f"skipped: {reason}" for m in (c, numba_loop, jax_scan) if (reason := m.missing())]
-    if not numba_loop.missing() and not quick:
-        peers["Numba"] = numba_loop.contestants(case, steps)
-    peers["NumPy"] = [numpy_loop.contestant(case, SLOW_STEPS)]
-    times = _verified_race(ours, full, peers, case, repeats)
-    return f"{case.name}: one trajectory", _rows(times, ours, full, peers, {"C": 1.2, "JAX": 40.0, "NumPy": 500.0}), notes
+Families = dict[str, list[Contestant]]
+"""Peers by kind; of each kind the fastest counts."""
 
 
-def ensemble(case: Case, folder: Path, *, quick: bool) -> tuple[str, list[Row], list[str]]:
-    """Many members on one core: against vectorised C, and JAX's vmap, which may use all cores."""
-    steps, repeats = (5_000, 5) if quick else (20_000, 9)
-    ours, full = (kernel.contestant(case, steps, figures=figures) for figures in (False, True))
-    peers = _c_peers(case, steps, folder, quick=quick) | _jax_peers(case)
-    notes = [f"skipped: {reason}" for m in (c, jax_scan) if (reason := m.missing())]
-    notes.append("JAX may use every core; all others run on one.")
-    times = _verified_race(ours, full, peers, case, repeats)
+class Extent(NamedTuple):
+    """How much is run: ``quick`` for a first look, ``peers`` with what isn't installed otherwise."""
+
+    quick: bool
+    peers: bool
+
+
+def trajectory(case: Case, folder: Path, extent: Extent) -> tuple[str, list[Row], list[str]]:
+    """One member: against C, NumPy and, where asked for, Numba, JAX, diffrax."""
+    steps, repeats = (20_000, 5) if extent.quick else (50_000, 15)
+    peers, notes = _compiled(case, steps, folder, extent)
+    peers |= {"NumPy": numpy_loop.contestants(case, SLOW_STEPS)} | _installed(case, steps, extent)
+    targets = {"C": 1.2, "JAX": 40.0, "NumPy": 500.0}
+    return f"{case.name}: one trajectory", _rows(case, steps, peers, repeats, targets), notes
+
+
+def ensemble(case: Case, folder: Path, extent: Extent) -> tuple[str, list[Row], list[str]]:
+    """Many members on one core: against vectorised C, and the ``vmap`` of JAX and diffrax, which may use all cores."""
+    steps, repeats = 4_000, (5 if extent.quick else 15)
+    peers, notes = _compiled(case, steps, folder, extent)
+    peers |= _installed(case, steps, extent)
+    notes += [
+        "JAX and diffrax may use every core and go by the clock: others at work on this computer slow only them."
+    ] * extent.peers
+    targets = {"C": 1.1 if case.name.startswith("L1") else 1.0, "JAX": 25.0}
     title = f"{case.name}: ensemble of {case.members} members on one core"
-    return title, _rows(times, ours, full, peers, {"C": 1.0, "JAX": 25.0}), notes
+    return title, _rows(case, steps, peers, repeats, targets), notes
 
 
-def _jax_peers(case: Case) -> dict[str, list[Contestant]]:
-    if jax_scan.missing():
+def _compiled(case: Case, steps: int, folder: Path, extent: Extent) -> tuple[Families, list[str]]:
+    if reason := gcc.missing():
+        return {}, [f"skipped: {reason}"]
+    peers = {f.name: c.contestants(case, steps, folder, f, quick=extent.quick) for f in c.families(case, quick=extent.quick)}
+    return peers | {"C by hand": c_by_hand.contestants(case, steps, folder)}, []
+
+
+def _installed(case: Case, steps: int, extent: Extent) -> Families:
+    """Nothing without ``peers``; in a quick run only Section V's L1 loop, as each compiles for seconds."""
+    if not extent.peers or (extent.quick and not case.name.startswith("L1")):
         return {}
-    both = (jax_scan.equations(case, SLOW_STEPS), jax_scan.operation_list(case, SLOW_STEPS))
-    return {contestant.name: [contestant] for contestant in both}
+    from benchmarks.peers import diffrax_solve, jax_scan, numba_loop
 
-
-def _c_peers(case: Case, steps: int, folder: Path, *, quick: bool) -> dict[str, list[Contestant]]:
-    if c.missing():
-        return {}
-    families = {"C": (c.PLAIN, False), "C, -fno-trapping-math": (c.NO_TRAPS, False), f"C{WITH_FIGURES}": (c.FIGURES, True)}
     return {
-        name: c.contestants(case, steps, folder, flags, figures=figures, quick=quick)
-        for name, (flags, figures) in families.items()
+        "Numba": numba_loop.contestants(case, steps),
+        "JAX": jax_scan.contestants(case, SLOW_STEPS, quick=extent.quick),
+        "diffrax": diffrax_solve.contestants(case, SLOW_STEPS, quick=extent.quick),
     }
 
 
-def _verified_race(
-    ours: Contestant, full: Contestant, peers: dict[str, list[Contestant]], case: Case, repeats: int
-) -> dict[str, Time]:
-    """Check all, let the two fastest of every family race; ``peers`` keeps only those."""
+def _rows(case: Case, steps: int, peers: Families, repeats: int, targets: dict[str, float]) -> list[Row]:
+    """Check all, let the two fastest of every family race; one row for each family."""
+    ours, full = (kernel.contestant(case, steps, figures=figures) for figures in (False, True))
+    peers = {name: family for name, family in peers.items() if family}
     check([full, *(contestant for family in peers.values() for contestant in family)], ours.run(CHECK_STEPS))
-    for name, family in peers.items():
-        peers[name] = fastest(family, case.members, 2) if len(family) > 2 else family
-    return race([ours, full, *(contestant for family in peers.values() for contestant in family)], case.members, repeats)
-
-
-def _rows(
-    times: dict[str, Time], ours: Contestant, full: Contestant, peers: dict[str, list[Contestant]], targets: dict[str, float]
-) -> list[Row]:
+    chosen = {name: fastest(family, case.members, 2) if len(family) > 2 else family for name, family in peers.items()}
+    times = race([ours, full, *(contestant for family in chosen.values() for contestant in family)], case.members, repeats)
     rows = []
-    for name, family in peers.items():
+    for name, family in chosen.items():
         mine = times[full.name if name.endswith(WITH_FIGURES) else ours.name]
         best = min((times[contestant.name] for contestant in family), key=lambda time: time.best)
-        rows.append(Row(name, f"{mine.name}: {mine}", f"{best.name}: {best}", best.best / mine.best, at_least=targets.get(name)))
-    alone, with_figures = times[ours.name], times[full.name]
-    ratio = alone.best / with_figures.best
-    return [*rows, Row("the kernel with figures", f"{with_figures.name}: {with_figures}", f"{alone.name}: {alone}", ratio)]
+        rows.append(_row(name, mine, best, targets.get(name)))
+    return [*rows, _row("the kernel with figures", times[full.name], times[ours.name], None)]
+
+
+def _row(what: str, mine: Time, other: Time, target: float | None) -> Row:
+    return Row(what, f"{mine.name}: {mine}", f"{other.name}: {other}", other.best / mine.best, at_least=target)

@@ -84,5 +84,3 @@ class MracClosedLoop:
         require_hurwitz("A_m + model_feedback", closed.A_m)
         theta_hat0 = initial_estimate(self.theta_hat0, box, known)
         return Equations(known=known, L=L, P=closed.P, gamma=gamma, theta_hat0=theta_hat0, box=box)
-            known=known, L=L, P=closed.P, gamma=gamma, theta_hat0=initial_estimate(self.theta_hat0, box, known), box=box
-        )

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Callable
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, nullcontext
 from functools import cache
 
 import llvmlite.binding as llvm
@@ -11,6 +13,7 @@ import numpy as np
 
 from barbalat.lowering.llvm import ir
 from barbalat.lowering.operations import Program
+from barbalat.lowering.registers import few_waiting
 from barbalat.lowering.shape import ENTRY, TAPS, LoopShape
 
 
@@ -26,6 +29,30 @@ def vector_width() -> int:
     """Doubles in one vector register of this computer."""
     features = llvm.get_host_cpu_features()
     return 8 if features.get("avx512f") else 4 if features.get("avx") else 2
+
+
+def many_registers() -> bool:
+    """Whether this computer has 32 vector registers; x86 without AVX-512 has 16."""
+    features = llvm.get_host_cpu_features()
+    return bool(features.get("avx512f")) or "sse2" not in features
+
+
+_SCHEDULER = threading.Lock()
+
+
+@contextmanager
+def _unscheduled() -> Iterator[None]:
+    """LLVM keeps our order of operations. Its switch is the whole process's, so it is set back to what it is by default.
+
+    LLVM's scheduler brings long chains forward, as is right for one member. Two vectors of members in 16 registers lose a sixth
+    of their speed by it, to values that are stored and loaded again (docs/kernel.md).
+    """
+    with _SCHEDULER:
+        llvm.set_option("", "-enable-misched=false")
+        try:
+            yield
+        finally:
+            llvm.set_option("", "-enable-misched=true")
 
 
 class Past:
@@ -76,6 +103,8 @@ class Kernel:
         self.shape = shape
         self.lanes = lanes
         self.watches = watch is not None
+        if lanes > 1:
+            step = few_waiting(step, urgent_first=many_registers())
         self.ir = ir.loop(step, shape, resets, lanes, sample, watch)
         target = _target()
         machine = target.create_target_machine(
@@ -84,14 +113,16 @@ class Kernel:
         module = llvm.parse_assembly(self.ir)
         module.triple = target.triple
         module.data_layout = str(machine.target_data)
-        options = llvm.create_pipeline_tuning_options(speed_level=2)
+        # The operations come optimised: a higher level finds nothing more and takes longer.
+        options = llvm.create_pipeline_tuning_options(speed_level=1)
         # One member at a time is a chain of dependent operations: packing neighbours into vectors only adds shuffles.
         options.slp_vectorization = False
         options.loop_unrolling = False
         passes = llvm.create_pass_builder(machine, options)
         passes.getModulePassManager().run(module, passes)
         self._engine = llvm.create_mcjit_compiler(module, machine)
-        self._engine.finalize_object()
+        with nullcontext() if lanes == 1 or many_registers() else _unscheduled():
+            self._engine.finalize_object()
         i64, pointer = ctypes.c_int64, ctypes.c_void_p
         run, memory, windows = (i64, i64, *[pointer] * 4, i64), (pointer, pointer, i64, pointer), (pointer, i64, i64)
         prototype = ctypes.CFUNCTYPE(None, *run, *memory, *windows, i64, i64)

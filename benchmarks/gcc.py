@@ -1,0 +1,27 @@
+"""C source -> shared library, by gcc, for the processor at hand."""
+
+from __future__ import annotations
+
+import hashlib
+import shutil
+import subprocess
+from pathlib import Path
+
+from benchmarks import processor
+
+
+def missing() -> str | None:
+    return None if shutil.which("gcc") else "gcc is not installed"
+
+
+def shared_library(source: str, flags: str, folder: Path) -> Path:
+    """Compiled in ``folder``; the name tells source and flags apart.
+
+    Linked without the flags: with -ffast-math, gcc before 13 links code that turns denormal numbers off in the whole process.
+    """
+    stem = hashlib.sha256(f"{flags}\n{source}".encode()).hexdigest()[:16]
+    text, part, library = (folder / f"{stem}.{ending}" for ending in ("c", "o", "so"))
+    text.write_text(source)
+    subprocess.run(["gcc", *processor.GCC_TARGET, *flags.split(), "-fPIC", "-c", str(text), "-o", str(part)], check=True)
+    subprocess.run(["gcc", "-shared", str(part), "-o", str(library), "-lm"], check=True)
+    return library

@@ -1,0 +1,84 @@
+"""Numba: loops over preallocated arrays, compiled by ``njit``; Section V's L1 loop, one trajectory."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numba
+import numpy as np
+
+from benchmarks.loops import Case, command_table
+from benchmarks.peers.equations import A_M, BOUND, GAMMA, K_0, KAPPA, P_B, STEP, THETA, WRITTEN
+from benchmarks.race import Contestant
+
+SIZE = 9
+
+
+def contestants(case: Case, steps: int) -> list[Contestant]:
+    """With and without ``fastmath``; none for another loop than L1's."""
+    if case.members > 1 or not case.name.startswith("L1"):
+        return []
+    return [_contestant(case, steps, fastmath=fastmath) for fastmath in (False, True)]
+
+
+def _contestant(case: Case, steps: int, *, fastmath: bool) -> Contestant:
+    trajectory = _compiled(fastmath=fastmath)
+
+    def run(steps: int) -> np.ndarray:
+        y = case.states[:, 0].copy()
+        trajectory(y, command_table()[:steps])
+        return y[: WRITTEN[case.name].compared, None]
+
+    return Contestant("Numba" + ", fastmath" * fastmath, steps, run)
+
+
+def _compiled(*, fastmath: bool) -> Callable[[Any, Any], None]:
+    a, b, p1, p2 = A_M[1, 0], A_M[1, 1], P_B[0], P_B[1]
+    theta1, theta2 = THETA
+
+    @numba.njit(fastmath=fastmath)
+    def projected(rate, estimate):
+        if (estimate >= BOUND and rate > 0.0) or (estimate <= -BOUND and rate < 0.0):
+            return 0.0
+        return rate
+
+    @numba.njit(fastmath=fastmath)
+    def derivative(y, r, k):
+        x1, x2, u = y[0], y[1], y[8]
+        learnt = y[4] * x1 + y[5] * x2
+        error = GAMMA * ((x1 - y[6]) * p1 + (x2 - y[7]) * p2)
+        k[0] = x2
+        k[1] = a * x1 + b * x2 + u + theta1 * x1 + theta2 * x2
+        k[2] = y[3]
+        k[3] = a * y[2] + b * y[3] + K_0 * r
+        k[4] = projected(error * x1, y[4])
+        k[5] = projected(error * x2, y[5])
+        k[6] = y[7]
+        k[7] = a * y[6] + b * y[7] + u + learnt
+        k[8] = (K_0 * r - learnt - u) / KAPPA
+
+    @numba.njit(fastmath=fastmath)
+    def stage(y, h, k, out):
+        for i in range(SIZE):
+            out[i] = y[i] + h * k[i]
+        for i in (4, 5):
+            out[i] = min(max(out[i], -BOUND), BOUND)
+
+    @numba.njit(fastmath=fastmath)
+    def trajectory(y, table):
+        k = np.empty((4, SIZE))
+        z = np.empty(SIZE)
+        for n in range(len(table)):
+            derivative(y, table[n, 0], k[0])
+            stage(y, STEP / 2, k[0], z)
+            derivative(z, table[n, 1], k[1])
+            stage(y, STEP / 2, k[1], z)
+            derivative(z, table[n, 1], k[2])
+            stage(y, STEP, k[2], z)
+            derivative(z, table[n, 2], k[3])
+            for i in range(SIZE):
+                k[0, i] += 2 * k[1, i] + 2 * k[2, i] + k[3, i]
+            stage(y, STEP / 6, k[0], y)
+
+    return trajectory
