@@ -9,8 +9,7 @@ from hypothesis import strategies as st
 from scipy.optimize import minimize
 
 from adaptation.examples import random_gain
-from barbalat.adaptation.gain import as_matrix, times
-from barbalat.adaptation.projection import limit, project
+from barbalat.problem.known_set import Gain, limit, project
 from barbalat.problem.known_set import ParameterBall
 
 REPRODUCIBLE = settings(max_examples=300, derandomize=True, database=None, deadline=None)
@@ -36,13 +35,13 @@ def situations(draw):
 def test_on_the_sphere(situation):
     """Nothing points outward, what points inward is untouched, and V does not grow by the projection."""
     _, ball, theta_hat, theta, rate, gain = situation
-    projected = project(rate, theta_hat, ball, gain)
+    projected = project(rate, theta_hat, ball, Gain(gain))
     g = (theta_hat - ball.center) / ball.radius
-    scale = np.abs(rate).max() * np.linalg.cond(as_matrix(gain, ball.size))
+    scale = np.abs(rate).max() * np.linalg.cond(Gain(gain).as_matrix(ball.size))
     assert g @ projected <= 1e-13 * scale
     if g @ rate <= 0:
         assert (projected == rate).all()
-    assert (theta_hat - theta) @ np.linalg.solve(as_matrix(gain, ball.size), projected - rate) <= ALWAYS * max(1, ball.radius)
+    assert (theta_hat - theta) @ np.linalg.solve(Gain(gain).as_matrix(ball.size), projected - rate) <= ALWAYS * max(1, ball.radius)
 
 
 @REPRODUCIBLE
@@ -63,7 +62,7 @@ def test_the_nearest_admissible_rate(situation):
         method="SLSQP",
         options={"ftol": 1e-14, "maxiter": 500},
     )
-    projected = project(rate, theta_hat, ball, gain)
+    projected = project(rate, theta_hat, ball, Gain(gain))
     ours, best = ((v - rate) @ inverse @ (v - rate) for v in (projected, found.x))
     assert ours <= best * (1 + 1e-6) + 1e-9  # SLSQP's own accuracy
 
@@ -73,12 +72,12 @@ def test_the_nearest_admissible_rate(situation):
 def test_a_march_never_leaves_the_ball_and_inside_nothing_changes(situation):
     random, ball, theta_hat, theta, _, gain = situation
     for _ in range(20):
-        rate = times(gain, 100 * random.normal(size=ball.size))
-        theta_hat = limit(theta_hat + 0.1 * project(rate, theta_hat, ball, gain), ball)
+        rate = Gain(gain).times(100 * random.normal(size=ball.size))
+        theta_hat = limit(theta_hat + 0.1 * project(rate, theta_hat, ball, Gain(gain)), ball)
         assert ball.contains(theta_hat)
     inner = ball.center + 0.99 * (theta - ball.center)
     assert (limit(inner, ball) == inner).all()
-    assert (project(rate, inner, ball, gain) == rate).all()
+    assert (project(rate, inner, ball, Gain(gain)) == rate).all()
 
 
 @pytest.mark.parametrize(
@@ -93,7 +92,7 @@ def test_ascent_of_a_linear_function_ends_at_its_maximiser(gain):
     v = np.array([1.0, 2.0, -0.5])
     theta_hat = ball.center + np.array([0.1, 0.0, 0.2])
     for _ in range(20_000):
-        theta_hat = limit(theta_hat + 3e-3 * project(times(gain, v), theta_hat, ball, gain), ball)
+        theta_hat = limit(theta_hat + 3e-3 * project(Gain(gain).times(v), theta_hat, ball, Gain(gain)), ball)
         assert ball.contains(theta_hat)
     np.testing.assert_allclose(theta_hat, ball.center + 1.5 * v / np.linalg.norm(v), atol=1e-6)
 

@@ -10,9 +10,11 @@ from examples import BOUND, G_0, inside, known_sets, laws
 from scipy.optimize import minimize
 
 from barbalat import ParameterBall, ParameterBox
-from barbalat.adaptation import gain, implicit, step_within_set
-from barbalat.adaptation.laws import Estimation, Gradient, IntegralCost
+from barbalat.adaptation import implicit
+from barbalat.adaptation.law import Estimation, SampleData
+from barbalat.adaptation.laws import Gradient, IntegralCost
 from barbalat.adaptation.laws.integral_cost import Memory as Data
+from barbalat.problem.known_set import Gain
 from barbalat.validate import InputError
 
 RHO_0, RHO_1 = 20.0, 0.5
@@ -34,6 +36,10 @@ def data(random, theta, eta_over_m):
     return theta @ phi + eta_over_m * np.sqrt(m_s_squared), phi, m_s_squared
 
 
+def step(law, T, theta_hat, memory, z, phi, m_s_squared, known_set):
+    return law.sampled_step(theta_hat, memory, SampleData(T, z, phi, m_s_squared), known_set)
+
+
 def memory_of(random, law, theta):
     """A memory that the law may have; of past data without modelling error."""
     n = len(theta)
@@ -43,7 +49,7 @@ def memory_of(random, law, theta):
         return Data(seen @ seen.T, seen @ seen.T @ theta)
     if hasattr(memory, "covariance"):
         for _ in range(random.integers(0, 3)):
-            memory = implicit.step(law, 0.1, np.zeros(n), memory, *data(random, theta, 0.0), None).memory
+            memory = step(law, 0.1, np.zeros(n), memory, *data(random, theta, 0.0), None).memory
     return memory
 
 
@@ -68,10 +74,10 @@ def test_the_step_solves_the_continuous_law_at_its_end(n):
             law, T, theta = scaled(random, given), 10 ** random.uniform(-4, 0), random.normal(size=n)
             theta_hat = theta + random.normal(size=n)
             z, phi, m_s_squared = data(random, theta, random.uniform(-1, 1))
-            found = implicit.step(law, T, theta_hat, memory_of(random, law, theta), z, phi, m_s_squared, None)
+            found = step(law, T, theta_hat, memory_of(random, law, theta), z, phi, m_s_squared, None)
             at_end = Estimation(phi, m_s_squared, (z - found.theta_hat @ phi) / m_s_squared)
             rate = law.rates(found.theta_hat, found.memory, at_end, None).theta_hat
-            inverse = np.linalg.inv(gain.as_matrix(law.gamma, n))
+            inverse = np.linalg.inv(Gain(law.gamma).as_matrix(n))
             left = inverse @ (found.theta_hat - theta_hat) - T * inverse @ rate
             scale = T * (np.abs(z) * np.abs(phi).max() + 1) + np.abs(inverse).max()
             assert np.abs(left).max() <= 1e-7 * scale, name
@@ -94,7 +100,7 @@ def test_V_keeps_the_continuous_inequality(n):
             memory = memory_of(random, law, theta)
             for known_set in known_sets(random, n):
                 try:
-                    implicit.require_implicit(law, known_set)
+                    implicit.require_sampled(law, known_set)
                 except InputError:
                     assert isinstance(known_set, ParameterBall)
                     continue
@@ -110,7 +116,7 @@ def test_V_keeps_the_continuous_inequality(n):
                     else inside(random, known_set, n, on_the_border=i % 3 == 0)
                 )
                 z, phi, m_s_squared = data(random, target, eta)
-                found = implicit.step(law, T, start, memory, z, phi, m_s_squared, known_set)
+                found = step(law, T, start, memory, z, phi, m_s_squared, known_set)
                 V, V_next = V_of(law, memory, start - target), V_of(law, found.memory, found.theta_hat - target)
                 w = {"sigma": 0.3, "sigma and dead zone": 0.3, "epsilon": 0.5 * abs(z - start @ phi) / np.sqrt(m_s_squared)}
                 added = T * w.get(modification, 0.0) * target @ target / 2 * (2 if matrix else 1)
@@ -121,7 +127,7 @@ def test_V_keeps_the_continuous_inequality(n):
 
 def V_of(law, memory, theta_tilde):
     if isinstance(law, (Gradient, IntegralCost)):
-        return theta_tilde @ np.linalg.solve(gain.as_matrix(law.gamma, len(theta_tilde)), theta_tilde)
+        return theta_tilde @ np.linalg.solve(Gain(law.gamma).as_matrix(len(theta_tilde)), theta_tilde)
     return theta_tilde @ np.linalg.solve(memory.covariance, theta_tilde)
 
 
@@ -135,7 +141,7 @@ def test_the_covariances_stay_within_their_bounds_and_forget_exactly():
         for _ in range(200):
             T = 10 ** random.uniform(-3, 1)
             z, phi, m_s_squared = data(random, np.zeros(3), 0.0)
-            following = implicit.step(law, T, np.ones(3), memory, z, phi, m_s_squared, None).memory
+            following = step(law, T, np.ones(3), memory, z, phi, m_s_squared, None).memory
             P = following.covariance
             np.testing.assert_allclose(P, P.T, atol=1e-10 * np.abs(P).max())
             if "resetting" in name:
@@ -169,7 +175,7 @@ def test_many_short_steps_tend_to_the_continuous_law():
         for steps in (100, 400):
             coarse = theta_hat, law.initial(2)
             for _ in range(steps):
-                coarse = implicit.step(law, 1 / steps, *coarse, z, phi, m_s_squared, None)
+                coarse = step(law, 1 / steps, *coarse, z, phi, m_s_squared, None)
             distances.append(np.linalg.norm(coarse[0] - fine[0]) / np.linalg.norm(fine[0] - theta_hat))
         assert distances[1] <= distances[0] / 2 + 0.01 and distances[1] < 0.2, (name, distances)
 
@@ -186,9 +192,9 @@ def test_the_step_within_a_set_against_a_quadratic_programme():
                 gamma = np.full(n, gamma[0])
             start = inside(random, known_set, n, on_the_border=random.random() < 0.3)
             used = float(gamma[0]) if isinstance(known_set, ParameterBall) else gamma
-            found = step_within_set.step(start, used, phi, coupling, error, known_set)
+            found = implicit.step_within(start, Gain(used), phi, coupling, error, known_set)
             metric = np.diag(1 / gamma) + coupling * np.outer(phi, phi)
-            free = step_within_set.step(start, used, phi, coupling, error, None)
+            free = implicit.step_within(start, Gain(used), phi, coupling, error, None)
             np.testing.assert_allclose(metric @ (free - start), phi * error, rtol=1e-9, atol=1e-9)
 
             def distance(theta, metric=metric, free=free):

@@ -7,9 +7,8 @@ import pytest
 
 from adaptation import examples
 from barbalat import DeadZone, EpsilonModification, FixedSigma, ParameterBall, Problem, SwitchingSigma
-from barbalat.adaptation.gain import as_matrix
 from barbalat.adaptation.laws import LAWS, covariance, integral_cost
-from barbalat.adaptation.projection import limit
+from barbalat.problem.known_set import Gain, limit
 from barbalat.controllers import NormalizedMrac, RobustMrac
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.run.simulate import simulate
@@ -31,7 +30,7 @@ def test_the_registry_has_examples_of_every_law():
 def random_memory(random, law, theta):
     """A memory that the law can have, and the gain of its Lyapunov function."""
     if hasattr(law, "gamma"):
-        gain = as_matrix(law.gamma, N)
+        gain = Gain(law.gamma).as_matrix(N)
         if isinstance(law, LAWS["integral-cost"]):
             data = random.normal(size=(N, random.integers(0, 4)))
             return integral_cost.Memory(data @ data.T, data @ data.T @ theta), gain

@@ -20,7 +20,7 @@ from barbalat import (
     SwitchingSigma,
     input_filter,
 )
-from barbalat.adaptation.gain import as_matrix
+from barbalat.problem.known_set import Gain
 from barbalat.adaptation.lyapunov import Modifications
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.run.ensemble import simulate_ensemble
@@ -134,12 +134,12 @@ def test_V_does_not_grow_pointwise(problems, seed):
                 if off == "learning":
                     law = Modifications(learning=LEARNING)
                     memory = LEARNING.initial(plant.b, plant.x0, n)._replace(R=R, Q=R @ theta)
-                rate = law.rate(gamma, e, P, plant.b, x, theta_hat, memory, known_set)
+                rate = law.rate(Gain(gamma), e, P, plant.b, x, theta_hat, memory, known_set)
                 theta_tilde = theta_hat - theta
                 e_dot = plant.A_m @ e + plant.b * (-theta_tilde @ x + d)
                 size = np.sqrt(e @ P @ e)
                 share = max(0.0, 1 - g_0 / size)
-                terms = share * 2 * e @ P @ e_dot, 2 * theta_tilde @ np.linalg.solve(as_matrix(gamma, n), rate)
+                terms = share * 2 * e @ P @ e_dot, 2 * theta_tilde @ np.linalg.solve(Gain(gamma).as_matrix(n), rate)
                 assert sum(terms) <= 1e-10 * sum(map(abs, terms))  # what cancels, cancels to rounding
 
 

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from barbalat.adaptation.projection import limit, project
+from barbalat.problem.known_set import Gain, limit, project
 from barbalat.problem.state_feedback import ParameterBox
 
 REPRODUCIBLE = settings(max_examples=300, derandomize=True, database=None, deadline=None)
@@ -49,7 +49,7 @@ def test_a_diagonal_gain(situation):
 def test_a_matrix_gain(situation):
     """theta_tilde'P^-1 (projected - raw) <= 0: what the Lyapunov proof of (15) needs of the projection."""
     box, theta_hat, theta, rate, gain = situation
-    projected = project(rate, theta_hat, box, gain)
+    projected = project(rate, theta_hat, box, Gain(gain))
     assert (theta_hat - theta) @ np.linalg.solve(gain, projected - rate) <= ALWAYS
 
 
@@ -59,7 +59,7 @@ def test_up_to_four_parameters_also_in_a_corner(situation):
     """With the cut of the limit: with two parameters it meets an off-diagonal of the harmless sign only, with three and four
     nothing is left to cut. With more it is small, and the inequality is not claimed."""
     box, theta_hat, theta, rate, gain = situation
-    projected = project(rate, theta_hat, box, gain)
+    projected = project(rate, theta_hat, box, Gain(gain))
     kept = np.where(theta_hat >= box.upper, np.minimum(projected, 0), projected)
     kept = np.where(theta_hat <= box.lower, np.maximum(kept, 0), kept)
     if len(rate) in (3, 4):
@@ -81,7 +81,7 @@ def test_the_projection_against_the_quadratic_programme(situation):
     fixed = box.lower == box.upper
     if len(rate) not in (3, 4) and ((side != 0).sum() != 1 or fixed.any()):
         return
-    projected = project(rate, theta_hat, box, gain)
+    projected = project(rate, theta_hat, box, Gain(gain))
     force = np.linalg.solve(gain, projected - rate)
     touching = (side != 0) & ~fixed
     assert (side * projected)[touching].max(initial=-1) <= ALWAYS  # admissible
@@ -101,7 +101,7 @@ def test_ill_conditioned_gains_in_corners(n):
         gain = turned @ np.diag(10 ** random.uniform(-6, 0, n)) @ turned.T
         scale = np.sqrt(np.diag(gain))
         rate = random.normal(size=n) * scale
-        projected = project(rate, theta_hat, box, gain)
+        projected = project(rate, theta_hat, box, Gain(gain))
         # 1e-9: condition 1e6 of what is solved, a few roundings, and multipliers up to 1e6 times the rate
         assert (projected / scale).max() <= 1e-9 * np.abs(rate / scale).max() * 1e3
         assert (np.linalg.solve(gain, projected - rate) * scale).max() <= 1e-6 * np.abs(rate / scale).max()
@@ -115,7 +115,7 @@ def test_a_march_never_leaves_the_box(situation, seed):
     random = np.random.default_rng(seed)
     for _ in range(20):
         rate = 100 * random.normal(size=len(theta_hat))
-        theta_hat = limit(theta_hat + 0.1 * project(gain @ rate, theta_hat, box, gain), box)
+        theta_hat = limit(theta_hat + 0.1 * project(gain @ rate, theta_hat, box, Gain(gain)), box)
         assert box.contains(theta_hat)
         theta_hat = limit(theta_hat + 0.1 * project(rate, theta_hat, box), box)
         assert box.contains(theta_hat)
@@ -124,7 +124,7 @@ def test_a_march_never_leaves_the_box(situation, seed):
 def test_without_a_box_nothing_is_projected():
     rate, theta_hat = np.array([1.0, -2.0]), np.array([1e9, -1e9])
     assert project(rate, theta_hat, None) is rate
-    assert project(rate, theta_hat, None, np.eye(2)) is rate
+    assert project(rate, theta_hat, None, Gain(np.eye(2))) is rate
     assert limit(theta_hat, None) is theta_hat
 
 
@@ -134,7 +134,7 @@ def test_a_bad_rate_inside_the_box_stays_visible(bad):
     rate = np.array([bad, 1.0])
     np.testing.assert_array_equal(project(rate, np.zeros(2), box), rate)
     with np.errstate(invalid="ignore"):  # inf - inf on the way is no finding
-        assert not np.isfinite(project(rate, np.zeros(2), box, np.eye(2))[0])
+        assert not np.isfinite(project(rate, np.zeros(2), box, Gain(np.eye(2)))[0])
 
 
 def test_a_bad_estimate_is_not_limited_to_a_good_one():

@@ -9,13 +9,11 @@ import numpy as np
 import pytest
 from test_regressors import two_inputs
 
-from barbalat.adaptation.gain import as_matrix
-from barbalat.adaptation.projection import limit, project
 from barbalat.cases.load import parse_case
 from barbalat.controllers import Mrac, Sampled
 from barbalat.design import pi_feedback
 from barbalat.problem.actuation import PlantInput
-from barbalat.problem.known_set import ParameterBall, ParameterBox, with_gains
+from barbalat.problem.known_set import Gain, ParameterBall, ParameterBox, limit, project, with_gains
 from barbalat.run.simulate import simulate
 from barbalat.solvers.simulation import Simulation
 from independent import refusal
@@ -40,7 +38,7 @@ def test_the_gain_has_a_projection_of_its_own(problems, known_set, projection, g
     away = np.linalg.norm(run.theta_hat[:, :2] - BALL.center, axis=1).max()
     assert away <= 0.6 if known_set is not None and projection is None else away > 0.6
     P, tilde = problem.known.P, run.theta_hat - problem.parameters
-    inverse = np.linalg.inv(as_matrix(np.array(gamma) if np.ndim(gamma) else gamma, 3))
+    inverse = np.linalg.inv(Gain(np.array(gamma) if np.ndim(gamma) else gamma).as_matrix(3))
     V = np.einsum("ki,ij,kj->k", run.e, P, run.e) + np.einsum("ki,ij,kj->k", tilde, inverse, tilde)
     assert (np.diff(V) <= 1e-9 * V[0]).all()
     assert run.adapting.on_bounds.most[2] > 0
@@ -61,8 +59,8 @@ def test_projections_side_by_side_are_the_projections(gain):
         rate = random.normal(size=4)
         for Gamma in (gain, diagonal):
             own = (Gamma, Gamma) if np.ndim(Gamma) == 0 else (Gamma[:2], Gamma[2:])
-            alone = [project(rate[:2], estimate[:2], BALL, own[0]), project(rate[2:], estimate[2:], intervals, own[1])]
-            np.testing.assert_array_equal(project(rate, estimate, product, Gamma), np.concatenate(alone))
+            alone = [project(rate[:2], estimate[:2], BALL, Gain(own[0])), project(rate[2:], estimate[2:], intervals, Gain(own[1]))]
+            np.testing.assert_array_equal(project(rate, estimate, product, Gain(Gamma)), np.concatenate(alone))
 
 
 def test_an_interval_for_each_input():

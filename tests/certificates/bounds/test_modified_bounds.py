@@ -127,5 +127,6 @@ def test_where_the_projection_is_not_exact_no_bound_is_given():
         replace(controller, projection=False),
     ):
         assert laws.why_no_bound(kept, problem) is None
-    assert "corners" in laws.convergence(LeastSquares(covariance0=1.0), problem.uncertainty)
-    assert "converges to zero" in laws.convergence(LeastSquares(covariance0=1.0), None)
+    law = LeastSquares(covariance0=1.0)
+    assert "corners" in laws.convergence(law.guarantee(problem.uncertainty)) and not law.guarantee(problem.uncertainty).bounded
+    assert "converges to zero" in laws.convergence(law.guarantee(None)) and law.guarantee(None).error_to_zero

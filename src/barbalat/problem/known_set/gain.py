@@ -19,7 +19,7 @@ class Gain:
     dimensions: int = field(init=False, repr=False)  # 0 of a number, 1 of a diagonal, 2 of a matrix
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "dimensions", np.ndim(self.value))
+        object.__setattr__(self, "dimensions", 0 if isinstance(self.value, (int, float)) else self.value.ndim)
 
     @property
     def is_matrix(self) -> bool:
@@ -27,9 +27,8 @@ class Gain:
 
     def require_size(self, field: str, n: int) -> None:
         """InputError where a diagonal or a matrix is not of the size of the problem."""
-        shape = np.shape(self.value)
-        if shape not in ((), (n,), (n, n)):
-            got = f"{' x '.join(map(str, shape))}: {validate.show(self.value)}"
+        if self.dimensions and self.value.shape not in ((n,), (n, n)):
+            got = f"{' x '.join(map(str, self.value.shape))}: {validate.show(self.value)}"
             raise InputError(f"{field} must fit the {n} parameters, got {got}")
 
     @property
