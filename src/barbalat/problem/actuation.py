@@ -80,11 +80,6 @@ class PlantInput:
         """Whether nothing is quantised, saturated or rate-limited."""
         return self.quantization is None and self.saturation is None and self.rate_limit is None
 
-    @property
-    def is_static_gain(self) -> bool:
-        """Whether nothing but the gain and the delay stands before the plant."""
-        return self.is_linear and self.actuator is None and self.multiplicative is None
-
     def path(self, step: float | None = None) -> InputPath | None:
         """The equations of everything but the delay; ``None`` where u reaches the plant as it is.
 

@@ -11,7 +11,7 @@ import numpy as np
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.lowering.llvm.machine import Kernel, Past, Watch, vector_width
 from barbalat.problem.tracking import TrackingProblem
-from barbalat.protocols import Controller, SampledEquations
+from barbalat.protocols import Controller
 from barbalat.run import delay
 from barbalat.run.delay import PER_INPUT
 from barbalat.run.grid import Segment, segments_of, window_of
@@ -189,7 +189,7 @@ class Batch:
 def _rhythm_of(loops: Sequence[ClosedLoop], problems: Sequence[TrackingProblem], dt: float) -> Rhythm:
     """The one rhythm of all members; InputError where they have several, or where one does not fit the step."""
     noise_times = [None if problem.noise is None else problem.noise.sample_time for problem in problems]
-    sample_times = [loop.equations.sample_time if isinstance(loop.equations, SampledEquations) else None for loop in loops]
+    sample_times = [loop.sample_time for loop in loops]
     for what, times in (("the noise's sample time", noise_times), ("the controller's sample time", sample_times)):
         if any(time != times[0] for time in times):
             raise InputError(f"all members must share {what}")

@@ -106,9 +106,9 @@ class WorstCase:
     searched: str
 
 
-def worst_case(family: Family, known_set: KnownSet, seed: int = 0) -> WorstCase:
+def worst_case(family: Family, known_set: KnownSet) -> WorstCase:
     """Search the set for the least margins beside the plant's delay, and for the greatest gain reduction margin."""
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(0)
     extremes = extreme_points(known_set, rng)
     center = np.mean(known_set.extent, axis=0)
     own = np.reshape([family.plant.theta] if known_set.contains(family.plant.theta) else [], (-1, family.plant.n))
