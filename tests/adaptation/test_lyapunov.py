@@ -54,6 +54,7 @@ def controller(scheme, variant, **more):
 @pytest.mark.parametrize("ball", [False, True])
 @pytest.mark.parametrize("variant", VARIANTS)
 @pytest.mark.parametrize("scheme", SCHEMES)
+@pytest.mark.short(kept=lambda scheme, variant, ball: ball == (scheme == "mrac"))
 def test_the_kernel_does_what_plain_stepping_does(problems, scheme, variant, ball):
     problem, settings = problems[2], controller(scheme, variant)
     if ball:

@@ -8,6 +8,7 @@ import sys
 import pytest
 
 from barbalat.cases.load import bundled
+from barbalat.claims import section_v
 from barbalat.cli import main
 
 PAPER = bundled()["paper"].read_text()
@@ -133,7 +134,8 @@ finally:
     assert done.stdout.strip().endswith("[]")
 
 
-def test_reproduce(tmp_path, capsys):
+def test_reproduce(tmp_path, capsys, monkeypatch, section_v_runs):
+    monkeypatch.setattr(section_v, "run", lambda progress: section_v_runs)  # the same, which other tests share
     assert main(["reproduce", "--quick", "--out", str(tmp_path), "--json"]) == 0
     document = json.loads(capsys.readouterr().out)
     assert set(document["figures"]) >= {"2", "3", "4", "5"}

@@ -91,6 +91,7 @@ def test_compiled_loop_against_a_plain_one(problems, name, discretization):
 
 
 @pytest.mark.parametrize("name", CONTROLLERS)
+@pytest.mark.short(kept=lambda name: name in ("l1", "robust", "learning, switching sigma", "bounded gain, dead zone"))
 def test_midpoint_tends_to_the_continuous_controller(problems, name):
     """Holding the control costs an error in proportion to the sample time: halving it halves the distance."""
     problem, controller = problems[2], CONTROLLERS[name]
@@ -125,6 +126,7 @@ def test_no_gain_makes_the_estimates_chatter(section_v):
 
 
 @pytest.mark.parametrize("gamma", [1.0, 1e6])
+@pytest.mark.short(kept=lambda gamma: gamma == 1.0)
 def test_a_short_delay_costs_no_more_than_with_euler_or_without_samples(section_v, gamma):
     """Section V, T = 1e-3: delays of one to fifty samples. The error stays within a tenth of the Euler form's, and, where a fine
     step resolves it, of that of the continuous MRAC with half a sample more, which is what holding u delays it on average.
@@ -222,6 +224,7 @@ VARIED = {
 
 @pytest.mark.parametrize("discretization", [None, "midpoint"])
 @pytest.mark.parametrize("name", VARIED)
+@pytest.mark.short(kept=lambda name, discretization: discretization or name == "memory")
 def test_settings_vary_over_an_ensemble(section_v, name, discretization):
     """Symbols stand for the settings there; each member agrees with a run of its own. 1e-12: constants are folded elsewhere."""
     controllers = [VARIED[name](v) for v in (1.0, 1.5)]
