@@ -243,16 +243,32 @@ def mirror(file: str) -> list[str]:
     return []
 
 
+def _nearest_first(fault: Fault, folders: list[str]) -> list[str]:
+    """The test files of these folders: those first that share most words with the fault's file, then the short ones."""
+    known = _words(Path(fault.file).relative_to(PACKAGE).with_suffix(""))
+    paths = [ROOT / folder for folder in folders]
+    files = {file for path in paths for file in ([path] if path.is_file() else path.rglob("test_*.py"))}
+
+    def distance(file: Path) -> tuple[int, int, str]:
+        return -len(known & _words(file.relative_to(ROOT / "tests").with_suffix(""))), file.stat().st_size, str(file)
+
+    return [str(file.relative_to(ROOT)) for file in sorted(files, key=distance)]
+
+
+def _words(path: Path) -> set[str]:
+    return {word for part in path.parts for word in part.removeprefix("test_").split("_")}
+
+
 def found_by(copy: Copy, fault: Fault, workers: str, *, full: bool) -> tuple[str, str]:
     """(command, test) that finds the fault; ("nothing", "") where none does."""
     path = copy.folder / fault.file
     source = path.read_bytes()
     path.write_bytes(source[: fault.start] + fault.text.encode() + source[fault.stop :])
-    own = mirror(fault.file)
-    stages = [("short", own)] if own else []
-    stages.append(("short", ["-n", workers, "--dist", "worksteal", *(f"--ignore={path}" for path in own)]))
+    own = _nearest_first(fault, mirror(fault.file))
+    others = [file for file in _nearest_first(fault, ["tests"]) if file not in own]
+    stages = [("short", own), ("short", ["-n", workers, *others])]
     if full:
-        stages.append(("full", ["--rest", "-n", workers, "--dist", "worksteal"]))
+        stages.append(("full", ["--rest", "-n", workers, *own, *others]))
     try:
         for name, options in stages:
             test = copy.first_failure(*options)
