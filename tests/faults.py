@@ -37,8 +37,9 @@ MIRRORS = {
     "adaptation": ["tests/adaptation", "tests/contracts"],
     "controllers": ["tests/contracts", "tests/controllers"],
     "lowering": ["tests/lowering", "tests/run"],
-    "problem": ["tests/problem", "tests/adaptation"],
-    "solvers": ["tests/solvers", "tests/contracts/test_solvers.py"],
+    "cases": ["tests/cases", "tests/test_validate.py"],
+    "problem": ["tests/problem", "tests/adaptation", "tests/test_validate.py"],
+    "solvers": ["tests/solvers", "tests/contracts/test_solvers.py", "tests/test_validate.py"],
 }
 """The first tests to meet a fault of a room; where it is not named, its own mirror."""
 

@@ -437,6 +437,14 @@ WRONG = {
         lambda: MracOutput(order=1, relative_degree=1, sign=1, law=LAW, tau=1.0), ["tau", "epsilon"],
     ),
     "no bound of c_0": (lambda: _bind(MracOutput(order=1, relative_degree=1, sign=1, law=Gradient(gamma=1.0))), ["c_0_min"]),
+    "a set with c_0 above zero where it is negative": (
+        lambda: problem_bind(
+            TF([-2.0], [1.0, 1.0]),
+            MracOutput(order=1, relative_degree=1, sign=-1, law=Gradient(gamma=1.0), lower=[-9.0, -9.0], upper=[9.0, 1.0]),
+            TF([3.0], [1.0, 3.0]),
+        ),
+        ["c_0", "below zero"],
+    ),
     "wrong sign": (lambda: _bind(MracOutput(order=1, relative_degree=1, sign=-1, law=LAW)), ["sign", "gain"]),
     "model of another degree": (
         lambda: _bind(MracOutput(order=2, relative_degree=2, sign=1, law=Gradient(gamma=1.0), c_0_min=0.1)), ["relative_degree"],
