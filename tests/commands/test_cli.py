@@ -158,6 +158,7 @@ def test_python_dash_m_is_the_command():
     assert done.returncode == 0 and "l1-output" in done.stdout
 
 
+@pytest.mark.full
 def test_certify_with_simulated_margins(case_file, capsys):
     """Both readings; a smaller share of added error is lost at a shorter delay."""
     found = []

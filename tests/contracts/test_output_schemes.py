@@ -153,7 +153,7 @@ def test_rest_stays_rest(example):
     np.testing.assert_array_equal(run.theta_hat, np.tile(start, (len(run.t), 1)))
 
 
-@pytest.mark.short(kept=lambda example: example[1] == 2)
+@pytest.mark.short(kept=lambda example: example[1] == 1)
 def test_disturbances_reach_the_plant(example):
     given, controller = example
     simulation = Simulation(t_end=4.0, dt=2.0**-8)
@@ -167,7 +167,7 @@ def test_disturbances_reach_the_plant(example):
     assert np.abs(other.y - without.y).max() > 1e-2
 
 
-@pytest.mark.short(kept=lambda example: example[1] == 2)
+@pytest.mark.short(kept=lambda example: example[1] == 1)
 def test_a_member_of_an_ensemble_is_the_run_alone(example):
     given, controller = example
     simulation = Simulation(t_end=4.0, dt=2.0**-7)

@@ -189,7 +189,7 @@ def test_settings_do_not_share_what_the_user_may_change(adaptive):
     assert settings.bind(problem.known).initial().theta_hat.tolist() == [0.1] * problem.plant.n
 
 
-@pytest.mark.short(kept=lambda example: example[1] == 2)
+@pytest.mark.short(kept=lambda example: example[1] == 1)
 def test_the_initial_estimate_is_where_the_run_starts(adaptive):
     problem, controller = adaptive
     started = with_setting(controller, theta_hat0=[0.5] * problem.plant.n)
@@ -208,7 +208,7 @@ def test_rest_stays_rest(example):
         assert not value.any()
 
 
-@pytest.mark.short(kept=lambda example: example[1] == 2)
+@pytest.mark.short(kept=lambda example: example[1] == 1)
 def test_a_disturbance_reaches_the_plant(example):
     """With d the run differs; with d = 0 it is the run without, to the roundings of sums that are associated otherwise."""
     given, controller = example

@@ -127,7 +127,7 @@ def test_no_gain_makes_the_estimates_chatter(section_v):
 
 
 @pytest.mark.parametrize("gamma", [1.0, 1e6])
-@pytest.mark.short(kept=lambda gamma: gamma == 1.0)
+@pytest.mark.full
 def test_a_short_delay_costs_no_more_than_with_euler_or_without_samples(section_v, gamma):
     """Section V, T = 1e-3: delays of one to fifty samples. The error stays within a tenth of the Euler form's, and, where a fine
     step resolves it, of that of the continuous MRAC with half a sample more, which is what holding u delays it on average.

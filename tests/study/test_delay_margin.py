@@ -195,6 +195,7 @@ def test_motion_of_a_model_in_its_steady_state():
     assert faster.crossings == pytest.approx(5 / np.pi, rel=1e-2)
 
 
+@pytest.mark.full
 def test_a_command_that_comes_to_rest_is_said():
     """Wing rock's command ends at 35 of 60 s: both criteria look at a loop at rest."""
     case = load_case("wing-rock")

@@ -16,6 +16,7 @@ from certificates.bounds import random_problems
 
 
 @pytest.mark.parametrize("n", range(1, 6))
+@pytest.mark.short(kept=lambda n: n in (1, 3, 4))
 def test_bound_9_is_never_violated(n, sample):
     systems = sample(random_problems.FEW_9, random_problems.SYSTEMS_9)
     used = random_problems.used_of_9(n, systems)
@@ -26,6 +27,7 @@ def test_bound_9_is_never_violated(n, sample):
 
 
 @pytest.mark.parametrize("n", range(1, 6))
+@pytest.mark.short(kept=lambda n: n in (1, 2, 4))
 def test_bound_10_is_never_violated(n, sample):
     """For C(s) of order 1, 2, 3 by the norm of W_b (1 - C); for order 1 also in the paper's form, which is never the smaller."""
     used = random_problems.used_of_10(n, sample(random_problems.FEW_10, random_problems.SYSTEMS_10))
