@@ -1,11 +1,61 @@
-"""Problems that many tests share."""
+"""Problems that many tests share, and what the short command leaves to the full one."""
 
 from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 import pytest
 
 from barbalat.problem.state_feedback import ParameterBox, Plant, Problem, ReferenceModel
 from barbalat.signals import Sine, Sines
+
+if TYPE_CHECKING:
+    from barbalat.claims.section_v import Runs
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption("--full", action="store_true", help="all tests, every random-problem test with all its problems")
+    parser.addoption("--rest", action="store_true", help="what --full runs and the short command does not")
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Without an option what is marked ``full``, or lies outside a ``short`` mark, is left out."""
+    everything, rest = config.getoption("full"), config.getoption("rest")
+    if everything and rest:
+        raise pytest.UsageError("--full runs everything, --rest what is left out without it: give one of them")
+    if everything:
+        return
+    kept = [item for item in items if (_left_out(item) or _draws_samples(item) if rest else not _left_out(item))]
+    config.hook.pytest_deselected(items=[item for item in items if item not in set(kept)])
+    items[:] = kept
+
+
+def _left_out(item: pytest.Item) -> bool:
+    """Whether only the full command runs the test."""
+    if item.get_closest_marker("full"):
+        return True
+    parameters = item.callspec.params if hasattr(item, "callspec") else {}
+    return not all(marker.kwargs["kept"](**parameters) for marker in item.iter_markers("short"))
+
+
+def _draws_samples(item: pytest.Item) -> bool:
+    return "sample" in getattr(item, "fixturenames", ())
+
+
+@pytest.fixture(scope="session")
+def sample(request: pytest.FixtureRequest) -> Callable[[int, int], int]:
+    """``sample(short, full)``: how many random problems a test draws, by the command that runs it."""
+    all_of_them = request.config.getoption("full") or request.config.getoption("rest")
+    return lambda short, full: full if all_of_them else short
+
+
+@pytest.fixture(scope="session")
+def section_v_runs() -> Runs:
+    """All runs of Section V, as ``reproduce`` makes them; nobody changes them."""
+    from barbalat.claims import section_v
+
+    return section_v.run()
 
 
 def _section_v() -> Problem:

@@ -9,8 +9,7 @@ from hypothesis import strategies as st
 from scipy.optimize import minimize
 
 from adaptation.examples import random_gain
-from barbalat.problem.known_set import Gain, limit, project
-from barbalat.problem.known_set import ParameterBall
+from barbalat.problem.known_set import Gain, ParameterBall, limit, project
 
 REPRODUCIBLE = settings(max_examples=300, derandomize=True, database=None, deadline=None)
 ALWAYS = 1e-9  # of quantities of order 1 to 1e3
@@ -41,7 +40,9 @@ def test_on_the_sphere(situation):
     assert g @ projected <= 1e-13 * scale
     if g @ rate <= 0:
         assert (projected == rate).all()
-    assert (theta_hat - theta) @ np.linalg.solve(Gain(gain).as_matrix(ball.size), projected - rate) <= ALWAYS * max(1, ball.radius)
+    assert (theta_hat - theta) @ np.linalg.solve(Gain(gain).as_matrix(ball.size), projected - rate) <= ALWAYS * max(
+        1, ball.radius
+    )
 
 
 @REPRODUCIBLE

@@ -207,3 +207,20 @@ def test_the_step_within_a_set_against_a_quadratic_programme():
                 constraints = {"type": "ineq", "fun": lambda t, s=known_set: s.radius**2 - (t - s.center) @ (t - s.center)}
             least = minimize(distance, start, bounds=limits, constraints=constraints, options={"ftol": 1e-14, "maxiter": 500})
             assert distance(found) <= distance(least.x) * (1 + 1e-6) + 1e-9
+
+
+@pytest.mark.parametrize("leaking", [False, True])
+def test_a_leaking_step_keeps_to_the_set_and_zero(leaking):
+    """The least box that holds the known one and zero, its extremes taken from corners and zero; of a ball the concentric one."""
+    random = np.random.default_rng(17)
+    for _ in range(50):
+        lower = random.uniform(-3, 2, 3)
+        box = ParameterBox(lower=lower, upper=lower + random.uniform(0.1, 2, 3))
+        points = np.array([box.lower, box.upper] + [np.zeros(3)] * leaking)
+        kept = step_within_set.kept_to(box, 3, leaking=leaking)
+        np.testing.assert_array_equal([kept.lower, kept.upper], [points.min(axis=0), points.max(axis=0)])
+        ball = ParameterBall(center=random.uniform(-2, 2, 3), radius=random.uniform(0.1, 2))
+        kept = step_within_set.kept_to(ball, 3, leaking=leaking)
+        np.testing.assert_array_equal(kept.center, ball.center)
+        to_zero = np.linalg.norm(ball.center) if leaking else 0.0
+        assert kept.radius == pytest.approx(max(ball.radius, to_zero), rel=1e-14)

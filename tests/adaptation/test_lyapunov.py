@@ -20,9 +20,9 @@ from barbalat import (
     SwitchingSigma,
     input_filter,
 )
-from barbalat.problem.known_set import Gain
 from barbalat.adaptation.lyapunov import Modifications
 from barbalat.loop.closed_loop import ClosedLoop
+from barbalat.problem.known_set import Gain
 from barbalat.run.ensemble import simulate_ensemble
 from barbalat.run.simulate import simulate
 from barbalat.solvers import RK4
@@ -54,6 +54,7 @@ def controller(scheme, variant, **more):
 @pytest.mark.parametrize("ball", [False, True])
 @pytest.mark.parametrize("variant", VARIANTS)
 @pytest.mark.parametrize("scheme", SCHEMES)
+@pytest.mark.short(kept=lambda scheme, variant, ball: ball == (scheme == "mrac"))
 def test_the_kernel_does_what_plain_stepping_does(problems, scheme, variant, ball):
     problem, settings = problems[2], controller(scheme, variant)
     if ball:

@@ -63,6 +63,7 @@ DRIFT = {
 }
 
 
+@pytest.mark.full
 def test_a_bounded_error_lets_the_plain_law_drift_and_no_modified_one():
     """The drift of Ioannou and Sun, section 8.3.1: phi fades like (1 + t)^{-1/2}, eta like (1 + t)^{-1/4}."""
 

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from barbalat.problem.known_set import Gain, limit, project
+from barbalat.problem.known_set import Gain, ParameterBall, ParameterProduct, limit, project
 from barbalat.problem.state_feedback import ParameterBox
 
 REPRODUCIBLE = settings(max_examples=300, derandomize=True, database=None, deadline=None)
@@ -105,6 +105,35 @@ def test_ill_conditioned_gains_in_corners(n):
         # 1e-9: condition 1e6 of what is solved, a few roundings, and multipliers up to 1e6 times the rate
         assert (projected / scale).max() <= 1e-9 * np.abs(rate / scale).max() * 1e3
         assert (np.linalg.solve(gain, projected - rate) * scale).max() <= 1e-6 * np.abs(rate / scale).max()
+
+
+@pytest.mark.parametrize("ball", [None, ParameterBall(center=[0.5, -0.5], radius=1.0)])
+@pytest.mark.parametrize("kind", ["number", "diagonal", "matrix"])
+def test_input_gains_beside_theta(ball, kind):
+    """At their bounds the input gains do not move outward, on its sphere theta does not: whatever the law's gain.
+
+    A scalar or diagonal gain does not couple the two: each moves as it does alone.
+    """
+    random = np.random.default_rng(7)
+    gains = ParameterBox(lower=[0.5, -2.0], upper=[3.0, -1.0])
+    product = ParameterProduct(ball, gains)
+    for _ in range(50):
+        angle, rate = random.uniform(0, 2 * np.pi), random.normal(size=4)
+        theta = np.array([0.5, -0.5]) + np.array([np.cos(angle), np.sin(angle)])
+        theta_hat = np.concatenate([theta, random.choice([0.5, 2.0, 3.0], 1), random.choice([-2.0, -1.5, -1.0], 1)])
+        root = random.normal(size=(4, 4))
+        gain = {"number": 2.0, "diagonal": np.array([1.0, 2.0, 3.0, 4.0]), "matrix": root @ root.T + 0.1 * np.eye(4)}[kind]
+        projected = project(rate, theta_hat, product, gain)
+        if kind != "matrix":  # in a corner of two intervals a matrix leaves a part to the limit
+            assert not outward(projected[2:], theta_hat[2:], gains).any()
+            free = outward(rate[2:], theta_hat[2:], gains) == 0
+            np.testing.assert_array_equal(projected[2:][free], rate[2:][free])
+            own = gain if kind == "number" else gain[:2]
+            np.testing.assert_array_equal(projected[:2], project(rate[:2], theta, ball, own))
+            if ball is not None:
+                assert (theta - ball.center) @ projected[:2] <= ALWAYS
+        inside = np.concatenate([ball.center if ball is not None else random.normal(size=2), gains.middle])
+        assert (theta_hat - inside) @ np.linalg.solve(gain * np.eye(4) if kind != "matrix" else gain, projected - rate) <= ALWAYS
 
 
 @REPRODUCIBLE

@@ -6,18 +6,21 @@ import sys
 import numpy as np
 import pytest
 
-from barbalat.claims import figures, ledger, linear_design, section_v
+from barbalat.claims import figures, ledger, linear_design
 from barbalat.claims.claim import Claim, verdict
 
 
 @pytest.fixture(scope="module")
-def runs():
-    return section_v.run()
+def quick(section_v_runs) -> tuple[dict[str, Claim], list[float]]:
+    """What ``reproduce --quick`` measures, and its progress."""
+    seen: list[float] = []
+    return {claim.id: claim for claim in ledger.measure(section_v_runs, quick=True, progress=seen.append)}, seen
 
 
 @pytest.fixture(scope="module")
-def claims(runs) -> dict[str, Claim]:
-    return {claim.id: claim for claim in ledger.measure(runs)}
+def claims(section_v_runs) -> dict[str, Claim]:
+    """All of them, in half a minute and more."""
+    return {claim.id: claim for claim in ledger.measure(section_v_runs)}
 
 
 EXPECTED = {
@@ -54,11 +57,21 @@ EXPECTED = {
 }  # fmt: skip
 
 
+def test_quick_verdicts(quick):
+    measured, _ = quick
+    assert set(measured) >= {"erratum-14", "bound-9", "bound-10", "kappa-0.05", "exponential-convergence", "loss-of-learning"}
+    assert {name: claim.verdict for name, claim in measured.items() if name in EXPECTED} == {
+        name: verdict for name, verdict in EXPECTED.items() if name in measured
+    }
+
+
+@pytest.mark.full
 @pytest.mark.parametrize("claim", EXPECTED)
 def test_verdicts(claims, claim):
     assert claims[claim].verdict == EXPECTED[claim]
 
 
+@pytest.mark.full
 def test_every_claim_has_a_number_and_a_method(claims):
     for claim in claims.values():
         assert re.search(r"\d", claim.measured), claim.id
@@ -66,6 +79,7 @@ def test_every_claim_has_a_number_and_a_method(claims):
     assert len(claims) >= 28
 
 
+@pytest.mark.full
 def test_numbers_that_theory_predicts(claims):
     exponent = float(re.search(r"h\^(-\d\.\d+)", claims["boundary"].measured)[1])
     assert exponent == pytest.approx(-2, abs=0.05)  # h sqrt(Gamma) = constant
@@ -80,6 +94,7 @@ def test_numbers_that_theory_predicts(claims):
         assert nearest > 0.98  # nothing is borne beyond the linear limit, up to the resolution of tau
 
 
+@pytest.mark.full
 def test_linear_loops_are_lost_where_mu_says(claims):
     """Without the delay, at the corner that mu names: the last size that is borne and the first that is not, around 1/mu."""
     claim = claims["adaptive-against-linear"]
@@ -95,6 +110,7 @@ def test_linear_loops_are_lost_where_mu_says(claims):
         assert following > limit  # unstable: in 60 s it has left every bound
 
 
+@pytest.mark.full
 def test_the_map_of_gain_and_step_agrees_with_the_stability_region(claims):
     (shown,) = claims["boundary"].maps
     h_omega = shown.y.values[:, None] * np.sqrt(shown.x.values)  # up to a factor that all cells share
@@ -104,6 +120,7 @@ def test_the_map_of_gain_and_step_agrees_with_the_stability_region(claims):
     assert oscillates.any(axis=1).all() and (~oscillates).any(axis=1).all()  # every step has both
 
 
+@pytest.mark.full
 def test_the_certified_condition_lies_inside_the_exact_boundary(claims):
     (shown,) = claims["filter-limits-theta"].maps
     certified, exact, _ = shown.curves
@@ -113,23 +130,21 @@ def test_the_certified_condition_lies_inside_the_exact_boundary(claims):
     assert not np.isnan(shown.values[inside]).any()
 
 
-def test_figures_and_quick_ledger(runs):
-    assert all(figure.reproduced for figure in figures.paper_figures(runs))
-    assert {claim.id for claim in ledger.measure(runs, quick=True)} >= {"erratum-14", "bound-9", "loss-of-learning"}
+def test_figures_are_reproduced(section_v_runs):
+    assert all(figure.reproduced for figure in figures.paper_figures(section_v_runs))
 
 
-def test_what_is_measured_in_another_process_is_the_same(runs):
-    seen = []
+@pytest.mark.full
+def test_what_is_measured_in_another_process_is_the_same(section_v_runs, quick):
+    here, seen = quick[0].values(), []
     with ledger.under_way(1, quick=True) as ahead:
-        found = ledger.measure(runs, quick=True, progress=seen.append, ahead=ahead)
+        found = ledger.measure(section_v_runs, quick=True, progress=seen.append, ahead=ahead)
     assert seen[-1] == pytest.approx(1)
-    here = ledger.measure(runs, quick=True)
     assert [(claim.id, claim.verdict, claim.measured) for claim in found] == [(c.id, c.verdict, c.measured) for c in here]
 
 
-def test_progress_is_that_of_the_seconds(runs):
-    seen = []
-    ledger.measure(runs, quick=True, progress=seen.append)
+def test_progress_is_that_of_the_seconds(quick):
+    _, seen = quick
     assert seen[-1] == pytest.approx(1)
     assert (np.diff(seen) > 0).all() and max(np.diff(seen)) < 0.3
 

@@ -8,6 +8,7 @@ import sys
 import pytest
 
 from barbalat.cases.load import bundled
+from barbalat.claims import section_v
 from barbalat.cli import main
 
 PAPER = bundled()["paper"].read_text()
@@ -133,7 +134,8 @@ finally:
     assert done.stdout.strip().endswith("[]")
 
 
-def test_reproduce(tmp_path, capsys):
+def test_reproduce(tmp_path, capsys, monkeypatch, section_v_runs):
+    monkeypatch.setattr(section_v, "run", lambda progress: section_v_runs)  # the same, which other tests share
     assert main(["reproduce", "--quick", "--out", str(tmp_path), "--json"]) == 0
     document = json.loads(capsys.readouterr().out)
     assert set(document["figures"]) >= {"2", "3", "4", "5"}
@@ -156,6 +158,7 @@ def test_python_dash_m_is_the_command():
     assert done.returncode == 0 and "l1-output" in done.stdout
 
 
+@pytest.mark.full
 def test_certify_with_simulated_margins(case_file, capsys):
     """Both readings; a smaller share of added error is lost at a shorter delay."""
     found = []

@@ -39,6 +39,9 @@ EXAMPLES = [
     (name, n, i) for name in OUTPUT_SCHEMES for n in PLANTS for i in range(len(example_output_controllers(n).get(name, [None])))
 ]
 
+SHORT_PAIRS = {(1, "rk4"), (2, "euler"), (2, "heun")}
+"""Order and solver together in short; what does not depend on the order is looked at with the second alone."""
+
 
 def problem(n, **changes):
     given = {
@@ -64,6 +67,7 @@ def long_run(n, name, i):
     return simulate(problem(n), [controller], Simulation(t_end=64.0, dt=2.0**-7))[controller.name]
 
 
+@pytest.mark.short(kept=lambda example: example[1] == 2)
 def test_the_registry_knows_the_class(example):
     _, controller = example
     assert type(controller) in OUTPUT_SCHEMES.values()
@@ -71,11 +75,13 @@ def test_the_registry_knows_the_class(example):
     assert controller.feedback == "output"
 
 
+@pytest.mark.short(kept=lambda example: example[1] == 2)
 def test_symbols_and_numbers_agree(example):
     symbols_against_numbers(ClosedLoop.of(*example), size=1.0)
 
 
 @pytest.mark.parametrize("solver", SOLVERS)
+@pytest.mark.short(kept=lambda example, solver: (example[1], solver) in SHORT_PAIRS)
 def test_the_kernel_does_what_plain_stepping_does(example, solver):
     given, controller = example
     dt, steps = 2.0**-8, 320
@@ -87,6 +93,7 @@ def test_the_kernel_does_what_plain_stepping_does(example, solver):
     np.testing.assert_allclose(result.u, samples.u, rtol=0, atol=1e-8)
 
 
+@pytest.mark.short(kept=lambda example: example[1] == 2)
 def test_the_error_of_a_solver_falls_with_its_order(example):
     """Halving the step of RK4 three times before any bound is met: the differences fall by 2^4 = 16 each, within a third."""
     given, controller = example
@@ -100,11 +107,13 @@ def test_the_error_of_a_solver_falls_with_its_order(example):
     assert third < floor or 10 < second / third < 24
 
 
+@pytest.mark.short(kept=lambda example: example[1] == 2)
 def test_the_exact_jacobian_against_differences(example):
     jacobian_against_differences(ClosedLoop.of(*example))
 
 
 @pytest.mark.parametrize(("name", "n", "i"), EXAMPLES)
+@pytest.mark.short(kept=lambda name, n, i: n == 2)
 def test_it_tracks(name, n, i):
     """The tail error is a fraction of the model's output, 0.9; the unstable plants left alone leave all bounds."""
     run = long_run(n, name, i)
@@ -113,6 +122,7 @@ def test_it_tracks(name, n, i):
 
 
 @pytest.mark.parametrize(("name", "n", "i"), EXAMPLES)
+@pytest.mark.short(kept=lambda name, n, i: n == 2)
 def test_shapes_and_numbers_of_a_result(name, n, i):
     run = long_run(n, name, i)
     count, estimates = len(run.t), run.controller.bind(run.problem.known).initial().theta_hat.size
@@ -125,6 +135,7 @@ def test_shapes_and_numbers_of_a_result(name, n, i):
         assert np.isfinite(value).all()
 
 
+@pytest.mark.short(kept=lambda example: example[1] == 2)
 def test_settings_are_frozen(example):
     _, controller = example
     for field in fields(controller):
@@ -132,6 +143,7 @@ def test_settings_are_frozen(example):
             setattr(controller, field.name, 1.0)
 
 
+@pytest.mark.short(kept=lambda example: example[1] == 2)
 def test_rest_stays_rest(example):
     """r = 0, d = 0: nothing moves, not even by a rounding."""
     given, controller = example
@@ -141,6 +153,7 @@ def test_rest_stays_rest(example):
     np.testing.assert_array_equal(run.theta_hat, np.tile(start, (len(run.t), 1)))
 
 
+@pytest.mark.short(kept=lambda example: example[1] == 1)
 def test_disturbances_reach_the_plant(example):
     given, controller = example
     simulation = Simulation(t_end=4.0, dt=2.0**-8)
@@ -154,6 +167,7 @@ def test_disturbances_reach_the_plant(example):
     assert np.abs(other.y - without.y).max() > 1e-2
 
 
+@pytest.mark.short(kept=lambda example: example[1] == 1)
 def test_a_member_of_an_ensemble_is_the_run_alone(example):
     given, controller = example
     simulation = Simulation(t_end=4.0, dt=2.0**-7)
@@ -163,6 +177,7 @@ def test_a_member_of_an_ensemble_is_the_run_alone(example):
 
 
 @pytest.mark.parametrize("discretization", ["euler", "midpoint"])
+@pytest.mark.short(kept=lambda example, discretization: example[1] == 2)
 def test_sampled_fast_it_is_the_continuous_controller(example, discretization):
     """At a sample time of 2^-9 s the run differs from the continuous one by what a zero-order hold costs."""
     given, controller = example
@@ -177,6 +192,7 @@ def test_sampled_fast_it_is_the_continuous_controller(example, discretization):
     assert np.abs(held.y - continuous.y).max() < 0.05 * np.abs(continuous.y).max()
 
 
+@pytest.mark.short(kept=lambda example: example[1] == 2)
 def test_what_measures_the_state_is_refused(example):
     given, controller = example
     assert "feeds back the state" in refusal(lambda: ClosedLoop.of(given, Mrac(gamma=1.0)))

@@ -21,6 +21,9 @@ from independent import brute_force, example_controllers, jacobian_against_diffe
 ORDERS = (1, 2, 3)
 EXAMPLES = [(name, n, i) for name in SCHEMES for n in ORDERS for i in range(len(example_controllers(n).get(name, [None])))]
 
+SHORT_PAIRS = {(1, "euler"), (2, "rk4"), (3, "heun")}
+"""Order and solver together in short; what does not depend on the order is looked at with the second alone."""
+
 
 @pytest.fixture(params=EXAMPLES, ids=[f"{name}-n{n}-{i}" for name, n, i in EXAMPLES])
 def example(request, problems):
@@ -45,6 +48,7 @@ def long_run(problem, controller):
     return simulate(problem, [controller], Simulation(t_end=64.0, dt=2.0**-6))[controller.name]
 
 
+@pytest.mark.short(kept=lambda example: example[1] == 2)
 def test_the_registry_knows_the_class(example):
     _, controller = example
     assert type(controller) in SCHEMES.values()
@@ -52,10 +56,12 @@ def test_the_registry_knows_the_class(example):
     assert isinstance(controller.name, str)
 
 
+@pytest.mark.short(kept=lambda example: example[1] > 1)
 def test_symbols_and_numbers_agree(example):
     symbols_against_numbers(ClosedLoop.of(*example), size=3.0)
 
 
+@pytest.mark.short(kept=lambda example: example[1] == 2)
 def test_the_flat_state_and_its_parts(example):
     problem, controller = example
     loop = ClosedLoop.of(problem, controller)
@@ -68,6 +74,7 @@ def test_the_flat_state_and_its_parts(example):
 
 
 @pytest.mark.parametrize("solver", SOLVERS)
+@pytest.mark.short(kept=lambda example, solver: (example[1], solver) in SHORT_PAIRS)
 def test_the_kernel_does_what_plain_stepping_does(example, solver):
     """Machine code, tables, blocks and record against a Python loop over the textbook formulas.
 
@@ -89,6 +96,7 @@ def with_setting(controller, **changes):
     return type(controller)(**({f.name: getattr(controller, f.name) for f in fields(controller)} | changes))
 
 
+@pytest.mark.short(kept=lambda example: example[1] == 2)
 def test_the_estimate_stays_in_a_box_that_it_wants_to_leave(adaptive):
     """A box that ends at 0.8 theta, started in its corner: the law pushes outward; over every step, to the last bit."""
     problem, controller = adaptive
@@ -105,6 +113,7 @@ def test_the_estimate_stays_in_a_box_that_it_wants_to_leave(adaptive):
     assert (np.abs(outside.theta_hat) > box.upper).any()  # it did want to
 
 
+@pytest.mark.short(kept=lambda example: example[1] == 2)
 def test_tracking_at_a_moderate_gain(example):
     """The tail error is a fraction of that of the same plant left alone (theta_hat = 0): what adaptation is for."""
     problem, controller = example
@@ -115,6 +124,7 @@ def test_tracking_at_a_moderate_gain(example):
     assert max(adapted.figures["tail_max_abs_e"]) < 0.75 * limit
 
 
+@pytest.mark.short(kept=lambda example: example[1] == 2)
 def test_shapes_and_numbers_of_a_result(example):
     problem, controller = example
     n, result = problem.plant.n, long_run(problem, controller)
@@ -139,10 +149,12 @@ def test_shapes_and_numbers_of_a_result(example):
     assert controller.name == result.controller.name
 
 
+@pytest.mark.short(kept=lambda example: example[1] == 2)
 def test_the_exact_jacobian_against_differences(example):
     jacobian_against_differences(ClosedLoop.of(*example))
 
 
+@pytest.mark.short(kept=lambda example: example[1] == 2)
 def test_projection_is_on_where_the_set_is_known_and_can_be_switched_off(adaptive):
     problem, controller = adaptive
     assert controller.bind(problem.known).box is problem.uncertainty
@@ -153,11 +165,13 @@ def test_projection_is_on_where_the_set_is_known_and_can_be_switched_off(adaptiv
 
 
 @pytest.mark.parametrize("theta_hat0", [np.zeros(5), [1e6], "0", [np.nan]])
+@pytest.mark.short(kept=lambda example, theta_hat0: example[1] == 2)
 def test_a_misfit_is_refused(adaptive, theta_hat0):
     problem, controller = adaptive
     assert "theta_hat0" in refusal(lambda: with_setting(controller, theta_hat0=theta_hat0).bind(problem.known))
 
 
+@pytest.mark.short(kept=lambda example: example[1] == 2)
 def test_settings_are_frozen(example):
     _, controller = example
     for field in fields(controller):
@@ -165,6 +179,7 @@ def test_settings_are_frozen(example):
             setattr(controller, field.name, 1.0)
 
 
+@pytest.mark.short(kept=lambda example: example[1] == 2)
 def test_settings_do_not_share_what_the_user_may_change(adaptive):
     """The initial estimate does not follow when the array that was given is changed afterwards."""
     problem, controller = adaptive
@@ -174,6 +189,7 @@ def test_settings_do_not_share_what_the_user_may_change(adaptive):
     assert settings.bind(problem.known).initial().theta_hat.tolist() == [0.1] * problem.plant.n
 
 
+@pytest.mark.short(kept=lambda example: example[1] == 1)
 def test_the_initial_estimate_is_where_the_run_starts(adaptive):
     problem, controller = adaptive
     started = with_setting(controller, theta_hat0=[0.5] * problem.plant.n)
@@ -181,6 +197,7 @@ def test_the_initial_estimate_is_where_the_run_starts(adaptive):
     assert result.theta_hat[0].tolist() == [0.5] * problem.plant.n
 
 
+@pytest.mark.short(kept=lambda example: example[1] == 2)
 def test_rest_stays_rest(example):
     """x(0) = 0, r = 0, d = 0: nothing moves, not even by a rounding."""
     given, controller = example
@@ -191,6 +208,7 @@ def test_rest_stays_rest(example):
         assert not value.any()
 
 
+@pytest.mark.short(kept=lambda example: example[1] == 1)
 def test_a_disturbance_reaches_the_plant(example):
     """With d the run differs; with d = 0 it is the run without, to the roundings of sums that are associated otherwise."""
     given, controller = example

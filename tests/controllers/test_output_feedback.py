@@ -138,6 +138,7 @@ def test_exact_parameters_leave_no_error(name):
 @pytest.mark.parametrize("law", ["gradient", "least squares"])
 @pytest.mark.parametrize("name", EXAMPLES)
 @pytest.mark.parametrize("level", [np.inf, 0.5])
+@pytest.mark.short(kept=lambda name, law, level: (law == "gradient") == np.isfinite(level))
 def test_the_exact_identity(name, law, level):
     """c_0 (y - y_m) = -eps m^2 + W_c[(W_b[omega'])theta'] + W_m[u_a], c_0 the estimate, any u_a. 1e-10: the integration.
 
@@ -183,6 +184,7 @@ def test_the_exact_identity(name, law, level):
 
 
 @pytest.mark.parametrize("name", EXAMPLES)
+@pytest.mark.short(kept=lambda name: name in ("n*=2", "n=3, n*=2, k_p<0"))
 def test_auxiliary_input_improves_the_transient_with_tau(name):
     """Any relative degree: a smaller tau leaves less of the error, which tends to zero with the run either way."""
     plant, model = EXAMPLES[name]
@@ -192,7 +194,7 @@ def test_auxiliary_input_improves_the_transient_with_tau(name):
     assert peaks[0] > 1.4 * peaks[1] > 1.4**2 * peaks[2]
 
 
-def test_every_law_runs_as_in_numpy_and_keeps_c_0_on_its_side():
+def test_every_law_runs_as_in_numpy_and_keeps_c_0_on_its_side(sample):
     """The kernel's derivative is the equations'; the sign of c_0 holds at every step; all signals stay bounded."""
     settings = {
         "gradient": {"gamma": 5.0}, "integral-cost": {"gamma": 5.0, "forgetting": 0.5}, "least-squares": {"covariance0": 5.0},
@@ -204,7 +206,7 @@ def test_every_law_runs_as_in_numpy_and_keeps_c_0_on_its_side():
     assert set(settings) == set(LAWS)
     plant, model = EXAMPLES["n=3, n*=2, k_p<0"]
     random = np.random.default_rng(1)
-    for name, values in settings.items():
+    for name, values in list(settings.items())[:: sample(3, 1)]:
         controller = mrac(plant, model, LAWS[name](**values), tau=0.2)
         problem = problem_of(plant, model)
         run = simulate(problem, [controller], Simulation(t_end=20.0, dt=2e-3))["c"]
@@ -220,10 +222,10 @@ def test_every_law_runs_as_in_numpy_and_keeps_c_0_on_its_side():
             )
 
 
-def test_strictly_positive_real_against_a_sweep():
+def test_strictly_positive_real_against_a_sweep(sample):
     random, w = np.random.default_rng(5), np.geomspace(1e-4, 1e4, 20_001)
     verdicts = []
-    for _ in range(200):
+    for _ in range(sample(40, 200)):
         n = int(random.integers(1, 5))
         zeros = np.poly(-random.uniform(0.1, 5, n - 1)) if n > 1 else np.ones(1)
         W = TF(random.choice([1, 1, -1]) * zeros, np.poly(-random.uniform(0.1, 5, n)))
@@ -378,9 +380,9 @@ def test_a_diagonal_gain_makes_the_run_nearly_independent_of_the_time_unit():
     assert tails[1000.0, False] > 1.3 * tails[1.0, True]
 
 
-def test_condition_20_against_quadrature():
+def test_condition_20_against_quadrature(sample):
     """The certified norm of H(1 - C) encloses a fine quadrature of its impulse response; unstable H is refused."""
-    for plant in (G, TF([1.0], [1.0, 4.0]), TF([1.0, 3.0], [1.0, 2.0, 1.0])):
+    for plant in (TF([1.0, 3.0], [1.0, 2.0, 1.0]), G, TF([1.0], [1.0, 4.0]))[: sample(1, 3)]:
         enclosure = condition_norm(l1(), plant)
         system = small_gain_system(l1(), plant)
         t = np.linspace(0, 60, 600_001)
@@ -435,6 +437,14 @@ WRONG = {
         lambda: MracOutput(order=1, relative_degree=1, sign=1, law=LAW, tau=1.0), ["tau", "epsilon"],
     ),
     "no bound of c_0": (lambda: _bind(MracOutput(order=1, relative_degree=1, sign=1, law=Gradient(gamma=1.0))), ["c_0_min"]),
+    "a set with c_0 above zero where it is negative": (
+        lambda: problem_bind(
+            TF([-2.0], [1.0, 1.0]),
+            MracOutput(order=1, relative_degree=1, sign=-1, law=Gradient(gamma=1.0), lower=[-9.0, -9.0], upper=[9.0, 1.0]),
+            TF([3.0], [1.0, 3.0]),
+        ),
+        ["c_0", "below zero"],
+    ),
     "wrong sign": (lambda: _bind(MracOutput(order=1, relative_degree=1, sign=-1, law=LAW)), ["sign", "gain"]),
     "model of another degree": (
         lambda: _bind(MracOutput(order=2, relative_degree=2, sign=1, law=Gradient(gamma=1.0), c_0_min=0.1)), ["relative_degree"],

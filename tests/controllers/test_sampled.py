@@ -9,6 +9,7 @@ import pytest
 
 from barbalat import CompositeLearning, DeadZone, EpsilonModification, FixedSigma, SwitchingSigma
 from barbalat.adaptation.laws import Gradient, IntegralCost, LeastSquares, LeastSquaresBounded, LeastSquaresBoundedGain
+from barbalat.adaptation.normalization import Normalization
 from barbalat.adaptation.output_lyapunov import LyapunovLaw
 from barbalat.controllers import L1Adaptive, LinearFeedback, Mrac, NormalizedMrac, RobustMrac, Sampled
 from barbalat.controllers.output.l1 import L1Output
@@ -91,6 +92,7 @@ def test_compiled_loop_against_a_plain_one(problems, name, discretization):
 
 
 @pytest.mark.parametrize("name", CONTROLLERS)
+@pytest.mark.short(kept=lambda name: name in ("l1", "robust", "learning, switching sigma", "bounded gain, dead zone"))
 def test_midpoint_tends_to_the_continuous_controller(problems, name):
     """Holding the control costs an error in proportion to the sample time: halving it halves the distance."""
     problem, controller = problems[2], CONTROLLERS[name]
@@ -125,6 +127,7 @@ def test_no_gain_makes_the_estimates_chatter(section_v):
 
 
 @pytest.mark.parametrize("gamma", [1.0, 1e6])
+@pytest.mark.full
 def test_a_short_delay_costs_no_more_than_with_euler_or_without_samples(section_v, gamma):
     """Section V, T = 1e-3: delays of one to fifty samples. The error stays within a tenth of the Euler form's, and, where a fine
     step resolves it, of that of the continuous MRAC with half a sample more, which is what holding u delays it on average.
@@ -222,6 +225,7 @@ VARIED = {
 
 @pytest.mark.parametrize("discretization", [None, "midpoint"])
 @pytest.mark.parametrize("name", VARIED)
+@pytest.mark.short(kept=lambda name, discretization: discretization or name == "memory")
 def test_settings_vary_over_an_ensemble(section_v, name, discretization):
     """Symbols stand for the settings there; each member agrees with a run of its own. 1e-12: constants are folded elsewhere."""
     controllers = [VARIED[name](v) for v in (1.0, 1.5)]
@@ -291,3 +295,18 @@ def test_linear_state_feedback_by_tustin(problems):
 def test_output_refusal():
     classical = MracOutput(order=1, relative_degree=1, sign=1, law=LyapunovLaw(gamma=1.0))
     assert "euler" in refusal(lambda: Sampled(controller=classical, sample_time=0.01).bind(output_problem().known))
+
+
+def test_the_normalising_signal_of_a_sampled_controller(problems):
+    """(16) under the u that was held: n_d(t) = integral_0^t e^(-delta_0 (t - s)) u(s)^2 ds, by pieces of constant u."""
+    T, delta_0 = 2.0**-6, 0.7
+    law = LeastSquares(covariance0=20.0)
+    continuous = RobustMrac(tau=0.3, law=law, normalization=Normalization(alpha_0=0.3, delta_0=delta_0), name="c")
+    controller, simulation = Sampled(controller=continuous, sample_time=T), Simulation(t_end=2.0, dt=T, record_points=1000)
+    run = simulate(problems[2], [controller], simulation)["c"]
+    assert len(run.t) == 129  # every step, which is every sample
+    n_d = np.array([float(run.loop.unpack(state).controller.n_d) for state in run.states])
+    start, end = np.exp(-delta_0 * (run.t[:, None] - run.t[:-1])), np.exp(-delta_0 * (run.t[:, None] - run.t[1:]))
+    expected = [((end[k, :k] - start[k, :k]) / delta_0 * run.u[:k] ** 2).sum() for k in range(len(run.t))]
+    assert max(expected) > 0.1
+    np.testing.assert_allclose(n_d, expected, rtol=1e-10, atol=1e-12)

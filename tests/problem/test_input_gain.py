@@ -59,7 +59,10 @@ def test_projections_side_by_side_are_the_projections(gain):
         rate = random.normal(size=4)
         for Gamma in (gain, diagonal):
             own = (Gamma, Gamma) if np.ndim(Gamma) == 0 else (Gamma[:2], Gamma[2:])
-            alone = [project(rate[:2], estimate[:2], BALL, Gain(own[0])), project(rate[2:], estimate[2:], intervals, Gain(own[1]))]
+            alone = [
+                project(rate[:2], estimate[:2], BALL, Gain(own[0])),
+                project(rate[2:], estimate[2:], intervals, Gain(own[1])),
+            ]
             np.testing.assert_array_equal(project(rate, estimate, product, Gain(Gamma)), np.concatenate(alone))
 
 

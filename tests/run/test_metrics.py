@@ -54,6 +54,7 @@ def assert_figures(figures, expected):
 
 @pytest.mark.parametrize("steps", [1, 2, 3, 4, 5, 7, 8, 97, 640, 1003])
 @pytest.mark.parametrize("record_points", [2, 10, 2000])
+@pytest.mark.short(kept=lambda steps, record_points: steps < 640 or record_points == 10)
 def test_figures_over_every_step(problems, steps, record_points):
     """Step counts that no block and no quarter divides; a square command, whose last value counts at t_end."""
     given = problems[2]
@@ -69,6 +70,7 @@ def test_figures_over_every_step(problems, steps, record_points):
 
 
 @pytest.mark.parametrize("n", [1, 2, 3])
+@pytest.mark.short(kept=lambda n: n == 2)
 def test_figures_of_each_order(problems, n):
     problem, steps = problems[n], 333
     for name, controllers in example_controllers(n).items():
@@ -208,6 +210,7 @@ def test_no_speed_of_divergence_gives_a_warning(h, solver, top):
 
 
 @pytest.mark.parametrize("x0", np.geomspace(1e141, 1e149, 30))
+@pytest.mark.short(kept=lambda x0: x0 < 1e143)
 def test_a_run_past_the_largest_number_gives_no_warning(x0):
     """The same through ``simulate``, alone."""
     given = exploding(1.5).plant

@@ -138,6 +138,25 @@ def test_amplification_is_the_growth_of_a_step(name):
 
 
 @pytest.mark.parametrize("name", ALL)
+def test_growth_is_that_of_the_amplification(name):
+    random = np.random.default_rng(1)
+    z = random.uniform(-4, 1, 200) + 1j * random.uniform(-4, 4, 200)
+    np.testing.assert_allclose(ALL[name].growth(z), np.abs(growth(ALL[name], z)) ** 2 - 1, rtol=1e-12, atol=1e-12)
+
+
+def test_no_method_is_stable_beyond_its_reach():
+    """Random methods, some with a small coefficient in the middle: all z with R(z) = c, |c| = 1 and less, by NumPy's roots."""
+    random = np.random.default_rng(2)
+    for _ in range(100):
+        stages = int(random.integers(1, 5))
+        a = tuple(tuple(random.uniform(-1, 1, i)) for i in range(stages))
+        method = Tableau("random", 1, a, tuple(random.uniform(0.1, 1, stages)), tuple([0.0] * stages))
+        polynomial = method.stability_polynomial[::-1]
+        for c in np.append(0.0, np.exp(2j * np.pi * np.arange(8) / 8)):
+            assert np.abs(np.roots(polynomial - c * np.eye(stages + 1)[-1])).max() <= method.reach
+
+
+@pytest.mark.parametrize("name", ALL)
 @pytest.mark.parametrize("direction", [1j, -1.0])
 def test_limits_against_a_scan(name, direction):
     """The first of 400 000 points up to 4 with |R| > 1, beyond what rounding of |R| = 1 can do (1e-13)."""

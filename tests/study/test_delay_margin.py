@@ -46,6 +46,7 @@ def test_linear_loop_against_the_exact_margin(section_v, kappa):
 
 @pytest.mark.parametrize("reference", [Sine(amplitude=50.0, frequency=0.5), Constant(50.0)])
 @pytest.mark.parametrize("kappa", [0.005, 0.02])
+@pytest.mark.short(kept=lambda kappa, reference: (kappa == 0.02) == isinstance(reference, Sine))
 def test_onset_of_fast_adaptation_against_its_linear_limit(section_v, kappa, reference):
     """L1-AC tends to an LTI controller as Gamma grows: its exact margin is where it begins to oscillate. 5 %: Gamma = 100."""
     exact = margins(fast_adaptation(section_v.plant, input_filter(kappa).realise())).delay
@@ -90,6 +91,7 @@ def test_the_lag_of_a_command_is_no_onset(section_v):
 
 
 @pytest.mark.parametrize("gamma", [1e-12, 1e-9])
+@pytest.mark.short(kept=lambda gamma: gamma == 1e-9)
 def test_what_does_not_follow_its_model_bears_nothing(section_v, gamma):
     """An unstable plant with hardly any control: its error is far above the motion that is asked for."""
     simulation = Simulation(t_end=20.0, dt=1e-3)
@@ -158,6 +160,7 @@ def _motion(problem, simulation):
     return float(np.abs(simulate(problem, [Mrac(gamma=1e-12)], replace(simulation, record_points=10**5))["MRAC"].x_m).max())
 
 
+@pytest.mark.full
 def test_a_margin_under_noise_does_not_depend_on_the_neighbours(section_v):
     """With noise as large as a fifth of the command: beside a member that is soon lost, beside one that is not, and alone."""
     noisy = replace(section_v, sensor=Sensor(noise=Noise(std=10.0, sample_time=0.01, seed=4)))
@@ -192,6 +195,7 @@ def test_motion_of_a_model_in_its_steady_state():
     assert faster.crossings == pytest.approx(5 / np.pi, rel=1e-2)
 
 
+@pytest.mark.full
 def test_a_command_that_comes_to_rest_is_said():
     """Wing rock's command ends at 35 of 60 s: both criteria look at a loop at rest."""
     case = load_case("wing-rock")

@@ -73,6 +73,7 @@ def test_trade_off_of_one_scheme_and_its_page(section_v, tmp_path):
 
 
 @pytest.mark.parametrize("name", STATE_FEEDBACK)
+@pytest.mark.short(kept=lambda name: name == "first-order")
 def test_every_bundled_case_with_measured_state(name):
     """Few tunings over a sixth of the run: each scheme has some that follow, and a delay that they bear until loss."""
     case = load_case(name)

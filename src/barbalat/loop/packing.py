@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -45,7 +46,7 @@ def unflatten(template: Any, flat: Value, start: int) -> tuple[Any, int]:
             parts.append(value)
         return _like(template, parts), start
     shape = template.shape
-    size = int(np.prod(shape))
+    size = math.prod(shape)
     return flat[start : start + size].reshape(shape), start + size
 
 

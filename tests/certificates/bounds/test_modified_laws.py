@@ -43,7 +43,7 @@ def certificate(problem, controller):
     return certify(problem, (controller,), SIMULATION)[controller.name]
 
 
-def test_the_bounds_hold_for_matrix_gains_balls_and_what_leaves_V_alone(problems):
+def test_the_bounds_hold_for_matrix_gains_balls_and_what_leaves_V_alone(problems, sample):
     """What ``certify`` prints: |e| <= sqrt(theta_tilde'Gamma^-1 theta_tilde/lambda_min(P)) for MRAC and, by (10), for L1-AC.
 
     Few members, as each has a whole certificate; test_modified_bounds.py has 1600 of random dimension.
@@ -57,7 +57,7 @@ def test_the_bounds_hold_for_matrix_gains_balls_and_what_leaves_V_alone(problems
         lambda gamma: L1Adaptive(gamma=gamma, filter=input_filter(0.02), learning=learning),
     ):
         members = []
-        for _ in range(5):
+        for _ in range(sample(1, 5)):
             root = random.normal(size=(2, 2))
             ball = ParameterBall(center=random.uniform(-1, 1, 2), radius=random.uniform(1, 2))
             angle = random.uniform(0, 2 * np.pi)

@@ -44,11 +44,11 @@ DRIVERS = (
 @pytest.mark.parametrize("drivers", DRIVERS, ids=["steps", "sines"])
 @pytest.mark.parametrize("f", [None, "0.6*sin(2*y + cos(t)) + 0.1*y"])
 @pytest.mark.parametrize("kind", ["l1", "linear"])
-def test_random_loops_stay_within_their_bounds(kind, f, drivers):
-    """25 loops each; where a bound is given no run exceeds it, and it is of use: within a factor of ten for most."""
+def test_random_loops_stay_within_their_bounds(kind, f, drivers, sample):
+    """25 loops each, in short 4; where a bound is given no run exceeds it, and it is of use: within a factor of ten for most."""
     random = np.random.default_rng(3)
     members, bounds = [], []
-    while len(members) < 25:
+    while len(members) < sample(4, 25):
         plant = OutputPlant(transfer_function=TF([random.uniform(0.5, 3)], [1.0, random.uniform(-0.5, 3)]), nonlinear=f)
         m = random.uniform(1, 5)
         filter = TF([100.0], [1.0, random.uniform(8, 25), 100.0])

@@ -1,4 +1,4 @@
-"""Theorem 1: bounds (9) and (10) against simulation, each on 10,000 random problems; its ingredients against closed forms."""
+"""Theorem 1: bounds (9) and (10) against simulation, each on 10,000 random problems, a tenth of them in short; closed forms."""
 
 import math
 
@@ -16,26 +16,29 @@ from certificates.bounds import random_problems
 
 
 @pytest.mark.parametrize("n", range(1, 6))
-def test_bound_9_is_never_violated(n):
-    used = random_problems.used_of_9(n)
-    assert len(used.ratio) == 2000
+@pytest.mark.short(kept=lambda n: n in (1, 3, 4))
+def test_bound_9_is_never_violated(n, sample):
+    systems = sample(random_problems.FEW_9, random_problems.SYSTEMS_9)
+    used = random_problems.used_of_9(n, systems)
+    assert len(used.ratio) == sample(160, 2000)
     assert np.all(used.ratio < 1)
     assert used.ratio.max() > 0.05  # some problem comes near: the bound is not empty
-    assert n == 1 or 0.2 < used.oscillating.mean() < 0.9
+    assert n == 1 or 0.2 < used.oscillating.mean() < 0.9 or len(used.ratio) < 2000  # few systems may all be of one kind
 
 
 @pytest.mark.parametrize("n", range(1, 6))
-def test_bound_10_is_never_violated(n):
+@pytest.mark.short(kept=lambda n: n in (1, 2, 4))
+def test_bound_10_is_never_violated(n, sample):
     """For C(s) of order 1, 2, 3 by the norm of W_b (1 - C); for order 1 also in the paper's form, which is never the smaller."""
-    used = random_problems.used_of_10(n)
-    assert len(used.ratio) == 2000
+    used = random_problems.used_of_10(n, sample(random_problems.FEW_10, random_problems.SYSTEMS_10))
+    assert len(used.ratio) == sample(240, 2000)
     first_order = np.isfinite(used.constants)
-    assert first_order.sum() == 1000
+    assert first_order.sum() == sample(160, 1000)
     assert np.all(used.ratio < 1)
     assert np.all(used.constants[first_order] < 1)
     assert np.all(used.constants[first_order] <= used.ratio[first_order] * (1 + 1e-8))  # the width of the enclosures
     assert used.ratio[first_order].max() > 0.02 and used.ratio[~first_order].max() > 0.02
-    assert n == 1 or 0.2 < used.oscillating.mean() < 0.9
+    assert n == 1 or 0.2 < used.oscillating.mean() < 0.9 or len(used.ratio) < 2000  # few systems may all be of one kind
 
 
 def test_section_v_numbers():

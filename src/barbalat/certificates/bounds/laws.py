@@ -37,7 +37,7 @@ def weighted_error(theta_tilde: Array, gamma: Array) -> float:
 def error_level(
     problem: Problem, controller: Mrac | L1Adaptive | MracClosedLoop, nu: float, closed: Known | None = None
 ) -> float:
-    """nu_0/sqrt(Gamma) of (9), rounded up; P may be that of ``closed``. A matrix: sqrt(theta_tilde'Gamma^-1 theta_tilde/lambda_min(P))."""
+    """nu_0/sqrt(Gamma) of (9), sqrt(theta_tilde'Gamma^-1 theta_tilde/lambda_min(P)) for a matrix, rounded up; P of ``closed``."""
     known, gamma = problem.known, controller.gamma
     if np.ndim(gamma) == 0:
         return mrac_bound(nu, float(gamma))
