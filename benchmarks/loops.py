@@ -25,6 +25,7 @@ from barbalat import (
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.loop.packing import symbols
 from barbalat.lowering.operations import Program, read
+from barbalat.problem.known_set import Gain
 from barbalat.protocols import Controller
 from barbalat.run.grid import signal_table
 from barbalat.run.step import StepProgram, step_function, step_program
@@ -89,7 +90,7 @@ def l1(members: int = 1) -> Case:
         return Case("L1, 9 states", controller, states, np.zeros((0, 1)), lambda _: loop)
 
     def with_gain(values: Any) -> ClosedLoop:
-        return replace(loop, equations=replace(loop.equations, gamma=values[0]))
+        return replace(loop, equations=replace(loop.equations, gamma=Gain(values[0])))
 
     return Case("L1, 9 states", controller, states, np.geomspace(5e3, 2e4, members)[None], with_gain)
 

@@ -217,10 +217,10 @@ def test_a_leaking_step_keeps_to_the_set_and_zero(leaking):
         lower = random.uniform(-3, 2, 3)
         box = ParameterBox(lower=lower, upper=lower + random.uniform(0.1, 2, 3))
         points = np.array([box.lower, box.upper] + [np.zeros(3)] * leaking)
-        kept = step_within_set.kept_to(box, 3, leaking=leaking)
+        kept = box.kept_by_steps(3, leaking=leaking)
         np.testing.assert_array_equal([kept.lower, kept.upper], [points.min(axis=0), points.max(axis=0)])
         ball = ParameterBall(center=random.uniform(-2, 2, 3), radius=random.uniform(0.1, 2))
-        kept = step_within_set.kept_to(ball, 3, leaking=leaking)
+        kept = ball.kept_by_steps(3, leaking=leaking)
         np.testing.assert_array_equal(kept.center, ball.center)
         to_zero = np.linalg.norm(ball.center) if leaking else 0.0
         assert kept.radius == pytest.approx(max(ball.radius, to_zero), rel=1e-14)
