@@ -40,9 +40,8 @@ def test_on_the_sphere(situation):
     assert g @ projected <= 1e-13 * scale
     if g @ rate <= 0:
         assert (projected == rate).all()
-    assert (theta_hat - theta) @ np.linalg.solve(Gain(gain).as_matrix(ball.size), projected - rate) <= ALWAYS * max(
-        1, ball.radius
-    )
+    change = np.linalg.solve(Gain(gain).as_matrix(ball.size), projected - rate)
+    assert (theta_hat - theta) @ change <= ALWAYS * max(1, ball.radius)
 
 
 @REPRODUCIBLE
