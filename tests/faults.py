@@ -27,7 +27,7 @@ PACKAGE = Path("src/barbalat")
 
 ROOMS = {
     "equations": ["controllers/**/*.py", "adaptation/**/*.py"],
-    "projection": ["adaptation/projection.py", "problem/known_set.py"],
+    "projection": ["problem/known_set/*.py"],
     "solvers": ["solvers/*.py"],
     "delay": ["run/delay.py", "run/step.py", "lowering/llvm/past.py", "problem/actuation.py", "linear/delayed_peaks.py"],
     "certificates": ["certificates/**/*.py", "linear/**/*.py"],

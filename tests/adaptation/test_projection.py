@@ -123,17 +123,17 @@ def test_input_gains_beside_theta(ball, kind):
         theta_hat = np.concatenate([theta, random.choice([0.5, 2.0, 3.0], 1), random.choice([-2.0, -1.5, -1.0], 1)])
         root = random.normal(size=(4, 4))
         gain = {"number": 2.0, "diagonal": np.array([1.0, 2.0, 3.0, 4.0]), "matrix": root @ root.T + 0.1 * np.eye(4)}[kind]
-        projected = project(rate, theta_hat, product, gain)
+        projected = project(rate, theta_hat, product, Gain(gain))
         if kind != "matrix":  # in a corner of two intervals a matrix leaves a part to the limit
             assert not outward(projected[2:], theta_hat[2:], gains).any()
             free = outward(rate[2:], theta_hat[2:], gains) == 0
             np.testing.assert_array_equal(projected[2:][free], rate[2:][free])
             own = gain if kind == "number" else gain[:2]
-            np.testing.assert_array_equal(projected[:2], project(rate[:2], theta, ball, own))
+            np.testing.assert_array_equal(projected[:2], project(rate[:2], theta, ball, Gain(own)))
             if ball is not None:
                 assert (theta - ball.center) @ projected[:2] <= ALWAYS
         inside = np.concatenate([ball.center if ball is not None else random.normal(size=2), gains.middle])
-        assert (theta_hat - inside) @ np.linalg.solve(gain * np.eye(4) if kind != "matrix" else gain, projected - rate) <= ALWAYS
+        assert (theta_hat - inside) @ np.linalg.solve(Gain(gain).as_matrix(4), projected - rate) <= ALWAYS
 
 
 @REPRODUCIBLE
