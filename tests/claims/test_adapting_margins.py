@@ -56,7 +56,7 @@ def is_stable(loop, delay):
 def test_the_filter_costs_gain_margin_whatever_the_gain(claims):
     """At gains in between the map's: the factor that MRAC's loop bears loses the filtered one."""
     shown = claims["filter-margins-adapting"].maps[1]
-    assert (shown.values[shown.y.values <= adapting_margins.MODERATE] < 1).all()
+    assert (shown.values[shown.y.values <= adapting_margins.MODERATE_KAPPA] < 1).all()
     for size in (3e-3, 7.0, 2e5):
         borne = margins(adapting_margins.loop(None)(size)).gain_up * 0.9999
         for kappa, stable in ((None, True), (0.02, False)):

@@ -21,7 +21,7 @@ from barbalat.design import (
     pi_controller,
     pi_feedback,
 )
-from barbalat.design.hinf import BACK_OFF
+from barbalat.design.hinf import BANDWIDTH_SHARE
 from barbalat.linear.margins import margins
 from barbalat.linear.peaks import PRECISION, peak_gain
 from barbalat.linear.systems import StateSpace, TransferFunction
@@ -62,9 +62,9 @@ def test_against_python_controls_synthesis(model):
     delay = 0.02
     found = mixed_sensitivity(model, delay)
     assert optimal(model, found) < found.norm <= 1
-    limit = mixed_sensitivity(model, delay, bandwidth=found.bandwidth / BACK_OFF * 0.999)
+    limit = mixed_sensitivity(model, delay, bandwidth=found.bandwidth / BANDWIDTH_SHARE * 0.999)
     assert optimal(model, limit) == pytest.approx(1.0, abs=0.01)  # bisection to 1 %
-    assert "bandwidth" in refusal(lambda: mixed_sensitivity(model, delay, bandwidth=found.bandwidth / BACK_OFF * 1.05))
+    assert "bandwidth" in refusal(lambda: mixed_sensitivity(model, delay, bandwidth=found.bandwidth / BANDWIDTH_SHARE * 1.05))
 
 
 def optimal(model, found) -> float:

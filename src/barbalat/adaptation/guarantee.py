@@ -8,7 +8,7 @@ from enum import Enum
 from barbalat.adaptation.modifications.dead_zone import DeadZone
 from barbalat.adaptation.modifications.leakage import Leakage
 from barbalat.problem.known_set import EstimateSet, Gain
-from barbalat.problem.known_set.cone import EXACTLY
+from barbalat.problem.known_set.cone import EXACT_FACES
 
 
 class Estimates(Enum):
@@ -53,7 +53,7 @@ def with_modifications(
     """Of a law whose V' is not positive without them."""
     leaks = leakage is not None
     if metric.is_matrix and known_set is not None and known_set.cuts_corners:
-        return nothing(f"{CORNERS}: a gain matrix in a box of more than {EXACTLY} parameters", leaks=leaks)
+        return nothing(f"{CORNERS}: a gain matrix in a box of more than {EXACT_FACES} parameters", leaks=leaks)
     if leakage is not None and leakage.harmless_within is None:
         kind = type(leakage).__name__
         return Guarantee(error_to_zero=False, estimates=Estimates.PULLED, leaks=True, why=kind)

@@ -17,7 +17,7 @@ from barbalat.problem.known_set import EstimateSet, Gain, KnownSet
 from barbalat.protocols import Value
 from barbalat.validate import InputError
 
-TINY = 1e-150
+NO_FORGETTING_RATE = 1e-150
 """A rate of forgetting [1/s] that stands for none where it is divided by."""
 
 
@@ -40,8 +40,10 @@ def require_projectable(gain: Gain, known_set: EstimateSet | None) -> None:
 
 def forgotten(beta: Value, T: float) -> tuple[Value, Value]:
     """What is kept after T, and the weight of what came in meanwhile: exp(-beta T) and its integral over [0, T]; beta >= 0."""
-    half = np.tanh(np.maximum(beta, TINY) * T / 2)  # 1 - exp(-a) = 2 tanh(a/2)/(1 + tanh(a/2)), without cancellation
-    return np.exp(-beta * T), 2 * half / (1 + half) / np.maximum(beta, TINY)
+    half = np.tanh(
+        np.maximum(beta, NO_FORGETTING_RATE) * T / 2
+    )  # 1 - exp(-a) = 2 tanh(a/2)/(1 + tanh(a/2)), without cancellation
+    return np.exp(-beta * T), 2 * half / (1 + half) / np.maximum(beta, NO_FORGETTING_RATE)
 
 
 def correct(

@@ -9,13 +9,15 @@ from barbalat.problem.measurement import Sensor
 from barbalat.problem.state_feedback import Problem
 from barbalat.problem.tracking import TrackingProblem
 
-FROZEN = "gamma_max and step_max freeze the state or the regressor in the plain adaptive law: estimates, no guarantee"
-LINEAR = "margins are exact for the linear loop named, not for the adaptive loop in motion"
-TRIED = "mu is exact at the frequencies that were tried: a grid, the critical ones, and each peak refined; not between them"
-CONTINUOUS = "bounds and margins are of the continuous controller: estimates for the sampled one"
-BEYOND = "conditions and margins are known for one input with phi(x) = x and a known gain: not for this plant"
+FROZEN_LAW = "gamma_max and step_max freeze the state or the regressor in the plain adaptive law: estimates, no guarantee"
+LINEAR_LOOP_ONLY = "margins are exact for the linear loop named, not for the adaptive loop in motion"
+FREQUENCIES_TRIED = (
+    "mu is exact at the frequencies that were tried: a grid, the critical ones, and each peak refined; not between them"
+)
+CONTINUOUS_ONLY = "bounds and margins are of the continuous controller: estimates for the sampled one"
+BEYOND_ONE_LINEAR_INPUT = "conditions and margins are known for one input with phi(x) = x and a known gain: not for this plant"
 ON_THE_BOX = "|phi(x)| is bounded where every |x_i| is at most the model's bound plus that of e"
-ASSUMED = "there |e| <= nu_0/sqrt(Gamma) is assumed: it is not proven for this scheme"
+ERROR_ASSUMED = "there |e| <= nu_0/sqrt(Gamma) is assumed: it is not proven for this scheme"
 
 OF_THE_PROBLEM = frozenset({"lambda_min", "theta_max", "bounds"})
 """Guaranteed values that no controller and no theta changes."""

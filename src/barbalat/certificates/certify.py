@@ -38,6 +38,7 @@ def certify_where_possible(
 
 def _certificate(problem: TrackingProblem, controller: Controller, simulation: Simulation) -> Certificate:
     if isinstance(controller, Sampled):
+        controller.bind(problem.known)  # refuses what has no sampled form
         judged = sampled.judged_at(controller, simulation)
         return sampled.certificate(problem, _certificate(problem, controller.controller, judged), controller, judged)
     if isinstance(problem, Problem) and (

@@ -26,9 +26,9 @@ GAINS = np.geomspace(1e-6, 1e8, 43)
 """Gamma r^2, three in a decade: from where the adaptation is too slow to matter, beyond Gamma = 1e4 at r = 50."""
 KAPPAS = np.geomspace(1e-3, 0.4, 12)
 """The last is too slow for Section V's plant: the filtered loop is unstable."""
-MODERATE = 0.1
+MODERATE_KAPPA = 0.1
 """The filters up to here, twice what Theorem 1's condition admits, are those of which the gain margin is claimed to fall."""
-SHOWN = (0.005, section_v.KAPPA, 0.05)
+SHOWN_KAPPAS = (0.005, section_v.KAPPA, 0.05)
 """The filters of the chart."""
 HOW = "exact margins of the loops linearised with the law inside, Section V's plant at constant r; the loop depends on Gamma r^2 alone"
 
@@ -51,14 +51,14 @@ def _filter(without: list[Margins | None]) -> Claim:
     left = equal[:, None] > GAINS
     falls = bool((delay[rows][left] < 1).all())
     rises = bool((delay[rows][~left] > 1).all())
-    moderate = gain[KAPPAS <= MODERATE]
+    moderate = gain[KAPPAS <= MODERATE_KAPPA]
     smallest, largest = moderate.min(), moderate.max()
     return Claim(
         "filter-margins-adapting", "Section VI", "The filter reduces the margins of the adapting loop no matter what the gain: exact, around constant commands",
         verdict(holds=falls and bool(largest < 1), conditional=rises),
         f"delay margin, kappa = {section_v.KAPPA:g} s: true for Gamma r^2 < {at:.2g}, that is Gamma < {at:.2g} at r = 1 and Gamma < {at / 2500:.2g} at r = 50; above, the "
         f"filter raises it. For kappa {KAPPAS[rows[0]]:.3g} to {KAPPAS[rows[-1]]:.3g} s that limit is {equal.min():.2g} to {equal.max():.2g}. Gain margin k: true of all "
-        f"{moderate.size} cells with kappa <= {MODERATE:g} s, where k - 1 falls to {smallest:.2g} to {largest:.2g} of what it is without the filter",
+        f"{moderate.size} cells with kappa <= {MODERATE_KAPPA:g} s, where k - 1 falls to {smallest:.2g} to {largest:.2g} of what it is without the filter",
         f"{HOW}; {len(GAINS)} x {len(KAPPAS)} values of Gamma r^2 and kappa, the limit by root finding",
         maps=(_delay_map(delay, line), _gain_map(gain)),
     )  # fmt: skip
@@ -66,7 +66,7 @@ def _filter(without: list[Margins | None]) -> Claim:
 
 def _gain(without: list[Margins | None]) -> Claim:
     """The delay margin over Gamma, with and without the filter."""
-    curves = {"MRAC": _delays(without)} | {f"L1-AC, κ = {kappa:g} s": _delays(_scan(kappa)) for kappa in SHOWN}
+    curves = {"MRAC": _delays(without)} | {f"L1-AC, κ = {kappa:g} s": _delays(_scan(kappa)) for kappa in SHOWN_KAPPAS}
     plain, filtered = curves["MRAC"], curves[f"L1-AC, κ = {section_v.KAPPA:g} s"]
     lowest, C = int(filtered.argmin()), input_filter(section_v.KAPPA).realise()
     limit = margins(fast_adaptation(section_v.problem().plant, C)).delay

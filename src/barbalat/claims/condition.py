@@ -12,21 +12,21 @@ from barbalat.linear.systems import input_filter
 from barbalat.problem.state_feedback import Known
 
 THETA_MAX = 10.0
-PRINTED = 0.05
+PRINTED_KAPPA = 0.05
 """[s]: the paper's limit, with its two decimals."""
-SEARCHED = 1e-6
+BISECTION_WIDTH = 1e-6
 """Relative width of the bisection."""
-GAP = 1e-6
+PROOF_GAP = 1e-6
 """[s]: at most this between what is proved and what is refuted, so that both are told with six decimals."""
 
 
 def condition() -> Claim:
     """Where the condition holds, and whether it fails between there and the printed limit."""
     known = section_v.problem().known
-    largest = theorem_1.kappa_admissible(known, THETA_MAX, SEARCHED)
-    least = fails_down_to(known, PRINTED)
-    up_to_it = largest >= PRINTED
-    rounded = round(largest, 2) >= PRINTED and least - largest < GAP
+    largest = theorem_1.kappa_admissible(known, THETA_MAX, BISECTION_WIDTH)
+    least = fails_down_to(known, PRINTED_KAPPA)
+    up_to_it = largest >= PRINTED_KAPPA
+    rounded = round(largest, 2) >= PRINTED_KAPPA and least - largest < PROOF_GAP
     return Claim(
         "kappa-0.05", "Section V", "For kappa < 0.05 the condition ||W_b (C - 1)||_1 theta_max < 1 is satisfied",
         verdict(holds=holds_up_to(known, largest) and (up_to_it or rounded), conditional=not up_to_it),
@@ -38,9 +38,9 @@ def condition() -> Claim:
 
 def _refuted(known: Known, least: float) -> str:
     if not math.isfinite(least):
-        return f"; at {PRINTED:g} s it could not be decided"
+        return f"; at {PRINTED_KAPPA:g} s it could not be decided"
     return (
-        f"; from {math.ceil(1e6 * least) / 1e6:.6f} s to {PRINTED:g} s it provably fails, with {_value(known, PRINTED)[0]:.4f} "
+        f"; from {math.ceil(1e6 * least) / 1e6:.6f} s to {PRINTED_KAPPA:g} s it provably fails, with {_value(known, PRINTED_KAPPA)[0]:.4f} "
         "on the left at the end: a rounding in the paper"
     )
 
@@ -73,6 +73,6 @@ def fails_down_to(known: Known, kappa: float) -> float:
     so that a value v > 1 at k2 stays above one down to k2/v.
     """
     least = math.inf
-    while (value := _value(known, kappa)[0]) > 1 + SEARCHED / 2:
+    while (value := _value(known, kappa)[0]) > 1 + BISECTION_WIDTH / 2:
         least = kappa = kappa / value * OUTWARD
     return least

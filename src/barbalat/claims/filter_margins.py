@@ -34,7 +34,7 @@ COMMANDS: dict[str, Signal] = {"r = sin 0.5t": Sine(1.0, 0.5), "r = 50 sin 0.5t"
 EQUAL_GAINS = (0.01, 1.0, 100.0)
 OWN_GAINS = (10.0, 100.0)
 """What a user would choose at this step: MRAC's moderate one, and for L1-AC the largest decade that the step resolves at r = 50."""
-SEARCHED = np.geomspace(1e-6, 10.0, 36)
+SEARCHED_DELAYS = np.geomspace(1e-6, 10.0, 36)
 BANDWIDTHS = np.geomspace(0.2, 2000.0, 54)
 DAMPING = 0.7
 
@@ -78,7 +78,7 @@ def claim() -> Claim:
     )  # fmt: skip
 
 
-SAME = 0.98, 1.02
+EQUAL_MARGINS_RATIOS = 0.98, 1.02
 """Ratios between which two margins count as the same: the bisection's resolution."""
 
 
@@ -87,7 +87,13 @@ def change(pair: Array) -> str:
     without, filtered = pair
     if without == filtered == 0:
         return "none"
-    return "up" if filtered > without * SAME[1] else "down" if filtered < without * SAME[0] else "same"
+    return (
+        "up"
+        if filtered > without * EQUAL_MARGINS_RATIOS[1]
+        else "down"
+        if filtered < without * EQUAL_MARGINS_RATIOS[0]
+        else "same"
+    )
 
 
 def _counted(readings: Sequence[Reading], criterion: str) -> str:
@@ -152,8 +158,8 @@ def _equal_error(signal: Signal) -> float:
     """The MRAC's gain with the RMS error of L1-AC at its own gain, the nearest of a fine grid."""
     problem = variant(reference=signal)
     target = _rms([(problem, section_v.l1("L1", OWN_GAINS[1]))])[0]
-    found = _rms([(problem, Mrac(gamma=float(g))) for g in SEARCHED])
-    return float(SEARCHED[np.nanargmin(np.abs(np.log(found / target)))])
+    found = _rms([(problem, Mrac(gamma=float(g))) for g in SEARCHED_DELAYS])
+    return float(SEARCHED_DELAYS[np.nanargmin(np.abs(np.log(found / target)))])
 
 
 def _rms(members: list[tuple[object, Controller]]) -> Array:

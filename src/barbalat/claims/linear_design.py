@@ -32,11 +32,11 @@ DELAYS = np.geomspace(2e-3, 0.1, 24)
 PI_DELAY, HINF_DELAY = 0.0118, 0.025
 """Unmodelled delays for which the two designs get L1-AC's delay margin of 33 ms at Section V's theta, and no less."""
 HINF_FAST_DELAY = 0.01
-LEFT = 0.2
+UNFOLLOWED_SHARE = 0.2
 """A controller that leaves a fifth of the model's amplitude as error no longer follows it."""
 
 
-LOST = 10.0
+UNSTABLE_ERROR_FACTOR = 10.0
 """An error of so many times the model's amplitude is no tracking error any more: the loop is unstable."""
 
 
@@ -105,7 +105,7 @@ def _measure(controller: Controller) -> Measured:
     plain = _tail([*((_given(size), controller) for size in SIZES), (variant(), controller)])
     with_delays = [_given(size, DELAY) for size in SIZES] + [variant(input=PlantInput(delay=float(d))) for d in DELAYS]
     delayed, borne = np.split(_tail([(problem, controller) for problem in with_delays]), [len(SIZES)])
-    lost = np.flatnonzero(~(borne < LEFT * amplitude()))
+    lost = np.flatnonzero(~(borne < UNFOLLOWED_SHARE * amplitude()))
     last = int(lost[0]) if len(lost) else len(DELAYS)
     return Measured(plain[:-1], delayed, float(plain[-1]), float(DELAYS[last - 1]) if last else 0.0)
 
@@ -157,7 +157,7 @@ def _step_effect(contestants: list[Contestant], measured: dict[str, Measured]) -
 
 def _chart(key: str, contestants: list[Contestant], measured: dict[str, Measured], part: str) -> Chart:
     delayed = part == "delayed"
-    level = Curve("a fifth of the model's amplitude", [SIZES[0], SIZES[-1]], [LEFT * amplitude()] * 2)
+    level = Curve("a fifth of the model's amplitude", [SIZES[0], SIZES[-1]], [UNFOLLOWED_SHARE * amplitude()] * 2)
     return Chart(
         key=key,
         title="Section V's family as its parameters grow" + (f", with an input delay of {1e3 * DELAY:g} ms" if delayed else ""),
@@ -165,14 +165,14 @@ def _chart(key: str, contestants: list[Contestant], measured: dict[str, Measured
         "weakest; fixed settings of all controllers. " + ("An exact delay at the input, which no controller knows" if delayed else "Without modelling errors"),
         x=Axis("size of the parameters (1: Section V)", SIZES, logarithmic=True),
         quantity="max |e| in the tail",
-        lost=f"last size before |e| passes {LOST:g} amplitudes",
+        lost=f"last size before |e| passes {UNSTABLE_ERROR_FACTOR:g} amplitudes",
         curves=tuple(_until_lost(c.name, getattr(measured[c.name], part)) for c in contestants),
         levels=(level,),
     )  # fmt: skip
 
 
 def _until_lost(label: str, errors: Array) -> Curve:
-    lost = np.flatnonzero(~(errors < LOST * amplitude()))
+    lost = np.flatnonzero(~(errors < UNSTABLE_ERROR_FACTOR * amplitude()))
     end = int(lost[0]) if len(lost) else len(errors)
     return Curve(label, SIZES[:end], errors[:end])
 
@@ -191,7 +191,7 @@ def _table(contestants: list[Contestant], measured: dict[str, Measured]) -> List
     return Listing(
         "Margins and peaks: exact, of the linear loop that the scheme is or becomes (MRAC and robust MRAC: estimates at rest on theta; L1-AC: "
         "limit of fast adaptation). mu: exact at the frequencies tried. Bound: guaranteed, over the set. Simulated: the last four columns; "
-        f"a controller follows while its tail error stays below {LEFT:g} of the model's amplitude",
+        f"a controller follows while its tail error stays below {UNFOLLOWED_SHARE:g} of the model's amplitude",
         (
             "controller", "delay margin [ms]", "Ms", "Mt", "set may grow by 1/mu", "bound of |e|", "delay borne [ms]",
             "tail error", "follows below size", f"with {1e3 * DELAY:g} ms",
@@ -209,7 +209,7 @@ def _shown(value: Any, factor: float = 1.0, round_off: Callable[[float], float] 
 
 
 def _lost_from(errors: Array) -> str:
-    lost = np.flatnonzero(~(errors < LEFT * amplitude()))
+    lost = np.flatnonzero(~(errors < UNFOLLOWED_SHARE * amplitude()))
     return f"{SIZES[lost[0]]:.2g}" if len(lost) else f"more than {SIZES[-1]:.2g}"
 
 

@@ -19,7 +19,7 @@ from barbalat.validate import Array
 T_END = 30.0
 """Its last quarter has a crest of |x|, where the adaptation is fastest."""
 STEPS = (2e-4, 1e-4, 5e-5)
-SWEEPS = 20.0
+SWEEP_RATE = 20.0
 """Variation of an estimate [1/s] that is worth one sweep of the box, there and back, per second; the command makes one in 12 s."""
 
 MAP_GAINS = np.geomspace(10, 1e7, 73)
@@ -35,14 +35,14 @@ def boundary(runs: Runs) -> Claim:
     ratios = np.array(observed) / np.array(expected)
     exponent = np.polyfit(np.log(steps), np.log(observed[0]), 1)[0]
     shown = _map(filtered, observed[1])
-    agree = (shown.values > SWEEPS) == (_predicted_gain(filtered, MAP_STEPS)[:, None] < MAP_GAINS)
+    agree = (shown.values > SWEEP_RATE) == (_predicted_gain(filtered, MAP_STEPS)[:, None] < MAP_GAINS)
     return Claim(
         "boundary", "Section V", "The oscillations begin where h omega_a passes the solver's limit on the imaginary axis",
         verdict(holds=bool(ratios.min() > 0.9 and ratios.max() < 1.5 and abs(exponent + 2) < 0.1)),
         f"observed gain / predicted: L1-AC {numbers(ratios[0])}, MRAC {numbers(ratios[1])} at h {numbers(steps)} s; "
         f"the gain falls as h^{exponent:.2f}; {agree.sum()} of the map's {agree.size} cells are as predicted. The prediction is a little early: at the crest of |x| the loop has some damping",
         f"Section V, RK4, 61 gains around (2.83/h)^2/(max |x|^2 b'P b) for each h, {T_END:g} s; onset: the estimates vary by more than "
-        f"{SWEEPS:g} per s, one sweep of the box there and back",
+        f"{SWEEP_RATE:g} per s, one sweep of the box there and back",
         (shown,),
     )  # fmt: skip
 
@@ -58,7 +58,7 @@ def _onset(make: Callable[[float], Controller], expected: Array) -> Array:
     found = []
     for h, gain in zip(STEPS, expected, strict=True):
         gains = gain * np.geomspace(0.1, 10, 61)
-        unstable = np.flatnonzero(_variation(make, gains, h) > SWEEPS)
+        unstable = np.flatnonzero(_variation(make, gains, h) > SWEEP_RATE)
         found.append(gains[unstable[0]] if len(unstable) else np.nan)
     return np.array(found)
 
@@ -71,7 +71,7 @@ def _variation(make: Callable[[float], Controller], gains: Array, h: float) -> A
 def _map(smooth: Result, onset_of_mrac: Array) -> Map:
     values = np.array([_variation(lambda g: section_v.l1("L1", g), MAP_GAINS, float(h)) for h in MAP_STEPS])
     ends = np.array([MAP_GAINS[0], MAP_GAINS[-1]])
-    unstable = values > SWEEPS
+    unstable = values > SWEEP_RATE
     some = unstable.any(axis=1)
     first = MAP_GAINS[unstable.argmax(axis=1)] * (MAP_GAINS[0] / MAP_GAINS[1]) ** 0.5  # the cell's left edge
     of_the_paper = {"Figure 3": (1e4, section_v.COARSE), "Figure 4": (1e4, section_v.FINE), "Figure 5": (1e6, section_v.FINE)}

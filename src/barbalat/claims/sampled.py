@@ -50,13 +50,13 @@ def _rates(scheme: str, discretization: str) -> Array:
 DELAYS = (1e-3, 2e-3, 5e-3, 1e-2, 5e-2)
 DELAY_GAINS = (1.0, 1e2, 1e4, 1e6)
 SAMPLE_TIME = 1e-3
-QUIET = 30.0
+CHATTER_FACTOR = 30.0
 """Estimates that vary by no more than this factor above their variation without delay don't chatter; the others do a thousandfold."""
 
 
 def delays() -> Claim:
     """The error under a delay at the plant's input, in samples, by gain: midpoint with and without filter, Euler, continuous."""
-    resolved = [gamma for gamma in DELAY_GAINS if gamma <= RESOLVED]
+    resolved = [gamma for gamma in DELAY_GAINS if gamma <= RESOLVED_GAIN]
     found = {
         "MRAC, midpoint": _under_delays([_each_sample(_mrac(gamma), "midpoint") for gamma in DELAY_GAINS], SAMPLE_TIME / 2),
         "L1-AC, midpoint": _under_delays(
@@ -66,7 +66,7 @@ def delays() -> Claim:
         "MRAC, continuous": _under_delays([_mrac(gamma) for gamma in resolved], 1e-4),
     }
     errors, rates = found["MRAC, midpoint"]
-    quiet = QUIET * rates[-1, 0]
+    quiet = CHATTER_FACTOR * rates[-1, 0]
     ratio = float((errors / found["MRAC, Euler"][0])[:, 1:].max())
     borne = max(delay for delay, rate in zip((0.0, *DELAYS), rates[-1], strict=True) if rate <= quiet) / SAMPLE_TIME
     filtered = found["L1-AC, midpoint"][1][-1]
@@ -80,7 +80,7 @@ def delays() -> Claim:
         f"form, {borne_by_l1:g} T with L1-AC; beyond it those of MRAC run between their bounds, and |e| is at most {ratio:.2f} times that "
         "of the Euler form, at any gain and delay",
         how=f"T = {SAMPLE_TIME:g} s, h = T/2, RK4, 20 s, kappa = {section_v.KAPPA:g} s; quiet: a variation of the estimates of at most "
-        f"{QUIET:g} times that without delay",
+        f"{CHATTER_FACTOR:g} times that without delay",
         listings=(_listing(found, quiet),),
     )
 
@@ -102,7 +102,7 @@ def _mrac(gamma: float) -> Mrac:
     return Mrac(gamma=gamma, name="c")
 
 
-RESOLVED = 1e2
+RESOLVED_GAIN = 1e2
 """The largest gain that 1e-4 s resolves in continuous time on this problem: the adaptation's frequency is near 100 sqrt(Gamma)."""
 
 

@@ -25,13 +25,13 @@ TOLERANCE = 1e-7
 """Relative, of the codes with automatic steps; at 1e-6 they damp the ringing by a quarter and more (docs/claims.md)."""
 EVALUATIONS: dict[SciPyMethod, int] = {"LSODA": 1_000_000, "BDF": 20_000, "Radau": 20_000}
 """Budgets: LSODA is compiled; SciPy's other two are Python, 20 to 40 us for each evaluation, and would need half a minute each."""
-CONVERGED = (1e-6, 5e-7)
+CONVERGED_STEPS = (1e-6, 5e-7)
 """Steps [s] at which h |lambda| is 0.07 and less: two that agree show what the equations do."""
-AGREES = 1.25
+AGREEMENT_FACTOR = 1.25
 """Factor between the ringing of a run and the converged one; what is called wrong here is off by 2 to 2000."""
 CASES = ("L1, no projection", "L1")
 TAIL = (0.75 * T_END, T_END)
-LATE = (AUTOMATIC_END - 0.1, AUTOMATIC_END)
+LATE_WINDOW = (AUTOMATIC_END - 0.1, AUTOMATIC_END)
 
 
 class Row(NamedTuple):
@@ -77,14 +77,14 @@ def _rk4(h: float) -> tuple[Path, Path]:
 
 def converged() -> tuple[Path, Path]:
     """What the equations do, without projection and with it, over T_END s."""
-    return _rk4(CONVERGED[1])
+    return _rk4(CONVERGED_STEPS[1])
 
 
 def own_oscillation() -> Claim:
     """What is left of the oscillation when the step goes to zero."""
-    steps = [_rk4(h) for h in (section_v.FINE, *CONVERGED)]
+    steps = [_rk4(h) for h in (section_v.FINE, *CONVERGED_STEPS)]
     free, boxed = ([path.ringing(*TAIL) for path in paths] for paths in zip(*steps, strict=True))
-    early = [path.ringing(*LATE) for path in (steps[0][1], steps[2][1])]
+    early = [path.ringing(*LATE_WINDOW) for path in (steps[0][1], steps[2][1])]
     agree = bool(np.allclose(free[1], free[2], rtol=0.1))
     return Claim(
         "own-oscillation", "Section V, Figure 4", "With the step reduced to 1e-5 s the oscillation is gone, because it was numerical",
@@ -112,7 +112,7 @@ def stiff_solvers() -> Claim:
         + "; ".join(f"{row.name}, {row.setting}: {_cell(row, 0, right)} / {_cell(row, 1, right)}" for row in (*explicit, *fixed))
         + f". Automatic steps, up to {AUTOMATIC_END:g} s: "
         + "; ".join(f"{row.name} {_cell(row, 0, right)}, {row.free.evaluations} evaluations, {row.free.seconds:.1f} s" for row in automatic),
-        f"right: within a factor {AGREES:g} of RK4 at h = {CONVERGED[1]:g} s, which rings by {numbers(right[0].ringing(*TAIL))} without and "
+        f"right: within a factor {AGREEMENT_FACTOR:g} of RK4 at h = {CONVERGED_STEPS[1]:g} s, which rings by {numbers(right[0].ringing(*TAIL))} without and "
         f"{numbers(right[1].ringing(*TAIL))} with projection; last quarter of {T_END:g} s. Implicit steps: {NEWTON_STEPS} Newton steps of the exact Jacobian, "
         f"the estimate limited at the step's end. Automatic steps: relative tolerance {TOLERANCE:g}, exact Jacobian, last 0.1 s; up to there no estimate is "
         f"beyond {highest:.1f} and the projection at rest; the phenomenon begins at {explicit[0].free.reached:.1f} s. Longer runs: docs/claims.md",
@@ -141,7 +141,7 @@ def _automatic_rows() -> list[Row]:
     paths = {"CVODES (BDF)": cvodes(loop, given, tolerance=TOLERANCE, t_end=AUTOMATIC_END)}
     for method, budget in EVALUATIONS.items():
         paths[f"{method} (SciPy)"] = scipy_path(loop, given, method, tolerance=TOLERANCE, t_end=AUTOMATIC_END, evaluations=budget)
-    return [Row(name, f"tolerance {TOLERANCE:g}", path, path, LATE) for name, path in paths.items()]
+    return [Row(name, f"tolerance {TOLERANCE:g}", path, path, LATE_WINDOW) for name, path in paths.items()]
 
 
 def ratio(path: Path, right: Path, span: tuple[float, float]) -> float:
@@ -151,7 +151,11 @@ def ratio(path: Path, right: Path, span: tuple[float, float]) -> float:
 
 
 def _agrees(path: Path, right: Path, span: tuple[float, float]) -> bool:
-    return not path.lost and path.reached >= span[1] * (1 - 1e-9) and 1 / AGREES < ratio(path, right, span) < AGREES
+    return (
+        not path.lost
+        and path.reached >= span[1] * (1 - 1e-9)
+        and 1 / AGREEMENT_FACTOR < ratio(path, right, span) < AGREEMENT_FACTOR
+    )
 
 
 def _cell(row: Row, which: int, right: tuple[Path, Path]) -> str:

@@ -34,11 +34,11 @@ SciPyMethod = Literal["Radau", "BDF", "LSODA"]
 NEWTON_STEPS = 3
 """From the last step's state as the guess; the residual after them is checked."""
 LARGEST_RESIDUAL = 1e-6
-FAR = 1e3
+DIVERGED_ESTIMATE = 1e3
 """An estimate as large as that has diverged: the converged ones stay below 9, their bounds are 5."""
 WINDOW = 0.01
 """[s]: dozens of periods of the adaptation, and little of the command's motion."""
-GRID = 5e-5
+REPORT_STEP = 5e-5
 """[s] between the points at which CVODES reports: 15 or more in a period of the adaptation."""
 
 
@@ -169,7 +169,7 @@ def cvodes(loop: ClosedLoop, problem: Problem, *, tolerance: float, t_end: float
     started = time.process_time()
     state, t, slope = _right_hand_side(loop, problem)
     options = {"reltol": tolerance, "abstol": tolerance / 100, "max_num_steps": 10**9}
-    instants = np.linspace(0, t_end, round(t_end / GRID) + 1)
+    instants = np.linspace(0, t_end, round(t_end / REPORT_STEP) + 1)
     solver = ca.integrator("solver", "cvodes", {"x": state, "t": t, "ode": slope}, 0.0, instants, options)
     states = np.array(solver(x0=loop.initial())["xf"])
     seconds = time.process_time() - started
@@ -197,6 +197,6 @@ def _path(t: Array, theta_hat: Array, t_end: float, evaluations: int, seconds: f
     least, greatest = np.full((2, windows, theta_hat.shape[1]), np.nan)
     least[filled], greatest[filled] = (extremum.reduceat(theta_hat, first) for extremum in (np.minimum, np.maximum))
     return Path(
-        least=least, greatest=greatest, final=theta_hat[-1], reached=float(t[-1]), lost=lost or not bool(np.abs(theta_hat).max() < FAR),
+        least=least, greatest=greatest, final=theta_hat[-1], reached=float(t[-1]), lost=lost or not bool(np.abs(theta_hat).max() < DIVERGED_ESTIMATE),
         evaluations=evaluations, seconds=seconds,
     )  # fmt: skip

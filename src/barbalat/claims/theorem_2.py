@@ -18,7 +18,7 @@ from barbalat.validate import Array
 
 TAUS = np.geomspace(2.5e-3, 2.0, 20)
 SIZES = np.geomspace(5e-3, 0.7, 12)
-T_END, LONGER, H = 100.0, 4, 1e-3
+T_END, BOUNDARY_RUN_FACTOR, H = 100.0, 4, 1e-3
 """A quarter of the run is two periods of the command; at and along the boundary the runs are four times as long."""
 MULTIPLES = {1.05: "τ 5 % above the boundary", 2.0: "twice the boundary's τ", 4.0: "four times the boundary's τ"}
 """Of the boundary's tau: where the error is measured. On the boundary itself what is left of an oscillation hides it."""
@@ -31,15 +31,15 @@ def claims() -> list[Claim]:
     """For an input delay, and for Delta_m = -mu s."""
     derivative = ScaledError(TransferFunction([-1.0, 0.0], [DERIVATIVE_POLE, 1.0]))
     realised = f"-mu s/({DERIVATIVE_POLE} s + 1)"
-    delay = TradeOff("delay", "delay", "delay at the plant's input [s]", "an input delay", "exact delay", DelayError())
+    delay = TauTradeOff("delay", "delay", "delay at the plant's input [s]", "an input delay", "exact delay", DelayError())
     shown = "Δₘ = " + realised.replace("mu ", "μ")
-    mu = TradeOff("mu", "mu", "μ [s]", shown, f"Delta_m = {realised}, a proper realisation", derivative)
+    mu = TauTradeOff("mu", "mu", "μ [s]", shown, f"Delta_m = {realised}, a proper realisation", derivative)
     lower = "For a given modelling error tau has a lower limit, which grows with the error: input delay"
     return [delay.claim("Theorem 2", lower), mu.claim("Section III.B, Theorem 2", "The same for Delta_m = -mu s")]
 
 
 @dataclass(frozen=True, eq=False)
-class TradeOff:
+class TauTradeOff:
     """One family of modelling errors on Section V: the runs, the linear loops, the pictures."""
 
     key: str
@@ -55,7 +55,7 @@ class TradeOff:
 
     @cached_property
     def limits(self) -> TauLimits:
-        near = Simulation(t_end=LONGER * T_END, dt=H)
+        near = Simulation(t_end=BOUNDARY_RUN_FACTOR * T_END, dt=H)
         return self.study.limits(SIZES, TAUS, Simulation(t_end=T_END, dt=H), near=near)
 
     @cached_property
@@ -68,7 +68,7 @@ class TradeOff:
         """(MULTIPLES, bounded) max |e| in the tail of the longer runs at multiples of the boundary's tau; NaN where lost."""
         sizes, taus = SIZES[self.bounded], self.limits.bears[self.bounded]
         pairs = np.tile(sizes, len(MULTIPLES)), np.concatenate([multiple * taus for multiple in MULTIPLES])
-        return self.study.tail_errors(*pairs, Simulation(t_end=LONGER * T_END, dt=H)).reshape(len(MULTIPLES), -1)
+        return self.study.tail_errors(*pairs, Simulation(t_end=BOUNDARY_RUN_FACTOR * T_END, dt=H)).reshape(len(MULTIPLES), -1)
 
     @cached_property
     def frozen(self) -> list[Borne]:
@@ -90,7 +90,7 @@ class TradeOff:
             f"the small-gain theorem shows it stable up to {gain.min():.2f} to {gain.max():.2f} of its limit. The tail's error grows along the "
             f"boundary, 5 % above it, from {along[0, 0]:.2g} to {np.nanmax(along[0]):.2g}; at twice its tau it is {doubled.min():.2f} to {doubled.max():.2f} times that",
             f"Section V, robust MRAC, {self.what}, RK4, h = {H:g} s, {T_END:g} s, {len(SIZES)} sizes x {len(TAUS)} values of tau, then bisection "
-            f"to 1 % over {LONGER * T_END:g} s: {limits.runs} runs. {LOST}. The frozen loop is taken from the scheme's equations by exact "
+            f"to 1 % over {BOUNDARY_RUN_FACTOR * T_END:g} s: {limits.runs} runs. {LOSS_CRITERION}. The frozen loop is taken from the scheme's equations by exact "
             "Jacobians; it is no guarantee for the loop that adapts",
             maps=(self._map(), self._chart()),
         )  # fmt: skip
@@ -106,8 +106,8 @@ class TradeOff:
         return Map(
             key=f"tau-{self.key}",
             title=f"Theorem 2's trade-off: τ against {self.title}",
-            caption=f"Each cell is a run of the robust MRAC on Section V with {self.title}, over {T_END:g} s with RK4, h = {H * 1e3:g} ms. {LOST}. "
-            f"Marks: the smallest τ that is borne over {LONGER * T_END:g} s, bisected to 1 %; "
+            caption=f"Each cell is a run of the robust MRAC on Section V with {self.title}, over {T_END:g} s with RK4, h = {H * 1e3:g} ms. {LOSS_CRITERION}. "
+            f"Marks: the smallest τ that is borne over {BOUNDARY_RUN_FACTOR * T_END:g} s, bisected to 1 %; "
             "growth too slow for the cells' shorter runs is seen there. Cells lost at large τ and large errors are so by a transient of the learning "
             "that outlasts the first quarter. The lines are of the linear loop that is left when the estimates are frozen: "
             "where it loses stability exactly, with θ̂ = θ; up to where the small-gain theorem shows it stable, with θ̂ = θ, and with the worst "
@@ -136,7 +136,7 @@ class TradeOff:
         return Chart(
             key=f"tau-error-{self.key}",
             title=f"The error along the boundary: {self.title}",
-            caption=f"What the smallest τ costs: the largest |e| in the last quarter of runs over {LONGER * T_END:g} s, at multiples of the τ of "
+            caption=f"What the smallest τ costs: the largest |e| in the last quarter of runs over {BOUNDARY_RUN_FACTOR * T_END:g} s, at multiples of the τ of "
             "the observed boundary, below which runs are lost. Away from the largest sizes the error is proportional to τ.",
             x=Axis(self.axis, SIZES, logarithmic=True),
             quantity="max |e| in the last quarter",
@@ -145,7 +145,7 @@ class TradeOff:
         )
 
 
-SAME = 0.02
+AGREEMENT_SHARE = 0.02
 """Of the size: within that the linear limit and the observed boundary agree, which is resolved to 1 % of tau."""
 
 
@@ -157,12 +157,12 @@ def frozen_loops(tau: float) -> FrozenLoops:
 
 def _agree(linear: Array, sizes: Array) -> str:
     """Up to which size the linear limit, relative to the observed boundary, is the same."""
-    differs = np.append(np.abs(linear - 1) > SAME, True)
+    differs = np.append(np.abs(linear - 1) > AGREEMENT_SHARE, True)
     first = int(np.argmax(differs))
-    return f" (within {SAME:.0%} of it up to {sizes[first - 1]:.3g} s)" if first else ""
+    return f" (within {AGREEMENT_SHARE:.0%} of it up to {sizes[first - 1]:.3g} s)" if first else ""
 
 
-LOST = (
+LOSS_CRITERION = (
     f"Lost: diverged, or the largest |e| of the last quarter is more than {Grown().growth:g} times that of the best quarter before, or "
     "|e| exceeds the largest |x_m| after the first quarter"
 )

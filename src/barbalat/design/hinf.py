@@ -19,11 +19,11 @@ from barbalat.linear.largest import largest
 from barbalat.linear.systems import StateSpace, TransferFunction
 from barbalat.validate import Array, InputError
 
-PEAK = 2.0
+SENSITIVITY_PEAK = 2.0
 """M: the largest |S| that W_S lets through; gives a gain margin of 2 and a phase margin of 29 degrees at least (ibid., 2.4)."""
-STEADY = 1e-6
+STEADY_SENSITIVITY = 1e-6
 """A: |S| at zero frequency; an integrator itself would put a pole of W_S on the axis, which the synthesis does not allow."""
-BACK_OFF = 0.9
+BANDWIDTH_SHARE = 0.9
 """Of the largest bandwidth: at the limit itself the controller becomes improper and its fast pole runs away."""
 
 
@@ -52,7 +52,7 @@ def mixed_sensitivity(model: TransferFunction, delay: float, bandwidth: float | 
         raise InputError("the H-infinity design needs a model without poles on the imaginary axis; add a little damping to them")
     scaled = in_time_unit(model, delay)
     if bandwidth is None:
-        bandwidth = BACK_OFF * _largest_bandwidth(scaled) / delay
+        bandwidth = BANDWIDTH_SHARE * _largest_bandwidth(scaled) / delay
     bandwidth = validate.positive("bandwidth", bandwidth)
     found = _suboptimal(_plant(scaled, bandwidth * delay))
     if found is None:
@@ -75,7 +75,7 @@ def in_time_unit(model: TransferFunction, unit: float) -> TransferFunction:
 
 def performance_weight(bandwidth: float) -> TransferFunction:
     """W_S(s) = (s/sqrt(M) + w_B)^2/(s + w_B sqrt(A))^2."""
-    num, den = [PEAK**-0.5, bandwidth], [1.0, bandwidth * STEADY**0.5]
+    num, den = [SENSITIVITY_PEAK**-0.5, bandwidth], [1.0, bandwidth * STEADY_SENSITIVITY**0.5]
     return TransferFunction(np.polymul(num, num), np.polymul(den, den))
 
 

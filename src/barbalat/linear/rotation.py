@@ -16,7 +16,7 @@ from barbalat.validate import Array
 HALVINGS = 60
 """Of an interval: to below rounding. What is left then is a phase that touches -pi without crossing it."""
 
-FROM = 1e-9
+START_SHARE = 1e-9
 """Where a search begins, as a share of the least zero, pole and 1/d: below it L is constant, or an integrator, to 1e-8."""
 
 
@@ -37,7 +37,7 @@ class Rotation:
         self._at = roots.imag
         sizes = np.abs(roots)
         known = 2 * float(sizes.max(initial=0.0)) or 1 / delay  # a w at which L is neither zero nor infinite
-        self.low = FROM * min([*sizes[sizes > 1e-12 * known], 1 / delay])
+        self.low = START_SHARE * min([*sizes[sizes > 1e-12 * known], 1 / delay])
         self._start = float(np.angle(self.value(np.array([known]))[0]) - self._arcs(np.array([known]))[0])
 
     def value(self, w: Array) -> Array:

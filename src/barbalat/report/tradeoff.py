@@ -184,7 +184,7 @@ def _order(found: TradeOff, which: str, criterion: str, error: float) -> list[li
     groups: list[list[str]] = []
     last = np.nan
     for scheme, delay in sorted(((s, d) for s, d in delays.items() if not np.isnan(d)), key=lambda pair: -pair[1]):
-        if groups and delay >= last / SAME:
+        if groups and delay >= last / EQUAL_DELAYS_RATIO:
             groups[-1].append(scheme)
         else:
             groups.append([scheme])
@@ -192,7 +192,7 @@ def _order(found: TradeOff, which: str, criterion: str, error: float) -> list[li
     return [sorted(group) for group in groups]
 
 
-SAME = 1.05
+EQUAL_DELAYS_RATIO = 1.05
 """Ratio within which two delays count as equal: two brackets of 2 % apart."""
 
 

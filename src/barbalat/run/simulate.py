@@ -11,7 +11,7 @@ from barbalat.loop.binding import require_controllers
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller
 from barbalat.run.batch import Batch
-from barbalat.run.diagnosis.stability_label import WINDOWS, Run, stiffness_along
+from barbalat.run.diagnosis.stability_label import MOST_WINDOWS, Run, stiffness_along
 from barbalat.run.engine import run
 from barbalat.run.progress import Progress
 from barbalat.run.result import Envelope, Result
@@ -41,7 +41,7 @@ def simulate(
     if not controllers:
         raise InputError("at least one controller is needed, got none")
     require_controllers(controllers)
-    batches = [Batch.of([(problem, controller)], simulation, record=True, windows=WINDOWS) for controller in controllers]
+    batches = [Batch.of([(problem, controller)], simulation, record=True, windows=MOST_WINDOWS) for controller in controllers]
     run(batches, problem.signals, simulation, threads=threads, progress=progress)
     return {c.name: _result(problem, c, simulation, batch) for c, batch in zip(controllers, batches, strict=True)}
 

@@ -21,7 +21,7 @@ from barbalat.study.criteria import Lost, Onset, tracks
 from barbalat.study.ideal_benchmark import Benchmark, Member, with_delay
 from barbalat.validate import Array, InputError
 
-SHORTEST = 2
+SHORTEST_DELAY_STEPS = 2
 """Solver steps: the shortest delay that can be simulated."""
 
 
@@ -81,15 +81,15 @@ def delay_margins(
     Members have one structure, as for ``simulate_ensemble``; they advance together, and every run is judged by both criteria.
     Raises InputError.
     """
-    if not longest > SHORTEST * simulation.dt:
-        raise InputError(f"longest must exceed two solver steps, {SHORTEST * simulation.dt:g} s, got {longest:g} s")
+    if not longest > SHORTEST_DELAY_STEPS * simulation.dt:
+        raise InputError(f"longest must exceed two solver steps, {SHORTEST_DELAY_STEPS * simulation.dt:g} s, got {longest:g} s")
     validate.whole("scan", scan, least=2)
     resolution = validate.positive("resolution", resolution)
-    delays = np.geomspace(SHORTEST * simulation.dt, longest, scan)
+    delays = np.geomspace(SHORTEST_DELAY_STEPS * simulation.dt, longest, scan)
     streams = np.arange(len(members)) if numbers is None else np.asarray(numbers)
     undelayed = simulate_ensemble(members, simulation, numbers=streams, threads=threads).metrics
     benchmark = Benchmark.of(members, simulation, undelayed, float(delays[0]), longest, streams)
-    search = _Search(benchmark, (onset or Onset(), lost or Lost()), scan, halvings(delays[1] / delays[0], resolution))
+    search = _DelaySearch(benchmark, (onset or Onset(), lost or Lost()), scan, halvings(delays[1] / delays[0], resolution))
     if members[0][0].noise is None:  # noise moves the estimates too: then nothing is said of the undelayed run
         search.find_swinging(undelayed)
 
@@ -105,12 +105,12 @@ def delay_margins(
     )
 
 
-FEW = 64
+RUNS_AT_ONCE = 64
 """Runs that are made at once rather than one delay after the other: they fill the kernel's lanes."""
 
 
 def _advance(
-    search: _Search,
+    search: _DelaySearch,
     members: Sequence[Member],
     simulation: Simulation,
     delays: Array,
@@ -132,7 +132,7 @@ def _advance(
         found = simulate_ensemble(changed, simulation, numbers=streams[chosen], threads=threads, progress=advanced)
         search.take(chosen, added, found.metrics)
 
-    at_once = len(delays) if len(members) * len(delays) <= FEW else 1
+    at_once = len(delays) if len(members) * len(delays) <= RUNS_AT_ONCE else 1
     for first in range(0, len(delays), at_once):  # from short to long; a member that both criteria call lost is not run again
         chosen, some = search.open_members(), delays[first : first + at_once]
         search.scans_left -= len(some)
@@ -147,7 +147,7 @@ def _advance(
         progress(1.0)
 
 
-class _Search:
+class _DelaySearch:
     """The brackets of M members, (2, M): by the onset, by the loss."""
 
     def __init__(self, benchmark: Benchmark, criteria: tuple[Onset, Lost], scan: int, halvings: int) -> None:

@@ -15,7 +15,7 @@ from barbalat.study.ideal_benchmark import IDEAL, Member, with_delay
 
 RUNS_EACH = 16.5
 """Simulations for each member, as measured on Section V: many are lost early in the scan, then come the halvings."""
-ROUNDS = 20
+ENSEMBLES_EACH = 20
 """Ensembles for each scheme: the scan's, the halvings', and the first without a delay."""
 SAMPLE = 64, 16
 """Members that are timed."""
@@ -49,7 +49,7 @@ class Cost:
     def seconds(self, members: int, problems: int, steps: int) -> float:
         """Of all rounds of a scheme with so many members on so many plants, the loops that know theta included."""
         runs = RUNS_EACH * members + 2 * IDEAL * problems
-        return ROUNDS * self.call + runs * (self.member + steps * self.step)
+        return ENSEMBLES_EACH * self.call + runs * (self.member + steps * self.step)
 
 
 def _spread(members: Sequence[Member], size: int) -> list[Member]:
@@ -69,7 +69,7 @@ def _timed(members: Sequence[Member], simulation: Simulation, steps: int) -> flo
     return min(taken)
 
 
-TRUSTED = 0.25
+OWN_PACE_FRACTION = 0.25
 """Fraction of a part after which its own pace alone counts."""
 
 
@@ -89,7 +89,7 @@ class Forecast:
         spent = sum(self.finished.values())
         ratio = spent / sum(self.expected[name] for name in self.finished) if spent else 1.0
         to_come = sum(forecast for name, forecast in self.expected.items() if name not in self.finished and name != part)
-        trust = min(1.0, fraction / TRUSTED)
+        trust = min(1.0, fraction / OWN_PACE_FRACTION)
         pace = seconds / fraction if fraction > 0 else 0.0
         rest = (1 - fraction) * (trust * pace + (1 - trust) * ratio * self.expected[part])
         return spent + seconds + rest + ratio * to_come

@@ -104,12 +104,12 @@ def ideal_errors(problems: Sequence[Any], simulation: Simulation, motion: Motion
         for group in ([ideal(problems[0])], [ideal(problem) for problem in problems[1:]])
     )
     alone = simulate_ensemble([ideal(_left_alone(problem)) for problem in problems[1:]], simulation).metrics
-    decays = tail_error(alone) < DECAYED * alone.max_abs_e.max(axis=1)
+    decays = tail_error(alone) < DECAY_SHARE * alone.max_abs_e.max(axis=1)
     with np.errstate(invalid="ignore"):
         return np.where(decays, np.nan_to_num(np.clip(found - without, 0.0, motion.largest), nan=motion.largest), 0.0)
 
 
-DECAYED = 0.5
+DECAY_SHARE = 0.5
 """A disturbed linear loop is stable if in the last quarter of the run its error is below this part of its largest: one that
 grows has its largest there."""
 
@@ -122,7 +122,7 @@ def ideal(problem: Problem) -> Member:
 def _left_alone(problem: Problem) -> Problem:
     """The same plant with no limits at its input, no command and no disturbance, a little away from rest."""
     paths = tuple(replace(path, quantization=None, saturation=None, rate_limit=None) for path in problem.plant.paths)
-    plant = replace(problem.plant, input=paths if len(paths) > 1 else paths[0], x0=np.full(problem.plant.n, LITTLE))
+    plant = replace(problem.plant, input=paths if len(paths) > 1 else paths[0], x0=np.full(problem.plant.n, SMALL_DISTURBANCE))
     silent = tuple(Constant(0.0) for _ in problem.commands)
     return replace(
         problem,
@@ -134,7 +134,7 @@ def _left_alone(problem: Problem) -> Problem:
     )
 
 
-LITTLE = 1e-6
+SMALL_DISTURBANCE = 1e-6
 """A disturbance [units of x] at which a nonlinear phi(x) is linear, to that part."""
 
 

@@ -136,7 +136,7 @@ class TauStudy:
         grid = np.repeat(sizes, len(taus)), np.tile(taus, len(sizes))
         shape = len(sizes), len(taus)
         tail = self.tail_errors(*grid, simulation, threads=threads, progress=part_of(progress, 0.0, 0.5)).reshape(shape)
-        search = _Search(sizes, taus, tail)
+        search = _TauSearch(sizes, taus, tail)
         done = 0.5
         while len((chosen := search.open_members(rounds))[0]):
             width = (1 - done) / max(to_come, 2)  # more rounds than one and the halvings come where a longer run disagrees
@@ -167,7 +167,7 @@ def _amplitude(problem: Problem, simulation: Simulation) -> float:
     return Motion.of(problem, simulation).largest
 
 
-class _Search:
+class _TauSearch:
     """The brackets of S sizes: up the scan to a tau that is borne near the boundary too, then bisection below it."""
 
     def __init__(self, sizes: Array, taus: Array, tail: Array) -> None:

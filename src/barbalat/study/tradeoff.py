@@ -14,7 +14,7 @@ from barbalat.problem.state_feedback import Problem
 from barbalat.run.progress import Progress
 from barbalat.solvers.simulation import Simulation
 from barbalat.study.criteria import Lost, Onset
-from barbalat.study.delay_margin import SHORTEST, DelayMargins, delay_margins
+from barbalat.study.delay_margin import SHORTEST_DELAY_STEPS, DelayMargins, delay_margins
 from barbalat.study.forecast import Cost, Forecast
 from barbalat.study.knobs import Knobs, default_knobs
 from barbalat.study.motion import RESTING, Motion
@@ -74,7 +74,7 @@ class TradeOff:
     @property
     def shortest(self) -> float:
         """The shortest delay that was tried [s]."""
-        return SHORTEST * self.simulation.dt
+        return SHORTEST_DELAY_STEPS * self.simulation.dt
 
 
 def pareto_front(error: Array, margin: Array) -> Array:

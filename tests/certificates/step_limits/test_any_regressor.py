@@ -25,7 +25,7 @@ from barbalat import (
     simulate,
 )
 from barbalat.cases.load import load_case
-from barbalat.certificates.bounds.regressor import TIGHT, Ball, largest_square
+from barbalat.certificates.bounds.regressor import TIGHTNESS_RATIO, Ball, largest_square
 from barbalat.certificates.certify import certify
 from barbalat.certificates.step_limits.oscillator import Oscillator
 from barbalat.run.diagnosis.adapting import regressor_along
@@ -54,7 +54,7 @@ def test_the_bound_holds_and_is_tight(name):
         values = np.array([np.sum(np.asarray(regressor(point), dtype=float) ** 2) for point in points])
         bound = largest_square(regressor, low, high)
         assert bound >= values.max()
-        assert bound <= 1.1 * TIGHT * values.max()  # inside, 500 points miss the largest value by that much
+        assert bound <= 1.1 * TIGHTNESS_RATIO * values.max()  # inside, 500 points miss the largest value by that much
 
 
 @pytest.mark.parametrize(
@@ -68,7 +68,7 @@ def test_the_bound_holds_and_is_tight(name):
 )
 def test_known_maxima(regressor, low, high, exact):
     bound = largest_square(regressor, np.array(low), np.array(high))
-    assert exact <= bound <= TIGHT * exact * (1 + 1e-9)
+    assert exact <= bound <= TIGHTNESS_RATIO * exact * (1 + 1e-9)
 
 
 def test_balls_compute_what_numbers_compute():

@@ -15,7 +15,7 @@ from barbalat.controllers import L1Adaptive, Mrac, MracClosedLoop
 from barbalat.linear.definite import smallest_eigenvalue
 from barbalat.linear.enclosure import OUTWARD, float_above
 from barbalat.problem.known_set import EstimateSet, Gain
-from barbalat.problem.known_set.cone import EXACTLY
+from barbalat.problem.known_set.cone import EXACT_FACES
 from barbalat.problem.state_feedback import Known, Problem
 from barbalat.validate import Array
 
@@ -55,8 +55,8 @@ def why_no_bound(controller: Mrac | L1Adaptive, problem: Problem) -> str | None:
     full = Gain(gamma).is_matrix and bool((gamma - np.diag(np.diag(gamma))).any())
     if full and known_set is not None and known_set.cuts_corners:
         return (
-            f"with a gain matrix and a box of more than {EXACTLY} parameters, or input gains beside a ball, what the projection "
-            "cuts off in a corner may make V grow, so the bounds (9) and (10) don't hold; they do with a ball, a diagonal "
+            f"with a gain matrix and a box of more than {EXACT_FACES} parameters, or input gains beside a ball, what the "
+            "projection cuts off in a corner may make V grow, so the bounds (9) and (10) don't hold; they do with a ball, a diagonal "
             "gain or without projection"
         )
     if controller.dead_zone is not None:

@@ -29,9 +29,9 @@ from barbalat.protocols import BoundedSignal
 from barbalat.signals import Constant
 from barbalat.validate import Array
 
-GROWTH = 1.05
+ENLARGEMENT_FACTOR = 1.05
 """By which Y is enlarged beyond the bound that it led to, until it is large enough."""
-ROUNDS = 200
+MOST_ENLARGEMENTS = 200
 
 
 @dataclass(frozen=True)
@@ -95,14 +95,14 @@ def _self_consistent(slope_within: Any, gain: float, forced: float) -> tuple[flo
     if not np.isfinite(forced):
         return "f(t, 0) has no bound that could be found"
     Y = forced
-    for _ in range(ROUNDS):
+    for _ in range(MOST_ENLARGEMENTS):
         slope = slope_within(Y)
         if not gain * slope < 1:
             return f"the small gain fails: ||w -> y||_1 = {gain:.6g} times the slope of f, up to {slope:.6g} for |y| <= {Y:.6g}"
         bound = forced / (1 - gain * slope) * OUTWARD
         if bound * OUTWARD <= Y or Y == 0:
             return bound, slope
-        Y = GROWTH * bound
+        Y = ENLARGEMENT_FACTOR * bound
     return f"the small gain fails: the slope of f grows with |y|, and no bound is reached below |y| = {Y:.6g}"
 
 

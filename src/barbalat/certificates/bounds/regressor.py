@@ -16,11 +16,11 @@ from barbalat.validate import Array
 if TYPE_CHECKING:
     from flint import arb
 
-TIGHT = 1.05
-"""The bound is at most this times the largest value that was seen, unless CUTS do not suffice."""
-CUTS = 400
+TIGHTNESS_RATIO = 1.05
+"""The bound is at most this times the largest value that was seen, unless MOST_CUTS do not suffice."""
+MOST_CUTS = 400
 """Of the box, at most; the bound holds after any number of them."""
-CORNERS = 8
+CORNER_STATES = 8
 """States up to which the corners of a box are tried for its largest value; beyond, the centre alone."""
 
 
@@ -92,8 +92,8 @@ def largest_square(regressor: Regressor, low: Array, high: Array) -> float:
         return float(np.sum(np.maximum(np.abs(low), np.abs(high)) ** 2)) * (1 + 1e-12)
     seen = _seen(regressor, low, high)
     boxes = [(-_above(regressor, low, high), 0, low, high)]
-    for count in range(1, CUTS + 1):
-        if not -boxes[0][0] > TIGHT * seen:
+    for count in range(1, MOST_CUTS + 1):
+        if not -boxes[0][0] > TIGHTNESS_RATIO * seen:
             break
         _, _, low, high = heapq.heappop(boxes)
         side = int(np.argmax(high - low))
@@ -119,7 +119,7 @@ def _above(regressor: Regressor, low: Array, high: Array) -> float:
 
 def _seen(regressor: Regressor, low: Array, high: Array) -> float:
     points = [(low + high) / 2]
-    if len(low) <= CORNERS:
+    if len(low) <= CORNER_STATES:
         points += [np.where(choice, high, low) for choice in product((False, True), repeat=len(low))]
     with np.errstate(all="ignore"):  # a point where phi is no number shows nothing
         squares = [float(np.sum(np.asarray(regressor(point), dtype=float) ** 2)) for point in points]

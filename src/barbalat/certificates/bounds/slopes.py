@@ -11,7 +11,7 @@ from flint import arb
 from barbalat.linear.enclosure import float_above, float_below
 from barbalat.problem.output_plant import Nonlinearity
 
-PIECES = 256
+SLOPE_PIECES = 256
 """Of the interval of y: on each the slope is enclosed; a bound is too wide by about the slope's own change over a piece."""
 
 
@@ -86,8 +86,8 @@ def _as_slope(value: Any) -> Slope:
 
 def largest_slope(f: Nonlinearity, radius: float, t_end: float) -> float:
     """An upper bound of |df/dy| for |y| <= radius and 0 <= t <= t_end; infinite where none is found."""
-    width = arb(radius) / PIECES
-    return max(_above(_at(f, arb(0, 1) * width + (2 * k + 1 - PIECES) * width, t_end).slope) for k in range(PIECES))
+    width = arb(radius) / SLOPE_PIECES
+    return max(_above(_at(f, arb(0, 1) * width + (2 * k + 1 - SLOPE_PIECES) * width, t_end).slope) for k in range(SLOPE_PIECES))
 
 
 def steepest_seen(f: Nonlinearity, radius: float) -> float:

@@ -34,7 +34,7 @@ from barbalat.problem.modelling_error import ModellingError
 from barbalat.problem.state_feedback import Problem
 from barbalat.validate import Array, InputError
 
-POINTS, THINNED = 100, 4
+POINTS_INSIDE, FREQUENCY_STRIDE = 100, 4
 """Over the known set: seeded points inside beside the extreme ones, at every fourth frequency of the grid: an estimate anyway."""
 
 
@@ -95,9 +95,11 @@ class FrozenLoops:
         if known_set is None:
             return None
         rng = np.random.default_rng(0)
-        thetas = np.concatenate([extreme_points(known_set, rng), points_inside(known_set, rng, known_set.middle, 1.0, POINTS)])
+        thetas = np.concatenate(
+            [extreme_points(known_set, rng), points_inside(known_set, rng, known_set.middle, 1.0, POINTS_INSIDE)]
+        )
         origin, units = self.at(np.zeros(n)), [self.at(unit) for unit in np.eye(n)]
-        w = np.unique(frequency_grid(complementary_sensitivity(self.at_theta)))[::THINNED]
+        w = np.unique(frequency_grid(complementary_sensitivity(self.at_theta)))[::FREQUENCY_STRIDE]
         closed = sensitivity(origin).A
         slopes = np.array([sensitivity(unit).A - closed for unit in units])
         if np.linalg.eigvals(closed + np.tensordot(thetas, slopes, 1)).real.max() >= 0:

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from barbalat.certificates.assumptions import LINEAR
+from barbalat.certificates.assumptions import LINEAR_LOOP_ONLY
 from barbalat.certificates.certificate import Draft
 from barbalat.certificates.linear_loops.around_equilibrium import around_equilibrium
 from barbalat.linear.delayed_peaks import delayed_peaks
@@ -23,7 +23,7 @@ KEYS = {"delay": "delay_margin", "phase": "phase_margin", "gain_up": "gain_margi
 """The certificate's names of what ``Margins`` holds."""
 
 
-def add_margins(draft: Draft, problem: TrackingProblem, loop: StateSpace, which: str, assumed: str = LINEAR) -> None:
+def add_margins(draft: Draft, problem: TrackingProblem, loop: StateSpace, which: str, assumed: str = LINEAR_LOOP_ONLY) -> None:
     """Margins and peaks of the loop, with the plant's input dynamics and delay in it, and which loop that is."""
     found = margins_of(problem, loop, which, draft.notes)
     if not found:
@@ -86,7 +86,7 @@ def add_adapting_margins(draft: Draft, problem: Problem, loop: ClosedLoop) -> No
     except InputError as error:
         draft.missing("delay_margin_adapting", f"linear loop {at}: {error}")
         return
-    draft.exact({"delay_margin_adapting": finite(found.delay)}, f"{at}, its law included{_beside(problem)}", LINEAR)
+    draft.exact({"delay_margin_adapting": finite(found.delay)}, f"{at}, its law included{_beside(problem)}", LINEAR_LOOP_ONLY)
 
 
 def with_input_dynamics(problem: TrackingProblem, loop: StateSpace) -> StateSpace:

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from barbalat.certificates.assumptions import LINEAR
+from barbalat.certificates.assumptions import LINEAR_LOOP_ONLY
 from barbalat.certificates.certificate import Draft
 from barbalat.certificates.linear_loops.ideal import fast_adaptation, known_parameters
 from barbalat.certificates.linear_loops.margin_values import KEYS
@@ -59,7 +59,7 @@ def _worst_filtered(plant: Plant, known_set: KnownSet, C: StateSpace) -> list[tu
 
 
 def _add(draft: Draft, found: list[tuple[str, WorstCase]]) -> None:
-    draft.estimate({"margins_over_known_set": [_of_one_loop(draft, which, worst) for which, worst in found]}, LINEAR)
+    draft.estimate({"margins_over_known_set": [_of_one_loop(draft, which, worst) for which, worst in found]}, LINEAR_LOOP_ONLY)
 
 
 def _of_one_loop(draft: Draft, which: str, worst: WorstCase) -> dict[str, Any]:

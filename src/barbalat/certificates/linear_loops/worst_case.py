@@ -20,12 +20,12 @@ from barbalat.problem.known_set import KnownSet, ParameterBox
 from barbalat.problem.plant import Plant
 from barbalat.validate import Array, InputError
 
-INSIDE, AROUND, ROUNDS, EXTREMES = 1000, 200, 4, 1024
+POINTS_INSIDE, POINTS_AROUND, ROUNDS, MOST_EXTREMES = 1000, 200, 4, 1024
 """Seeded points inside the set, around the worst of each margin in each round (a quarter as wide), and extreme points at most."""
-VERTICES, EXACTLY = 64, 20
+EXACT_VERTICES, EXACT_POINTS = 64, 20
 """How many extreme points, and how many of the worst screened points for each margin, are computed exactly."""
 NAMES = ("delay", "phase", "gain_up", "gain_down")
-SEARCHED = (
+SEARCH_SENTENCE = (
     "the set's {extremes} extreme points, {inside} seeded points inside, then {rounds} rounds of {around} around the worst, all "
     "screened; the {exactly} worst of each round exactly, and the case's theta: the least found, no guarantee"
 )
@@ -112,15 +112,17 @@ def worst_case(family: Family, known_set: KnownSet) -> WorstCase:
     extremes = extreme_points(known_set, rng)
     center = np.mean(known_set.extent, axis=0)
     own = np.reshape([family.plant.theta] if known_set.contains(family.plant.theta) else [], (-1, family.plant.n))
-    points = np.concatenate([extremes, points_inside(known_set, rng, center, 1.0, INSIDE), own])
-    searched = SEARCHED.format(extremes=len(extremes), inside=INSIDE, rounds=ROUNDS, around=AROUND, exactly=EXACTLY)
-    search = _Search(family, family.frequencies(points))
+    points = np.concatenate([extremes, points_inside(known_set, rng, center, 1.0, POINTS_INSIDE), own])
+    searched = SEARCH_SENTENCE.format(
+        extremes=len(extremes), inside=POINTS_INSIDE, rounds=ROUNDS, around=POINTS_AROUND, exactly=EXACT_POINTS
+    )
+    search = _WorstCaseSearch(family, family.frequencies(points))
     try:
-        search.look(np.concatenate([extremes[:VERTICES], own]))
+        search.look(np.concatenate([extremes[:EXACT_VERTICES], own]))
         search.screen(points)
         for k in range(1, ROUNDS + 1):
             centers = np.unique([theta for _, theta in search.least.values()], axis=0)
-            search.screen(np.concatenate([points_inside(known_set, rng, theta, 4.0**-k, AROUND) for theta in centers]))
+            search.screen(np.concatenate([points_inside(known_set, rng, theta, 4.0**-k, POINTS_AROUND) for theta in centers]))
     except _Unstable as found:
         return WorstCase({}, found.theta, searched)
     return WorstCase(search.least, None, searched)
@@ -134,7 +136,7 @@ class _Unstable(Exception):
         self.theta = theta
 
 
-class _Search:
+class _WorstCaseSearch:
     """The least margins so far, all of them exact."""
 
     def __init__(self, family: Family, w: Array) -> None:
@@ -151,7 +153,7 @@ class _Search:
         N, D = self._responses(points)
         screened = screen(N * np.exp(-1j * self.w * self.family.delay), D, self.w, self.family.delay)
         for values in screened.values():
-            worst = np.argsort(values)[:EXACTLY]
+            worst = np.argsort(values)[:EXACT_POINTS]
             self.look(points[worst[np.isfinite(values[worst])]])
 
     def look(self, points: Array) -> None:
@@ -176,12 +178,12 @@ def extreme_points(known_set: KnownSet, rng: np.random.Generator) -> Array:
     """A box's vertices, or as many of them drawn at random; a ball's ends along the axes and as many points of its surface."""
     n = known_set.size
     if isinstance(known_set, ParameterBox):
-        if 2**n <= EXTREMES:
+        if 2**n <= MOST_EXTREMES:
             signs = np.array(list(itertools.product((0.0, 1.0), repeat=n)))
         else:
-            signs = rng.integers(0, 2, (EXTREMES, n)).astype(float)
+            signs = rng.integers(0, 2, (MOST_EXTREMES, n)).astype(float)
         return np.asarray(known_set.lower + signs * (known_set.upper - known_set.lower))
-    directions = rng.standard_normal((EXTREMES - 2 * n, n))
+    directions = rng.standard_normal((MOST_EXTREMES - 2 * n, n))
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
     return np.asarray(known_set.center + known_set.radius * np.concatenate([np.eye(n), -np.eye(n), directions]))
 

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from barbalat.certificates.assumptions import FROZEN, TRIED
+from barbalat.certificates.assumptions import FREQUENCIES_TRIED, FROZEN_LAW
 from barbalat.certificates.bounds import laws, theorem_1
 from barbalat.certificates.bounds.model import ModelBounds, model_bounds
 from barbalat.certificates.cells import estimate, limits_text, margins_cell, nothing, statement
@@ -58,14 +58,14 @@ def certificate(problem: Problem, controller: L1Adaptive, simulation: Simulation
     add_parameter_errors(draft, problem, loop)
     add_ingredients(draft, problem, equations.box, model)
     reach: Reach | None = None
-    assumed: tuple[str, ...] = (FROZEN,)
+    assumed: tuple[str, ...] = (FROZEN_LAW,)
     if equations.box is None:
         draft.missing("condition", "without projection there is no theta_max")
         draft.missing("error_bound", "without projection there is no theta_max, so the bound (10) has no meaning")
     else:
         reach = _add_bound_10(draft, problem, controller, C, model)
     if reach is None:  # no bound on x: take what the model asks for, and say so
-        reach, assumed = Reach(model.x_m_euclidean, draft["nu_0"]), (FROZEN, REACH_ASSUMED)
+        reach, assumed = Reach(model.x_m_euclidean, draft["nu_0"]), (FROZEN_LAW, REACH_ASSUMED)
     limits = frozen_laws.of_lyapunov_law(
         problem, controller.gamma, simulation, reach.offset, reach.factor, np.linalg.eigvals(C.A)
     )
@@ -123,7 +123,7 @@ def _add_margins_of_the_limit(draft: Draft, problem: Problem, equations: Any) ->
     over_known_set.add_filtered(draft, problem, C)
     if known_set is not None:
         at_centre = fast_adaptation(replace(plant, theta=known_set.middle), C)
-        tried = f"{TRIED}; its loop is the limit of fast adaptation inside the projection bounds"
+        tried = f"{FREQUENCIES_TRIED}; its loop is the limit of fast adaptation inside the projection bounds"
         draft.estimate(robustness(at_centre, known_set, None, draft.notes), tried)
 
 

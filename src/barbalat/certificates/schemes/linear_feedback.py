@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from barbalat.certificates.assumptions import TRIED, nominal
+from barbalat.certificates.assumptions import FREQUENCIES_TRIED, nominal
 from barbalat.certificates.bounds import theorem_1
 from barbalat.certificates.bounds.model import ModelBounds, model_bounds
 from barbalat.certificates.cells import advice, estimate, margins_cell, nothing, statement
@@ -81,7 +81,9 @@ def certificate(problem: Problem, controller: LinearFeedback, _: Simulation) -> 
     family = Family(problem.plant, lambda plant: loop_at(plant.theta, equations, known))
     over_known_set.add_fixed(draft, problem, family)
     centre = problem.plant.theta if known_set is None else known_set.middle
-    draft.estimate(robustness(loop_at(centre, equations, known), known_set, controller.unmodelled, draft.notes), TRIED)
+    draft.estimate(
+        robustness(loop_at(centre, equations, known), known_set, controller.unmodelled, draft.notes), FREQUENCIES_TRIED
+    )
     return draft.finish()
 
 

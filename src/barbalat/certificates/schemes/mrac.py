@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from barbalat.certificates.assumptions import FROZEN
+from barbalat.certificates.assumptions import FROZEN_LAW
 from barbalat.certificates.bounds import laws, theorem_1
 from barbalat.certificates.bounds.model import model_bounds
 from barbalat.certificates.cells import estimate, limits_text, margins_cell, nothing, statement
@@ -46,7 +46,7 @@ def certificate(problem: Problem, controller: Mrac, simulation: Simulation) -> C
             draft.guarantee("error_bound_worst", worst, *rests_on)
     add_ingredients(draft, problem, equations.box, model)
     limits = frozen_laws.of_lyapunov_law(problem, controller.gamma, simulation, model.x_m_euclidean, draft["nu_0"])
-    draft.estimate(frozen_laws.with_modifications(limits, controller, simulation), FROZEN)
+    draft.estimate(frozen_laws.with_modifications(limits, controller, simulation), FROZEN_LAW)
     add_margins_at_rest(draft, problem)
     add_adapting_margins(draft, problem, loop)
     return draft.finish()

@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from barbalat.certificates.assumptions import FROZEN
+from barbalat.certificates.assumptions import FROZEN_LAW
 from barbalat.certificates.bounds import laws, theorem_1
 from barbalat.certificates.bounds.model import model_bounds
 from barbalat.certificates.certificate import Certificate, Draft
@@ -40,7 +40,7 @@ def certificate(problem: Problem, controller: MracClosedLoop, simulation: Simula
     oscillator = Oscillator(closed, simulation.solver, np.append(np.linalg.eigvals(known.A_m), frozen_laws.input_poles(problem)))
     offset, factor = model_bounds(problem).x_m_euclidean, np.sqrt(n) * carried.upper * nu_0
     limits = frozen_laws.of_lyapunov_law(problem, controller.gamma, simulation, offset, factor, oscillator=oscillator)
-    draft.estimate(limits, FROZEN)
+    draft.estimate(limits, FROZEN_LAW)
     add_margins_at_rest(draft, problem)
     return draft.finish()
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 from typing import Any
 
 from barbalat.adaptation.guarantee import Estimates, Guarantee
-from barbalat.certificates.assumptions import FROZEN, departures, in_the_set
+from barbalat.certificates.assumptions import FROZEN_LAW, departures, in_the_set
 from barbalat.certificates.bounds import laws, theorem_1
 from barbalat.certificates.cells import NONLINEAR, estimate, limits_text, margins_cell, nothing, statement
 from barbalat.certificates.certificate import Certificate, Draft
@@ -34,7 +34,7 @@ def certificate(problem: Problem, controller: RobustMrac | NormalizedMrac, simul
     error = theorem_1.initial_parameter_error(equations.initial().theta_hat, problem.plant.theta)
     draft.guarantee("initial_parameter_error", error, *inside)
     draft.missing("error_bound", "no number bounds e: Lemma 1's constants can't be computed from the case")
-    draft.estimate(frozen_laws.of_parametric_model(problem, controller, equations, simulation), FROZEN)
+    draft.estimate(frozen_laws.of_parametric_model(problem, controller, equations, simulation), FROZEN_LAW)
     add_margins_at_rest(draft, problem)
     if isinstance(controller, RobustMrac):
         draft.advise({"tau_below": 1 / controller.normalization.delta_0})

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from barbalat.certificates.assumptions import CONTINUOUS, OF_THE_PROBLEM
+from barbalat.certificates.assumptions import CONTINUOUS_ONLY, OF_THE_PROBLEM
 from barbalat.certificates.bounds.model import model_bounds
 from barbalat.certificates.cells import Column, statement
 from barbalat.certificates.certificate import Certificate, Draft
@@ -70,7 +70,7 @@ def _sampled(entry: Entry, controller: Sampled) -> Entry:
     if entry.kind == "guaranteed" and entry.key not in SAMPLING_CHANGES_NOTHING:
         return replace(entry, kind="does not apply", why=f"sampled every {controller.sample_time:g} s")
     if entry.kind == "exact":
-        return replace(entry, kind="estimate", assumptions=(*entry.assumptions, CONTINUOUS))
+        return replace(entry, kind="estimate", assumptions=(*entry.assumptions, CONTINUOUS_ONLY))
     return entry
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from barbalat.certificates.assumptions import ASSUMED, BEYOND, FROZEN, ON_THE_BOX, in_the_set, nominal
+from barbalat.certificates.assumptions import BEYOND_ONE_LINEAR_INPUT, ERROR_ASSUMED, FROZEN_LAW, ON_THE_BOX, in_the_set, nominal
 from barbalat.certificates.bounds import laws, theorem_1
 from barbalat.certificates.bounds.model import ModelBounds
 from barbalat.certificates.cells import nothing, statement
@@ -82,7 +82,7 @@ def add_ingredients(draft: Draft, problem: Problem, box: KnownSet | None, model:
 def beyond_the_paper(problem: Problem, controller: Controller, simulation: Simulation) -> Certificate:
     """Several inputs, a regressor other than x, an unknown input gain: the Lyapunov bound, which none of these changes."""
     loop, draft = ClosedLoop.of(problem, controller), Draft()
-    draft.note(BEYOND)
+    draft.note(BEYOND_ONE_LINEAR_INPUT)
     if loop.parameters == 0:
         return draft.finish()
     equations: Any = loop.equations
@@ -98,12 +98,12 @@ def beyond_the_paper(problem: Problem, controller: Controller, simulation: Simul
             draft.guarantee("error_bound", laws.error_level(problem, controller, draft["nu_0"]), *rests_on)
         else:
             draft.missing("error_bound", "no bound is known for this scheme on this plant")
-        assumed = (ON_THE_BOX,) if void is None and isinstance(controller, Mrac) else (ON_THE_BOX, ASSUMED)
+        assumed = (ON_THE_BOX,) if void is None and isinstance(controller, Mrac) else (ON_THE_BOX, ERROR_ASSUMED)
         limits = any_regressor.of_lyapunov_law(problem, controller, simulation, draft["nu_0"])
-        draft.estimate(limits, FROZEN, *assumed)
+        draft.estimate(limits, FROZEN_LAW, *assumed)
     elif isinstance(controller, (RobustMrac, NormalizedMrac)):
         draft.guarantee("initial_parameter_error", error, *inside)
-        draft.estimate(frozen_laws.of_parametric_model(problem, controller, equations, simulation), FROZEN)
+        draft.estimate(frozen_laws.of_parametric_model(problem, controller, equations, simulation), FROZEN_LAW)
     return draft.finish()
 
 

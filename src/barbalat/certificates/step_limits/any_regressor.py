@@ -23,7 +23,7 @@ from barbalat.problem.known_set import Gain
 from barbalat.problem.state_feedback import Problem
 from barbalat.solvers.simulation import Simulation
 
-STEPS_DOWN = 60
+MOST_HALVINGS = 60
 """Gains that are tried below the largest one that could be borne, each half the one before."""
 
 
@@ -93,4 +93,4 @@ def _largest_gain(excited: Excited, largest_g: float, nu_0: float) -> float | No
     if at_rest == 0 or largest_g == 0:
         return 0.0 if largest_g == 0 else None
     beyond = largest_g / at_rest * (1 + 1e-9)
-    return largest_from(bears, beyond, within=1e-3, least=beyond / 2**STEPS_DOWN)
+    return largest_from(bears, beyond, within=1e-3, least=beyond / 2**MOST_HALVINGS)

@@ -18,9 +18,9 @@ from barbalat.linear.largest import largest_from
 from barbalat.problem.state_feedback import Known
 from barbalat.validate import Array
 
-FINER = 1.1
+TRIAL_RATIO = 1.1
 """Between two gains or sample times that are tried, upward from one that must be borne: the first exit counts."""
-FRACTIONS = np.geomspace(1e-6, 1.0, 40)
+GAIN_FRACTIONS = np.geomspace(1e-6, 1.0, 40)
 """Of the largest g, at all of which a sample time is tried."""
 
 
@@ -33,13 +33,13 @@ class HeldOscillator:
     def largest_g(self, T: float) -> float:
         """The largest g up to which no mode grows at the sample time T [s]."""
         start = (1e-6 / T) ** 2 / self.bPb  # turns q by 1e-6 in a sample
-        return largest_from(lambda g: not self._grows(T, np.array([g])), start, factor=FINER, least=start)
+        return largest_from(lambda g: not self._grows(T, np.array([g])), start, factor=TRIAL_RATIO, least=start)
 
     def largest_step(self, g: float) -> float:
         """The largest sample time [s] up to which no mode grows for any gain from 0 to g > 0."""
         rate = float(np.abs(np.linalg.eigvals(self.known.A_m)).max()) + math.sqrt(g * self.bPb)
         start = 1e-6 / rate
-        return largest_from(lambda T: not self._grows(T, g * FRACTIONS), start, factor=FINER, least=start)
+        return largest_from(lambda T: not self._grows(T, g * GAIN_FRACTIONS), start, factor=TRIAL_RATIO, least=start)
 
     @property
     def bPb(self) -> float:

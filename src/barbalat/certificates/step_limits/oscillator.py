@@ -17,7 +17,7 @@ from barbalat.problem.state_feedback import Known
 from barbalat.solvers import Tableau
 from barbalat.validate import Array
 
-GRID = np.geomspace(1e-16, 1.0, 600)
+GAIN_FRACTIONS = np.geomspace(1e-16, 1.0, 600)
 """Fractions of the largest g that are looked at beside g = 0: a mode of A_m may leave the region before the oscillation does."""
 
 
@@ -65,7 +65,7 @@ class Oscillator:
         """
         if self._amplified(h * self.fixed):
             return 0.0
-        grid = 100 * (self.solver.reach / h) ** 2 / self.bPb * GRID  # the last is beyond every explicit method's reach
+        grid = 100 * (self.solver.reach / h) ** 2 / self.bPb * GAIN_FRACTIONS  # the last is beyond every explicit method's reach
         first = int(np.argmax(self._amplified(h * self.modes(grid))))
         low = grid[first - 1] if first else 0.0
         found = largest(lambda g: not self._amplified(h * self.modes(np.array([g]))[0]), low, grid[first])
@@ -77,7 +77,7 @@ class Oscillator:
 
         By bisection: along a ray into the left half plane the registered solvers leave their regions once (tested).
         """
-        modes = self.fixed if g == 0 else np.concatenate([self.fixed, self.modes(g * GRID).ravel()])
+        modes = self.fixed if g == 0 else np.concatenate([self.fixed, self.modes(g * GAIN_FRACTIONS).ravel()])
         beyond = 2 * self.solver.reach / float(np.abs(modes).max())
         step = largest(lambda h: not self._amplified(h * modes), 0.0, beyond)
         limit = self.solver.imaginary_limit

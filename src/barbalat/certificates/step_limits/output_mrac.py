@@ -29,7 +29,7 @@ LYAPUNOV = (
     "at its largest there"
 )
 NORMALISED = "gamma_max and step_max: estimates, of the plain law on a frozen regressor, beside filters and plant"
-GAINS = np.geomspace(1e-12, 1.0, 240)
+GAIN_FRACTIONS = np.geomspace(1e-12, 1.0, 240)
 """Fractions of the largest g that are looked at beside g = 0."""
 
 
@@ -79,7 +79,7 @@ def _of_lyapunov_law(frozen: Frozen, law: LyapunovLaw, simulation: Simulation) -
     """At which g, from 0 up, and at which step does the solver amplify a mode that the frozen loop does not."""
     solver, gamma = simulation.solver, Gain(law.gamma).largest
     g = gamma * frozen.omega_squared
-    modes = np.concatenate([frozen.modes(part) for part in np.append(g * GAINS, 0.0)])
+    modes = np.concatenate([frozen.modes(part) for part in np.append(g * GAIN_FRACTIONS, 0.0)])
     step = _largest_step(simulation, modes)
     values: dict[str, Any] = {"adaptation_frequency": math.sqrt(g * max(float(frozen.c @ frozen.b), 0.0)) or None}
     if law.leakage is not None:

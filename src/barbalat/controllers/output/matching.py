@@ -8,7 +8,7 @@ from barbalat import validate
 from barbalat.linear.systems import StateSpace, TransferFunction
 from barbalat.validate import Array, InputError
 
-SLOWEST = 1e-9
+SLOWEST_POLE_SHARE = 1e-9
 """Of a filter's pole, relative to the model's fastest: below it a pole and an integrator look the same."""
 
 
@@ -25,10 +25,10 @@ def filter_polynomial(n: int, W_m: TransferFunction, filter_poles: Array | None)
         filter_poles = np.full(free, -np.abs(W_m.poles).max())
     if len(filter_poles) != free:
         raise InputError(f"filter_poles must have {free} entries (order - 1 less the model's zeros), got {len(filter_poles)}")
-    if not (np.asarray(filter_poles).real < -SLOWEST * np.abs(W_m.poles).max()).all():
+    if not (np.asarray(filter_poles).real < -SLOWEST_POLE_SHARE * np.abs(W_m.poles).max()).all():
         raise InputError(
-            f"filter_poles must have negative real parts, and not below {SLOWEST:g} of the model's fastest pole: Lambda must be "
-            f"Hurwitz, got {validate.show(filter_poles)}"
+            f"filter_poles must have negative real parts, and not below {SLOWEST_POLE_SHARE:g} of the model's fastest pole: "
+            f"Lambda must be Hurwitz, got {validate.show(filter_poles)}"
         )
     return np.atleast_1d(np.real(np.poly(np.concatenate([zeros, filter_poles]))))
 

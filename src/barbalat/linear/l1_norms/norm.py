@@ -66,7 +66,7 @@ def l1_norm(
             require_hurwitz(system.A)
         return _static(system.D, relative_width)
     require_hurwitz(system.A)
-    return _Search(system, relative_width, work_limit).run()
+    return _NormSearch(system, relative_width, work_limit).run()
 
 
 def _checked(A: ArrayLike, B: ArrayLike | None, C: ArrayLike | None, D: ArrayLike | None) -> System:
@@ -104,7 +104,7 @@ def _enclosure(lowers: list[arb], uppers: list[arb], counters: Counters, bits: i
 
 
 @dataclass
-class _Search:
+class _NormSearch:
     """Adaptive repetition at growing precision and shrinking tolerance until the width is reached."""
 
     system: System

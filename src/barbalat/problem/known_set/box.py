@@ -20,10 +20,10 @@ if TYPE_CHECKING:
 UNBOUNDED = 1e150
 """A bound that no run reaches: it has diverged long before."""
 
-PASSES = 4
+MOST_GUESSES = 4
 """Guesses, with several inputs, of which components end on a face. The step is taken where one of them proves right."""
 
-AGREEMENT = 2.0**-36
+AGREEMENT_TOLERANCE = 2.0**-36
 """Of a guess with the equations, relatively: a few thousand roundings."""
 
 
@@ -108,7 +108,7 @@ class ParameterBox:
     @property
     def cuts_corners(self) -> bool:
         """Whether with a gain matrix the limit may cut off in a corner what does not keep the proof of V' <= 0."""
-        return len(self.faces) > cone.EXACTLY
+        return len(self.faces) > cone.EXACT_FACES
 
     def project(self, rate: Value, theta_hat: Value, gain: Gain = ONE) -> Value:
         """A component on a face does not move outward; a gain matrix moves the others with it."""
@@ -161,7 +161,7 @@ class ParameterBox:
         inputs, moves = phi.shape[1], gain.as_matrix(phi.shape[0]) @ phi
         free = gain.implicit_step(theta, phi, coupling, error)
         wanted = free
-        for _ in range(PASSES):
+        for _ in range(MOST_GUESSES):
             inside = np.where(self.limit(wanted) == wanted, 1.0, 0.0)
             moved = (1 - inside) * (self.limit(wanted) - theta)
             system = np.eye(inputs) + coupling @ ((phi * inside.reshape(-1, 1)).T @ moves)
@@ -169,5 +169,5 @@ class ParameterBox:
             wanted = theta + moves @ s
         found = self.limit(wanted)
         left = error - coupling @ (phi.T @ (found - theta)) - s
-        solved = left @ left <= AGREEMENT**2 * (s @ s + error @ error)
+        solved = left @ left <= AGREEMENT_TOLERANCE**2 * (s @ s + error @ error)
         return np.where(solved, found, free)

@@ -12,9 +12,9 @@ from barbalat.protocols import Value
 if TYPE_CHECKING:
     from barbalat.problem.known_set.box import ParameterBox
 
-EXACTLY = 4
+EXACT_FACES = 4
 """Faces up to which the projection for a gain matrix is exact: it tries the 2^n sets of them."""
-SWEEPS = 3
+CONE_PASSES = 3
 """Passes over more faces than that, and over the half spaces of the box; what is left outside after them is cut off."""
 
 
@@ -23,7 +23,7 @@ def onto_the_cone(rate: Value, theta_hat: Value, box: ParameterBox, gain: Value,
 
     That is rate - Gamma g, g = sum of s_i lambda_i e_i over the faces that theta_hat is on, s_i their outward sides, lambda >= 0,
     and with M = S Gamma S and b = S rate on these faces M lambda >= b, lambda_i = 0 where that is strict, which makes it unique
-    (Cottle, Pang and Stone, The Linear Complementarity Problem, 1992, section 3.1). Of up to ``EXACTLY`` faces the set with
+    (Cottle, Pang and Stone, The Linear Complementarity Problem, 1992, section 3.1). Of up to ``EXACT_FACES`` faces the set with
     lambda > 0 is found by trying all of them; of more, ``SWEEPS`` passes of Gauss and Seidel come near it with lambda >= 0, and
     what still points outward is cut off by the limit, for which the decrease of V is not claimed.
     """
@@ -41,7 +41,7 @@ def onto_the_cone(rate: Value, theta_hat: Value, box: ParameterBox, gain: Value,
         [1.0 if i == j else k * gain[i, j] * m for j, m in zip(rows, scale, strict=True)]
         for i, k in zip(rows, scale, strict=True)
     ]
-    solve = _by_all_sets if len(rows) <= EXACTLY else _by_sweeps
+    solve = _by_all_sets if len(rows) <= EXACT_FACES else _by_sweeps
     for i, s, k, multiplier in zip(rows, side, scale, solve(M, b, fixed), strict=True):
         rate = rate - gain[:, i] * np.where(s == 0, 0.0, k * multiplier)
     return rate
@@ -64,7 +64,7 @@ def _face_by_face(rate: Value, theta_hat: Value, box: ParameterBox, gain: Value,
 
 def nearest(theta_hat: Value, box: ParameterBox, gamma: Value) -> Value:
     """By projections onto the box's half spaces, each orthogonal in the metric Gamma^-1; what is left outside is the limit's."""
-    for _ in range(SWEEPS if box.size > 1 else 1):
+    for _ in range(CONE_PASSES if box.size > 1 else 1):
         for i in range(box.size):
             excess = theta_hat[i] - np.clip(theta_hat[i], box.lower[i], box.upper[i])
             theta_hat = theta_hat - gamma[:, i] * (excess / gamma[i, i])
@@ -100,7 +100,7 @@ def _by_all_sets(M: list[list[Value]], b: list[Value], fixed: list[Value]) -> li
 def _by_sweeps(M: list[list[Value]], b: list[Value], fixed: list[Value]) -> list[Value]:
     faces = range(len(b))
     found: list[Value] = [0.0 for _ in faces]
-    for _ in range(SWEEPS):
+    for _ in range(CONE_PASSES):
         for i in faces:
             wanted = b[i] - sum((M[i][j] * found[j] for j in faces if j != i), 0.0 * b[i])
             found[i] = np.where(fixed[i] > 0, wanted, np.maximum(wanted, 0.0))

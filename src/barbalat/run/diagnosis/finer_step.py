@@ -15,13 +15,13 @@ from barbalat.validate import Array
 
 Origin = Literal["solver", "loop", "both", "unsettled"]
 
-SAME = 0.1
+EQUAL_FIGURES_SHARE = 0.1
 """Figures that differ by less than this fraction are called the same: far above the finer step's own error, far below decades."""
-LITTLE = 0.1
+REMAINDER_SHARE = 0.1
 """Where less than this fraction of a figure is left at the finer step, the solver made it; where more is left, at most a part."""
-NOISE = 1e-5
+ROUNDING_SHARE = 1e-5
 """Of the model's state, of the control, of the estimates: a figure below this shows roundings and what has settled."""
-GROWTH = 3.0
+OWN_GROWTH_FACTOR = 3.0
 """An error that was this many times as large as the model's state while the run was still sound grows by itself."""
 
 
@@ -84,7 +84,7 @@ def _divergences(coarse: Seen, fine: Seen, at: str) -> tuple[Origin, str] | None
     if coarse.diverged_at is not None and fine.diverged_at is not None:
         if fine.unstable_from is None:
             return "loop", f"the divergence is the loop's own: {at} it comes at t = {fine.diverged_at:.4g} s"
-        if fine.sound_error > GROWTH * fine.model:
+        if fine.sound_error > OWN_GROWTH_FACTOR * fine.model:
             return "loop", (
                 f"the divergence is the loop's own: {at} the run is sound until t = {fine.unstable_from:.4g} s, and |e| has "
                 f"grown to {fine.sound_error:.3g} by then; the model's largest |x_m| is {fine.model:.3g}"
@@ -102,17 +102,17 @@ def _figures(coarse: Seen, fine: Seen, at: str) -> tuple[Origin, str]:
     """Where both stayed bounded: what the finer step changes."""
     before, after = _compared(coarse), _compared(fine)
     pairs = {text: (value, after[text][0]) for text, (value, _) in before.items()}
-    ratios = {text: _ratio(*pair, NOISE * max(before[text][1], after[text][1])) for text, pair in pairs.items()}
+    ratios = {text: _ratio(*pair, ROUNDING_SHARE * max(before[text][1], after[text][1])) for text, pair in pairs.items()}
     changed = [
         f"{text} {'falls' if ratios[text] < 1 else 'rises'} from {_text(coarsely)} to {_text(finely)}"
         for text, (coarsely, finely) in pairs.items()
-        if abs(ratios[text] - 1) > SAME
+        if abs(ratios[text] - 1) > EQUAL_FIGURES_SHARE
     ]
     if not changed:
         same = ", ".join(f"{text} {_text(finely)}" for text, (_, finely) in pairs.items())
-        return "loop", f"what the run shows is the loop's own: {at} it is the same within {SAME:.0%} ({same})"
+        return "loop", f"what the run shows is the loop's own: {at} it is the same within {EQUAL_FIGURES_SHARE:.0%} ({same})"
     numbers = f"{at} {', '.join(changed)}"
-    if min(ratios.values()) < LITTLE:
+    if min(ratios.values()) < REMAINDER_SHARE:
         return "solver", f"the oscillation is the {_whose(fine)}'s: {numbers}"
     return "both", f"what the run shows is not the {_whose(fine)}'s alone: {numbers}"
 

@@ -24,11 +24,11 @@ from barbalat.run.step import sampled_states
 from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array
 
-WINDOWS = 2000
+MOST_WINDOWS = 2000
 """Of a run, at most; they are whole multiples of WATCH_EVERY."""
-LOOKS = 200
+MOST_LOOKS = 200
 """Windows at which the spectrum is taken: half the stiffest ones, half spread over the others; before an exit all."""
-PIECES = 64
+WINDOW_PIECES = 64
 """Into which a window with an exit is cut, again and again."""
 
 
@@ -56,9 +56,9 @@ def stiffness_along(run: Run) -> Stiffness:
     assert watch is not None
     stiffest, coupling = _kept(watch, run.stop)
     order = np.argsort(-coupling, kind="stable")
-    rest = np.sort(order[LOOKS // 2 :])
-    spread = rest[np.linspace(0, len(rest) - 1, min(len(rest), LOOKS // 2)).astype(int)]
-    chosen = np.sort(np.concatenate([order[: LOOKS // 2], spread]))
+    rest = np.sort(order[MOST_LOOKS // 2 :])
+    spread = rest[np.linspace(0, len(rest) - 1, min(len(rest), MOST_LOOKS // 2)).astype(int)]
+    chosen = np.sort(np.concatenate([order[: MOST_LOOKS // 2], spread]))
     found = look(stiffest.chosen(chosen))
     step = None
     if found.outside.any():
@@ -80,8 +80,8 @@ def _kept(watch: Watch, stop: float) -> tuple[Instants, Array]:
 
 def _first(at: Instants, look: Look) -> int:
     """The first step that is outside; the last of them is known to be."""
-    for begin in range(0, len(at.steps), LOOKS):
-        piece = at.chosen(np.arange(begin, min(begin + LOOKS, len(at.steps))))
+    for begin in range(0, len(at.steps), MOST_LOOKS):
+        piece = at.chosen(np.arange(begin, min(begin + MOST_LOOKS, len(at.steps))))
         outside = look(piece).outside
         if outside.any():
             return int(piece.steps[outside.argmax()])
@@ -110,7 +110,7 @@ class Run:
         begin = step // window * window
         known = self._known(max(begin - WATCH_EVERY + 1, 0))
         while window > WATCH_EVERY:
-            window = window_of(window, PIECES)
+            window = window_of(window, WINDOW_PIECES)
             pieces = Watch(self.batch.loop.size, begin, step + 1, window)
             self._advance(self._advance(known, begin), step + 1, pieces)
             step = _first(_kept(pieces, self.stop)[0], look)

@@ -29,7 +29,7 @@ from barbalat.solvers import Tableau
 from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array, InputError
 
-LIMITS = 1e-9
+LIMITS_TOLERANCE = 1e-9
 """Relative width of the limits of gain and step: far below what an estimate is worth."""
 
 
@@ -128,8 +128,8 @@ def _coefficients(linear: LinearEquivalent) -> dict[str, dict[str, list[float]]]
 def _limits(controller: L1Output, simulation: Simulation) -> dict[str, Any]:
     """The largest gamma for this step, the largest step for this gamma: s^2 + m s + gamma m within the solver's region."""
     solver, m = simulation.solver, controller.m
-    gamma = largest_from(lambda value: _bears(solver, simulation.dt, m, value), controller.gamma, within=LIMITS)
-    step = largest_from(lambda value: _bears(solver, value, m, controller.gamma), simulation.dt, within=LIMITS)
+    gamma = largest_from(lambda value: _bears(solver, simulation.dt, m, value), controller.gamma, within=LIMITS_TOLERANCE)
+    step = largest_from(lambda value: _bears(solver, value, m, controller.gamma), simulation.dt, within=LIMITS_TOLERANCE)
     return {"gamma_max": finite(gamma), "step_max": finite(step)}
 
 
