@@ -56,8 +56,8 @@ def why_no_bound(controller: Mrac | L1Adaptive, problem: Problem) -> str | None:
     if full and known_set is not None and known_set.cuts_corners:
         return (
             f"with a gain matrix and a box of more than {EXACT_FACES} parameters, or input gains beside a ball, what the "
-            "projection cuts off in a corner may make V grow, so the bounds (9) and (10) don't hold; they do with a ball, a diagonal "
-            "gain or without projection"
+            "projection cuts off in a corner may make V grow, so the bounds (9) and (10) don't hold; they do with a ball, a "
+            "diagonal gain or without projection"
         )
     if controller.dead_zone is not None:
         return "inside the dead zone nothing is learnt, so the bounds (9) and (10) don't hold"
