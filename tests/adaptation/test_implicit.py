@@ -157,6 +157,7 @@ def test_the_covariances_stay_within_their_bounds_and_forget_exactly():
             memory = following
 
 
+@pytest.mark.full
 def test_many_short_steps_tend_to_the_continuous_law():
     """Over a second, with constant data, against 4000 explicit steps: 400 implicit ones halve the distance of 100 at least.
 

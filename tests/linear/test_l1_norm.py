@@ -340,7 +340,7 @@ def test_noise_that_cannot_be_resolved_is_kept_as_a_gap():
 
 
 def test_work_limit_leaves_a_valid_interval_and_says_so():
-    A = scipy.linalg.block_diag([[-1e-3, 1.0], [-1.0, -1e-3]], [[-1e-3, 3.0], [-3.0, -1e-3]])
+    A = scipy.linalg.block_diag([[-5e-3, 1.0], [-1.0, -5e-3]], [[-5e-3, 3.0], [-3.0, -5e-3]])
     B, C = np.array([[1.0], [0.0], [1.0], [0.0]]), np.array([[1.0, 0.0, 1.0, 0.0]])
     wide = l1_norm(A, B, C, ZERO, work_limit=200)
     full = l1_norm(A, B, C, ZERO)
