@@ -60,9 +60,11 @@ def limits_text(values: dict[str, Any]) -> str:
     """The numerics' limits, as far as there are any."""
     parts = []
     if values.get("gamma_max") is not None:
-        parts.append(f"the solver at its step bears Gamma up to about {values['gamma_max']:.3g}")
+        beyond = values.get("gamma_max_at_model")
+        text = f"the solver at its step bears Gamma up to {values['gamma_max']:.3g} at least"
+        parts.append(text if beyond is None else f"{text}, oscillations are due above about {beyond:.3g}")
     if values.get("step_max") is not None:
-        parts.append(f"this gain bears a step up to about {values['step_max']:.3g} s")
+        parts.append(f"this gain bears a step up to {values['step_max']:.3g} s at least")
     return "; ".join(parts) or "no limit of the step is known"
 
 

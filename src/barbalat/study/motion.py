@@ -7,12 +7,10 @@ from typing import Any
 
 import numpy as np
 
+from barbalat.linear.driven_response import driven_response
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array
-
-INSTANTS = 20_000
-"""At which the command is sampled at most, straight lines in between."""
 
 AT_REST = 0.1
 """Of the largest magnitude: the regressor's square, with which the law turns, is then a hundredth of what it was."""
@@ -46,14 +44,8 @@ class Motion:
     @classmethod
     def of(cls, problem: TrackingProblem, simulation: Simulation) -> Motion:
         """By the response of the model alone, a linear system, to the command."""
-        from scipy.signal import StateSpace as Continuous
-        from scipy.signal import lsim
-
         A, B, C, x0 = _matrices(problem.model)
-        t = np.linspace(0.0, simulation.t_end, min(simulation.steps, INSTANTS) + 1)
-        r = np.stack([signal(t) for signal in problem.commands], axis=1)
-        _, y, _ = lsim(Continuous(A, B, C, np.zeros((len(C), B.shape[1]))), r, t, X0=x0)  # type: ignore[call-overload]
-        moved = np.asarray(y).reshape(len(t), len(C))
+        t, moved = driven_response(A, B, C, x0, problem.commands, simulation.t_end, simulation.steps)
         ranges, variation = np.ptp(moved, axis=0), np.abs(np.diff(moved, axis=0)).sum(axis=0)
         moving = ranges > 0
         swept = float((variation[moving] / ranges[moving]).max()) / simulation.t_end if moving.any() else 0.0

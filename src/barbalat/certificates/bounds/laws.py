@@ -45,6 +45,11 @@ def error_level(
     return nu_0(weighted_error(theta_tilde, np.asarray(gamma)), closed or known)
 
 
+def is_modified(controller: Mrac | L1Adaptive) -> bool:
+    """Whether the plain law is not all there is: a leakage and a memory add a decay of the estimates, a dead zone a share."""
+    return not (controller.leakage is None and controller.dead_zone is None and controller.learning is None)
+
+
 def why_no_bound(controller: Mrac | L1Adaptive, problem: Problem) -> str | None:
     """Why (9) and (10) don't hold with the law's modifications, as a sentence; None where V decreases as without them.
 

@@ -8,10 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from barbalat.linear.definite import exact_matrix, lyapunov_holds
+from barbalat.linear.driven_response import driven_response
 from barbalat.linear.enclosure import OUTWARD, float_above
 from barbalat.linear.l1_norms import l1_norm
 from barbalat.problem.state_feedback import Known, Problem
 from barbalat.protocols import BoundedSignal
+from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array, InputError
 
 
@@ -31,6 +33,15 @@ def model_bounds(problem: Problem) -> ModelBounds:
         raise InputError(f"a certificate needs a reference with a bound, and {r!r} has none")
     each = state_bounds(problem)
     return ModelBounds(r.bound, max(each), math.hypot(*each) * OUTWARD)
+
+
+def largest_along_the_command(problem: Problem, simulation: Simulation) -> float:
+    """The largest |x_m|_2 that the case's own command makes in the run: no bound, the model's response at sampled instants."""
+    known = problem.known
+    B = known.b.reshape(known.n, -1) @ np.atleast_2d(known.k_0)
+    identity = np.eye(known.n)
+    _, x_m = driven_response(known.A_m, B, identity, known.x0, problem.commands, simulation.t_end, simulation.steps)
+    return float(np.linalg.norm(x_m, axis=1).max())
 
 
 def command_bounds(problem: Problem) -> Array:

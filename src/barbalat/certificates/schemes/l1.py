@@ -70,6 +70,9 @@ def certificate(problem: Problem, controller: L1Adaptive, simulation: Simulation
         problem, controller.gamma, simulation, reach.offset, reach.factor, np.linalg.eigvals(C.A)
     )
     draft.estimate(frozen_laws.with_modifications(limits, controller, simulation), *assumed)
+    if not laws.is_modified(controller):
+        motion = frozen_laws.of_the_motion(problem, controller.gamma, simulation, filter_poles=np.linalg.eigvals(C.A))
+        draft.estimate(motion, FROZEN_LAW)
     if controller.filter is None:
         add_margins_at_rest(draft, problem)
     else:

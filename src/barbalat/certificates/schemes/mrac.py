@@ -47,6 +47,8 @@ def certificate(problem: Problem, controller: Mrac, simulation: Simulation) -> C
     add_ingredients(draft, problem, equations.box, model)
     limits = frozen_laws.of_lyapunov_law(problem, controller.gamma, simulation, model.x_m_euclidean, draft["nu_0"])
     draft.estimate(frozen_laws.with_modifications(limits, controller, simulation), FROZEN_LAW)
+    if not laws.is_modified(controller):
+        draft.estimate(frozen_laws.of_the_motion(problem, controller.gamma, simulation), FROZEN_LAW)
     add_margins_at_rest(draft, problem)
     add_adapting_margins(draft, problem, loop)
     return draft.finish()

@@ -41,6 +41,7 @@ def certificate(problem: Problem, controller: MracClosedLoop, simulation: Simula
     offset, factor = model_bounds(problem).x_m_euclidean, np.sqrt(n) * carried.upper * nu_0
     limits = frozen_laws.of_lyapunov_law(problem, controller.gamma, simulation, offset, factor, oscillator=oscillator)
     draft.estimate(limits, FROZEN_LAW)
+    draft.estimate(frozen_laws.of_the_motion(problem, controller.gamma, simulation, oscillator), FROZEN_LAW)
     add_margins_at_rest(draft, problem)
     return draft.finish()
 

@@ -25,6 +25,8 @@ from barbalat.solvers.simulation import Simulation
 MIDPOINT = "no gain makes its law numerically unstable, so there is no gamma_max and no step_max"
 AS_EULER = "gamma_max and step_max are those of Euler's method at the sample time, for all that the controller integrates"
 HELD = "gamma_max and step_max are of the frozen law from sample to sample, with A_m's exact motion between them"
+AT_MODEL = {"gamma_max_at_model", "step_max_at_model"}
+"""Limits that are not known of a sampled law."""
 ERRORS = {"error_bound", "error_bound_worst"}
 SAMPLING_CHANGES_NOTHING = OF_THE_PROBLEM | {"norms", "condition", "kappa_admissible", "kappa_max", "nu_0", "nu_0_worst"}
 """Guaranteed values that are of the problem, of the filter, or of t = 0."""
@@ -41,7 +43,7 @@ def judged_at(controller: Sampled, simulation: Simulation) -> Simulation:
 def certificate(problem: TrackingProblem, continuous: Certificate, controller: Sampled, judged: Simulation) -> Certificate:
     """From the continuous controller's certificate at ``judged_at``."""
     scheme, T = controller.controller, controller.sample_time
-    entries = [_sampled(entry, controller) for entry in continuous.entries]
+    entries = [_sampled(entry, controller) for entry in continuous.entries if entry.key not in AT_MODEL]
     notes = [f"the controller runs sampled every {T:g} s ({controller.discretization})"]
     if isinstance(scheme, LinearFeedback):
         return continuous.with_entries(tuple(entries), *notes)

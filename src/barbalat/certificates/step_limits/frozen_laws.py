@@ -12,6 +12,7 @@ import numpy as np
 
 from barbalat.adaptation.law import AdaptiveLaw, GainLimitedLaw, RatedLaw
 from barbalat.certificates.bounds.laws import least_gain
+from barbalat.certificates.bounds.model import largest_along_the_command
 from barbalat.certificates.step_limits.oscillator import Oscillator
 from barbalat.controllers import L1Adaptive, Mrac, NormalizedMrac, RobustMrac
 from barbalat.controllers.robust_mrac import Equations
@@ -60,6 +61,23 @@ def of_lyapunov_law(
         "gamma_max": _largest_gain(largest_root, offset, factor) if np.ndim(gamma) == 0 else None,
         "step_max": oscillator.largest_step(root_g**2),
     }
+
+
+def of_the_motion(
+    problem: Problem,
+    gamma: float | Array,
+    simulation: Simulation,
+    oscillator: FrozenLaw | None = None,
+    filter_poles: Array | None = None,
+) -> dict[str, Any]:
+    """The same limits with |x| as large as the case's own command makes |x_m|, by keys of their own.
+
+    Where the bound of |x| is far above what the command asks for, these are where oscillations are seen; the others are on the
+    safe side.
+    """
+    reach = largest_along_the_command(problem, simulation)
+    limits = of_lyapunov_law(problem, gamma, simulation, reach, 0.0, filter_poles, oscillator)
+    return {f"{key}_at_model": limits[key] for key in ("gamma_max", "step_max")}
 
 
 def with_modifications(values: dict[str, Any], controller: Mrac | L1Adaptive, simulation: Simulation) -> dict[str, Any]:

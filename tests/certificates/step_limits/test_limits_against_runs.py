@@ -1,0 +1,71 @@
+"""The limits of gain and step against simulation: where the command takes |x| they are met within a tenth or two.
+
+A run's label (``Result.label``) comes from the exact Jacobian's spectrum along the run, the limits from a frozen oscillator: two
+methods. 0.8 and 1.1: in the first seconds e takes |x| beyond |x_m|, and the oscillator leaves out what the frozen loop does
+besides.
+"""
+
+import math
+
+import pytest
+
+from barbalat import EULER, HEUN, RK4, Gradient, L1Adaptive, Mrac, MracClosedLoop, NormalizedMrac, certify, input_filter, simulate
+from barbalat.claims.variants import variant
+from barbalat.solvers.simulation import Simulation
+
+T_END = 15.0  # s; a period of the command is 12.6 s, so that |x_m| has been at its largest
+SCHEMES = {
+    "mrac": Mrac(gamma=10.0),
+    "closed-loop model": MracClosedLoop(gamma=10.0, model_feedback=[[-1.0, 0.0], [0.0, -1.0]]),
+    "l1": L1Adaptive(gamma=100.0, filter=input_filter(0.02)),
+    "normalised": NormalizedMrac(law=Gradient(gamma=50.0)),
+}
+
+
+def at_step(solver, dt):
+    return Simulation(t_end=math.ceil(T_END / dt) * dt, dt=dt, solver=solver)
+
+
+def limits(controller, solver, dt=1e-3):
+    (found,) = certify(variant(), [controller], at_step(solver, dt)).values()
+    return found.values
+
+
+def labelled(controller, solver, dt):
+    (run,) = simulate(variant(), [controller], at_step(solver, dt)).values()
+    return run.label is not None or run.diverged_at is not None
+
+
+@pytest.mark.parametrize("name", SCHEMES)
+@pytest.mark.parametrize("solver", [HEUN, RK4], ids=["heun", "rk4"])
+def test_the_step_at_which_a_run_leaves_the_region(solver, name):
+    controller = SCHEMES[name]
+    found = limits(controller, solver)
+    at_least, seen = found["step_max"], found.get("step_max_at_model", found["step_max"])
+    assert at_least <= seen
+    assert not labelled(controller, solver, 0.8 * seen)
+    assert labelled(controller, solver, 1.1 * seen)
+
+
+def test_the_step_of_eulers_method():
+    """It bears an oscillation only as far as that is damped: a slow adaptation, and a long run, since its growth is slow too."""
+    controller = Mrac(gamma=1e-5)
+    found = limits(controller, EULER)
+    for dt, expected in ((0.9 * found["step_max"], False), (1.1 * found["step_max_at_model"], True)):
+        simulation = Simulation(t_end=math.ceil(1000.0 / dt) * dt, dt=dt, solver=EULER)
+        (run,) = simulate(variant(), [controller], simulation).values()
+        assert (run.label is not None) == expected
+
+
+@pytest.mark.parametrize("name", ["mrac", "l1"])
+def test_the_gain_above_which_oscillations_are_due(name):
+    dt = 1e-3
+    found = limits(SCHEMES[name], RK4, dt)
+    at_least, seen = found["gamma_max"], found["gamma_max_at_model"]
+    assert at_least < seen
+
+    def with_gain(gamma):
+        return Mrac(gamma=gamma) if name == "mrac" else L1Adaptive(gamma=gamma, filter=input_filter(0.02))
+
+    assert not labelled(with_gain(0.8 * seen), RK4, dt)  # 0.8 and 1.2: the gain enters by its root
+    assert labelled(with_gain(1.2 * seen), RK4, dt)
