@@ -81,7 +81,7 @@ def rohrs() -> Claim:
     remedies = ", ".join(f"{name} {run.figures['max_abs_y']:.3g} ({_moved(run):.2g})" for name, run in bounded.items())
     return Claim(
         id="rohrs",
-        where="Section III.B",
+        where="not in the paper: Rohrs, Valavani, Athans and Stein (1982, 1985)",
         statement="Unmodelled dynamics destabilise an adaptive law without modifications; the robust laws bear them",
         verdict=verdict(holds=classical.diverged_at is not None and len(bounded) == len(runs), conditional=bool(lost)),
         measured=(
