@@ -14,7 +14,7 @@ from benchmarks.race import Contestant
 WITH_FIGURES = ", all figures"
 
 Loop = Callable[[int, int, np.ndarray, np.ndarray, np.ndarray, np.ndarray], None]
-"""``loop(blocks, steps, state, parameters, signals, out)``, as of ``llvm_ir.loop``."""
+"""``loop(blocks, steps, state, parameters, signals, out)``, as of ``llvm.ir.loop``."""
 
 
 def advance(loop: Loop, shape: LoopShape, case: Case, lanes: int) -> Callable[[int], np.ndarray]:

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import barbalat
 from barbalat.adaptation.laws import OUTPUT_LAWS
 from barbalat.cases import key_tables
 from barbalat.cases.build import made
@@ -39,8 +40,8 @@ EXAMPLES = {
 @pytest.mark.parametrize("registry", EXAMPLES)
 def test_every_registered_name_has_an_example_and_a_row_of_the_docs(registry):
     registered, examples = EXAMPLES[registry]
-    lacking = {name: "an example" for name in registered if name not in examples}
-    lacking |= {name: "a row in docs/cases.md" for name in registered if f"\n| `{name}` |" not in PAGE}
+    lacking = [f"{name}: an example" for name in registered if name not in examples]
+    lacking += [f"{name}: a row in docs/cases.md" for name in registered if f"\n| `{name}` |" not in PAGE]
     assert not lacking
 
 
@@ -50,11 +51,17 @@ def test_every_solver_has_its_name_in_the_docs():
 
 
 def test_every_scheme_has_a_certificate():
-    for examples in (example_controllers(2), example_output_controllers(2)):
-        for name, (example, *_) in examples.items():
-            file = scheme_file(example)
-            assert file is not None, f"{name} lacks its file in certificates/schemes"
-            assert callable(file.certificate) and callable(file.column), name
+    examples = example_controllers(2) | {f"output {name}": given for name, given in example_output_controllers(2).items()}
+    for name in [*SCHEMES, *(f"output {name}" for name in OUTPUT_SCHEMES)]:
+        assert name in examples, f"{name} lacks an example in tests/independent.py"
+        file = scheme_file(examples[name][0])
+        assert file is not None, f"{name} lacks its file in certificates/schemes"
+        assert callable(file.certificate) and callable(file.column), name
+
+
+def test_every_scheme_is_a_public_name():
+    lacking = [kind.__name__ for kind in (SCHEMES | OUTPUT_SCHEMES).values() if kind.__name__ not in barbalat.__all__]
+    assert not lacking, "add them to src/barbalat/__init__.pyi"
 
 
 def test_the_docs_hold_what_the_registries_make():

@@ -26,15 +26,19 @@ START = Assumption("x_m(0) = x(0), and the predictor starts there too")
 """Holds by construction: the model and every predictor start at the plant's x0."""
 
 
+ACTS_CONTINUOUSLY = Assumption("the controller acts in continuous time")
+"""Of a sampled controller nothing that rests on this is claimed: see ``schemes/sampled.py``."""
+
+
 def nominal(problem: TrackingProblem) -> tuple[Assumption, ...]:
     """The plant (1) as it stands, and nothing that acts on it."""
-    return exact_plant(problem), undisturbed(problem), measured(problem), START
+    return exact_plant(problem), undisturbed(problem), measured(problem), START, ACTS_CONTINUOUSLY
 
 
 def exact_plant(problem: TrackingProblem) -> Assumption:
     """No dynamics, limits or delay before the plant."""
     return Assumption(
-        "the plant is (1): matched uncertainty, no unmodelled dynamics, no delay or limits, continuous time",
+        "the plant is (1): matched uncertainty, no unmodelled dynamics, no delay or limits",
         ", ".join(dict.fromkeys(word for path in problem.plant.paths for word in _on_the_way(path, _gain_known(problem)))),
     )
 
@@ -65,7 +69,7 @@ def in_the_set(problem: Problem) -> Assumption:
 
 
 def departures(problem: TrackingProblem) -> tuple[str, ...]:
-    """In a few words each, what the case's plant has that (1) has not."""
+    """In a few words each, where the case's plant differs from (1)."""
     return tuple(found.broken for found in (exact_plant(problem), undisturbed(problem), measured(problem)) if found.broken)
 
 

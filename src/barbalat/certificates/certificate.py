@@ -63,6 +63,11 @@ class Certificate:
         return replace(self, entries=entries, notes=(*self.notes, *notes))
 
 
+NUMBERS_ALONE = Assumption("it follows from the case's numbers alone")
+NO_VALUE: dict[Kind, str] = {"exact": "unlimited: nothing exhausts it", "estimate": "none is known", "advice": "none"}
+"""Why there is no value, by kind."""
+
+
 @dataclass(eq=False)
 class Draft:
     """A certificate that is being written: entries in the order in which they come, and notes."""
@@ -86,7 +91,7 @@ class Draft:
     def guarantee(self, key: str, value: Any, *assumptions: Assumption) -> None:
         """A bound; it becomes one that does not apply where this case breaks an assumption."""
         meaning, unit, _ = QUANTITIES[key]
-        self.entries[key] = checked(key, value, assumptions, unit=unit, meaning=meaning)
+        self.entries[key] = checked(key, value, assumptions or (NUMBERS_ALONE,), unit=unit, meaning=meaning)
 
     def exact(self, values: dict[str, Any], of: str, *assumptions: str) -> None:
         """Values that are exact for the linear loop named."""
@@ -111,5 +116,10 @@ class Draft:
 
     def _add(self, values: dict[str, Any], kind: Kind, assumptions: tuple[str, ...], of: str = "") -> None:
         for key, value in values.items():
+            if value is None and key == "unlimited":
+                continue
             meaning, unit, _ = QUANTITIES[key]
-            self.entries[key] = Entry(key=key, value=value, kind=kind, unit=unit, meaning=meaning, assumptions=assumptions, of=of)
+            why = NO_VALUE[kind] if value is None else ""
+            self.entries[key] = Entry(
+                key=key, value=value, kind=kind, unit=unit, meaning=meaning, assumptions=assumptions, of=of, why=why
+            )

@@ -48,9 +48,9 @@ class Entry:
         return str(self.value) if self.applies else self.why
 
     def as_json(self) -> dict[str, Any]:
-        """Every field that says something; ``value`` and ``kind`` always do."""
+        """All fields; ``of`` where a linear loop is named."""
         document = asdict(self) | {"assumptions": list(self.assumptions)}
-        return {key: value for key, value in document.items() if value or key in ("value", "kind", "assumptions")}
+        return document if self.of else {key: value for key, value in document.items() if key != "of"}
 
 
 def checked(key: str, value: Any, assumptions: tuple[Assumption, ...], *, unit: str = "", meaning: str = "") -> Entry:

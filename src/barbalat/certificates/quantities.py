@@ -41,7 +41,7 @@ QUANTITIES = {
     "sensitivity_peak": Quantity("max |S|"),
     "complementary_sensitivity_peak": Quantity("max |T|"),
     "margins_of": Quantity("the margins above are of"),
-    "unlimited": Quantity("what nothing exhausts"),
+    "unlimited": Quantity("the margins that no size exhausts"),
     "margins_over_known_set": Quantity("the least margins found over the known set, and where"),
     "delay_margin_adapting": Quantity("linearised at the largest constant command, its law included", "s"),
     "delay_onset_simulated": Quantity("measured: largest delay before the loop oscillates, see below", "s"),

@@ -11,7 +11,7 @@ from barbalat import validate
 from barbalat.problem.regressors import Uncertainty
 from barbalat.problem.state_feedback import Known
 from barbalat.protocols import Value
-from barbalat.validate import Array
+from barbalat.validate import Array, InputError
 
 
 class State(NamedTuple):
@@ -63,4 +63,7 @@ class KnownParameters:
 
     def bind(self, known: Known) -> Equations:
         theta = validate.vector("theta", self.theta, known.parameters)
+        gains = theta[len(theta) - known.inputs :] if known.uncertainty.gain_unknown else np.ones(1)
+        if not (gains > 0).all():
+            raise InputError(f"theta must end with the input gains, all above zero, got {validate.show(theta)}")
         return Equations(k_0=known.k_0, uncertainty=known.uncertainty, theta=theta)

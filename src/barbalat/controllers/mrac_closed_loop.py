@@ -11,7 +11,7 @@ from barbalat.linear.conditions import require_hurwitz
 from barbalat.problem.known_set import EstimateSet, Gain, gain, limit, project
 from barbalat.problem.state_feedback import Known
 from barbalat.protocols import Value
-from barbalat.validate import Array, Vector
+from barbalat.validate import Array, Matrix, Vector
 
 
 class State(NamedTuple):
@@ -66,7 +66,7 @@ class MracClosedLoop:
     """
 
     gamma: float | Array
-    model_feedback: Array
+    model_feedback: Matrix
     theta_hat0: Vector | None = None
     projection: bool | None = None
     name: str = "MRAC, closed-loop model"

@@ -171,11 +171,22 @@ class TransferFunction:
         return StateSpace(A, B, C, D)
 
 
+BESIDE_A_POLE = 1e-13
+"""By how much, relatively, a frequency is moved off a pole that it hits exactly: a few hundred roundings."""
+
+
 def states_response(A: Array, b: Array, w: Array) -> Array:
     """(j w I - A)^-1 b at frequencies (K,) in rad/s, (K, n)."""
     w = np.atleast_1d(np.asarray(w, dtype=float))
-    pencils = 1j * w[:, None, None] * np.eye(len(b)) - A
-    return np.asarray(np.linalg.solve(pencils, np.broadcast_to(b[:, None], (len(w), len(b), 1)))[..., 0])
+    columns = np.broadcast_to(b[:, None], (len(w), len(b), 1))
+
+    def solved(at: Array) -> Array:
+        return np.asarray(np.linalg.solve(1j * at[:, None, None] * np.eye(len(b)) - A, columns)[..., 0])
+
+    try:
+        return solved(w)
+    except np.linalg.LinAlgError:  # a frequency is a pole: next to it the response is as large as floats allow
+        return solved(w * (1 + BESIDE_A_POLE) + BESIDE_A_POLE * float(np.abs(A).max(initial=0.0)))
 
 
 def input_filter(kappa: float) -> TransferFunction:

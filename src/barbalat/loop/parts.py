@@ -17,7 +17,7 @@ class Held(NamedTuple):
 
 
 class LoopState(NamedTuple):
-    """The loop's state; what a loop has not is an empty tuple or array."""
+    """The loop's state; a part that the loop lacks is an empty tuple or array."""
 
     x: Value  # (n,) plant
     x_m: Value  # (n,) reference model

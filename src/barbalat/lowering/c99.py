@@ -103,7 +103,7 @@ class _Printer:
 
 
 def loop(step: Program, shape: LoopShape, resets: tuple[float, ...], lanes: int = 1, *, name: str = ENTRY) -> str:
-    """C99 source of ``void name(blocks, steps, state*, parameters*, signals*, out*)``; arrays as of ``llvm_ir.loop``.
+    """C99 source of ``void name(blocks, steps, state*, parameters*, signals*, out*)``; arrays as of ``llvm.ir.loop``.
 
     One lane keeps the state in local variables. More lanes are an inner loop over local arrays, which compilers vectorise.
     """

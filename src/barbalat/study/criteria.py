@@ -23,7 +23,7 @@ class Expected:
     motion     the largest |x_m| of the run
     width      (M, p) of the range in which each estimate is known to lie; infinite where it is not known
     crossings  how often the model crosses its own range [1/s]
-    explained  what the modelling error adds to the tail's error where theta is known: see ``benchmark.ideal_errors``
+    explained  what the modelling error adds to the tail's error where theta is known: see ``ideal_benchmark.ideal_errors``
     """
 
     error: Array

@@ -57,8 +57,7 @@ def why_no_bound(controller: Mrac | L1Adaptive, problem: Problem) -> str | None:
     bounds every theta in question.
     """
     known_set, gamma = controller.bind(problem.known).box, controller.gamma
-    full = Gain(gamma).is_matrix and bool((gamma - np.diag(np.diag(gamma))).any())
-    if full and known_set is not None and known_set.cuts_corners:
+    if Gain(gamma).couples and known_set is not None and known_set.cuts_corners:
         return (
             f"with a gain matrix and a box of more than {EXACT_FACES} parameters, or input gains beside a ball, what the "
             "projection cuts off in a corner may make V grow, so the bounds (9) and (10) don't hold; they do with a ball, a "

@@ -28,12 +28,10 @@ class SchemeFile(Protocol):
 
 def scheme_file(controller: Controller) -> SchemeFile | None:
     """The certificate's file of a controller's scheme; None for a class from outside the package."""
-    place = type(controller).__module__
-    if not place.startswith(CONTROLLERS):
-        return None
-    name = f"{__name__}.{place.removeprefix(CONTROLLERS)}"
-    if find_spec(name) is None:
-        return None
-    found: Any = import_module(name)
-    file: SchemeFile = found
-    return file
+    for kind in type(controller).__mro__:  # a subclass has the certificate of the scheme that it is made from
+        name = f"{__name__}.{kind.__module__.removeprefix(CONTROLLERS)}"
+        if kind.__module__.startswith(CONTROLLERS) and find_spec(name) is not None:
+            found: Any = import_module(name)
+            file: SchemeFile = found
+            return file
+    return None

@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from barbalat.certificates.assumptions import FROZEN_LAW
+from barbalat.certificates.assumptions import FROZEN_LAW, in_the_set
 from barbalat.certificates.bounds import laws, theorem_1
 from barbalat.certificates.bounds.model import model_bounds
 from barbalat.certificates.certificate import Certificate, Draft
@@ -34,7 +34,8 @@ def certificate(problem: Problem, controller: MracClosedLoop, simulation: Simula
     closed = replace(known, A_m=known.A_m + equations.L)  # its P is the controller's
     carried = l1_norm(known.A_m, -equations.L, np.eye(n), np.eye(n))
     nu_0 = theorem_1.nu_0(theorem_1.initial_parameter_error(equations.theta_hat0, problem.parameters), closed)
-    draft.guarantee("nu_0", nu_0, *rests_on)
+    draft.guarantee("nu_0", nu_0, *(() if equations.box is None else (in_the_set(problem),)))
+    draft.note("P of nu_0 is that of A_m + L, the controller's")
     bound = carried.upper * laws.error_level(problem, controller, nu_0, closed) * OUTWARD
     draft.guarantee("error_bound", bound, *rests_on)
     oscillator = Oscillator(closed, simulation.solver, np.append(np.linalg.eigvals(known.A_m), frozen_laws.input_poles(problem)))
@@ -54,5 +55,6 @@ def column(problem: Problem, controller: MracClosedLoop, certificate: Certificat
 def _rests_on(problem: Problem, controller: MracClosedLoop) -> tuple[Assumption, ...]:
     """What V' <= 0 rests on, checked on the case."""
     box = controller.bind(problem.known).box
-    cut = Gain(controller.gamma).is_matrix and box is not None and box.cuts_corners
-    return (*of_the_case(problem, box), Assumption("V' <= 0 in corners", "a gain matrix in corners of the set" if cut else ""))
+    cut = Gain(controller.gamma).couples and box is not None and box.cuts_corners
+    corners = Assumption("in corners of the known set V' <= 0", "a gain matrix in corners of the set" if cut else "")
+    return (*of_the_case(problem, box), corners)

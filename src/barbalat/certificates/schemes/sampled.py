@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from barbalat.certificates.assumptions import CONTINUOUS_ONLY, OF_THE_PROBLEM
+from barbalat.certificates.assumptions import ACTS_CONTINUOUSLY, CONTINUOUS_ONLY, OF_THE_PROBLEM
 from barbalat.certificates.bounds.model import model_bounds
 from barbalat.certificates.cells import Column, statement
 from barbalat.certificates.certificate import Certificate, Draft
@@ -126,9 +126,10 @@ def _estimates(problem: TrackingProblem, continuous: Entry, controller: Sampled,
     growth = "does not grow" if held else "grows by no more than T w |theta|^2/2, w the leakage,"
     text = f"V of the law {growth} from sample to sample, for every gain and sample time"
     if continuous.kind == "guaranteed":
-        return replace(continuous, value=text)
+        kept = tuple(sentence for sentence in continuous.assumptions if sentence != ACTS_CONTINUOUSLY.sentence)
+        return replace(continuous, value=text, assumptions=kept)
     if isinstance(problem, Problem) and isinstance(scheme, (Mrac, L1Adaptive)) and not held:
         box = scheme.bind(problem.known).box
         if box is None or not box.cuts_corners:
-            return statement("estimates", text, *of_the_case(problem, box))
+            return statement("estimates", text, *(a for a in of_the_case(problem, box) if a is not ACTS_CONTINUOUSLY))
     return otherwise

@@ -85,6 +85,8 @@ def beyond_the_paper(problem: Problem, controller: Controller, simulation: Simul
     draft.note(BEYOND_ONE_LINEAR_INPUT)
     if loop.parameters == 0:
         return draft.finish()
+    if not isinstance(controller, (Mrac, L1Adaptive, RobustMrac, NormalizedMrac)):
+        return draft.finish()
     equations: Any = loop.equations
     error = theorem_1.initial_parameter_error(equations.initial().theta_hat, problem.parameters)
     rests_on = (*of_the_case(problem, equations.box), KNOWN_REGRESSOR)
@@ -101,7 +103,7 @@ def beyond_the_paper(problem: Problem, controller: Controller, simulation: Simul
         assumed = (ON_THE_BOX,) if void is None and isinstance(controller, Mrac) else (ON_THE_BOX, ERROR_ASSUMED)
         limits = any_regressor.of_lyapunov_law(problem, controller, simulation, draft["nu_0"])
         draft.estimate(limits, FROZEN_LAW, *assumed)
-    elif isinstance(controller, (RobustMrac, NormalizedMrac)):
+    else:
         draft.guarantee("initial_parameter_error", error, *inside)
         draft.estimate(frozen_laws.of_parametric_model(problem, controller, equations, simulation), FROZEN_LAW)
     return draft.finish()

@@ -144,7 +144,7 @@ class Kernel:
         sample_every: int | None = None,
         noise_hold: int | None = None,
     ) -> None:
-        """Shapes: see ``llvm_ir.loop``; all arrays are C-contiguous float64.
+        """Shapes: see ``llvm.ir.loop``; all arrays are C-contiguous float64.
 
         past   goes with a step that has delays
         noise  goes with a step that has noise

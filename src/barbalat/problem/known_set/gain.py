@@ -25,6 +25,11 @@ class Gain:
     def is_matrix(self) -> bool:
         return self.dimensions == 2
 
+    @property
+    def couples(self) -> bool:
+        """Whether a parameter's rate depends on another's: a matrix that is more than a diagonal."""
+        return self.is_matrix and bool((self.value - np.diag(np.diag(self.value))).any())
+
     def require_size(self, field: str, n: int) -> None:
         """InputError where a diagonal or a matrix is not of the size of the problem."""
         if self.dimensions and self.value.shape not in ((n,), (n, n)):
