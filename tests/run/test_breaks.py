@@ -143,7 +143,7 @@ def test_also_where_the_command_enters_nonlinearly(way):
 
 
 def test_the_issue_s_square_wave():
-    """Errors of 1.3e-2, 2.6e-3, 5.3e-4 before; h^4 of what the coarsest has, or roundings."""
+    """Errors of order h before, 1.3e-2 and more at the coarsest step; now h^4, down to roundings."""
     given = problem(BREAKING["square"][0])
     _, errors = observed(given, exactly(given, *BREAKING["square"]), steps=(0.02, 0.004, 0.0008))
     assert errors[0] < 1e-7
@@ -227,7 +227,7 @@ def test_a_signal_that_breaks_more_often_than_anything_resolves():
     for frequency in (1e6, 1e15):
         run = simulate(problem(Square(1.0, frequency)), [Mrac(gamma=GAMMA)], Simulation(t_end=1.0, dt=0.01))["MRAC"]
         assert run.lost is not None
-        assert "more than 1000 times in a step" in run.numerics
+        assert "100 times or more in a step" in run.numerics
 
 
 # --- figures, ensembles, samples, noise, resumption ---

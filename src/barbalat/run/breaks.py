@@ -20,10 +20,10 @@ ON_GRID_SHARE = 1e-12
 """Of a step: a break so near to the grid is meant to lie on it. No method resolves less."""
 ON_GRID_ROUNDINGS = 64
 """Likewise of the time itself: instants are products of frequencies, phases and pi, with a few roundings each."""
-MOST_PIECES = 1000
-"""Of one step. A signal that breaks more often in the first one is no signal for this step: its table would fill the memory."""
-LONGEST_WINDOW = 1 << 20
-"""Steps whose breaks are looked at together: some MB for a signal that breaks in each."""
+MOST_PIECES = 100
+"""Of one step. What breaks more often in the first one is not cut: the tables of a call of the kernel would take gigabytes."""
+LONGEST_WINDOW = 1 << 16
+"""Steps whose breaks are looked at together: up to 50 MB with so many pieces of each."""
 _ORDERS = {1: "first", 2: "second", 3: "third", 4: "fourth"}
 
 
@@ -33,7 +33,7 @@ class LostOrder:
 
     jumps     steps with a jump inside, of the command or of a disturbance; None where they are too many to count
     corners   steps with no jump, but a corner
-    order     in the step, that is left to the method at these steps
+    order     in the step, that is left to the method at worst
     sentence  the same for people
     """
 
@@ -63,8 +63,8 @@ def lost_order(signals: tuple[Signal, ...], simulation: Simulation, *, delayed: 
     """What a run loses, if anything: only a ``delayed`` loop's steps are not cut, and those that would be cut too often."""
     order = simulation.solver.order
     if _too_dense(signals, simulation):
-        sentence = f"the command or a disturbance breaks more than {MOST_PIECES} times in a step: it is not resolved"
-        return LostOrder(None, None, min(order, 1), sentence)
+        often = f"{MOST_PIECES} times or more in a step, too often to split it"
+        return LostOrder(None, None, 1, f"the command or a disturbance jumps or bends {often}: it is not resolved")
     if not delayed:
         return None
     jumps, corners = _counted(signals, simulation)

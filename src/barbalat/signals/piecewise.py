@@ -10,8 +10,8 @@ from barbalat import validate
 from barbalat.signals.smooth import outward, store_numbers
 from barbalat.validate import Array, InputError
 
-MOST_BREAKS = 1_000_000
-"""In one interval: what breaks more often is far beyond any step, and all its instants would fill the memory."""
+MOST_BREAKS = 10_000_000
+"""In one interval, the first ones: all instants of what breaks a million times in a step would fill the memory."""
 
 
 def between(start: float, stop: float, instants: Array) -> Array:
