@@ -31,6 +31,15 @@ class Signal(Protocol):
 
 
 @runtime_checkable
+class BreakingSignal(Signal, Protocol):
+    """A signal that jumps, or of which a derivative does; one that does not say so is taken as smooth."""
+
+    def breaks(self, start: float, stop: float) -> Array:
+        """The instants [s] in (start, stop) at which that happens, (K,); the same ones whatever the interval."""
+        ...
+
+
+@runtime_checkable
 class BoundedSignal(Signal, Protocol):
     """A signal with a guaranteed bound, which certificates need; all signals of the package have one."""
 

@@ -20,7 +20,7 @@ from barbalat.certificates.schemes import scheme_file
 from barbalat.controllers import SCHEMES, Mrac
 from barbalat.controllers.output import OUTPUT_SCHEMES
 from barbalat.problem.regressors import REGRESSORS, Regressor
-from barbalat.protocols import BoundedSignal
+from barbalat.protocols import BoundedSignal, BreakingSignal
 from barbalat.signals import SIGNALS
 from barbalat.signals.smooth import Continuous
 from barbalat.solvers import SOLVERS
@@ -135,6 +135,19 @@ def test_before_is_the_limit_from_the_left(name, folder):
     """At every time of the grid, jumps included: the value just before it. 1e-6: smooth signals move by that much in 1e-8 s."""
     signal, t = of_case_file("signal", name, folder), np.linspace(0, 20, 401)
     np.testing.assert_allclose(signal.before(t[1:]), signal(t[1:] - 1e-9), atol=1e-6)
+
+
+@pytest.mark.parametrize("name", SIGNALS)
+def test_a_signal_says_where_it_jumps_or_bends(name, folder):
+    """Where its second differences are large: 1e-6, ten times those of the fastest smooth example over 1e-4 s."""
+    signal, h = of_case_file("signal", name, folder), 1e-4
+    t = h * np.arange(-10, 200_000)
+    broken = t[1:-1][np.abs(np.diff(signal(t), 2)) > 1e-6]
+    said = signal.breaks(-1.0, 30.0) if isinstance(signal, BreakingSignal) else np.zeros(0)
+    for instant in broken:
+        assert np.abs(said - instant).min(initial=np.inf) <= h
+    for instant in said[(said > t[0]) & (said < t[-1])]:
+        assert name == "chirp" or np.abs(broken - instant).min(initial=np.inf) <= h  # whose frequency bends alone
 
 
 @pytest.mark.parametrize("name", SIGNALS)

@@ -76,6 +76,54 @@ def test_a_watch_is_given_to_who_watches():
         Kernel(program, LoopShape(1, 0, 0, 0), (), 2, watch=program)
 
 
+@pytest.mark.parametrize("lanes", [1, 4])
+def test_a_step_in_pieces_counts_as_one(lanes):
+    """x += s and noise for each piece; samples, noise, watched steps and blocks count the steps. Against a loop in Python."""
+    x, s, n = ca.SX.sym("x"), ca.SX.sym("s", 3), ca.SX.sym("n")
+    nothing = ca.SX(0, 1)
+    a = ca.SX.sym("a")
+    step = ca.Function("f", [x, a, nothing, s, nothing, n], [x + s[0] * n, a + s[1] * x])
+    sample = ca.Function("g", [x, nothing, nothing, s, nothing, n], [-x])
+    watched = ca.Function("w", [x, nothing, nothing, s, nothing, n], [x * x])
+    shape = LoopShape(1, 1, 0, 3, noise=1, noise_hold=2, sample_every=3, in_pieces=True)
+    watch = Watch(1, 8, 32, 8) if lanes == 1 else None
+    program = read(watched) if lanes == 1 else None
+    kernel = Kernel(read(step), shape, (0.0,), lanes, sample=read(sample), watch=program)
+    random = np.random.default_rng(4)
+    pieces = random.integers(1, 4, 24)  # of each step
+    ends, noise = np.cumsum(pieces) - 1, random.integers(-3, 4, (12, 1, lanes)).astype(float)
+    table = np.zeros((pieces.sum(), 3))
+    table[:, 0] = random.integers(-2, 3, len(table))
+    table[ends, 2] = table[np.append(0, ends[:-1] + 1), 1] = 1
+    state, out = np.ones((1, lanes)), np.empty((4, 2, lanes))
+    kernel(4, 6, state, np.zeros(0), table, out, noise=noise, watch=watch, start=8)
+    expected, value, row, seen = np.empty((4, 2, lanes)), np.ones(lanes), 0, {}
+    for k in range(24):
+        if k % 6 == 0:
+            expected[k // 6] = value, np.zeros(lanes)
+        for piece in range(pieces[k]):
+            if piece == 0 and (8 + k) % 3 == 0:
+                value = -value
+            if piece == 0:
+                expected[k // 6, 1] += value
+                seen[8 + k] = value[0]
+            value = value + table[row, 0] * noise[k // 2, 0]
+            row += 1
+    np.testing.assert_array_equal(out, expected)
+    np.testing.assert_array_equal(state[0], value)
+    if watch is not None:
+        np.testing.assert_array_equal(watch.rows, [[seen[k] ** 2, seen[k], k] for k in (8, 16, 24)])
+
+
+def test_pieces_that_end_too_few_steps_are_refused():
+    x, s = ca.SX.sym("x"), ca.SX.sym("s", 3)
+    nothing = ca.SX(0, 1)
+    kernel = Kernel(read(ca.Function("f", [x, nothing, nothing, s], [x + s[0]])), LoopShape(1, 0, 0, 3, in_pieces=True), (), 1)
+    table = np.array([[1.0, 1.0, 0.0], [1.0, 0.0, 1.0], [1.0, 1.0, 0.0]])
+    with pytest.raises(ValueError, match="must end so many steps"):
+        kernel(1, 2, np.zeros((1, 1)), np.zeros(0), table, np.empty((1, 1, 1)))
+
+
 @pytest.mark.parametrize("scheme", ["mrac", "l1", "robust-mrac"])
 def test_kernel_against_stepping_the_casadi_function(problems, scheme):
     """200 steps by calling the traced function from Python. 1e-11: roundings of sums in another order, not amplified."""

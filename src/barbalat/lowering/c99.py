@@ -107,8 +107,8 @@ def loop(step: Program, shape: LoopShape, resets: tuple[float, ...], lanes: int 
 
     One lane keeps the state in local variables. More lanes are an inner loop over local arrays, which compilers vectorise.
     """
-    if shape.delayed or shape.noise or shape.sample_every:
-        raise ValueError("a step with a delay, noise or a sampled part has no C translation yet")
+    if shape.delayed or shape.noise or shape.sample_every or shape.in_pieces:
+        raise ValueError("a step with a delay, noise or a sampled part, or in pieces, has no C translation yet")
     n, m = shape.states, shape.accumulators
     x, a = ([_local(letter, i, lanes) for i in range(size)] for letter, size in (("x", n), ("a", m)))
     inputs = {(0, i): local for i, local in enumerate(x)} | {(1, i): local for i, local in enumerate(a)}

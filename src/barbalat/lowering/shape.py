@@ -13,6 +13,8 @@ class LoopShape:
     lag_per_member     whether members look back differently far
     noise              numbers of its own that each member gets at every step, the same for ``noise_hold`` steps
     sample_every       steps between two calls of the sampled part, which acts on the state before the step; 0: there is none
+    in_pieces          a step may come in pieces, one after the other, with a row of signals for each: a row's last two entries
+                       say whether the piece begins a step and whether it ends one. What is counted in steps counts no pieces
 
     ``None`` for ``noise_hold`` or ``sample_every``: an argument of every call, a count of at least 1. Compiled in is faster.
     """
@@ -26,6 +28,7 @@ class LoopShape:
     noise: int = 0
     noise_hold: int | None = 1
     sample_every: int | None = 0
+    in_pieces: bool = False
 
 
 TAPS = 3

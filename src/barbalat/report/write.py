@@ -54,11 +54,13 @@ def run_block(result: Result) -> dict[str, Any]:
     """The contract's block for a controller, and the numerics beside its keys."""
     found = result.stiffness
     check = None if result.check is None else result.check.as_json()
+    lost = {} if result.lost is None else {"lost_order": result.lost.as_json()}
     return {
         **result.figures,
         "h_lambda_max": found.h_lambda_max,
         "numerically_unstable_at": found.unstable_from,
         "finer_step": check,
+        **lost,
         "adapting": None if result.adapting is None else result.adapting.as_json(),
     }
 

@@ -12,7 +12,7 @@ from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.lowering.llvm.machine import Kernel, Past, Watch, vector_width
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller
-from barbalat.run import delay
+from barbalat.run import breaks, delay
 from barbalat.run.delay import PER_INPUT
 from barbalat.run.grid import Segment, segments_of, window_of
 from barbalat.run.metrics import Metrics, Totals
@@ -116,6 +116,7 @@ class Batch:
             rhythm=rhythm,
             adjustable=adjustable,
             watch=windows > 0,
+            in_pieces=not first.delayed and breaks.can_be_split(problems[0].signals, simulation),
         )
         return cls(
             first,

@@ -27,10 +27,11 @@ def run(
         validate.whole("threads", threads, least=1)
     segments = list(segments_of(simulation, recorded=any(batch.record for batch in batches)))
     groups = [group for batch in batches for group in batch.groups]
+    (in_pieces,) = {batch.program.shape.in_pieces for batch in batches}
     with ThreadPoolExecutor(threads or os.cpu_count() or 1) as pool:
 
         def table(segment: Segment) -> Future[Array]:
-            return pool.submit(signal_table, signals, simulation, segment.start, segment.steps)
+            return pool.submit(signal_table, signals, simulation, segment.start, segment.steps, in_pieces=in_pieces)
 
         following = table(segments[0])
         for i, segment in enumerate(segments):
@@ -44,6 +45,6 @@ def run(
                     done.result()
             if progress is not None:
                 progress((segment.start + segment.steps) / simulation.steps)
-    last = final_row(signals, simulation)
+    last = final_row(signals, simulation, in_pieces=in_pieces)
     for group in groups:
         group.finish(simulation.steps, last)

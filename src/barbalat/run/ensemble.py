@@ -12,6 +12,7 @@ from barbalat import validate
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller
 from barbalat.run.batch import Batch
+from barbalat.run.breaks import LostOrder, lost_order
 from barbalat.run.engine import run
 from barbalat.run.grid import CHUNK_STEPS
 from barbalat.run.metrics import Metrics
@@ -26,12 +27,14 @@ class EnsembleResult:
 
     quarters  (M, 4, n) the largest |e| in each quarter of the run, t_end left out, where they were asked for; NaN for a member
               that diverged
+    lost      what jumps and corners inside of steps cost all members, as of a single run's ``Result``
     """
 
     simulation: Simulation
     metrics: Metrics
     varied: int
     quarters: Array | None = None
+    lost: LostOrder | None = None
 
     def __len__(self) -> int:
         return len(self.metrics.diverged_at)
@@ -71,6 +74,7 @@ def simulate_ensemble(
         metrics=batch.metrics(simulation),
         varied=len(batch.parameters),
         quarters=_quarters(batch, blocks) if quarters else None,
+        lost=lost_order(signals, simulation, delayed=batch.loop.delayed),
     )
 
 

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from barbalat import validate
 from barbalat.lowering.shape import WATCH_EVERY
-from barbalat.protocols import Signal
+from barbalat.protocols import Signal, Value
+from barbalat.run.breaks import breaks_inside
 from barbalat.signals.smooth import Continuous
 from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array, InputError
@@ -52,32 +54,63 @@ def window_of(steps: int, count: int) -> int:
     return WATCH_EVERY * -(-steps // (count * WATCH_EVERY))
 
 
-def signal_table(signals: tuple[Signal, ...], simulation: Simulation, start: int, steps: int) -> Array:
+class Piece(NamedTuple):
+    """What a row of the table says of a piece of a step, as numbers of the kernel: the last entries of a row.
+
+    length        in steps
+    begins, ends  1 where the piece begins a step, where it ends one; else 0. The kernel reads them at a row's end
+    """
+
+    length: Value
+    begins: Value
+    ends: Value
+
+
+WHOLE_STEP = Piece(1.0, 1.0, 1.0)
+
+
+def signal_table(
+    signals: tuple[Signal, ...], simulation: Simulation, start: int, steps: int, *, in_pieces: bool = False
+) -> Array:
     """Values for each step and stage: (steps, nodes * signals), the signals of the first node first.
 
-    A step's last node takes the limit from the left, so that a jump on the grid belongs wholly to the next step.
+    A step's last node takes the limit from the left, so that a jump on the grid belongs wholly to the next step. With
+    ``in_pieces`` each step is cut where a signal breaks: a row for each piece, and its ``Piece`` behind its signals.
     """
     nodes = simulation.solver.nodes
-    table = np.empty((steps, len(nodes), len(signals)))
     k = np.arange(start, start + steps + 1)
+    t, pieces = simulation.time(k), None
+    if in_pieces:
+        t, k, pieces = _cut(breaks_inside(signals, simulation, start, start + steps), t, k)
+    table = np.empty((len(t) - 1, len(nodes), len(signals)))
     for column, signal in enumerate(signals):
-        values = _evaluate(signal, simulation.time(k))
+        values = _evaluate(signal, t)
         for row, node in enumerate(nodes):
             if node == 0:
                 table[:, row, column] = values[:-1]
             elif node == 1:
-                right = values if isinstance(signal, Continuous) else _evaluate(signal.before, simulation.time(k))
+                right = values if isinstance(signal, Continuous) else _evaluate(signal.before, t)
                 table[:, row, column] = right[1:]
             else:
-                table[:, row, column] = _evaluate(signal, simulation.time(k[:-1] + node))
-    return table.reshape(steps, -1)
+                table[:, row, column] = _evaluate(signal, simulation.time(k[:-1] + node * np.diff(k)))
+    rows = table.reshape(len(table), -1)
+    return rows if pieces is None else np.column_stack([rows, *pieces])
 
 
-def final_row(signals: tuple[Signal, ...], simulation: Simulation) -> Array:
+def _cut(breaks: Array, t: Array, k: Array) -> tuple[Array, Array, Piece]:
+    """The grid t [s], k, in steps, with the breaks inserted into both; and what the pieces between are."""
+    step = np.searchsorted(t, breaks, side="right") - 1
+    places = k[step] + (breaks - t[step]) / (t[step + 1] - t[step])
+    on_grid = np.insert(np.ones(len(t)), step + 1, 0.0)
+    k = np.insert(k.astype(float), step + 1, places)
+    return np.insert(t, step + 1, breaks), k, Piece(np.diff(k), on_grid[:-1], on_grid[1:])
+
+
+def final_row(signals: tuple[Signal, ...], simulation: Simulation, *, in_pieces: bool = False) -> Array:
     """A table row that holds the signals at t_end for every node, to evaluate the outputs there."""
     t_end = np.array([simulation.t_end])
     values = [float(_evaluate(signal, t_end)[0]) for signal in signals]
-    return np.array([values * len(simulation.solver.nodes)])
+    return np.array([values * len(simulation.solver.nodes) + (list(WHOLE_STEP) if in_pieces else [])])
 
 
 def _evaluate(signal: object, t: Array) -> Array:

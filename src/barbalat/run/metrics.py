@@ -36,7 +36,8 @@ class Accumulators:
     """The accumulators of a loop with n components of e and of theta_hat, in kernel order: (quantity, operation, entries).
 
     e, u, theta_hat: extrema over the instants 0...N; e^2: sum over them; |change of theta_hat|: sum over the steps.
-    "alive" is 1 until the first bad step of a block, "steps" counts the good ones before it.
+    "alive" is 1 until the first bad step of a block, "steps" counts the good ones before it. Where a step is made in pieces the
+    instants inside it count for the extrema and for the change, and not for the sum of squares, which weights all steps alike.
     """
 
     errors: int
@@ -64,8 +65,21 @@ class Accumulators:
             start += size
         return result
 
-    def update(self, old: Value, outputs: Outputs, after: LoopState, state_next: Value, moved: Value) -> Value:
-        """The accumulators after one step; ``outputs`` are those at its start, ``moved`` is |change of theta_hat|."""
+    def update(
+        self,
+        old: Value,
+        outputs: Outputs,
+        after: LoopState,
+        state_next: Value,
+        moved: Value,
+        *,
+        begins: Value = 1.0,
+        ends: Value = 1.0,
+    ) -> Value:
+        """The accumulators after one step; ``outputs`` are those at its start, ``moved`` is |change of theta_hat|.
+
+        After a piece of a step: ``begins`` is 1 for its first, ``ends`` 1 for its last piece, else 0.
+        """
         at = self.slices()
         good = np.where(divergence_measure(outputs, after) <= DIVERGENCE_LIMIT, 1.0, 0.0)
         good = good * np.where(np.sum(np.abs(state_next)) < np.inf, 1.0, 0.0)
@@ -79,11 +93,11 @@ class Accumulators:
             elif operation == "max":
                 new.append(np.maximum(previous, values[quantity]))
             elif quantity == "e^2":
-                new.append(previous + outputs.e * outputs.e)
+                new.append(previous + begins * (outputs.e * outputs.e))
             elif quantity == "variation":
                 new.append(previous + moved)
             else:
-                new.append(alive if operation == "alive" else previous + alive)
+                new.append(alive if operation == "alive" else previous + ends * alive)
         return np.concatenate(new)
 
 

@@ -11,6 +11,7 @@ import numpy as np
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller
+from barbalat.run.breaks import LostOrder
 from barbalat.run.diagnosis.adapting import Adapting, adapting, regressor_along
 from barbalat.run.diagnosis.finer_step import FinerStep
 from barbalat.run.diagnosis.spectrum import Stiffness
@@ -51,6 +52,7 @@ class Result:
     envelope          extrema between the recorded instants
     figures           over every solver step, see Metrics; ``diverged_at`` is in s or None
     stiffness         the largest h |eigenvalue| found along the run, and since when the solver itself was unstable
+    lost              what jumps and corners inside of steps cost, where a step can't be split there; None where nothing is lost
     check             what a finer step says of a run that is labelled numerically unstable, from ``check_numerics``
     """
 
@@ -69,6 +71,7 @@ class Result:
     envelope: Envelope
     metrics: Metrics
     stiffness: Stiffness
+    lost: LostOrder | None = None
     check: FinerStep | None = None
 
     @property
@@ -107,7 +110,8 @@ class Result:
         parts = [f"{s.solver.name}, h = {s.dt:g} s, {seen}; the solver's limit is {limit}"]
         if found.radius_max is not None:
             parts.append(f"the sampled law's map from sample to sample has spectral radius up to {found.radius_max:.4g}")
-        return "; ".join([*parts, *([self.label] if self.label else []), *([self.check.sentence] if self.check else [])])
+        sentences = [found.sentence for found in (self.lost, self.check) if found is not None]
+        return "; ".join([*parts, *([self.label] if self.label else []), *sentences])
 
     @cached_property
     def adapting(self) -> Adapting | None:

@@ -18,6 +18,7 @@ from barbalat.problem.measurement import Noise
 from barbalat.protocols import Value
 from barbalat.run.coupling import coupling_function
 from barbalat.run.delay import PER_INPUT
+from barbalat.run.grid import WHOLE_STEP, Piece
 from barbalat.run.metrics import Accumulators
 from barbalat.solvers import Tableau
 from barbalat.validate import InputError
@@ -85,24 +86,26 @@ def step_function(
     *,
     delay_weights: Value = None,
     figures: bool = True,
+    in_pieces: bool = False,
 ) -> tuple[ca.Function, Accumulators | None]:
     """The step as a CasADi function (state, accumulators, parameters, signals, past, noise) -> (state, accumulators, remember).
 
     Also its accumulators; without ``figures`` there are none. ``delay_weights``, see ``delay.weights``, go with a delay: past
     then holds the remembered values and ``remember`` those to add. ``loop``, ``dt`` and the weights may hold symbols;
-    ``parameters`` is then their CasADi column.
+    ``parameters`` is then their CasADi column. ``in_pieces``: what is advanced is a piece of a step, and signals end with it.
     """
     import casadi as ca
 
     state_column, state = symbols("state", loop.size)
-    signal_column, table_row = symbols("signals", len(solver.nodes) * loop.timed)
+    signal_column, table_row = symbols("signals", _row_length(loop, solver, in_pieces))
+    piece = Piece(*table_row[-len(WHOLE_STEP) :]) if in_pieces else WHOLE_STEP
     noise_column, noise = symbols("noise", loop.noise)
     past_column, past = symbols("past", PER_INPUT * TAPS * loop.delayed_inputs)
     signals = {}
     for i, node in enumerate(solver.nodes):
         delayed = [(past.reshape(loop.inputs, PER_INPUT * TAPS) @ delay_weights[i]).reshape(-1)] if loop.delayed else []
         signals[node] = np.concatenate([table_row[i * loop.timed : (i + 1) * loop.timed], noise, *delayed])
-    following = solver.advance(loop.derivative, loop.limit, state, signals, dt)
+    following = solver.advance(loop.derivative, loop.limit, state, signals, piece.length * dt)
     remembered = ca.SX(0, 1)
     if loop.delayed:
         ends = (state, signals[solver.nodes[0]]), (following, signals[solver.nodes[-1]])
@@ -116,17 +119,23 @@ def step_function(
         after = loop.unpack(following)
         old_column, old = symbols("accumulators", len(accumulators.resets))
         moved = loop.estimates_moved(state, following)
-        new = column(accumulators.update(old, outputs, after, following, moved))
+        new = column(accumulators.update(old, outputs, after, following, moved, begins=piece.begins, ends=piece.ends))
     inputs = [state_column, old_column, _column(parameters), signal_column, past_column, noise_column]
     return ca.Function("step", inputs, [column(following), new, remembered], {"cse": True}), accumulators
 
 
-def sample_function(loop: ClosedLoop, solver: Tableau, parameters: ca.SX | None = None) -> ca.Function:
+def _row_length(loop: ClosedLoop, solver: Tableau, in_pieces: bool) -> int:
+    return len(solver.nodes) * loop.timed + (len(WHOLE_STEP) if in_pieces else 0)
+
+
+def sample_function(
+    loop: ClosedLoop, solver: Tableau, parameters: ca.SX | None = None, *, in_pieces: bool = False
+) -> ca.Function:
     """What a sampled controller does before a step, with the arguments of ``step_function``, -> state."""
     import casadi as ca
 
     state_column, state = symbols("state", loop.size)
-    signal_column, table_row = symbols("signals", len(solver.nodes) * loop.timed)
+    signal_column, table_row = symbols("signals", _row_length(loop, solver, in_pieces))
     noise_column, noise = symbols("noise", loop.noise)
     first = np.concatenate([table_row[: loop.timed], noise, np.zeros(loop.delayed_inputs)])
     sampled = column(loop.sample(state, first))
@@ -165,12 +174,15 @@ def step_program(
     adjustable: bool = False,
     figures: bool = True,
     watch: bool = False,
+    in_pieces: bool = False,
 ) -> StepProgram:
     """Trace, optimise: see ``step_function``; with ``watch`` ``coupling_function`` is watched.
 
     ``adjustable``: the rhythm is no part of the program, but an argument of every call of its kernel.
     """
-    function, accumulators = step_function(loop, solver, dt, parameters, delay_weights=delay_weights, figures=figures)
+    function, accumulators = step_function(
+        loop, solver, dt, parameters, delay_weights=delay_weights, figures=figures, in_pieces=in_pieces
+    )
     states, accumulated, varied, signals = (function.nnz_in(i) for i in range(4))
     shape = LoopShape(
         states,
@@ -182,8 +194,9 @@ def step_program(
         noise=loop.noise,
         noise_hold=None if adjustable and loop.noise else rhythm.noise_hold,
         sample_every=None if adjustable and loop.sampled else rhythm.sample_every,
+        in_pieces=in_pieces,
     )
-    sample = optimize(read(sample_function(loop, solver, parameters))) if loop.sampled else None
+    sample = optimize(read(sample_function(loop, solver, parameters, in_pieces=in_pieces))) if loop.sampled else None
     watched = optimize(read(coupling_function(loop, function))) if watch else None
     return StepProgram(optimize(read(function)), shape, accumulators, sample, watched)
 

@@ -10,6 +10,14 @@ from barbalat import validate
 from barbalat.signals.smooth import outward, store_numbers
 from barbalat.validate import Array, InputError
 
+MOST_BREAKS = 10_000_000
+"""In one interval, the first ones: all instants of what breaks a million times in a step would fill the memory."""
+
+
+def between(start: float, stop: float, instants: Array) -> Array:
+    """Those of the instants that lie in (start, stop)."""
+    return instants[(instants > start) & (instants < stop)]
+
 
 def rounding_of(t: Array) -> Array:
     """A few roundings of a time: a jump that lies so near to a time of the grid is meant to lie at it."""
@@ -37,6 +45,9 @@ class Step:
 
     def before(self, t: Array) -> Array:
         return self.constant + self.amplitude * (np.asarray(t) > self.start + rounding_of(t))
+
+    def breaks(self, start: float, stop: float) -> Array:
+        return between(start, stop, np.array([self.start]))
 
     @property
     def bound(self) -> float:
@@ -70,6 +81,9 @@ class Steps:
 
     def before(self, t: Array) -> Array:
         return self._levels[np.searchsorted(self.times, np.asarray(t) - rounding_of(t), side="left")]
+
+    def breaks(self, start: float, stop: float) -> Array:
+        return between(start, stop, np.array(self.times)[np.diff(self._levels) != 0])
 
     @property
     def bound(self) -> float:
@@ -107,6 +121,13 @@ class Square:
         halves = self._half_periods(t)
         return self._level(np.ceil(halves) - 1)
 
+    def breaks(self, start: float, stop: float) -> Array:
+        first, last = ((self.frequency * t + self.phase) / np.pi for t in (start, stop))
+        if not np.isfinite(last):
+            return np.zeros(0)  # no number either: the value says so
+        halves = np.floor(first) + np.arange(min(last - first + 3, MOST_BREAKS))
+        return between(start, stop, (halves * np.pi - self.phase) / self.frequency)
+
     @property
     def bound(self) -> float:
         return outward(abs(self.constant) + abs(self.amplitude))
@@ -115,7 +136,7 @@ class Square:
         """Half periods since phase zero; a jump that lies within rounding of t is taken to lie at t."""
         halves = (self.frequency * np.asarray(t) + self.phase) / np.pi
         nearest = np.round(halves)
-        rounding = 4 * np.finfo(float).eps * np.maximum(1.0, np.abs(halves))
+        rounding = 4 * np.finfo(float).eps * (np.maximum(1.0, np.abs(halves)) + abs(self.phase) / np.pi)
         return np.where(np.abs(halves - nearest) <= rounding, nearest, halves)
 
     def _level(self, half: Array) -> Array:

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from barbalat import validate
+from barbalat.signals.piecewise import between
 from barbalat.signals.smooth import Continuous, outward
 from barbalat.validate import Array, InputError
 
@@ -65,6 +66,10 @@ class Recorded(Continuous):
 
     def __call__(self, t: Array) -> Array:
         return np.interp(t, self.times, self.values)
+
+    def breaks(self, start: float, stop: float) -> Array:
+        slopes = np.diff(self.values) / np.diff(self.times)
+        return between(start, stop, self.times[np.diff(slopes, prepend=0.0, append=0.0) != 0])
 
     @property
     def bound(self) -> float:

@@ -151,6 +151,10 @@ class Chirp(Continuous):
         phase = self.frequency_start * swept + rate * swept**2 / 2 + self.frequency_end * (t - swept)
         return self.constant + self.amplitude * np.sin(phase)
 
+    def breaks(self, start: float, stop: float) -> Array:
+        bends = start < self.duration < stop and self.frequency_start != self.frequency_end
+        return np.array([self.duration] if bends else [])
+
     @property
     def bound(self) -> float:
         return outward(abs(self.constant) + abs(self.amplitude))

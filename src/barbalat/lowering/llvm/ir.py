@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import struct
 
-from barbalat.lowering.llvm.loads import count, noise_loads, signal_loads
+from barbalat.lowering.llvm.loads import count, due, noise_loads, row_number, signal_loads
 from barbalat.lowering.llvm.past import lag_loads, past_loads, remember
 from barbalat.lowering.llvm.watch import LAST_BLOCK, keep_largest
 from barbalat.lowering.operations import COMPARISONS, Program
@@ -132,7 +132,7 @@ def loop(
 
     state       [states][W], in and out
     parameters  [parameters][W]
-    signals     [blocks * steps][signals], the same for all W members
+    signals     [blocks * steps][signals], the same for all W members; a row for each piece where steps come in pieces
     out         [blocks][states + accumulators][W]: the state at a block's start, the accumulators at its end
     start       number of the first step since t = 0
     lags        [W]: the newest value handed back is that of ``lag`` steps ago, at least 1
@@ -148,6 +148,8 @@ def loop(
     """
     if (sample is None) != (shape.sample_every == 0):
         raise ValueError("a loop has a sampled part exactly where its shape says how often it acts")
+    if shape.in_pieces and shape.delayed:
+        raise ValueError("a step that remembers its past is not made in pieces")
     if watch is not None and lanes > 1:
         raise ValueError(f"a loop that watches runs one member, got {lanes} lanes")
     n, m = shape.states, shape.accumulators
@@ -168,7 +170,7 @@ def loop(
         held, last = ".held", "go"
         sampling = [
             f"  %phase = urem i64 %now, {count(shape.sample_every, 'sample.every')}",
-            "  %due = icmp eq i64 %phase, 0",
+            *due(shape, "due", "%phase"),
             "  br i1 %due, label %sample, label %go",
             "sample:",
             *sampler.lines,
@@ -181,7 +183,7 @@ def loop(
         watcher = _Printer(watch, lanes, inputs, prefix="g")
         (quantity,) = watcher.run()
         printer.intrinsics |= watcher.intrinsics
-        watching, last = keep_largest(n, watcher.lines, quantity), LAST_BLOCK
+        watching, last = keep_largest(n, watcher.lines, quantity, due(shape, "watch.due", "%watch.phase")), LAST_BLOCK
 
     def load(name: str, base: str, offset: str) -> list[str]:
         return [
@@ -209,6 +211,7 @@ def loop(
         "  br label %block",
         "block:",
         "  %b = phi i64 [ 0, %entry ], [ %b.next, %block.end ]",
+        *row_number(shape, "r.b", "[ 0, %entry ], [ %r.next, %block.end ]"),
         *(f"  %x{i}.b = phi {vector} [ %x{i}.0, %entry ], [ {new[i]}, %block.end ]" for i in range(n)),
         f"  %offset = mul i64 %b, {n + m}",
         f"  %row = getelementptr {vector}, ptr %out, i64 %offset",
@@ -218,17 +221,18 @@ def loop(
         "  br label %step",
         "step:",
         f"  %k = phi i64 [ %first, %block ], [ %k.next, %{last} ]",
+        *row_number(shape, "r", f"[ %r.b, %block ], [ %r.next, %{last} ]"),
         *(f"  %x{i}{held} = phi {vector} [ %x{i}.b, %block ], [ {new[i]}, %{last} ]" for i in range(n)),
         *(f"  %a{i} = phi {vector} [ {printer.splat(resets[i])}, %block ], [ {new[n + i]}, %{last} ]" for i in range(m)),
         "  %now = add i64 %k, %start",
-        *signal_loads(shape.signals, lanes, vector),
+        *signal_loads(shape, lanes, vector),
         *noise_loads(shape, vector),
         *sampling,
         *watching,
         *past_loads(shape, lanes, vector),
         *printer.lines,
         *remember(shape, vector, new[n + m :]),
-        "  %k.next = add i64 %k, 1",
+        f"  %k.next = add i64 %k, {'%ends' if shape.in_pieces else 1}",
         "  %more = icmp ult i64 %k.next, %last",
         "  br i1 %more, label %step, label %block.end",
         "block.end:",

@@ -28,9 +28,10 @@ def noise_loads(shape: LoopShape, vector: str) -> list[str]:
     return lines
 
 
-def signal_loads(signals: int, lanes: int, vector: str) -> list[str]:
-    """%s{i}: the signals of this step, for every lane."""
-    lines = [f"  %s.row = mul i64 %k, {signals}"]
+def signal_loads(shape: LoopShape, lanes: int, vector: str) -> list[str]:
+    """%s{i}: the signals of this step, for every lane; of a step in pieces also what the piece's row says of it."""
+    signals = shape.signals
+    lines = [f"  %s.row = mul i64 {'%r' if shape.in_pieces else '%k'}, {signals}"]
     for i in range(signals):
         lines += [
             f"  %s{i}.index = add i64 %s.row, {i}",
@@ -43,4 +44,24 @@ def signal_loads(signals: int, lanes: int, vector: str) -> list[str]:
                 f"  %s{i}.in = insertelement {vector} poison, double {scalar}, i64 0",
                 f"  %s{i} = shufflevector {vector} %s{i}.in, {vector} poison, <{lanes} x i32> zeroinitializer",
             ]
+    if shape.in_pieces:
+        begins, ends = (f"%s{i}" if lanes == 1 else f"%s{i}.one" for i in (signals - 2, signals - 1))
+        lines += [
+            f"  %begins = fcmp une double {begins}, 0.0",
+            f"  %is.end = fcmp une double {ends}, 0.0",
+            "  %ends = zext i1 %is.end to i64",
+            "  %r.next = add i64 %r, 1",
+        ]
     return lines
+
+
+def row_number(shape: LoopShape, name: str, sources: str) -> list[str]:
+    """The number of the row of signals, where it is not that of the step."""
+    return [f"  %{name} = phi i64 {sources}"] if shape.in_pieces else []
+
+
+def due(shape: LoopShape, what: str, phase: str) -> list[str]:
+    """%{what}: whether the phase is over, before a step and not between two of its pieces."""
+    if not shape.in_pieces:
+        return [f"  %{what} = icmp eq i64 {phase}, 0"]
+    return [f"  %{what}.then = icmp eq i64 {phase}, 0", f"  %{what} = and i1 %{what}.then, %begins"]

@@ -188,6 +188,8 @@ class Kernel:
                 raise ValueError(
                     f"{name} must be C-contiguous float64 with at least {size} entries, got {array.shape} {array.dtype}"
                 )
+        if s.in_pieces and (signals[:, -1].sum() != blocks * steps or signals[-1, -1] != 1):
+            raise ValueError(f"the pieces of {blocks * steps} steps must end so many steps, got {signals[:, -1].sum():g}")
         for what, given, count in (("a past", past, s.delayed), ("noise", noise, s.noise)):
             if (given is None) != (count == 0):
                 raise ValueError(

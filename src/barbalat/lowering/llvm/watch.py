@@ -12,8 +12,11 @@ LAST_BLOCK = "kept"
 """The last basic block of a step that has a watch."""
 
 
-def keep_largest(states: int, lines: list[str], quantity: str) -> list[str]:
-    """``lines`` compute the quantity. A new largest value is rare: a branch, not a selection for every entry of the state."""
+def keep_largest(states: int, lines: list[str], quantity: str, due: list[str]) -> list[str]:
+    """``lines`` compute the quantity, ``due`` has %watch.due from %watch.phase.
+
+    A new largest value is rare: a branch, not a selection for every entry of the state.
+    """
     stores = []
     for i in range(states):
         stores += [
@@ -22,7 +25,7 @@ def keep_largest(states: int, lines: list[str], quantity: str) -> list[str]:
         ]
     return [
         f"  %watch.phase = urem i64 %now, {WATCH_EVERY}",
-        "  %watch.due = icmp eq i64 %watch.phase, 0",
+        *due,
         f"  br i1 %watch.due, label %watch, label %{LAST_BLOCK}",
         "watch:",
         "  %watch.since = sub i64 %now, %watch.first",

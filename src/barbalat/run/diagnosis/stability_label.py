@@ -134,11 +134,12 @@ class Run:
 
     def _advance(self, place: Place, stop: int, watch: Watch | None = None) -> Place:
         """The run at a later step."""
-        begin = place.step
+        begin, in_pieces = place.step, self.batch.program.shape.in_pieces
         group = place.group.twin(watch or Watch(self.batch.loop.size, begin, max(stop, begin + 1), CHUNK_STEPS))
         while begin < stop:
             steps = min(CHUNK_STEPS, stop - begin)
-            group.call(begin, 1, steps, group.state, signal_table(self.problem.signals, self.simulation, begin, steps))
+            table = signal_table(self.problem.signals, self.simulation, begin, steps, in_pieces=in_pieces)
+            group.call(begin, 1, steps, group.state, table)
             begin += steps
         return Place(begin, group)
 

@@ -1,0 +1,120 @@
+"""Where signals jump or bend inside solver steps. There a step is cut in two; what is lost where it can't be cut is said.
+
+A method of order p keeps it as long as a step sees a smooth right-hand side. A jump inside a step costs an error of order h, a
+corner one of order h^2, whatever p is. What lies on the grid costs nothing: a step's last stage takes limits from the left.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from barbalat.protocols import BreakingSignal, Signal
+from barbalat.solvers.simulation import Simulation
+from barbalat.validate import Array
+
+ON_GRID_SHARE = 1e-12
+"""Of a step: a break so near to the grid is meant to lie on it. No method resolves less."""
+ON_GRID_ROUNDINGS = 64
+"""Likewise of the time itself: instants are products of frequencies, phases and pi, with a few roundings each."""
+MOST_PIECES = 100
+"""Of one step. What breaks more often in the first one is not cut: the tables of a call of the kernel would take gigabytes."""
+LONGEST_WINDOW = 1 << 16
+"""Steps whose breaks are looked at together: up to 50 MB with so many pieces of each."""
+_ORDERS = {1: "first", 2: "second", 3: "third", 4: "fourth"}
+
+
+@dataclass(frozen=True)
+class LostOrder:
+    """What breaks inside of steps cost a run whose steps are not cut there.
+
+    jumps     steps with a jump inside, of the command or of a disturbance; None where they are too many to count
+    corners   steps with no jump, but a corner
+    order     in the step, that is left to the method at worst
+    sentence  the same for people
+    """
+
+    jumps: int | None
+    corners: int | None
+    order: int
+    sentence: str
+
+    def as_json(self) -> dict[str, Any]:
+        return asdict(self)
+
+
+def breaks_inside(signals: tuple[Signal, ...], simulation: Simulation, start: int, stop: int) -> Array:
+    """The instants (K,) [s], increasing, at which any signal breaks inside of the steps from ``start`` to ``stop`` - 1."""
+    found = [_inside(signal, simulation, start, stop)[0] for signal in signals if isinstance(signal, BreakingSignal)]
+    return np.unique(np.concatenate([np.zeros(0), *found]))
+
+
+def can_be_split(signals: tuple[Signal, ...], simulation: Simulation) -> bool:
+    """Whether any signal breaks inside of a step, and none so often that cutting is out of the question."""
+    if not any(isinstance(signal, BreakingSignal) for signal in signals) or _too_dense(signals, simulation):
+        return False
+    return any(len(breaks_inside(signals, simulation, *window)) for window in _windows(simulation))
+
+
+def lost_order(signals: tuple[Signal, ...], simulation: Simulation, *, delayed: bool) -> LostOrder | None:
+    """What a run loses, if anything: only a ``delayed`` loop's steps are not cut, and those that would be cut too often."""
+    order = simulation.solver.order
+    if _too_dense(signals, simulation):
+        often = f"{MOST_PIECES} times or more in a step, too often to split it"
+        return LostOrder(None, None, 1, f"the command or a disturbance jumps or bends {often}: it is not resolved")
+    if not delayed:
+        return None
+    jumps, corners = _counted(signals, simulation)
+    left = 1 if jumps else 2
+    if jumps + corners == 0 or order <= left:
+        return None
+    what = "jumps" if jumps else "bends"
+    where = f"inside {jumps or corners} of the {simulation.steps} steps of a delayed loop, which can't be split"
+    sentence = f"the command or a disturbance {what} {where}: {_ORDERS[left]} order there"
+    return LostOrder(jumps, corners, left, sentence)
+
+
+def _inside(signal: BreakingSignal, simulation: Simulation, start: int, stop: int) -> tuple[Array, Array]:
+    """The signal's breaks (K,) inside of these steps, and which of them are jumps.
+
+    Which lie on the grid is asked of the signal: its jump is on the grid if it is seen at the grid's nearest time.
+    """
+    first, last = float(simulation.time(start)), float(simulation.time(stop))
+    instants = np.asarray(signal.breaks(first, last), dtype=float)
+    instants = instants[(instants > first) & (instants < last)]
+    nearest = simulation.time(np.round(instants / simulation.t_end * simulation.steps))
+    jumps, seen = (np.asarray(signal(t) != signal.before(t), dtype=bool) for t in (instants, nearest))
+    tolerance = ON_GRID_SHARE * simulation.dt + ON_GRID_ROUNDINGS * np.finfo(float).eps * instants
+    inside = (np.abs(instants - nearest) > tolerance) | (jumps & ~seen)
+    return instants[inside], jumps[inside]
+
+
+def _too_dense(signals: tuple[Signal, ...], simulation: Simulation) -> bool:
+    return len(breaks_inside(signals, simulation, 0, 1)) >= MOST_PIECES
+
+
+def _windows(simulation: Simulation) -> Iterator[tuple[int, int]]:
+    """The run in pieces that grow: most signals that break inside of steps do so early."""
+    start, length = 0, 1
+    while start < simulation.steps:
+        stop = min(start + length, simulation.steps)
+        yield start, stop
+        start, length = stop, min(2 * length, LONGEST_WINDOW)
+
+
+def _counted(signals: tuple[Signal, ...], simulation: Simulation) -> tuple[int, int]:
+    """Steps with a jump inside, and those with a corner only."""
+    breaking = [signal for signal in signals if isinstance(signal, BreakingSignal)]
+    jumps = corners = 0
+    for start, stop in _windows(simulation) if breaking else ():
+        grid = simulation.time(np.arange(start, stop + 1))
+        found = [_inside(signal, simulation, start, stop) for signal in breaking]
+        instants, is_jump = (np.concatenate(part) for part in zip(*found, strict=True))
+        step = np.searchsorted(grid, instants)
+        jumping = len(np.unique(step[is_jump]))
+        jumps += jumping
+        corners += len(np.unique(step)) - jumping
+    return jumps, corners
