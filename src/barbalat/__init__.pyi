@@ -38,6 +38,7 @@ from .linear.margins import margins as margins
 from .linear.systems import StateSpace as StateSpace
 from .linear.systems import TransferFunction as TransferFunction
 from .linear.systems import input_filter as input_filter
+from .loop.binding import check_controller as check_controller
 from .problem.actuation import PlantInput as PlantInput
 from .problem.known_set import ParameterBall as ParameterBall
 from .problem.known_set import ParameterBox as ParameterBox
