@@ -36,8 +36,8 @@ class Ports(NamedTuple):
     @classmethod
     def of(cls, plant: Dynamics, model: Dynamics, commands: int | None, inputs: int) -> Ports:
         """Of a loop at t = 0, commands and inputs at zero; ``commands`` as of ``ClosedLoop``."""
-        measured = (np.asarray(part.output(part.x0), dtype=float) for part in (plant, model))
-        return cls(*measured, np.zeros(() if commands is None else commands), np.zeros(() if inputs == 1 else inputs))
+        y, y_m = (np.asarray(part.output(part.x0), dtype=float) for part in (plant, model))
+        return cls(y, y_m, np.zeros(() if commands is None else commands), np.zeros(() if inputs == 1 else inputs))
 
 
 class Arguments(NamedTuple):

@@ -27,7 +27,7 @@ class SchemeFile(Protocol):
 
 
 def scheme_file(controller: Controller) -> SchemeFile | None:
-    """The certificate's file of a controller's scheme; None for a class from outside the package."""
+    """The certificate's file of a controller's scheme; None for one of which none is known: see ``stranger``."""
     place = type(controller).__module__
     if not place.startswith(CONTROLLERS):
         return None
