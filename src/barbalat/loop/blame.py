@@ -129,10 +129,14 @@ def _reason(error: Exception) -> str:
     return said
 
 
+def _is_library(filename: str) -> bool:
+    return PACKAGE in Path(filename).parents or "site-packages" in filename or filename.startswith("<frozen")
+
+
 def _line(error: Exception) -> str:
     """Where in the user's file it happened: the last line there that is not the package's, nor a library's."""
     frames = traceback.extract_tb(error.__traceback__)
-    own = [frame for frame in frames if PACKAGE not in Path(frame.filename).parents and "site-packages" not in frame.filename]
+    own = [frame for frame in frames if not _is_library(frame.filename)]
     if not own:
         return ""
     shown = f" ({validate.show(own[-1].line)[1:-1]})" if own[-1].line else ""

@@ -61,27 +61,35 @@ def signal_table(signals: tuple[Signal, ...], simulation: Simulation, start: int
     table = np.empty((steps, len(nodes), len(signals)))
     k = np.arange(start, start + steps + 1)
     for column, signal in enumerate(signals):
-        values = _evaluate(signal, simulation.time(k))
+        values = evaluate(signal, simulation.time(k))
         for row, node in enumerate(nodes):
             if node == 0:
                 table[:, row, column] = values[:-1]
             elif node == 1:
-                right = values if isinstance(signal, Continuous) else _evaluate(signal.before, simulation.time(k))
+                right = values if isinstance(signal, Continuous) else evaluate(signal.before, simulation.time(k))
                 table[:, row, column] = right[1:]
             else:
-                table[:, row, column] = _evaluate(signal, simulation.time(k[:-1] + node))
+                table[:, row, column] = evaluate(signal, simulation.time(k[:-1] + node))
     return table.reshape(steps, -1)
 
 
 def final_row(signals: tuple[Signal, ...], simulation: Simulation) -> Array:
     """A table row that holds the signals at t_end for every node, to evaluate the outputs there."""
     t_end = np.array([simulation.t_end])
-    values = [float(_evaluate(signal, t_end)[0]) for signal in signals]
+    values = [float(evaluate(signal, t_end)[0]) for signal in signals]
     return np.array([values * len(simulation.solver.nodes)])
 
 
-def _evaluate(signal: object, t: Array) -> Array:
-    values = np.asarray(signal(t), dtype=np.float64)  # type: ignore[operator]
+def evaluate(signal: object, t: Array) -> Array:
+    """The signal at these times; InputError for what is not one finite real number for each of them."""
+    given = signal(t)  # type: ignore[operator]
+    try:
+        values = np.asarray(given)
+    except (TypeError, ValueError):  # rows of different lengths, ...
+        values = np.array(None)
+    if values.dtype.kind not in "biuf":
+        raise InputError(f"a signal must return real numbers, got {validate.show(given)}: {validate.show(signal)}")
+    values = values.astype(np.float64, copy=False)
     if values.shape != t.shape:
         raise InputError(
             f"a signal must return one value for each time, got shape {values.shape} for {t.shape}: {validate.show(signal)}"

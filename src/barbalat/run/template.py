@@ -56,7 +56,8 @@ def _varied(members: Sequence[_Member]) -> Template:
     for i, member in enumerate(members):
         if list(structure(member)) != common:
             raise InputError(
-                f"all members must have one structure (scheme, sizes, projection, delay), but member {i + 1} differs"
+                f"all members must have one structure (scheme, sizes, projection, delay), but member {i + 1} differs; "
+                "whole numbers belong to it: write 2.0 for a number that varies"
             )
         numbers[:, i] = list(_numbers(member))
     differs = (numbers != numbers[:, :1]).any(axis=1)

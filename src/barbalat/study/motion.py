@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from barbalat.problem.tracking import TrackingProblem
+from barbalat.run.grid import evaluate
 from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array
 
@@ -51,7 +52,7 @@ class Motion:
 
         A, B, C, x0 = _matrices(problem.model)
         t = np.linspace(0.0, simulation.t_end, min(simulation.steps, INSTANTS) + 1)
-        r = np.stack([signal(t) for signal in problem.commands], axis=1)
+        r = np.stack([evaluate(signal, t) for signal in problem.commands], axis=1)
         _, y, _ = lsim(Continuous(A, B, C, np.zeros((len(C), B.shape[1]))), r, t, X0=x0)  # type: ignore[call-overload]
         moved = np.asarray(y).reshape(len(t), len(C))
         ranges, variation = np.ptp(moved, axis=0), np.abs(np.diff(moved, axis=0)).sum(axis=0)
