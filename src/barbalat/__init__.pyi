@@ -38,6 +38,7 @@ from .linear.margins import margins as margins
 from .linear.systems import StateSpace as StateSpace
 from .linear.systems import TransferFunction as TransferFunction
 from .linear.systems import input_filter as input_filter
+from .loop.binding import check_controller as check_controller
 from .problem.actuation import PlantInput as PlantInput
 from .problem.known_set import ParameterBall as ParameterBall
 from .problem.known_set import ParameterBox as ParameterBox
@@ -73,7 +74,12 @@ from .solvers import RK4 as RK4
 from .solvers.simulation import Simulation as Simulation
 from .study.criteria import Lost as Lost
 from .study.criteria import Onset as Onset
+from .study.delay_margin import DelayMargins as DelayMargins
 from .study.delay_margin import delay_margins as delay_margins
+from .study.delay_margin import delay_margins_ensemble as delay_margins_ensemble
+from .study.knobs import Knobs as Knobs
+from .study.knobs import default_knobs as default_knobs
+from .study.tradeoff import TradeOff as TradeOff
 from .study.tradeoff import trade_off as trade_off
 from .validate import InputError as InputError
 

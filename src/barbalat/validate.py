@@ -127,3 +127,21 @@ def freeze(part: Any, **values: Any) -> None:
     """Set fields of a frozen dataclass to their validated values, in its constructor."""
     for name, value in values.items():
         object.__setattr__(part, name, value)
+
+
+def signal_values(signal: object, t: Array) -> Array:
+    """The signal at these times; InputError for what is not one finite real number for each of them."""
+    given = signal(t)  # type: ignore[operator]
+    try:
+        values = np.asarray(given)
+    except (TypeError, ValueError):  # rows of different lengths, ...
+        values = np.array(None)
+    if values.dtype.kind not in "biuf":
+        raise InputError(f"a signal must return real numbers, got {show(given)}: {show(signal)}")
+    values = values.astype(np.float64, copy=False)
+    if values.shape != t.shape:
+        raise InputError(f"a signal must return one value for each time, got shape {values.shape} for {t.shape}: {show(signal)}")
+    if not np.isfinite(values).all():
+        i = int(np.flatnonzero(~np.isfinite(values))[0])
+        raise InputError(f"a signal must be finite, got {values[i]} at t = {t[i]:g} s: {show(signal)}")
+    return values

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields, replace
-from typing import NamedTuple
 
 import numpy as np
 import pytest
@@ -12,10 +11,15 @@ from barbalat.adaptation.laws import LAWS, Gradient
 from barbalat.certificates.bounds.laws import guarantee_of, kept_from_zero
 from barbalat.certificates.certify import certify
 from barbalat.certificates.table_1 import table_1
-from barbalat.controllers import NormalizedMrac, RobustMrac, Sampled
+from barbalat.controllers import Mrac, NormalizedMrac, RobustMrac, Sampled
 from barbalat.run.check_numerics import check_numerics
+from barbalat.run.ensemble import simulate_ensemble
 from barbalat.run.simulate import simulate
 from barbalat.solvers.simulation import Simulation
+from barbalat.study.delay_margin import delay_margins
+from barbalat.study.knobs import Knobs
+from barbalat.study.tradeoff import trade_off
+from foreign import Bare, Plain, Proportional
 from independent import refusal
 
 SIMULATION = Simulation(t_end=2.0, dt=1e-3)
@@ -35,41 +39,6 @@ class Strange:
 
     def limit(self, memory):
         return memory
-
-
-@dataclass(frozen=True)
-class Plain:
-    """u = -theta_hat'x + k_0 r with theta_hat' = gamma x (e'P b), by hand: no settings of the package's."""
-
-    gamma: float
-    name: str = "plain"
-
-    def bind(self, known):
-        return PlainEquations(self.gamma, known.P @ known.b, known.k_0, known.n)
-
-
-class PlainState(NamedTuple):
-    theta_hat: np.ndarray
-
-
-@dataclass(frozen=True, eq=False)
-class PlainEquations:
-    gamma: float
-    P_b: np.ndarray
-    k_0: float
-    n: int
-
-    def initial(self):
-        return PlainState(np.zeros(self.n))
-
-    def control(self, state, x, x_m, r):
-        return self.k_0 * r - state.theta_hat @ x
-
-    def derivative(self, state, x, x_m, r, u):
-        return state._replace(theta_hat=self.gamma * ((x - x_m) @ self.P_b) * x)
-
-    def limit(self, state):
-        return state
 
 
 @pytest.mark.parametrize("scheme", [NormalizedMrac, lambda law: RobustMrac(tau=0.2, law=law)])
@@ -105,6 +74,29 @@ def test_a_scheme_from_outside(problems):
     assert results["plain"].stiffness.radius_max is not None
     assert check_numerics(results).keys() == results.keys()
     assert "midpoint" in refusal(lambda: simulate(problems[2], [replace(euler, discretization="midpoint")], SIMULATION))
+
+
+def test_the_form_of_a_class_from_outside_does_not_matter(problems):
+    """Dataclasses or not, the equations in an object of their own or not: the same bits, also where numbers vary."""
+    runs = [simulate_ensemble([(problems[2], make(g)) for g in (1.0, 2.0, 5.0)], SIMULATION) for make in (Plain, Bare)]
+    assert runs[0].varied == runs[1].varied == 1
+    np.testing.assert_array_equal(runs[0].metrics.rms_e, runs[1].metrics.rms_e)
+    assert "2.0" in refusal(lambda: simulate_ensemble([(problems[2], Plain(g)) for g in (1, 2)], SIMULATION))
+
+
+def test_simulated_margins_and_trade_offs_of_classes_from_outside(problems):
+    """Those of the MRAC whose lines they are; margins by name, as results are."""
+    problem, simulation = problems[2], Simulation(t_end=5.0, dt=1e-2)
+    controllers = [Mrac(gamma=10.0, projection=False), Plain(10.0), Bare(10.0), Proportional([1.0, 1.0])]
+    found = delay_margins(problem, controllers, simulation, scan=4, resolution=0.2)
+    assert list(found) == ["MRAC", "plain", "bare", "proportional"]
+    for name in ("plain", "bare"):
+        assert found[name].loss.bears == found["MRAC"].loss.bears
+        assert found[name].onset.bears <= found[name].loss.bears
+    knobs = [Knobs(scheme=m.__name__, values={"gamma": np.array([1.0, 10.0])}, make=m) for m in (Plain, Bare)]
+    own = trade_off(problem, simulation, knobs=tuple(knobs), plants=2).clouds
+    np.testing.assert_array_equal(own[0].error, own[1].error)
+    np.testing.assert_array_equal(own[0].loss, own[1].loss)
 
 
 def test_what_is_no_law():

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import signal as scipy_signal
 
-from barbalat.run.grid import signal_table
+from barbalat.run.grid import evaluate, signal_table
 from barbalat.signals import Chirp, Constant, Recorded, Sine, Sines, Square, Step, Steps
 from barbalat.solvers import EULER, HEUN, RK4
 from barbalat.solvers.simulation import Simulation
@@ -146,6 +146,17 @@ def test_a_signal_of_the_wrong_shape_or_with_a_hole_is_refused():
     simulation = Simulation(t_end=2.0, dt=0.25)
     assert "one value for each time" in refusal(lambda: signal_table((TwoForOne(),), simulation, 0, 8))
     assert "t = 1 s" in refusal(lambda: signal_table((Hole(),), simulation, 0, 8))
+
+
+@pytest.mark.parametrize("value", ["1.0", 1.0 + 2.0j, None, [1.0, [2.0]]], ids=["text", "complex", "nothing", "ragged"])
+def test_a_signal_that_returns_no_real_numbers_is_refused(value):
+    """A complex one isn't cut to its real part."""
+
+    def signal(t):
+        return value if isinstance(value, list) else np.full(t.shape, value)
+
+    assert "real numbers" in refusal(lambda: evaluate(signal, np.arange(3.0)))
+    assert evaluate(lambda t: t > 1, np.arange(3.0)).tolist() == [0.0, 0.0, 1.0]
 
 
 # --- recorded data ---

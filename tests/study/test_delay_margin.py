@@ -21,7 +21,7 @@ from barbalat.run.ensemble import simulate_ensemble
 from barbalat.signals import Constant, Sine
 from barbalat.solvers.simulation import Simulation
 from barbalat.study.criteria import Lost, Onset
-from barbalat.study.delay_margin import delay_margins
+from barbalat.study.delay_margin import delay_margins_ensemble
 from barbalat.study.ideal_benchmark import with_delay
 from barbalat.study.motion import Motion
 from barbalat.study.simulated_margins import with_simulated_margins
@@ -38,7 +38,7 @@ def test_linear_loop_against_the_exact_margin(section_v, kappa):
     C = None if kappa == 0 else input_filter(kappa)
     controller = KnownParameters(theta=[4.0, -3.0]) if C is None else L1Adaptive(gamma=1e-60, filter=C, theta_hat0=[4.0, -3.0])
     exact = margins(known_parameters(problem.plant, problem.plant.theta, None if C is None else C.realise())).delay
-    found = delay_margins([(problem, controller)], Simulation(t_end=400.0, dt=2e-3), resolution=0.005)
+    found = delay_margins_ensemble([(problem, controller)], Simulation(t_end=400.0, dt=2e-3), resolution=0.005)
     for bracket, least in ((found.onset, 0.94), (found.loss, 0.97)):
         assert bracket.bears[0] < bracket.loses[0] < bracket.bears[0] * 1.01
         assert least * exact < bracket.bears[0] <= exact * 1.001
@@ -51,7 +51,7 @@ def test_onset_of_fast_adaptation_against_its_linear_limit(section_v, kappa, ref
     """L1-AC tends to an LTI controller as Gamma grows: its exact margin is where it begins to oscillate. 5 %: Gamma = 100."""
     exact = margins(fast_adaptation(section_v.plant, input_filter(kappa).realise())).delay
     member = (replace(section_v, reference=reference), L1Adaptive(gamma=100.0, filter=input_filter(kappa)))
-    found = delay_margins([member], Simulation(t_end=40.0, dt=2e-4), resolution=0.01)
+    found = delay_margins_ensemble([member], Simulation(t_end=40.0, dt=2e-4), resolution=0.01)
     assert 0.95 * exact < found.onset.bears[0] < 1.05 * exact
     assert found.loss.bears[0] > 3 * exact  # an oscillation within the projection's bounds is borne by that criterion
 
@@ -59,7 +59,7 @@ def test_onset_of_fast_adaptation_against_its_linear_limit(section_v, kappa, ref
 def test_a_limit_cycle_that_projection_bounds_is_an_onset_and_no_loss(section_v):
     """MRAC at a high gain: 2 ms of delay make the estimates sweep the whole known set, while e stays far below x_m."""
     simulation, controller = Simulation(t_end=60.0, dt=1e-3), Mrac(gamma=1.0)
-    found = delay_margins([(section_v, controller)], simulation)
+    found = delay_margins_ensemble([(section_v, controller)], simulation)
     assert found.tracks[0]
     assert not found.swings[0]
     assert (found.onset.bears[0], found.onset.loses[0]) == (0.0, 2e-3)
@@ -78,7 +78,9 @@ def test_a_limit_cycle_that_saturation_bounds_is_an_onset_and_no_loss():
     )
     problem = Problem(plant=plant, reference=Constant(0.0), uncertainty=ParameterBox(lower=[-40.0, -1.0], upper=[0.0, 1.0]))
     exact = margins(known_parameters(plant, plant.theta)).delay
-    found = delay_margins([(problem, KnownParameters(theta=[-30.0, 0.0]))], Simulation(t_end=100.0, dt=1e-3), resolution=0.01)
+    found = delay_margins_ensemble(
+        [(problem, KnownParameters(theta=[-30.0, 0.0]))], Simulation(t_end=100.0, dt=1e-3), resolution=0.01
+    )
     assert 0.97 * exact < found.onset.bears[0] < 1.03 * exact
     assert np.isinf(found.loss.loses[0])
 
@@ -86,7 +88,7 @@ def test_a_limit_cycle_that_saturation_bounds_is_an_onset_and_no_loss():
 def test_the_lag_of_a_command_is_no_onset(section_v):
     """Where theta is known, all that a delay adds below the loop's own margin is explained by it: only the loss counts."""
     controller = KnownParameters(theta=[4.0, -3.0])
-    found = delay_margins([(section_v, controller)], Simulation(t_end=60.0, dt=1e-3))
+    found = delay_margins_ensemble([(section_v, controller)], Simulation(t_end=60.0, dt=1e-3))
     assert found.onset.bears[0] == found.loss.bears[0] > 0.1
 
 
@@ -95,7 +97,7 @@ def test_the_lag_of_a_command_is_no_onset(section_v):
 def test_what_does_not_follow_its_model_bears_nothing(section_v, gamma):
     """An unstable plant with hardly any control: its error is far above the motion that is asked for."""
     simulation = Simulation(t_end=20.0, dt=1e-3)
-    found = delay_margins([(section_v, Mrac(gamma=gamma))], simulation)
+    found = delay_margins_ensemble([(section_v, Mrac(gamma=gamma))], simulation)
     assert not found.tracks[0]
     assert found.onset.loses[0] == found.loss.loses[0] == found.loss.bears[0] == 0
     controllers = (Mrac(gamma=gamma),)
@@ -111,7 +113,7 @@ def test_simulated_margins_in_a_certificate(section_v):
     simulation = Simulation(t_end=20.0, dt=1e-3)
     controllers = (L1Adaptive(gamma=1e4, filter=input_filter(0.02), name="beyond the step"), Mrac(gamma=1e-3))
     found = with_simulated_margins(certify(section_v, controllers, simulation), section_v, controllers, simulation)
-    alone = delay_margins([(section_v, controllers[1])], simulation)
+    alone = delay_margins_ensemble([(section_v, controllers[1])], simulation)
     values = found["MRAC"].values
     assert values["delay_onset_simulated"] == alone.onset.bears[0] < values["delay_margin_simulated"] == alone.loss.bears[0]
     assert found["beyond the step"].values["delay_onset_simulated"] == 0
@@ -123,7 +125,9 @@ def test_delay_of_the_plant_is_beside_the_added_one(section_v):
     delayed = replace(problem, plant=replace(problem.plant, input=PlantInput(delay=0.1)))
     controller = KnownParameters(theta=[4.0, -3.0])
     simulation = Simulation(t_end=100.0, dt=2e-3)
-    alone, beside = (delay_margins([(p, controller)], simulation, resolution=0.005).loss.bears[0] for p in (problem, delayed))
+    alone, beside = (
+        delay_margins_ensemble([(p, controller)], simulation, resolution=0.005).loss.bears[0] for p in (problem, delayed)
+    )
     assert beside == pytest.approx(alone - 0.1, abs=0.01 * alone)
 
 
@@ -131,8 +135,8 @@ def test_brackets_against_brute_force(section_v):
     """The reported pairs really bear and lose, by criteria written out here; the onset is no later; whatever the threads."""
     simulation = Simulation(t_end=20.0, dt=1e-3)
     members = [(section_v, Mrac(gamma=gamma, name="c")) for gamma in (1e-3, 1e-1)]
-    found = delay_margins(members, simulation, lost=Lost(share=0.3), threads=1)
-    again = delay_margins(members, simulation, lost=Lost(share=0.3), threads=2)
+    found = delay_margins_ensemble(members, simulation, lost=Lost(share=0.3), threads=1)
+    again = delay_margins_ensemble(members, simulation, lost=Lost(share=0.3), threads=2)
     np.testing.assert_array_equal(found.loss.bears, again.loss.bears)
     np.testing.assert_array_equal(found.onset.loses, again.onset.loses)
     assert (found.onset.bears <= found.loss.bears).all()
@@ -167,11 +171,12 @@ def test_a_margin_under_noise_does_not_depend_on_the_neighbours(section_v):
     soon = replace(noisy, plant=replace(noisy.plant, theta=[60.0, 60.0]))
     simulation, controller = Simulation(t_end=20.0, dt=1e-3), Mrac(gamma=1.0)
     beside = [
-        delay_margins([(p, Mrac(gamma=0.01)), (noisy, controller)], simulation, resolution=0.005).loss.bears[1]
+        delay_margins_ensemble([(p, Mrac(gamma=0.01)), (noisy, controller)], simulation, resolution=0.005).loss.bears[1]
         for p in (soon, noisy)
     ]
     alone, other = (
-        delay_margins([(noisy, controller)], simulation, resolution=0.005, numbers=[number]).loss.bears[0] for number in (1, 7)
+        delay_margins_ensemble([(noisy, controller)], simulation, resolution=0.005, numbers=[number]).loss.bears[0]
+        for number in (1, 7)
     )
     assert beside == [alone, alone]
     assert other != alone  # another noise, or the seed would have no say
@@ -207,7 +212,7 @@ def test_a_command_that_comes_to_rest_is_said():
 
 
 def test_a_run_that_is_lost_without_delay(section_v):
-    found = delay_margins([(section_v, Mrac(gamma=1.0, projection=False))], Simulation(t_end=10.0, dt=0.5))
+    found = delay_margins_ensemble([(section_v, Mrac(gamma=1.0, projection=False))], Simulation(t_end=10.0, dt=0.5))
     assert found.loss.bears[0] == found.loss.loses[0] == found.onset.loses[0] == 0
     assert not found.tracks[0]
 
@@ -215,7 +220,7 @@ def test_a_run_that_is_lost_without_delay(section_v):
 def test_refusals(section_v):
     member = [(section_v, Mrac(gamma=1.0))]
     simulation = Simulation(t_end=1.0, dt=0.01)
-    assert "longest" in refusal(lambda: delay_margins(member, simulation, longest=0.01))
-    assert "scan" in refusal(lambda: delay_margins(member, simulation, scan=1))
+    assert "longest" in refusal(lambda: delay_margins_ensemble(member, simulation, longest=0.01))
+    assert "scan" in refusal(lambda: delay_margins_ensemble(member, simulation, scan=1))
     assert "share" in refusal(lambda: Lost(share=0.0))
     assert "onset.multiple" in refusal(lambda: Onset(multiple=-1.0))

@@ -45,8 +45,11 @@ def within(place: str) -> Iterator[None]:
         raise error if str(error).startswith(place) else InputError(f"{place}: {error}") from None
 
 
-def build(case: Table, folder: Path) -> Case:
-    """Everything validated, controllers bound once; ``folder`` is where relative paths start."""
+def build(case: Table, folder: Path, joining: Sequence[Controller] = ()) -> Case:
+    """Everything validated, controllers bound once; ``folder`` is where relative paths start.
+
+    ``joining`` are controllers beside the case's own.
+    """
     given = _given(case, Context(folder), "")
     simulation = given.pop("simulation")
     problem: TrackingProblem = case.recipe.make(given, Context(folder))
@@ -61,7 +64,9 @@ def build(case: Table, folder: Path) -> Case:
     for i, table in enumerate(tables, start=1):
         with within(f"controller {i} ({vars(table)['name'] if 'name' in table.model_fields_set else table.recipe.choice})"):
             controllers.append(_bound(table, context, problem))
-    return _assembled(problem, controllers, simulation)
+    for controller in joining:
+        bound(problem, controller)
+    return _assembled(problem, [*controllers, *joining], simulation)
 
 
 def _name(table: Table) -> str:

@@ -8,9 +8,11 @@ from pathlib import Path
 
 from pydantic import ValidationError
 
+from barbalat.cases import outside
 from barbalat.cases.build import Case, build
 from barbalat.cases.findings import sentence
-from barbalat.cases.schema import case_table
+from barbalat.cases.outside import OwnFile
+from barbalat.cases.schema import CASES, case_table
 from barbalat.problem.output_feedback import OutputProblem
 from barbalat.problem.state_feedback import Problem
 from barbalat.validate import InputError
@@ -22,8 +24,10 @@ def bundled() -> dict[str, Path]:
     return {path.stem: path for path in sorted(folder.glob("*.toml"))}
 
 
-def load_case(case: str | Path) -> Case:
+def load_case(case: str | Path, controllers: str | Path | None = None) -> Case:
     """Load a case file, or a bundled case by its name.
+
+    controllers  a Python file whose controllers join the case's and whose classes the case may name: see ``outside``. It is run
 
     Raises InputError, with one sentence, for a missing or unreadable file, text that is not TOML, unknown keys (with the
     nearest known one), and everything that the objects' constructors refuse.
@@ -37,19 +41,22 @@ def load_case(case: str | Path) -> Case:
     except (OSError, ValueError) as error:
         reason = "it is not UTF-8 text" if isinstance(error, UnicodeDecodeError) else getattr(error, "strerror", None) or error
         raise InputError(f"the case file {str(path)!r} cannot be read: {reason}") from None
-    return parse_case(text, folder=path.parent, source=str(path))
+    return parse_case(text, folder=path.parent, source=str(path), own=None if controllers is None else outside.run(controllers))
 
 
-def parse_case(text: str, folder: Path = Path(), source: str = "the case") -> Case:
-    """The same from TOML text; relative paths in it start at ``folder``."""
+def parse_case(text: str, folder: Path = Path(), source: str = "the case", own: OwnFile | None = None) -> Case:
+    """The same from TOML text; relative paths in it start at ``folder``, and ``own`` is a file with the user's controllers."""
     try:
         data = tomllib.loads(text)
     except (tomllib.TOMLDecodeError, ValueError, RecursionError) as error:
         raise InputError(f"{source} is not valid TOML: {error}") from None
     plant = data.get("plant")
     feeds_back_the_output = isinstance(plant, dict) and "transfer_function" in plant
+    problem = OutputProblem if feeds_back_the_output else Problem
+    further = outside.schemes(outside.named_in(data) - CASES[problem].keys(), own)
+    joining = () if own is None else own.controllers(named=further)
     try:
-        table = case_table(OutputProblem if feeds_back_the_output else Problem).model_validate(data)
+        table = case_table(problem, tuple(further.items()), alone=not joining).model_validate(data)
     except ValidationError as error:
         raise InputError(sentence(error, data)) from None
-    return build(table, folder)
+    return build(table, folder, joining)

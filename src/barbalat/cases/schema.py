@@ -41,10 +41,15 @@ _FORMS: dict[Any, set[str]] = {float: {"number"}, Vector: {"vector"}, Matrix: {"
 
 
 @cache
-def case_table(problem: type) -> type[Table]:
-    """The table of a whole case, by the problem that it poses."""
-    controllers = GenericAlias(list, (_one_of(CASES[problem], "scheme"),))
-    return _model(_recipe(problem), controller=(controllers, Field(min_length=1)))
+def case_table(problem: type, further: tuple[tuple[str, type], ...] = (), *, alone: bool = True) -> type[Table]:
+    """The table of a whole case, by the problem that it poses.
+
+    further  schemes beside the registered ones: names and settings
+    alone    no controllers join the case's, which then has at least one
+    """
+    schemes = {**CASES[problem], **dict(further)}
+    controllers = GenericAlias(list, (_one_of(schemes, "scheme"),))
+    return _model(_recipe(problem), controller=(controllers, Field(min_length=1) if alone else Field(default_factory=list)))
 
 
 @cache

@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from barbalat.certificates.certificate import Certificate
-from barbalat.certificates.schemes import sampled, scheme_file
+from barbalat.certificates.schemes import sampled, scheme_file, stranger
 from barbalat.certificates.schemes.state_feedback import beyond_the_paper
 from barbalat.controllers import Sampled
+from barbalat.loop.binding import require_controllers
 from barbalat.problem.state_feedback import Problem
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller
@@ -18,8 +19,10 @@ from barbalat.validate import InputError
 def certify(problem: TrackingProblem, controllers: Sequence[Controller], simulation: Simulation) -> dict[str, Certificate]:
     """Certificates by the controllers' names; nothing is simulated, the solver and its step are what is judged.
 
-    Raises InputError for a controller of which no certificate is known, or that does not fit the problem.
+    Of a class from outside the package what needs no proof is given; the rest is said to be unknown. Raises InputError for a
+    controller that does not fit the problem.
     """
+    require_controllers(controllers)
     return {controller.name: _certificate(problem, controller, simulation) for controller in controllers}
 
 
@@ -41,11 +44,11 @@ def _certificate(problem: TrackingProblem, controller: Controller, simulation: S
         controller.bind(problem.known)  # refuses what has no sampled form
         judged = sampled.judged_at(controller, simulation)
         return sampled.certificate(problem, _certificate(problem, controller.controller, judged), controller, judged)
+    scheme = scheme_file(controller)
+    if scheme is None:
+        return stranger.certificate(problem, controller, simulation)
     if isinstance(problem, Problem) and (
         problem.plant.inputs > 1 or not problem.plant.is_linear or problem.input_gain is not None
     ):
         return beyond_the_paper(problem, controller, simulation)
-    scheme = scheme_file(controller)
-    if scheme is None:
-        raise InputError(f"no certificate is known for {type(controller).__name__}")
     return scheme.certificate(problem, controller, simulation)

@@ -12,7 +12,7 @@ from typing import Any
 
 from barbalat.certificates.cells import PROPERTIES, Column
 from barbalat.certificates.certificate import Certificate
-from barbalat.certificates.schemes import sampled, scheme_file
+from barbalat.certificates.schemes import sampled, scheme_file, stranger
 from barbalat.controllers import Sampled
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller
@@ -30,16 +30,14 @@ class Table:
 
 
 def table_1(problem: TrackingProblem, controllers: Sequence[Controller], certificates: dict[str, Certificate]) -> Table:
-    """One column for each controller of a scheme that is known."""
-    columns = [_column(problem, controller, certificates[controller.name]) for controller in controllers]
-    return Table(tuple(column for column in columns if column is not None))
+    """One column for each controller."""
+    return Table(tuple(_column(problem, controller, certificates[controller.name]) for controller in controllers))
 
 
-def _column(problem: TrackingProblem, controller: Controller, certificate: Certificate) -> Column | None:
+def _column(problem: TrackingProblem, controller: Controller, certificate: Certificate) -> Column:
     continuous = controller.controller if isinstance(controller, Sampled) else controller
     scheme = scheme_file(continuous)
-    if scheme is None:
-        return None
-    name, cells = scheme.column(problem, continuous, certificate)
+    column_of = stranger.column if scheme is None else scheme.column
+    name, cells = column_of(problem, continuous, certificate)
     column = Column(controller.name, name, cells)
     return sampled.column(problem, column, controller) if isinstance(controller, Sampled) else column

@@ -24,7 +24,7 @@ from barbalat.run.ensemble import simulate_ensemble
 from barbalat.signals import Constant, Sine
 from barbalat.solvers.simulation import Simulation
 from barbalat.study.criteria import Lost, Onset
-from barbalat.study.delay_margin import delay_margins
+from barbalat.study.delay_margin import delay_margins_ensemble
 from barbalat.study.ideal_benchmark import ideal_errors, without_error
 from barbalat.study.motion import Motion
 from barbalat.validate import Array
@@ -140,7 +140,7 @@ def _simulated(command: str, signal: Signal) -> list[Reading]:
     filtered_gains = [*EQUAL_GAINS, OWN_GAINS[1], OWN_GAINS[1]]
     names = [*(f"Gamma {gain:g}" for gain in EQUAL_GAINS), "own gains", "equal error"]
     groups = [Mrac(gamma=g) for g in gains], [section_v.l1("L1", g) for g in filtered_gains]
-    delays = [delay_margins([(problem, c) for c in group], SIMULATION, resolution=0.05) for group in groups]
+    delays = [delay_margins_ensemble([(problem, c) for c in group], SIMULATION, resolution=0.05) for group in groups]
     actuators = [_actuator_margins(problem, group) for group in groups]
     found = []
     for what, onset, loss in (

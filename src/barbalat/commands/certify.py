@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING
 
+from barbalat.commands.options import add_controllers
 from barbalat.commands.screen import progress_bar
 
 if TYPE_CHECKING:
@@ -15,6 +16,7 @@ def add(commands: Commands) -> None:
     """Register the command and its options."""
     parser = commands.add_parser("certify", help="conditions, bounds, norms, gain limits and margins of a case's controllers")
     parser.add_argument("case", metavar="CASE", help="a case file, or a bundled case's name")
+    add_controllers(parser)
     parser.add_argument("--simulate", action="store_true", help="also measure each loop's delay margin by simulation")
     parser.add_argument(
         "--share", type=float, metavar="S", help="with --simulate: added error, in motions, that is lost; default 1"
@@ -36,7 +38,7 @@ def execute(options: argparse.Namespace) -> int:
 
     if options.share is not None and not options.simulate:
         raise InputError("--share needs --simulate: without it no loop is simulated")
-    case = load_case(options.case)
+    case = load_case(options.case, options.controllers)
     certificates = certify(case.problem, case.controllers, case.simulation)
     if options.simulate:
         from barbalat.study.criteria import Lost

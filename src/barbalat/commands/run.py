@@ -6,6 +6,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from barbalat.commands.options import add_controllers
 from barbalat.commands.screen import progress_bar, say
 
 if TYPE_CHECKING:
@@ -16,6 +17,7 @@ def add(commands: Commands) -> None:
     """Register the command and its options."""
     parser = commands.add_parser("run", help="simulate and compare a case's controllers")
     parser.add_argument("case", metavar="CASE", help="a case file, or a bundled case's name")
+    add_controllers(parser)
     parser.add_argument(
         "--out",
         type=Path,
@@ -33,7 +35,7 @@ def execute(options: argparse.Namespace) -> int:
     from barbalat.run.check_numerics import check_numerics
     from barbalat.run.simulate import simulate
 
-    case = load_case(options.case)
+    case = load_case(options.case, options.controllers)
     folder = options.out
     if folder is None and not options.json and not options.no_plots:
         folder = Path("barbalat-run")

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from barbalat.protocols import Signal
-from barbalat.validate import Array
+from barbalat.validate import Array, signal_values
 
 INSTANTS = 20_000
 """At which the signals are sampled at most."""
@@ -24,6 +24,6 @@ def driven_response(
     from scipy.signal import lsim
 
     t = np.linspace(0.0, t_end, min(steps, INSTANTS) + 1)
-    driven = np.stack([signal(t) for signal in signals], axis=1)
+    driven = np.stack([signal_values(signal, t) for signal in signals], axis=1)
     _, y, _ = lsim(Continuous(A, B, C, np.zeros((len(C), B.shape[1]))), driven, t, X0=x0)  # type: ignore[call-overload]
     return t, np.asarray(y).reshape(len(t), len(C))

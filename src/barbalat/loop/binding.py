@@ -2,22 +2,67 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Hashable, Sequence
 from typing import Any
 
 from barbalat import validate
+from barbalat.loop.blame import blamed
+from barbalat.loop.checking import Ports, check_equations
+from barbalat.loop.structure import comes_from_outside, structure
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller, Equations, SampledEquations, feedback_of
 from barbalat.validate import InputError
 
+_checked: set[Hashable] = set()
+"""The structures of equations that were found right."""
+
 
 def bound(problem: TrackingProblem, controller: Controller) -> Equations | SampledEquations:
-    """The controller's equations for this problem; InputError for what is no controller, or one for another measurement."""
+    """The controller's equations for this problem; InputError for what is no controller, or one for another measurement.
+
+    Equations in which a class from outside takes part are checked, once for each structure: see ``check_controller``. Those of
+    the package are held to the same by its tests.
+    """
+    equations = _equations(problem, controller)
+    if comes_from_outside(equations) or comes_from_outside(controller):
+        ports = ports_of(problem)
+        key = tuple(port.shape for port in ports), *structure(equations)
+        if key not in _checked:
+            check_equations(equations, ports, said_of(controller))
+            _checked.add(key)
+    return equations
+
+
+def check_controller(controller: Controller, problem: TrackingProblem) -> None:
+    """Try a controller's equations on a problem, as a run would use them; for tests of classes of your own.
+
+    Each equation is evaluated on numbers and on symbols at a few states, and the two are compared: what a run traces is then
+    what the lines say. Raises InputError, with the class, the equation, the shape and what would be right.
+    """
+    validate.instance("problem", problem, TrackingProblem)
+    check_equations(_equations(problem, controller), ports_of(problem), said_of(controller))
+
+
+def _equations(problem: TrackingProblem, controller: Controller) -> Equations | SampledEquations:
     require_controllers([controller])
     feedback = feedback_of(controller)
     if feedback != problem.feedback:
         raise InputError(f"{controller.name} feeds back the {feedback}, but the problem measures the {problem.feedback}")
-    return controller.bind(problem.known)
+    if not comes_from_outside(controller):
+        return controller.bind(problem.known)
+    with blamed(f"{said_of(controller)}: bind"):
+        return controller.bind(problem.known)
+
+
+def said_of(controller: Controller) -> str:
+    """A controller in a message: its class and its name."""
+    return f"{type(controller).__name__} {validate.show(controller.name)}"
+
+
+def ports_of(problem: TrackingProblem) -> Ports:
+    """What the problem hands to equations."""
+    commands = len(problem.commands) if isinstance(problem.reference, tuple) else None
+    return Ports.of(problem.dynamics, problem.model, commands, len(problem.plant.paths))
 
 
 def require_controllers(controllers: Sequence[Any]) -> None:
@@ -25,6 +70,7 @@ def require_controllers(controllers: Sequence[Any]) -> None:
     for controller in controllers:
         if not isinstance(controller, Controller) or isinstance(controller, type):
             raise InputError(f"a controller must have a name and a method bind, got {validate.show(controller)}")
+        validate.label(f"the name of a {type(controller).__name__}", controller.name)
     names = [controller.name for controller in controllers]
     if twice := sorted({name for name in names if names.count(name) > 1}):
         raise InputError(f"every controller needs a name of its own, but {twice[0]!r} stands {names.count(twice[0])} times")

@@ -10,7 +10,7 @@ import numpy as np
 
 from barbalat import validate
 from barbalat.loop.binding import bound
-from barbalat.loop.packing import flatten, map_arrays, unflatten
+from barbalat.loop.packing import as_array, flatten, map_arrays, unflatten
 from barbalat.loop.parts import Held, LoopState, Outputs, Signals
 from barbalat.problem.actuation import InputPath
 from barbalat.problem.measurement import Sensor
@@ -233,7 +233,8 @@ class ClosedLoop:
     def _control(self, state: LoopState, given: Signals) -> Value:
         if self.sampled:
             return state.held.u
-        return self.equations.control(state.controller, self._measured(state, given), self.model.output(state.x_m), given.r)
+        y, y_m = self._measured(state, given), self.model.output(state.x_m)
+        return as_array(self.equations.control(state.controller, y, y_m, given.r))
 
     def _through_input(self, state: LoopState, u: Value) -> Value:
         if all(path is None for path in self.paths):

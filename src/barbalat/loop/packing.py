@@ -34,7 +34,12 @@ def _like(template: Any, parts: list[Any]) -> Any:
 def _leaves(state: Any) -> list[Value]:
     if isinstance(state, tuple):
         return [leaf for part in state for leaf in _leaves(part)]
-    return [np.asarray(state) if isinstance(state, (int, float)) else state]
+    return [as_array(state)]
+
+
+def as_array(value: Value) -> Value:
+    """A plain number as an array; arrays of numbers or expressions as they are."""
+    return np.asarray(value) if isinstance(value, (int, float)) else value
 
 
 def unflatten(template: Any, flat: Value, start: int) -> tuple[Any, int]:

@@ -14,7 +14,7 @@ from barbalat.protocols import Signal, Value
 from barbalat.run.breaks import breaks_inside
 from barbalat.signals.smooth import Continuous
 from barbalat.solvers.simulation import Simulation
-from barbalat.validate import Array, InputError
+from barbalat.validate import Array
 
 CHUNK_STEPS = 32_768
 """Steps between two calls of the kernel: long enough to hide the call, a table short enough for the cache."""
@@ -84,15 +84,15 @@ def signal_table(
         t, k, pieces = _cut(breaks_inside(signals, simulation, start, start + steps), t, k)
     table = np.empty((len(t) - 1, len(nodes), len(signals)))
     for column, signal in enumerate(signals):
-        values = _evaluate(signal, t)
+        values = validate.signal_values(signal, t)
         for row, node in enumerate(nodes):
             if node == 0:
                 table[:, row, column] = values[:-1]
             elif node == 1:
-                right = values if isinstance(signal, Continuous) else _evaluate(signal.before, t)
+                right = values if isinstance(signal, Continuous) else validate.signal_values(signal.before, t)
                 table[:, row, column] = right[1:]
             else:
-                table[:, row, column] = _evaluate(signal, simulation.time(k[:-1] + node * np.diff(k)))
+                table[:, row, column] = validate.signal_values(signal, simulation.time(k[:-1] + node * np.diff(k)))
     rows = table.reshape(len(table), -1)
     return rows if pieces is None else np.column_stack([rows, *pieces])
 
@@ -109,17 +109,5 @@ def _cut(breaks: Array, t: Array, k: Array) -> tuple[Array, Array, Piece]:
 def final_row(signals: tuple[Signal, ...], simulation: Simulation, *, in_pieces: bool = False) -> Array:
     """A table row that holds the signals at t_end for every node, to evaluate the outputs there."""
     t_end = np.array([simulation.t_end])
-    values = [float(_evaluate(signal, t_end)[0]) for signal in signals]
+    values = [float(validate.signal_values(signal, t_end)[0]) for signal in signals]
     return np.array([values * len(simulation.solver.nodes) + (list(WHOLE_STEP) if in_pieces else [])])
-
-
-def _evaluate(signal: object, t: Array) -> Array:
-    values = np.asarray(signal(t), dtype=np.float64)  # type: ignore[operator]
-    if values.shape != t.shape:
-        raise InputError(
-            f"a signal must return one value for each time, got shape {values.shape} for {t.shape}: {validate.show(signal)}"
-        )
-    if not np.isfinite(values).all():
-        i = int(np.flatnonzero(~np.isfinite(values))[0])
-        raise InputError(f"a signal must be finite, got {values[i]} at t = {t[i]:g} s: {validate.show(signal)}")
-    return values

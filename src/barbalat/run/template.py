@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-import copy
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, fields, is_dataclass, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
+from barbalat.loop.checking import Ports, check_varied
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.loop.packing import symbols
+from barbalat.loop.structure import DEEPEST, comes_from_outside, parts_of, structure, with_parts
 from barbalat.protocols import Value
 from barbalat.validate import Array, InputError
 
@@ -50,12 +51,13 @@ def _varied(members: Sequence[_Member]) -> Template:
     first = members[0]
     if len(members) == 1:
         return Template(first.loop, first.delay_weights, np.zeros((0, 1)), None)
-    structure = list(_structure(first))
+    common = list(structure(first))
     numbers = np.empty((len(list(_numbers(first))), len(members)))
     for i, member in enumerate(members):
-        if list(_structure(member)) != structure:
+        if list(structure(member)) != common:
             raise InputError(
-                f"all members must have one structure (scheme, sizes, projection, delay), but member {i + 1} differs"
+                f"all members must have one structure (scheme, sizes, projection, delay), but member {i + 1} differs; "
+                "whole numbers belong to it: write 2.0 for a number that varies"
             )
         numbers[:, i] = list(_numbers(member))
     differs = (numbers != numbers[:, :1]).any(axis=1)
@@ -63,6 +65,10 @@ def _varied(members: Sequence[_Member]) -> Template:
     places = np.cumsum(differs) - 1
     values = iter([parameters[int(place)] if d else None for place, d in zip(places, differs, strict=True)])
     found = _replace(first, values)
+    if comes_from_outside(first.loop.equations):
+        loop = first.loop
+        ports = Ports.of(loop.plant, loop.model, loop.commands, loop.inputs)
+        check_varied(loop.equations, found.loop.equations, ports, (column, numbers[differs, 0]))
     return Template(found.loop, found.delay_weights, numbers[differs], column)
 
 
@@ -85,52 +91,27 @@ def _adjustable(loops: Sequence[ClosedLoop], weights: Sequence[Array] | None, dt
     )
 
 
-def _structure(part: Any) -> Iterator[Any]:
-    """Everything about a part that is not a number: types, shapes, options."""
-    if is_dataclass(part):
-        yield type(part)
-        for field in fields(part):
-            yield field.name
-            yield from _structure(getattr(part, field.name))
-    elif isinstance(part, tuple):
-        yield len(part)
-        for entry in part:
-            yield from _structure(entry)
-    elif isinstance(part, np.ndarray):
-        yield part.shape
-    elif not isinstance(part, float):
-        yield part
-
-
-def _numbers(part: Any) -> Iterator[float]:
-    if is_dataclass(part):
-        for field in fields(part):
-            yield from _numbers(getattr(part, field.name))
-    elif isinstance(part, tuple):
-        for entry in part:
-            yield from _numbers(entry)
-    elif isinstance(part, np.ndarray):
+def _numbers(part: Any, depth: int = 0) -> Iterator[float]:
+    parts = parts_of(part) if depth < DEEPEST else None
+    if isinstance(part, np.ndarray):
         yield from part.ravel().tolist()
     elif isinstance(part, float):
         yield part
+    elif parts is not None:
+        for inner in parts.values():
+            yield from _numbers(inner, depth + 1)
 
 
-def _replace(part: Any, values: Iterator[Any]) -> Any:
+def _replace(part: Any, values: Iterator[Any], depth: int = 0) -> Any:
     """A copy with each number for which ``values`` has a symbol replaced by it, in the order of ``_numbers``."""
-    if is_dataclass(part):
-        twin = copy.copy(part)
-        for field in fields(part):
-            object.__setattr__(twin, field.name, _replace(getattr(part, field.name), values))
-        return twin
-    if isinstance(part, tuple):
-        return tuple(_replace(entry, values) for entry in part)
     if isinstance(part, np.ndarray):
         entries = [next(values) for _ in range(part.size)]
         return part if all(entry is None for entry in entries) else _array_of(part, entries)
     if isinstance(part, float):
         symbol = next(values)
         return part if symbol is None else symbol
-    return part
+    parts = parts_of(part) if depth < DEEPEST else None
+    return part if parts is None else with_parts(part, [_replace(inner, values, depth + 1) for inner in parts.values()])
 
 
 def _array_of(numbers: Array, entries: list[Any]) -> Any:

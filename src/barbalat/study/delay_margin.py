@@ -13,9 +13,12 @@ import numpy as np
 
 from barbalat import validate
 from barbalat.linear.largest import halvings
+from barbalat.loop.binding import require_controllers
+from barbalat.problem.tracking import TrackingProblem
+from barbalat.protocols import Controller
 from barbalat.run.ensemble import simulate_ensemble
 from barbalat.run.metrics import Metrics
-from barbalat.run.progress import Progress
+from barbalat.run.progress import Progress, part_of
 from barbalat.solvers.simulation import Simulation
 from barbalat.study.criteria import Lost, Onset, tracks
 from barbalat.study.ideal_benchmark import Benchmark, Member, with_delay
@@ -58,6 +61,33 @@ class DelayMargins:
 
 
 def delay_margins(
+    problem: TrackingProblem,
+    controllers: Sequence[Controller],
+    simulation: Simulation,
+    *,
+    longest: float = 2.0,
+    scan: int = 12,
+    resolution: float = 0.02,
+    onset: Onset | None = None,
+    lost: Lost | None = None,
+    threads: int | None = None,
+    progress: Progress | None = None,
+) -> dict[str, DelayMargins]:
+    """The delay margins of each controller on the problem, by its name; its arrays have one entry.
+
+    The rest as of ``delay_margins_ensemble``.
+    """
+    require_controllers(controllers)
+    found = {}
+    for i, controller in enumerate(controllers):
+        found[controller.name] = delay_margins_ensemble(
+            [(problem, controller)], simulation, longest=longest, scan=scan, resolution=resolution, onset=onset, lost=lost,
+            threads=threads, progress=part_of(progress, i / len(controllers), 1 / len(controllers)),
+        )  # fmt: skip
+    return found
+
+
+def delay_margins_ensemble(
     members: Sequence[Member],
     simulation: Simulation,
     *,

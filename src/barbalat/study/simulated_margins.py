@@ -9,7 +9,7 @@ import numpy as np
 from barbalat.certificates.certificate import Certificate, Draft
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller
-from barbalat.run.progress import Progress, part_of
+from barbalat.run.progress import Progress
 from barbalat.solvers.simulation import Simulation
 from barbalat.study.criteria import Lost, Onset
 from barbalat.study.delay_margin import Bracket, DelayMargins, delay_margins
@@ -28,10 +28,8 @@ def with_simulated_margins(
     """The certificates with ``delay_onset_simulated`` and ``delay_margin_simulated`` [s], by ``Onset`` and by ``Lost``."""
     result, criterion = dict(certificates), lost or Lost()
     resting = (RESTING,) if Motion.of(problem, simulation).comes_to_rest else ()
-    for i, controller in enumerate(controllers):
-        share = part_of(progress, i / len(controllers), 1 / len(controllers))
-        found = delay_margins([(problem, controller)], simulation, lost=criterion, progress=share)
-        result[controller.name] = _with(result[controller.name], found, criterion, simulation, resting)
+    for name, found in delay_margins(problem, controllers, simulation, lost=criterion, progress=progress).items():
+        result[name] = _with(result[name], found, criterion, simulation, resting)
     return result
 
 

@@ -14,7 +14,7 @@ from barbalat.problem.state_feedback import Problem
 from barbalat.run.progress import Progress
 from barbalat.solvers.simulation import Simulation
 from barbalat.study.criteria import Lost, Onset
-from barbalat.study.delay_margin import SHORTEST_DELAY_STEPS, DelayMargins, delay_margins
+from barbalat.study.delay_margin import SHORTEST_DELAY_STEPS, DelayMargins, delay_margins_ensemble
 from barbalat.study.forecast import Cost, Forecast
 from barbalat.study.knobs import Knobs, default_knobs
 from barbalat.study.motion import RESTING, Motion
@@ -127,7 +127,7 @@ def trade_off(
         group = members[k.scheme]
         numbers = np.tile(np.arange(plants), len(group) // plants)  # every tuning has the same noise on a plant
         begun = time.perf_counter()
-        found = delay_margins(
+        found = delay_margins_ensemble(
             group, simulation, longest=longest, onset=criteria[0], lost=criteria[1], numbers=numbers,
             progress=_in_time(progress, forecast, k.scheme),
         )  # fmt: skip

@@ -81,8 +81,13 @@ def add_adapting_margins(draft: Draft, problem: Problem, loop: ClosedLoop) -> No
         )
         return
     at = f"linearised at the constant command {level:g}"
+    add_delay_margin_adapting(draft, problem, around_equilibrium(loop, level), at)
+
+
+def add_delay_margin_adapting(draft: Draft, problem: TrackingProblem, loop: StateSpace, at: str) -> None:
+    """The delay margin of the loop with its law inside, which was ``linearised at`` a command."""
     try:
-        found = margins(with_input_dynamics(problem, around_equilibrium(loop, level)), problem.delay)
+        found = margins(with_input_dynamics(problem, loop), problem.delay)
     except InputError as error:
         draft.missing("delay_margin_adapting", f"linear loop {at}: {error}")
         return

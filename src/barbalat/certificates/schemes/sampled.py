@@ -13,6 +13,7 @@ from barbalat.certificates.bounds.model import model_bounds
 from barbalat.certificates.cells import Column, statement
 from barbalat.certificates.certificate import Certificate, Draft
 from barbalat.certificates.entry import Entry
+from barbalat.certificates.schemes import scheme_file
 from barbalat.certificates.schemes.state_feedback import of_the_case
 from barbalat.certificates.step_limits import any_regressor, frozen_laws
 from barbalat.certificates.step_limits.held_oscillator import HeldOscillator
@@ -58,9 +59,8 @@ def certificate(problem: TrackingProblem, continuous: Certificate, controller: S
         draft.estimate(limits, AS_EULER)
     step_max = limits.get("step_max")
     if step_max is not None and step_max < T:
-        unstable = (
-            f"where |x| is as large as its bound the law is numerically unstable: it bears samples up to about {step_max:.3g} s"
-        )
+        where = "where it rests the loop" if scheme_file(scheme) is None else "where |x| is as large as its bound the law"
+        unstable = f"{where} is numerically unstable: it bears samples up to about {step_max:.3g} s"
         for key in ERRORS & draft.entries.keys():
             draft.entries[key] = replace(draft.entries[key], why=f"{draft.entries[key].why}; {unstable}")
         draft.note(unstable)

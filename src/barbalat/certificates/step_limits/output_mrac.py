@@ -12,10 +12,11 @@ from barbalat.adaptation.law import AdaptiveLaw
 from barbalat.adaptation.output_lyapunov import LyapunovLaw
 from barbalat.certificates.certificate import Draft
 from barbalat.certificates.step_limits.frozen_laws import input_poles, of_decay
+from barbalat.certificates.step_limits.modes import amplifies, largest_step
 from barbalat.controllers.output.matching import filter_polynomial
 from barbalat.controllers.output.mrac import MracOutput
 from barbalat.linear.l1_norms import l1_norm
-from barbalat.linear.largest import largest, largest_from
+from barbalat.linear.largest import largest_from
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.loop.linearization import jacobian_function
 from barbalat.problem.known_set import Gain
@@ -72,7 +73,7 @@ def _of_parametric_model(
     if equations.Q is not None:
         parts.append(np.linalg.eigvals(equations.Q.A))
     poles = np.concatenate(parts)
-    return of_decay(law, simulation, _largest_step(simulation, poles))
+    return of_decay(law, simulation, largest_step(simulation, poles))
 
 
 def _of_lyapunov_law(frozen: Frozen, law: LyapunovLaw, simulation: Simulation) -> dict[str, Any]:
@@ -80,7 +81,7 @@ def _of_lyapunov_law(frozen: Frozen, law: LyapunovLaw, simulation: Simulation) -
     solver, gamma = simulation.solver, Gain(law.gamma).largest
     g = gamma * frozen.omega_squared
     modes = np.concatenate([frozen.modes(part) for part in np.append(g * GAIN_FRACTIONS, 0.0)])
-    step = _largest_step(simulation, modes)
+    step = largest_step(simulation, modes)
     values: dict[str, Any] = {"adaptation_frequency": math.sqrt(g * max(float(frozen.c @ frozen.b), 0.0)) or None}
     if law.leakage is not None:
         if math.isinf(law.leakage.largest):  # nothing bounds how fast it makes the estimates decay
@@ -96,23 +97,9 @@ def _largest_g(frozen: Frozen, simulation: Simulation) -> float:
     """The largest g up to which no mode is amplified by the solver alone."""
 
     def bears(g: float) -> bool:
-        return not _amplifies(simulation, simulation.dt, frozen.modes(g))
+        return not amplifies(simulation, simulation.dt, frozen.modes(g))
 
     return largest_from(bears, 1e-12, factor=1.5) if bears(0.0) else 0.0
-
-
-def _largest_step(simulation: Simulation, modes: Array) -> float:
-    """The largest step up to which no mode is amplified by the solver alone."""
-    beyond = 2 * simulation.solver.reach / float(np.abs(modes).max())
-    return largest(lambda h: not _amplifies(simulation, h, modes), 0.0, beyond)
-
-
-def _amplifies(simulation: Simulation, h: float, modes: Array) -> bool:
-    """As along a run: |R| above max(1, |e^z|) by so much that it makes a factor e up to t_end."""
-    z = h * modes
-    with np.errstate(divide="ignore"):
-        spurious = np.log(np.abs(simulation.solver.amplification(z))) - np.maximum(z.real, 0)
-    return bool((spurious * simulation.t_end / h > 1).any())
 
 
 def _frozen(problem: OutputProblem, controller: MracOutput, theta: Array | None) -> Frozen | str:

@@ -1,0 +1,132 @@
+"""Controllers from outside the package: a file that the user names, and installed packages that say what they have.
+
+Nothing of a case file is run. A Python file is run where the user gives it (``--controllers``); an installed package's class is
+imported where a case names it, after the package has registered it in the entry-point group ``barbalat.controllers``.
+"""
+
+from __future__ import annotations
+
+import inspect
+import sys
+from collections.abc import Mapping, Set
+from dataclasses import dataclass, fields, is_dataclass
+from importlib.machinery import SourceFileLoader
+from importlib.metadata import entry_points
+from importlib.util import module_from_spec, spec_from_loader
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+from barbalat.cases.schema import table_of
+from barbalat.loop.blame import blamed
+from barbalat.protocols import Controller
+from barbalat.validate import InputError, show
+
+GROUP = "barbalat.controllers"
+"""The entry points' group: scheme = "package:Class"."""
+LIST = "CONTROLLERS"
+"""The name of a file's list of controllers."""
+
+
+@dataclass(frozen=True, eq=False)
+class OwnFile:
+    """A file of the user's, after it was run."""
+
+    path: Path
+    module: ModuleType
+
+    @property
+    def classes(self) -> dict[str, type]:
+        """The classes of controllers that are written there, by their names."""
+        found = {name: kind for name, kind in vars(self.module).items() if isinstance(kind, type) and "bind" in dir(kind)}
+        return {name: kind for name, kind in found.items() if kind.__module__ == self.module.__name__}
+
+    def controllers(self, named: Mapping[str, type]) -> tuple[Controller, ...]:
+        """Those that join a case: the list, or all that were made at the file's top; ``named`` are classes in the case.
+
+        Where neither is there and the case names none, those of the classes that need no settings.
+        """
+        have = vars(self.module)
+        if LIST in have:
+            return self._listed(have[LIST])
+        made = {id(part): part for part in have.values() if isinstance(part, Controller) and not isinstance(part, type)}
+        if made or named:
+            return tuple(made.values())
+        found = tuple(self._made(kind) for kind in self.classes.values() if _needs_nothing(kind))
+        if not found:
+            known = f', or name one of its classes in the case file: scheme = "{min(self.classes)}"' if self.classes else ""
+            raise InputError(f"{str(self.path)!r} has no controllers: give it a list {LIST} = [MyLaw(...), ...]{known}")
+        return found
+
+    def _listed(self, given: Any) -> tuple[Controller, ...]:
+        if not isinstance(given, (list, tuple)) or not given:
+            raise InputError(f"{LIST} in {str(self.path)!r} must be a list of controllers, got {show(given)}")
+        return tuple(self._made(one) if isinstance(one, type) else one for one in given)
+
+    def _made(self, kind: type) -> Controller:
+        with blamed(f"{kind.__name__}() in {str(self.path)!r}"):
+            controller: Controller = kind()
+        return controller
+
+
+def _needs_nothing(kind: type) -> bool:
+    try:
+        inspect.signature(kind).bind()
+    except TypeError:
+        return False
+    return True
+
+
+def run(path: str | Path) -> OwnFile:
+    """Run a Python file; InputError where it can't be read, or where its own lines fail, with the line."""
+    path = Path(path)
+    if not path.is_file():
+        raise InputError(f"--controllers: {str(path)!r} is no file")
+    name = f"controllers_in_{path.stem}"  # a module of its own, not to be taken for an installed one of the same name
+    loader = SourceFileLoader(name, str(path))
+    spec = spec_from_loader(name, loader)
+    assert spec is not None
+    module = sys.modules[name] = module_from_spec(spec)
+    folder = str(path.resolve().parent)
+    sys.path.append(folder)  # for files beside it; last, so that none stands in the place of an installed package
+    try:
+        with blamed(f"--controllers: {str(path)!r}"):
+            loader.exec_module(module)
+    finally:
+        sys.path.remove(folder)
+    return OwnFile(path, module)
+
+
+def named_in(case: Mapping[str, Any]) -> set[str]:
+    """The schemes that a case file names, before anything of it was checked."""
+    tables = case.get("controller")
+    given = [table.get("scheme") for table in tables if isinstance(table, dict)] if isinstance(tables, list) else []
+    return {name for name in given if isinstance(name, str)}
+
+
+def schemes(names: Set[str], own: OwnFile | None) -> dict[str, type]:
+    """The settings' classes of schemes that are not the package's: from the user's file, or an installed package."""
+    found = {} if own is None else {name: kind for name, kind in own.classes.items() if name in names}
+    for name in sorted(names - found.keys()):
+        for entry in entry_points(group=GROUP, name=name):
+            with blamed(f"the scheme {name!r} of {entry.value!r}"):
+                found[name] = entry.load()
+    for name, kind in found.items():
+        _require_settings(name, kind)
+    return found
+
+
+def _require_settings(name: str, kind: Any) -> None:
+    """InputError for a class that no table of a case file can make."""
+    if not (isinstance(kind, type) and is_dataclass(kind) and "name" in {field.name for field in fields(kind)}):
+        raise InputError(
+            f"the scheme {name!r} must be a dataclass with a field name for a case file to give its settings, got {show(kind)}"
+        )
+    try:
+        table_of(kind, "scheme", name)
+    except (TypeError, NameError) as error:
+        reason = str(error).partition(":")[0]
+        raise InputError(
+            f"the scheme {name!r}: its fields must be float, int, bool, str, or barbalat.validate's Vector and Matrix for a case "
+            f"file to give them; {reason}"
+        ) from None

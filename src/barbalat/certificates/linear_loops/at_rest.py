@@ -1,0 +1,154 @@
+"""Any controller's loop linearised where it rests under a constant command, by exact Jacobians: nothing of its law is assumed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from barbalat.linear.systems import StateSpace
+from barbalat.loop.closed_loop import ClosedLoop
+from barbalat.loop.linearization import jacobian_function
+from barbalat.loop.packing import column, flatten, symbols
+from barbalat.problem.actuation import InputPath
+from barbalat.problem.tracking import TrackingProblem
+from barbalat.protocols import BoundedSignal
+from barbalat.validate import Array
+
+MOST_NEWTON_STEPS, MOST_HALVINGS = 60, 30
+RESTS = 1e-9
+"""Relative to the state: a step of Newton's below this part of it is rounding."""
+INDEPENDENT = 1e-12
+"""Relative to the largest singular value of a matrix whose rows and columns were scaled: what is smaller is rounding."""
+
+
+@dataclass(frozen=True, eq=False)
+class Rest:
+    """A loop at rest under the constant ``signals``; ``state`` is flat, of ``loop``.
+
+    loop   the case's, without delay, limits and quantisation at the plant's input
+    level  the commands, at the largest value that they take; zero where that is not known
+    """
+
+    loop: ClosedLoop
+    state: Array
+    signals: Array
+    level: Array
+
+    @cached_property
+    def modes(self) -> Array:
+        """Eigenvalues of the whole loop."""
+        return np.linalg.eigvals(np.asarray(jacobian_function(self.loop)(self.state, self.signals)))
+
+    def broken(self, *, frozen: bool) -> StateSpace:
+        """From the plant's input v to -u, with the estimates ``frozen`` or with their law; for one input.
+
+        Left out: the model, which v doesn't move, the dynamics at the plant's input, the sensor's lag, and combinations of
+        the state that nothing moves, such as the estimates in directions in which the regressor has no part.
+        """
+        import casadi as ca
+
+        whole = self.loop.unpack(self.state)
+        inner = replace(self.loop, paths=(None,), lag=None)
+        rest = flatten(whole._replace(input=((),), sensor=np.zeros(0)))
+        state_column, state = symbols("state", inner.size)
+        input_column, v = symbols("v", 1)
+        slope, u = inner.derivative_given_input(state, self.signals, v[0])
+        slope, u = column(slope), column(u.reshape(1))
+        rates = [ca.jacobian(slope, state_column), ca.jacobian(slope, input_column), ca.jacobian(u, state_column)]
+        jacobians = ca.Function("jacobians", [state_column, input_column], rates)
+        reaches = self.loop.undelayed_input(self.state, self.signals)
+        A, B, C = (np.array(part) for part in jacobians(rest, reaches))
+        marked = inner.unpack(np.arange(inner.size))
+        out = [*marked.x_m, *(marked.controller.theta_hat.reshape(-1) if frozen else [])]
+        kept = np.setdiff1d(np.arange(inner.size), np.array(out, dtype=int))
+        A, B, C = A[np.ix_(kept, kept)], B[kept], C[:, kept]
+        moving = _moved_by(np.hstack([A, B]))
+        return StateSpace(moving.T @ A @ moving, moving.T @ B[:, 0], -C[0] @ moving, 0.0)
+
+
+def _moved_by(rates: Array) -> Array:
+    """Orthonormal columns that span what [A B] moves: w'[A B] = 0 says that w'state is conserved."""
+    rows = np.linalg.norm(rates, axis=1)
+    scaled = rates / np.where(rows > 0, rows, 1.0)[:, None]
+    columns = np.linalg.norm(scaled, axis=0)
+    left, sizes, _ = np.linalg.svd(scaled / np.where(columns > 0, columns, 1.0))
+    rank = int(np.sum(sizes > INDEPENDENT * sizes.max(initial=0.0)))
+    conserved = left[:, rank:] / np.where(rows > 0, rows, 1.0)[:, None]
+    if conserved.shape[1] == 0:
+        return np.eye(len(rates))
+    return np.asarray(np.linalg.svd(conserved)[0][:, conserved.shape[1] :])
+
+
+def rest_of(problem: TrackingProblem, loop: ClosedLoop, *, frozen: bool) -> Rest | str:
+    """Where the loop rests, or why that is not known; with the estimates ``frozen`` their own rates are left aside.
+
+    Newton's steps, the shortest where there are many places of rest, from x = x_m and theta_hat = theta, where both fit.
+    """
+    if loop.sampled:
+        return "it acts at samples, and no continuous form of it is known"
+    if loop.clocked:
+        return "the plant depends on time, so that nothing rests"
+    loop = replace(loop, delayed=False, paths=tuple(_linear(path) for path in loop.paths))
+    bounds = [command.bound if isinstance(command, BoundedSignal) else 0.0 for command in problem.commands]
+    level = np.array(bounds, dtype=float)
+    signals = np.concatenate([level, np.zeros(loop.signal_count - len(level))])
+    held = np.arange(loop.size)[loop.theta_hat_rows] if frozen else np.zeros(0, dtype=int)
+    state = _solved(loop, signals, _start(problem, loop, signals), np.setdiff1d(np.arange(loop.size), held))
+    under = f"under the constant command {', '.join(f'{value:g}' for value in level)}"
+    if state is None:
+        return f"no state was found at which the loop rests {under}"
+    if not np.allclose(loop.limit(state), state, rtol=RESTS, atol=0):
+        return f"where the loop would rest {under}, its own limit acts"
+    return Rest(loop, state, signals, level)
+
+
+def _linear(path: InputPath | None) -> InputPath | None:
+    return None if path is None or path.dynamics is None else InputPath(None, None, None, path.dynamics)
+
+
+def _start(problem: TrackingProblem, loop: ClosedLoop, signals: Array) -> Array:
+    """The initial state with the model at rest, the plant there too, and the estimates at the parameters, where these fit."""
+    start = np.array(loop.initial(), dtype=float)
+    places = loop.unpack(np.arange(loop.size))
+    solved = _solved(loop, signals, start, places.x_m)
+    if solved is None:
+        return start
+    start[places.x_m] = solved[places.x_m]
+    if len(places.x) == len(places.x_m):
+        start[places.x] = start[places.x_m]
+    parameters = problem.parameters
+    if parameters is not None and len(parameters) == loop.parameters:
+        start[loop.theta_hat_rows] = parameters
+    return start
+
+
+def _solved(loop: ClosedLoop, signals: Array, start: Array, free: Array) -> Array | None:
+    """The state in which what is ``free`` rests, (size,); None where no step leads nearer to one."""
+
+    def rates(state: Array) -> Array:
+        with np.errstate(all="ignore"):
+            return np.asarray(loop.derivative(state, signals), dtype=float)[free]
+
+    jacobian, state = jacobian_function(loop), start.copy()
+    for _ in range(MOST_NEWTON_STEPS):
+        found, J = rates(state), np.asarray(jacobian(state, signals))[np.ix_(free, free)]
+        if not (np.isfinite(found).all() and np.isfinite(J).all()):
+            return None
+        rows = np.linalg.norm(J, axis=1)
+        rows[rows == 0] = 1.0
+        step: Array = np.linalg.lstsq(J / rows[:, None], found / rows, rcond=None)[0]
+        size = max(np.linalg.norm(state), np.linalg.norm(start))
+        if np.linalg.norm(step) <= RESTS * size:
+            return state if (np.abs(found) <= RESTS * rows * size).all() else None
+        for _ in range(MOST_HALVINGS):
+            tried = state.copy()
+            tried[free] -= step
+            if np.linalg.norm(rates(tried) / rows) < np.linalg.norm(found / rows):
+                break
+            step = step / 2
+        else:
+            return None
+        state = tried
+    return None

@@ -1,0 +1,73 @@
+"""The certificate of a controller of which no proof is known, as of a class from outside the package: what needs none.
+
+Its loop is linearised where it rests under a constant command, by the exact Jacobians of its own equations: margins with the
+estimates frozen and with the law inside, and the step that these modes bear. Everything else is said to be unknown.
+"""
+
+from __future__ import annotations
+
+from barbalat.certificates.cells import advice, estimate, limits_text, margins_cell, nothing
+from barbalat.certificates.certificate import Certificate, Draft
+from barbalat.certificates.entry import Entry
+from barbalat.certificates.linear_loops.at_rest import Rest, rest_of
+from barbalat.certificates.linear_loops.margin_values import add_delay_margin_adapting, add_margins
+from barbalat.certificates.step_limits.modes import largest_step
+from barbalat.loop.closed_loop import ClosedLoop
+from barbalat.problem.tracking import TrackingProblem
+from barbalat.protocols import Controller
+from barbalat.solvers.simulation import Simulation
+
+NONE_KNOWN = "none known"
+
+
+def certificate(problem: TrackingProblem, controller: Controller, simulation: Simulation) -> Certificate:
+    """Margins and the step's limit by exact linearisation."""
+    loop, draft = ClosedLoop.of(problem, controller, simulation.dt), Draft()
+    draft.note(f"of {type(controller).__name__} no proof is known: what follows is computed from its equations alone")
+    draft.missing("error_bound", NONE_KNOWN)
+    moving = rest_of(problem, loop, frozen=False)
+    still = rest_of(problem, loop, frozen=True) if isinstance(moving, str) and loop.parameters else moving
+    _add_margins(draft, problem, loop, moving, still)
+    if isinstance(moving, str):
+        draft.missing("step_max", moving)
+    elif moving.modes.any():
+        rests_on = (
+            f"step_max is that of the loop linearised {_at(moving)}, by exact Jacobians, without delay and limits: an estimate "
+            "for the loop in motion"
+        )
+        draft.estimate({"step_max": largest_step(simulation, moving.modes)}, rests_on)
+    return draft.finish()
+
+
+def _add_margins(draft: Draft, problem: TrackingProblem, loop: ClosedLoop, moving: Rest | str, still: Rest | str) -> None:
+    if loop.inputs > 1:
+        draft.missing("delay_margin", "margins are those of one input")
+        return
+    if isinstance(still, str):
+        draft.missing("delay_margin", still)
+        return
+    frozen = "with its estimates frozen, " if loop.parameters else ""
+    add_margins(draft, problem, still.broken(frozen=True), f"{frozen}linearised {_at(still)}")
+    if not loop.parameters:
+        return
+    if isinstance(moving, str):
+        draft.missing("delay_margin_adapting", moving)
+    elif moving.level.any():
+        add_delay_margin_adapting(draft, problem, moving.broken(frozen=False), f"linearised {_at(moving)}")
+
+
+def _at(rest: Rest) -> str:
+    values = ", ".join(f"{value:g}" for value in rest.level)
+    return f"at the constant command {values}" if rest.level.any() else "at rest"
+
+
+def column(problem: TrackingProblem, controller: Controller, certificate: Certificate) -> tuple[str, dict[str, Entry]]:
+    """The class's name, and cells that claim nothing but what was computed."""
+    estimates = ClosedLoop.of(problem, controller).parameters
+    unknown = {key: nothing(key, NONE_KNOWN) for key in ("stability", "tracking", "transient", "estimates", "modelling_error")}
+    return type(controller).__name__, {
+        **unknown,
+        **({} if estimates else {"estimates": advice("estimates", "it estimates nothing")}),
+        "tuning": estimate("tuning", limits_text(certificate.values)),
+        "margins": margins_cell(certificate),
+    }

@@ -1,0 +1,143 @@
+"""What is said of equations that can't be used: which controller, which equation, where in its file, and what would be right."""
+
+from __future__ import annotations
+
+import traceback
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from barbalat import validate
+from barbalat.validate import InputError
+
+PACKAGE = Path(__file__).parents[1]
+LONGEST_REASON = 160
+"""Characters of another package's message: the beginning says what went wrong."""
+
+
+@dataclass(frozen=True)
+class Subject:
+    """Whose equations are spoken of: the settings' class with the name, and the equations' class."""
+
+    controller: str
+    equations: str
+
+    def of(self, equation: str) -> str:
+        return f"{self.controller}: {self.equations}.{equation}"
+
+
+def require_state(state: Any, what: str) -> None:
+    """InputError where ``initial`` gives no NamedTuple of arrays with the field theta_hat."""
+    if not isinstance(state, tuple) or type(state) is tuple:
+        raise InputError(f"{what} must return a NamedTuple of arrays, got {validate.show(state)}")
+    if "theta_hat" not in names_of(state):
+        raise InputError(
+            f"{what} returns a {type(state).__name__} without the field theta_hat: give it one, the estimates, or np.zeros(0) "
+            "where nothing is estimated"
+        )
+    for place, leaf in leaves(state):
+        if not isinstance(leaf, (np.ndarray, np.generic)) or leaf.dtype.kind not in "iuf":
+            raise InputError(f"{what}: {place} must be an array of real numbers, as np.zeros(2) is, got {validate.show(leaf)}")
+        if not np.isfinite(leaf).all():
+            raise InputError(f"{what}: {place} must be finite, got {validate.show(leaf)}")
+
+
+def names_of(state: tuple[Any, ...]) -> tuple[str, ...]:
+    """The fields of a NamedTuple, which is a tuple with names and has no class of its own to ask for; places of another tuple."""
+    named: Any = type(state)
+    return tuple(named._fields) if "_fields" in dir(named) else tuple(map(str, range(len(state))))
+
+
+def leaves(state: Any, place: str = "") -> Iterator[tuple[str, Any]]:
+    """The arrays of a nested NamedTuple with their names."""
+    if not isinstance(state, tuple):
+        yield place, state
+        return
+    for name, part in zip(names_of(state), state, strict=True):
+        yield from leaves(part, f"{place}.{name}" if place else name)
+
+
+def require_array(found: Any, shape: tuple[int, ...], what: str, name: str) -> None:
+    """InputError for what is no number and no array of this shape; one number may stand in an array of one entry."""
+    given = shape_of(found)
+    if given is None:
+        raise InputError(f"{what}: {name} must be {_named(shape)}, got {_shown(found)}")
+    if given != shape and not (shape == () and given == (1,)):
+        raise InputError(f"{what}: {name} must be {_named(shape)}, got shape {given}; `a @ b` of two vectors is a number")
+
+
+def require_like(found: Any, state: Any, what: str) -> None:
+    """InputError for a state of another form than the initial one."""
+    if not isinstance(found, tuple):
+        raise InputError(f"{what}: it must return the state, a {type(state).__name__}, got {_shown(found)}")
+    expected, given = list(leaves(state)), list(leaves(found))
+    if len(expected) != len(given):
+        raise InputError(f"{what}: it must return {len(expected)} arrays, as initial does, got {len(given)}")
+    for (place, array), (_, value) in zip(expected, given, strict=True):
+        shape = shape_of(value)
+        if shape != array.shape:
+            got = _shown(value) if shape is None else f"shape {shape}"
+            raise InputError(f"{what}: {place} must have shape {array.shape}, as initial gives it, got {got}")
+
+
+def shape_of(value: Any) -> tuple[int, ...] | None:
+    """The shape of numbers or expressions; ``None`` for anything else."""
+    import casadi as ca
+
+    if isinstance(value, (int, float)):
+        return ()
+    if isinstance(value, (np.ndarray, np.generic)):
+        return value.shape if value.dtype.kind in "biuf" else None
+    return tuple(value.shape) if isinstance(value, ca.ArrayInterface) else None
+
+
+def _named(shape: tuple[int, ...]) -> str:
+    return f"an array of shape {shape}" if shape else "a number, shape ()"
+
+
+def _shown(value: Any) -> str:
+    if isinstance(value, (list, tuple)):
+        return f"a {type(value).__name__}: make an array of it with np.stack or np.concatenate"
+    return "None: a return is missing" if value is None else f"a {type(value).__name__}, {validate.show(value)}"
+
+
+@contextmanager
+def blamed(what: str) -> Iterator[None]:
+    """Whatever the user's own lines raise becomes one sentence with the line in it."""
+    try:
+        yield
+    except InputError:
+        raise
+    except Exception as error:
+        raise InputError(f"{what} fails{_line(error)}: {_reason(error)}") from error
+
+
+def _reason(error: Exception) -> str:
+    """What went wrong, and the remedy where it is known."""
+    text = " ".join(str(error).split())
+    said = f"{type(error).__name__}: {text[:LONGEST_REASON]}"
+    if "truth value of a CasADi" in text:
+        return "it branches on a value that is known only during a run; use np.where, np.clip, np.minimum or np.maximum"
+    if "convert symbolic" in text:
+        return "np.array can't hold symbols; use np.stack or np.concatenate"
+    if "no implementation found" in text or "ArrayInterface" in text:
+        return f"{said}; write it with NumPy functions that also take symbols, such as sums, products, np.where, np.tanh"
+    return said
+
+
+def _is_library(filename: str) -> bool:
+    return PACKAGE in Path(filename).parents or "site-packages" in filename or filename.startswith("<frozen")
+
+
+def _line(error: Exception) -> str:
+    """Where in the user's file it happened: the last line there that is not the package's, nor a library's."""
+    frames = traceback.extract_tb(error.__traceback__)
+    own = [frame for frame in frames if not _is_library(frame.filename)]
+    if not own:
+        return ""
+    shown = f" ({validate.show(own[-1].line)[1:-1]})" if own[-1].line else ""
+    return f" in line {own[-1].lineno} of {Path(own[-1].filename).name}{shown}"

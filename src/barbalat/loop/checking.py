@@ -1,0 +1,170 @@
+"""A controller's equations tried before they are traced: on numbers, on symbols, and the two compared.
+
+A run evaluates the equations on symbols once and never again. What is no expression there (an ``if``, a number that a symbol
+was turned into) would be frozen into the run, or be NaN, without a word; so each equation is held against itself on numbers.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from barbalat.loop.blame import Subject, blamed, require_array, require_like, require_state
+from barbalat.loop.packing import column, flatten, map_arrays, symbols, unflatten
+from barbalat.protocols import DiscretizedEquations, Dynamics, Equations, Sample, SampledEquations
+from barbalat.validate import Array, InputError
+
+POINTS = 4
+"""States at which the equations are evaluated: the initial one, and others drawn around it."""
+AGREEMENT = 1e-8
+"""Relative to an equation's largest entry: the same sums in another order differ by far less, other equations by far more."""
+CONTINUOUS, SAMPLED = ("initial", "control", "derivative", "limit"), ("initial", "control", "advance")
+
+
+class Ports(NamedTuple):
+    """What equations are handed beside their state, as numbers of the right shapes."""
+
+    y: Array  # (n,) the plant's state, or its output
+    y_m: Array  # the model's
+    r: Array  # the command, or (q,) commands
+    u: Array  # the control: a number, or (m,)
+
+    @classmethod
+    def of(cls, plant: Dynamics, model: Dynamics, commands: int | None, inputs: int) -> Ports:
+        """Of a loop at t = 0, commands and inputs at zero; ``commands`` as of ``ClosedLoop``."""
+        y, y_m = (np.asarray(part.output(part.x0), dtype=float) for part in (plant, model))
+        return cls(y, y_m, np.zeros(() if commands is None else commands), np.zeros(() if inputs == 1 else inputs))
+
+
+class Arguments(NamedTuple):
+    """Everything of which an equation is a function; ``before`` and ``held`` are for what acts at samples."""
+
+    state: Any
+    now: Ports
+    before: Ports
+
+
+def check_equations(equations: Equations | SampledEquations, ports: Ports, controller: str) -> None:
+    """InputError where the equations can't be traced, or mean something else on symbols than on numbers.
+
+    ``controller`` is the settings' class with the name, for the messages.
+    """
+    if isinstance(equations, DiscretizedEquations):
+        check_equations(equations.continuous, ports, controller)
+    _require_methods(equations, controller)
+    whose = Subject(controller, type(equations).__name__)
+    with blamed(whose.of("initial")):
+        initial = equations.initial()
+    require_state(initial, whose.of("initial"))
+    numbers = Trial(whose, equations, Arguments(initial, ports, ports))
+    for equation in numbers.equations:
+        numbers.compare(equation, numbers.equations[equation])
+
+
+def check_varied(numbers: Any, varied: Any, ports: Ports, values: tuple[Any, Array]) -> None:
+    """The same for the equations of an ensemble, where symbols stand for settings: a column of them, and numbers (p,) for it."""
+    whose = Subject("an ensemble", type(numbers).__name__)
+    trial = Trial(whose, numbers, Arguments(numbers.initial(), ports, ports), *values)
+    others = Trial(whose, varied, trial.arguments).equations
+    for equation in trial.equations:
+        trial.compare(equation, others[equation])
+
+
+def _require_methods(equations: Any, controller: str) -> None:
+    """InputError for what lacks a method that a loop calls."""
+    wanted = SAMPLED if isinstance(equations, SampledEquations) else CONTINUOUS
+    missing = [name for name in wanted if name not in dir(equations)]
+    if missing or isinstance(equations, type):
+        kind = "a class" if isinstance(equations, type) else f"a {type(equations).__name__} without {', '.join(missing)}"
+        raise InputError(
+            f"{controller}: bind must return an object with the methods initial(), control(state, x, x_m, r), limit(state) and "
+            f"derivative(state, x, x_m, r, u), got {kind}"
+        )
+
+
+Equation = Callable[[Arguments], Any]
+
+
+@dataclass(frozen=True, eq=False)
+class Trial:
+    """One object's equations, each as a function of all arguments; ``settings`` are symbols among its own numbers."""
+
+    whose: Subject
+    of: Any
+    arguments: Arguments
+    settings: Any = None
+    numbers: Any = ()
+
+    @cached_property
+    def equations(self) -> dict[str, Equation]:
+        of = self.of
+        found: dict[str, Equation] = {"control": lambda a: of.control(a.state, a.now.y, a.now.y_m, a.now.r)}
+        if isinstance(of, SampledEquations):
+            return found | {"advance": lambda a: of.advance(a.state, Sample(*a.before[:3]), a.before.u, Sample(*a.now[:3]))}
+        return found | {"derivative": lambda a: of.derivative(a.state, *a.now), "limit": lambda a: of.limit(a.state)}
+
+    def compare(self, equation: str, symbolic: Equation) -> None:
+        """One equation's values on numbers and on symbols, at all points."""
+        import casadi as ca
+
+        what = self.whose.of(equation)
+        expected = [self._evaluated(equation, self.equations[equation], arguments) for arguments in self._points]
+        given, traced = self._symbols
+        with blamed(f"{what} on symbols"):
+            found = symbolic(traced)
+        self._require(equation, found, f"{what} on symbols")
+        inputs, more = ([given], []) if self.settings is None else ([given, self.settings], [self.numbers])
+        function = ca.Function("equation", inputs, [column(flatten((found,)))])
+        for arguments, numbers in zip(self._points, expected, strict=True):
+            self._same(np.array(function(flatten(arguments), *more)).reshape(-1), numbers, what)
+
+    def _evaluated(self, equation: str, call: Equation, arguments: Arguments) -> Array:
+        what = f"{self.whose.of(equation)} on numbers"
+        with np.errstate(all="ignore"), blamed(what):
+            found = call(map_arrays(np.copy, arguments))  # a copy: what changes its arguments in place changes nothing here
+        self._require(equation, found, what)
+        return np.asarray(flatten((found,)), dtype=float)
+
+    def _require(self, equation: str, found: Any, what: str) -> None:
+        if equation == "control":
+            require_array(found, self.arguments.now.u.shape, what, "u")
+        else:
+            require_like(found, self.arguments.state, what)
+
+    @cached_property
+    def _points(self) -> list[Arguments]:
+        """The initial state with random measurements, then random states too."""
+        rng = np.random.default_rng(0)
+        first = Arguments(self.arguments.state, *(_moved(ports, rng) for ports in self.arguments[1:]))
+        return [first, *(_moved(self.arguments, rng) for _ in range(POINTS - 1))]
+
+    @cached_property
+    def _symbols(self) -> tuple[Any, Arguments]:
+        given, flat = symbols("given", len(flatten(self.arguments)))
+        arguments, _ = unflatten(self.arguments, flat, 0)
+        return given, arguments
+
+    def _same(self, symbolic: Array, numbers: Array, what: str) -> None:
+        lost = np.isnan(symbolic) & np.isfinite(numbers)
+        if lost.any():
+            raise InputError(
+                f"{what} turns symbols into numbers, NaN in a run: use NumPy's functions instead of math's and of float(), "
+                "and np.stack or np.concatenate instead of filling an array entry by entry"
+            )
+        size = float(np.abs(numbers[np.isfinite(numbers)]).max(initial=0.0))
+        differs = np.flatnonzero(~np.isclose(symbolic, numbers, rtol=AGREEMENT, atol=AGREEMENT * size, equal_nan=True))
+        if len(differs):
+            i = differs[0]
+            raise InputError(
+                f"{what} gives {numbers[i]:.6g} on numbers and {symbolic[i]:.6g} on symbols: it may depend on nothing but its "
+                "arguments and settings that don't change, so keep what it remembers in the state, and draw nothing at random"
+            )
+
+
+def _moved(part: Any, rng: np.random.Generator) -> Any:
+    """Numbers of the same shapes in the neighbourhood: as far away as they are large, and at least by about 1."""
+    return map_arrays(lambda value: value + (1 + np.abs(value)) * rng.uniform(-1, 1, value.shape), part)

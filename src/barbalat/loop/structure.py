@@ -1,0 +1,95 @@
+"""What equations consist of: the parts of an object, whoever wrote its class, and all about them that is no number."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Hashable, Iterator
+from dataclasses import fields, is_dataclass
+from types import BuiltinFunctionType, FunctionType, MethodType, ModuleType, NoneType
+from typing import Any
+
+import numpy as np
+
+DEEPEST = 12
+"""Objects within objects: what lies deeper is compared as a whole, which ends objects that contain themselves."""
+
+_WHOLE = {
+    *(float, np.ndarray, NoneType, str, bool, int, bytes, type),
+    *(FunctionType, BuiltinFunctionType, MethodType, ModuleType),
+}
+"""Classes of what has no parts."""
+
+
+def parts_of(part: Any) -> dict[Any, Any] | None:
+    """An object's parts by their names or places: fields, entries, attributes; ``None`` for what is a whole."""
+    kind = type(part)
+    if kind in _WHOLE:
+        return None
+    if isinstance(part, (tuple, list)):
+        return dict(enumerate(part))
+    if isinstance(part, dict):
+        return dict(part)
+    if (names := _field_names(kind)) is not None:
+        return {name: getattr(part, name) for name in names}
+    if isinstance(part, type) or not hasattr(part, "__dict__"):
+        return None
+    attributes: dict[str, Any] = vars(part)
+    return attributes
+
+
+_FIELDS: dict[type, tuple[str, ...] | None] = {}
+"""The fields of a dataclass by the class; ``None`` for any other class. Looked up for every member of an ensemble."""
+
+
+def _field_names(kind: type) -> tuple[str, ...] | None:
+    if kind not in _FIELDS:
+        _FIELDS[kind] = tuple(field.name for field in fields(kind)) if is_dataclass(kind) else None
+    return _FIELDS[kind]
+
+
+def with_parts(part: Any, parts: list[Any]) -> Any:
+    """A copy with other parts, in the order of ``parts_of``."""
+    if isinstance(part, tuple):
+        return tuple(parts) if type(part) is tuple else type(part)(*parts)
+    if isinstance(part, list):
+        return parts
+    named = dict(zip(parts_of(part) or {}, parts, strict=True))
+    if isinstance(part, dict):
+        return named
+    twin = copy.copy(part)
+    for name, value in named.items():
+        object.__setattr__(twin, name, value)
+    return twin
+
+
+def structure(part: Any, depth: int = 0) -> Iterator[Any]:
+    """Everything about a part that is not a number, hashable: types, shapes, options."""
+    if isinstance(part, np.ndarray):
+        yield part.shape
+        return
+    if isinstance(part, float):
+        return
+    parts = parts_of(part) if depth < DEEPEST else None
+    if parts is None:
+        yield part if isinstance(part, Hashable) else id(part)
+        return
+    yield type(part)
+    for name, inner in parts.items():
+        yield name
+        yield from structure(inner, depth + 1)
+
+
+def comes_from_outside(part: Any, depth: int = 0) -> bool:
+    """Whether a class or a function that is not the package's own takes part."""
+    kind = type(part)
+    if kind is FunctionType:
+        return not (part.__module__ or "").startswith(_PACKAGE)
+    parts = parts_of(part) if kind not in _WHOLE and depth < DEEPEST else None
+    if parts is None:
+        return False
+    if kind not in (tuple, list, dict) and not kind.__module__.startswith(_PACKAGE):
+        return True
+    return any(comes_from_outside(inner, depth + 1) for inner in parts.values())
+
+
+_PACKAGE = __name__.partition(".")[0] + "."

@@ -1,0 +1,189 @@
+"""Certificates of classes from outside, against loops written by hand and against those of the schemes that they copy."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import ClassVar
+
+import numpy as np
+import pytest
+
+from barbalat.certificates.certify import certify
+from barbalat.certificates.linear_loops.around_equilibrium import around_equilibrium
+from barbalat.certificates.linear_loops.at_rest import rest_of
+from barbalat.certificates.table_1 import table_1
+from barbalat.controllers import KnownParameters, L1Adaptive, Mrac, Sampled
+from barbalat.linear.margins import margins
+from barbalat.linear.systems import StateSpace, TransferFunction, input_filter
+from barbalat.loop.closed_loop import ClosedLoop
+from barbalat.problem.actuation import PlantInput
+from barbalat.problem.output_feedback import OutputProblem
+from barbalat.problem.output_plant import OutputPlant, OutputReferenceModel
+from barbalat.problem.plant import Plant, ReferenceModel
+from barbalat.problem.state_feedback import Problem
+from barbalat.signals import Sine
+from barbalat.solvers.simulation import Simulation
+from foreign import Plain, PlainState, Proportional
+
+SIMULATION = Simulation(t_end=20.0, dt=1e-3)
+
+
+def random_problem(rng, n):
+    """A Hurwitz A_m, matched theta, a command; a first-order actuator whose gain is not 1 every other time."""
+    A_m = rng.normal(size=(n, n))
+    A_m -= (np.linalg.eigvals(A_m).real.max() + rng.uniform(0.5, 2)) * np.eye(n)
+    actuator = TransferFunction([40.0], [1.0, 50.0]) if rng.random() < 0.5 else None
+    plant = Plant(
+        A_m=A_m, b=rng.normal(size=n), theta=rng.normal(size=n), x0=rng.normal(size=n), input=PlantInput(actuator=actuator)
+    )
+    return Problem(plant=plant, reference_model=ReferenceModel(k_0=1.3), reference=Sine(amplitude=2.0, frequency=1.0))
+
+
+def test_the_margins_of_a_copy_are_those_of_the_mrac(sample):
+    """By the other way to the same loop: theta's own equilibrium, and the directions of the estimates by Gamma x.
+
+    1e-6: eigenvalues and zeros of one loop in two coordinates.
+    """
+    rng, compared = np.random.default_rng(1), 0
+    for _ in range(sample(20, 300)):
+        problem = random_problem(rng, int(rng.integers(1, 4)))
+        if problem.plant.paths[0].dynamics is not None:  # there the MRAC's own linearisation leaves the actuator's gain aside
+            problem = replace(problem, plant=replace(problem.plant, input=PlantInput()))
+        gamma = float(10 ** rng.uniform(-1, 2))
+        own = certify(problem, [Plain(gamma)], SIMULATION)["plain"].values
+        known = certify(problem, [Mrac(gamma=gamma)], SIMULATION)["MRAC"].values
+        for key in ("delay_margin", "phase_margin", "gain_margin", "delay_margin_adapting", "sensitivity_peak"):
+            assert (key in own) == (key in known)
+            if known.get(key) is not None:
+                compared += 1
+                assert own[key] == pytest.approx(known[key], rel=1e-6)
+    assert compared > 10
+
+
+def test_the_rest_is_one(sample):
+    """Nothing moves there, and e is zero where the law has nothing to leak; also behind an actuator with a gain of 0.8."""
+    rng = np.random.default_rng(2)
+    for _ in range(sample(20, 300)):
+        problem = random_problem(rng, int(rng.integers(1, 4)))
+        rest = rest_of(problem, ClosedLoop.of(problem, Plain(3.0)), frozen=False)
+        assert not isinstance(rest, str)
+        rates = rest.loop.derivative(rest.state, rest.signals)
+        terms = np.abs(np.concatenate([rest.state, rest.signals])).max()
+        assert np.abs(rates).max() < 1e-7 * max(1.0, terms) ** 3  # products of three: e, x, and what Gamma and P make of them
+        e = rest.loop.outputs(rest.state, rest.signals).e
+        assert np.abs(e).max() < 1e-6 * terms
+
+
+def test_the_step_is_where_a_mode_is_amplified(problems):
+    """Eigenvalues of central differences of the right-hand side, against the method's stability polynomial."""
+    problem = problems[2]
+    found = certify(problem, [Plain(8.0)], SIMULATION)["plain"].values["step_max"]
+    rest = rest_of(problem, ClosedLoop.of(problem, Plain(8.0)), frozen=False)
+    d = 1e-6
+    J = np.array([
+        rest.loop.derivative(rest.state + d * unit, rest.signals) - rest.loop.derivative(rest.state - d * unit, rest.signals)
+        for unit in np.eye(rest.loop.size)
+    ]).T / (2 * d)  # fmt: skip
+    modes = np.linalg.eigvals(J)
+    modes = modes[np.abs(modes) > 1e-6]  # the direction in which nothing moves
+    R = SIMULATION.solver.amplification
+    assert (np.abs(R(0.98 * found * modes)) < 1).all()
+    assert (np.abs(R(1.02 * found * modes)) > 1).any()
+
+
+def test_a_loop_without_estimates_is_its_linear_loop(problems):
+    """u = k_0 r - K x, by hand."""
+    plant, K = problems[2].plant, np.array([1.0, 1.5])
+    found = certify(problems[2], [Proportional(K)], SIMULATION)["proportional"]
+    hand = margins(StateSpace(plant.A_m + np.outer(plant.b, plant.theta), plant.b, K, 0.0))
+    for key, value in (("delay_margin", hand.delay), ("phase_margin", hand.phase), ("gain_margin", hand.gain_up)):
+        assert found.values[key] == (pytest.approx(value, rel=1e-9) if np.isfinite(value) else None)
+    assert "delay_margin_adapting" not in {entry.key for entry in found.entries}
+    (column,) = table_1(problems[2], [Proportional(K)], {"proportional": found}).columns
+    assert column.cells["estimates"].text == "it estimates nothing"
+    assert column.cells["margins"].kind == "exact"
+
+
+class OutputGain(Proportional):
+    feedback: ClassVar[str] = "output"
+
+    def bind(self, known):
+        return self
+
+    def control(self, state, y, y_m, r):
+        return self.K[0] * (r - y)
+
+
+def test_output_feedback():
+    """u = K (r - y): L = K G."""
+    G = TransferFunction([4.0], [1.0, 3.0, 3.0, 1.0])
+    problem = OutputProblem(
+        plant=OutputPlant(transfer_function=G),
+        reference_model=OutputReferenceModel(transfer_function=TransferFunction([1.0], [1.0, 1.0])),
+        reference=Sine(amplitude=1.0, frequency=1.0),
+    )
+    found = certify(problem, [OutputGain([1.2])], SIMULATION)["proportional"].values
+    hand = margins(TransferFunction([4.8], [1.0, 3.0, 3.0, 1.0]))
+    assert found["delay_margin"] == pytest.approx(hand.delay, rel=1e-8)
+    assert found["gain_margin"] == pytest.approx(hand.gain_up, rel=1e-8)
+
+
+def test_nothing_is_claimed_beside_what_was_computed(problems):
+    """The others' certificates are what they are without it."""
+    controllers = [Mrac(gamma=2.0), Plain(2.0)]
+    found = certify(problems[2], controllers, SIMULATION)
+    assert found["MRAC"] == certify(problems[2], controllers[:1], SIMULATION)["MRAC"]
+    plain = found["plain"]
+    assert not plain.guaranteed
+    bound = plain.entry("error_bound")
+    assert bound is not None and bound.kind == "does not apply" and bound.why == "none known"
+    column = table_1(problems[2], controllers, found).columns[1]
+    assert column.scheme == "Plain"
+    for key in ("stability", "tracking", "transient", "estimates", "modelling_error"):
+        assert column.cells[key].text == "none known" and not column.cells[key].applies
+
+
+def test_sampled_it_is_an_estimate(problems):
+    sampled = Sampled(controller=Plain(2.0), sample_time=0.05, discretization="euler")
+    found = certify(problems[2], [sampled], SIMULATION)["plain"]
+    assert {entry.kind for entry in found.entries} <= {"estimate", "advice", "does not apply"}
+    assert len(table_1(problems[2], [sampled], {"plain": found}).columns) == 1
+
+
+def test_known_parameters_have_a_certificate_too(problems):
+    """The package's own controller without a scheme's file: by hand, theta at rest."""
+    plant = problems[2].plant
+    found = certify(problems[2], [KnownParameters(theta=plant.theta)], SIMULATION)["Known parameters"].values
+    hand = margins(StateSpace(plant.A_m + np.outer(plant.b, plant.theta), plant.b, plant.theta, 0.0))
+    assert found["gain_margin"] == pytest.approx(hand.gain_up, rel=1e-9)
+
+
+class Winding(Proportional):
+    """An integrator of something that never rests."""
+
+    name = "winding"
+
+    def initial(self):
+        return PlainState(np.zeros(1))
+
+    def derivative(self, state, x, x_m, r, u):
+        return PlainState(1.0 + 0 * state.theta_hat)
+
+
+def test_where_nothing_rests_it_is_said(problems):
+    found = certify(problems[2], [Winding([1.0, 1.0])], SIMULATION)["winding"]
+    for key in ("delay_margin_adapting", "step_max"):
+        entry = found.entry(key)
+        assert entry is not None and "no state was found at which the loop rests" in entry.why
+    assert found.values["delay_margin"] is None or found.values["delay_margin"] > 0  # with its estimate frozen it does rest
+
+
+@pytest.mark.parametrize("controller", [Mrac(gamma=5.0), L1Adaptive(gamma=5.0, filter=input_filter(0.05))])
+def test_the_linear_loop_is_that_of_a_scheme_that_is_known(problems, controller):
+    """A predictor and a filter among the states: the whole frequency response."""
+    problem = problems[2]
+    loop = ClosedLoop.of(problem, controller)
+    rest = rest_of(problem, loop, frozen=False)
+    w = np.geomspace(1e-2, 1e2, 30)
+    other = around_equilibrium(loop, problem.commands[0].bound)
+    np.testing.assert_allclose(rest.broken(frozen=False).response(w), other.response(w), rtol=1e-8)

@@ -1,0 +1,219 @@
+"""Controllers from outside are tried before they run: what is wrong is said in a sentence, what is right is left alone."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import ClassVar, NamedTuple
+
+import numpy as np
+import pytest
+
+from barbalat import check_controller
+from barbalat.cases.load import bundled, load_case
+from barbalat.certificates.certify import certify
+from barbalat.controllers import RobustMrac, Sampled
+from barbalat.loop import binding
+from barbalat.loop.binding import bound
+from barbalat.loop.structure import comes_from_outside
+from barbalat.run.ensemble import simulate_ensemble
+from barbalat.run.simulate import simulate
+from barbalat.solvers.simulation import Simulation
+from barbalat.validate import InputError
+from foreign import WRONG, Bare, Plain, PlainEquations, Proportional, wrong
+from independent import example_controllers, refusal
+
+SIMULATION = Simulation(t_end=0.5, dt=1e-2)
+
+
+@pytest.mark.parametrize("name", WRONG)
+def test_what_is_wrong_is_named(problems, name):
+    """The same sentence wherever the controller is used: its class and name, the equation, a remedy."""
+    controller, equation, remedy = WRONG[name]
+    for use in (
+        lambda: check_controller(controller, problems[2]),
+        lambda: simulate(problems[2], [controller], SIMULATION),
+        lambda: certify(problems[2], [controller], SIMULATION),
+        lambda: simulate(problems[2], [Sampled(controller=controller, sample_time=0.1, discretization="euler")], SIMULATION),
+    ):
+        message = refusal(use)
+        assert "Wrong 'wrong'" in message or "Sampled 'wrong'" in message
+        assert f"WrongEquations.{equation}" in message
+        assert remedy in message
+
+
+def test_the_line_is_named(problems):
+    """As the interpreter would in a traceback, which stays at hand as the error's cause."""
+    with pytest.raises(InputError, match=r"line \d+ of foreign.py \(if x\[0\] > 0:\)") as caught:
+        check_controller(WRONG["if"][0], problems[2])
+    assert isinstance(caught.value.__cause__, RuntimeError)
+
+
+@pytest.mark.parametrize("make", [lambda: Plain(2.0), lambda: Bare(2.0), lambda: Proportional([1.0, 2.0])])
+def test_what_is_right_passes_and_keeps_its_bits(problems, monkeypatch, make):
+    check_controller(make(), problems[2])
+    checked = simulate(problems[2], [make()], SIMULATION)
+    monkeypatch.setattr(binding, "check_equations", lambda *_: None)
+    monkeypatch.setattr(binding, "_checked", set())
+    for name, result in simulate(problems[2], [make()], SIMULATION).items():
+        np.testing.assert_array_equal(result.states, checked[name].states)
+
+
+def test_a_plain_number_is_a_control(problems):
+    """No more than it says: u = 0."""
+    nothing = wrong(control=lambda self, s, x, x_m, r: 0.0)
+    check_controller(nothing, problems[2])
+    assert not simulate(problems[2], [nothing], SIMULATION)["wrong"].u.any()
+
+
+@pytest.mark.parametrize("n", [1, 2, 3])
+def test_every_scheme_of_the_package_passes(problems, n):
+    """Continuous and sampled: the check is skipped for them in runs, so here it is made."""
+    for examples in example_controllers(n).values():
+        for controller in examples:
+            forms = [
+                controller,
+                *(Sampled(controller=controller, sample_time=0.1, discretization=d) for d in ("euler", "midpoint")),
+            ]
+            for form in forms:
+                try:
+                    equations = bound(problems[n], form)
+                except InputError:  # no midpoint form
+                    assert form is forms[2]
+                    continue
+                assert not comes_from_outside(equations) and not comes_from_outside(form)
+                check_controller(form, problems[n])
+
+
+def test_every_controller_of_a_bundled_case_passes():
+    """Output feedback, several inputs, learning and modifications among them."""
+    for name in bundled():
+        case = load_case(name)
+        for controller in case.controllers:
+            check_controller(controller, case.problem)
+
+
+def test_once_for_a_structure(problems, monkeypatch):
+    """Not for each member of an ensemble; again for other shapes, and for other options."""
+    made = []
+    monkeypatch.setattr(binding, "_checked", set())
+    monkeypatch.setattr(binding, "check_equations", lambda equations, *_: made.append(equations))
+    simulate_ensemble([(problems[2], Plain(0.1 * k)) for k in range(1, 30)], SIMULATION)
+    assert len(made) == 1
+    bound(problems[3], Plain(1.0))
+    assert len(made) == 2
+
+    class Optional(Bare):
+        slow = False
+
+        def bind(self, known):
+            equations = super().bind(known)
+            equations.slow = self.slow
+            return equations
+
+    for expected in (3, 3, 4, 4):
+        controller = Optional(1.0)
+        controller.slow = expected > 3
+        bound(problems[2], controller)
+        assert len(made) == expected
+
+
+@dataclass(frozen=True, eq=False)
+class Rooted(PlainEquations):
+    def derivative(self, state, x, x_m, r, u):
+        return state._replace(theta_hat=math.sqrt(self.gamma) * ((x - x_m) @ self.P_b) * x)
+
+
+@dataclass(frozen=True)
+class RootedLaw(Plain):
+    def bind(self, known):
+        return Rooted(self.gamma, known.P @ known.b, known.k_0, known.n)
+
+
+def test_settings_that_vary_are_symbols_in_an_ensemble(problems):
+    """A number of the settings may go through math where it is one number; where it varies, it would be NaN."""
+    simulate(problems[2], [RootedLaw(4.0)], SIMULATION)
+    message = refusal(lambda: simulate_ensemble([(problems[2], RootedLaw(g)) for g in (1.0, 4.0)], SIMULATION))
+    assert "Rooted.derivative" in message and "NumPy" in message
+
+
+@dataclass(frozen=True)
+class StrangeLaw:
+    """A law that is wrong inside a scheme of the package."""
+
+    def initial(self, n):
+        return ()
+
+    def rates(self, theta_hat, memory, estimation, known_set):
+        return np.array([float(value) for value in theta_hat]), ()
+
+    def limit(self, memory):
+        return memory
+
+
+def test_a_law_from_outside_inside_a_scheme_of_the_package(problems):
+    assert "derivative" in refusal(lambda: simulate(problems[2], [RobustMrac(tau=0.2, law=StrangeLaw())], SIMULATION))
+
+
+class Kept(NamedTuple):
+    theta_hat: np.ndarray
+
+
+@dataclass(frozen=True)
+class OwnSampling:
+    """Acts at samples by itself."""
+
+    wrong: bool = False
+    sample_time: float = 0.1
+    name: str = "sampling"
+
+    def bind(self, known):
+        return self
+
+    def initial(self):
+        return Kept(np.zeros(1))
+
+    def control(self, state, x, x_m, r):
+        return r - state.theta_hat[0]
+
+    def advance(self, state, before, u, now):
+        return Kept(np.zeros(2)) if self.wrong else Kept(0.5 * state.theta_hat + before.x[:1] * u - now.r)
+
+
+def test_a_controller_that_samples_by_itself(problems):
+    check_controller(OwnSampling(), problems[2])
+    message = refusal(lambda: simulate(problems[2], [OwnSampling(wrong=True)], SIMULATION))
+    assert "OwnSampling.advance" in message and "(2,)" in message
+
+
+class Nothing:
+    name = "nothing"
+    bind: ClassVar = lambda self, known: 3.0
+
+
+class Failing:
+    name = "failing"
+
+    def bind(self, known):
+        return known.there_is_no_such_thing
+
+
+def test_what_bind_returns(problems):
+    message = refusal(lambda: check_controller(Nothing(), problems[2]))
+    assert "Nothing 'nothing'" in message and "initial, control, derivative, limit" in message
+    message = refusal(lambda: simulate(problems[2], [Failing()], SIMULATION))
+    assert "Failing 'failing': bind fails in line" in message and "there_is_no_such_thing" in message
+    partial = type("Partial", (Plain,), {"bind": lambda self, known: type("Half", (), {"initial": None, "control": None})()})(1.0)
+    assert "a Half without derivative, limit" in refusal(lambda: check_controller(partial, problems[2]))
+
+
+def test_what_is_no_controller(problems):
+    for use in (
+        lambda controller: check_controller(controller, problems[2]),
+        lambda controller: certify(problems[2], [controller], SIMULATION),
+        lambda controller: simulate(problems[2], [controller], SIMULATION),
+    ):
+        for controller in (3.0, Plain, None):
+            assert "must have a name and a method bind" in refusal(lambda use=use, c=controller: use(c))
+        assert "the name of a Plain" in refusal(lambda use=use: use(replace(Plain(1.0), name=7)))
+    assert "problem must be" in refusal(lambda: check_controller(Plain(1.0), "problem"))
