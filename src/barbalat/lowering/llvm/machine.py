@@ -14,7 +14,7 @@ import numpy as np
 from barbalat.lowering.llvm import ir
 from barbalat.lowering.operations import Program
 from barbalat.lowering.registers import few_waiting
-from barbalat.lowering.shape import ENTRY, TAPS, LoopShape
+from barbalat.lowering.shape import ENTRY, TAPS, LoopShape, require_count
 
 
 @cache
@@ -211,11 +211,12 @@ class Kernel:
 
 
 def _count(name: str, compiled: int | None, given: int | None) -> int:
-    """What is compiled in, or what a call gives: a divisor of 0 would end the process."""
+    """What is compiled in, or what a call gives."""
     if compiled is not None:
         if given not in (None, compiled):
             raise ValueError(f"{name} = {compiled} is compiled in, got {given}")
         return compiled
-    if given is None or given < 1:
-        raise ValueError(f"this kernel needs {name}, at least 1, with every call, got {given}")
+    if given is None:
+        raise ValueError(f"this kernel needs {name} with every call")
+    require_count(name, given, least=1)
     return given
