@@ -25,6 +25,7 @@ def require_controllers(controllers: Sequence[Any]) -> None:
     for controller in controllers:
         if not isinstance(controller, Controller) or isinstance(controller, type):
             raise InputError(f"a controller must have a name and a method bind, got {validate.show(controller)}")
+        validate.label("a controller's name", controller.name)
     names = [controller.name for controller in controllers]
     if twice := sorted({name for name in names if names.count(name) > 1}):
         raise InputError(f"every controller needs a name of its own, but {twice[0]!r} stands {names.count(twice[0])} times")
