@@ -58,7 +58,7 @@ def output_folder(path: Path) -> Iterator[Folder]:
         handle = _locked(path)
     except OSError as error:
         _remove_empty(made)
-        raise InputError(f"the output folder {str(path)!r} cannot be used: {error.strerror or error}") from None
+        raise InputError(f"the output folder {str(path)!r} cannot be used: {_reason(error)}") from None
     folder = Folder(path)
     try:
         yield folder
@@ -67,6 +67,15 @@ def output_folder(path: Path) -> Iterator[Folder]:
         if handle is not None:
             os.close(handle)
         _remove_empty(made)
+
+
+def _reason(error: OSError) -> str:
+    """In the words of the person who gave the folder: the system's are of the file that was tried."""
+    if isinstance(error, (FileExistsError, NotADirectoryError)):
+        return "it, or what it would be in, is a file"
+    if isinstance(error, FileNotFoundError):  # /proc
+        return "no files can be made there"
+    return error.strerror or str(error)
 
 
 def _locked(path: Path) -> int | None:
