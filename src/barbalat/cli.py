@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
+import io
 import os
 import sys
+import warnings
 from collections.abc import Sequence
 
 import barbalat
@@ -17,10 +20,22 @@ FAILED, BAD_INPUT, INTERRUPTED = 1, 2, 130
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command; returns the exit code: 0 done, 2 bad input, 1 anything else that went wrong."""
     options = _parser().parse_args(arguments)
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")  # a name in any script reaches a terminal of any encoding
     try:
-        return int(options.execute(options))
+        with warnings.catch_warnings():
+            if not sys.warnoptions:  # what overflows is said in the results, as what diverged or does not apply
+                warnings.simplefilter("ignore", RuntimeWarning)
+            done = int(options.execute(options))
+        sys.stdout.flush()
+        return done
     except BrokenPipeError:  # the reader, say ``head``, has seen enough
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        _close_standard_output()
+        return FAILED
+    except OSError as error:  # a full disk, a folder that went away
+        _close_standard_output()
+        say(f"barbalat: cannot write{f' {error.filename!r}' if error.filename else ''}: {error.strerror or error}")
         return FAILED
     except KeyboardInterrupt:
         say("interrupted")
@@ -32,6 +47,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
             raise
         say(f"barbalat: {error}")
         return BAD_INPUT
+
+
+def _close_standard_output() -> None:
+    """What is still waiting to be written there would fail once more, at the interpreter's end."""
+    with contextlib.suppress(OSError, ValueError):  # where it is no file, as under test
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _parser() -> argparse.ArgumentParser:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import unicodedata
 from typing import Annotated, Any, TypeAlias
 
 import numpy as np
@@ -116,11 +117,35 @@ def instance(field: str, value: Any, kind: type | tuple[type, ...]) -> None:
         raise InputError(f"{field} must be a {names}, got {show(value)}")
 
 
+UNSHOWABLE = ("Cc", "Cs", "Cn", "Zl", "Zp")
+"""Unicode's categories of control characters, halves of characters, what is none, and ends of lines: no XML holds them."""
+TURNING = ("LRE", "RLE", "LRO", "RLO", "PDF", "LRI", "RLI", "FSI", "PDI")
+"""Classes of the characters that turn the direction of what follows, beyond the name's own end."""
+
+
+def line(field: str, value: Any) -> str:
+    """Text that every page, picture and terminal can show on one line; it may be empty."""
+    if not isinstance(value, str):
+        raise InputError(f"{field} must be a text, got {show(value)}")
+    if any(map(_controls, value)):
+        raise InputError(f"{field} must be without control characters, got {value!a}")
+    return value
+
+
+def printable(text: str) -> str:
+    """A text with its control characters written out, so that they do nothing to a terminal."""
+    return "".join(ascii(c)[1:-1] if _controls(c) else c for c in text)
+
+
+def _controls(character: str) -> bool:
+    return unicodedata.category(character) in UNSHOWABLE or unicodedata.bidirectional(character) in TURNING
+
+
 def label(field: str, value: Any) -> str:
     """A name: text that is not empty."""
     if not isinstance(value, str) or not value:
         raise InputError(f"{field} must be a text that is not empty, got {show(value)}")
-    return value
+    return line(field, value)
 
 
 def freeze(part: Any, **values: Any) -> None:

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
+from pathlib import Path
+
 import casadi as ca
 import numpy as np
 import pytest
@@ -198,3 +202,33 @@ def test_two_runs_are_the_same_run(section_v):
     first, second = (simulate(section_v, [controller], simulation, threads=threads)["L1"] for threads in (1, 4))
     assert np.array_equal(first.theta_hat, second.theta_hat)
     assert first.figures == second.figures
+
+
+@pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="the memory is read where Linux shows it")
+def test_kernels_that_are_gone_leave_no_memory():
+    """llvmlite keeps what its passes have allocated, unless it is told: 0.1 MB each of these small ones."""
+    code = """
+import casadi as ca, gc, numpy as np
+from pathlib import Path
+from barbalat.lowering.llvm.machine import Kernel
+from barbalat.lowering.operations import read
+from barbalat.lowering.shape import LoopShape
+
+def compile(i):
+    x, nothing = ca.SX.sym("x", 4), ca.SX(0, 1)
+    step = ca.Function("step", [x, *[nothing] * 5], [x + 0.01 * ca.sin(ca.mtimes(np.full((4, 4), 1.0 + i), x)), nothing, nothing])
+    Kernel(read(step), LoopShape(4, 0, 0, 0), (), 1)
+
+def pages():
+    gc.collect()
+    return int(Path("/proc/self/statm").read_text().split()[1])
+
+for i in range(30):
+    compile(i)
+before = pages()
+for i in range(30, 130):
+    compile(i)
+print((pages() - before) * 4096 / 1e6)
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert float(done.stdout) < 2.5, "MB for a hundred kernels"

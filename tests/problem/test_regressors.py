@@ -18,6 +18,7 @@ from barbalat.linear.systems import TransferFunction, input_filter
 from barbalat.loop.packing import column, symbols
 from barbalat.problem.actuation import PlantInput
 from barbalat.problem.known_set import ParameterBox
+from barbalat.problem.output_plant import Nonlinearity
 from barbalat.problem.plant import Plant, ReferenceModel
 from barbalat.problem.regressors import GaussianRBF, Linear, Polynomial, Terms
 from barbalat.problem.state_feedback import Problem
@@ -65,6 +66,28 @@ def test_values_on_numbers_and_symbols(name):
 )  # fmt: skip
 def test_nothing_but_formulas(term):
     assert "plant.regressor.terms" in refusal(lambda: Terms(terms=(term,)))
+
+
+@pytest.mark.parametrize(
+    "term",
+    ["x1*(1/0)", "x1/0", "x1/(2-2)", "x1+(1e300)**2", "(0-1)**0.5*x1", "1e999*x1", f"x1+{'9' * 400}", "x1**1e999",
+     "sqrt(0-1)*x1", "exp(1000)", "x1 + exp(1000) - exp(1000)", "0**-1", "abs(0/0)"],
+)  # fmt: skip
+def test_constants_are_finite_real_numbers(term):
+    """Whatever x: one sentence that shows the part."""
+    for make in (lambda: Terms(terms=(term,)), lambda: Nonlinearity(term.replace("x1", "y"))):
+        assert len(refusal(make)) < 500
+
+
+@pytest.mark.parametrize("term", ["-" * 900 + "x1", "abs(" * 900 + "x1" + ")" * 900, "+".join(["x1"] * 5000), "1+" * 5000 + "x1"])
+def test_a_formula_too_deep_for_a_computer(term):
+    assert len(refusal(lambda: Terms(terms=(term,)))) < 500
+
+
+def test_a_long_sum_is_a_formula():
+    """300 levels deep, 300 x1; the folded constants are those of Python."""
+    phi = Terms(terms=("+".join(["x1"] * 300), "x1*(2**0.5/3-sin(1))"))
+    np.testing.assert_allclose(phi(np.array([2.0])), [600.0, 2 * (2**0.5 / 3 - np.sin(1.0))], rtol=1e-15)
 
 
 def test_refusals():

@@ -7,6 +7,7 @@ from barbalat.certificates.overview import Certified
 from barbalat.certificates.table_1 import Table
 from barbalat.claims.claim import Axis, Chart, Claim, Curve, Listing
 from barbalat.report import charts, page, plots, write
+from barbalat.report.files import Folder
 from barbalat.validate import InputError
 
 
@@ -59,7 +60,9 @@ def test_nonsense_is_refused():
 def test_page_and_files(tmp_path):
     listing = Listing("A table", ("controller", "Ms"), (("PI & co", "1.03"),))
     claim = Claim("an-id", "somewhere", "statement", "confirmed", "1", "how", (example(),), (listing,))
-    pictures = write.draw_maps(tmp_path, [claim])
+    folder = Folder(tmp_path)
+    pictures = write.draw_maps(folder, [claim])
+    folder.commit()
     assert (tmp_path / "map-sizes.png").stat().st_size > 1000
     html = page.reproduction([], [claim], {}, pictures, Certified({}, Table(())), {"total": 1.0})
     assert "error over size, for whole, ends early" in html

@@ -10,6 +10,7 @@ from barbalat.certificates.overview import Certified
 from barbalat.certificates.table_1 import Table
 from barbalat.claims.claim import Axis, Claim, Curve, Map
 from barbalat.report import maps, page, plots, write
+from barbalat.report.files import Folder
 from barbalat.validate import InputError
 
 
@@ -61,7 +62,9 @@ def test_a_map_with_every_run_lost_and_a_logarithmic_scale_can_be_drawn():
 
 def test_files_page_and_link(tmp_path):
     claim = Claim("some-claim", "Section V", "a statement", "confirmed", "1 s", "measured", (example(),))
-    pictures = write.draw_maps(tmp_path, [claim])
+    folder = Folder(tmp_path)
+    pictures = write.draw_maps(folder, [claim])
+    folder.commit()
     assert {path.name for path in tmp_path.iterdir()} == {"map-gain-step.png", "map-gain-step.svg"}
     text = page.reproduction([], [claim], {}, pictures, Certified({}, Table(())), {"total": 1.0})
     assert 'href="#map-gain-step"' in text

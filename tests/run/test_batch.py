@@ -17,6 +17,8 @@ from barbalat.problem.actuation import PlantInput
 from barbalat.problem.measurement import Noise, Sensor
 from barbalat.run.batch import Batch
 from barbalat.run.engine import run
+from barbalat.run.ensemble import simulate_ensemble
+from barbalat.run.simulate import simulate
 from barbalat.solvers.simulation import Simulation
 
 STEPS = (2.0**-7, 2.0**-8)
@@ -80,6 +82,35 @@ def test_a_count_is_given_where_it_is_open_and_nowhere_else():
         kernel = Kernel(step, LoopShape(1, 0, 0, 0, noise=1, noise_hold=hold), (), 1)
         with pytest.raises(ValueError, match="noise_hold"):
             kernel(1, 8, np.zeros(1), *arrays, noise=noise, noise_hold=given)
+
+
+@pytest.mark.parametrize("count", [2**63, 2**64 + 4096, 10**80, -1])
+@pytest.mark.parametrize("name", ["noise_hold", "sample_every"])
+def test_a_count_that_machine_code_would_cut_is_refused(name, count):
+    """2**64 + 4096 cut to 64 bits is 4096: rows of noise that nobody made would be read."""
+    with pytest.raises(ValueError, match=name):
+        LoopShape(1, 0, 0, 0, noise=1, **{name: count})
+    import casadi as ca
+
+    x, n, nothing = ca.SX.sym("x"), ca.SX.sym("n"), ca.SX(0, 1)
+    step = read(ca.Function("step", [x, nothing, nothing, nothing, nothing, n], [x + n, nothing, nothing]))
+    kernel = Kernel(step, LoopShape(1, 0, 0, 0, noise=1, noise_hold=None), (), 1)
+    with pytest.raises(ValueError, match="noise_hold"):
+        kernel(1, 8, np.zeros(1), np.zeros(0), np.zeros(0), np.empty((1, 1, 1)), noise=np.zeros(8), noise_hold=count)
+
+
+@pytest.mark.parametrize("time", [2.0**-7 * (2**63 + 4096), 2.0**-7 * (2**64 + 4096), 1e200, 4.5])
+def test_a_sample_time_beyond_the_run_is_refused(problems, time):
+    """Nothing would ever happen; 2**64 + 4096 steps cut to 64 bits would be 4096."""
+    simulation, controller = Simulation(t_end=4.0, dt=2.0**-7), Mrac(gamma=1.0)
+    noisy = replace(problems[2], sensor=Sensor(noise=Noise(std=0.1, sample_time=time)))
+    for problem, chosen in ((noisy, controller), (problems[2], Sampled(controller=controller, sample_time=time))):
+        for attempt in (
+            lambda p=problem, c=chosen: simulate(p, [c], simulation),
+            lambda p=problem, c=chosen: simulate_ensemble([(p, c)] * 2, simulation),
+        ):
+            with pytest.raises(InputError, match="sample_time must not exceed"):
+                attempt()
 
 
 def test_members_of_two_structures_are_refused(problems):

@@ -4,10 +4,11 @@ import numpy as np
 import pytest
 from scipy import signal as scipy_signal
 
-from barbalat.run.grid import evaluate, signal_table
+from barbalat.run.grid import signal_table
 from barbalat.signals import Chirp, Constant, Recorded, Sine, Sines, Square, Step, Steps
 from barbalat.solvers import EULER, HEUN, RK4
 from barbalat.solvers.simulation import Simulation
+from barbalat.validate import signal_values
 from independent import refusal
 
 T = np.linspace(0, 20, 401)
@@ -155,8 +156,8 @@ def test_a_signal_that_returns_no_real_numbers_is_refused(value):
     def signal(t):
         return value if isinstance(value, list) else np.full(t.shape, value)
 
-    assert "real numbers" in refusal(lambda: evaluate(signal, np.arange(3.0)))
-    assert evaluate(lambda t: t > 1, np.arange(3.0)).tolist() == [0.0, 0.0, 1.0]
+    assert "real numbers" in refusal(lambda: signal_values(signal, np.arange(3.0)))
+    assert signal_values(lambda t: t > 1, np.arange(3.0)).tolist() == [0.0, 0.0, 1.0]
 
 
 # --- recorded data ---

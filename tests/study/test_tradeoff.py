@@ -16,6 +16,7 @@ from barbalat.certificates.step_limits.oscillator import Oscillator
 from barbalat.controllers import Mrac
 from barbalat.problem.state_feedback import Known
 from barbalat.report import tradeoff, write
+from barbalat.report.files import Folder
 from barbalat.report.labels import Labels
 from barbalat.solvers import RK4
 from barbalat.solvers.simulation import Simulation
@@ -67,8 +68,11 @@ def test_trade_off_of_one_scheme_and_its_page(section_v, tmp_path):
     document = json.loads(write.as_json(tradeoff.as_document(found)))
     assert document["schemes"]["MRAC"]["tunings"] == [{"gamma": 1e-3}, {"gamma": 1e-1}]
     assert document["schemes"]["MRAC"]["onset"] == cloud.onset.tolist()
-    page = write.write_tradeoff(tmp_path, found)
-    assert "Tracking error against the delay" in page.read_text()
+    folder = Folder(tmp_path)
+    write.write_tradeoff(folder, found)
+    assert not [path for path in tmp_path.iterdir() if path.is_file()]  # nothing shows before all is there
+    folder.commit()
+    assert "Tracking error against the delay" in (tmp_path / "report.html").read_text()
     assert (tmp_path / "tradeoff.svg").stat().st_size > 1000
 
 

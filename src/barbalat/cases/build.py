@@ -18,7 +18,7 @@ from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller
 from barbalat.run import delay
-from barbalat.run.step import Rhythm
+from barbalat.run.step import Rhythm, whole_steps
 from barbalat.solvers.simulation import Simulation
 from barbalat.validate import InputError
 
@@ -119,16 +119,8 @@ def _assembled(problem: TrackingProblem, controllers: Sequence[Controller], simu
     if problem.delay > 0:
         delay.lag(problem.delay, simulation.dt)  # refuses a delay that this step can't carry
     if problem.noise is not None:
-        _within_the_run("sensor.noise.sample_time", problem.noise.sample_time, simulation)
+        whole_steps("sensor.noise.sample_time", problem.noise.sample_time, simulation)
     for controller in controllers:
-        if isinstance(controller, Sampled):
-            with within(controller.name):
-                _within_the_run("sample_time", controller.sample_time, simulation)
-        Rhythm.of(ClosedLoop.of(problem, controller), problem.noise, simulation.dt)  # likewise what happens between steps
+        with within(controller.name):
+            Rhythm.of(ClosedLoop.of(problem, controller), None, simulation)  # likewise what happens between steps
     return Case(problem, tuple(controllers), simulation)
-
-
-def _within_the_run(field: str, sample_time: float, simulation: Simulation) -> None:
-    """InputError for a sample time at which nothing would ever happen."""
-    if sample_time > simulation.t_end:
-        raise InputError(f"{field} must not exceed simulation.t_end = {simulation.t_end:g} s, got {sample_time:g} s")

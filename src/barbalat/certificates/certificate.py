@@ -5,8 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from barbalat.certificates.entry import Assumption, Entry, Kind, checked
+from barbalat.certificates.entry import Assumption, Entry, Kind, checked, of_finite_numbers
 from barbalat.certificates.quantities import QUANTITIES
+from barbalat.validate import InputError
 
 
 @dataclass(frozen=True)
@@ -19,6 +20,9 @@ class Certificate:
 
     entries: tuple[Entry, ...] = ()
     notes: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "entries", tuple(map(of_finite_numbers, self.entries)))
 
     def entry(self, key: str) -> Entry | None:
         """The entry of a key; None where the scheme has none."""
@@ -66,6 +70,14 @@ class Certificate:
 NUMBERS_ALONE = Assumption("it follows from the case's numbers alone")
 NO_VALUE: dict[Kind, str] = {"exact": "unlimited: nothing exhausts it", "estimate": "none is known", "advice": "none"}
 """Why there is no value, by kind."""
+
+
+def reason(error: Exception) -> str:
+    """Why something could not be computed, as part of a sentence."""
+    if isinstance(error, InputError):
+        return str(error)
+    said = str(error.args[-1]) if error.args else ""
+    return f"its computation fails on the numbers of this case ({': '.join(filter(None, (type(error).__name__, said)))})"
 
 
 @dataclass(eq=False)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from barbalat.certificates.certificate import Certificate
+from barbalat.certificates.certificate import Certificate, reason
 from barbalat.certificates.schemes import sampled, scheme_file, stranger
 from barbalat.certificates.schemes.state_feedback import beyond_the_paper
 from barbalat.controllers import Sampled
@@ -19,24 +19,35 @@ from barbalat.validate import InputError
 def certify(problem: TrackingProblem, controllers: Sequence[Controller], simulation: Simulation) -> dict[str, Certificate]:
     """Certificates by the controllers' names; nothing is simulated, the solver and its step are what is judged.
 
-    Of a class from outside the package what needs no proof is given; the rest is said to be unknown. Raises InputError for a
-    controller that does not fit the problem.
+    Of a class from outside the package what needs no proof is given; the rest is said to be unknown. A certificate whose
+    computation fails on the case's numbers has that as its finding. Raises InputError for a controller that does not fit the
+    problem.
     """
     require_controllers(controllers)
-    return {controller.name: _certificate(problem, controller, simulation) for controller in controllers}
+    return {controller.name: _computed(problem, controller, simulation) for controller in controllers}
 
 
 def certify_where_possible(
     problem: TrackingProblem, controllers: Sequence[Controller], simulation: Simulation
 ) -> dict[str, Certificate]:
-    """The same for a report: what can't be certified has the reason as its finding."""
+    """The same for a report: what can't be certified, for whatever reason, has the reason as its finding."""
     found = {}
     for controller in controllers:
         try:
-            found[controller.name] = _certificate(problem, controller, simulation)
-        except InputError as error:
-            found[controller.name] = Certificate(notes=(f"no certificate: {error}",))
+            found[controller.name] = _computed(problem, controller, simulation)
+        except Exception as error:  # noqa: BLE001 (a report of runs is not lost to a fault of ours)
+            found[controller.name] = Certificate(notes=(f"no certificate: {reason(error)}",))
     return found
+
+
+def _computed(problem: TrackingProblem, controller: Controller, simulation: Simulation) -> Certificate:
+    """Overflows, matrices that are singular or not finite, norms beyond the limit of precision are findings of the case."""
+    try:
+        return _certificate(problem, controller, simulation)
+    except InputError:
+        raise
+    except (ArithmeticError, ValueError) as error:  # NumPy's LinAlgError is a ValueError
+        return Certificate(notes=(f"no certificate: {reason(error)}",))
 
 
 def _certificate(problem: TrackingProblem, controller: Controller, simulation: Simulation) -> Certificate:

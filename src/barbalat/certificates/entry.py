@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+import math
+from dataclasses import asdict, dataclass, replace
 from typing import Any, Literal
 
 Kind = Literal["guaranteed", "exact", "estimate", "advice", "does not apply"]
@@ -51,6 +52,21 @@ class Entry:
         """All fields; ``of`` where a linear loop is named."""
         document = asdict(self) | {"assumptions": list(self.assumptions)}
         return document if self.of else {key: value for key, value in document.items() if key != "of"}
+
+
+def of_finite_numbers(entry: Entry) -> Entry:
+    """The entry; one whose value holds an infinity or no number at all claims nothing, and is strict JSON."""
+    if _finite(entry.value):
+        return entry
+    return replace(entry, value=None, kind="does not apply", why="with the numbers of this case it is beyond what a double holds")
+
+
+def _finite(part: Any) -> bool:
+    if isinstance(part, dict):
+        return all(map(_finite, part.values()))
+    if isinstance(part, (list, tuple)):
+        return all(map(_finite, part))
+    return not isinstance(part, float) or math.isfinite(part)
 
 
 def checked(key: str, value: Any, assumptions: tuple[Assumption, ...], *, unit: str = "", meaning: str = "") -> Entry:

@@ -10,8 +10,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from barbalat.certificates.cells import PROPERTIES, Column
-from barbalat.certificates.certificate import Certificate
+from barbalat.certificates.cells import PROPERTIES, Column, nothing
+from barbalat.certificates.certificate import Certificate, reason
 from barbalat.certificates.schemes import sampled, scheme_file, stranger
 from barbalat.controllers import Sampled
 from barbalat.problem.tracking import TrackingProblem
@@ -38,6 +38,9 @@ def _column(problem: TrackingProblem, controller: Controller, certificate: Certi
     continuous = controller.controller if isinstance(controller, Sampled) else controller
     scheme = scheme_file(continuous)
     column_of = stranger.column if scheme is None else scheme.column
-    name, cells = column_of(problem, continuous, certificate)
-    column = Column(controller.name, name, cells)
-    return sampled.column(problem, column, controller) if isinstance(controller, Sampled) else column
+    try:
+        name, cells = column_of(problem, continuous, certificate)
+        column = Column(controller.name, name, cells)
+        return sampled.column(problem, column, controller) if isinstance(controller, Sampled) else column
+    except Exception as error:  # noqa: BLE001 (one column; the others stand)
+        return Column(controller.name, type(continuous).__name__, {key: nothing(key, reason(error)) for key in PROPERTIES})

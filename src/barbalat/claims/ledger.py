@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import signal
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from contextlib import contextmanager
 from dataclasses import dataclass
-from multiprocessing import get_context
+from multiprocessing import active_children, get_context
+from threading import current_thread, main_thread
 from typing import TypeAlias
 
 from barbalat.claims import (
@@ -92,11 +94,32 @@ def under_way(processes: int, *, quick: bool = False) -> Iterator[UnderWay]:
     The program that calls this must be one that a new process may import: started by ``if __name__ == "__main__"``.
     """
     alone = [i for i in _chosen(quick) if not LEDGER[i].judges_runs]
+    others = active_children()
     pool = ProcessPoolExecutor(processes, mp_context=get_context("spawn"))
     try:
-        yield {i: pool.submit(_rows, i) for i in sorted(alone, key=lambda i: -LEDGER[i].seconds)}
+        with _deaf_children():
+            ahead = {i: pool.submit(_rows, i) for i in sorted(alone, key=lambda i: -LEDGER[i].seconds)}
+        yield ahead
+    except BaseException:
+        for child in active_children():
+            if child not in others:
+                child.terminate()  # nobody waits for what it measures
+        raise
     finally:
         pool.shutdown(cancel_futures=True)
+
+
+@contextmanager
+def _deaf_children() -> Iterator[None]:
+    """Processes that start meanwhile leave Ctrl-C, which a terminal sends to all, to this one: they would print tracebacks."""
+    if current_thread() is not main_thread():  # where signals can't be set, and none arrive
+        yield
+        return
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 def _rows(place: int) -> list[Claim]:

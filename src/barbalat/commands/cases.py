@@ -25,5 +25,5 @@ def execute(_: argparse.Namespace) -> int:
         case = load_case(name)
         schemes = ", ".join(controller.name for controller in case.controllers)
         order = len(case.problem.dynamics.x0)
-        console.print(f"{name:18} {case.name}: n = {order}; {schemes}")
+        console.print(f"{name:18} {case.name}: n = {order}; {schemes}", markup=False)
     return 0

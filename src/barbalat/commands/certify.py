@@ -6,6 +6,7 @@ import argparse
 from typing import TYPE_CHECKING
 
 from barbalat.commands.options import add_controllers
+from barbalat.commands.output import print_json
 from barbalat.commands.screen import progress_bar
 
 if TYPE_CHECKING:
@@ -56,7 +57,7 @@ def execute(options: argparse.Namespace) -> int:
             "controllers": {name: c.as_json() for name, c in certificates.items()},
             "table_1": table.as_json(),
         }
-        print(as_json(document))  # noqa: T201
+        print_json(as_json(document))
         return 0
     console = tables.console()
     for name, certificate in certificates.items():

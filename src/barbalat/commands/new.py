@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -15,7 +16,7 @@ if TYPE_CHECKING:
 def add(commands: Commands) -> None:
     """Register the command and its options."""
     parser = commands.add_parser("new", help="write a commented case file to start from")
-    parser.add_argument("file", type=Path, metavar="FILE")
+    parser.add_argument("file", metavar="FILE")
     parser.set_defaults(execute=execute)
 
 
@@ -23,12 +24,14 @@ def execute(options: argparse.Namespace) -> int:
     """Run the command; returns the exit code."""
     from importlib import resources
 
-    from barbalat.report.files import prepare_folder, write
+    from barbalat.report.files import output_folder
     from barbalat.validate import InputError
 
-    if options.file.exists():
-        raise InputError(f"{str(options.file)!r} exists already; choose another name")
-    prepare_folder(options.file.parent)
-    write(options.file, (resources.files("barbalat.cases") / "template.toml").read_bytes())
-    say(f"written: {options.file}; run it with: barbalat run {options.file}")
+    file = Path(options.file)
+    if not options.file or os.path.lexists(file):
+        raise InputError(f"{options.file!r} exists already; choose another name" if options.file else "FILE must not be empty")
+    with output_folder(file.parent) as folder:
+        folder.write(file.name, (resources.files("barbalat.cases") / "template.toml").read_bytes())
+        folder.commit()
+    say(f"written: {file}; run it with: barbalat run {file}")
     return 0

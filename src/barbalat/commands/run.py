@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from barbalat.commands.options import add_controllers
+from barbalat.commands.output import folder_of, print_json
 from barbalat.commands.screen import progress_bar, say
 
 if TYPE_CHECKING:
+    from barbalat.cases.build import Case
     from barbalat.commands import Commands
+    from barbalat.report.files import Folder
+    from barbalat.run.result import Result
 
 
 def add(commands: Commands) -> None:
@@ -20,7 +24,6 @@ def add(commands: Commands) -> None:
     add_controllers(parser)
     parser.add_argument(
         "--out",
-        type=Path,
         metavar="DIR",
         help="where pictures, page, JSON and trajectories go; default: barbalat-run, none with --json",
     )
@@ -32,17 +35,31 @@ def add(commands: Commands) -> None:
 def execute(options: argparse.Namespace) -> int:
     """Run the command; returns the exit code."""
     from barbalat.cases.load import load_case
+
+    case = load_case(options.case, options.controllers)
+    with folder_of(options.out, None if options.json or options.no_plots else "barbalat-run") as folder:
+        results = _simulated(case)
+        from barbalat.report import write
+
+        document = write.as_json(write.run_document(case.name, results, None))
+        if folder is not None:
+            folder.write(write.RUN, document)
+            write.write_trajectories(folder, results)
+            folder.commit(gone=write.files_of_run(folder.path))  # whatever becomes of the certificates, the runs are safe
+            if not options.no_plots:
+                document = _with_page(folder, case, results)
+        if options.json:
+            print_json(document)
+        else:
+            _show(results, folder)
+    return 0
+
+
+def _simulated(case: Case) -> list[Result]:
+    """All controllers, those that were numerically unstable also at a finer step."""
     from barbalat.run.check_numerics import check_numerics
     from barbalat.run.simulate import simulate
 
-    case = load_case(options.case, options.controllers)
-    folder = options.out
-    if folder is None and not options.json and not options.no_plots:
-        folder = Path("barbalat-run")
-    if folder is not None:
-        from barbalat.report.files import prepare_folder
-
-        prepare_folder(folder)
     with progress_bar("simulating") as progress:
         found = simulate(case.problem, case.controllers, case.simulation, progress=progress)
     labelled = [name for name, result in found.items() if result.label is not None]
@@ -50,34 +67,35 @@ def execute(options: argparse.Namespace) -> int:
         say(f"numerically unstable, repeated at a finer step: {', '.join(labelled)}")
         with progress_bar("checking the numerics") as progress:
             found = check_numerics(found, progress=progress)
-    results = list(found.values())
+    return list(found.values())
 
-    from barbalat.report import tables, write
-    from barbalat.report.files import write as write_file
 
-    certified = None
-    if folder is not None and not options.no_plots:
-        from barbalat.certificates.overview import certified_case
+def _with_page(folder: Folder, case: Case, results: Sequence[Result]) -> str:
+    """Certify and write the page; the JSON document with what was found."""
+    from barbalat.certificates.overview import certified_case
+    from barbalat.report import write
 
-        certified = certified_case(case.problem, case.controllers, case.simulation)
+    certified = certified_case(case.problem, case.controllers, case.simulation)
     document = write.as_json(write.run_document(case.name, results, certified))
-    if folder is not None:
-        write_file(folder / "run.json", document)
-        write.write_trajectories(folder, results)
-        if certified is not None:
-            write.write_comparison(folder, case.name, results, certified)
-    if options.json:
-        print(document)  # noqa: T201
-        return 0
+    folder.write(write.RUN, document)
+    write.write_comparison(folder, case.name, results, certified)
+    folder.commit()
+    return document
+
+
+def _show(results: Sequence[Result], folder: Folder | None) -> None:
+    from rich.markup import escape
+
+    from barbalat.report import tables
+
     console = tables.console()
     console.print(tables.figures_of_runs(results))
     for result in results:
-        console.print(f"{result.name}: {result.numerics}")
+        console.print(escape(f"{result.name}: {result.numerics}"))
     if any(result.adapting is not None for result in results):
         console.print(tables.adapting_of_runs(results))
     for result in results:
         for warning in () if result.adapting is None else result.adapting.warnings:
-            console.print(f"[yellow]{result.name}: {warning}[/yellow]")
+            console.print(f"[yellow]{escape(f'{result.name}: {warning}')}[/yellow]")
     if folder is not None:
-        console.print(f"written to {folder}")
-    return 0
+        console.print(escape(f"written to {folder.path}"))

@@ -27,4 +27,8 @@ def progress_bar(what: str) -> Iterator[Progress]:
 
 def say(text: str) -> None:
     """One line on standard error."""
+    if not text.isprintable():
+        from barbalat.validate import printable
+
+        text = printable(text)
     print(text, file=sys.stderr)  # noqa: T201

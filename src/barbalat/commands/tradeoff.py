@@ -5,20 +5,22 @@ from __future__ import annotations
 import argparse
 import time
 from dataclasses import replace
-from pathlib import Path
 from typing import TYPE_CHECKING
 
+from barbalat.commands.output import folder_of, print_json
 from barbalat.commands.screen import progress_bar, say
 
 if TYPE_CHECKING:
     from barbalat.commands import Commands
+    from barbalat.report.files import Folder
+    from barbalat.study.tradeoff import TradeOff
 
 
 def add(commands: Commands) -> None:
     """Register the command and its options."""
     parser = commands.add_parser("tradeoff", help="tracking error against delay margin: three schemes, all tunings")
     parser.add_argument("case", metavar="CASE", help="a case file, or a bundled case's name")
-    parser.add_argument("--out", type=Path, metavar="DIR", help="default: barbalat-tradeoff, none with --json")
+    parser.add_argument("--out", metavar="DIR", help="default: barbalat-tradeoff, none with --json")
     parser.add_argument(
         "--plants", type=int, default=4, metavar="N", help="the case's plant and N - 1 of its known set; default 4"
     )
@@ -44,39 +46,43 @@ def execute(options: argparse.Namespace) -> int:
         raise validate.InputError("the trade-off compares the state-feedback schemes; this case measures the output")
     validate.whole("--density", options.density, least=2)
     validate.whole("--plants", options.plants, least=1)
-    folder = options.out if options.out is not None or options.json else Path("barbalat-tradeoff")
-    if folder is not None:
-        from barbalat.report.files import prepare_folder
+    with folder_of(options.out, None if options.json else "barbalat-tradeoff") as folder:
+        with progress_bar("simulating") as progress:
+            found = trade_off(
+                case.problem,
+                case.simulation,
+                density=options.density,
+                plants=options.plants,
+                lost=Lost(share=options.share),
+                estimate=lambda seconds: say(f"expected: about {max(seconds, 1.0):.0f} s"),
+                progress=progress,
+            )
+        from barbalat.report import tradeoff, write
 
-        prepare_folder(folder)
-    with progress_bar("simulating") as progress:
-        found = trade_off(
-            case.problem,
-            case.simulation,
-            density=options.density,
-            plants=options.plants,
-            lost=Lost(share=options.share),
-            estimate=lambda seconds: say(f"expected: about {max(seconds, 1.0):.0f} s"),
-            progress=progress,
-        )
-
-    from barbalat.report import tables, tradeoff, write
-    from barbalat.report.files import write as write_file
-
-    found = replace(found, seconds=time.perf_counter() - started)
-    document = write.as_json(tradeoff.as_document(found))
-    if folder is not None:
-        write_file(folder / "tradeoff.json", document)
-        write.write_tradeoff(folder, found)
+        found = replace(found, seconds=time.perf_counter() - started)
+        document = write.as_json(tradeoff.as_document(found))
+        if folder is not None:
+            folder.write("tradeoff.json", document)
+            write.write_tradeoff(folder, found)
+            folder.commit()
     if options.json:
-        print(document)  # noqa: T201
-        return 0
+        print_json(document)
+    else:
+        seconds = time.perf_counter() - started
+        _show(
+            found, folder, f"{found.runs} simulations of {case.simulation.t_end:g} s; {seconds:.0f} s in all, pictures included"
+        )
+    return 0
+
+
+def _show(found: TradeOff, folder: Folder | None, effort: str) -> None:
+    from barbalat.report import tables, tradeoff
+
     console = tables.console()
     console.print(tables.tradeoff(tradeoff.at_equal_error(found, "plant"), [cloud.scheme for cloud in found.clouds]))
     console.print(tradeoff.ranking(found, "plant"))
     for sentence in found.notes:
         console.print(f"Note: {sentence}.", markup=False)
-    seconds = time.perf_counter() - started
-    console.print(f"{found.runs} simulations of {case.simulation.t_end:g} s; {seconds:.0f} s in all, pictures included")
-    console.print(f"written to {folder}")
-    return 0
+    console.print(effort)
+    if folder is not None:
+        console.print(f"written to {folder.path}", markup=False)

@@ -30,6 +30,21 @@ class LoopShape:
     sample_every: int | None = 0
     in_pieces: bool = False
 
+    def __post_init__(self) -> None:
+        for name, count, least in (("noise_hold", self.noise_hold, 1), ("sample_every", self.sample_every, 0)):
+            if count is not None:
+                require_count(name, count, least)
+
+
+MOST_STEPS = 2**63 - 1
+"""That a count of steps may have: machine code holds it in 64 bits with a sign, and neither LLVM nor ctypes says what is cut."""
+
+
+def require_count(name: str, count: int, least: int) -> None:
+    """ValueError for a count of steps that machine code can't hold, or that is too small: a divisor of 0 ends the process."""
+    if not least <= count <= MOST_STEPS:
+        raise ValueError(f"{name} must be from {least} to {MOST_STEPS}, got {count}")
+
 
 TAPS = 3
 """Remembered values handed to a step for each delayed channel."""

@@ -40,6 +40,10 @@ class Variables:
     shown: str
 
 
+DEEPEST = 400
+"""Levels of a formula: of Python's 1000 calls within calls, with as many again left to whoever asks for a value."""
+
+
 @dataclass(frozen=True, eq=False)
 class Formula:
     """What was parsed, and the variables in it."""
@@ -65,31 +69,72 @@ def _refusal(field: str, text: Any, variables: Variables, part: ast.AST | None =
 
 @cache
 def _parsed(field: str, text: str, variables: Variables) -> Formula:
-    names: set[str] = set()
-
-    def build(node: ast.expr) -> Evaluation:
-        match node:
-            case ast.Constant(value=int() | float() as value) if not isinstance(value, bool):
-                return lambda _: float(value)
-            case ast.Name(id=name) if re.fullmatch(variables.pattern, name):
-                names.add(name)
-                return lambda given: given[name]
-            case ast.UnaryOp(op=ast.USub(), operand=operand):
-                inner = build(operand)
-                return lambda given: -inner(given)
-            case ast.BinOp(left=left, op=op, right=right) if type(op) in _OPERATORS:
-                if isinstance(op, ast.Pow) and not isinstance(right, ast.Constant):
-                    raise _refusal(field, text, variables, node)
-                combine, a, b = _OPERATORS[type(op)], build(left), build(right)
-                return lambda given: combine(a(given), b(given))
-            case ast.Call(func=ast.Name(id=name), args=[argument], keywords=[]) if name in _FUNCTIONS:
-                function, inner = _FUNCTIONS[name], build(argument)
-                return lambda given: function(inner(given))
-        raise _refusal(field, text, variables, node)
-
     try:
         tree = ast.parse(text.strip(), mode="eval").body
     except (SyntaxError, ValueError, MemoryError, RecursionError):
         raise _refusal(field, text, variables) from None
-    evaluate = build(tree)
-    return Formula(frozenset(names), evaluate)
+    reader = _Reader(field, text, variables)
+    evaluate, _ = reader.read(tree, 0)
+    return Formula(frozenset(reader.names), evaluate)
+
+
+class _Reader:
+    """Reads the parts of one formula; ``names`` are the variables that were met."""
+
+    def __init__(self, field: str, text: str, variables: Variables) -> None:
+        self.field, self.text, self.variables = field, text, variables
+        self.names: set[str] = set()
+
+    def read(self, node: ast.expr, depth: int) -> tuple[Evaluation, bool]:
+        """A part as a function of the variables, and whether it is a constant, which must then be a finite real number."""
+        if depth > DEEPEST:
+            raise InputError(f"{self.field} must not be nested more than {DEEPEST} deep, got {validate.show(self.text)}")
+        evaluate, parts = self._combined(node, depth + 1)
+        if isinstance(node, ast.Name) or not all(constant for _, constant in parts):
+            self._require_divisor(node, parts)
+            return evaluate, False
+        value = _number(evaluate)
+        if value is None:
+            raise self._unusable(node, "is no finite real number: it divides by zero, is too large, or has no real value")
+        return (lambda _: value), True
+
+    def _combined(self, node: ast.expr, depth: int) -> tuple[Evaluation, list[tuple[Evaluation, bool]]]:
+        """How a part follows from its own parts, and these."""
+        match node:
+            case ast.Constant(value=int() | float() as value) if not isinstance(value, bool):
+                return (lambda _: float(value)), []
+            case ast.Name(id=name) if re.fullmatch(self.variables.pattern, name):
+                self.names.add(name)
+                return (lambda given: given[name]), []
+            case ast.UnaryOp(op=ast.USub(), operand=operand):
+                inner = self.read(operand, depth)
+                return (lambda given: -inner[0](given)), [inner]
+            case ast.BinOp(left=left, op=op, right=right) if type(op) in _OPERATORS:
+                if isinstance(op, ast.Pow) and not isinstance(right, ast.Constant):
+                    raise _refusal(self.field, self.text, self.variables, node)
+                combine, a, b = _OPERATORS[type(op)], self.read(left, depth), self.read(right, depth)
+                return (lambda given: combine(a[0](given), b[0](given))), [a, b]
+            case ast.Call(func=ast.Name(id=name), args=[argument], keywords=[]) if name in _FUNCTIONS:
+                function, inner = _FUNCTIONS[name], self.read(argument, depth)
+                return (lambda given: function(inner[0](given))), [inner]
+        raise _refusal(self.field, self.text, self.variables, node)
+
+    def _require_divisor(self, node: ast.expr, parts: list[tuple[Evaluation, bool]]) -> None:
+        if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Div):
+            divisor, constant = parts[1]
+            if constant and divisor({}) == 0:
+                raise self._unusable(node, "divides by zero")
+
+    def _unusable(self, node: ast.expr, why: str) -> InputError:
+        part = validate.show(ast.unparse(node))
+        return InputError(f"{self.field} must have a finite real value, got {validate.show(self.text)}, of which {part} {why}")
+
+
+def _number(evaluate: Evaluation) -> float | None:
+    """The value of a constant, where it is a finite real number."""
+    try:
+        with np.errstate(all="ignore"):
+            value = evaluate({})
+    except (ArithmeticError, ValueError):
+        return None
+    return None if isinstance(value, complex) or not np.isfinite(value) else float(value)

@@ -52,6 +52,7 @@ class OutputProblem(TrackingProblem):
     """The known set is the controller's: it depends on the parametrisation."""
 
     def __post_init__(self) -> None:
+        validate.line("name", self.name)
         validate.instance("plant", self.plant, OutputPlant)
         validate.instance("reference_model", self.reference_model, OutputReferenceModel)
         require_signal("reference", self.reference)

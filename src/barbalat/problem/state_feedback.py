@@ -93,6 +93,7 @@ class Problem(TrackingProblem):
     feedback: ClassVar[str] = "state"
 
     def __post_init__(self) -> None:
+        validate.line("name", self.name)
         validate.instance("plant", self.plant, Plant)
         validate.instance("reference_model", self.reference_model, ReferenceModel)
         if self.uncertainty is not None:

@@ -1,34 +1,102 @@
-"""Writing files so that nobody ever sees half of one: to a temporary name in the same folder, then renamed."""
+"""Writing files so that nobody ever sees half of one: under a temporary name in the same folder, then renamed, all at once."""
 
 from __future__ import annotations
 
+import contextlib
 import os
+import shutil
 import tempfile
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 from barbalat.validate import InputError
 
 
-def prepare_folder(folder: Path) -> Path:
-    """Create the folder if need be and see that files can be written in it; InputError if not."""
+class Folder:
+    """Where a command's files go. What is written shows with ``commit``, and not at all where that is never called."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self._staged: Path | None = None
+
+    def write(self, name: str, content: bytes | str) -> Path:
+        """Have a whole file ready, to replace one of the same name; returns where it will be."""
+        if self._staged is None:
+            self._staged = Path(tempfile.mkdtemp(dir=self.path, prefix=".barbalat-"))
+        (self._staged / name).write_bytes(content.encode() if isinstance(content, str) else content)
+        return self.path / name
+
+    def commit(self, gone: Iterable[str] = ()) -> None:
+        """Put what was written in its place; what is ``gone``, files of an earlier command, is removed first."""
+        if self._staged is None:
+            return
+        ready = sorted(self._staged.iterdir())
+        for name in set(gone) - {file.name for file in ready}:
+            (self.path / name).unlink(missing_ok=True)
+        for file in ready:
+            file.replace(self.path / file.name)
+        self.discard()
+
+    def discard(self) -> None:
+        """Forget what was written and not committed."""
+        if self._staged is not None:
+            shutil.rmtree(self._staged, ignore_errors=True)
+            self._staged = None
+
+
+@contextlib.contextmanager
+def output_folder(path: Path) -> Iterator[Folder]:
+    """The folder, made if need be, of this process alone while it is used; one that stayed empty goes again.
+
+    InputError where files can't be written in it, or where another process writes in it.
+    """
+    made = [folder for folder in (path, *path.parents) if not folder.exists()]
     try:
-        folder.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryFile(dir=folder):
-            return folder
+        path.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=path):
+            pass
+        handle = _locked(path)
     except OSError as error:
-        raise InputError(f"the output folder {str(folder)!r} cannot be used: {error.strerror or error}") from None
-
-
-def write(path: Path, content: bytes | str) -> Path:
-    """Write a whole file, replacing one of the same name."""
-    data = content.encode() if isinstance(content, str) else content
-    handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+        _remove_empty(made)
+        raise InputError(f"the output folder {str(path)!r} cannot be used: {_reason(error)}") from None
+    folder = Folder(path)
     try:
-        with os.fdopen(handle, "wb") as file:
-            file.write(data)
-        Path(temporary).chmod(0o644)
-        Path(temporary).replace(path)
-    except BaseException:
-        Path(temporary).unlink(missing_ok=True)
-        raise
-    return path
+        yield folder
+    finally:
+        folder.discard()
+        if handle is not None:
+            os.close(handle)
+        _remove_empty(made)
+
+
+def _reason(error: OSError) -> str:
+    """In the words of the person who gave the folder: the system's are of the file that was tried."""
+    if isinstance(error, (FileExistsError, NotADirectoryError)):
+        return "it, or what it would be in, is a file"
+    if isinstance(error, FileNotFoundError):  # /proc
+        return "no files can be made there"
+    return error.strerror or str(error)
+
+
+def _locked(path: Path) -> int | None:
+    """A handle that holds the folder until it is closed, or the process ends in whatever way; None where there are no locks."""
+    try:
+        import fcntl
+    except ImportError:  # Windows
+        return None
+    handle = os.open(path, os.O_RDONLY)
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        os.close(handle)
+        raise InputError(f"the output folder {str(path)!r} is in use by another run; choose another one") from None
+    except OSError:  # some network file systems have no locks
+        os.close(handle)
+        return None
+    return handle
+
+
+def _remove_empty(folders: list[Path]) -> None:
+    for folder in folders:
+        with contextlib.suppress(OSError):  # it is not empty, and then none above it is
+            folder.rmdir()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import warnings
 from collections.abc import Sequence
 
 import numpy as np
@@ -16,6 +17,8 @@ from barbalat.validate import Array
 # Okabe and Ito's palette: told apart by colour-blind readers and on a grey print
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 DASHES = ("-", "--", ":", "-.")
+LONGEST_LABEL = 40
+"""Characters of a name in a picture: beside the axes of a run's row there is room for no more."""
 
 
 def error_and_estimates(result: Result) -> Figure:
@@ -47,10 +50,11 @@ def comparison(results: Sequence[Result]) -> Figure:
     for k, result in enumerate(results):
         envelope = result.envelope
         largest = np.maximum(np.abs(envelope.e_min), np.abs(envelope.e_max)).max(axis=1)
-        left.semilogy(result.t[:-1], np.maximum(largest, 1e-16), color=COLOURS[k % 6], linewidth=1, label=result.name)
+        name = shown(result.name)
+        left.semilogy(result.t[:-1], np.maximum(largest, 1e-16), color=COLOURS[k % 6], linewidth=1, label=name)
         u = result.u.reshape(len(result.t), -1)
         for j in range(u.shape[1]):
-            label = result.name if u.shape[1] == 1 else f"{result.name}, $u_{j + 1}$"
+            label = name if u.shape[1] == 1 else f"{name}, $u_{j + 1}$"
             _line(right, result.t, u[:, j], (envelope.u_min[:, j], envelope.u_max[:, j]), COLOURS[k % 6], label, DASHES[j % 4])
     bounded = [np.abs(result.u).max() for result in results if result.diverged_at is None and result.u.size]
     if bounded and len(bounded) < len(results):
@@ -62,7 +66,7 @@ def comparison(results: Sequence[Result]) -> Figure:
         error = figure.add_subplot(grid[k + 1, 0] if result.theta_hat.shape[1] else grid[k + 1, :])
         if result.diverged_at is not None:  # the burst would hide what led to it
             error.set_yscale("symlog", linthresh=1.0)
-        error.set_ylabel(f"{result.name}\n$e$")
+        error.set_ylabel(f"{shown(result.name)}\n$e$")
         axes.append(error)
         envelope = result.envelope
         for i in range(result.e.shape[1]):
@@ -83,16 +87,24 @@ def comparison(results: Sequence[Result]) -> Figure:
     return figure
 
 
+def shown(name: str) -> str:
+    """A name as Matplotlib shows it as it is: no mathematics, no label that legends leave out, none that pushes the axes away."""
+    short = name if len(name) <= LONGEST_LABEL else name[: LONGEST_LABEL - 1] + "…"
+    return ("\u200b" if short.startswith("_") else "") + short.replace("$", r"\$")
+
+
 def render(figure: Figure, kind: str) -> bytes:
     """The figure as PNG or SVG; the same input gives the same bytes."""
-    buffer = io.BytesIO()
-    if kind == "svg":
-        import matplotlib as mpl
+    import matplotlib as mpl
 
-        with mpl.rc_context({"svg.hashsalt": "barbalat", "svg.fonttype": "path"}):
-            figure.savefig(buffer, format="svg", metadata={"Date": None})
-    else:
-        figure.savefig(buffer, format=kind, dpi=150, metadata={"Software": None})
+    buffer = io.BytesIO()
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message=r"Glyph \d+")  # where the font lacks a script, names are boxes
+        if kind == "svg":
+            with mpl.rc_context({"svg.hashsalt": "barbalat", "svg.fonttype": "path"}):
+                figure.savefig(buffer, format="svg", metadata={"Date": None})
+        else:
+            figure.savefig(buffer, format=kind, dpi=150, metadata={"Software": None})
     return buffer.getvalue()
 
 

@@ -37,7 +37,7 @@ def figures_of_runs(results: Sequence[Result]) -> Table:
     for result in results:
         if result.diverged_at is not None:
             table.add_row(
-                result.name,
+                escape(result.name),
                 f"[red]diverged at t = {result.diverged_at:.6g} s[/red]",
                 *[""] * 5,
                 f"{result.stiffness.h_lambda_max:.3g}",
@@ -46,7 +46,10 @@ def figures_of_runs(results: Sequence[Result]) -> Table:
         f = result.figures
         names = ("max_abs_e", "rms_e", "tail_max_abs_e", "max_abs_u", "theta_hat_final", "theta_hat_variation_rate")
         table.add_row(
-            result.name, *(number_text(f[name], "\n") for name in names), f"{result.stiffness.h_lambda_max:.3g}", end_section=True
+            escape(result.name),
+            *(number_text(f[name], "\n") for name in names),
+            f"{result.stiffness.h_lambda_max:.3g}",
+            end_section=True,
         )
     return table
 
@@ -60,7 +63,7 @@ def adapting_of_runs(results: Sequence[Result]) -> Table:
         if result.adapting is not None:
             found = result.adapting
             moved = (number_text(value.tolist(), "\n") for value in (found.net, found.path, found.tail_path))
-            table.add_row(result.name, *moved, found.on_bounds_text, found.excitation_text, end_section=True)
+            table.add_row(escape(result.name), *moved, found.on_bounds_text, found.excitation_text, end_section=True)
     return table
 
 

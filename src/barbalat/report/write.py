@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import json
+import math
 import re
 from collections.abc import Sequence
 from pathlib import Path
@@ -17,14 +18,27 @@ from barbalat.claims.claim import Claim, Map, PaperFigure
 from barbalat.controllers.output.l1 import L1Output
 from barbalat.problem.output_feedback import OutputProblem
 from barbalat.report import charts, diagrams, maps, page, plots, tradeoff
-from barbalat.report.files import write
+from barbalat.report.files import Folder
 from barbalat.run.result import Result
 from barbalat.study.tradeoff import TradeOff
 
+RUN, PAGE, PICTURE = "run.json", "report.html", "comparison"
+"""Names of files; of the picture without its two suffixes."""
+LONGEST_NAME = 80
+"""Characters of a controller's name in a file's; file systems take 255 bytes, and people read fewer."""
+
 
 def as_json(document: dict[str, Any]) -> str:
-    """JSON text; a NaN or an infinity in it would be an error of ours and is refused."""
-    return json.dumps(document, indent=2, allow_nan=False, ensure_ascii=False)
+    """JSON text, with null for what has no finite value."""
+    return json.dumps(_finite(document), indent=2, allow_nan=False, ensure_ascii=False)
+
+
+def _finite(part: Any) -> Any:
+    if isinstance(part, dict):
+        return {key: _finite(value) for key, value in part.items()}
+    if isinstance(part, (list, tuple)):
+        return [_finite(value) for value in part]
+    return None if isinstance(part, float) and not math.isfinite(part) else part
 
 
 def reproduction_document(
@@ -65,7 +79,7 @@ def run_block(result: Result) -> dict[str, Any]:
     }
 
 
-def draw_reproduction(folder: Path, figures: Sequence[PaperFigure]) -> dict[str, page.Picture]:
+def draw_reproduction(folder: Folder, figures: Sequence[PaperFigure]) -> dict[str, page.Picture]:
     """Draw every figure into the folder."""
     pictures = {}
     for figure in figures:
@@ -74,7 +88,7 @@ def draw_reproduction(folder: Path, figures: Sequence[PaperFigure]) -> dict[str,
     return pictures
 
 
-def draw_maps(folder: Path, claims: Sequence[Claim]) -> dict[str, page.Picture]:
+def draw_maps(folder: Folder, claims: Sequence[Claim]) -> dict[str, page.Picture]:
     """Draw every map and chart of the claims into the folder; pictures by their keys."""
     return {
         shown.key: _draw(folder, f"map-{shown.key}", maps.draw(shown) if isinstance(shown, Map) else charts.draw(shown))
@@ -83,47 +97,69 @@ def draw_maps(folder: Path, claims: Sequence[Claim]) -> dict[str, page.Picture]:
     }
 
 
-def write_comparison(folder: Path, case: str, results: Sequence[Result], certified: Certified) -> list[Path]:
+def write_comparison(folder: Folder, case: str, results: Sequence[Result], certified: Certified) -> None:
     """The picture of the runs, a block diagram for each L1 output-feedback controller, and the page."""
-    picture = _draw(folder, "comparison", plots.comparison(results))
-    drawn_diagrams = [_diagram(folder, r) for r in results if isinstance(r.controller, L1Output)]
-    page_file = write(folder / "report.html", page.comparison(case, results, certified, picture, drawn_diagrams))
-    drawn = [folder / f"{shown.name}.{kind}" for shown in (picture, *drawn_diagrams) for kind in ("png", "svg")]
-    return [*drawn, page_file]
+    picture = _draw(folder, PICTURE, plots.comparison(results))
+    names = _diagram_names([result.name for result in results])
+    drawn = [_diagram(folder, *pair) for pair in zip(names, results, strict=True) if isinstance(pair[1].controller, L1Output)]
+    folder.write(PAGE, page.comparison(case, results, certified, picture, drawn))
 
 
-def _diagram(folder: Path, result: Result) -> page.Picture:
+def _diagram(folder: Folder, name: str, result: Result) -> page.Picture:
     assert isinstance(result.controller, L1Output) and isinstance(result.problem, OutputProblem)
-    drawing = diagrams.l1_output(result.controller, result.problem.plant)
-    return _draw(folder, f"diagram-{_file_name(result.name)}", drawing)
+    return _draw(folder, name, diagrams.l1_output(result.controller, result.problem.plant))
 
 
-def write_tradeoff(folder: Path, found: TradeOff) -> Path:
+def files_of_run(folder: Path) -> set[str]:
+    """What ``barbalat run`` may have left in a folder, by the ``run.json`` that lies there; nothing where none does."""
+    try:
+        names = [str(name) for name in json.loads((folder / RUN).read_bytes())["controllers"]]
+    except (OSError, ValueError, LookupError, TypeError):
+        return set()
+    drawn = {f"{name}.{kind}" for name in (PICTURE, *_diagram_names(names)) for kind in ("png", "svg")}
+    return {RUN, PAGE, *_table_names(names)} | drawn
+
+
+def write_tradeoff(folder: Folder, found: TradeOff) -> None:
     """Picture and page of a trade-off."""
     picture = _draw(folder, "tradeoff", tradeoff.draw(found))
-    return write(folder / "report.html", page.trade_off(found, picture))
+    folder.write(PAGE, page.trade_off(found, picture))
 
 
-def write_trajectories(folder: Path, results: Sequence[Result]) -> list[Path]:
+def write_trajectories(folder: Folder, results: Sequence[Result]) -> None:
     """One CSV for each controller, the recorded instants as rows."""
-    written = []
-    for i, result in enumerate(results, start=1):
+    for name, result in zip(_table_names([result.name for result in results]), results, strict=True):
         buffer = io.StringIO()
         columns = {"t": result.t} | result.columns()
         writer = csv.writer(buffer, lineterminator="\n")
         writer.writerow(columns)
         writer.writerows(zip(*(column.tolist() for column in columns.values()), strict=True))
-        written.append(write(folder / f"{i}-{_file_name(result.name)}.csv", buffer.getvalue()))
-    return written
+        folder.write(name, buffer.getvalue())
 
 
-def _draw(folder: Path, name: str, drawing: Figure) -> page.Picture:
+def _draw(folder: Folder, name: str, drawing: Figure) -> page.Picture:
     png = plots.render(drawing, "png")
     drawing.set_layout_engine("none")  # what the first rendering has laid out stays where it is
-    write(folder / f"{name}.png", png)
-    write(folder / f"{name}.svg", plots.render(drawing, "svg"))
+    folder.write(f"{name}.png", png)
+    folder.write(f"{name}.svg", plots.render(drawing, "svg"))
     return page.Picture(name, png)
 
 
+def _table_names(names: Sequence[str]) -> list[str]:
+    """Of the controllers' CSVs; the number makes them different."""
+    return [f"{i}-{_file_name(name)}.csv" for i, name in enumerate(names, start=1)]
+
+
+def _diagram_names(names: Sequence[str]) -> list[str]:
+    """For each controller one of its own."""
+    chosen: list[str] = []
+    for name in names:
+        plain = f"diagram-{_file_name(name)}"
+        numbered = (f"{plain}-{i}" for i in range(2, len(names) + 1))
+        chosen.append(next(new for new in (plain, *numbered) if new not in chosen))
+    return chosen
+
+
 def _file_name(name: str) -> str:
-    return re.sub(r"[^A-Za-z0-9]+", "-", name).strip("-").lower() or "controller"
+    """What of a name every file system takes."""
+    return re.sub(r"[^A-Za-z0-9]+", "-", name)[:LONGEST_NAME].strip("-").lower() or "controller"

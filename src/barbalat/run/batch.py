@@ -99,7 +99,7 @@ class Batch:
         problems = [problem for problem, _ in members]
         loops = [ClosedLoop.of(problem, controller, simulation.dt) for problem, controller in members]
         first = loops[0]
-        rhythm = _rhythm_of(loops, problems, simulation.dt)
+        rhythm = _rhythm_of(loops, problems, simulation)
         weights = lags = history = None
         if first.delayed:
             weights = [delay.weights(problem.delay, simulation.dt, simulation.solver) for problem in problems]
@@ -187,14 +187,14 @@ class Batch:
         return replace(group, state=state[:, None].copy(), past=past, recorded=[])
 
 
-def _rhythm_of(loops: Sequence[ClosedLoop], problems: Sequence[TrackingProblem], dt: float) -> Rhythm:
+def _rhythm_of(loops: Sequence[ClosedLoop], problems: Sequence[TrackingProblem], simulation: Simulation) -> Rhythm:
     """The one rhythm of all members; InputError where they have several, or where one does not fit the step."""
     noise_times = [None if problem.noise is None else problem.noise.sample_time for problem in problems]
     sample_times = [loop.sample_time for loop in loops]
     for what, times in (("the noise's sample time", noise_times), ("the controller's sample time", sample_times)):
         if any(time != times[0] for time in times):
             raise InputError(f"all members must share {what}")
-    return Rhythm.of(loops[0], problems[0].noise, dt)
+    return Rhythm.of(loops[0], problems[0].noise, simulation)
 
 
 @dataclass(eq=False)

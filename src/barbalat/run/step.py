@@ -21,6 +21,7 @@ from barbalat.run.delay import PER_INPUT
 from barbalat.run.grid import WHOLE_STEP, Piece
 from barbalat.run.metrics import Accumulators
 from barbalat.solvers import Tableau
+from barbalat.solvers.simulation import Simulation
 from barbalat.validate import InputError
 
 if TYPE_CHECKING:
@@ -62,16 +63,20 @@ class Rhythm:
     noise_hold: int = 1
 
     @classmethod
-    def of(cls, loop: ClosedLoop, noise: Noise | None, dt: float) -> Rhythm:
-        """InputError where a time is not a whole number of steps."""
+    def of(cls, loop: ClosedLoop, noise: Noise | None, simulation: Simulation) -> Rhythm:
+        """InputError where a time is not a whole number of steps, or is longer than the run."""
         sample_time = loop.sample_time
         return cls(
-            0 if sample_time is None else _whole_steps("sample_time", sample_time, dt),
-            1 if noise is None else _whole_steps("sensor.noise.sample_time", noise.sample_time, dt),
+            0 if sample_time is None else whole_steps("sample_time", sample_time, simulation),
+            1 if noise is None else whole_steps("sensor.noise.sample_time", noise.sample_time, simulation),
         )
 
 
-def _whole_steps(field: str, time: float, dt: float) -> int:
+def whole_steps(field: str, time: float, simulation: Simulation) -> int:
+    """How many a sample time has; InputError for part of one, and for one so long that nothing would ever happen."""
+    dt = simulation.dt
+    if time > simulation.t_end:
+        raise InputError(f"{field} must not exceed simulation.t_end = {simulation.t_end:g} s, got {time:g} s")
     steps = round(time / dt)
     if steps < 1 or abs(steps * dt - time) > 1e-9 * time:
         raise InputError(f"{field} must be a whole number of solver steps, got {time:g} s at dt = {dt:g} s")

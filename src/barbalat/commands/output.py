@@ -1,0 +1,39 @@
+"""Where the commands' results go: a folder, and standard output."""
+
+from __future__ import annotations
+
+import contextlib
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from barbalat.report.files import Folder
+
+
+@contextlib.contextmanager
+def folder_of(given: str | None, default: str | None) -> Iterator[Folder | None]:
+    """The folder that ``--out`` names, ``default`` where it is not given; None for neither."""
+    from barbalat.report.files import output_folder
+    from barbalat.validate import InputError
+
+    if given == "":
+        raise InputError("--out must name a folder, got ''; the current one is '.'")
+    name = default if given is None else given
+    if name is None:
+        yield None
+        return
+    with output_folder(Path(name)) as folder:
+        yield folder
+
+
+def print_json(text: str) -> None:
+    """A JSON document on standard output, with escapes for what its encoding does not have."""
+    import json
+
+    try:
+        text.encode(sys.stdout.encoding or "utf-8")
+    except UnicodeEncodeError:
+        text = json.dumps(json.loads(text), indent=2)
+    print(text)  # noqa: T201

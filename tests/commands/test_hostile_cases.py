@@ -1,0 +1,145 @@
+"""Cases that once ended in a traceback, an endless loop or a crash: every command does its work or says one sentence."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from barbalat.cases.load import load_case
+from barbalat.certificates.certify import certify, certify_where_possible
+from barbalat.certificates.schemes import l1, mrac
+from barbalat.certificates.table_1 import table_1
+from barbalat.cli import main
+
+HOSTILE = sorted((Path(__file__).parents[1] / "cases" / "hostile").glob("*.toml"))
+REFUSED = {
+    "fuzz-1244": "must not exceed simulation.t_end",
+    "fuzz-20468": "must not exceed simulation.t_end",
+    "name-ctrl": "control characters",
+    "name-uni": "control characters",
+    "formula-div0": "divides by zero",
+    "formula-overflow": "is too large",
+}
+"""What can mean nothing, and a few words of the sentence; all others run."""
+
+
+def refuse(constant):
+    raise AssertionError(f"{constant} is no JSON")
+
+
+def strict(text):
+    return json.loads(text, parse_constant=refuse)
+
+
+@pytest.mark.parametrize("case", HOSTILE, ids=lambda path: path.stem)
+def test_every_command_ends_well(case, tmp_path, capsys):
+    out = tmp_path / "out"
+    for arguments in (["certify", str(case), "--json"], ["run", str(case), "--out", str(out), "--json"], ["certify", str(case)]):
+        code = main(arguments)
+        captured = capsys.readouterr()
+        if case.stem in REFUSED:
+            assert code == 2 and captured.out == "" and not out.exists()
+            assert REFUSED[case.stem] in captured.err
+            assert len(captured.err.splitlines()) == 1 and captured.err.rstrip("\n").isprintable()
+        else:
+            assert code == 0
+            assert "--json" not in arguments or strict(captured.out)["controllers"]
+    if case.stem not in REFUSED:
+        assert strict((out / "run.json").read_text())["certificates"]
+
+
+def test_every_entry_that_claims_something_is_finite(tmp_path):
+    """fuzz-1401: some bounds overflow; those say so, and all others stand."""
+    case = load_case(next(path for path in HOSTILE if path.stem == "fuzz-1401"))
+    with pytest.warns(RuntimeWarning):
+        (found,) = certify(case.problem, case.controllers, case.simulation).values()
+    beyond = {entry.key for entry in found.entries if "beyond what a double holds" in entry.why}
+    assert beyond == {"initial_parameter_error"} and not beyond & set(found.values) and found.values["tau_below"] == 10.0
+
+
+@pytest.mark.short(kept=lambda error: isinstance(error, KeyError))
+@pytest.mark.parametrize(
+    "error", [KeyError("error_bound"), OverflowError(34, "out of range"), RecursionError("deep"), AssertionError()]
+)
+def test_a_certificate_that_fails_loses_no_run(error, tmp_path, monkeypatch, capsys):
+    """Whatever the reason, it is a finding beside the others' certificates."""
+
+    def failing(*_):
+        raise error
+
+    monkeypatch.setattr(mrac, "certificate", failing)
+    monkeypatch.setattr(l1, "column", failing)
+    case, out = HOSTILE[0].parent / "name-markup.toml", tmp_path / "out"
+    assert main(["run", str(case), "--out", str(out)]) == 0
+    document = strict((out / "run.json").read_text())
+    (finding,) = document["certificates"]["[/b]"]["findings"]
+    assert finding.startswith("no certificate: ") and type(error).__name__ in finding
+    assert type(error).__name__ in (out / "report.html").read_text()
+    loaded = load_case("paper")
+    certificates = certify_where_possible(loaded.problem, loaded.controllers, loaded.simulation)
+    columns = {column.name: column for column in table_1(loaded.problem, loaded.controllers, certificates).columns}
+    assert "tracking error" in columns["Robust MRAC"].cells["tracking"].text or columns["Robust MRAC"].cells["tracking"].applies
+    assert all(type(error).__name__ in cell.why for cell in columns["L1"].cells.values())
+
+
+def test_the_simulation_is_written_before_anything_is_certified(tmp_path, monkeypatch):
+    from barbalat.certificates import overview
+
+    def interrupted(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(overview, "certify_where_possible", interrupted)
+    out = tmp_path / "out"
+    assert main(["run", str(HOSTILE[0].parent / "name-markup.toml"), "--out", str(out)]) == 130
+    assert {path.name for path in out.iterdir()} == {"run.json", "1-b.csv", "2-red-x.csv", "3-bold.csv", "4-link-http-x-y.csv"}
+    assert strict((out / "run.json").read_text())["controllers"]
+
+
+def test_names_are_shown_as_they_are(tmp_path, capsys):
+    """Markup, mathematics and underscores are letters like others; files of long names are short, of two names two."""
+    for case in ("name-markup", "name-math", "name-long", "name-two-diagrams"):
+        out = tmp_path / case
+        assert main(["run", str(HOSTILE[0].parent / f"{case}.toml"), "--out", str(out)]) == 0
+        assert max(len(path.name) for path in out.iterdir()) < 100
+        assert (out / "comparison.svg").read_text().endswith("</svg>\n")
+    assert len({path.read_bytes() for path in (tmp_path / "name-two-diagrams").glob("diagram-*.svg")}) == 2
+    shown = capsys.readouterr().out
+    for name in ("[/b]", "[red]x", "[bold", r"$\frac{$", "_hidden"):
+        assert name in shown
+    assert main(["certify", str(HOSTILE[0].parent / "name-markup.toml")]) == 0
+    assert "[link=http://x]y" in capsys.readouterr().out
+
+
+def test_legends_show_every_name():
+    import matplotlib.figure
+
+    from barbalat.report.plots import shown
+
+    axes = matplotlib.figure.Figure().subplots()
+    names = [r"$\frac{$", "_hidden", "a$b$", "x" * 300]
+    for name in names:
+        axes.plot([0, 1], label=shown(name))
+    axes.figure.canvas.draw()
+    assert len(axes.legend().get_texts()) == len(names)
+    axes.figure.canvas.draw()
+
+
+@pytest.mark.short(kept=lambda arguments: arguments[0] == "run")
+@pytest.mark.parametrize("arguments", [["run", "--json"], ["certify", "--json"], ["run", "--no-plots"], ["certify"]])
+def test_names_in_any_script_on_a_terminal_without_it(arguments, tmp_path):
+    case = tmp_path / "case.toml"
+    case.write_text((HOSTILE[0].parent / "name-markup.toml").read_text().replace("[/b]", "日本語 é 💥"), encoding="utf-8")
+    command, *options = arguments
+    done = subprocess.run(
+        [sys.executable, "-m", "barbalat", command, str(case), *options],
+        capture_output=True,
+        check=False,
+        env={"PYTHONIOENCODING": "ascii", "PYTHONPATH": ":".join(sys.path), "PATH": ""},
+        cwd=tmp_path,
+    )
+    assert done.returncode == 0, done.stderr
+    text = done.stdout.decode("ascii")
+    if "--json" in options:
+        assert "日本語 é 💥" in strict(text)["controllers"]
