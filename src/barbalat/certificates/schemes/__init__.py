@@ -27,10 +27,16 @@ class SchemeFile(Protocol):
 
 
 def scheme_file(controller: Controller) -> SchemeFile | None:
-    """The certificate's file of a controller's scheme; None for a class from outside the package."""
-    for kind in type(controller).__mro__:  # a subclass has the certificate of the scheme that it is made from
+    """The certificate's file of a controller's scheme; None for a class from outside the package.
+
+    A subclass has that of the scheme that it is made from, unless its equations are its own.
+    """
+    for kind in type(controller).__mro__:
         name = f"{__name__}.{kind.__module__.removeprefix(CONTROLLERS)}"
         if kind.__module__.startswith(CONTROLLERS) and find_spec(name) is not None:
+            known: Any = kind
+            if type(controller).bind is not known.bind:
+                return None
             found: Any = import_module(name)
             file: SchemeFile = found
             return file
