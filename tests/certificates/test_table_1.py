@@ -26,6 +26,7 @@ from barbalat import (
 )
 from barbalat.adaptation.laws import LAWS
 from barbalat.adaptation.modifications.fixed_sigma import FixedSigma
+from barbalat.adaptation.modifications.switching_sigma import SwitchingSigma
 from barbalat.adaptation.normalization import Normalization
 from barbalat.cases.load import bundled, load_case
 from barbalat.certificates.certify import certify_where_possible
@@ -89,9 +90,11 @@ def test_robustness_is_proven_only_with_its_ingredients():
         Mrac(gamma=10.0),
     ):
         assert column(variant(), missing)[0]["modelling_error"].kind == "does not apply"
-    leaking = NormalizedMrac(law=Gradient(gamma=10.0, leakage=FixedSigma(sigma=0.1)), normalization=DYNAMIC, projection=False)
-    cells, _ = column(variant(), leaking)
-    assert cells["modelling_error"].kind == "guaranteed" and cells["tracking"].kind == "does not apply"
+    leakages = ((SwitchingSigma(sigma=0.1, M_0=9.0), "guaranteed"), (FixedSigma(sigma=0.1), "does not apply"))
+    for leakage, kind in leakages:  # a fixed one would have to be small enough, and M_0 bounds theta
+        leaking = NormalizedMrac(law=Gradient(gamma=10.0, leakage=leakage), normalization=DYNAMIC, projection=False)
+        cells, _ = column(variant(), leaking)
+        assert cells["modelling_error"].kind == cells["tracking"].kind == kind
 
 
 def test_the_auxiliary_input_decides():

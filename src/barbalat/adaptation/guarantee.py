@@ -39,6 +39,7 @@ class Guarantee:
     M_0: float | None = None
 
 
+SMALL_ENOUGH = "with a normalised law {} must be small enough for x to stay bounded, and how small is not known"
 CORNERS = "nothing is guaranteed where the projection cuts corners"
 
 
@@ -50,14 +51,19 @@ def nothing(why: str, *, leaks: bool = False) -> Guarantee:
 def with_modifications(
     metric: Gain, known_set: EstimateSet | None, leakage: Leakage | None, dead_zone: DeadZone | None
 ) -> Guarantee:
-    """Of a law whose V' is not positive without them."""
+    """Of a normalised scheme whose law has a V' that is not positive without them.
+
+    What a leakage or a dead zone leaves of epsilon m_s is not square integrable, only small in the mean; the proof that x stays
+    bounded then asks that it be small enough, and no number is known: with a dead zone wider than epsilon m_s can get, nothing
+    is learnt, and an unstable loop stays so. Source: Ioannou and Sun, section 9.3.
+    """
     leaks = leakage is not None
     if metric.is_matrix and known_set is not None and known_set.cuts_corners:
         return nothing(f"{CORNERS}: a gain matrix in a box of more than {EXACT_FACES} parameters", leaks=leaks)
     if leakage is not None and leakage.harmless_within is None:
-        kind = type(leakage).__name__
-        return Guarantee(error_to_zero=False, estimates=Estimates.PULLED, leaks=True, why=kind)
+        why = SMALL_ENOUGH.format(type(leakage).__name__)
+        return Guarantee(bounded=False, error_to_zero=False, estimates=Estimates.PULLED, leaks=True, why=why)
     M_0 = None if leakage is None else leakage.harmless_within
     if dead_zone is not None:
-        return Guarantee(error_to_zero=False, leaks=leaks, why="a dead zone", M_0=M_0)
+        return Guarantee(bounded=False, error_to_zero=False, leaks=leaks, why=SMALL_ENOUGH.format("a dead zone"), M_0=M_0)
     return Guarantee(leaks=leaks, M_0=M_0)

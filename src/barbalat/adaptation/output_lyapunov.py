@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 from barbalat import validate
-from barbalat.adaptation.guarantee import CORNERS, Guarantee, nothing, with_modifications
+from barbalat.adaptation.guarantee import CORNERS, Estimates, Guarantee, nothing
 from barbalat.adaptation.modifications import dead_zone as zone
 from barbalat.adaptation.modifications import leakage as leak
 from barbalat.problem.known_set import EstimateSet, Gain, gain, project
 from barbalat.protocols import Value
 from barbalat.validate import Array
+
+ON_THE_OUTPUT = "nothing is guaranteed with a dead zone on the output's error: V is of the whole state's, and may grow inside"
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -52,7 +54,12 @@ class LyapunovLaw:
 
     def guarantee(self, known_set: EstimateSet | None) -> Guarantee:
         """On a plant of the assumed class."""
-        found = with_modifications(Gain(self.gamma), known_set, self.leakage, self.dead_zone)
-        if not found.bounded:
-            return nothing(CORNERS, leaks=found.leaks)
-        return found if found.error_to_zero else replace(found, why="the modification")
+        leaks = self.leakage is not None
+        if Gain(self.gamma).is_matrix and known_set is not None and known_set.cuts_corners:
+            return nothing(CORNERS, leaks=leaks)
+        if self.dead_zone is not None:
+            return nothing(ON_THE_OUTPUT, leaks=leaks)
+        if self.leakage is None or self.leakage.harmless_within is not None:
+            return Guarantee(leaks=leaks, M_0=None if self.leakage is None else self.leakage.harmless_within)
+        kind = type(self.leakage).__name__
+        return Guarantee(error_to_zero=False, estimates=Estimates.PULLED, leaks=True, why=kind)

@@ -8,6 +8,8 @@ from barbalat.problem.known_set import EstimateSet
 from barbalat.problem.measurement import Sensor
 from barbalat.problem.state_feedback import Problem
 from barbalat.problem.tracking import TrackingProblem
+from barbalat.protocols import BoundedSignal
+from barbalat.signals import Constant, Recorded, Step, Steps
 
 FROZEN_LAW = "gamma_max and step_max freeze the state or the regressor in the plain adaptive law: estimates, no guarantee"
 LINEAR_LOOP_ONLY = "margins are exact for the linear loop named, not for the adaptive loop in motion"
@@ -18,6 +20,10 @@ CONTINUOUS_ONLY = "bounds and margins are of the continuous controller: estimate
 BEYOND_ONE_LINEAR_INPUT = "conditions and margins are known for one input with phi(x) = x and a known gain: not for this plant"
 ON_THE_BOX = "|phi(x)| is bounded where every |x_i| is at most the model's bound plus that of e"
 ERROR_ASSUMED = "there |e| <= nu_0/sqrt(Gamma) is assumed: it is not proven for this scheme"
+
+OUTSIDE = "theta outside the known set"
+COMING_TO_REST = (Constant, Step, Steps, Recorded)
+"""Signals that are constant from some time on; recorded data hold their last value."""
 
 OF_THE_PROBLEM = frozenset({"lambda_min", "theta_max", "bounds"})
 """Guaranteed values that no controller and no theta changes."""
@@ -31,8 +37,9 @@ ACTS_CONTINUOUSLY = Assumption("the controller acts in continuous time")
 
 
 def nominal(problem: TrackingProblem) -> tuple[Assumption, ...]:
-    """The plant (1) as it stands, and nothing that acts on it."""
-    return exact_plant(problem), undisturbed(problem), measured(problem), START, ACTS_CONTINUOUSLY
+    """The plant (1) as it stands, nothing that acts on it, and a command of the class that is followed."""
+    plant = exact_plant(problem), undisturbed(problem), measured(problem)
+    return *plant, bounded_command(problem), START, ACTS_CONTINUOUSLY
 
 
 def exact_plant(problem: TrackingProblem) -> Assumption:
@@ -58,14 +65,32 @@ def measured(problem: TrackingProblem) -> Assumption:
     return Assumption("the state is measured exactly", ", ".join(_of_the_sensor(problem.sensor)))
 
 
-def in_the_set(problem: Problem) -> Assumption:
-    """Where the estimates are projected onto the known set, theta lies in it; theta_hat(0) does by construction."""
-    known_set: EstimateSet | None = problem.known.box
-    outside = known_set is not None and not known_set.contains(problem.parameters)
+def bounded_command(problem: TrackingProblem) -> Assumption:
+    """Boundedness is of every bounded r."""
+    known = all(isinstance(command, BoundedSignal) for command in problem.commands)
+    return Assumption("r is bounded", "" if known else "r has no known bound")
+
+
+def constant_in_the_end(problem: TrackingProblem) -> Assumption:
+    """What converges for constant signals only does so where the case's own command and disturbance come to rest."""
+    acting = {"r": problem.commands, "d": () if problem.disturbance is None else (problem.disturbance,)}
+    varying = [name for name, signals in acting.items() if not all(isinstance(signal, COMING_TO_REST) for signal in signals)]
+    return Assumption("r and d are constant from some time on", " and ".join(varying) + " varies for ever" if varying else "")
+
+
+def projected_onto(problem: Problem, known_set: EstimateSet) -> Assumption:
+    """Where the estimates are projected onto a set, theta lies in it; theta_hat(0) does by construction."""
     return Assumption(
         "theta and theta_hat(0) lie in the known set, and the estimates are projected onto it",
-        "theta outside the known set" if outside else "",
+        "" if known_set.contains(problem.parameters) else OUTSIDE,
     )
+
+
+def theta_in_the_set(problem: Problem) -> Assumption:
+    """What is said of every theta in the known set is said of the case's."""
+    known_set = problem.uncertainty
+    outside = known_set is not None and not known_set.contains(problem.plant.theta)
+    return Assumption("theta lies in the known set", OUTSIDE if outside else "")
 
 
 def departures(problem: TrackingProblem) -> tuple[str, ...]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from barbalat.certificates.certificate import Certificate
@@ -37,8 +37,9 @@ class Column:
 
 
 def statement(key: str, text: str, *assumptions: Assumption) -> Entry:
-    """What holds on this case; where the case breaks an assumption, that it does not apply, and why."""
-    return checked(key, text, assumptions, meaning=PROPERTIES[key])
+    """What holds on this case; where the case breaks an assumption, that it does not apply, and why, without what would hold."""
+    found = checked(key, text, assumptions, meaning=PROPERTIES[key])
+    return found if found.applies else replace(found, value=None)
 
 
 def nothing(key: str, why: str) -> Entry:

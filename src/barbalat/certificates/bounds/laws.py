@@ -50,6 +50,12 @@ def is_modified(controller: Mrac | L1Adaptive) -> bool:
     return not (controller.leakage is None and controller.dead_zone is None and controller.learning is None)
 
 
+def keeps_V_in_corners(gamma: float | Array, known_set: EstimateSet | None) -> Assumption:
+    """The projection leaves V' <= 0: with a gain that couples the parameters it may not where it cuts corners."""
+    cut = Gain(gamma).couples and known_set is not None and known_set.cuts_corners
+    return Assumption("the projection never makes V grow", "a gain matrix in corners of the known set" if cut else "")
+
+
 def why_no_bound(controller: Mrac | L1Adaptive, problem: Problem) -> str | None:
     """Why (9) and (10) don't hold with the law's modifications, as a sentence; None where V decreases as without them.
 
@@ -57,7 +63,7 @@ def why_no_bound(controller: Mrac | L1Adaptive, problem: Problem) -> str | None:
     bounds every theta in question.
     """
     known_set, gamma = controller.bind(problem.known).box, controller.gamma
-    if Gain(gamma).couples and known_set is not None and known_set.cuts_corners:
+    if keeps_V_in_corners(gamma, known_set).broken:
         return (
             f"with a gain matrix and a box of more than {EXACT_FACES} parameters, or input gains beside a ball, what the "
             "projection cuts off in a corner may make V grow, so the bounds (9) and (10) don't hold; they do with a ball, a "

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import heapq
+import math
 from dataclasses import dataclass
 from itertools import product
 from typing import TYPE_CHECKING, Any
@@ -20,6 +21,8 @@ TIGHTNESS_RATIO = 1.05
 """The bound is at most this times the largest value that was seen, unless MOST_CUTS do not suffice."""
 MOST_CUTS = 400
 """Of the box, at most; the bound holds after any number of them."""
+BELOW_ZERO = 2.0**-28
+"""How far, relatively, a ball of numbers that are not negative may reach below zero: its radius has 30 bits."""
 CORNER_STATES = 8
 """States up to which the corners of a box are tried for its largest value; beyond, the centre alone."""
 
@@ -43,7 +46,7 @@ class Ball:
         return Ball(self.value + _arb(other))
 
     def __mul__(self, other: Any) -> Ball:
-        return Ball(self.value**2 if other is self else self.value * _arb(other))  # a square is not negative
+        return self**2 if other is self else Ball(self.value * _arb(other))
 
     def __neg__(self) -> Ball:
         return Ball(-self.value)
@@ -62,17 +65,21 @@ class Ball:
 
     def __pow__(self, exponent: float) -> Ball:
         whole = float(exponent).is_integer()
+        if whole and exponent > 0 and exponent % 2 == 0:  # not negative: from the ends of |value|
+            return Ball((self.value.abs_lower() ** int(exponent)).union(self.value.abs_upper() ** int(exponent)))
         return Ball(self.value ** (int(exponent) if whole else _arb(exponent)))
 
     def __abs__(self) -> Ball:
-        return Ball(abs(self.value))
+        return Ball(self.value.abs_lower().union(self.value.abs_upper()))
 
     __radd__, __rmul__ = __add__, __mul__
 
     def sqrt(self) -> Ball:
-        """Of the part that is not negative: an absolute value's ball may reach below zero by a rounding."""
+        """Without bound where it may be of a negative number; an absolute value's ball may reach below zero by a rounding."""
         from flint import arb
 
+        if self.value.lower() < -BELOW_ZERO * self.value.abs_upper():
+            return Ball(arb(0, math.inf))
         return Ball(arb(0).max(self.value.lower()).sqrt().union(arb(0).max(self.value.upper()).sqrt()))
 
 
@@ -123,4 +130,4 @@ def _seen(regressor: Regressor, low: Array, high: Array) -> float:
         points += [np.where(choice, high, low) for choice in product((False, True), repeat=len(low))]
     with np.errstate(all="ignore"):  # a point where phi is no number shows nothing
         squares = [float(np.sum(np.asarray(regressor(point), dtype=float) ** 2)) for point in points]
-    return max(0.0, *(square for square in squares if not np.isnan(square)))
+    return max([0.0, *(square for square in squares if not np.isnan(square))])

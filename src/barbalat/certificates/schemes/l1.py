@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from barbalat.certificates.assumptions import FREQUENCIES_TRIED, FROZEN_LAW
+from barbalat.certificates.assumptions import FREQUENCIES_TRIED, FROZEN_LAW, constant_in_the_end
 from barbalat.certificates.bounds import laws, theorem_1
 from barbalat.certificates.bounds.model import ModelBounds, model_bounds
 from barbalat.certificates.cells import estimate, limits_text, margins_cell, nothing, statement
@@ -26,6 +26,7 @@ from barbalat.certificates.schemes.state_feedback import (
     add_parameter_errors,
     lyapunov_estimates,
     of_the_case,
+    of_the_lyapunov_law,
     projected,
     unproven_robustness,
 )
@@ -60,8 +61,7 @@ def certificate(problem: Problem, controller: L1Adaptive, simulation: Simulation
     reach: Reach | None = None
     assumed: tuple[str, ...] = (FROZEN_LAW,)
     if equations.box is None:
-        draft.missing("condition", "without projection there is no theta_max")
-        draft.missing("error_bound", "without projection there is no theta_max, so the bound (10) has no meaning")
+        _without_projection(draft, problem, controller)
     else:
         reach = _add_bound_10(draft, problem, controller, C, model)
     if reach is None:  # no bound on x: take what the model asks for, and say so
@@ -79,6 +79,16 @@ def certificate(problem: Problem, controller: L1Adaptive, simulation: Simulation
         _add_margins_of_the_limit(draft, problem, equations)
     add_adapting_margins(draft, problem, loop)
     return draft.finish()
+
+
+def _without_projection(draft: Draft, problem: Problem, controller: L1Adaptive) -> None:
+    """No condition on C(s); with C = 1 the bound (9) all the same."""
+    why, void = "without projection there is no theta_max", laws.why_no_bound(controller, problem)
+    draft.missing("condition", why)
+    if controller.filter is None and void is None:
+        draft.guarantee("error_bound", laws.error_level(problem, controller, draft["nu_0"]), *of_the_case(problem, None))
+    else:
+        draft.missing("error_bound", void or f"{why}, so the bound (10) has no meaning")
 
 
 def add_condition(draft: Draft, problem: Problem, C: StateSpace) -> tuple[theorem_1.FilterCondition, Enclosure]:
@@ -135,26 +145,23 @@ def column(problem: Problem, controller: L1Adaptive, certificate: Certificate) -
     if controller.filter is None:
         return "filtered MRAC (5)-(8) with C = 1, the standard MRAC", mrac.cells(problem, controller, certificate)
     values = certificate.values
-    stability = _stability(problem, controller, values.get("condition"))
+    stability = _stability(problem, controller, certificate)
     tuning = [limits_text(values)]
     if values.get("kappa_admissible") is not None:
         tuning.append(f"with C = 1/(kappa s + 1) the condition holds up to kappa = {down(values['kappa_admissible'])} s")
-    bounded = stability.applies
-    vanishes = (
-        "not to zero in general: an error of the order of the filter's lag stays; to zero for a constant r (Theorem 1 (iii))"
-    )
     return "filtered MRAC, L1-AC (5)-(8)", {
         "stability": stability,
-        "tracking": nothing("tracking", vanishes if bounded else stability.why),
+        "tracking": _tracking(problem, controller, stability),
         "transient": _transient(problem, controller, certificate),
-        "estimates": lyapunov_estimates(problem, controller, bounded=bounded),
+        "estimates": lyapunov_estimates(problem, controller, certificate, bounded=stability.applies),
         "modelling_error": unproven_robustness(problem, controller),
         "tuning": estimate("tuning", "; ".join(tuning)),
         "margins": margins_cell(certificate),
     }
 
 
-def _stability(problem: Problem, controller: L1Adaptive, condition: dict[str, Any] | None) -> Entry:
+def _stability(problem: Problem, controller: L1Adaptive, certificate: Certificate) -> Entry:
+    condition = certificate.values.get("condition")
     if condition is None and projected(problem, controller):
         return nothing("stability", "the condition on C(s) is not known for this plant")
     if condition is None:
@@ -162,8 +169,20 @@ def _stability(problem: Problem, controller: L1Adaptive, condition: dict[str, An
     value = up(condition["value_upper"])
     if not condition["holds"]:
         return nothing("stability", f"||W_b (1 - C)||_1 theta_max is only known to be <= {value}, and 1 is needed")
-    rests_on = of_the_case(problem, controller.bind(problem.known).box)
+    rests_on = of_the_lyapunov_law(problem, controller, certificate)
     return statement("stability", f"since ||W_b (1 - C)||_1 theta_max <= {value} < 1", *rests_on)
+
+
+def _tracking(problem: Problem, controller: L1Adaptive, stability: Entry) -> Entry:
+    """Theorem 1 (iii): x_tilde, x_tilde' and theta_hat' vanish, and lim sup |x'| <= N theta_max lim sup |x'| where r comes to
+    rest. A memory without forgetting is not covered: its pull need not vanish."""
+    if not stability.applies:
+        return nothing("tracking", stability.why)
+    constant = constant_in_the_end(problem)
+    if constant.broken or controller.learning is not None or laws.why_no_bound(controller, problem) is not None:
+        return nothing("tracking", "not to zero in general: an error of the order of the filter's lag stays")
+    rests_on = of_the_case(problem, controller.bind(problem.known).box)
+    return statement("tracking", "converges to zero for the case's r (Theorem 1 (iii))", *rests_on, FILTER_AT_REST, constant)
 
 
 def _transient(problem: Problem, controller: L1Adaptive, certificate: Certificate) -> Entry:

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from barbalat.certificates.assumptions import FREQUENCIES_TRIED, nominal
+from barbalat.certificates.assumptions import FREQUENCIES_TRIED, constant_in_the_end, nominal, theta_in_the_set
 from barbalat.certificates.bounds import theorem_1
 from barbalat.certificates.bounds.model import ModelBounds, model_bounds
 from barbalat.certificates.cells import advice, estimate, margins_cell, nothing, statement
@@ -23,6 +23,7 @@ from barbalat.certificates.linear_loops.margin_values import add_margins
 from barbalat.certificates.linear_loops.robustness import robustness
 from barbalat.certificates.linear_loops.worst_case import Family
 from barbalat.certificates.rounding import up
+from barbalat.certificates.schemes.output_feedback import NEGLIGIBLE_STEADY_ERROR
 from barbalat.controllers import LinearFeedback, linear_feedback
 from barbalat.linear.enclosure import Enclosure
 from barbalat.linear.interconnections import sensitivity
@@ -89,13 +90,10 @@ def certificate(problem: Problem, controller: LinearFeedback, _: Simulation) -> 
 
 def rests_on(problem: Problem) -> tuple[Assumption, ...]:
     """What the bound of the error rests on."""
-    known_set = problem.uncertainty
-    outside = known_set is not None and not known_set.contains(problem.plant.theta)
-    inside = Assumption("theta lies in the known set", "theta outside the known set" if outside else "")
-    return (*nominal(problem), Assumption("K(s) starts at rest"), inside)
+    return (*nominal(problem), Assumption("K(s) starts at rest"), theta_in_the_set(problem))
 
 
-def column(problem: Problem, _: LinearFeedback, certificate: Certificate) -> tuple[str, dict[str, Entry]]:
+def column(problem: Problem, controller: LinearFeedback, certificate: Certificate) -> tuple[str, dict[str, Entry]]:
     """The scheme's name in Table 1 and its cells."""
     values, bound = certificate.values, certificate.entry("error_bound")
     condition, mu = values.get("condition"), values.get("mu_parameters")
@@ -113,10 +111,23 @@ def column(problem: Problem, _: LinearFeedback, certificate: Certificate) -> tup
         transient = statement("transient", f"|e| <= {up(bound.value)} at all times", *rests_on(problem))
     return "linear feedback", {
         "stability": stability,
-        "tracking": nothing("tracking", "not to zero in general; to zero for a constant r where K(s) integrates"),
+        "tracking": _tracking(problem, controller, stability),
         "transient": transient,
         "estimates": advice("estimates", "it estimates nothing"),
         "modelling_error": estimate("modelling_error", robustly),
         "tuning": advice("tuning", "no adaptive gain"),
         "margins": margins_cell(certificate),
     }
+
+
+def _tracking(problem: Problem, controller: LinearFeedback, stability: Entry) -> Entry:
+    """With S(0) = 0 to zero where r comes to rest: lim sup |e'| <= N d lim sup |e'| by small gain, so that x' vanishes."""
+    if not stability.applies:
+        return nothing("tracking", stability.why)
+    equations, constant = controller.bind(problem.known), constant_in_the_end(problem)
+    S = sensitivity(loop_at(equations.theta_0, equations, problem.known))
+    left = np.abs(np.linalg.solve(S.A, S.B)[: problem.known.n]).max()  # W_b(0) S(0)
+    if constant.broken or left > NEGLIGIBLE_STEADY_ERROR:
+        return nothing("tracking", "not to zero in general: what theta - theta_0 adds is attenuated, not estimated")
+    integrator = Assumption("K(s) has a pole at zero: S(0) = 0")
+    return statement("tracking", "converges to zero for the case's r", *rests_on(problem), integrator, constant)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from barbalat.certificates.assumptions import FROZEN_LAW
+from barbalat.certificates.assumptions import FROZEN_LAW, theta_in_the_set
 from barbalat.certificates.bounds import laws, theorem_1
 from barbalat.certificates.bounds.model import model_bounds
 from barbalat.certificates.cells import estimate, limits_text, margins_cell, nothing, statement
@@ -18,6 +18,7 @@ from barbalat.certificates.schemes.state_feedback import (
     add_parameter_errors,
     lyapunov_estimates,
     of_the_case,
+    of_the_lyapunov_law,
     unproven_robustness,
 )
 from barbalat.certificates.step_limits import frozen_laws
@@ -43,7 +44,7 @@ def certificate(problem: Problem, controller: Mrac, simulation: Simulation) -> C
         nu_0_worst = draft.get("nu_0_worst")
         if nu_0_worst is not None:
             worst = theorem_1.mrac_bound(nu_0_worst, laws.least_gain(controller.gamma))
-            draft.guarantee("error_bound_worst", worst, *rests_on)
+            draft.guarantee("error_bound_worst", worst, *rests_on, theta_in_the_set(problem))
     add_ingredients(draft, problem, equations.box, model)
     limits = frozen_laws.of_lyapunov_law(problem, controller.gamma, simulation, model.x_m_euclidean, draft["nu_0"])
     draft.estimate(frozen_laws.with_modifications(limits, controller, simulation), FROZEN_LAW)
@@ -62,9 +63,9 @@ def column(problem: Problem, controller: Mrac, certificate: Certificate) -> tupl
 def cells(problem: Problem, controller: Mrac | L1Adaptive, certificate: Certificate) -> dict[str, Entry]:
     """The cells; those of L1-AC too where C = 1, since the two coincide."""
     void = laws.why_no_bound(controller, problem)
-    rests_on = of_the_case(problem, controller.bind(problem.known).box)
+    rests_on = of_the_lyapunov_law(problem, controller, certificate)
     found = lyapunov_cells(certificate, rests_on, "nu_0/sqrt(Gamma) = ", ", (9)")
-    estimates = lyapunov_estimates(problem, controller, bounded=True)
+    estimates = lyapunov_estimates(problem, controller, certificate, bounded=True)
     found |= {"estimates": estimates, "modelling_error": unproven_robustness(problem, controller)}
     return found if void is None else found | {"tracking": nothing("tracking", void)}
 
@@ -77,14 +78,16 @@ def lyapunov_cells(
     transient = nothing("transient", "no bound is known" if bound is None else bound.why)
     if bound is not None and bound.value is not None:
         text = f"|e| <= {formula}{up(bound.value)} at all times{source}"
-        text += "" if worst is None else f"; {up(worst.value)} for the worst theta of the known set"
+        if worst is not None and worst.applies:
+            text += f"; {up(worst.value)} for the worst theta of the known set"
         transient = statement("transient", text, *rests_on)
+    falls = "the bound falls with 1/sqrt(Gamma); " if transient.applies else ""
     return {
         "stability": statement("stability", "for every Gamma > 0 and every bounded r", *rests_on),
         "tracking": statement("tracking", "converges to zero for every bounded r", *rests_on),
         "transient": transient,
         "estimates": statement("estimates", EXCITED, *rests_on),
         "modelling_error": nothing("modelling_error", "that x stays bounded is not known without normalisation"),
-        "tuning": estimate("tuning", "the bound falls with 1/sqrt(Gamma); " + limits_text(certificate.values)),
+        "tuning": estimate("tuning", falls + limits_text(certificate.values)),
         "margins": margins_cell(certificate),
     }

@@ -10,19 +10,18 @@ from dataclasses import replace
 
 import numpy as np
 
-from barbalat.certificates.assumptions import FROZEN_LAW, in_the_set
+from barbalat.certificates.assumptions import FROZEN_LAW
 from barbalat.certificates.bounds import laws, theorem_1
 from barbalat.certificates.bounds.model import model_bounds
 from barbalat.certificates.certificate import Certificate, Draft
-from barbalat.certificates.entry import Assumption, Entry
+from barbalat.certificates.entry import Entry
 from barbalat.certificates.schemes.mrac import lyapunov_cells
-from barbalat.certificates.schemes.state_feedback import add_margins_at_rest, of_the_case
+from barbalat.certificates.schemes.state_feedback import add_margins_at_rest, inside, of_the_case, of_the_lyapunov_law
 from barbalat.certificates.step_limits import frozen_laws
 from barbalat.certificates.step_limits.oscillator import Oscillator
 from barbalat.controllers import MracClosedLoop
 from barbalat.linear.enclosure import OUTWARD
 from barbalat.linear.l1_norms import l1_norm
-from barbalat.problem.known_set import Gain
 from barbalat.problem.state_feedback import Problem
 from barbalat.solvers.simulation import Simulation
 
@@ -30,11 +29,12 @@ from barbalat.solvers.simulation import Simulation
 def certificate(problem: Problem, controller: MracClosedLoop, simulation: Simulation) -> Certificate:
     """The bound of e, the limits of gain and step, the margins with the estimates at rest."""
     known, draft, n = problem.known, Draft(), problem.known.n
-    equations, rests_on = controller.bind(known), _rests_on(problem, controller)
+    equations = controller.bind(known)
+    rests_on = (*of_the_case(problem, equations.box), laws.keeps_V_in_corners(controller.gamma, equations.box))
     closed = replace(known, A_m=known.A_m + equations.L)  # its P is the controller's
     carried = l1_norm(known.A_m, -equations.L, np.eye(n), np.eye(n))
     nu_0 = theorem_1.nu_0(theorem_1.initial_parameter_error(equations.theta_hat0, problem.parameters), closed)
-    draft.guarantee("nu_0", nu_0, *(() if equations.box is None else (in_the_set(problem),)))
+    draft.guarantee("nu_0", nu_0, *inside(problem, equations.box))
     draft.note("P of nu_0 is that of A_m + L, the controller's")
     bound = carried.upper * laws.error_level(problem, controller, nu_0, closed) * OUTWARD
     draft.guarantee("error_bound", bound, *rests_on)
@@ -49,12 +49,6 @@ def certificate(problem: Problem, controller: MracClosedLoop, simulation: Simula
 
 def column(problem: Problem, controller: MracClosedLoop, certificate: Certificate) -> tuple[str, dict[str, Entry]]:
     """The scheme's name in Table 1 and its cells."""
-    return "MRAC with a closed-loop reference model", lyapunov_cells(certificate, _rests_on(problem, controller))
-
-
-def _rests_on(problem: Problem, controller: MracClosedLoop) -> tuple[Assumption, ...]:
-    """What V' <= 0 rests on, checked on the case."""
-    box = controller.bind(problem.known).box
-    cut = Gain(controller.gamma).couples and box is not None and box.cuts_corners
-    corners = Assumption("in corners of the known set V' <= 0", "a gain matrix in corners of the set" if cut else "")
-    return (*of_the_case(problem, box), corners)
+    return "MRAC with a closed-loop reference model", lyapunov_cells(
+        certificate, of_the_lyapunov_law(problem, controller, certificate)
+    )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from barbalat.certificates.assumptions import constant_in_the_end
 from barbalat.certificates.bounds.output_loop import output_bounds
 from barbalat.certificates.cells import nothing, statement
 from barbalat.certificates.certificate import Certificate, Draft
@@ -71,6 +72,9 @@ def cells_of_linear_loop(problem: OutputProblem, certificate: Certificate, more:
 def _steady(problem: OutputProblem, steady: dict[str, float]) -> Entry:
     if problem.plant.f is not None:
         return nothing("tracking", "not to zero in general: f(t, y) acts")
-    if max(map(abs, steady.values())) < NEGLIGIBLE_STEADY_ERROR:
-        return statement("tracking", "converges to zero for constant r and d", *SMALL_GAIN)
-    return statement("tracking", f"constant r and d leave {steady['r']:.4g} r and {steady['d']:.4g} d", *SMALL_GAIN)
+    text = "converges to zero for the case's r and d"
+    if max(map(abs, steady.values())) >= NEGLIGIBLE_STEADY_ERROR:
+        text = f"leaves {steady['r']:.4g} r and {steady['d']:.4g} d, as they are in the end"
+    acts = "disturbance at the output" if problem.output_disturbance is not None else ""
+    alone = Assumption("nothing is added at the output", acts)
+    return statement("tracking", text, *SMALL_GAIN, constant_in_the_end(problem), alone)

@@ -8,13 +8,13 @@ from __future__ import annotations
 from typing import Any
 
 from barbalat.adaptation.guarantee import Estimates, Guarantee
-from barbalat.certificates.assumptions import FROZEN_LAW, departures, in_the_set
+from barbalat.certificates.assumptions import FROZEN_LAW, bounded_command, departures
 from barbalat.certificates.bounds import laws, theorem_1
 from barbalat.certificates.cells import NONLINEAR, estimate, limits_text, margins_cell, nothing, statement
 from barbalat.certificates.certificate import Certificate, Draft
 from barbalat.certificates.entry import Assumption, Entry
 from barbalat.certificates.rounding import down
-from barbalat.certificates.schemes.state_feedback import add_margins_at_rest, of_the_case, projected
+from barbalat.certificates.schemes.state_feedback import add_margins_at_rest, inside, of_the_case, projected
 from barbalat.certificates.step_limits import frozen_laws
 from barbalat.controllers import NormalizedMrac, RobustMrac
 from barbalat.controllers.robust_mrac import minimum_phase_model
@@ -30,9 +30,8 @@ def certificate(problem: Problem, controller: RobustMrac | NormalizedMrac, simul
     """The initial parameter error, the limits of the step, the margins at rest; with an auxiliary input the limit of tau."""
     loop, draft = ClosedLoop.of(problem, controller), Draft()
     equations: Any = loop.equations
-    inside = () if problem.uncertainty is None else (in_the_set(problem),)
     error = theorem_1.initial_parameter_error(equations.initial().theta_hat, problem.plant.theta)
-    draft.guarantee("initial_parameter_error", error, *inside)
+    draft.guarantee("initial_parameter_error", error, *inside(problem, equations.box))
     draft.missing("error_bound", "no number bounds e: Lemma 1's constants can't be computed from the case")
     draft.estimate(frozen_laws.of_parametric_model(problem, controller, equations, simulation), FROZEN_LAW)
     add_margins_at_rest(draft, problem)
@@ -58,7 +57,7 @@ def column(problem: Problem, controller: NormalizedMrac | RobustMrac, certificat
         "stability": claimed("stability", "for every bounded r", found.bounded),
         "tracking": claimed("tracking", "converges to zero for every bounded r", found.error_to_zero),
         "transient": nothing("transient", "no bound before the estimates have settled"),
-        "estimates": claimed("estimates", _estimates(found), found.estimates is not Estimates.UNKNOWN),
+        "estimates": claimed("estimates", _estimates(found, problem.plant.is_linear), found.estimates is not Estimates.UNKNOWN),
         "modelling_error": _robustness(problem, controller, found),
         "tuning": estimate("tuning", limits_text(certificate.values)),
         "margins": margins_cell(certificate),
@@ -92,11 +91,11 @@ def _transient(problem: Problem, controller: RobustMrac, rests_on: tuple[Assumpt
     return statement("transient", kept, *rests_on, _below_the_ceiling(controller))
 
 
-def _estimates(found: Guarantee) -> str:
+def _estimates(found: Guarantee, linear: bool) -> str:
     if found.estimates is Estimates.PULLED:
         return "bounded, and pulled towards zero"
     exciting = "; where phi/m_s is persistently exciting, which isn't checked here, they converge to theta"
-    return f"V of the law never grows{exciting if found.bounded else ''}"
+    return f"V of the law never grows{exciting if found.bounded and linear else ''}"
 
 
 def _robustness(problem: Problem, controller: NormalizedMrac | RobustMrac, found: Guarantee) -> Entry:
@@ -112,5 +111,8 @@ def _robustness(problem: Problem, controller: NormalizedMrac | RobustMrac, found
         "the case's own modelling error is small enough",
         f"{present}: whether that is small enough is not known" if present else "",
     )
-    outside = () if controller.bind(problem.known).box is None else (in_the_set(problem),)
-    return statement("modelling_error", text, small, *outside, MINIMUM_PHASE)
+    box = controller.bind(problem.known).box
+    ceiling = (_below_the_ceiling(controller),) if isinstance(controller, RobustMrac) else ()
+    enough = laws.bounds_the_parameters(found, problem.parameters)
+    rests_on = (small, bounded_command(problem), *inside(problem, box), MINIMUM_PHASE, enough, *ceiling)
+    return statement("modelling_error", text, *rests_on)

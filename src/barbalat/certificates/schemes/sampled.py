@@ -8,16 +8,19 @@ from typing import Any
 
 import numpy as np
 
+from barbalat.adaptation.law import SampledLaw
 from barbalat.certificates.assumptions import ACTS_CONTINUOUSLY, CONTINUOUS_ONLY, OF_THE_PROBLEM
 from barbalat.certificates.bounds.model import model_bounds
 from barbalat.certificates.cells import Column, statement
 from barbalat.certificates.certificate import Certificate, Draft
-from barbalat.certificates.entry import Entry
+from barbalat.certificates.entry import Assumption, Entry
 from barbalat.certificates.schemes import scheme_file
 from barbalat.certificates.schemes.state_feedback import of_the_case
 from barbalat.certificates.step_limits import any_regressor, frozen_laws
 from barbalat.certificates.step_limits.held_oscillator import HeldOscillator
-from barbalat.controllers import L1Adaptive, LinearFeedback, Mrac, Sampled
+from barbalat.controllers import L1Adaptive, LinearFeedback, Mrac, NormalizedMrac, RobustMrac, Sampled
+from barbalat.controllers.output.mrac import MracOutput
+from barbalat.problem.known_set import EstimateSet, Gain
 from barbalat.problem.state_feedback import Problem
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.solvers import EULER
@@ -110,7 +113,7 @@ def column(problem: TrackingProblem, column: Column, controller: Sampled) -> Col
     """What holds in continuous time is not claimed of a sampled controller, but what the midpoint rule keeps of V is."""
     why = f"sampled every {controller.sample_time:g} s"
     cells = {
-        key: replace(cell, kind="does not apply", why=why) if cell.kind == "guaranteed" else cell
+        key: replace(cell, value=None, kind="does not apply", why=why) if cell.kind == "guaranteed" else cell
         for key, cell in column.cells.items()
     }
     if controller.discretization == "midpoint":
@@ -123,13 +126,22 @@ def _estimates(problem: TrackingProblem, continuous: Entry, controller: Sampled,
     scheme: Any = controller.controller
     leakage = getattr(getattr(scheme, "law", scheme), "leakage", None)
     held = leakage is None or leakage.harmless_within is not None
-    growth = "does not grow" if held else "grows by no more than T w |theta|^2/2, w the leakage,"
-    text = f"V of the law {growth} from sample to sample, for every gain and sample time"
+    more = "" if held else ", and the leakage w no more than T w |theta|^2/2"
+    only = "only the plant's motion between samples, off the midpoint rule, adds to it"
+    text = f"no gain and no sample time make V of the law grow; {only}{more}"
     if continuous.kind == "guaranteed":
-        kept = tuple(sentence for sentence in continuous.assumptions if sentence != ACTS_CONTINUOUSLY.sentence)
-        return replace(continuous, value=text, assumptions=kept)
-    if isinstance(problem, Problem) and isinstance(scheme, (Mrac, L1Adaptive)) and not held:
-        box = scheme.bind(problem.known).box
-        if box is None or not box.cuts_corners:
-            return statement("estimates", text, *(a for a in of_the_case(problem, box) if a is not ACTS_CONTINUOUSLY))
-    return otherwise
+        rests_on = tuple(Assumption(sentence) for sentence in continuous.assumptions)
+    elif isinstance(problem, Problem) and isinstance(scheme, (Mrac, L1Adaptive)) and not held:
+        rests_on = of_the_case(problem, scheme.bind(problem.known).box)
+    else:
+        return otherwise
+    kept = (each for each in rests_on if each != ACTS_CONTINUOUSLY)
+    return statement("estimates", text, *kept, _no_corner_cut(scheme, scheme.bind(problem.known).box))
+
+
+def _no_corner_cut(scheme: Any, box: EstimateSet | None) -> Assumption:
+    """What lies outside after a step with a coupling gain is brought back face by face, which is exact for two of them."""
+    law = scheme.law if isinstance(scheme, (NormalizedMrac, RobustMrac, MracOutput)) else None
+    metric = law.metric if isinstance(law, SampledLaw) else Gain(scheme.gamma)
+    cut = metric.is_matrix and box is not None and box.steps_cut_corners
+    return Assumption("a step never cuts a corner", "a gain matrix in corners of the known set" if cut else "")

@@ -4,9 +4,20 @@ from __future__ import annotations
 
 from typing import Any
 
-from barbalat.certificates.assumptions import BEYOND_ONE_LINEAR_INPUT, ERROR_ASSUMED, FROZEN_LAW, ON_THE_BOX, in_the_set, nominal
+import numpy as np
+
+from barbalat.certificates.assumptions import (
+    BEYOND_ONE_LINEAR_INPUT,
+    ERROR_ASSUMED,
+    FROZEN_LAW,
+    ON_THE_BOX,
+    nominal,
+    projected_onto,
+    theta_in_the_set,
+)
 from barbalat.certificates.bounds import laws, theorem_1
-from barbalat.certificates.bounds.model import ModelBounds
+from barbalat.certificates.bounds.model import ModelBounds, state_bounds
+from barbalat.certificates.bounds.regressor import largest_square
 from barbalat.certificates.cells import nothing, statement
 from barbalat.certificates.certificate import Certificate, Draft
 from barbalat.certificates.entry import Assumption, Entry
@@ -14,7 +25,7 @@ from barbalat.certificates.linear_loops import over_known_set
 from barbalat.certificates.linear_loops.ideal import known_parameters
 from barbalat.certificates.linear_loops.margin_values import add_margins
 from barbalat.certificates.step_limits import any_regressor, frozen_laws
-from barbalat.controllers import L1Adaptive, Mrac, NormalizedMrac, RobustMrac
+from barbalat.controllers import L1Adaptive, Mrac, MracClosedLoop, NormalizedMrac, RobustMrac
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.problem.known_set import EstimateSet, KnownSet
 from barbalat.problem.state_feedback import Problem
@@ -22,14 +33,41 @@ from barbalat.protocols import Controller
 from barbalat.solvers.simulation import Simulation
 
 KNOWN_REGRESSOR = Assumption("the regressor phi(x) is known")
+LARGEST_STATE = 1e12
+"""Where a run counts as diverged: without a bound of e, phi is looked at up to there."""
 
 
-def of_the_case(problem: Problem, box: EstimateSet | None) -> tuple[Assumption, ...]:
-    """What the bounds of Theorem 1 rest on: the plant (1) as it stands and, with projection, theta in the known set."""
-    return (*nominal(problem), *(() if box is None else (in_the_set(problem),)))
+def of_the_case(problem: Problem, box: EstimateSet | None, error: float | None = None) -> tuple[Assumption, ...]:
+    """What the bounds of Theorem 1 rest on: the plant (1) as it stands and, with projection, theta in the known set.
+
+    ``error`` is the bound of |e_i| that would follow, where there is one.
+    """
+    regressor = () if problem.plant.is_linear else (KNOWN_REGRESSOR, bounded_regressor(problem, error))
+    return (*nominal(problem), *inside(problem, box), *regressor)
 
 
-def lyapunov_estimates(problem: Problem, controller: Mrac | L1Adaptive, *, bounded: bool) -> Entry:
+def of_the_lyapunov_law(
+    problem: Problem, controller: Mrac | L1Adaptive | MracClosedLoop, certificate: Certificate
+) -> tuple[Assumption, ...]:
+    """What its V rests on; with a leakage or a dead zone V is bounded all the same."""
+    box, bound = controller.bind(problem.known).box, certificate.entry("error_bound")
+    case = of_the_case(problem, box, None if bound is None else bound.value)
+    return (*case, laws.keeps_V_in_corners(controller.gamma, box))
+
+
+def inside(problem: Problem, box: EstimateSet | None) -> tuple[Assumption, ...]:
+    """Theta in the set that is projected onto, where one is."""
+    return () if box is None else (projected_onto(problem, box),)
+
+
+def bounded_regressor(problem: Problem, error: float | None) -> Assumption:
+    """A formula may divide by zero: then bounded states don't bound phi(x), and no solution need go on."""
+    reach = np.full(problem.plant.n, LARGEST_STATE) if error is None else np.array(state_bounds(problem)) + error
+    finite = np.isfinite(largest_square(problem.plant.regressor, -reach, reach))
+    return Assumption("phi(x) is bounded where x is", "" if finite else "phi(x) is not known to be finite wherever x may go")
+
+
+def lyapunov_estimates(problem: Problem, controller: Mrac | L1Adaptive, certificate: Certificate, *, bounded: bool) -> Entry:
     """The estimates of the law (4), (7); that they converge is said only where the signals are ``bounded``."""
     void = laws.why_no_bound(controller, problem)
     if void is not None:
@@ -39,7 +77,7 @@ def lyapunov_estimates(problem: Problem, controller: Mrac | L1Adaptive, *, bound
         text += "; once the memory has seen every direction, which isn't checked here, they converge to theta"
     elif bounded:
         text += "; where phi is persistently exciting, which isn't checked here, they converge to theta"
-    return statement("estimates", text, *of_the_case(problem, controller.bind(problem.known).box))
+    return statement("estimates", text, *of_the_lyapunov_law(problem, controller, certificate))
 
 
 def unproven_robustness(problem: Problem, controller: Mrac | L1Adaptive) -> Entry:
@@ -53,6 +91,11 @@ def unproven_robustness(problem: Problem, controller: Mrac | L1Adaptive) -> Entr
     return nothing("modelling_error", why)
 
 
+def unfiltered(controller: Mrac | L1Adaptive) -> bool:
+    """Whether the scheme is the MRAC, as L1-AC with C = 1 is."""
+    return isinstance(controller, Mrac) or controller.filter is None
+
+
 def projected(problem: Problem, controller: Mrac | L1Adaptive | NormalizedMrac | RobustMrac) -> bool:
     """Whether the estimates are kept in the known set."""
     return problem.uncertainty is not None and controller.projection is not False
@@ -63,12 +106,11 @@ def add_parameter_errors(draft: Draft, problem: Problem, loop: ClosedLoop) -> No
     equations: Any = loop.equations
     theta_hat0 = equations.initial().theta_hat
     known, known_set = problem.known, problem.uncertainty
-    inside = () if known_set is None else (in_the_set(problem),)
     error = theorem_1.initial_parameter_error(theta_hat0, problem.plant.theta)
-    draft.guarantee("nu_0", theorem_1.nu_0(error, known), *inside)
+    draft.guarantee("nu_0", theorem_1.nu_0(error, known), *inside(problem, equations.box))
     if known_set is not None:
         worst = theorem_1.largest_parameter_error(theta_hat0, known_set)
-        draft.guarantee("nu_0_worst", theorem_1.nu_0(worst, known), *inside)
+        draft.guarantee("nu_0_worst", theorem_1.nu_0(worst, known), theta_in_the_set(problem))
 
 
 def add_ingredients(draft: Draft, problem: Problem, box: KnownSet | None, model: ModelBounds) -> None:
@@ -89,22 +131,22 @@ def beyond_the_paper(problem: Problem, controller: Controller, simulation: Simul
         return draft.finish()
     equations: Any = loop.equations
     error = theorem_1.initial_parameter_error(equations.initial().theta_hat, problem.parameters)
-    rests_on = (*of_the_case(problem, equations.box), KNOWN_REGRESSOR)
-    inside = () if equations.box is None else (in_the_set(problem),)
+    in_the_set = inside(problem, equations.box)
     if isinstance(controller, (Mrac, L1Adaptive)):
-        draft.guarantee("nu_0", theorem_1.nu_0(error, problem.known), *inside)
+        draft.guarantee("nu_0", theorem_1.nu_0(error, problem.known), *in_the_set)
         void = laws.why_no_bound(controller, problem)
         if void is not None:
             draft.missing("error_bound", void)
-        elif isinstance(controller, Mrac):
-            draft.guarantee("error_bound", laws.error_level(problem, controller, draft["nu_0"]), *rests_on)
+        elif unfiltered(controller):
+            bound = laws.error_level(problem, controller, draft["nu_0"])
+            draft.guarantee("error_bound", bound, *of_the_case(problem, equations.box, bound))
         else:
             draft.missing("error_bound", "no bound is known for this scheme on this plant")
-        assumed = (ON_THE_BOX,) if void is None and isinstance(controller, Mrac) else (ON_THE_BOX, ERROR_ASSUMED)
+        assumed = (ON_THE_BOX,) if void is None and unfiltered(controller) else (ON_THE_BOX, ERROR_ASSUMED)
         limits = any_regressor.of_lyapunov_law(problem, controller, simulation, draft["nu_0"])
         draft.estimate(limits, FROZEN_LAW, *assumed)
     else:
-        draft.guarantee("initial_parameter_error", error, *inside)
+        draft.guarantee("initial_parameter_error", error, *in_the_set)
         draft.estimate(frozen_laws.of_parametric_model(problem, controller, equations, simulation), FROZEN_LAW)
     return draft.finish()
 

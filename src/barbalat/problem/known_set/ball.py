@@ -47,6 +47,7 @@ class ParameterBall:
     intervals: ClassVar[ParameterBox | None] = None  # no estimate has one of its own
     bounds_theta: ClassVar[bool] = True
     cuts_corners: ClassVar[bool] = False  # there are none
+    steps_cut_corners: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
         validate.freeze(self, center=validate.vector("uncertainty.center", self.center))

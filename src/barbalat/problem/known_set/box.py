@@ -110,6 +110,11 @@ class ParameterBox:
         """Whether with a gain matrix the limit may cut off in a corner what does not keep the proof of V' <= 0."""
         return len(self.faces) > cone.EXACT_FACES
 
+    @property
+    def steps_cut_corners(self) -> bool:
+        """The same of a step over a sample, which ``nearest`` ends: the projections on two faces in turn are exact."""
+        return len(self.faces) > cone.EXACT_FACES_OF_STEPS
+
     def project(self, rate: Value, theta_hat: Value, gain: Gain = ONE) -> Value:
         """A component on a face does not move outward; a gain matrix moves the others with it."""
         if gain.is_matrix:

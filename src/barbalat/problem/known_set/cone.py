@@ -14,6 +14,8 @@ if TYPE_CHECKING:
 
 EXACT_FACES = 4
 """Faces up to which the projection for a gain matrix is exact: it tries the 2^n sets of them."""
+EXACT_FACES_OF_STEPS = 2
+"""Faces up to which a step over a sample is brought back into the box without a cut that V may feel: see ``nearest``."""
 CONE_PASSES = 3
 """Passes over more faces than that, and over the half spaces of the box; what is left outside after them is cut off."""
 

@@ -68,6 +68,11 @@ class ParameterProduct:
         """Whether with a gain matrix the limit may cut off what does not keep the proof: one or two intervals follow a ball."""
         return self.gains.cuts_corners or self.theta is not None
 
+    @property
+    def steps_cut_corners(self) -> bool:
+        """The same: a gain matrix has no implicit step here."""
+        return self.cuts_corners
+
     def project(self, rate: Value, theta_hat: Value, gain: Gain = ONE) -> Value:
         """A scalar or diagonal gain does not couple sphere and intervals; with a matrix the intervals follow the sphere."""
         first = rate.shape[0] - self.gains.size

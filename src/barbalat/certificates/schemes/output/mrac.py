@@ -6,7 +6,7 @@ import numpy as np
 
 from barbalat.adaptation.guarantee import Estimates, Guarantee
 from barbalat.adaptation.output_lyapunov import LyapunovLaw
-from barbalat.certificates.assumptions import exact_plant, measured, undisturbed
+from barbalat.certificates.assumptions import bounded_command, exact_plant, measured, undisturbed
 from barbalat.certificates.bounds import laws
 from barbalat.certificates.cells import estimate, limits_text, margins_cell, nothing, statement
 from barbalat.certificates.certificate import Certificate, Draft
@@ -82,6 +82,7 @@ def rests_on(problem: OutputProblem, controller: MracOutput) -> tuple[Assumption
         exact_plant(problem),
         undisturbed(problem),
         measured(problem),
+        bounded_command(problem),
         REST,
     )
 
@@ -92,8 +93,10 @@ def column(problem: OutputProblem, controller: MracOutput, certificate: Certific
     found = laws.guarantee_of(controller.law, controller.bind(problem.known).box)
     theta = _theta_star(problem, controller)
     rest = (*rests_on(problem, controller), laws.bounds_the_parameters(found, theta))
-    pulled = found.estimates is Estimates.PULLED
-    settled = "V of the law never grows; where the regressor is persistently exciting, which isn't checked here, they converge"
+    known, pulled = found.estimates is not Estimates.UNKNOWN, found.estimates is Estimates.PULLED
+    settled = "V of the law never grows"
+    if found.bounded:
+        settled += "; where the regressor is persistently exciting, which isn't checked here, they converge"
     auxiliary = "the auxiliary input leaves 1 - 1/(tau s + 1)^n* of the error, of the order of tau; no number"
 
     def claimed(key: str, text: str, holds: bool) -> Entry:
@@ -105,7 +108,7 @@ def column(problem: OutputProblem, controller: MracOutput, certificate: Certific
         "transient": nothing("transient", "no bound")
         if controller.tau is None
         else claimed("transient", auxiliary, found.bounded),
-        "estimates": claimed("estimates", "bounded, and pulled towards zero" if pulled else settled, found.bounded),
+        "estimates": claimed("estimates", "bounded, and pulled towards zero" if pulled else settled, known),
         "modelling_error": _robustness(problem, controller, found),
         "tuning": estimate("tuning", limits_text(certificate.values)),
         "margins": margins_cell(certificate),
@@ -139,4 +142,8 @@ def _robustness(problem: OutputProblem, controller: MracOutput, found: Guarantee
         "the case's own modelling error is small enough",
         f"{present}: whether that is small enough is not known" if present else "",
     )
-    return statement("modelling_error", text, small)
+    ceiling = 1 / controller.normalization.delta_0
+    above = controller.tau is not None and controller.tau >= ceiling
+    below = Assumption(f"tau < 1/delta_0 = {ceiling:.4g} s", f"tau is not below 1/delta_0 = {ceiling:.4g} s" if above else "")
+    enough = laws.bounds_the_parameters(found, _theta_star(problem, controller))
+    return statement("modelling_error", text, small, below, enough)

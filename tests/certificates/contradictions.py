@@ -1,0 +1,105 @@
+"""What a certificate guarantees, held against a run; and what it states where nothing applies."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+from mixtures import (
+    SIMULATION,
+)
+
+from barbalat import (
+    NormalizedMrac,
+    RobustMrac,
+    Sampled,
+)
+from barbalat.certificates.bounds.slopes import steepest_seen
+from barbalat.certificates.cells import Column
+from barbalat.certificates.certificate import Certificate
+from barbalat.certificates.certify import certify
+from barbalat.certificates.table_1 import table_1
+from barbalat.problem.known_set import Gain
+from barbalat.run.result import Result
+
+OF_THE_LOOP = ("stability", "tracking", "transient")
+"""The rows of Table 1 of which nothing may stand beside a delay or a limit."""
+CLAIMS = re.compile(r"\|e\||\|y\||\|y - y_m\||converges to zero for|for every bounded r|for every Gamma|to zero for a constant r")
+"""How these rows claim something."""
+ROUNDING = 1 + 1e-6
+"""What RK4 leaves of a quantity that never grows, at these steps."""
+RUNAWAY_FACTOR = 5.0
+"""By which the last quarter's error exceeds all before it in a loop that runs away: its rate is then above 0.3/s."""
+
+
+def judged(problem, controller, simulation=SIMULATION) -> tuple[Certificate, Column]:
+    certificates = certify(problem, [controller], simulation)
+    return certificates[controller.name], table_1(problem, [controller], certificates).columns[0]
+
+
+def at_stake(certificate: Certificate, column: Column) -> bool:
+    """Whether anything is guaranteed that a run could contradict."""
+    rows = {key for key, cell in column.cells.items() if cell.kind == "guaranteed"}
+    return bool(
+        rows & {*OF_THE_LOOP, "estimates"} or certificate.guaranteed & {"error_bound", "error_bound_worst", "output_bound"}
+    )
+
+
+def exceeded(certificate: Certificate, column: Column, run: Result) -> list[str]:
+    """What is guaranteed and does not hold on the run."""
+    claimed = {key: certificate.values[key] for key in certificate.guaranteed}
+    rows = {key for key, cell in column.cells.items() if cell.kind == "guaranteed"}
+    seen = {"stability": runs_away(run), "tracking": runs_away(run)}
+    seen["estimates"] = "estimates" in rows and estimates_grow(run, column.cells["estimates"].text)
+    found = [row for row, false in seen.items() if row in rows and false]
+    e = np.inf if run.diverged_at is not None else max(run.figures["max_abs_e"])
+    found += [key for key in ("error_bound", "error_bound_worst") if key in claimed and not e <= claimed[key]]
+    if "bounds" in claimed:
+        largest = {"r": np.abs(run.r).max(initial=0.0), "x_m": np.abs(run.x_m).max(initial=0.0)}
+        found += [f"bound of {name}" for name, value in claimed["bounds"].items() if not largest[name] <= value]
+    if "output_bound" in claimed:
+        y = np.abs([run.problem.dynamics.output(x) for x in run.x]).max()
+        f = run.problem.plant.f
+        found += ["output_bound"] if run.diverged_at is not None or not y <= claimed["output_bound"] else []
+        found += ["slope"] if f is not None and not steepest_seen(f, y) <= claimed["slope"] else []
+    if "sigma_needed" in claimed and not np.abs(run.theta_hat).max() <= claimed["sigma_needed"]:
+        found.append("sigma_needed")
+    return found
+
+
+def runs_away(run: Result) -> bool:
+    """Diverged, or the error of the last quarter far above all before it."""
+    if run.diverged_at is not None:
+        return True
+    largest = np.maximum(np.abs(run.envelope.e_min), np.abs(run.envelope.e_max)).max(axis=1)
+    last = len(largest) * 3 // 4
+    return bool(largest[last:].max() > RUNAWAY_FACTOR * largest[:last].max() + 1e-9)
+
+
+def estimates_grow(run: Result, text: str) -> bool:
+    """theta_tilde'Gamma^-1 theta_tilde, or with P for Gamma, above V(0), where the cell denies it of a continuous law."""
+    scheme = run.controller
+    if isinstance(scheme, Sampled) or "pulled" in text or run.diverged_at is not None or run.problem.feedback == "output":
+        return False
+    theta_tilde = run.theta_hat - run.problem.parameters
+    if isinstance(scheme, (NormalizedMrac, RobustMrac)):
+        parts = [run.loop.unpack(state).controller.memory for state in run.states]
+        metrics = [getattr(part, "covariance", None) for part in parts]
+        if metrics[0] is None:
+            metrics = [Gain(scheme.law.gamma).as_matrix(theta_tilde.shape[1])] * len(parts)
+    else:
+        metrics = [Gain(scheme.gamma).as_matrix(theta_tilde.shape[1])] * len(theta_tilde)
+    V = [error @ np.linalg.solve(metric, error) for error, metric in zip(theta_tilde, metrics, strict=True)]
+    return bool(max(V) > V[0] * ROUNDING + 1e-12)
+
+
+def claims_where_nothing_holds(certificate: Certificate, column: Column) -> list[str]:
+    """Rows that do not apply and still state something; bounds that do not apply under a flat key."""
+    document = column.as_json()
+    found = [
+        key
+        for key in OF_THE_LOOP
+        if not column.cells[key].applies and (document[key]["value"] is not None or CLAIMS.search(document[key]["text"]))
+    ]
+    flat = certificate.as_json()
+    return found + [entry.key for entry in certificate.entries if not entry.applies and entry.key in flat]
