@@ -5,15 +5,9 @@ from __future__ import annotations
 import re
 
 import numpy as np
-from mixtures import (
-    SIMULATION,
-)
+from mixtures import SIMULATION
 
-from barbalat import (
-    NormalizedMrac,
-    RobustMrac,
-    Sampled,
-)
+from barbalat import NormalizedMrac, RobustMrac, Sampled
 from barbalat.certificates.bounds.slopes import steepest_seen
 from barbalat.certificates.cells import Column
 from barbalat.certificates.certificate import Certificate
@@ -24,7 +18,9 @@ from barbalat.run.result import Result
 
 OF_THE_LOOP = ("stability", "tracking", "transient")
 """The rows of Table 1 of which nothing may stand beside a delay or a limit."""
-CLAIMS = re.compile(r"\|e\||\|y\||\|y - y_m\||converges to zero for|for every bounded r|for every Gamma|to zero for a constant r")
+CLAIMS = re.compile(
+    r"(?<!for )\|(e|y|y - y_m)\| <=|converges to zero for|for every bounded r|for every Gamma|to zero for a constant r"
+)
 """How these rows claim something."""
 ROUNDING = 1 + 1e-6
 """What RK4 leaves of a quantity that never grows, at these steps."""
