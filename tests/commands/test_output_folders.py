@@ -2,10 +2,8 @@
 
 import json
 import os
-import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import pytest
@@ -125,21 +123,6 @@ def test_what_stayed_empty_goes_again(tmp_path, case_file, monkeypatch):
     (tmp_path / "there").mkdir()
     assert main(["run", str(case_file), "--out", str(tmp_path / "there" / "deep" / "out")]) == 130
     assert not list((tmp_path / "there").iterdir())
-
-
-@pytest.mark.skipif(sys.platform == "win32", reason="no process groups")
-@pytest.mark.parametrize("after", [2.0, 5.0])
-@pytest.mark.short(kept=lambda after: after == 5.0)
-def test_reproduce_stops_at_once_and_says_one_word(after, tmp_path):
-    """Ctrl-C reaches the workers too; so soon they start or measure."""
-    started = subprocess.Popen(
-        [sys.executable, "-m", "barbalat", "reproduce", "--out", str(tmp_path / "out")],
-        env=ENVIRONMENT, start_new_session=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
-    )  # fmt: skip
-    time.sleep(after)
-    os.killpg(started.pid, signal.SIGINT)
-    out, said = started.communicate(timeout=120)  # a hang would show; a busy machine is no fault
-    assert (out, said) == ("", "interrupted\n") and not (tmp_path / "out").exists()
 
 
 def test_json_of_what_is_not_finite():
