@@ -155,3 +155,18 @@ def test_V_of_a_sampled_law_does_grow():
     (run,) = simulate(problem, [controller], Simulation(t_end=12.0, dt=4e-3)).values()
     assert np.abs(run.theta_hat - problem.plant.theta).max() > 0.01  # V(0) = 0
     assert column.cells["estimates"].kind == "guaranteed" and "only the plant's motion" in column.cells["estimates"].text
+
+
+class Bolder(Mrac):
+    """Of its parent the settings only: its estimates move the other way."""
+
+    def bind(self, known):
+        return replace(super().bind(known), P=-known.P)
+
+
+def test_a_subclass_with_equations_of_its_own_has_nothing_of_its_parents_certificate():
+    controller = Bolder(gamma=1.0, projection=False)
+    certificate, column = judged(UNSTABLE, controller)
+    (run,) = simulate(UNSTABLE, [controller], SIMULATION).values()
+    assert runs_away(run) and not claims_where_nothing_holds(certificate, column)
+    assert "error_bound" not in certificate.values and not any(cell.kind == "guaranteed" for cell in column.cells.values())
