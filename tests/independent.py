@@ -36,6 +36,19 @@ def refusal(make: Callable[[], object]) -> str:
     return message
 
 
+def as_toml(value: object) -> str:
+    """A value as TOML text, good or bad."""
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, str):
+        return '"' + "".join(f"\\U{ord(c):08X}" if not 0xD800 <= ord(c) < 0xE000 else "?" for c in value) + '"'
+    if isinstance(value, list):
+        return "[" + ", ".join(map(as_toml, value)) + "]"
+    if isinstance(value, dict):
+        return "{" + ", ".join(f"{as_toml(key)} = {as_toml(entry)}" for key, entry in value.items()) + "}"
+    return repr(value)
+
+
 @dataclass
 class Samples:
     """Every sample of a run, 0...steps: states (steps + 1, size); e, theta_hat (steps + 1, n); u (steps + 1,)."""

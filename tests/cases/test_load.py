@@ -20,7 +20,7 @@ from barbalat.adaptation.laws import (
 from barbalat.cases.load import bundled, load_case, parse_case
 from barbalat.controllers.output.l1 import fast_limit, linear_equivalent
 from barbalat.signals import Sines
-from independent import refusal
+from independent import as_toml, refusal
 
 PAPER = bundled()["paper"].read_text()
 LAW = '{ kind = "least-squares", covariance0 = 500.0 }'
@@ -284,19 +284,6 @@ VALUES = st.recursive(
 )
 
 
-def toml(value: object) -> str:
-    """A value as TOML text, good or bad."""
-    if isinstance(value, bool):
-        return str(value).lower()
-    if isinstance(value, str):
-        return '"' + "".join(f"\\U{ord(c):08X}" if not 0xD800 <= ord(c) < 0xE000 else "?" for c in value) + '"'
-    if isinstance(value, list):
-        return "[" + ", ".join(map(toml, value)) + "]"
-    if isinstance(value, dict):
-        return "{" + ", ".join(f"{toml(key)} = {toml(entry)}" for key, entry in value.items()) + "}"
-    return repr(value)
-
-
 LINES = [line for line in PAPER.splitlines() if "=" in line and not line.startswith("#")]
 
 
@@ -310,7 +297,7 @@ LINES = [line for line in PAPER.splitlines() if "=" in line and not line.startsw
 def test_fuzz_values(line, value):
     """Any value at any key gives a case or an InputError of one sentence; nothing else."""
     try:
-        parse_case(PAPER.replace(line, f"{line.split('=')[0]}= {toml(value)}", 1))
+        parse_case(PAPER.replace(line, f"{line.split('=')[0]}= {as_toml(value)}", 1))
     except InputError as error:
         assert "\n" not in str(error)
 

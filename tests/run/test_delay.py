@@ -179,3 +179,20 @@ def test_bad_input_dynamics():
         PlantInput(actuator=TransferFunction([1, 0], [1]))
     with pytest.raises(InputError, match=r"plant\.input\.multiplicative must be proper and stable"):
         PlantInput(multiplicative=TransferFunction([1], [1, -1]))
+
+
+def test_what_long_delays_remember_is_counted_before_it_is_allocated(monkeypatch):
+    """10^7 steps, 2 values each, rounded up to 2^24 steps: 268 MB a run."""
+    simulation = Simulation(t_end=1.0, dt=2.0**-20)
+    given = problem(delay=1e7 * 2.0**-20)
+    monkeypatch.setattr(exact_delay, "free_memory", lambda: 20 * 2**24 * 16)
+    controllers = [Mrac(gamma=1.0, name=f"M{i}") for i in range(20)]
+    for attempt in (
+        lambda: simulate(given, controllers, simulation),
+        lambda: simulate_ensemble([(given, controllers[0])] * 20, simulation),
+    ):
+        with pytest.raises(InputError, match=r"needs 5\.37 GB of memory for 20 runs, and 5\.37 GB are free"):
+            attempt()
+    monkeypatch.undo()
+    assert exact_delay.free_memory() is None or exact_delay.free_memory() > 1e6
+    exact_delay.require_memory([problem(delay=0.5)] * 3, simulation.dt)

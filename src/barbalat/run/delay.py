@@ -9,11 +9,16 @@ stage values that have its moments, see ``jump_weights``.
 
 from __future__ import annotations
 
+import re
+from collections.abc import Sequence
 from math import factorial
+from pathlib import Path
 
 import numpy as np
 
+from barbalat.lowering.llvm.machine import remembered
 from barbalat.lowering.shape import TAPS
+from barbalat.problem.tracking import TrackingProblem
 from barbalat.solvers import Tableau
 from barbalat.validate import Array, InputError
 
@@ -43,6 +48,29 @@ def lag(delay: float, dt: float) -> int:
     if whole < 1:
         raise DelayTooShortError(delay, dt)
     return whole
+
+
+def require_memory(problems: Sequence[TrackingProblem], dt: float) -> None:
+    """InputError where what the runs of these problems, beside each other, remember does not fit into the memory."""
+    longest, free = max(problem.delay for problem in problems), free_memory()
+    if not longest or free is None:
+        return
+    needed = len(problems) * remembered(lag(longest, dt)) * PER_INPUT * len(problems[0].history) * 8  # bytes
+    if needed > free:
+        raise InputError(
+            f"plant.input.delay = {longest:g} s at dt = {dt:g} s needs {needed / 1e9:.3g} GB of memory for {len(problems)} runs, "
+            f"and {free / 1e9:.3g} GB are free: take a larger simulation.dt, or fewer runs at a time"
+        )
+
+
+def free_memory() -> int | None:
+    """Bytes that programs can still get; None where the system does not say."""
+    try:
+        stated = Path("/proc/meminfo").read_text()
+    except OSError:
+        return None
+    found = re.search(r"^MemAvailable:\s*(\d+) kB$", stated, re.MULTILINE)
+    return None if found is None else 1024 * int(found[1])
 
 
 def whole_steps(delay: float, dt: float) -> int:

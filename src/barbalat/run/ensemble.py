@@ -11,6 +11,7 @@ import numpy as np
 from barbalat import validate
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller
+from barbalat.run import delay
 from barbalat.run.batch import Batch
 from barbalat.run.breaks import LostOrder, lost_order
 from barbalat.run.engine import run
@@ -66,6 +67,7 @@ def simulate_ensemble(
     for i, (problem, _) in enumerate(members):
         if problem.signals != signals:
             raise InputError(f"all members must share their signals, but member {i + 1} has {validate.show(problem.signals)}")
+    delay.require_memory([problem for problem, _ in members], simulation.dt)
     batch = Batch.of(members, simulation, numbers=streams, record=quarters, lanes=lanes)
     blocks = replace(simulation, record_points=_points(simulation)) if quarters else simulation
     run([batch], signals, blocks, threads=threads, progress=progress)

@@ -10,6 +10,7 @@ from barbalat import validate
 from barbalat.loop.binding import require_controllers
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller
+from barbalat.run import delay
 from barbalat.run.batch import Batch
 from barbalat.run.breaks import lost_order
 from barbalat.run.diagnosis.stability_label import MOST_WINDOWS, Run, stiffness_along
@@ -42,6 +43,7 @@ def simulate(
     if not controllers:
         raise InputError("at least one controller is needed, got none")
     require_controllers(controllers)
+    delay.require_memory([problem] * len(controllers), simulation.dt)
     batches = [Batch.of([(problem, controller)], simulation, record=True, windows=MOST_WINDOWS) for controller in controllers]
     run(batches, problem.signals, simulation, threads=threads, progress=progress)
     return {c.name: _result(problem, c, simulation, batch) for c, batch in zip(controllers, batches, strict=True)}

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -22,6 +23,7 @@ from barbalat.linear.largest import largest_from
 from barbalat.problem.known_set import Gain
 from barbalat.problem.state_feedback import Problem
 from barbalat.solvers.simulation import Simulation
+from barbalat.validate import Array
 
 MOST_HALVINGS = 60
 """Gains that are tried below the largest one that could be borne, each half the one before."""
@@ -58,7 +60,7 @@ class Excited:
     def largest_square(self, error: float) -> float:
         """Of |phi|_2^2, with u below phi where its gain is unknown, while no component of e exceeds ``error``."""
         problem = self.problem
-        bounds = np.array(state_bounds(problem)) + error
+        bounds = self._model + error
         phi = largest_square(problem.plant.regressor, -bounds, bounds)
         gains = problem.known.gains
         if gains is None:
@@ -68,6 +70,11 @@ class Excited:
         # u = (...)/omega_hat moves with the estimates: the coupling of MRAC is multiplied by omega/omega_hat
         ratio = float(np.max(gains.upper / gains.lower)) if isinstance(self.controller, Mrac) else 1.0
         return ratio * (phi + float(np.max(u**2)))
+
+    @cached_property
+    def _model(self) -> Array:
+        """(n,) bounds of the model's state; a search for a gain asks for them again and again."""
+        return np.array(state_bounds(self.problem))
 
     def _largest_theta(self) -> float:
         """|theta_hat|_2 without the gains: |theta|_2 and the distance that V keeps it from theta, or the known set's."""

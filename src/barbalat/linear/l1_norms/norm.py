@@ -38,7 +38,7 @@ def l1_norm(
     D: ArrayLike | None = None,
     *,
     relative_width: float = 1e-9,
-    work_limit: int = 200_000,
+    work_limit: int = 20_000,
 ) -> Enclosure:
     """Return a guaranteed enclosure of the L1 norm of the system with exactly these float64 matrices.
 

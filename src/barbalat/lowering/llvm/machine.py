@@ -56,6 +56,11 @@ def _unscheduled() -> Iterator[None]:
             llvm.set_option("", "-enable-misched=true")
 
 
+def remembered(lag: int) -> int:
+    """Steps that a ring for this lag holds: a power of two, and the first ones again."""
+    return (1 << (lag + TAPS - 1).bit_length()) - 1 + TAPS
+
+
 class Past:
     """The memory of a group of members between calls.
 
@@ -67,9 +72,8 @@ class Past:
         if lags.min() < 1:
             raise ValueError(f"lags must be at least 1, got {lags.min()}")
         self.lags = np.ascontiguousarray(lags, dtype=np.int64)
-        depth = int(lags.max()) + TAPS
         self.history = history
-        self.mask = (1 << (depth - 1).bit_length()) - 1
+        self.mask = remembered(int(lags.max())) - TAPS
         self.ring = np.tile(history, (self.mask + TAPS, 1, 1))
 
 
