@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import unicodedata
+from dataclasses import is_dataclass
 from typing import Annotated, Any, TypeAlias
 
 import numpy as np
@@ -74,6 +75,8 @@ def array(field: str, value: Any, shape: tuple[int | None, ...]) -> Array:
         given = np.asarray(value)
     except (TypeError, ValueError, OverflowError):
         raise InputError(f"{field} must be an array of numbers, got {show(value)}") from None
+    if np.ma.is_masked(value):
+        raise InputError(f"{field} must be without masked entries, got {show(value)}")
     if given.dtype.kind not in "iuf":
         raise InputError(f"{field} must be an array of real numbers, got {show(value)}")
     with np.errstate(over="ignore"):  # a longer float that does not fit becomes infinite and is refused below
@@ -146,6 +149,18 @@ def label(field: str, value: Any) -> str:
     if not isinstance(value, str) or not value:
         raise InputError(f"{field} must be a text that is not empty, got {show(value)}")
     return line(field, value)
+
+
+def read_only(part: Any) -> None:
+    """Make the arrays of a dataclass and of what is in it read-only: NumPy's copies and unpickled arrays are not."""
+    if isinstance(part, np.ndarray):
+        part.flags.writeable = False
+    elif isinstance(part, (list, tuple)):
+        for entry in part:
+            read_only(entry)
+    elif is_dataclass(part):
+        for entry in vars(part).values():
+            read_only(entry)
 
 
 def freeze(part: Any, **values: Any) -> None:

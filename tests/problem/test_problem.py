@@ -1,11 +1,17 @@
 from __future__ import annotations
 
+import copy
+import pickle
+from dataclasses import fields, is_dataclass
+
 import numpy as np
 import pytest
 from scipy import linalg
 
+from barbalat.cases.load import load_case
 from barbalat.problem.state_feedback import Known, ParameterBox, Plant, Problem, ReferenceModel
 from barbalat.signals import Constant, Sine
+from independent import refusal
 
 
 @pytest.mark.parametrize("n", [1, 2, 3])
@@ -90,3 +96,34 @@ def test_what_is_given_cannot_be_changed_afterwards(section_v):
         ReferenceModel(k_0=4.0).k_0 = 5.0
     with pytest.raises(AttributeError):
         section_v.reference = Sine(1.0, 1.0)
+
+
+@pytest.mark.parametrize(
+    "again", [copy.deepcopy, lambda problem: pickle.loads(pickle.dumps(problem))], ids=["deepcopy", "pickle"]
+)
+@pytest.mark.parametrize("name", ["lateral-aircraft", "l1-output", "wing-rock"])
+def test_a_copied_problem_is_as_fixed_as_its_original(name, again):
+    """NumPy's own copies may be written to, and what was validated once would no longer hold."""
+    problem = load_case(name).problem
+    arrays = list(arrays_in(again(problem)))
+    assert arrays and not any(array.flags.writeable for array in arrays)
+    for array, original in zip(arrays, arrays_in(problem), strict=True):
+        np.testing.assert_array_equal(array, original)
+
+
+def arrays_in(part):
+    if isinstance(part, np.ndarray):
+        yield part
+    elif isinstance(part, (list, tuple)):
+        for entry in part:
+            yield from arrays_in(entry)
+    elif is_dataclass(part):
+        for field in fields(part):
+            yield from arrays_in(getattr(part, field.name))
+
+
+def test_a_mask_is_not_ignored():
+    theta = np.ma.masked_array([4.0, -3.0], mask=[True, False])
+    assert "masked" in refusal(lambda: Plant(A_m=[[0.0, 1.0], [-0.3, -1.0]], b=[0.0, 1.0], theta=theta))
+    theta.mask = False
+    Plant(A_m=[[0.0, 1.0], [-0.3, -1.0]], b=[0.0, 1.0], theta=theta)

@@ -46,6 +46,11 @@ class TrackingProblem:
     depends_on_time: ClassVar[bool] = False
     """Whether the plant's equations contain t."""
 
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """After ``copy.deepcopy`` and unpickling."""
+        vars(self).update(state)
+        validate.read_only(self)
+
     @property
     def known(self) -> Any:
         """What the designer has."""

@@ -1,0 +1,43 @@
+"""docs/licences.md names whatever is installed with the package, and shows what is under a GNU licence."""
+
+import re
+import tomllib
+from importlib import metadata
+from pathlib import Path
+
+ROOT = Path(__file__).parents[2]
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+PAGE = (ROOT / "docs" / "licences.md").read_text()
+SHOWN = {"control": "python-control", "numpy": "NumPy"}
+"""Names of the page, where they are not the packages' own."""
+
+
+def required(requirement, found):
+    """The package of a requirement and all that it needs, without extras."""
+    name = re.match(r"[A-Za-z0-9._-]+", requirement).group().lower().replace("_", "-")
+    if name in found or "extra ==" in requirement or "sys_platform" in requirement or "platform_system" in requirement:
+        return
+    found.add(name)
+    for inner in metadata.requires(name) or ():
+        required(inner, found)
+
+
+def test_every_package_stands_on_the_page():
+    found = set()
+    extras = PROJECT["optional-dependencies"]
+    for requirement in PROJECT["dependencies"] + extras["tables"] + extras["control"] + extras["robust"]:
+        required(requirement, found)
+    assert len(found) > 20
+    for name in found:
+        assert SHOWN.get(name, name).lower() in PAGE.lower(), name
+        stated = metadata.metadata(name)
+        licence = stated.get("License-Expression") or " ".join(
+            [stated.get("License") or "", *(stated.get_all("Classifier") or [])]
+        )
+        if re.search(r"L?GPL(?!-3.0-with-GCC)|Lesser General Public", licence.split("\n")[0]):
+            row = next(line for line in PAGE.splitlines() if line.startswith("|") and name in line.lower())
+            assert "**" in row, name
+
+
+def test_the_lock_is_made_by_a_fixed_version():
+    assert re.search(r"pip install [^\n]*uv==\d+\.\d+\.\d+", (ROOT / "dev").read_text())
