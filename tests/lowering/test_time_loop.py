@@ -10,11 +10,14 @@ import casadi as ca
 import numpy as np
 import pytest
 
+from barbalat.adaptation.laws import LeastSquares
+from barbalat.controllers import RobustMrac
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.lowering.llvm.machine import Kernel, Watch
 from barbalat.lowering.operations import read
 from barbalat.lowering.optimize import optimize
 from barbalat.lowering.shape import LoopShape
+from barbalat.run import step
 from barbalat.run.batch import Batch
 from barbalat.run.engine import run
 from barbalat.run.grid import signal_table
@@ -232,3 +235,20 @@ print((pages() - before) * 4096 / 1e6)
 """
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert float(done.stdout) < 2.5, "MB for a hundred kernels"
+
+
+def test_a_long_quantity_is_a_function_of_its_own_and_has_the_same_bits(problems, monkeypatch):
+    """Beside the step a block of thousands of operations takes minutes to compile; apart from it seconds."""
+    from barbalat.lowering.llvm import ir
+
+    controller = RobustMrac(c_0=[1.0, 1.0], tau=0.5, law=LeastSquares(covariance0=50.0))
+    simulation, rows = Simulation(t_end=2.0, dt=2.0**-7), []
+    for longest in (10**6, 0):
+        monkeypatch.setattr(ir, "LONGEST_INSIDE", longest)
+        step._compile.cache_clear()
+        batch = Batch.of([(problems[2], controller)], simulation, windows=4)
+        run([batch], problems[2].signals, simulation)
+        rows.append(batch.watch.rows)
+        assert ("barbalat_look" in batch.groups[0].kernel.ir) == (longest == 0)
+    assert np.isfinite(rows[0]).all()
+    np.testing.assert_array_equal(*rows)

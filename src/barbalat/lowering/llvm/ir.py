@@ -10,7 +10,7 @@ import struct
 
 from barbalat.lowering.llvm.loads import count, due, noise_loads, row_number, signal_loads
 from barbalat.lowering.llvm.past import lag_loads, past_loads, remember
-from barbalat.lowering.llvm.watch import LAST_BLOCK, keep_largest
+from barbalat.lowering.llvm.watch import LAST_BLOCK, LONGEST_INSIDE, called, keep_largest
 from barbalat.lowering.operations import COMPARISONS, Program
 from barbalat.lowering.shape import ENTRY, TAPS, LoopShape
 
@@ -163,6 +163,8 @@ def loop(
     new = printer.run()
     vector, align = printer.vector, "align 8"
     sampling, held, last = [], "", "step"  # without a sampled part the step is one block
+    apart: list[str] = []  # a function beside the loop
+    room: list[str] = []  # on its stack
     if sample is not None:
         sampler = _Printer(sample, lanes, inputs | {(0, i): f"%x{i}.held" for i in range(n)}, prefix="w")
         sampled = sampler.run()
@@ -183,7 +185,12 @@ def loop(
         watcher = _Printer(watch, lanes, inputs, prefix="g")
         (quantity,) = watcher.run()
         printer.intrinsics |= watcher.intrinsics
-        watching, last = keep_largest(n, watcher.lines, quantity, due(shape, "watch.due", "%watch.phase")), LAST_BLOCK
+        looked = watcher.lines
+        if len(looked) > LONGEST_INSIDE:
+            used = [inputs[op.source] for op in watch.operations if op.name == "input"]
+            apart, room, looked = called(looked, quantity, used)
+            quantity = "%looked"
+        watching, last = keep_largest(n, looked, quantity, due(shape, "watch.due", "%watch.phase")), LAST_BLOCK
 
     def load(name: str, base: str, offset: str) -> list[str]:
         return [
@@ -204,6 +211,7 @@ def loop(
         "ptr noalias %noise, ptr noalias %watched, i64 %watch.first, i64 %watch.window, "
         "i64 %sample.every, i64 %noise.hold) alignstack(64) {",
         "entry:",
+        *room,
         *(line for i in range(n) for line in load(f"x{i}.0", "%state", str(i))),
         *(line for i in range(shape.parameters) for line in load(f"p{i}", "%parameters", str(i))),
         *lag_loads(shape, lanes),
@@ -244,6 +252,7 @@ def loop(
         *(line for i in range(n) for line in store(f"x{i}.e", new[i], "%state", i)),
         "  ret void",
         "}",
+        *apart,
         *sorted(printer.intrinsics),
     ]
     return "\n".join(lines)

@@ -11,6 +11,27 @@ from barbalat.lowering.shape import WATCH_EVERY
 LAST_BLOCK = "kept"
 """The last basic block of a step that has a watch."""
 
+LONGEST_INSIDE = 4000
+"""Operations of a quantity that is compiled with the step. LLVM takes minutes for some 30,000 in one block."""
+
+
+def called(lines: list[str], quantity: str, used: list[str]) -> tuple[list[str], list[str], list[str]]:
+    """A long quantity as a function of its own, which LLVM translates as it stands; its room on the stack; its call.
+
+    ``used`` are the values of the loop that its ``lines`` read. The operations and their order, so every bit, are the same.
+    """
+    reads, passes = [], []
+    for i, name in enumerate(used):
+        place = f"getelementptr double, ptr %looked.at, i64 {i}"
+        reads += [f"  {name}.at = {place}", f"  {name} = load double, ptr {name}.at, align 8"]
+        passes += [f"  %looked.at{i} = {place}", f"  store double {name}, ptr %looked.at{i}, align 8"]
+    function = [
+        "define internal double @barbalat_look(ptr noalias %looked.at) noinline optnone {",
+        "entry:", *reads, *lines, f"  ret double {quantity}", "}",
+    ]  # fmt: skip
+    room = [f"  %looked.at = alloca double, i64 {max(len(used), 1)}, align 8"]
+    return function, room, [*passes, "  %looked = call double @barbalat_look(ptr %looked.at)"]
+
 
 def keep_largest(states: int, lines: list[str], quantity: str, due: list[str]) -> list[str]:
     """``lines`` compute the quantity, ``due`` has %watch.due from %watch.phase.
