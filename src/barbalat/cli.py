@@ -12,6 +12,7 @@ from collections.abc import Sequence
 
 import barbalat
 from barbalat.commands import cases, certify, new, reproduce, run, tradeoff
+from barbalat.commands.interrupt import interruptible
 from barbalat.commands.screen import say
 
 FAILED, BAD_INPUT, INTERRUPTED = 1, 2, 130
@@ -24,7 +25,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")  # a name in any script reaches a terminal of any encoding
     try:
-        with warnings.catch_warnings():
+        with interruptible(), warnings.catch_warnings():
             if not sys.warnoptions:  # what overflows is said in the results, as what diverged or does not apply
                 warnings.simplefilter("ignore", RuntimeWarning)
             done = int(options.execute(options))

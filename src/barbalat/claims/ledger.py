@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import signal
+import sys
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from contextlib import contextmanager
 from dataclasses import dataclass
-from multiprocessing import active_children, get_context
+from multiprocessing import active_children, get_context, resource_tracker
 from threading import current_thread, main_thread
 from typing import TypeAlias
 
@@ -111,15 +112,24 @@ def under_way(processes: int, *, quick: bool = False) -> Iterator[UnderWay]:
 
 @contextmanager
 def _deaf_children() -> Iterator[None]:
-    """Processes that start meanwhile leave Ctrl-C, which a terminal sends to all, to this one: they would print tracebacks."""
-    if current_thread() is not main_thread():  # where signals can't be set, and none arrive
+    """Processes that start meanwhile leave Ctrl-C, which a terminal sends to all, to this one: they would print tracebacks.
+
+    They inherit that it is blocked. Here it is neither lost, nor does it interrupt a process that is half started: it waits.
+    """
+    if sys.platform == "win32" or current_thread() is not main_thread():  # where signals can't be set, and none arrive
         yield
         return
-    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    resource_tracker.ensure_running()  # it would unblock the signal when the first process starts it
+    waiting: list[int] = []
+    before = signal.signal(signal.SIGINT, lambda number, _: waiting.append(number))  # another thread may be the one to get it
+    signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield
     finally:
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
         signal.signal(signal.SIGINT, before)
+    if waiting:
+        signal.raise_signal(signal.SIGINT)
 
 
 def _rows(place: int) -> list[Claim]:

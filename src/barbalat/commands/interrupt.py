@@ -1,0 +1,53 @@
+"""Ctrl-C that is not lost: CasADi drops what is raised while it asks Python for a shape or tries a conversion.
+
+Measured while Section V was being traced: 4 of 40 interrupts left no trace, each had arrived below such a question.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import signal
+import sys
+import threading
+from collections.abc import Iterator
+
+RETRY_PERIOD = 0.3
+"""Seconds from one attempt to the next: a second one is seldom needed, a third hardly ever."""
+
+
+@contextlib.contextmanager
+def interruptible() -> Iterator[None]:
+    """KeyboardInterrupt at Ctrl-C, again and again until it is on its way out of what runs in here."""
+    if sys.platform == "win32" or threading.current_thread() is not threading.main_thread():  # no timers, no signals
+        yield
+        return
+
+    def attempt(*_: object) -> None:
+        if not _is_interrupt(sys.exc_info()[1]):  # else folders are being tidied up, processes ended
+            raise KeyboardInterrupt
+
+    def begin(*_: object) -> None:
+        alarms.append(signal.signal(signal.SIGALRM, attempt))
+        signal.setitimer(signal.ITIMER_REAL, RETRY_PERIOD, RETRY_PERIOD)
+        raise KeyboardInterrupt
+
+    alarms: list[signal._HANDLER] = []
+    before = signal.signal(signal.SIGINT, begin)
+    try:
+        yield
+    except Exception as error:
+        if _is_interrupt(error):
+            raise KeyboardInterrupt from None
+        raise
+    finally:
+        if alarms:
+            signal.setitimer(signal.ITIMER_REAL, 0)
+            signal.signal(signal.SIGALRM, alarms[0])
+        signal.signal(signal.SIGINT, before)
+
+
+def _is_interrupt(error: BaseException | None) -> bool:
+    """Whether this is a KeyboardInterrupt, or what became of one."""
+    while error is not None and not isinstance(error, KeyboardInterrupt):
+        error = error.__cause__ or error.__context__
+    return error is not None

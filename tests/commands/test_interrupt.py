@@ -1,0 +1,88 @@
+"""Ctrl-C stops a command at once, whatever the libraries underneath do with it."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+
+from barbalat.claims.ledger import _deaf_children
+from barbalat.commands.interrupt import RETRY_PERIOD, interruptible
+
+pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="no timers of signals")
+
+
+def test_an_interrupt_that_is_dropped_comes_again():
+    """As CasADi does: the first two are swallowed, then a loop would run on."""
+    dropped = 0
+    with pytest.raises(KeyboardInterrupt), interruptible():
+        for _ in range(2):
+            try:
+                if not dropped:
+                    os.kill(os.getpid(), signal.SIGINT)
+                time.sleep(20 * RETRY_PERIOD)
+            except KeyboardInterrupt:
+                dropped += 1
+        time.sleep(20 * RETRY_PERIOD)
+    assert dropped == 2
+    assert signal.getitimer(signal.ITIMER_REAL) == (0.0, 0.0)
+    assert signal.getsignal(signal.SIGALRM) == signal.SIG_DFL
+
+
+def test_tidying_up_is_not_interrupted_again():
+    tidied = []
+    with pytest.raises(KeyboardInterrupt), interruptible():
+        try:
+            os.kill(os.getpid(), signal.SIGINT)
+            time.sleep(20 * RETRY_PERIOD)
+        finally:
+            started = time.monotonic()
+            while time.monotonic() < started + 3 * RETRY_PERIOD:
+                time.sleep(RETRY_PERIOD / 10)
+            tidied.append(True)
+    assert tidied
+
+
+def test_what_a_library_makes_of_an_interrupt_is_one():
+    with pytest.raises(KeyboardInterrupt), interruptible():
+        try:
+            os.kill(os.getpid(), signal.SIGINT)
+            time.sleep(20 * RETRY_PERIOD)
+        except KeyboardInterrupt:
+            raise SystemError("returned a result with an exception set")  # noqa: B904 (as CasADi does)
+    with pytest.raises(SystemError), interruptible():
+        raise SystemError("another one")
+
+
+def test_an_interrupt_while_processes_start_is_kept():
+    """They are started deaf to it; what arrives meanwhile acts when they have been started."""
+    with pytest.raises(KeyboardInterrupt):
+        with _deaf_children():
+            os.kill(os.getpid(), signal.SIGINT)
+            started = True
+        pytest.fail("the interrupt was lost")
+    assert started and signal.getsignal(signal.SIGINT) == signal.default_int_handler
+    assert signal.SIGINT not in signal.pthread_sigmask(signal.SIG_BLOCK, ())
+
+
+@pytest.mark.parametrize("after", [1.0, 1.5, 2.0, 2.5, 5.0])
+@pytest.mark.short(kept=lambda after: after in (1.5, 5.0))
+def test_reproduce_stops_at_once_and_says_one_word(after, tmp_path):
+    """Ctrl-C reaches the workers too: so soon they start, later they measure."""
+    started = subprocess.Popen(
+        [sys.executable, "-m", "barbalat", "reproduce", "--out", str(tmp_path / "out")],
+        env=os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)},
+        start_new_session=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+    )  # fmt: skip
+    time.sleep(after)
+    os.killpg(started.pid, signal.SIGINT)
+    try:
+        out, said = started.communicate(timeout=60)  # a lost interrupt runs for minutes; a busy machine is no fault
+    finally:
+        if started.poll() is None:
+            os.killpg(started.pid, signal.SIGKILL)
+    if said:  # before the command has begun there is nothing to say
+        assert (out, said) == ("", "interrupted\n") or ("KeyboardInterrupt" in said and after < 2), said
+    assert not (tmp_path / "out").exists()
