@@ -218,3 +218,4 @@ def test_a_registry_line_is_all_that_case_files_need():
     assert "did you mean 'share'" in refusal(lambda: parse_case(CASE.replace("share", "shrae")))
     assert "controller 1.tau has no meaning for half" in refusal(lambda: parse_case(CASE.replace("share", "tau")))
     assert "|  | `slope` | number | required | [1/s] |" in key_tables.page(PAGE)
+    test_every_key_has_a_meaning()  # those of the scheme that it is made from with it

@@ -82,10 +82,18 @@ def keys_of(settings: type, differences: Differences) -> dict[str, Key]:
 
 
 def meanings_of(settings: type) -> dict[str, str]:
-    """What the docstring of a class says of its fields: its lines "name  meaning", with their continuations further in."""
+    """What the docstrings of a class, and of those it is made from, say of its fields: name -> meaning."""
+    found: dict[str, str] = {}
+    for kind in reversed(settings.__mro__):
+        found |= _meanings_in(kind.__doc__ or "")
+    return found
+
+
+def _meanings_in(docstring: str) -> dict[str, str]:
+    """A docstring's lines "name  meaning", with their continuations further in."""
     found: dict[str, str] = {}
     names: list[str] = []
-    for line in inspect.cleandoc(settings.__doc__ or "").splitlines():
+    for line in inspect.cleandoc(docstring).splitlines():
         row = re.match(r"(\w+(?:, \w+)*) {2,}(\S.*)$", line)
         if row:
             names = row[1].split(", ")
