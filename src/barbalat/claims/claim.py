@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from typing import Any, Literal
 
 import numpy as np
@@ -155,8 +155,26 @@ class Listing:
 
 
 @dataclass(frozen=True)
+class Reading:
+    """One way to read a sentence: what it then says, the verdict on that, and the number that decides it."""
+
+    says: str
+    verdict: Verdict
+    measured: str
+
+
+@dataclass(frozen=True)
 class Claim:
-    """A statement of the paper in our words, with a verdict, the number behind it, how it was obtained, pictures and tables."""
+    """A statement in our words, with a verdict and all that a referee asks of one.
+
+    where         the sentence's place in the paper, or "not in the paper: " and who says it
+    measured      all that was measured, in a sentence
+    how           the plant, the solver, the step, what was compared
+    number        the one number that decides the verdict, with its unit and what it is, in a few words
+    readings      where the sentence can be read in several ways, each with a verdict of its own
+    would_change  what would have to be measured, shown or assumed for another verdict
+    sharpened     what ``reproduce --full`` measures beyond the plain command; empty where that is nothing
+    """
 
     id: str
     where: str
@@ -166,10 +184,16 @@ class Claim:
     how: str
     maps: tuple[Map | Chart, ...] = ()
     listings: tuple[Listing, ...] = ()
+    number: str = field(default="", kw_only=True)
+    readings: tuple[Reading, ...] = field(default=(), kw_only=True)
+    would_change: str = field(default="", kw_only=True)
+    sharpened: str = field(default="", kw_only=True)
 
-    def as_json(self) -> dict[str, str]:
-        """The JSON contract's block for a claim."""
-        return {name: getattr(self, name) for name in ("id", "where", "statement", "verdict", "measured", "how")}
+    def as_json(self) -> dict[str, Any]:
+        """The JSON contract's block for a claim; what goes beyond it stands beside the contract's keys."""
+        contract = ("id", "where", "statement", "verdict", "measured", "how")
+        beside = ("number", "would_change", "sharpened")
+        return {name: getattr(self, name) for name in contract + beside} | {"readings": [asdict(one) for one in self.readings]}
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
