@@ -1,4 +1,4 @@
-"""The command line: ``barbalat reproduce | run | certify | tradeoff | cases | new``, a thin layer over the commands' files."""
+"""The command line: ``barbalat reproduce | run | certify | ...``, a thin layer over the commands' files."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import warnings
 from collections.abc import Sequence
 
 import barbalat
-from barbalat.commands import cases, certify, new, reproduce, run, tradeoff
+from barbalat.commands import cases, certify, completion, new, reproduce, run, schema, tradeoff
 from barbalat.commands.interrupt import interruptible
 from barbalat.commands.screen import say
 
@@ -20,7 +20,10 @@ FAILED, BAD_INPUT, INTERRUPTED = 1, 2, 130
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command; returns the exit code: 0 done, 2 bad input, 1 anything else that went wrong."""
-    options = _parser().parse_args(arguments)
+    parser = _parser()
+    if completion.ASKED in os.environ:
+        completion.answer(parser)
+    options = parser.parse_args(arguments)
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")  # a name in any script reaches a terminal of any encoding
@@ -46,7 +49,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
         if not isinstance(error, InputError):
             raise
-        say(f"barbalat: {error}")
+        for i, sentence in enumerate(error.sentences):
+            say(f"          {sentence}" if i else f"barbalat: {sentence}")
         return BAD_INPUT
 
 
@@ -61,6 +65,6 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="barbalat", description=description)
     parser.add_argument("--version", action="version", version=f"barbalat {barbalat.__version__}")
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
-    for command in (reproduce, run, certify, tradeoff, cases, new):
+    for command in (reproduce, run, certify, tradeoff, cases, new, schema, completion):
         command.add(commands)
     return parser

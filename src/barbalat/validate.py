@@ -18,7 +18,11 @@ Matrix: TypeAlias = Annotated[Any, "matrix"]
 
 
 class InputError(ValueError):
-    """Input that can't be used; the message is one sentence for the user."""
+    """Input that can't be used: one sentence for the user, or several where more was found at once."""
+
+    def __init__(self, *sentences: str) -> None:
+        super().__init__("; also: ".join(sentences))
+        self.sentences = sentences
 
 
 def show(value: Any) -> str:

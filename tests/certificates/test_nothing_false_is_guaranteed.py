@@ -19,7 +19,8 @@ from mixtures import (
 from output_mixtures import output_controllers, output_feedback
 
 from barbalat import simulate
-from barbalat.cases.load import bundled, load_case
+from barbalat.cases.bundled import bundled
+from barbalat.cases.load import load_case
 from barbalat.cli import main
 from barbalat.solvers.simulation import Simulation
 

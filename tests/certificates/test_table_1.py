@@ -28,7 +28,8 @@ from barbalat.adaptation.laws import LAWS
 from barbalat.adaptation.modifications.fixed_sigma import FixedSigma
 from barbalat.adaptation.modifications.switching_sigma import SwitchingSigma
 from barbalat.adaptation.normalization import Normalization
-from barbalat.cases.load import bundled, load_case
+from barbalat.cases.bundled import bundled
+from barbalat.cases.load import load_case
 from barbalat.certificates.certify import certify_where_possible
 from barbalat.certificates.rounding import down, up
 from barbalat.certificates.table_1 import PROPERTIES, table_1

@@ -7,7 +7,7 @@ import sys
 
 import pytest
 
-from barbalat.cases.load import bundled
+from barbalat.cases.bundled import bundled
 from barbalat.claims import section_v
 from barbalat.cli import main
 

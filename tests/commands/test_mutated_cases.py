@@ -10,7 +10,7 @@ from contextlib import contextmanager
 
 import pytest
 
-from barbalat.cases.load import bundled
+from barbalat.cases.bundled import bundled
 from barbalat.cli import main
 from independent import as_toml
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from barbalat.cases.load import bundled
+from barbalat.cases.bundled import bundled
 from barbalat.cli import main
 
 CASE = bundled()["paper"].read_text().replace("t_end = 60.0", "t_end = 0.5").replace("dt = 1e-4", "dt = 1e-3")

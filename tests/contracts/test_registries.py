@@ -12,7 +12,7 @@ import barbalat
 from barbalat.adaptation.laws import OUTPUT_LAWS
 from barbalat.cases import key_tables
 from barbalat.cases.build import made
-from barbalat.cases.keys import Context
+from barbalat.cases.keys import Context, Differences, keys_of
 from barbalat.cases.load import parse_case
 from barbalat.cases.schema import CASES, case_table, table_of
 from barbalat.cases.tables import Table
@@ -84,7 +84,7 @@ def test_every_key_has_a_meaning():
     """Written once, in the docstring of the settings: for the docs and for the schema of editors."""
     for problem in CASES:
         case_table(problem)
-    tables = Table.__subclasses__()
+    tables = [table for table in Table.__subclasses__() if table.recipe.settings.__module__.startswith("barbalat.")]
     assert len(tables) > 30
     lacking = [f"{table.__name__}.{name}" for table in tables for name, key in table.recipe.keys.items() if not key.meaning]
     assert not lacking
@@ -218,4 +218,4 @@ def test_a_registry_line_is_all_that_case_files_need():
     assert "did you mean 'share'" in refusal(lambda: parse_case(CASE.replace("share", "shrae")))
     assert "controller 1.tau has no meaning for half" in refusal(lambda: parse_case(CASE.replace("share", "tau")))
     assert "|  | `slope` | number | required | [1/s] |" in key_tables.page(PAGE)
-    test_every_key_has_a_meaning()  # those of the scheme that it is made from with it
+    assert keys_of(Half, Differences())["gamma"].meaning == keys_of(Mrac, Differences())["gamma"].meaning != ""

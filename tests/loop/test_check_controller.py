@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from barbalat import check_controller
-from barbalat.cases.load import bundled, load_case
+from barbalat.cases.bundled import bundled
+from barbalat.cases.load import load_case
 from barbalat.certificates.certify import certify
 from barbalat.controllers import RobustMrac, Sampled
 from barbalat.loop import binding

@@ -9,6 +9,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from barbalat.cases.findings import several
 from barbalat.cases.keys import Context, Given
 from barbalat.cases.scheme_keys import SAMPLING
 from barbalat.cases.tables import Table
@@ -60,10 +61,17 @@ def build(case: Table, folder: Path, joining: Sequence[Controller] = ()) -> Case
         chosen = [table for table in tables if table.recipe.settings is settings]
         return {_name(table): partial(_controller, table, context) for table in chosen}
 
-    context, controllers = Context(folder, problem.known, others), []
+    context = Context(folder, problem.known, others)
+    controllers: list[Controller] = []
+    refused: list[str] = []
     for i, table in enumerate(tables, start=1):
-        with within(f"controller {i} ({vars(table)['name'] if 'name' in table.model_fields_set else table.recipe.choice})"):
-            controllers.append(_bound(table, context, problem))
+        try:
+            with within(f"controller {i} ({vars(table)['name'] if 'name' in table.model_fields_set else table.recipe.choice})"):
+                controllers.append(_bound(table, context, problem))
+        except InputError as error:
+            refused += error.sentences
+    if refused:
+        raise several(refused)
     for controller in joining:
         bound(problem, controller)
     return _assembled(problem, [*controllers, *joining], simulation)

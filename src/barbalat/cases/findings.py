@@ -1,35 +1,93 @@
-"""What pydantic finds, as one sentence that names the field, the value and what would be right."""
+"""What pydantic finds in a case file: a sentence each, with the field, the value as it was typed, and what would be right."""
 
 from __future__ import annotations
 
 import difflib
+import json
 import re
-from typing import Any
+from collections.abc import Iterable, Iterator
+from typing import Any, get_args
 
 from pydantic import ValidationError
 
-from barbalat.cases.tables import TAGS
-from barbalat.validate import show
+from barbalat.cases.tables import TAGS, Table
+from barbalat.validate import InputError
+
+SHOWN_AT_ONCE = 3
+"""Findings that are told at once: who mends these has often mended the others."""
+MISSPELT_KEYS = 20
+"""One inside the other, after which nobody looks for more."""
+LONGEST_MESSAGE = 540
+"""Characters of all that is told at once: with what a terminal shows around it 600."""
+LONGEST_SENTENCE = 400
+"""Characters of one finding."""
+LONGEST_VALUE = 60
+"""Characters of a value in a message."""
+DEEPEST_VALUE = 4
+"""Tables or lists inside each other that are shown of a value."""
+SYMMETRIC_LIMITS = ("saturation",)
+"""Keys whose value is a pair of limits, for which one number may be meant as both."""
 
 _ORDER = {"unknown_key": 0, "extra_forbidden": 2}
 """A misspelt key is also a missing one: speak of the spelling. A key that means nothing here comes after one that is missing."""
 
 
-def sentence(error: ValidationError, data: dict[str, Any]) -> str:
-    """The finding that helps most."""
-    findings = sorted(error.errors(include_url=False), key=lambda finding: _ORDER.get(finding["type"], 1))
-    return " ".join(_sentence(findings[0], data).split())  # a key may hold line breaks
+class Typed(str):
+    """A number of a case file as it was typed."""
+
+    __slots__ = ()
 
 
-def _sentence(finding: Any, data: dict[str, Any]) -> str:
+def several(found: Iterable[str]) -> InputError:
+    """One error that tells the first few of what was found, and how many more there are."""
+    different = [one if len(one) <= LONGEST_SENTENCE else f"{one[: LONGEST_SENTENCE - 3]}..." for one in dict.fromkeys(found)]
+    told = different[:SHOWN_AT_ONCE]
+    while sum(map(len, told)) > LONGEST_MESSAGE:
+        told.pop()
+    more = len(different) - len(told)
+    return InputError(*told, *([f"and {more} more"] if more else []))
+
+
+def findings(root: type[Table], data: dict[str, Any], as_typed: dict[str, Any]) -> list[str]:
+    """What keeps ``data``, which this changes, from being a table of ``root``: a sentence each, misspelt keys first.
+
+    as_typed  the same with its numbers as they were typed
+    """
+    told: list[str] = []
+    for _ in range(MISSPELT_KEYS):  # a table is looked into when its keys are known: put right what is misspelt and look again
+        try:
+            root.model_validate(data)
+        except ValidationError as error:
+            found = sorted(
+                error.errors(include_url=False), key=lambda one: (_ORDER.get(one["type"], 1), _position(one["loc"], data))
+            )
+            unknown = [finding for finding in found if finding["type"] == "unknown_key"]
+            told += [" ".join(_sentence(one, as_typed, root).split()) for one in unknown or found]  # a key may hold line breaks
+            for finding in unknown:
+                for tree in (data, as_typed):
+                    _put_right(_value(finding["loc"], tree), finding["ctx"])
+            if unknown:
+                continue
+        break
+    return told
+
+
+def _put_right(table: dict[str, Any], context: dict[str, Any]) -> None:
+    """A misspelt key under the name that is meant; gone where none is, or where that is there too."""
+    value = table.pop(context["key"])
+    for near in _near(context):
+        table.setdefault(near, value)
+
+
+def _sentence(finding: Any, data: dict[str, Any], root: type[Table]) -> str:
     kind, location, context = finding["type"], finding["loc"], finding.get("ctx", {})
+    given = _value(location, data)
     match kind:
         case "missing":
             return f"{_place(location, data)} is missing"
         case "unknown_key":
-            near = difflib.get_close_matches(context["key"], context["known"], n=1, cutoff=0.4)
-            hint = f"did you mean {near[0]!r}?" if near else _known(context)
-            return f"unknown key {_place((*location, context['key']), data)}; {hint}"
+            place = _place((*location, context["key"]), data)
+            return f"unknown key {place}; {_meant(context, place, root)}"
         case "meaningless_key":
             place = _place((*location, context["key"]), data)
             return f"{place} has no meaning for {context['choice']}; {_known(context)}"
@@ -38,16 +96,58 @@ def _sentence(finding: Any, data: dict[str, Any]) -> str:
         case "union_tag_invalid":
             place = f"{_place(location, data)}.{context['discriminator'].strip(chr(39))}"
             return _one_of(place, context["expected_tags"], context["tag"])
+        case "model_attributes_type" if isinstance(given, str) and not isinstance(given, Typed):
+            return f"{_place(location, data)} must be a table: write {location[-1]} = {{ kind = {typed(given)} }}"
         case "model_type" | "model_attributes_type":
-            return f"{_place(location, data)} must be a table, got {show(finding['input'])}"
-        case "literal_error" if isinstance(finding["input"], str):
-            return _one_of(_place(location, data), context["expected"], finding["input"])
+            return f"{_place(location, data)} must be a table, got {typed(given)}"
+        case "list_type" if isinstance(given, dict):
+            place = _place(location, data)
+            return f"{place} must be a list of tables: write [[{place}]] instead of [{place}]"
+        case "list_type" if isinstance(given, (int, Typed)) and not isinstance(given, bool):
+            number = typed(given)
+            pair = _place(location, data).split(".")[-1] in SYMMETRIC_LIMITS
+            meant = f"[-{number}, {number}]" if pair else f"[{number}]"
+            return f"{_place(location, data)} must be a list, such as {meant}, got {number}"
+        case "literal_error" if isinstance(given, str):
+            return _one_of(_place(location, data), context["expected"], given)
     message = finding["msg"].removeprefix("Input ")
-    return f"{_place(location, data)} {message[0].lower()}{message[1:]}, got {show(finding.get('input'))}"
+    return f"{_place(location, data)} {message[0].lower()}{message[1:]}, got {typed(given)}"
 
 
 def _known(context: dict[str, Any]) -> str:
     return f"known here: {', '.join(context['known'])}"
+
+
+def _meant(context: dict[str, Any], place: str, root: type[Table]) -> str:
+    """The key of that name in a table further in, else the nearest spelling here, else that name elsewhere."""
+    elsewhere = [".".join(path) for path in _paths(root) if path[-1] == context["key"]]
+    further_in = [path for path in elsewhere if path.startswith(place.rpartition(".")[0])]
+    near = _near(context)
+    if further_in or near or elsewhere:
+        return f"did you mean {[*further_in, *near, *elsewhere][0]!r}?"
+    return _known(context)
+
+
+def _near(context: dict[str, Any]) -> list[str]:
+    """The known key that is spelt most like an unknown one, if any is."""
+    return difflib.get_close_matches(context["key"], context["known"], n=1, cutoff=0.4)
+
+
+def _paths(table: type[Table], start: tuple[str, ...] = ()) -> Iterator[tuple[str, ...]]:
+    """The names of all keys of a table and of the tables in it; not of those that a kind or a scheme chooses."""
+    for name, field in table.model_fields.items():
+        yield (*start, name)
+        for inner in _tables_in(field.annotation):
+            if not inner.recipe.choice:
+                yield from _paths(inner, (*start, name))
+
+
+def _tables_in(hint: Any) -> Iterator[type[Table]]:
+    """The tables that a field may hold."""
+    if isinstance(hint, type) and not get_args(hint) and issubclass(hint, Table):
+        yield hint
+    for part in get_args(hint):
+        yield from _tables_in(part)
 
 
 def _one_of(place: str, expected: str, given: str) -> str:
@@ -55,7 +155,53 @@ def _one_of(place: str, expected: str, given: str) -> str:
     known = re.findall("'([^']*)'", expected)
     near = difflib.get_close_matches(given, known, n=1)
     hint = f"; did you mean {near[0]!r}?" if near else ""
-    return f"{place} must be one of {', '.join(known)}, got {show(given)}{hint}"
+    return f"{place} must be one of {', '.join(known)}, got {typed(given)}{hint}"
+
+
+def typed(value: Any) -> str:
+    """A value as TOML writes it, and a number as it was typed: short, on one line."""
+    text = " ".join(_as_toml(value, DEEPEST_VALUE).split())
+    return text if len(text) <= LONGEST_VALUE else f"{text[: LONGEST_VALUE - 3]}..."
+
+
+def _as_toml(value: Any, depth: int) -> str:
+    match value:
+        case Typed() | int() if not isinstance(value, bool):
+            return str(value)
+        case bool() | str():
+            return json.dumps(value)
+        case list() | dict() if depth == 0:
+            return "..."
+        case list():
+            return f"[{', '.join(_as_toml(one, depth - 1) for one in value)}]"
+        case dict():
+            pairs = (f"{key} = {_as_toml(one, depth - 1)}" for key, one in value.items())
+            return f"{{ {', '.join(pairs)} }}"
+    return str(value)  # a date or a time
+
+
+def _value(location: tuple[int | str, ...], data: Any) -> Any:
+    """What stands at a place; the tags that pydantic puts between are passed over."""
+    here = data
+    for key in location:
+        if isinstance(here, dict):
+            here = here.get(key, here)
+        elif isinstance(here, list) and isinstance(key, int):
+            here = here[key]
+    return here
+
+
+def _position(location: tuple[int | str, ...], data: Any) -> list[int]:
+    """Where a place stands in the file, to be compared with others'; what is missing stands at the end of its table."""
+    found: list[int] = []
+    for key in location:
+        if isinstance(data, dict) and key not in TAGS:
+            found.append(list(data).index(key) if key in data else len(data))
+            data = data.get(key)
+        elif isinstance(data, list) and isinstance(key, int):
+            found.append(key)
+            data = data[key] if key < len(data) else None
+    return found
 
 
 def _place(location: tuple[int | str, ...], data: Any) -> str:

@@ -10,11 +10,9 @@ from pydantic import ValidationError
 
 from barbalat.cases import outside
 from barbalat.cases.build import Case, build
-from barbalat.cases.findings import sentence
+from barbalat.cases.findings import Typed, findings, several
 from barbalat.cases.outside import OwnFile
-from barbalat.cases.schema import CASES, case_table
-from barbalat.problem.output_feedback import OutputProblem
-from barbalat.problem.state_feedback import Problem
+from barbalat.cases.schema import CASES, case_table, problem_posed
 from barbalat.validate import InputError
 
 
@@ -22,6 +20,15 @@ def bundled() -> dict[str, Path]:
     """The bundled cases: name -> file."""
     folder = Path(str(resources.files("barbalat.cases.bundled")))
     return {path.stem: path for path in sorted(folder.glob("*.toml"))}
+
+
+def text_to_start_from(name: str | None = None) -> str:
+    """The text of a bundled case, or the commented template."""
+    if name is None:
+        return (resources.files("barbalat.cases") / "template.toml").read_text("utf-8")
+    if name not in bundled():
+        raise InputError(f"--from must be one of the bundled cases ({', '.join(bundled())}), got {name!r}")
+    return bundled()[name].read_text("utf-8")
 
 
 def load_case(case: str | Path, controllers: str | Path | None = None) -> Case:
@@ -50,13 +57,12 @@ def parse_case(text: str, folder: Path = Path(), source: str = "the case", own: 
         data = tomllib.loads(text)
     except (tomllib.TOMLDecodeError, ValueError, RecursionError) as error:
         raise InputError(f"{source} is not valid TOML: {error}") from None
-    plant = data.get("plant")
-    feeds_back_the_output = isinstance(plant, dict) and "transfer_function" in plant
-    problem = OutputProblem if feeds_back_the_output else Problem
+    problem = problem_posed(data)
     further = outside.schemes(outside.named_in(data) - CASES[problem].keys(), own)
     joining = () if own is None else own.controllers(named=further)
+    root = case_table(problem, tuple(further.items()), alone=not joining)
     try:
-        table = case_table(problem, tuple(further.items()), alone=not joining).model_validate(data)
-    except ValidationError as error:
-        raise InputError(sentence(error, data)) from None
+        table = root.model_validate(data)
+    except ValidationError:
+        raise several(findings(root, data, tomllib.loads(text, parse_float=Typed))) from None
     return build(table, folder, joining)

@@ -9,6 +9,7 @@ from types import GenericAlias, NoneType, UnionType
 from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
 from pydantic import AfterValidator, AliasChoices, Field, create_model
+from pydantic.json_schema import models_json_schema
 
 from barbalat.adaptation.law import AdaptiveLaw
 from barbalat.adaptation.laws import LAWS, OUTPUT_LAWS, LyapunovLaw
@@ -38,6 +39,28 @@ DIFFERENCES = PROBLEM_DIFFERENCES | SCHEME_DIFFERENCES
 
 _NAME = Annotated[str, Field(min_length=1)]
 _FORMS: dict[Any, set[str]] = {float: {"number"}, Vector: {"vector"}, Matrix: {"matrix"}, Array: {"vector", "matrix"}}
+
+
+def problem_posed(data: Mapping[str, Any]) -> type:
+    """The class of the problem that a case file poses: output feedback where the plant is a transfer function."""
+    plant = data.get("plant")
+    return OutputProblem if isinstance(plant, dict) and "transfer_function" in plant else Problem
+
+
+def json_schema() -> dict[str, Any]:
+    """The JSON Schema of case files, for editors: that of the problem that the file poses."""
+    tables = {problem: case_table(problem) for problem in CASES}
+    references, schema = models_json_schema([(table, "validation") for table in tables.values()])
+    chosen = {problem: references[table, "validation"] for problem, table in tables.items()}
+    return {
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        "title": "A case for Barbalat",
+        "type": "object",
+        "if": {"properties": {"plant": {"required": ["transfer_function"]}}, "required": ["plant"]},
+        "then": chosen[OutputProblem],
+        "else": chosen[Problem],
+        **schema,
+    }
 
 
 @cache

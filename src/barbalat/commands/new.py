@@ -1,4 +1,4 @@
-"""``barbalat new``: a case file to start from."""
+"""``barbalat new``: a case file to start from, and the schema by which editors complete it."""
 
 from __future__ import annotations
 
@@ -12,26 +12,33 @@ from barbalat.commands.screen import say
 if TYPE_CHECKING:
     from barbalat.commands import Commands
 
+SCHEMA_FILE = "barbalat.schema.json"
+
 
 def add(commands: Commands) -> None:
     """Register the command and its options."""
     parser = commands.add_parser("new", help="write a commented case file to start from")
     parser.add_argument("file", metavar="FILE")
+    parser.add_argument("--from", dest="source", metavar="CASE", help="a bundled case to copy instead of the template")
     parser.set_defaults(execute=execute)
 
 
 def execute(options: argparse.Namespace) -> int:
     """Run the command; returns the exit code."""
-    from importlib import resources
-
+    from barbalat.cases.load import text_to_start_from
+    from barbalat.cases.schema import json_schema
     from barbalat.report.files import output_folder
+    from barbalat.report.write import as_json
     from barbalat.validate import InputError
 
     file = Path(options.file)
     if not options.file or os.path.lexists(file):
         raise InputError(f"{options.file!r} exists already; choose another name" if options.file else "FILE must not be empty")
+    text = text_to_start_from(options.source)
     with output_folder(file.parent) as folder:
-        folder.write(file.name, (resources.files("barbalat.cases") / "template.toml").read_bytes())
+        folder.write(file.name, f"#:schema ./{SCHEMA_FILE}\n{text}")
+        if not os.path.lexists(file.parent / SCHEMA_FILE):  # one that is there may be the user's
+            folder.write(SCHEMA_FILE, as_json(json_schema()))
         folder.commit()
-    say(f"written: {file}; run it with: barbalat run {file}")
+    say(f"written: {file}, and {SCHEMA_FILE} beside it, by which editors complete and check it; run it with: barbalat run {file}")
     return 0

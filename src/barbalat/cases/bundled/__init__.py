@@ -1,1 +1,10 @@
 """The bundled cases."""
+
+from importlib import resources
+from pathlib import Path
+
+
+def bundled() -> dict[str, Path]:
+    """Name -> file."""
+    folder = Path(str(resources.files(__name__)))
+    return {path.stem: path for path in sorted(folder.glob("*.toml"))}

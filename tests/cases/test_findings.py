@@ -1,0 +1,103 @@
+"""What is told of a case file that is wrong: the first few findings at once, what is meant, values as they were typed."""
+
+import json
+import tomllib
+
+import pytest
+from jsonschema import Draft202012Validator
+
+from barbalat.cases.bundled import bundled
+from barbalat.cases.load import parse_case, text_to_start_from
+from barbalat.cases.schema import json_schema
+from barbalat.validate import InputError
+from independent import refusal
+
+CASE = """
+name = "c"
+plant = { A_m = [[-1.0]], b = [1.0], theta = [1.0] }
+reference_model = { k_0 = 1.0 }
+reference = { kind = "step", amplitude = 1.0 }
+simulation = { t_end = 1.0, dt = 0.1 }
+[[controller]]
+scheme = "robust-mrac"
+tau = 0.2
+law = { kind = "gradient", gamma = 3.0 }
+"""
+
+
+def edited(*changes: tuple[str, str]) -> str:
+    text = CASE
+    for old, new in changes:
+        assert old in text
+        text = text.replace(old, new)
+    return text
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "meant"),
+    [
+        ("[[controller]]", "[controller]", "write [[controller]] instead of [controller]"),
+        ('law = { kind = "gradient", gamma = 3.0 }', 'law = "least-squares"', 'write law = { kind = "least-squares" }'),
+        ("theta = [1.0]", "theta = [1.0], saturation = [-3, 3]", "plant.saturation; did you mean 'plant.input.saturation'?"),
+        ("theta = [1.0]", "theta = [1.0], input = { saturation = 3.50 }", "must be a list, such as [-3.50, 3.50], got 3.50"),
+        ("theta = [1.0]", "theta = 1e-3", "plant.theta must be a list, such as [1e-3], got 1e-3"),
+        ('kind = "step"', 'kind = "stp"', "got \"stp\"; did you mean 'step'?"),
+        ("tau = 0.2", "tau = true", "controller 1.tau should be a valid number, got true"),
+        ("dt = 0.1", 'dt = { of = [1.50, "x"] }', 'simulation.dt should be a valid number, got { of = [1.50, "x"] }'),
+        ('name = "c"', "nmae = 3", "unknown key nmae; did you mean 'name'?"),
+    ],
+)  # fmt: skip
+def test_the_nearest_thing_that_is_meant(old, new, meant):
+    assert meant in refusal(lambda: parse_case(edited((old, new))))
+
+
+def test_three_findings_are_told_at_once_then_how_many_more():
+    wrong = edited(
+        ('name = "c"', 'nmae = "c"'),
+        ("b = [1.0]", "b = true"),
+        ("k_0 = 1.0", "k0 = 1.0"),
+        ("dt = 0.1", "dt = 'a'"),
+        ("tau", "tua"),
+    )
+    with pytest.raises(InputError) as caught:
+        parse_case(wrong)
+    assert caught.value.sentences[:3] == (
+        "unknown key nmae; did you mean 'name'?",
+        "unknown key reference_model.k0; did you mean 'k_0'?",
+        "unknown key controller 1.tua; did you mean 'tau'?",
+    )
+    assert caught.value.sentences[3:] == ("and 2 more",)
+    assert "\n" not in str(caught.value)
+
+
+def test_what_is_told_at_once_is_not_long():
+    wrong = edited(("theta = [1.0]", f"theta = [1.0], {'x' * 400} = 1"), ("dt = 0.1", f"dt = 0.1, {'y' * 400} = 1"))
+    with pytest.raises(InputError) as caught:
+        parse_case(wrong)
+    assert len(caught.value.sentences) == 2 and caught.value.sentences[-1] == "and 1 more"
+    assert len(str(caught.value)) < 600
+
+
+def test_what_several_controllers_refuse_is_told_at_once():
+    wrong = CASE.replace("tau = 0.2", "tau = -1.0") + '[[controller]]\nscheme = "mrac"\ngamma = -2.0\n'
+    message = refusal(lambda: parse_case(wrong))
+    assert "controller 1" in message and "tau" in message and "controller 2" in message and "gamma" in message
+
+
+CASES = [*bundled(), None]
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_editors_accept_what_the_program_accepts(name):
+    Draft202012Validator(json_schema()).validate(tomllib.loads(text_to_start_from(name)))
+
+
+@pytest.mark.parametrize(
+    ("old", "new"), [("tau = 0.2", "tua = 0.2"), ("tau = 0.2", "tau = 'a'"), ("[[controller]]", "[controller]")]
+)
+def test_editors_refuse_what_the_program_refuses(old, new):
+    schema = json_schema()
+    Draft202012Validator.check_schema(schema)
+    assert list(Draft202012Validator(schema).iter_errors(tomllib.loads(edited((old, new)))))
+    assert not list(Draft202012Validator(schema).iter_errors(tomllib.loads(CASE)))
+    assert json.loads(json.dumps(schema)) == schema
