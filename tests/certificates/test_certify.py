@@ -59,6 +59,19 @@ def test_gain_and_step_limits_agree():
     assert again["step_max"] == pytest.approx(case.simulation.dt, rel=1e-9)
 
 
+def test_a_step_that_the_solver_does_not_bear_is_said_beside_the_bound():
+    """The run leaves (9), the equations' solution does not: that is the solver's doing."""
+    case = load_case("paper")
+    controller = Mrac(gamma=1e6, projection=False)
+    coarse, fine = Simulation(t_end=1.0, dt=1e-3), Simulation(t_end=1.0, dt=1e-6)
+    found, resolved = (certify(case.problem, (controller,), at)["MRAC"] for at in (coarse, fine))
+    assert "error_bound" in found.guaranteed and any("at dt = 0.001 s rk4 need not follow" in note for note in found.notes)
+    assert not any("need not follow" in note for note in resolved.notes)
+    bound = found.values["error_bound"]
+    peaks = [max(simulate(case.problem, [controller], at)["MRAC"].figures["max_abs_e"]) for at in (coarse, fine)]
+    assert not peaks[0] <= bound and peaks[1] <= bound
+
+
 def test_unmodelled_dynamics_take_the_guarantee_away():
     given = variant(input=PlantInput(actuator=TransferFunction([2500.0], [1.0, 100.0, 2500.0])))
     found = certify(given, (Mrac(gamma=1.0),), SIMULATION)["MRAC"]

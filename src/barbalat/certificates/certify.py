@@ -43,11 +43,24 @@ def certify_where_possible(
 def _computed(problem: TrackingProblem, controller: Controller, simulation: Simulation) -> Certificate:
     """Overflows, matrices that are singular or not finite, norms beyond the limit of precision are findings of the case."""
     try:
-        return _certificate(problem, controller, simulation)
+        found = _certificate(problem, controller, simulation)
+        return found if isinstance(controller, Sampled) else _beside_its_runs(found, simulation)
     except InputError:
         raise
     except (ArithmeticError, ValueError) as error:  # NumPy's LinAlgError is a ValueError
         return Certificate(notes=(f"no certificate: {reason(error)}",))
+
+
+def _beside_its_runs(certificate: Certificate, simulation: Simulation) -> Certificate:
+    """A bound of the solution says nothing of a run at a step that the solver does not bear: that is said beside it."""
+    limit = certificate.values.get("step_max_at_model", certificate.values.get("step_max"))
+    if not certificate.guaranteed or limit is None or simulation.dt <= limit:
+        return certificate
+    note = (
+        f"at dt = {simulation.dt:g} s {simulation.solver.name} need not follow the equations (its step limit is about {limit:.3g} s): "
+        "what is guaranteed is so of their solution, and a run at this step may leave it"
+    )
+    return certificate.with_entries(certificate.entries, note)
 
 
 def _certificate(problem: TrackingProblem, controller: Controller, simulation: Simulation) -> Certificate:
