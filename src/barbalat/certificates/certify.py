@@ -57,8 +57,8 @@ def _beside_its_runs(certificate: Certificate, simulation: Simulation) -> Certif
     if not certificate.guaranteed or limit is None or simulation.dt <= limit:
         return certificate
     note = (
-        f"at dt = {simulation.dt:g} s {simulation.solver.name} need not follow the equations (its step limit is about {limit:.3g} s): "
-        "what is guaranteed is so of their solution, and a run at this step may leave it"
+        f"at dt = {simulation.dt:g} s {simulation.solver.name} need not follow the equations: its limit is about {limit:.3g} s. "
+        "What is guaranteed is so of their solution, and a run at this step may leave it"
     )
     return certificate.with_entries(certificate.entries, note)
 
