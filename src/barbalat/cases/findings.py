@@ -94,8 +94,9 @@ def _sentence(finding: Any, data: dict[str, Any], root: type[Table]) -> str:
         case "union_tag_not_found":
             return f"{_place(location, data)}.{context['discriminator'].strip(chr(39))} is missing"
         case "union_tag_invalid":
-            place = f"{_place(location, data)}.{context['discriminator'].strip(chr(39))}"
-            return _one_of(place, context["expected_tags"], context["tag"])
+            key = context["discriminator"].strip("'")
+            otherwise = "; a class of your own comes with --controllers FILE.py" if key == "scheme" else ""
+            return _one_of(f"{_place(location, data)}.{key}", context["expected_tags"], context["tag"], otherwise)
         case "model_attributes_type" if isinstance(given, str) and not isinstance(given, Typed):
             return f"{_place(location, data)} must be a table: write {location[-1]} = {{ kind = {typed(given)} }}"
         case "model_type" | "model_attributes_type":
@@ -150,11 +151,11 @@ def _tables_in(hint: Any) -> Iterator[type[Table]]:
         yield from _tables_in(part)
 
 
-def _one_of(place: str, expected: str, given: str) -> str:
-    """``expected`` as pydantic writes it: every name in quotes."""
+def _one_of(place: str, expected: str, given: str, otherwise: str = "") -> str:
+    """``expected`` as pydantic writes it, every name in quotes; ``otherwise`` where none of them is near."""
     known = re.findall("'([^']*)'", expected)
     near = difflib.get_close_matches(given, known, n=1)
-    hint = f"; did you mean {near[0]!r}?" if near else ""
+    hint = f"; did you mean {near[0]!r}?" if near else otherwise
     return f"{place} must be one of {', '.join(known)}, got {typed(given)}{hint}"
 
 
