@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
 from typing import Any, Literal
 
@@ -161,6 +162,12 @@ class Reading:
     says: str
     verdict: Verdict
     measured: str
+
+
+def of_readings(readings: Sequence[Reading]) -> Verdict:
+    """The verdict on a sentence that is read in several ways: theirs where they agree, else that it holds in some of them."""
+    found = {reading.verdict for reading in readings}
+    return found.pop() if len(found) == 1 else "confirmed with conditions"
 
 
 @dataclass(frozen=True)

@@ -37,18 +37,26 @@ from barbalat.run.progress import Progress
 class Measurement:
     """Some of the ledger's rows, and about how many seconds they take: the progress bar moves by that.
 
-    ``measure`` stands alone, or judges the runs of Section V, which it is then given.
+    ``measure`` stands alone, or judges the runs of Section V, which it is then given. ``sharper`` measures the same rows further
+    than the plain command has time for, which is ``reproduce --full``; no verdict waits for it.
     """
 
     measure: Callable[..., Claim | list[Claim]]
     seconds: float
     quick: bool = False
     judges_runs: bool = False
+    sharper: Callable[..., Claim | list[Claim]] | None = None
+    sharper_seconds: float = 0.0
 
-    def rows(self, *runs: Runs) -> list[Claim]:
+    def rows(self, *runs: Runs, full: bool = False) -> list[Claim]:
         """The rows."""
-        found = self.measure(*runs)
+        measure = self.sharper if full and self.sharper else self.measure
+        found = measure(*runs)
         return [found] if isinstance(found, Claim) else found
+
+    def duration(self, *, full: bool) -> float:
+        """About how many seconds the rows take."""
+        return self.sharper_seconds if full and self.sharper else self.seconds
 
 
 LEDGER = (
@@ -89,7 +97,7 @@ UnderWay: TypeAlias = "dict[int, Future[list[Claim]]]"
 
 
 @contextmanager
-def under_way(processes: int, *, quick: bool = False) -> Iterator[UnderWay]:
+def under_way(processes: int, *, quick: bool = False, full: bool = False) -> Iterator[UnderWay]:
     """Measure what stands alone in so many processes of its own, the longest first; to be given to ``measure``.
 
     The program that calls this must be one that a new process may import: started by ``if __name__ == "__main__"``.
@@ -99,7 +107,8 @@ def under_way(processes: int, *, quick: bool = False) -> Iterator[UnderWay]:
     pool = ProcessPoolExecutor(processes, mp_context=get_context("spawn"))
     try:
         with _deaf_children():
-            ahead = {i: pool.submit(_rows, i) for i in sorted(alone, key=lambda i: -LEDGER[i].seconds)}
+            longest_first = sorted(alone, key=lambda i: -LEDGER[i].duration(full=full))
+            ahead = {i: pool.submit(_rows, i, full) for i in longest_first}
         yield ahead
     except BaseException:
         for child in active_children():
@@ -132,27 +141,30 @@ def _deaf_children() -> Iterator[None]:
         signal.raise_signal(signal.SIGINT)
 
 
-def _rows(place: int) -> list[Claim]:
-    return LEDGER[place].rows()
+def _rows(place: int, full: bool) -> list[Claim]:
+    return LEDGER[place].rows(full=full)
 
 
 def _chosen(quick: bool) -> list[int]:
     return [i for i, measurement in enumerate(LEDGER) if measurement.quick or not quick]
 
 
-def measure(runs: Runs, *, quick: bool = False, progress: Progress | None = None, ahead: UnderWay | None = None) -> list[Claim]:
-    """The ledger; ``quick`` leaves out what takes longer than the figures themselves, ``ahead`` is already under way."""
+def measure(
+    runs: Runs, *, quick: bool = False, full: bool = False, progress: Progress | None = None, ahead: UnderWay | None = None
+) -> list[Claim]:
+    """The ledger. ``quick`` leaves out what takes longer than the figures, ``full`` sharpens rows, ``ahead`` is already under way."""
     chosen, ahead = _chosen(quick), ahead or {}
+    seconds = {i: LEDGER[i].duration(full=full) for i in chosen}
     found: dict[int, list[Claim]] = {}
 
     def take(place: int, rows: list[Claim]) -> None:
         found[place] = rows
         if progress is not None:
-            progress(sum(LEDGER[i].seconds for i in found) / sum(LEDGER[i].seconds for i in chosen))
+            progress(sum(seconds[i] for i in found) / sum(seconds.values()))
 
     for i in chosen:
         if i not in ahead:
-            take(i, LEDGER[i].rows(*([runs] if LEDGER[i].judges_runs else [])))
+            take(i, LEDGER[i].rows(*([runs] if LEDGER[i].judges_runs else []), full=full))
     places = {future: i for i, future in ahead.items()}
     for future in as_completed(places):
         take(places[future], future.result())

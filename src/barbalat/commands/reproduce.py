@@ -20,7 +20,9 @@ def add(commands: Commands) -> None:
     """Register the command and its options."""
     parser = commands.add_parser("reproduce", help="everything of the paper: figures, tables, claims")
     parser.add_argument("--out", default="barbalat-report", metavar="DIR", help="default: %(default)s")
-    parser.add_argument("--quick", action="store_true", help="the figures and the claims that take seconds")
+    extent = parser.add_mutually_exclusive_group()
+    extent.add_argument("--quick", action="store_true", help="the figures and the claims that take seconds")
+    extent.add_argument("--full", action="store_true", help="sharpen claims by what takes minutes: more gains, longer runs")
     parser.add_argument("--json", action="store_true", help="one JSON document on standard output")
     parser.set_defaults(execute=execute)
 
@@ -30,7 +32,7 @@ def execute(options: argparse.Namespace) -> int:
     started = time.perf_counter()
     with folder_of(options.out, None) as folder:
         assert folder is not None  # --out has a default
-        figures, claims, document, seconds = _reproduced(folder, started, quick=options.quick)
+        figures, claims, document, seconds = _reproduced(folder, started, quick=options.quick, full=options.full)
         folder.commit()
     if options.json:
         print_json(document)
@@ -39,7 +41,9 @@ def execute(options: argparse.Namespace) -> int:
     return 0 if all(figure.reproduced for figure in figures) else 1
 
 
-def _reproduced(folder: Folder, started: float, *, quick: bool) -> tuple[list[PaperFigure], list[Claim], str, float]:
+def _reproduced(
+    folder: Folder, started: float, *, quick: bool, full: bool
+) -> tuple[list[PaperFigure], list[Claim], str, float]:
     """Figures, claims, the JSON document, and how long it took [s] from ``started`` on; the page is written."""
     from barbalat.claims import figures as paper
     from barbalat.claims import ledger, section_v
@@ -47,7 +51,7 @@ def _reproduced(folder: Folder, started: float, *, quick: bool) -> tuple[list[Pa
     from barbalat.report import page, write
 
     seconds = {"start": time.perf_counter() - started}
-    with ledger.under_way(1 if quick else os.cpu_count() or 1, quick=quick) as ahead:
+    with ledger.under_way(1 if quick else os.cpu_count() or 1, quick=quick, full=full) as ahead:
         with progress_bar("simulating") as progress:
             runs = section_v.run(progress)
         seconds["simulations"] = time.perf_counter() - started - sum(seconds.values())
@@ -57,7 +61,7 @@ def _reproduced(folder: Folder, started: float, *, quick: bool) -> tuple[list[Pa
         certified = certified_paper(runs)
         seconds["certificates"] = time.perf_counter() - started - sum(seconds.values())
         with progress_bar("measuring the claims") as progress:
-            claims = ledger.measure(runs, quick=quick, progress=progress, ahead=ahead)
+            claims = ledger.measure(runs, quick=quick, full=full, progress=progress, ahead=ahead)
         seconds["claims"] = time.perf_counter() - started - sum(seconds.values())
     maps = write.draw_maps(folder, claims)
     seconds["maps"] = time.perf_counter() - started - sum(seconds.values())
