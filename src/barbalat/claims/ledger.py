@@ -77,7 +77,7 @@ LEDGER = (
     Measurement(numerics.smaller_gain, 0.1),
     Measurement(numerics.small_tau, 0.3),
     Measurement(stiff.own_oscillation, 3.5),
-    Measurement(stiff.stiff_solvers, 7.0),
+    Measurement(stiff.stiff_solvers, 10.0, sharper=stiff.stiff_solvers_further, sharper_seconds=150.0),
     Measurement(sampled.claim, 1.0),
     Measurement(sampled.delays, 1.0),
     Measurement(adapting_margins.claims, 1.0),
