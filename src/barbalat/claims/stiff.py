@@ -59,7 +59,7 @@ def own_oscillation() -> Claim:
         ),
     )
     return Claim(
-        "own-oscillation", "Section V, text to Figure 4", "With the step reduced to 1e-5 s the oscillation is gone, because it was numerical",
+        "own-oscillation", "Section V, discussion and caption of Figure 4", "With the step reduced to 1e-5 s the oscillation is gone, because it was numerical",
         of_readings(readings),
         f"the estimates' ringing at h = 1e-5, 1e-6, 5e-7 s: with projection {', '.join(map(numbers, boxed))}: gone, once they have touched "
         f"their bounds (at {AUTOMATIC_END:g} s, before that, {numbers(early[0])} at h = 1e-5 s, {numbers(early[1])} at 5e-7 s). "
@@ -130,7 +130,7 @@ def _claim(tried: Tried, *more: Reading, listings: tuple[Listing, ...] = ()) -> 
     right, shown = PAPER.right, [*tried.explicit, *tried.fixed, *tried.automatic]
     best = tried.fixed[0]
     return Claim(
-        "stiff-solvers", "Section V, text after Figure 5",
+        "stiff-solvers", "Section V, discussion of Figures 3 to 5",
         "Even with a solver for stiff problems the phenomena of Figures 3 and 5 cannot be avoided, nor a possible singularity",
         of_readings(readings),
         "ringing of the estimates over that of the converged solution, without / with projection: "
