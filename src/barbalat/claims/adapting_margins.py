@@ -102,7 +102,7 @@ def gain_reduces_margins() -> Claim:
         ),
     )
     return Claim(
-        "gain-reduces-margins", "Sections III.A and III.B, after Theorem 1 and Theorem 2", "A high adaptive gain reduces robustness",
+        "gain-reduces-margins", "Section III.A, last paragraph; Section III.B, last paragraph", "A high adaptive gain reduces robustness",
         of_readings(readings),
         f"delay margin over {len(GAINS)} values of Gamma r^2 from {GAINS[0]:g} to {GAINS[-1]:g}: true of MRAC at every step, {plain[0]:.3g} s to {plain[-1]:.2g} s, at last as "
         f"Gamma^{slope:.2f}. L1-AC (kappa = {section_v.KAPPA:g} s) is not monotone: {filtered[0]:.3g} s falls to {filtered[lowest]:.2g} s at Gamma r^2 = {GAINS[lowest]:.2g}, "

@@ -77,7 +77,7 @@ def claim() -> Claim:
         of_readings(readings),
         f"exact: the filter changes the delay margin from {_change(slow)} with the estimates at rest on theta, from {_change(adapting)} with "
         f"the law working at Gamma = 100 around r = 1; for Gamma to infinity it is {fast:.3g} s with the filter, while without it the margin "
-        f"falls as 1/Gamma; {'; '.join(f'{each.says}: {each.measured}' for each in effect.readings)}. Simulated in {len(found)} readings. Until the loop "
+        f"falls as 1/Gamma. Its gain margin falls from {effect.gain_margins[0]:.4g} to {effect.gain_margins[1]:.4g} at Figure 3's gain. Simulated in {len(found)} readings. Until the loop "
         f"begins to oscillate: {_counted(found, 'onset')}. Until the motion is lost, oscillations or not: {_counted(found, 'loss')}",
         f"kappa = 0.02 s. {EXACT}; {len(GAINS)} x {len(KAPPAS)} values of Gamma r^2 and kappa, the limit by root finding. Simulated: Section V, RK4, h = 2e-4 s, 40 s: the "
         "exact delay [s] that the loop bears, by scan "
