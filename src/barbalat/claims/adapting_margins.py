@@ -94,7 +94,9 @@ def gain_reduces_margins() -> Claim:
         curves=tuple(Curve(label, GAINS, values) for label, values in curves.items()),
     )
     readings = (
-        Reading("MRAC", verdict(holds=bool((np.diff(plain) < 0).all())), f"{plain[0]:.3g} s falls at every step, to {plain[-1]:.2g} s"),
+        Reading(
+            "MRAC", verdict(holds=bool((np.diff(plain) < 0).all())), f"{plain[0]:.3g} s falls at every step, to {plain[-1]:.2g} s"
+        ),
         Reading(
             f"L1-AC, kappa = {section_v.KAPPA:g} s",
             verdict(holds=bool((np.diff(filtered) < 0).all())),

@@ -178,7 +178,7 @@ class Claim:
     measured      all that was measured, in a sentence
     how           the plant, the solver, the step, what was compared
     number        the one number that decides the verdict, with its unit and what it is, in a few words
-    readings      where the sentence can be read in several ways, each with a verdict of its own
+    readings      where the sentence can be read in several ways, each with a verdict of its own; the row's is then ``of_readings``
     would_change  what would have to be measured, shown or assumed for another verdict
     sharpened     what ``reproduce --full`` measures beyond the plain command; empty where that is nothing
     """
@@ -191,9 +191,9 @@ class Claim:
     how: str
     maps: tuple[Map | Chart, ...] = ()
     listings: tuple[Listing, ...] = ()
-    number: str = field(default="", kw_only=True)
+    number: str = field(kw_only=True)
     readings: tuple[Reading, ...] = field(default=(), kw_only=True)
-    would_change: str = field(default="", kw_only=True)
+    would_change: str = field(kw_only=True)
     sharpened: str = field(default="", kw_only=True)
 
     def as_json(self) -> dict[str, Any]:

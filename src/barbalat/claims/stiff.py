@@ -173,8 +173,8 @@ def _readings(tried: Tried) -> tuple[Reading, ...]:
         Reading(
             f"codes with automatic steps, to {AUTOMATIC_END:g} s",
             verdict(holds=not automatic),
-            f"{', '.join(row.name for row in automatic) or 'none'} right; {', '.join(undecided) or 'none'} not decided: "
-            "their evaluations were spent",
+            f"{len(automatic)} of {len(tried.automatic)} right: {', '.join(row.name for row in automatic) or 'none'}; "
+            f"not decided, their evaluations spent: {', '.join(undecided) or 'none'}",
         ),
         Reading(
             "a possible singularity of the solution: that a code gives up, on this problem; in general it is not tested",

@@ -35,7 +35,10 @@ def claims() -> list[Claim]:
     shown = "Δₘ = " + realised.replace("mu ", "μ")
     mu = TauTradeOff("mu", "mu", "μ [s]", shown, f"Delta_m = {realised}, a proper realisation", derivative)
     lower = "For a given modelling error tau has a lower limit, which grows with the error: input delay"
-    return [delay.claim("Theorem 2 and the paragraph after it", lower), mu.claim("Theorem 2; Section III.B, example after (11)", "The same for Delta_m = -mu s")]
+    return [
+        delay.claim("Theorem 2 and the paragraph after it", lower),
+        mu.claim("Theorem 2; Section III.B, example after (11)", "The same for Delta_m = -mu s"),
+    ]
 
 
 @dataclass(frozen=True, eq=False)

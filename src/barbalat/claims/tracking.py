@@ -72,12 +72,12 @@ def bias_is_proportional() -> Claim:
     tail = figures([(section_v.problem(), section_v.l1("L1", 100.0, float(k))) for k in kappas], 60.0, 1e-4).tail_max_abs_e[:, 0]
     exponents = np.diff(np.log(tail)) / np.diff(np.log(kappas))
     return Claim(
-        "bias-kappa", "Section III.A, after Theorem 1; caption of Figure 3", "The filter leaves a steady error proportional to kappa",
+        "bias-kappa", "Section III.A, after Theorem 1; Figure 3, caption", "The filter leaves a steady error proportional to kappa",
         verdict(holds=bool(abs(exponents[-1] - 1) < 0.02 and (np.diff(np.abs(exponents - 1)) < 0).all())),
         f"max |e_1| in the tail {numbers(tail)} for kappa {numbers(kappas)} s: local exponents {numbers(exponents)}, to 1 as kappa falls",
         "Section V, Gamma = 100, RK4, h = 1e-4 s, 60 s; proportional to first order: for a sine, as kappa falls",
         number=f"local exponent of kappa at the smallest: {exponents[-1]:.3f}",
-        would_change="an exponent that doesn't tend to one, or an error that dies out under a command that is not constant",
+        would_change="an exponent that doesn't tend to one; another C than (6), see l1-against-pi",
     )  # fmt: skip
 
 

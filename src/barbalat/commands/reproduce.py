@@ -41,9 +41,7 @@ def execute(options: argparse.Namespace) -> int:
     return 0 if all(figure.reproduced for figure in figures) else 1
 
 
-def _reproduced(
-    folder: Folder, started: float, *, quick: bool, full: bool
-) -> tuple[list[PaperFigure], list[Claim], str, float]:
+def _reproduced(folder: Folder, started: float, *, quick: bool, full: bool) -> tuple[list[PaperFigure], list[Claim], str, float]:
     """Figures, claims, the JSON document, and how long it took [s] from ``started`` on; the page is written."""
     from barbalat.claims import figures as paper
     from barbalat.claims import ledger, section_v
