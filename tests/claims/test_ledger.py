@@ -33,6 +33,7 @@ EXPECTED = {
     "filtered-mrac": "confirmed with conditions",
     # the stability region of RK4 decides
     "numerical-oscillation": "confirmed", "boundary": "confirmed", "small-tau-numerics": "confirmed",
+    "oscillation-without-filter": "confirmed", "smaller-gain": "confirmed",
     "figures-2-5": "confirmed", "no-projection": "confirmed", "filter-limits-theta": "confirmed",
     # a lightly damped oscillator rings by itself; RK4 damps it by (h omega)^6/144 a step
     "own-oscillation": "confirmed with conditions",

@@ -144,7 +144,7 @@ def without_projection(runs: Runs) -> Claim:
     smooth, robust = runs.fine["L1, gamma 1e4, no projection"], runs.coarse["Robust MRAC, no projection"]
     times = ", ".join("bounded" if at is None else f"t = {at:.4g} s" for at in ends)
     return Claim(
-        "no-projection", "Section V, discussion and captions of Figures 3 to 5", "Boundedness is the projection's doing: without it all signals go unbounded, for numerical reasons",
+        "no-projection", "Section V, discussion of Figures 3 to 5; Figures 3 and 5, captions", "Boundedness is the projection's doing: without it all signals go unbounded, for numerical reasons",
         verdict(holds=None not in ends and smooth.diverged_at is None),
         f"L1-AC without projection diverges at the gain and step of Figures 3 and 5 ({times}), and stays bounded at those of Figure 4, max |e| "
         f"{_list(_figure(smooth, 'max_abs_e'))}; the robust MRAC of Figure 2 stays bounded too, {_list(_figure(robust, 'max_abs_e'))}",
