@@ -1,5 +1,6 @@
 """Every claim is measured, and the verdicts are those that independent reasoning gives."""
 
+import json
 import re
 import sys
 from pathlib import Path
@@ -7,8 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from barbalat.claims import figures, ledger, linear_design
+from barbalat.claims import figures, ledger, linear_design, section_v
 from barbalat.claims.claim import Claim, Reading, of_readings, verdict
+from barbalat.cli import main
 
 
 @pytest.fixture(scope="module")
@@ -135,22 +137,18 @@ def test_full_measures_what_sharpens_a_row_instead(monkeypatch, section_v_runs):
 
 
 @pytest.mark.full
-def test_the_full_command_sharpens_and_keeps_the_verdicts(claims):
-    """As ``reproduce --full`` measures them, in processes of their own: some two minutes of one core."""
-    sharpened = [measurement for measurement in ledger.LEDGER if measurement.sharper]
-    assert sharpened
-    with ledger.under_way(2, full=True) as ahead:
-        wanted = [ahead[i] for i, measurement in enumerate(ledger.LEDGER) if measurement.sharper]
-        for i, future in ahead.items():
-            if not ledger.LEDGER[i].sharper:
-                future.cancel()
-        rows = [row for future in wanted for row in future.result()]
-    for row in rows:
-        check_row(row)
-        plain = claims[row.id]
-        assert row.sharpened == plain.sharpened != ""
-        assert row.verdict == plain.verdict
-        assert row.measured != plain.measured or len(row.readings) > len(plain.readings)
+def test_the_full_command_sharpens_and_keeps_the_verdicts(claims, section_v_runs, monkeypatch, tmp_path, capsys):
+    """All of it, more than three minutes of one core."""
+    monkeypatch.setattr(section_v, "run", lambda progress: section_v_runs)  # the same, which other tests share
+    assert main(["reproduce", "--full", "--out", str(tmp_path), "--json"]) == 0
+    rows = {row["id"]: row for row in json.loads(capsys.readouterr().out)["claims"]}
+    assert {name: row["verdict"] for name, row in rows.items()} == {name: claim.verdict for name, claim in claims.items()}
+    sharpened = {name for name, claim in claims.items() if claim.sharpened}
+    assert sharpened >= {"stiff-solvers", "bound-9", "bound-10"}
+    for name in sharpened:
+        row, plain = rows[name], claims[name]
+        assert row["sharpened"] == plain.sharpened
+        assert row["measured"] != plain.measured or len(row["readings"]) > len(plain.readings)
 
 
 @pytest.mark.full
