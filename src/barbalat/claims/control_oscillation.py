@@ -65,7 +65,9 @@ def oscillation(t: Array, u: Array) -> Oscillation:
     f, power = welch(u[late], fs=1 / (t[1] - t[0]), nperseg=SEGMENT, detrend="linear")
     above = 2 * np.pi * f > SLOWEST_OSCILLATION
     w, power = 2 * np.pi * f[above], power[above]
-    return Oscillation(float(w @ power / power.sum()), float(w[power.argmax()]), float(np.sqrt(np.trapezoid(power, w / (2 * np.pi)))))
+    return Oscillation(
+        float(w @ power / power.sum()), float(w[power.argmax()]), float(np.sqrt(np.trapezoid(power, w / (2 * np.pi))))
+    )
 
 
 def measured(chosen: dict[float, tuple[float, ...]]) -> list[Pair]:

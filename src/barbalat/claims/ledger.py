@@ -14,9 +14,14 @@ from typing import TypeAlias
 
 from barbalat.claims import (
     adapting_margins,
+    any_command,
     condition,
+    control_oscillation,
+    delta_2,
+    does_better,
     figures,
     filter_margins,
+    l1_reference,
     learning,
     lemma_1,
     linear_design,
@@ -28,6 +33,7 @@ from barbalat.claims import (
     stiff,
     theta_size,
     tracking,
+    unmodelled,
 )
 from barbalat.claims.claim import Claim
 from barbalat.claims.section_v import Runs
@@ -88,6 +94,12 @@ LEDGER = (
     Measurement(linear_design.claims, 5.5),
     Measurement(learning.loss_of_learning, 0.1, quick=True, judges_runs=True),
     Measurement(learning.exponential, 0.3, quick=True),
+    Measurement(delta_2.claim, 2.0),
+    Measurement(any_command.claim, 2.5),
+    Measurement(unmodelled.claim, 2.0),
+    Measurement(control_oscillation.claim, 2.5),
+    Measurement(does_better.claim, 6.5),
+    Measurement(l1_reference.claim, 1.5),
     Measurement(output_feedback.l1_is_linear, 0.4),
     Measurement(output_feedback.rohrs, 0.4),
     Measurement(output_feedback.any_relative_degree, 1.4),

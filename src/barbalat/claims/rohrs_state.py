@@ -56,7 +56,11 @@ def diverged_at(kappa: float | None, command: Signal) -> Array:
 
 def largest_gain(kappa: float | None) -> float:
     """The largest theta_hat that the frozen loop bears, by its characteristic roots."""
-    nominal = np.polymul([1.0, 1.0], UNMODELLED.den) if kappa is None else np.polymul(np.polymul([1.0, 1.0], UNMODELLED.den), [kappa, 1.0])
+    nominal = (
+        np.polymul([1.0, 1.0], UNMODELLED.den)
+        if kappa is None
+        else np.polymul(np.polymul([1.0, 1.0], UNMODELLED.den), [kappa, 1.0])
+    )
 
     def is_stable(gain: float) -> bool:
         return bool(np.roots(np.polyadd(nominal, [2.0 * 229.0 * gain])).real.max() < 0)

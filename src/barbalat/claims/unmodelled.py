@@ -137,7 +137,9 @@ def _readings(
     found: dict[str, Loss], ideal: dict[str, Array], below: dict[str, list[int]], unbounded: dict[str, bool]
 ) -> tuple[Reading, ...]:
     def shown(i: int) -> str:
-        return "; ".join(f"{name} lost at {each.loses[i].max():g} s, theta known: {ideal[name][i]:.3g} s" for name, each in found.items())
+        return "; ".join(
+            f"{name} lost at {each.loses[i].max():g} s, theta known: {ideal[name][i]:.3g} s" for name, each in found.items()
+        )
 
     same = all(bool((each.loses == each.loses[:, :1]).all()) for each in found.values())
     sizes = {name: certain_size(kappa) for name, kappa in zip(found, (None, section_v.KAPPA), strict=True)}
@@ -170,7 +172,7 @@ def _below_the_limit(found: Loss) -> Reading:
     """What L1-AC's authors rest their robustness on: the margin of the linear loop that it tends to for fast adaptation."""
     C = input_filter(section_v.KAPPA).realise()
     limits = np.array([margins(fast_adaptation(variant(theta=theta).plant, C)).delay for theta in THETAS])
-    tried = sum(int((DELAYS < limit).sum()) for limit in limits) * found.loses.shape[1]
+    tried = sum(int((limit > DELAYS).sum()) for limit in limits) * found.loses.shape[1]
     return Reading(
         "L1-AC stays bounded below the delay margin of its limit for Gamma to infinity (its authors' measure, not the paper's)",
         verdict(holds=bool((found.loses > limits[:, None]).all())),
