@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -59,10 +60,10 @@ class Pair(NamedTuple):
 
 def oscillation(t: Array, u: Array) -> Oscillation:
     """By Welch's method; both (K,), evenly spaced."""
-    from scipy.signal import welch
+    from scipy.signal import detrend, welch
 
     late = t > t[-1] / 2
-    f, power = welch(u[late], fs=1 / (t[1] - t[0]), nperseg=SEGMENT, detrend="linear")
+    f, power = welch(u[late], fs=1 / (t[1] - t[0]), nperseg=SEGMENT, detrend=detrend)
     above = 2 * np.pi * f > SLOWEST_OSCILLATION
     w, power = 2 * np.pi * f[above], power[above]
     return Oscillation(
@@ -70,7 +71,7 @@ def oscillation(t: Array, u: Array) -> Oscillation:
     )
 
 
-def measured(chosen: dict[float, tuple[float, ...]]) -> list[Pair]:
+def measured(chosen: Mapping[float, tuple[float, ...]]) -> list[Pair]:
     """Both schemes at each step and gain; the runs are as long as their record allows every step, or every fifth."""
     found = []
     for h, gains in chosen.items():

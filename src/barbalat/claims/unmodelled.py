@@ -7,7 +7,7 @@ has to move on from them in time. Where a run grows without end, no proof of bou
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -59,7 +59,7 @@ class Loss:
         return bool((self.loses[theta] < delay).all())
 
 
-def lost(members: list[tuple[tuple[float, ...], float, float]], scheme: str, h: float = H) -> tuple[Array, Array]:
+def lost(members: Sequence[tuple[tuple[float, ...], float, float]], scheme: str, h: float = H) -> tuple[Array, Array]:
     """Which (theta, gain, delay) end beyond every bound, and max |e| in their last quarter over the largest |x_m|."""
     pairs = [(variant(theta=theta, input=PlantInput(delay=delay)), SCHEMES[scheme](gain)) for theta, gain, delay in members]
     largest = Motion.of(section_v.problem(), Simulation(t_end=T_END, dt=H)).largest

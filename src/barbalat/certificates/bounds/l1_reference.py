@@ -45,7 +45,7 @@ def reference_error_bound(level: float, condition: FilterCondition, C: StateSpac
 def exact_gain(known: Known, C: StateSpace, theta: Array) -> float:
     """||(I - G theta')^-1 C||_1, rounded up: for this theta alone, without the small-gain theorem.
 
-    ValueError where it is unstable. The matrices are formed in floating point: the bound is that of matrices within their roundings.
+    ValueError where it is unstable. A_m + b theta' is formed in floating point: the bound is of the rounded matrices.
     """
     n, order = known.n, C.order
     A, B, outputs, _ = filtered_model(known, C)
