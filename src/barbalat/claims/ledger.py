@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 from multiprocessing import active_children, get_context, resource_tracker
 from threading import current_thread, main_thread
 from typing import TypeAlias
@@ -94,12 +95,12 @@ LEDGER = (
     Measurement(linear_design.claims, 5.5),
     Measurement(learning.loss_of_learning, 0.1, quick=True, judges_runs=True),
     Measurement(learning.exponential, 0.3, quick=True),
-    Measurement(delta_2.claim, 2.0),
-    Measurement(any_command.claim, 2.5),
-    Measurement(unmodelled.claim, 2.0),
-    Measurement(control_oscillation.claim, 2.5),
-    Measurement(does_better.claim, 6.5),
-    Measurement(l1_reference.claim, 1.5),
+    Measurement(delta_2.claim, 2.0, sharper=partial(delta_2.claim, full=True), sharper_seconds=3.5),
+    Measurement(any_command.claim, 2.5, sharper=partial(any_command.claim, full=True), sharper_seconds=20.0),
+    Measurement(unmodelled.claim, 2.0, sharper=partial(unmodelled.claim, full=True), sharper_seconds=4.0),
+    Measurement(control_oscillation.claim, 2.5, sharper=partial(control_oscillation.claim, full=True), sharper_seconds=7.5),
+    Measurement(does_better.claim, 6.5, sharper=partial(does_better.claim, full=True), sharper_seconds=7.0),
+    Measurement(l1_reference.claim, 1.5, sharper=partial(l1_reference.claim, full=True), sharper_seconds=4.0),
     Measurement(output_feedback.l1_is_linear, 0.4),
     Measurement(output_feedback.rohrs, 0.4),
     Measurement(output_feedback.any_relative_degree, 1.4),
