@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from barbalat import validate
-from barbalat.loop.binding import bound
+from barbalat.loop.binding import Bind, bound
 from barbalat.loop.packing import as_array, flatten, map_arrays, unflatten
 from barbalat.loop.parts import Held, LoopState, Outputs, Signals
 from barbalat.problem.actuation import InputPath
@@ -45,10 +45,10 @@ class ClosedLoop:
     delayed: bool = False
 
     @classmethod
-    def of(cls, problem: TrackingProblem, controller: Controller, step: float | None = None) -> ClosedLoop:
+    def of(cls, problem: TrackingProblem, controller: Controller, step: float | None = None, *, bind: Bind = bound) -> ClosedLoop:
         """``step`` is the solver's [s]; only a rate limiter at the plant's input needs it: see ``PlantInput.path``."""
         validate.instance("problem", problem, TrackingProblem)
-        equations = bound(problem, controller)
+        equations = bind(problem, controller)
         sensor, noise = problem.sensor, problem.noise
         return cls(
             problem.dynamics,
@@ -92,7 +92,10 @@ class ClosedLoop:
     @property
     def sampled(self) -> bool:
         """Whether the controller acts at instants of its own."""
-        return isinstance(self.equations, SampledEquations)
+        kind = type(self.equations)
+        if kind not in _SAMPLED:
+            _SAMPLED[kind] = isinstance(self.equations, SampledEquations)
+        return _SAMPLED[kind]
 
     @property
     def sample_time(self) -> float | None:
@@ -264,3 +267,7 @@ class ClosedLoop:
         e = (y - self.model.output(state.x_m)).reshape(-1)
         y = y.reshape(-1)[: self.measured_outputs]
         return Outputs(e, u.reshape(-1), state.controller.theta_hat.reshape(-1), state.x, state.x_m, y)
+
+
+_SAMPLED: dict[type, bool] = {}
+"""Which classes of equations are sampled: it takes long to find out, and is asked for every member of an ensemble."""
