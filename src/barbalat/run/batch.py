@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from math import inf
 
 import numpy as np
 
@@ -58,6 +59,7 @@ class Batch:
     seeds    (M,) and numbers (M,) for one with noise: which stream each member has, 0 ... M - 1 unless given
     record   keeps every block's start state and accumulators
     watch    goes with a program that watches, of one member
+    steps    of the whole run
     """
 
     loop: ClosedLoop
@@ -72,6 +74,7 @@ class Batch:
     seeds: Array | None = None
     numbers: Array | None = None
     watch: Watch | None = None
+    steps: float = inf
     totals: Totals = field(init=False)
     groups: list[Group] = field(init=False)
 
@@ -106,6 +109,7 @@ class Batch:
             seeds=None if members.seeds is None else members.seeds[which],
             numbers=members.numbers[which],
             watch=members.watch(),
+            steps=members.simulation.steps,
         )
 
     def __post_init__(self) -> None:
@@ -113,7 +117,7 @@ class Batch:
         members = self.states.shape[1]
         width = self.lanes or best_lanes(members)
         self.totals = Totals(self.program.accumulators, members)
-        kernel = self.program.compile(width)
+        kernel = self.program.compile(width, self.steps * -(-members // width))
         self.groups = []
         for first in range(0, members, width):
             index = np.minimum(np.arange(first, first + width), members - 1)  # the last group repeats the last member

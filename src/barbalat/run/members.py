@@ -17,7 +17,7 @@ from barbalat.protocols import Controller, Signal
 from barbalat.run import breaks, delay
 from barbalat.run.columns import Columns, StructureError
 from barbalat.run.grid import window_of
-from barbalat.run.step import Rhythm, StepProgram, step_program
+from barbalat.run.step import LARGEST_WATCHED, Rhythm, StepProgram, step_program
 from barbalat.run.template import Member, Template
 from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array, InputError
@@ -30,7 +30,7 @@ class Members:
     loop     the first member's; states (size, M), parameters (p, M)
     lags     (M,) for a step with a delay, see ``delay.lag``, and history (m, M), what each of its m inputs was before t = 0
     seeds    (M,) and numbers (M,) for one with noise: which stream each member has
-    windows  of the run, at most, in which the kernel of a single member keeps what is watched; 0: none
+    windows  of the run, at most, in which the kernel of a single member keeps what is watched; 0: none, as of a large loop
     """
 
     loop: ClosedLoop
@@ -162,6 +162,7 @@ class _Reader:
 
     def members(self, windows: int) -> Members:
         """What was read."""
+        windows = windows if self.loop.size <= LARGEST_WATCHED else 0
         simulation, signals = self.simulation, self.problem.signals
         lags = np.array(self.lags) if self.loop.delayed else None
         template = Template.of(self.columns)
