@@ -13,6 +13,17 @@ from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller, Equations, SampledEquations, feedback_of
 from barbalat.validate import InputError
 
+_sampled: dict[type, bool] = {}
+
+
+def is_sampled(equations: Equations | SampledEquations) -> bool:
+    """Whether equations act at instants of their own; asked of a class once, for it takes long, and of every member's."""
+    kind = type(equations)
+    if kind not in _sampled:
+        _sampled[kind] = isinstance(equations, SampledEquations)
+    return _sampled[kind]
+
+
 _checked: set[Hashable] = set()
 """The structures of equations that were found right."""
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from barbalat import validate
-from barbalat.loop.binding import Bind, bound
+from barbalat.loop.binding import Bind, bound, is_sampled
 from barbalat.loop.packing import as_array, flatten, map_arrays, unflatten
 from barbalat.loop.parts import Held, LoopState, Outputs, Signals
 from barbalat.problem.actuation import InputPath
@@ -92,10 +92,7 @@ class ClosedLoop:
     @property
     def sampled(self) -> bool:
         """Whether the controller acts at instants of its own."""
-        kind = type(self.equations)
-        if kind not in _SAMPLED:
-            _SAMPLED[kind] = isinstance(self.equations, SampledEquations)
-        return _SAMPLED[kind]
+        return is_sampled(self.equations)
 
     @property
     def sample_time(self) -> float | None:
@@ -267,7 +264,3 @@ class ClosedLoop:
         e = (y - self.model.output(state.x_m)).reshape(-1)
         y = y.reshape(-1)[: self.measured_outputs]
         return Outputs(e, u.reshape(-1), state.controller.theta_hat.reshape(-1), state.x, state.x_m, y)
-
-
-_SAMPLED: dict[type, bool] = {}
-"""Which classes of equations are sampled: it takes long to find out, and is asked for every member of an ensemble."""

@@ -105,7 +105,7 @@ def same_names(part: Any, other: Any) -> bool:
 
 def same_whole(part: Any, other: Any) -> bool:
     """Whether two parts without parts are equal; what can't be compared is only itself."""
-    return part is other or (isinstance(other, Hashable) and part == other)
+    return part is other or (isinstance(other, Hashable) and bool(part == other))
 
 
 def identical(part: Any, other: Any, depth: int = 0) -> bool:
@@ -117,7 +117,7 @@ def identical(part: Any, other: Any, depth: int = 0) -> bool:
     if isinstance(part, np.ndarray):
         return bool(part.shape == other.shape and part.dtype == other.dtype and part.tobytes() == other.tobytes())
     if isinstance(part, float):
-        return part.hex() == other.hex()
+        return bool(part.hex() == other.hex())
     if depth >= DEEPEST or parts_of(part) is None:
         return same_whole(part, other)
     return same_names(part, other) and all(

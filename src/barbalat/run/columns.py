@@ -86,7 +86,7 @@ class Columns:
     def _keep_first(self, begin: int, end: int) -> None:
         for leaf, kept in self._kept.items():
             if begin <= leaf < end:
-                kept += self._bytes[leaf]
+                kept.extend(self._bytes[leaf])
 
     def differing(self) -> tuple[Array, Array]:
         """Which of all numbers differ between members, (N,), and those, (p, M)."""

@@ -22,7 +22,6 @@ from barbalat.run.progress import Progress, part_of
 from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array, InputError
 
-
 AT_ONCE = 2**16
 """Members that run side by side: enough for every core, and few enough that what each needs during its run fits into memory."""
 READING_STEPS = 1000
@@ -71,13 +70,13 @@ def simulate_ensemble(
     progress        reading members counts as a part of the work where their number is known beforehand
     """
     count = _require(members, simulation, quarters, lanes)
-    reading = READING_STEPS / (READING_STEPS + simulation.steps)
+    reading = 0.0 if count is None else READING_STEPS / (READING_STEPS + simulation.steps)
 
     def taken(i: int) -> None:
-        if progress is not None and count is not None:
-            progress(reading * min(i / count, 1.0))
+        if progress is not None:
+            progress(reading * min(i / (count or i), 1.0))
 
-    read = Members.read(_checked(members), simulation, taken=taken)
+    read = Members.read(_checked(members), simulation, first="member 1: ", taken=taken)
     if numbers is not None:
         read = replace(read, numbers=_numbers_of(read, numbers))
     delay.require_memory(read.longest_delay, read.loop.inputs, min(len(read), AT_ONCE), simulation.dt)

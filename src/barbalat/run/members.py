@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 
@@ -55,18 +54,26 @@ class Members:
         *,
         windows: int = 0,
         adjustable: bool = False,
+        first: str = "",
         taken: Callable[[int], None] | None = None,
     ) -> Members:
         """Take up the members once, in their order; none of them is kept.
 
         adjustable  dt, the delay's weights and the rhythm become arguments of the kernel, so that one serves them all. A step
                     takes 6 to 9 % longer and differs in the last bits; for sweeps over them
+        first       begins what is said of the first member; each of the others is named by its number
         taken       called with how many have been read, now and then
 
         Raises InputError, with the member's number, where one can't be used or has another structure than the first.
         """
         given = iter(members)
-        reader = _Reader.of(next(given), simulation, adjustable=adjustable)
+        one = next(given)
+        try:
+            reader = _Reader.of(one, simulation, adjustable=adjustable)
+        except InputError as error:
+            if not first:
+                raise
+            raise InputError(f"{first}{error}") from error
         for i, member in enumerate(given, start=2):
             try:
                 reader.add(*member)
@@ -82,7 +89,7 @@ class Members:
         return reader.members(windows)
 
     def __len__(self) -> int:
-        return self.states.shape[1]
+        return int(self.states.shape[1])
 
     def watch(self) -> Watch | None:
         """Of one member, for a program that watches."""

@@ -78,7 +78,6 @@ class Spectrum:
         outside[finite] |= amplified
         return Looks(h_lambda, outside, radius)
 
-
     def coupling(self, states: Array, signals: Array) -> Array:
         """(K,) what ``coupling_function`` is, with what is constant of it, of loops that are too large to watch it."""
         found = []

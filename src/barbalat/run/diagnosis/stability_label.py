@@ -20,7 +20,7 @@ from barbalat.run.batch import Batch, Group
 from barbalat.run.diagnosis.spectrum import Looks, Spectrum, Stiffness
 from barbalat.run.grid import CHUNK_STEPS, signal_table, window_of
 from barbalat.run.noise import standard_normal
-from barbalat.run.step import LARGEST_WATCHED, sampled_states
+from barbalat.run.step import sampled_states
 from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array
 
@@ -28,6 +28,8 @@ MOST_WINDOWS = 2000
 """Of a run, at most; they are whole multiples of WATCH_EVERY."""
 MOST_LOOKS = 200
 """Windows at which the spectrum is taken: half the stiffest ones, half spread over the others; before an exit all."""
+QUICK_SPECTRUM = 100
+"""States of a loop whose spectrum takes some 10 ms, of which a run can have MOST_LOOKS."""
 FEWEST_LOOKS = 2
 """At the spectrum of a loop with very many states."""
 WINDOW_PIECES = 64
@@ -78,7 +80,7 @@ def stiffness_along(run: Run) -> Stiffness:
 def _of_a_large_loop(run: Run, spectrum: Spectrum, look: Look) -> Stiffness:
     """No window is watched or simulated again: of a few recorded instants those with the largest tr J^2 are looked at."""
     size = run.batch.loop.size
-    looks = max(FEWEST_LOOKS, int(MOST_LOOKS * (LARGEST_WATCHED / size) ** 3))  # a spectrum takes size^3 operations
+    looks = max(FEWEST_LOOKS, int(MOST_LOOKS * (QUICK_SPECTRUM / size) ** 3))  # each takes size^3 operations
     recorded = np.unique(np.linspace(0, len(run.starts) - 1, 4 * looks).astype(int))
     steps = run.starts[recorded]
     at = Instants(steps, run.acted(steps, run.states[recorded]))
