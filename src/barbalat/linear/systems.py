@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -146,7 +147,7 @@ class TransferFunction:
     def is_stable(self) -> bool:
         return bool((self.poles.real < 0).all())
 
-    @property
+    @cached_property
     def is_minimum_phase(self) -> bool:
         """Every zero in the open left half plane, by more than rounding; a zero on the axis is not enough for an inverse."""
         if len(self.num) == 1:
@@ -156,6 +157,10 @@ class TransferFunction:
 
     def realise(self) -> StateSpace:
         """Controllable canonical form, states scaled by powers of two so that no rounding is added."""
+        return self._realisation
+
+    @cached_property
+    def _realisation(self) -> StateSpace:
         order = len(self.den) - 1
         if self.relative_degree < 0:
             raise InputError(f"only a proper system has a realisation, got num {self.num} over den {self.den}")

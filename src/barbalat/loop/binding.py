@@ -2,16 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Sequence
+from collections.abc import Callable, Hashable, Sequence
 from typing import Any
 
 from barbalat import validate
 from barbalat.loop.blame import blamed
 from barbalat.loop.checking import Ports, check_equations
-from barbalat.loop.structure import comes_from_outside, structure
+from barbalat.loop.structure import comes_from_outside, identical, structure
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller, Equations, SampledEquations, feedback_of
 from barbalat.validate import InputError
+
+_sampled: dict[type, bool] = {}
+
+
+def is_sampled(equations: Equations | SampledEquations) -> bool:
+    """Whether equations act at instants of their own; asked of a class once, for it takes long, and of every member's."""
+    kind = type(equations)
+    if kind not in _sampled:
+        _sampled[kind] = isinstance(equations, SampledEquations)
+    return _sampled[kind]
+
 
 _checked: set[Hashable] = set()
 """The structures of equations that were found right."""
@@ -31,6 +42,34 @@ def bound(problem: TrackingProblem, controller: Controller) -> Equations | Sampl
             check_equations(equations, ports, said_of(controller))
             _checked.add(key)
     return equations
+
+
+Bind = Callable[[TrackingProblem, Controller], Equations | SampledEquations]
+"""What gives a controller's equations for a problem."""
+
+
+class Bindings:
+    """``bound`` for many members of one structure, which the caller compares: checked is the first.
+
+    Members with the same controller and the same knowledge of the plant, which is all that ``bind`` is handed, share their
+    equations: of those that differ in theta alone only the first is bound.
+    """
+
+    def __init__(self) -> None:
+        self._last: tuple[Controller, Any, Equations | SampledEquations] | None = None
+
+    def __call__(self, problem: TrackingProblem, controller: Controller) -> Equations | SampledEquations:
+        known = problem.known
+        if self._last is None:
+            found = bound(problem, controller)
+        elif identical(controller, self._last[0]) and identical(known, self._last[1]):
+            return self._last[2]
+        elif type(controller) is type(self._last[0]) and not comes_from_outside(controller):
+            found = controller.bind(known)
+        else:
+            found = _equations(problem, controller)
+        self._last = controller, known, found
+        return found
 
 
 def check_controller(controller: Controller, problem: TrackingProblem) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -50,8 +51,7 @@ class Plant:
         freeze(self, theta=parameters("plant.theta", self.theta, self.regressor.size(n), self.inputs))
         if self.input is not None:
             freeze(self, input=_inputs(self.input, self.inputs))
-        require_hurwitz("plant.A_m", A_m)
-        require_controllable("(plant.A_m, plant.b)", A_m, self.b)
+        _require_sound(A_m.tobytes(), self.b.tobytes(), self.b.shape)
 
     @classmethod
     def matched(cls, *, A: Any, A_m: Any, b: Any, x0: Any = None, input: Any = None) -> Plant:
@@ -93,7 +93,7 @@ class Plant:
     def paths(self) -> tuple[PlantInput, ...]:
         """What lies before each input."""
         if self.input is None:
-            return (PlantInput(),) * self.inputs
+            return (_DIRECT,) * self.inputs
         return self.input if isinstance(self.input, tuple) else (self.input,)
 
     @property
@@ -114,6 +114,17 @@ class Plant:
     def output(self, x: Value) -> Value:
         """What is measured: the state."""
         return x
+
+
+@lru_cache(maxsize=64)  # the plants of an ensemble mostly share both
+def _require_sound(A_m: bytes, b: bytes, shape: tuple[int, ...]) -> None:
+    matrix = np.frombuffer(A_m).reshape(shape[0], shape[0])
+    require_hurwitz("plant.A_m", matrix)
+    require_controllable("(plant.A_m, plant.b)", matrix, np.frombuffer(b).reshape(shape))
+
+
+_DIRECT = PlantInput()
+"""u reaches the plant as it is."""
 
 
 def input_matrix(field: str, b: Any, n: int) -> Array:

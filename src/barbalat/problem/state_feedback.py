@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import lru_cache
 from typing import Any, ClassVar
 
 import numpy as np
@@ -60,10 +61,17 @@ class Known:
     @property
     def P(self) -> Array:
         """The solution of P A_m + A_m'P = -I, (n, n)."""
-        from scipy.linalg import solve_continuous_lyapunov
+        return _lyapunov_solution(self.A_m.tobytes(), self.n)
 
-        P = solve_continuous_lyapunov(self.A_m.T, -np.eye(self.n))
-        return np.asarray((P + P.T) / 2)
+
+@lru_cache(maxsize=64)  # the members of an ensemble mostly share A_m
+def _lyapunov_solution(A_m: bytes, n: int) -> Array:
+    from scipy.linalg import solve_continuous_lyapunov
+
+    P = solve_continuous_lyapunov(np.frombuffer(A_m).reshape(n, n).T, -np.eye(n))
+    P = np.asarray((P + P.T) / 2)
+    P.flags.writeable = False
+    return P
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -43,7 +43,7 @@ def simulate(
     if not controllers:
         raise InputError("at least one controller is needed, got none")
     require_controllers(controllers)
-    delay.require_memory([problem] * len(controllers), simulation.dt)
+    delay.require_memory(problem.delay, len(problem.history), len(controllers), simulation.dt)
     batches = [Batch.of([(problem, controller)], simulation, record=True, windows=MOST_WINDOWS) for controller in controllers]
     run(batches, problem.signals, simulation, threads=threads, progress=progress)
     return {c.name: _result(problem, c, simulation, batch) for c, batch in zip(controllers, batches, strict=True)}
