@@ -108,7 +108,8 @@ def _largest_error(results: Sequence[Result]) -> Panel:
         if len(largest) == 0:
             continue
         starts = np.unique(np.searchsorted(result.t[:-1], np.linspace(0, result.simulation.t_end, WINDOWS, endpoint=False)))
-        value = np.maximum(np.maximum.reduceat(largest, starts[starts < len(largest)]), np.finfo(float).tiny)
+        starts = starts[starts < len(largest)]
+        value = np.maximum(np.maximum.reduceat(largest, starts), np.finfo(float).tiny)
         name = text_of(result.name)
         series.append(Series(t=result.t[starts], value=value, label=name, colour=k, dash=k // 3, width=_width(k, len(results))))
     tops = [s.value.max() for s, result in zip(series, results, strict=False) if result.diverged_at is None]
@@ -139,8 +140,10 @@ def _inputs(result: Result, k: int, count: int) -> list[Series]:
     for j in range(u.shape[1]):
         symbol = f"$u_{j + 1}$" if several else "$u$"
         label = symbol if count == 1 else f"{text_of(result.name)}, {symbol}" if several else text_of(result.name)
-        style = {"colour": k, "dash": j or k // 3, "width": _width(k, count)}
-        found.append(Series(t=result.t, value=u[:, j], low=low[:, j], high=high[:, j], label=label, **style))
+        ends, dash = (low[:, j], high[:, j]), j or k // 3
+        found.append(
+            Series(t=result.t, value=u[:, j], label=label, colour=k, dash=dash, low=ends[0], high=ends[1], width=_width(k, count))
+        )
     return found
 
 
