@@ -61,7 +61,7 @@ def test_run_writes_everything(case_file, tmp_path, capsys):
     out = tmp_path / "deep" / "out"
     assert main(["run", str(case_file), "--out", str(out)]) == 0
     names = {path.name for path in out.iterdir()}
-    assert names == {"run.json", "report.html", "comparison.png", "comparison.svg", "1-robust-mrac.csv", "2-l1.csv", "3-mrac.csv"}
+    assert names == {"run.json", "report.html", "comparison.png", "comparison.svg", "comparison-narrow.svg", "1-robust-mrac.csv", "2-l1.csv", "3-mrac.csv"}
     page = (out / "report.html").read_text()
     assert "What is guaranteed" in page and "Is it adapting?" in page
     document = json.loads((out / "run.json").read_text())
@@ -150,7 +150,7 @@ def test_reproduce(tmp_path, capsys, monkeypatch, section_v_runs):
         assert (tmp_path / f"figure-{key}.png").stat().st_size > 10_000
         assert (tmp_path / f"figure-{key}.svg").read_text().rstrip().endswith("</svg>")
     page = (tmp_path / "report.html").read_text()
-    assert page.count('<img src="data:image/png;base64,') == 5
+    assert page.count('<img src="data:image/svg+xml,') == 5
 
 
 def test_quick_and_full_exclude_each_other(capsys):

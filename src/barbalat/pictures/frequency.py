@@ -62,11 +62,12 @@ def draw(responses: Sequence[Response], title: str, *, narrow: bool = False, sho
     _axes(peaks, "Sensitivity |S| (solid) and |T| (dashed)", "frequency [rad/s]", "", log="both")
     for k, response in enumerate(responses):
         colour = theme.colour(k)
-        _bode(magnitude, phase, response, colour)
-        _nyquist(nyquist, response, colour)
+        width = 1.2 + 0.9 * (len(responses) - 1 - k)  # wider than those drawn after it, to be seen where they coincide
+        _bode(magnitude, phase, response, colour, width)
+        _nyquist(nyquist, response, colour, width)
         with np.errstate(divide="ignore", invalid="ignore"):
-            peaks.plot(response.w, np.abs(1 / (1 + response.L)), color=colour, linewidth=1.2)
-            peaks.plot(response.w, np.abs(response.L / (1 + response.L)), color=colour, linewidth=1.2, linestyle=DASHES[1])
+            peaks.plot(response.w, np.abs(1 / (1 + response.L)), color=colour, linewidth=width)
+            peaks.plot(response.w, np.abs(response.L / (1 + response.L)), color=colour, linewidth=width, linestyle=DASHES[1])
     for axes, level in ((magnitude, 1.0), (phase, -180.0), (peaks, 1.0)):
         axes.axhline(level, color=theme.quiet, linewidth=0.9, linestyle=DASHES[2])
         axes.set_xlim(min(r.w[0] for r in responses), max(r.w[-1] for r in responses))
@@ -99,10 +100,10 @@ def _axes(axes: Axes, title: str, x: str, y: str, *, log: str) -> None:
         axes.set_yscale("log")
 
 
-def _bode(magnitude: Axes, phase: Axes, response: Response, colour: str) -> None:
+def _bode(magnitude: Axes, phase: Axes, response: Response, colour: str, width: float) -> None:
     size = np.abs(response.L)
-    magnitude.plot(response.w, size, color=colour, linewidth=1.2)
-    phase.plot(response.w, response.phase, color=colour, linewidth=1.2)
+    magnitude.plot(response.w, size, color=colour, linewidth=width)
+    phase.plot(response.w, response.phase, color=colour, linewidth=width)
     for mark, w in zip(MARKS, (response.at_phase, response.at_gain), strict=True):
         if w is None:
             continue
@@ -113,8 +114,8 @@ def _bode(magnitude: Axes, phase: Axes, response: Response, colour: str) -> None
             axes.plot([w, w], [values[at], turned], color=colour, linewidth=2.2, alpha=0.5)  # the margin itself
 
 
-def _nyquist(axes: Axes, response: Response, colour: str) -> None:
-    axes.plot(response.L.real, response.L.imag, color=colour, linewidth=1.2)
+def _nyquist(axes: Axes, response: Response, colour: str, width: float) -> None:
+    axes.plot(response.L.real, response.L.imag, color=colour, linewidth=width)
     axes.plot(response.L.real, -response.L.imag, color=colour, linewidth=0.8, linestyle=DASHES[2])
     for mark, w in zip(MARKS, (response.at_phase, response.at_gain), strict=True):
         if w is not None:

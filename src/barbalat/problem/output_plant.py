@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 from typing import Any, ClassVar
 
 import numpy as np
@@ -65,7 +65,7 @@ class OutputDynamics:
         return self.system.C @ x
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False)
 class OutputPlant:
     """y = G(s)[u + d + f(t, y)], from rest: (18).
 
@@ -77,6 +77,7 @@ class OutputPlant:
     """
 
     transfer_function: TransferFunction
+    _: KW_ONLY
     nonlinear: str | None = None
     input: PlantInput | None = None
 
@@ -101,7 +102,7 @@ class OutputPlant:
         return (PlantInput() if self.input is None else self.input,)
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False)
 class OutputReferenceModel:
     """y_m = W_m(s)[r], from rest: (19).
 

@@ -158,7 +158,7 @@ class Model:
         return x_m
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False)
 class ReferenceModel:
     """x_m' = A_m x_m + b k_0 r, x_m(0) = x(0): eq. (2); A_m and b are the plant's.
 

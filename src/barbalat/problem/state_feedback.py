@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import KW_ONLY, dataclass, field
 from typing import Any, ClassVar
 
 import numpy as np
@@ -66,7 +66,7 @@ class Known:
         return np.asarray((P + P.T) / 2)
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False)
 class Problem(TrackingProblem):
     """The tracking problem of Section II.
 
@@ -83,6 +83,7 @@ class Problem(TrackingProblem):
     plant: Plant
     reference_model: ReferenceModel = field(default_factory=ReferenceModel)
     reference: Signal | tuple[Signal, ...] = field(default_factory=Constant)
+    _: KW_ONLY
     uncertainty: KnownSet | None = None
     input_gain: tuple[float, float] | tuple[tuple[float, float], ...] | None = None
     disturbance: Signal | None = None
