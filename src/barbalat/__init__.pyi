@@ -57,6 +57,7 @@ from .problem.regressors import Polynomial as Polynomial
 from .problem.regressors import Terms as Terms
 from .problem.state_feedback import Problem as Problem
 from .problem.tracking import Disturbance as Disturbance
+from .protocols import Controller as Controller
 from .run.check_numerics import check_numerics as check_numerics
 from .run.ensemble import EnsembleResult as EnsembleResult
 from .run.ensemble import simulate_ensemble as simulate_ensemble

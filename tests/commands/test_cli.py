@@ -61,7 +61,16 @@ def test_run_writes_everything(case_file, tmp_path, capsys):
     out = tmp_path / "deep" / "out"
     assert main(["run", str(case_file), "--out", str(out)]) == 0
     names = {path.name for path in out.iterdir()}
-    assert names == {"run.json", "report.html", "comparison.png", "comparison.svg", "comparison-narrow.svg", "1-robust-mrac.csv", "2-l1.csv", "3-mrac.csv"}
+    assert names == {
+        "run.json",
+        "report.html",
+        "comparison.png",
+        "comparison.svg",
+        "comparison-narrow.svg",
+        "1-robust-mrac.csv",
+        "2-l1.csv",
+        "3-mrac.csv",
+    }
     page = (out / "report.html").read_text()
     assert "What is guaranteed" in page and "Is it adapting?" in page
     document = json.loads((out / "run.json").read_text())

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.io import savemat
 
 import barbalat
 from barbalat.adaptation.laws import OUTPUT_LAWS
@@ -93,6 +94,7 @@ def test_every_key_has_a_meaning():
 @pytest.fixture
 def folder(tmp_path):
     (tmp_path / "r.csv").write_text(case_examples.CSV)
+    savemat(tmp_path / "r.mat", {"t": [0.0, 1.0], "r": [1.0, 2.0]})
     return tmp_path
 
 

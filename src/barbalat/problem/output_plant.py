@@ -69,7 +69,8 @@ class OutputDynamics:
 class OutputPlant:
     """y = G(s)[u + d + f(t, y)], from rest: (18).
 
-    transfer_function  G(s), strictly proper: what is simulated, its unmodelled part included
+    transfer_function  G(s), strictly proper: what is simulated, its unmodelled part included; also a system of
+                       python-control or SciPy
     nonlinear          f, a formula in y and t such as "(0.5 + 0.1*cos(t))*sin(y)"; none by default
     input              limits, further unmodelled dynamics and delay before G; none by default
 

@@ -6,7 +6,7 @@ it is measured, not guaranteed.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -14,7 +14,7 @@ import numpy as np
 
 from barbalat import validate
 from barbalat.linear.largest import halvings
-from barbalat.loop.binding import require_controllers
+from barbalat.loop.binding import numbered
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller
 from barbalat.run.ensemble import simulate_ensemble
@@ -80,7 +80,7 @@ class DelayMargins:
 
 def delay_margins(
     problem: TrackingProblem,
-    controllers: Sequence[Controller],
+    controllers: Controller | Iterable[Controller],
     simulation: Simulation,
     *,
     longest: float = 2.0,
@@ -95,8 +95,7 @@ def delay_margins(
 
     The rest as of ``delay_margins_ensemble``.
     """
-    require_controllers(controllers)
-    found = {}
+    controllers, found = numbered(controllers), {}
     for i, controller in enumerate(controllers):
         found[controller.name] = delay_margins_ensemble(
             [(problem, controller)], simulation, longest=longest, scan=scan, resolution=resolution, onset=onset, lost=lost,
