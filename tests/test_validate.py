@@ -164,7 +164,6 @@ REFUSED = {
     "no controllers": (lambda p: simulate(p, [], simulation()), "controller", "none"),
     "simulate a number": (lambda p: simulate(p, [42], simulation()), "controller", "42"),
     "simulate text": (lambda p: simulate(p, "mrac", simulation()), "controller", "mrac"),
-    "simulate one, not a list": (lambda p: simulate(p, Mrac(gamma=1.0), simulation()), "controller", "Mrac"),
     "simulate without settings": (lambda p: simulate(p, [Mrac(gamma=1.0)], None), "simulation", "None"),
     "simulate no problem": (lambda p: simulate(None, [Mrac(gamma=1.0)], simulation()), "problem", "None"),
     "a name that is none": (lambda p: simulate(p, [Mrac(gamma=1.0, name=["a"])], simulation()), "name", "['a']"),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Hashable, Iterable, Mapping, Sequence
 from dataclasses import fields, is_dataclass, replace
-from itertools import count
+from itertools import chain, count
 from typing import Any
 
 from barbalat import validate
@@ -91,28 +91,20 @@ def numbered(controllers: Controller | Iterable[Controller]) -> tuple[Controller
         require_controllers([controller])
         taken = {other.name for other in found}
         names = (f"{controller.name} {i}" for i in count(2))
-        found.append(
-            controller if controller.name not in taken else _renamed(controller, next(n for n in names if n not in taken))
-        )
+        free = next(name for name in chain([controller.name], names) if name not in taken)
+        found.append(controller if free == controller.name else _renamed(controller, free))
     if not found:
         raise InputError("at least one controller is needed, got none")
     require_controllers(found)
     return tuple(found)
 
 
-def _renamed(controller: Controller, name: str) -> Controller:
+def _renamed(controller: Any, name: str) -> Any:
     """A copy by another name; the controller itself where its class does not say how, which is then refused as a twin."""
-    own = [one.name for one in fields(controller) if one.init] if is_dataclass(controller) else []
+    own = tuple(one.name for one in fields(controller) if one.init) if is_dataclass(controller) else ()
     if "name" in own:
-        return with_fields(controller, name=name)
+        return replace(controller, name=name)
     for field, part in (parts_of(controller) or {}).items():
         if field in own and isinstance(part, Controller) and part.name == controller.name:  # it goes by the name of what is in it
-            return with_fields(controller, **{field: _renamed(part, name)})
+            return replace(controller, **{field: _renamed(part, name)})
     return controller
-
-
-def with_fields(controller: Controller, **changed: Any) -> Controller:
-    """A dataclass with other fields, through its constructor."""
-    assert is_dataclass(controller)
-    twin: Controller = replace(controller, **changed)
-    return twin

@@ -9,7 +9,7 @@ import warnings
 
 from matplotlib.figure import Figure
 
-from barbalat.pictures.theme import COLOURS, DARK_GROUND, DARK_INK, ON_DARK
+from barbalat.pictures.theme import COLOURS, DARK_GROUND, DARK_INK, DARK_QUIET, GROUND, INK, ON_DARK, QUIET
 
 PIXELS_PER_INCH = 110
 """Of a PNG: 1100 pixels for a page's width."""
@@ -59,7 +59,9 @@ def _shortened(path: str) -> str:
 
 def on_dark(colour: str) -> str | None:
     """A colour's partner: of the palette its own, of greys those as far from the dark ground as they were from white."""
-    named = dict(zip((c.lower() for c in COLOURS), ON_DARK, strict=True))
+    named = dict(
+        zip((c.lower() for c in (*COLOURS, INK, QUIET, GROUND)), (*ON_DARK, DARK_INK, DARK_QUIET, DARK_GROUND), strict=True)
+    )
     if colour in named:
         return named[colour]
     red, green, blue = (int(colour[i : i + 2], 16) / 255 for i in (1, 3, 5))
@@ -67,5 +69,5 @@ def on_dark(colour: str) -> str | None:
     if saturation > 0.1:  # some other colour, of a map: its scale must stay what it is
         return None
     ground, ink = (int(end[1:3], 16) / 255 for end in (DARK_GROUND, DARK_INK))
-    grey = ground if lightness == 1 else ink + (ground - ink) * lightness
+    grey = ink + (ground - ink) * lightness
     return "#" + "".join(f"{round(255 * part):02x}" for part in colorsys.hls_to_rgb(hue, grey, saturation))

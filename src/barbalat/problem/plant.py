@@ -62,7 +62,7 @@ class Plant:
             A_m, b, theta = _from_open_loop(A, b, A_m, theta, regressor, poles)
         elif A_m is None or theta is None:
             missing = "A_m" if A_m is None else "theta"
-            raise InputError(f"plant.{missing} is missing: give A_m, b and theta, or A, b and either A_m or poles")
+            raise InputError(f"plant.{missing} is missing, got None: give A_m, b and theta, or A, b and either A_m or poles")
         elif poles is not None:
             raise InputError("poles goes with plant.A, which is missing")
         freeze(self, A_m=A_m, b=b, theta=theta, x0=x0, input=input, regressor=Linear() if regressor is None else regressor)

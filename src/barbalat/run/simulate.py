@@ -37,6 +37,7 @@ def simulate(
     Raises InputError for controllers that don't fit the problem. A run that diverges is a result.
     """
     validate.instance("simulation", simulation, Simulation)
+    validate.instance("problem", problem, TrackingProblem)
     controllers = numbered(controllers)
     delay.require_memory([problem] * len(controllers), simulation.dt)
     batches = [Batch.of([(problem, controller)], simulation, record=True, windows=MOST_WINDOWS) for controller in controllers]

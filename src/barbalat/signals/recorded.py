@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import struct
 import zlib
 from dataclasses import dataclass
@@ -144,13 +145,13 @@ def _path(file: str | Path) -> Path:
 
 
 def _separator(lines: list[str]) -> str:
-    """What stands between two numbers in the last line that has any: the surest sign first."""
-    last = next((line.strip() for line in reversed(lines) if line.strip()), "")
+    """What stands between two numbers in the first line that has any: the surest sign first."""
+    first = next((line.strip() for line in lines if any(map(str.isdigit, line))), "")
     for sign in ("\t", ";"):
-        if sign in last:
+        if sign in first:
             return sign
-    decimal_commas = " " in last.replace(", ", ",")  # 0,5 1,25
-    return "," if "," in last and not decimal_commas else " "
+    decimal_commas = " " in re.sub(r"\s*,\s*", ",", first)  # 0,5 1,25
+    return "," if "," in first and not decimal_commas else " "
 
 
 def _cells(line: str, separator: str) -> list[str]:
