@@ -49,7 +49,7 @@ class Response:
 
 def draw(responses: Sequence[Response], title: str, *, narrow: bool = False, shown: bool = False) -> Figure:
     """Four panels; ``shown`` as of ``new_figure``."""
-    figure = new_figure(NARROW if narrow else WIDE, 11.5 if narrow else 7.6, shown=shown)
+    figure = new_figure(NARROW if narrow else WIDE, 11.5 if narrow else 7.6, shown=shown, layout="constrained")
     theme = Theme.current()
     places = [(0, 0), (1, 0), (0, 1), (1, 1)]
     grid = figure.add_gridspec(4 if narrow else 2, 1 if narrow else 2)

@@ -87,21 +87,56 @@ class Panel:
 ENVELOPE = "shaded: from the least to the greatest value of what oscillates too fast to be drawn; the line in it is their middle"
 
 
+@dataclass(frozen=True)
+class Sizes:
+    """Of everything on a page or on a phone [in], [points]; fixed, for Matplotlib's own layouts take longer than the drawing."""
+
+    width: float
+    left: float
+    right: float
+    axes: float
+    below: float
+    font: float
+    columns: int
+
+    def across(self, panel: Panel) -> float:
+        """Width of a panel's axes [in]."""
+        return self.width / (1 if panel.whole_row else self.columns) - self.left - self.right
+
+    def characters(self, panel: Panel) -> int:
+        """About as many fit above a panel."""
+        return int(self.across(panel) * 72 / (0.56 * self.font))  # DejaVu Sans is 0.56 of its size wide on average
+
+    def above(self, panel: Panel) -> float:
+        """Height of title, note and legend [in]."""
+        lines = len(_heading(panel, self).splitlines()) + -(-len(_entries(panel)) // _legend_columns(panel, self))
+        return 1.42 * self.font * lines / 72 + 0.12
+
+
+PAGE = Sizes(WIDE, left=0.72, right=0.12, axes=1.75, below=0.5, font=9.0, columns=2)
+PHONE = Sizes(NARROW, left=0.62, right=0.1, axes=1.8, below=0.48, font=8.0, columns=1)
+
+
 def draw(panels: Sequence[Panel], t_end: float, *, narrow: bool = False, shown: bool = False) -> Figure:
     """All panels, two in a row on a page, one on a phone; ``shown`` as of ``new_figure``."""
-    rows = _rows(panels, narrow=narrow)
-    heights = [3.0 if narrow else 2.9 if len(row) == 1 and row[0].whole_row else 2.6 for row in rows]
-    figure = new_figure(NARROW if narrow else WIDE, sum(heights) + 0.3, shown=shown)
-    grid, theme = figure.add_gridspec(len(rows), 2, height_ratios=heights), Theme.current()
-    banded = False
-    for i, row in enumerate(rows):
+    sizes = PHONE if narrow else PAGE
+    rows, theme = _rows(panels, narrow=narrow), Theme.current()
+    outlines = {panel: [_outline(one, panel, sizes.across(panel) / t_end) for one in panel.series] for panel in panels}
+    banded = any(found.envelopes for several in outlines.values() for found in several)
+    footer = textwrap.wrap(ENVELOPE, 68 if narrow else 200) if banded else []
+    heights = [max(map(sizes.above, row)) + sizes.axes + sizes.below for row in rows]
+    height = sum(heights) + 1.5 * sizes.font * len(footer) / 72 + 0.05
+    figure = new_figure(sizes.width, height, shown=shown)
+    top = height
+    for row, needed in zip(rows, heights, strict=True):
+        top -= needed
         for j, panel in enumerate(row):
-            place = grid[i, :] if narrow or panel.whole_row else grid[i, j]
-            banded |= _draw(figure.add_subplot(place), panel, t_end, theme, narrow=narrow)
-    if banded:
-        text = _folded(ENVELOPE, 62) if narrow else ENVELOPE
+            left = sizes.left + j * sizes.width / 2
+            place = (left / sizes.width, (top + sizes.below) / height, sizes.across(panel) / sizes.width, sizes.axes / height)
+            _draw(figure.add_axes(place), panel, outlines[panel], t_end, theme, sizes)
+    if footer:
         patch = Patch(facecolor=theme.quiet, alpha=0.4, linewidth=0)
-        figure.legend([patch], [text], loc="outside lower left", frameon=False, fontsize=7.5 if narrow else 8.5)
+        figure.legend([patch], ["\n".join(footer)], loc="lower left", frameon=False, fontsize=sizes.font - 0.5, borderaxespad=0)
     return figure
 
 
@@ -122,10 +157,7 @@ def _rows(panels: Sequence[Panel], *, narrow: bool) -> list[list[Panel]]:
     return rows
 
 
-def _draw(axes: Axes, panel: Panel, t_end: float, theme: Theme, *, narrow: bool) -> bool:
-    """Draw one panel; whether there is an envelope in it."""
-    inches = NARROW if narrow else WIDE if panel.whole_row else WIDE / 2
-    outlines = [_outline(one, panel, 0.85 * inches / t_end) for one in panel.series]
+def _draw(axes: Axes, panel: Panel, outlines: Sequence[Outline], t_end: float, theme: Theme, sizes: Sizes) -> None:
     apart = _apart(axes, panel, outlines, t_end)
     for i, (series, found) in enumerate(zip(panel.series, outlines, strict=True)):
         _series(apart[i % len(apart)], series, found, theme)
@@ -133,18 +165,16 @@ def _draw(axes: Axes, panel: Panel, t_end: float, theme: Theme, *, narrow: bool)
         for i, one in enumerate(apart):
             if level.of is None or len(apart) == 1 or level.of == i:
                 one.axhline(level.value, **_style(theme, level.colour, level.dash), linewidth=0.9)
-    size = 8.0 if narrow else 9.0
     for one in apart:
         one.set_yscale(panel.scale, **({"linthresh": 1.0} if panel.scale == "symlog" else {}))
         if panel.limits is not None:
             one.set_ylim(*panel.limits)
         one.set_xlim(0, t_end)
-        one.tick_params(labelsize=size, labelbottom=one is apart[-1])
+        one.tick_params(labelsize=sizes.font, labelbottom=one is apart[-1])
         one.grid(visible=True, linewidth=0.3)
         one.spines[["top", "right"]].set_visible(False)
-    apart[-1].set_xlabel("time t [s]", fontsize=size)
-    _title_and_legend(axes, panel, theme, size, narrow=narrow)
-    return any(found.envelopes for found in outlines)
+    apart[-1].set_xlabel("time t [s]", fontsize=sizes.font)
+    _title_and_legend(axes, panel, theme, sizes)
 
 
 def _apart(axes: Axes, panel: Panel, outlines: Sequence[Outline], t_end: float) -> list[Axes]:
@@ -195,21 +225,32 @@ def _series(axes: Axes, series: Series, found: Outline, theme: Theme) -> None:
     axes.plot(*found.line, linewidth=series.width, **style)
 
 
-def _title_and_legend(axes: Axes, panel: Panel, theme: Theme, size: float, *, narrow: bool) -> None:
+def _title_and_legend(axes: Axes, panel: Panel, theme: Theme, sizes: Sizes) -> None:
     """Both above the axes, at their left edge, where they cover nothing."""
-    handles = [Line2D([], [], label=s.label, **_style(theme, s.colour, s.dash)) for s in panel.series]
-    labels = {level.label: level for level in panel.levels if level.label}
-    handles += [Line2D([], [], label=text, **_style(theme, "quiet", level.dash)) for text, level in labels.items()]
-    lines = [panel.title, *([panel.note] if panel.note else [])]
-    across = 50 if narrow else 130 if panel.whole_row else 62
-    title = "\n".join(_folded(line, across) for line in lines)
-    longest = max((_length(str(handle.get_label())) for handle in handles), default=1)
-    columns = max(min(across // (longest + 6), len(handles)), 1)
+    handles = [Line2D([], [], label=text, **_style(theme, colour, dash)) for text, colour, dash in _entries(panel)]
     legend = axes.legend(
-        handles=handles, title=title, title_fontsize=size + 0.5, alignment="left", loc="lower left", bbox_to_anchor=(-0.01, 0.99),
-        ncols=columns, frameon=False, fontsize=size, borderpad=0.1, handlelength=2.0, columnspacing=1.2, labelspacing=0.25,
+        handles=handles, title=_heading(panel, sizes), title_fontsize=sizes.font + 0.5, alignment="left", loc="lower left",
+        bbox_to_anchor=(-0.01, 0.99), ncols=_legend_columns(panel, sizes), frameon=False, fontsize=sizes.font, borderpad=0.1,
+        handlelength=2.0, columnspacing=1.2, labelspacing=0.25,
     )  # fmt: skip
     legend.get_title().set_multialignment("left")
+
+
+def _heading(panel: Panel, sizes: Sizes) -> str:
+    lines = [panel.title, *([panel.note] if panel.note else [])]
+    return "\n".join(textwrap.fill(line, sizes.characters(panel)) for line in lines)
+
+
+def _entries(panel: Panel) -> list[tuple[str, int | str, int]]:
+    """Of the legend: text, colour, dash."""
+    levels = {level.label: level.dash for level in panel.levels if level.label}
+    return [*((one.label, one.colour, one.dash) for one in panel.series), *((text, "quiet", k) for text, k in levels.items())]
+
+
+def _legend_columns(panel: Panel, sizes: Sizes) -> int:
+    entries = _entries(panel)
+    longest = max((_length(text) for text, _, _ in entries), default=1)
+    return max(min(sizes.characters(panel) // (longest + 7), len(entries)), 1)  # 7: the line before it, the gap behind
 
 
 def _length(label: str) -> int:
@@ -225,10 +266,6 @@ def _colour(theme: Theme, colour: int | str) -> str:
     if isinstance(colour, int):
         return theme.colour(colour)
     return {"ink": theme.ink, "quiet": theme.quiet}[colour]
-
-
-def _folded(text: str, width: int) -> str:
-    return "\n".join(textwrap.wrap(text, width))
 
 
 def span_of(values: Sequence[Array]) -> tuple[float, float]:

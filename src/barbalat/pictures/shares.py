@@ -27,7 +27,7 @@ class Shares:
 
 def draw(panels: Sequence[Shares], note: str, *, shown: bool = False) -> Figure:
     """A panel beside the other; ``shown`` as of ``new_figure``."""
-    figure = new_figure(WIDE if len(panels) > 1 else 1.4 * NARROW, 3.6, shown=shown)
+    figure = new_figure(WIDE if len(panels) > 1 else 1.4 * NARROW, 3.6, shown=shown, layout="constrained")
     theme = Theme.current()
     for axes, panel in zip(np.ravel(figure.subplots(1, len(panels), squeeze=False)), panels, strict=True):
         drawn = [_curve(values, at_least=panel.at_least) for values in panel.values.values()]

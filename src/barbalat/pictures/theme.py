@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import sys
 from dataclasses import dataclass
+from typing import Literal
 
 from matplotlib import rcParams
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
+
+Layout = Literal["constrained"]
 
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#B5609A", "#A87500", "#3391CE")
 """Okabe and Ito's palette, its last three darkened until they have three times the contrast with white that a line needs."""
@@ -53,12 +56,12 @@ class Picture(Figure):
         return render(self, "png")
 
 
-def new_figure(width: float, height: float, *, shown: bool) -> Figure:
+def new_figure(width: float, height: float, *, shown: bool, layout: Layout | None = None) -> Figure:
     """An empty figure [in]. One to be ``shown`` belongs to pyplot, where that is in use: ``plt.show()`` opens it."""
     pyplot = sys.modules.get("matplotlib.pyplot")
     if shown and pyplot is not None and "inline" not in pyplot.get_backend():  # a notebook shows what a cell returns, once
-        managed: Figure = pyplot.figure(figsize=(width, height), layout="constrained", FigureClass=Picture)
+        managed: Figure = pyplot.figure(figsize=(width, height), layout=layout, FigureClass=Picture)
         return managed
-    figure = Picture(figsize=(width, height), layout="constrained")
+    figure = Picture(figsize=(width, height), layout=layout)
     FigureCanvasAgg(figure)
     return figure

@@ -40,10 +40,14 @@ def figure_of(results: Sequence[Result], *, narrow: bool = False, shown: bool = 
 
 def panels(results: Sequence[Result]) -> list[Panel]:
     """First what all have in common, then each one's error and estimates."""
-    found = [*_tracking(results), *([_largest_error(results)] if len(results) > 1 else []), _control(results)]
+    if len(results) == 1:
+        (result,) = results
+        estimates = _estimates(result, "Estimates")
+        return [*_tracking(results), _error(result, "Tracking error"), _control(results), *([estimates] if estimates else [])]
+    found = [*_tracking(results), _largest_error(results), _control(results)]
     for result in results:
-        before = f"{text_of(result.name)}: " if len(results) > 1 else ""
-        error, estimates = _error(result, before), _estimates(result, before)
+        name = text_of(result.name)
+        error, estimates = _error(result, f"{name}: tracking error"), _estimates(result, f"{name}: estimates")
         found += [error] if estimates is None else [error, estimates]
     return found
 
@@ -158,7 +162,7 @@ def _limits_beside_diverged(
     return low - 0.25 * (high - low), high + 0.25 * (high - low)
 
 
-def _error(result: Result, before: str) -> Panel:
+def _error(result: Result, title: str) -> Panel:
     n = result.e.shape[1]
     series = [
         Series(
@@ -168,7 +172,7 @@ def _error(result: Result, before: str) -> Panel:
         for i in range(n)
     ]  # fmt: skip
     meaning = "$e = x - x_m$" if result.y is None else "$e = y - y_m$"
-    return Panel(title=f"{before}tracking error {meaning}", series=series, scale=_scale(result), note=_diverged(result))
+    return Panel(title=f"{title} {meaning}", series=series, scale=_scale(result), note=_diverged(result))
 
 
 def _scale(result: Result) -> str:
@@ -179,7 +183,7 @@ def _diverged(result: Result) -> str:
     return "" if result.diverged_at is None else f"diverged at t = {result.diverged_at:.4g} s; logarithmic beyond 1"
 
 
-def _estimates(result: Result, before: str) -> Panel | None:
+def _estimates(result: Result, title: str) -> Panel | None:
     """With the true values, and the known set where it is near enough; ``None`` where nothing is estimated."""
     p = result.theta_hat.shape[1]
     if p == 0:
@@ -217,7 +221,7 @@ def _estimates(result: Result, before: str) -> Panel | None:
     said += [f"known set: {_interval_text(bounds)}"] if far else []
     limits = around(*span_of([np.array([*needed, *drawn])])) if result.diverged_at is None else None
     return Panel(
-        title=f"{before}estimates",
+        title=title,
         series=series,
         levels=[*levels, *marks],
         limits=limits,

@@ -33,7 +33,7 @@ def panels(found: TradeOff) -> list[str]:
 def draw(found: TradeOff, *, shown: bool = False) -> Figure:
     """A row of panels for each criterion; ``shown`` to a person at once, by pyplot where that is in use."""
     columns = panels(found)
-    figure = new_figure(6.4 * len(columns), 10.4, shown=shown)
+    figure = new_figure(6.4 * len(columns), 10.4, shown=shown, layout="constrained")
     shared: Axes | None = None
     drawn = []
     for i, (criterion, title) in enumerate(criteria(found).items()):
