@@ -114,11 +114,13 @@ def test_recorded_commands_in_every_form(tmp_path):
 )
 def test_case_files_have_the_names_of_python(keys):
     text = f"""
+name = "named"
 plant = {{ A_m = [[-1.0]], b = [1.0], theta = [2.0] }}
 reference_model = {{ k_0 = 1.0 }}
 reference = {{ kind = "constant", value = 1.0 }}
 simulation = {{ t_end = 1.0, dt = 0.01 }}
 [[controller]]
+name = "one"
 scheme = "mrac"
 gamma = 1.0
 {keys}

@@ -108,6 +108,10 @@ class TransferFunction:
             return system
         if isinstance(system, StateSpace):
             return system.transfer_function()
+        matrices = foreign_state_space(system) if _is_scipy(system) else None
+        if matrices is not None and matrices[3].shape == (1, 1):
+            A, B, C, D = matrices
+            return StateSpace(A, B[:, 0], C[0], float(D[0, 0])).transfer_function()
         if _is_scipy(system):
             found = system.to_tf()
             num, den = np.squeeze(found.num), found.den

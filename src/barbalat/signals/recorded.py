@@ -78,6 +78,7 @@ class Recorded(Continuous):
         Raises InputError that names the file and the variables in it.
         """
         from scipy.io import loadmat
+        from scipy.io.matlab import MatReadError
 
         path = _path(file)
         for name, given in (("times", times), ("values", values)):
@@ -90,7 +91,7 @@ class Recorded(Continuous):
         except OSError as error:
             reason = error.strerror or "it is no MATLAB file"
             raise InputError(f"the data file {validate.show(str(path))} cannot be read: {reason}") from None
-        except (ValueError, TypeError, KeyError, IndexError, EOFError, zlib.error, struct.error):
+        except (MatReadError, ValueError, TypeError, KeyError, IndexError, EOFError, zlib.error, struct.error):
             raise InputError(f"the data file {validate.show(str(path))} cannot be read: it is no MATLAB file") from None
         there = ", ".join(sorted(found)) or "none"
         if values in found and times not in found and found[values].ndim == 2 and 2 in found[values].shape:
