@@ -5,7 +5,7 @@ import pytest
 from matplotlib.figure import Figure
 
 from barbalat import TransferFunction, certify, load_case, margins
-from barbalat.certificates.picture import MarginLoop, response
+from barbalat.certificates.picture import MarginLoop, Marked
 from independent import refusal
 
 
@@ -13,7 +13,7 @@ from independent import refusal
 def test_the_marks_are_where_the_margins_are(delay):
     """L = 2/(s (s + 1)(s + 4)): |L| = 1 at the one mark, L = -1/gain margin at the other."""
     loop = TransferFunction([2.0], [1.0, 5.0, 4.0, 0.0]).realise()
-    found, drawn = margins(loop, delay), response(MarginLoop("L", loop, delay))
+    found, drawn = margins(loop, delay), Marked.of(MarginLoop("L", loop, delay)).response(1e-3, 1e3)
     assert abs(drawn.value(drawn.at_phase)) == pytest.approx(1.0, rel=1e-6)
     assert np.angle(-drawn.value(drawn.at_phase)) == pytest.approx(found.phase, rel=1e-6)
     assert drawn.value(drawn.at_gain) == pytest.approx(-1 / found.gain_up, rel=1e-6)

@@ -56,7 +56,8 @@ class EnsembleResult:
             for title, e in (("largest |e|", found.max_abs_e), ("largest |e| in the tail", found.tail_max_abs_e))
         ]
         diverged = int(np.isfinite(found.diverged_at).sum())
-        return draw(panels, f"{M} runs, {diverged} diverged: these reach no share", shown=True)
+        note = f"{M} runs" + (f"; {diverged} diverged and have no error, so that the share stays below 1" if diverged else "")
+        return draw(panels, note, shown=True)
 
     def __len__(self) -> int:
         return len(self.metrics.diverged_at)
