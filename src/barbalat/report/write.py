@@ -31,8 +31,8 @@ RUN, PAGE, PICTURE = "run.json", "report.html", "comparison"
 """Names of files; of the picture without its two suffixes."""
 NARROW = "-narrow"
 """After the name of a picture for a phone."""
-MOST_NUMBERS = 65_000
-"""In all CSVs of a folder: some 800 kB. Results in Python have all that was recorded."""
+MOST_NUMBERS = 44_000
+"""In all CSVs of a folder: some 450 kB. Results in Python have all that was recorded."""
 LONGEST_NAME = 80
 """Characters of a controller's name in a file's; file systems take 255 bytes, and people read fewer."""
 
@@ -145,7 +145,7 @@ def write_trajectories(folder: Folder, results: Sequence[Result]) -> None:
         every = max(math.ceil(len(result.t) * len(columns) * len(results) / MOST_NUMBERS), 1)
         rows = np.unique([*range(0, len(result.t), every), len(result.t) - 1])
         numbers = np.column_stack(list(columns.values()))[rows]
-        writer.writerows([f"{number:.9g}" for number in row] for row in numbers.tolist())
+        writer.writerows([f"{number:.7g}" for number in row] for row in numbers.tolist())
         folder.write(name, buffer.getvalue())
 
 
