@@ -77,7 +77,7 @@ def test_run_writes_everything(case_file, tmp_path, capsys):
     assert set(document["certificates"]) == set(document["controllers"])  # stand beside the contract's keys
     assert document["certificates"]["L1"]["condition"]["holds"] is True
     assert document["controllers"]["L1"]["adapting"]["path"][0] > 0
-    assert 'src="data:image/svg+xml,' in page and "http" not in page.replace("http-equiv", "")
+    assert 'src="data:image/svg+xml,' in page and "://" not in page.replace("http-equiv", "")
     header, first = (out / "2-l1.csv").read_text().splitlines()[:2]
     assert header == "t,x_1,x_2,x_m_1,x_m_2,e_1,e_2,theta_hat_1,theta_hat_2,u,r"
     assert first == "0.0,1.0,1.0,1.0,1.0,0.0,0.0,0.0,0.0,0.0,0.0"

@@ -32,7 +32,7 @@ def render(figure: Figure, kind: str) -> bytes:
 
 def adaptive(svg: str) -> str:
     """The SVG with short numbers, and with a second set of colours for a dark ground."""
-    svg = re.sub(r"<!--.*?-->", "", svg, flags=re.DOTALL)
+    svg = re.sub(r"<!--.*?-->|<!DOCTYPE.*?>|<metadata>.*?</metadata>", "", svg, flags=re.DOTALL)
     svg = re.sub(r"\n\s*", "\n", svg)
     svg = re.sub(r'(?<= d=")[^"]*|(?<=transform=")[^"]*|(?<= [xy]=")[^"]*', lambda found: _shortened(found[0]), svg)
     colours = sorted(set(re.findall(r"#[0-9a-f]{6}", svg)))

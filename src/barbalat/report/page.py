@@ -53,7 +53,7 @@ class Picture:
 def data_of(svg: bytes) -> Markup:
     """A picture inside of a page: as text, with what an address or an attribute may not contain written otherwise."""
     text = " ".join(svg.decode().split("\n")).replace('"', "'")
-    return Markup("data:image/svg+xml,{}").format(Markup(re.sub(r"[%#&]", lambda found: f"%{ord(found[0]):02x}", text)))
+    return Markup("data:image/svg+xml,{}").format(Markup(re.sub(r"[%#&]|:(?=//)", lambda found: f"%{ord(found[0]):02x}", text)))
 
 
 def reproduction(

@@ -145,7 +145,7 @@ def write_trajectories(folder: Folder, results: Sequence[Result]) -> None:
         every = max(math.ceil(len(result.t) * len(columns) * len(results) / MOST_NUMBERS), 1)
         rows = np.unique([*range(0, len(result.t), every), len(result.t) - 1])
         numbers = np.column_stack(list(columns.values()))[rows]
-        writer.writerows([f"{number:.7g}" for number in row] for row in numbers.tolist())
+        writer.writerows([float(f"{number:.7g}") for number in row] for row in numbers.tolist())
         folder.write(name, buffer.getvalue())
 
 
