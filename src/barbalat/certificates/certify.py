@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 from barbalat.certificates.certificate import Certificate, reason
 from barbalat.certificates.schemes import sampled, scheme_file, stranger
 from barbalat.certificates.schemes.state_feedback import beyond_the_paper
 from barbalat.controllers import Sampled
-from barbalat.loop.binding import require_controllers
+from barbalat.loop.binding import numbered
 from barbalat.problem.state_feedback import Problem
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller
@@ -16,15 +16,16 @@ from barbalat.solvers.simulation import Simulation
 from barbalat.validate import InputError
 
 
-def certify(problem: TrackingProblem, controllers: Sequence[Controller], simulation: Simulation) -> dict[str, Certificate]:
+def certify(
+    problem: TrackingProblem, controllers: Controller | Iterable[Controller], simulation: Simulation
+) -> dict[str, Certificate]:
     """Certificates by the controllers' names; nothing is simulated, the solver and its step are what is judged.
 
     Of a class from outside the package what needs no proof is given; the rest is said to be unknown. A certificate whose
     computation fails on the case's numbers has that as its finding. Raises InputError for a controller that does not fit the
     problem.
     """
-    require_controllers(controllers)
-    return {controller.name: _computed(problem, controller, simulation) for controller in controllers}
+    return {controller.name: _computed(problem, controller, simulation) for controller in numbered(controllers)}
 
 
 def certify_where_possible(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import KW_ONLY, dataclass, field
 from functools import lru_cache
 from typing import Any, ClassVar
 
@@ -74,7 +74,7 @@ def _lyapunov_solution(A_m: bytes, n: int) -> Array:
     return P
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False)
 class Problem(TrackingProblem):
     """The tracking problem of Section II.
 
@@ -91,6 +91,7 @@ class Problem(TrackingProblem):
     plant: Plant
     reference_model: ReferenceModel = field(default_factory=ReferenceModel)
     reference: Signal | tuple[Signal, ...] = field(default_factory=Constant)
+    _: KW_ONLY
     uncertainty: KnownSet | None = None
     input_gain: tuple[float, float] | tuple[tuple[float, float], ...] | None = None
     disturbance: Signal | None = None

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence, Sized
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -27,8 +27,11 @@ AT_ONCE = 2**16
 READING_STEPS = 1000
 """Steps of a member's run that take about as long as reading it does."""
 
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+
+@dataclass(frozen=True, eq=False, kw_only=True, repr=False)
 class EnsembleResult:
     """Figures of M members, in the order given; ``varied`` counts the numbers in which they differ.
 
@@ -42,6 +45,25 @@ class EnsembleResult:
     varied: int
     quarters: Array | None = None
     lost: LostOrder | None = None
+
+    def __repr__(self) -> str:
+        diverged, M = int(np.isfinite(self.metrics.diverged_at).sum()), len(self)
+        e = self.metrics.tail_max_abs_e
+        worst = ", ".join(f"{value:.4g}" for value in np.nanmax(e, axis=0)) if diverged < M else "-"
+        return f"<EnsembleResult: {M} members, {self.varied} numbers varied, {diverged} diverged; worst |e| in the tail {worst}>"
+
+    def plot(self) -> Figure:
+        """Which share of the members has at most an error, in all and in the tail, as a Matplotlib figure."""
+        from barbalat.pictures.shares import Shares, draw
+
+        found, M = self.metrics, len(self)
+        panels = [
+            Shares(title=title, axis=title, values={f"$e_{i + 1}$": np.abs(e[:, i]) for i in range(e.shape[1])})
+            for title, e in (("largest |e|", found.max_abs_e), ("largest |e| in the tail", found.tail_max_abs_e))
+        ]
+        diverged = int(np.isfinite(found.diverged_at).sum())
+        note = f"{M} runs" + (f"; {diverged} diverged and have no error, so that the share stays below 1" if diverged else "")
+        return draw(panels, note, shown=True)
 
     def __len__(self) -> int:
         return len(self.metrics.diverged_at)
