@@ -97,7 +97,7 @@ class Batch:
         Raises InputError where the members are not of one structure.
         """
         problems = [problem for problem, _ in members]
-        loops = [ClosedLoop.of(problem, controller, simulation.dt) for problem, controller in members]
+        loops = [ClosedLoop.of(problem, controller) for problem, controller in members]
         first = loops[0]
         rhythm = _rhythm_of(loops, problems, simulation)
         weights = lags = history = None

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -78,16 +78,12 @@ def _adjustable(loops: Sequence[ClosedLoop], weights: Sequence[Array] | None, dt
     found = _varied([_Member(loop, None) for loop in loops])
     flat = np.zeros((0, len(loops))) if weights is None else np.column_stack([value.reshape(-1) for value in weights])
     column, own = symbols("grid", 1 + len(flat))
-    step = own[0]
-    limited = tuple(
-        path if path is None or path.follows_within is None else replace(path, follows_within=step) for path in found.loop.paths
-    )
     return Template(
-        loop=replace(found.loop, paths=limited),
+        loop=found.loop,
         delay_weights=None if weights is None else own[1:].reshape(*weights[0].shape),
         values=np.vstack([found.values, np.full((1, len(loops)), dt), flat]),
         column=column if found.column is None else ca.vertcat(found.column, column),
-        dt=step,
+        dt=own[0],
     )
 
 

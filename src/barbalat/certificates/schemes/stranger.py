@@ -22,7 +22,7 @@ NONE_KNOWN = "none known"
 
 def certificate(problem: TrackingProblem, controller: Controller, simulation: Simulation) -> Certificate:
     """Margins and the step's limit by exact linearisation."""
-    loop, draft = ClosedLoop.of(problem, controller, simulation.dt), Draft()
+    loop, draft = ClosedLoop.of(problem, controller), Draft()
     draft.note(f"of {type(controller).__name__} no proof is known: what follows is computed from its equations alone")
     draft.missing("error_bound", NONE_KNOWN)
     moving = rest_of(problem, loop, frozen=False)
