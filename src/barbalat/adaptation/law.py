@@ -62,6 +62,19 @@ class AdaptiveLaw(Protocol):
 
 
 @runtime_checkable
+class OutputErrorLaw(Protocol):
+    """A law of an output-feedback scheme that is driven by the tracking error itself; it takes no parametric model."""
+
+    def initial(self, n: int) -> Any:
+        """InputError where the settings don't fit n parameters; it remembers nothing."""
+        ...
+
+    def rate(self, theta_hat: Value, omega: Value, e: Value, sign: float, box: EstimateSet | None) -> Value:
+        """theta_hat'; ``sign`` is that of k_p/k_m."""
+        ...
+
+
+@runtime_checkable
 class SampledLaw(Protocol):
     """A law with an implicit step over a sample, for which V never grows: ``adaptation.implicit``."""
 

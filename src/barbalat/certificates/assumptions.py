@@ -36,6 +36,11 @@ ACTS_CONTINUOUSLY = Assumption("the controller acts in continuous time")
 """Of a sampled controller nothing that rests on this is claimed: see ``schemes/sampled.py``."""
 
 
+def beyond_the_paper(problem: Problem) -> bool:
+    """Whether the plant has several inputs, a regressor other than x or an unknown gain: ``BEYOND_ONE_LINEAR_INPUT``."""
+    return problem.plant.inputs > 1 or not problem.plant.is_linear or problem.input_gain is not None
+
+
 def nominal(problem: TrackingProblem) -> tuple[Assumption, ...]:
     """The plant (1) as it stands, nothing that acts on it, and a command of the class that is followed."""
     plant = exact_plant(problem), undisturbed(problem), measured(problem)

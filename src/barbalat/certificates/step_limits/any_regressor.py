@@ -18,7 +18,6 @@ from barbalat.certificates.bounds.model import command_bounds, state_bounds
 from barbalat.certificates.bounds.regressor import largest_square
 from barbalat.certificates.step_limits.frozen_laws import FrozenLaw, input_poles, with_modifications
 from barbalat.certificates.step_limits.oscillator import Oscillator
-from barbalat.controllers import L1Adaptive, Mrac
 from barbalat.linear.largest import largest_from
 from barbalat.problem.known_set import Gain
 from barbalat.problem.state_feedback import Problem
@@ -30,15 +29,13 @@ MOST_HALVINGS = 60
 
 
 def of_lyapunov_law(
-    problem: Problem, controller: Mrac | L1Adaptive, simulation: Simulation, nu_0: float, oscillator: FrozenLaw | None = None
+    excited: Excited, simulation: Simulation, nu_0: float, filter_poles: Array | None = None, oscillator: FrozenLaw | None = None
 ) -> dict[str, Any]:
     """adaptation_frequency, gamma_max, step_max under the contract's keys; ``None`` where there is no such limit."""
-    excited, gamma = Excited(problem, controller), controller.gamma
+    problem, controller, gamma = excited.problem, excited.controller, excited.controller.gamma
     if oscillator is None:
-        poles = [input_poles(problem)]
-        if isinstance(controller, L1Adaptive) and controller.filter is not None:
-            poles.append(np.linalg.eigvals(controller.filter.realise().A))
-        oscillator = Oscillator(problem.known, simulation.solver, np.concatenate(poles))
+        beside = [input_poles(problem), np.zeros(0) if filter_poles is None else filter_poles]
+        oscillator = Oscillator(problem.known, simulation.solver, np.concatenate(beside))
     g = Gain(gamma).largest * excited.largest_square(laws.error_level(problem, controller, nu_0))
     if not math.isfinite(g):
         return {}
@@ -52,10 +49,15 @@ def of_lyapunov_law(
 
 @dataclass(frozen=True, eq=False)
 class Excited:
-    """How large the regressor of the law can be."""
+    """How large the regressor of the law can be.
+
+    divides_by_gain  whether an unknown input gain's estimate divides u, as in MRAC, where a filter or a predictor does not take
+                     it up again: the coupling is then multiplied by omega/omega_hat
+    """
 
     problem: Problem
-    controller: Mrac | L1Adaptive
+    controller: laws.ModifiedScheme
+    divides_by_gain: bool
 
     def largest_square(self, error: float) -> float:
         """Of |phi|_2^2, with u below phi where its gain is unknown, while no component of e exceeds ``error``."""
@@ -67,8 +69,7 @@ class Excited:
             return phi
         command = command_bounds(problem)
         u = (self._largest_theta() * math.sqrt(phi) + command) / gains.lower
-        # u = (...)/omega_hat moves with the estimates: the coupling of MRAC is multiplied by omega/omega_hat
-        ratio = float(np.max(gains.upper / gains.lower)) if isinstance(self.controller, Mrac) else 1.0
+        ratio = float(np.max(gains.upper / gains.lower)) if self.divides_by_gain else 1.0
         return ratio * (phi + float(np.max(u**2)))
 
     @cached_property
@@ -79,10 +80,11 @@ class Excited:
     def _largest_theta(self) -> float:
         """|theta_hat|_2 without the gains: |theta|_2 and the distance that V keeps it from theta, or the known set's."""
         problem = self.problem
-        theta, error = problem.plant.theta, self.controller.bind(problem.known).theta_hat0 - problem.parameters
+        equations, theta = self.controller.bind(problem.known), problem.plant.theta
+        error = equations.theta_hat0 - problem.parameters
         largest = float(np.linalg.norm(theta) + np.linalg.norm(error))
         known_set = problem.uncertainty
-        if self.controller.projection is False or known_set is None:
+        if known_set is None or equations.box is None or not equations.box.bounds_theta:
             return largest
         return min(largest, known_set.farthest(np.zeros(known_set.size)))
 

@@ -11,10 +11,9 @@ from typing import Any, Protocol
 import numpy as np
 
 from barbalat.adaptation.law import AdaptiveLaw, GainLimitedLaw, RatedLaw
-from barbalat.certificates.bounds.laws import least_gain
+from barbalat.certificates.bounds.laws import ModifiedScheme, least_gain
 from barbalat.certificates.bounds.model import largest_along_the_command
 from barbalat.certificates.step_limits.oscillator import Oscillator
-from barbalat.controllers import L1Adaptive, Mrac, NormalizedMrac, RobustMrac
 from barbalat.controllers.robust_mrac import Equations
 from barbalat.problem.known_set import Gain
 from barbalat.problem.state_feedback import Problem
@@ -80,7 +79,7 @@ def of_the_motion(
     return {f"{key}_at_model": limits[key] for key in ("gamma_max", "step_max")}
 
 
-def with_modifications(values: dict[str, Any], controller: Mrac | L1Adaptive, simulation: Simulation) -> dict[str, Any]:
+def with_modifications(values: dict[str, Any], controller: ModifiedScheme, simulation: Simulation) -> dict[str, Any]:
     """The same with what a leakage and a memory add: a decay of the estimates of their own, up to Gamma (w + gamma_c R).
 
     A gain at which that ends is not looked for. Where nothing bounds w or R (an epsilon-modification, a memory without
@@ -110,15 +109,13 @@ def _largest_gain(root_g: float, offset: float, factor: float) -> float | None:
     return None if offset == 0 else (room / offset) ** 2
 
 
-def of_parametric_model(
-    problem: Problem, controller: RobustMrac | NormalizedMrac, equations: Equations, simulation: Simulation
-) -> dict[str, Any]:
+def of_parametric_model(problem: Problem, equations: Equations, simulation: Simulation) -> dict[str, Any]:
     """For a law on the parametric model (13), whose adaptation is a decay: the regressor does not depend on the estimates."""
     filters = [np.linalg.eigvals(problem.known.A_m), input_poles(problem), np.array([-equations.normalization.delta_0])]
     if equations.Q is not None:
         filters.append(np.linalg.eigvals(equations.Q.A))
     others = Oscillator(problem.known, simulation.solver, np.concatenate(filters)).largest_step(0.0)
-    return of_decay(controller.law, simulation, others)
+    return of_decay(equations.law, simulation, others)
 
 
 def of_decay(law: AdaptiveLaw, simulation: Simulation, others: float) -> dict[str, Any]:

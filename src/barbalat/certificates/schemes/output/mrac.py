@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from barbalat.adaptation.guarantee import Estimates, Guarantee
@@ -12,8 +14,10 @@ from barbalat.certificates.cells import estimate, limits_text, margins_cell, not
 from barbalat.certificates.certificate import Certificate, Draft
 from barbalat.certificates.entry import Assumption, Entry
 from barbalat.certificates.linear_loops.margin_values import add_margins
+from barbalat.certificates.schemes import midpoint
 from barbalat.certificates.schemes.output_feedback import LINEAR_LOOP, REST
 from barbalat.certificates.step_limits import output_mrac
+from barbalat.controllers import Sampled
 from barbalat.controllers.output.matching import filter_polynomial, matching_parameters
 from barbalat.controllers.output.mrac import MracOutput
 from barbalat.linear.systems import TransferFunction
@@ -66,6 +70,12 @@ def certificate(problem: OutputProblem, controller: MracOutput, simulation: Simu
             draft.note(sentence)
     output_mrac.add_limits(draft, problem, controller, simulation)
     return draft.finish()
+
+
+def midpoint_form(problem: OutputProblem, sampled: Sampled) -> midpoint.MidpointForm:
+    """The law's own implicit step keeps its V."""
+    scheme: Any = sampled.controller
+    return midpoint.of_law(scheme.law, scheme.bind(problem.known).box)
 
 
 def rests_on(problem: OutputProblem, controller: MracOutput) -> tuple[Assumption, ...]:
