@@ -13,7 +13,8 @@ from dataclasses import is_dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal, get_args, get_origin
 
-from barbalat.adaptation.laws import LAWS, OUTPUT_LAWS, AdaptiveLaw, LyapunovLaw
+from barbalat.adaptation.law import AdaptiveLaw, OutputErrorLaw
+from barbalat.adaptation.laws import LAWS, OUTPUT_LAWS
 from barbalat.adaptation.learning import CompositeLearning
 from barbalat.adaptation.normalization import Normalization
 from barbalat.cases.keys import REQUIRED, Key
@@ -42,7 +43,7 @@ WORDS: dict[Any, str] = {
     Signal: "signal",
     Regressor: "regressor",
     AdaptiveLaw: "law",
-    LyapunovLaw: "law",
+    OutputErrorLaw: "law",
 }
 """What the types of fields are called on the page; other settings are a table."""
 

@@ -11,8 +11,8 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin
 from pydantic import AfterValidator, AliasChoices, Field, create_model
 from pydantic.json_schema import models_json_schema
 
-from barbalat.adaptation.law import AdaptiveLaw
-from barbalat.adaptation.laws import LAWS, OUTPUT_LAWS, LyapunovLaw
+from barbalat.adaptation.law import AdaptiveLaw, OutputErrorLaw
+from barbalat.adaptation.laws import LAWS, OUTPUT_LAWS
 from barbalat.cases.keys import REQUIRED, Context, Differences, Given, Key, Make, keys_of
 from barbalat.cases.modifications import Modification, choices_of, modification_keys, modified
 from barbalat.cases.problem_keys import DIFFERENCES as PROBLEM_DIFFERENCES
@@ -29,7 +29,7 @@ from barbalat.signals import SIGNALS
 from barbalat.solvers import SOLVERS, Tableau
 from barbalat.validate import Array, Matrix, Vector
 
-KINDS: dict[Any, Mapping[str, type]] = {Signal: SIGNALS, Regressor: REGRESSORS, AdaptiveLaw: LAWS, LyapunovLaw: OUTPUT_LAWS}
+KINDS: dict[Any, Mapping[str, type]] = {Signal: SIGNALS, Regressor: REGRESSORS, AdaptiveLaw: LAWS, OutputErrorLaw: OUTPUT_LAWS}
 """By the type that a field asks for, the registry of what it may be: a table whose key ``kind`` says which."""
 NAMED: dict[Any, Mapping[str, Any]] = {Tableau: SOLVERS}
 """The same for what a case file only names."""

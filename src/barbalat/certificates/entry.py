@@ -25,6 +25,13 @@ class Assumption:
     broken: str = ""
 
 
+@dataclass(frozen=True)
+class NotApplicable:
+    """What a function gives in the place of a result that this case does not have, and why, as part of a sentence."""
+
+    why: str
+
+
 @dataclass(frozen=True, kw_only=True)
 class Entry:
     """A value by its key; ``value`` is ready for JSON, and None where there is none."""

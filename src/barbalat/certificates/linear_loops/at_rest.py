@@ -7,6 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
+from barbalat.certificates.entry import NotApplicable
 from barbalat.linear.systems import StateSpace
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.loop.linearization import jacobian_function
@@ -81,15 +82,15 @@ def _moved_by(rates: Array) -> Array:
     return np.asarray(np.linalg.svd(conserved)[0][:, conserved.shape[1] :])
 
 
-def rest_of(problem: TrackingProblem, loop: ClosedLoop, *, frozen: bool) -> Rest | str:
-    """Where the loop rests, or why that is not known; with the estimates ``frozen`` their own rates are left aside.
+def rest_of(problem: TrackingProblem, loop: ClosedLoop, *, frozen: bool) -> Rest | NotApplicable:
+    """Where the loop rests; with the estimates ``frozen`` their own rates are left aside.
 
     Newton's steps, the shortest where there are many places of rest, from x = x_m and theta_hat = theta, where both fit.
     """
     if loop.sampled:
-        return "it acts at samples, and no continuous form of it is known"
+        return NotApplicable("it acts at samples, and no continuous form of it is known")
     if loop.clocked:
-        return "the plant depends on time, so that nothing rests"
+        return NotApplicable("the plant depends on time, so that nothing rests")
     loop = replace(loop, delayed=False, paths=tuple(_linear(path) for path in loop.paths))
     bounds = [command.bound if isinstance(command, BoundedSignal) else 0.0 for command in problem.commands]
     level = np.array(bounds, dtype=float)
@@ -98,9 +99,9 @@ def rest_of(problem: TrackingProblem, loop: ClosedLoop, *, frozen: bool) -> Rest
     state = _solved(loop, signals, _start(problem, loop, signals), np.setdiff1d(np.arange(loop.size), held))
     under = f"under the constant command {', '.join(f'{value:g}' for value in level)}"
     if state is None:
-        return f"no state was found at which the loop rests {under}"
+        return NotApplicable(f"no state was found at which the loop rests {under}")
     if not np.allclose(loop.limit(state), state, rtol=RESTS, atol=0):
-        return f"where the loop would rest {under}, its own limit acts"
+        return NotApplicable(f"where the loop would rest {under}, its own limit acts")
     return Rest(loop, state, signals, level)
 
 

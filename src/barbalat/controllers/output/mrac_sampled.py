@@ -9,21 +9,19 @@ import numpy as np
 
 from barbalat.adaptation import implicit
 from barbalat.adaptation.law import SampleData, SampledLaw
-from barbalat.adaptation.output_lyapunov import LyapunovLaw
 from barbalat.controllers.steps import Filter, LinearStep
 from barbalat.controllers.windup import applied
 from barbalat.protocols import Sample, Value
-from barbalat.validate import InputError
 
 if TYPE_CHECKING:
-    from barbalat.controllers.output import mrac
+    from barbalat.controllers.output import mrac_normalized
 
 
 @dataclass(frozen=True, eq=False)
 class OutputEstimator:
     """The laws on the parametric model z = W_m[u] = theta'phi_p: filters by midpoint, the law as in ``adaptation.implicit``."""
 
-    continuous: mrac.Equations
+    continuous: mrac_normalized.Equations
     sample_time: float
     law: SampledLaw
     regressors: LinearStep
@@ -33,24 +31,19 @@ class OutputEstimator:
     explicit: ClassVar[bool] = False
 
     @classmethod
-    def of(cls, equations: mrac.Equations, T: float) -> OutputEstimator:
-        if isinstance(equations.law, LyapunovLaw):
-            raise InputError(
-                "discretization = 'midpoint' is not known for the Lyapunov law of output feedback, whose predictor would need "
-                "the plant's gain (docs/sampled.md); take 'euler', or a law on the parametric model such as gradient"
-            )
+    def of(cls, equations: mrac_normalized.Equations, T: float) -> OutputEstimator:
         law = implicit.require_sampled(equations.law, equations.box)
         Q = None if equations.Q is None else Filter.of(equations.Q, T)
         regressors, model = LinearStep.of(equations.regressor_filter.A, T), LinearStep.of(equations.W_m.A, T)
         return cls(equations, T, law, regressors, model, Q)
 
-    def initial(self) -> mrac.State:
+    def initial(self) -> mrac_normalized.State:
         return self.continuous.initial()
 
-    def control(self, state: mrac.State, y: Value, y_m: Value, r: Value) -> Value:
+    def control(self, state: mrac_normalized.State, y: Value, y_m: Value, r: Value) -> Value:
         return self.continuous.control(state, y, y_m, r)
 
-    def advance(self, state: mrac.State, before: Sample, u: Value, now: Sample) -> mrac.State:
+    def advance(self, state: mrac_normalized.State, before: Sample, u: Value, now: Sample) -> mrac_normalized.State:
         c, T = self.continuous, self.sample_time
         y, r, u = (before.x + now.x) / 2, (before.r + now.r) / 2, applied(u, c.limits)
         g, W_m = c.regressor_filter.B, c.W_m

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from barbalat.adaptation.guarantee import Estimates, Guarantee
-from barbalat.adaptation.output_lyapunov import LyapunovLaw
+from barbalat.adaptation.law import FreezableLaw, OutputErrorLaw
 from barbalat.certificates.assumptions import bounded_command, exact_plant, measured, undisturbed
 from barbalat.certificates.bounds import laws
 from barbalat.certificates.cells import estimate, limits_text, margins_cell, nothing, statement
@@ -45,7 +45,7 @@ def _unmodelled(plant: TransferFunction, controller: MracOutput) -> list[str]:
         found.append(f"the plant has a zero with real part {plant.zeros.real.max():.6g}")
     if plant.is_stable and np.sign(plant.dc_gain) == -controller.sign:
         found.append(f"the plant's gain at zero frequency is {plant.dc_gain:.6g}, against sign = {controller.sign}")
-    if isinstance(law, LyapunovLaw) and law.leakage is None and law.dead_zone is None:
+    if isinstance(law, FreezableLaw) and law.drifts:
         found.append("the unnormalised law without a modification is not robust: the estimates may drift to a burst")
     return found
 
@@ -99,7 +99,6 @@ def rests_on(problem: OutputProblem, controller: MracOutput) -> tuple[Assumption
 
 def column(problem: OutputProblem, controller: MracOutput, certificate: Certificate) -> tuple[str, dict[str, Entry]]:
     """The scheme's name in Table 1 and its cells."""
-    lyapunov = isinstance(controller.law, LyapunovLaw)
     found = laws.guarantee_of(controller.law, controller.bind(problem.known).box)
     theta = _theta_star(problem, controller)
     rest = (*rests_on(problem, controller), laws.bounds_the_parameters(found, theta))
@@ -112,7 +111,7 @@ def column(problem: OutputProblem, controller: MracOutput, certificate: Certific
     def claimed(key: str, text: str, holds: bool) -> Entry:
         return statement(key, text, *rest) if holds else nothing(key, laws.kept_from_zero(found))
 
-    return "MRAC with output feedback, " + ("unnormalised Lyapunov law" if lyapunov else "normalised law"), {
+    return "MRAC with output feedback, " + ("unnormalised Lyapunov law" if controller.unnormalized else "normalised law"), {
         "stability": claimed("stability", "for every bounded r", found.bounded),
         "tracking": claimed("tracking", "converges to zero for every bounded r", found.error_to_zero),
         "transient": nothing("transient", "no bound")
@@ -135,8 +134,10 @@ def _theta_star(problem: OutputProblem, controller: MracOutput) -> Array | None:
 
 def _robustness(problem: OutputProblem, controller: MracOutput, found: Guarantee) -> Entry:
     law = controller.law
-    if isinstance(law, LyapunovLaw):
-        if law.leakage is None and law.dead_zone is None:
+    if isinstance(law, OutputErrorLaw):
+        if not isinstance(law, FreezableLaw):
+            return nothing("modelling_error", f"nothing is known of {type(law).__name__}")
+        if law.drifts:
             return nothing("modelling_error", "not robust: the estimates may drift until the loop bursts (Rohrs)")
         why = "the estimates stay bounded; that all signals do is known from a limited set of initial states only"
         return nothing("modelling_error", why)
