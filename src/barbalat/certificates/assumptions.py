@@ -25,9 +25,6 @@ OUTSIDE = "theta outside the known set"
 COMING_TO_REST = (Constant, Step, Steps, Recorded)
 """Signals that are constant from some time on; recorded data hold their last value."""
 
-OF_THE_PROBLEM = frozenset({"lambda_min", "theta_max", "bounds"})
-"""Guaranteed values that no controller and no theta changes."""
-
 START = Assumption("x_m(0) = x(0), and the predictor starts there too")
 """Holds by construction: the model and every predictor start at the plant's x0."""
 

@@ -18,6 +18,7 @@ from barbalat.certificates.linear_loops import over_known_set
 from barbalat.certificates.linear_loops.ideal import fast_adaptation
 from barbalat.certificates.linear_loops.margin_values import add_adapting_margins, add_margins, finite
 from barbalat.certificates.linear_loops.robustness import robustness
+from barbalat.certificates.quantities import Quantity
 from barbalat.certificates.rounding import down, up
 from barbalat.certificates.schemes import midpoint, mrac
 from barbalat.certificates.schemes.state_feedback import (
@@ -39,6 +40,14 @@ from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.problem.state_feedback import Problem
 from barbalat.solvers.simulation import Simulation
 
+OWN_QUANTITIES = {
+    "kappa_admissible": Quantity(
+        "largest kappa found for which the condition holds with C = 1/(kappa s + 1)", "s", below=True, timeless=True
+    ),
+    "kappa_max": Quantity("1/(theta_max ||sW_b||_1) of Theorem 1", "s", below=True, timeless=True),
+    "nu_1": Quantity("of (10)"),
+    "nu_2": Quantity("of (10)"),
+}
 FILTER_AT_REST = Assumption("the filter starts at rest")
 """Holds by construction."""
 REACH_ASSUMED = "|x| in the adaptation frequency is the model's bound plus nu_0/sqrt(Gamma): an estimate"
@@ -55,7 +64,7 @@ def certificate(problem: Problem, controller: L1Adaptive, simulation: Simulation
     """The condition on C(s), the bound (10), the limits of gain and step, the margins of the linear loops."""
     if beyond_the_paper(problem):
         return _beyond_the_paper(problem, controller, simulation)
-    loop, draft = ClosedLoop.of(problem, controller), Draft()
+    loop, draft = ClosedLoop.of(problem, controller), Draft(own=OWN_QUANTITIES)
     equations: Any = loop.equations
     C: StateSpace = equations.C
     model = model_bounds(problem)

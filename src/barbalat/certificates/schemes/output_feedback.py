@@ -7,11 +7,17 @@ from barbalat.certificates.bounds.output_loop import OutputBounds, output_bounds
 from barbalat.certificates.cells import nothing, statement
 from barbalat.certificates.certificate import Certificate, Draft
 from barbalat.certificates.entry import Assumption, Entry, NotApplicable
+from barbalat.certificates.quantities import Form, Quantity
 from barbalat.certificates.rounding import up
 from barbalat.problem.output_feedback import OutputProblem
 from barbalat.protocols import Controller
 from barbalat.solvers.simulation import Simulation
 
+OF_LINEAR_LOOPS = {
+    "output_bound": Quantity("of |y| before what is added at the output, up to t_end"),
+    "steady_error": Quantity("what constant r and d leave of e without f", form=Form.PER_UNIT),
+    "slope": Quantity("of f(t, y) in y within that bound"),
+}
 REST = Assumption("plant, model and controller start at rest")
 """Holds by construction."""
 LINEAR_LOOP = "margins are exact for the linear loop named; limits at the input, and f(t, y), are not in it"

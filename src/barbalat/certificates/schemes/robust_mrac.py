@@ -13,6 +13,7 @@ from barbalat.certificates.bounds import laws, theorem_1
 from barbalat.certificates.cells import NONLINEAR, estimate, limits_text, margins_cell, nothing, statement
 from barbalat.certificates.certificate import Certificate, Draft
 from barbalat.certificates.entry import Assumption, Entry
+from barbalat.certificates.quantities import Quantity
 from barbalat.certificates.rounding import down
 from barbalat.certificates.schemes import midpoint
 from barbalat.certificates.schemes.state_feedback import add_margins_at_rest, inside, of_the_case, projected
@@ -22,13 +23,16 @@ from barbalat.controllers.robust_mrac import minimum_phase_model
 from barbalat.problem.state_feedback import Problem
 from barbalat.solvers.simulation import Simulation
 
+OWN_QUANTITIES = {
+    "tau_below": Quantity("1/delta_0, which tau must stay below (Theorem 2)", "s"),
+}
 MINIMUM_PHASE = Assumption("c_0 makes W_m minimum phase")
 """``bind`` refuses a c_0 that doesn't."""
 
 
 def certificate(problem: Problem, controller: RobustMrac | NormalizedMrac, simulation: Simulation) -> Certificate:
     """The initial parameter error, the limits of the step, the margins at rest; with an auxiliary input the limit of tau."""
-    equations, draft = controller.bind(problem.known), Draft()
+    equations, draft = controller.bind(problem.known), Draft(own=OWN_QUANTITIES)
     error = theorem_1.initial_parameter_error(equations.theta_hat0, problem.plant.theta)
     draft.guarantee("initial_parameter_error", error, *inside(problem, equations.box))
     if beyond_the_paper(problem):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
-from barbalat.certificates.assumptions import ACTS_CONTINUOUSLY, CONTINUOUS_ONLY, OF_THE_PROBLEM
+from barbalat.certificates.assumptions import ACTS_CONTINUOUSLY, CONTINUOUS_ONLY
 from barbalat.certificates.cells import Column, statement
 from barbalat.certificates.certificate import Certificate, Draft
 from barbalat.certificates.entry import Assumption, Entry
@@ -23,8 +23,6 @@ HELD = "gamma_max and step_max are of the frozen law from sample to sample, with
 AT_MODEL = {"gamma_max_at_model", "step_max_at_model"}
 """Limits that are not known of a sampled law."""
 ERRORS = {"error_bound", "error_bound_worst"}
-SAMPLING_CHANGES_NOTHING = OF_THE_PROBLEM | {"norms", "condition", "kappa_admissible", "kappa_max", "nu_0", "nu_0_worst"}
-"""Guaranteed values that are of the problem, of the filter, or of t = 0."""
 
 
 def judged_at(controller: Sampled, simulation: Simulation) -> Simulation:
@@ -66,7 +64,7 @@ def certificate(problem: TrackingProblem, continuous: Certificate, controller: S
 
 def _sampled(entry: Entry, controller: Sampled) -> Entry:
     """What is left of a continuous controller's value when the controller acts at samples only."""
-    if entry.kind == "guaranteed" and entry.key not in SAMPLING_CHANGES_NOTHING:
+    if entry.kind == "guaranteed" and not entry.quantity.timeless:
         return replace(entry, kind="does not apply", why=f"sampled every {controller.sample_time:g} s")
     if entry.kind == "exact":
         return replace(entry, kind="estimate", assumptions=(*entry.assumptions, CONTINUOUS_ONLY))

@@ -18,9 +18,11 @@ from barbalat.certificates.cells import advice, estimate, limits_text, margins_c
 from barbalat.certificates.certificate import Certificate, Draft
 from barbalat.certificates.entry import Assumption, Entry
 from barbalat.certificates.linear_loops.margin_values import add_margins, finite, margins_of
+from barbalat.certificates.quantities import Form, Quantity
 from barbalat.certificates.rounding import up
 from barbalat.certificates.schemes.output_feedback import (
     LINEAR_LOOP,
+    OF_LINEAR_LOOPS,
     SMALL_GAIN,
     add_bounds,
     add_linear_loop,
@@ -36,6 +38,14 @@ from barbalat.solvers import Tableau
 from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array, InputError
 
+OWN_QUANTITIES = OF_LINEAR_LOOPS | {
+    "sigma_needed": Quantity("bound of |sigma| while the projection does not act"),
+    "linear_equivalent": Quantity(
+        "u = feedforward[r] - feedback[y] while sigma is inside its bounds", form=Form.TRANSFER_FUNCTIONS
+    ),
+    "linear_equivalent_limit": Quantity("the same for gamma -> infinity", form=Form.TRANSFER_FUNCTIONS),
+    "delay_margin_limit": Quantity("the same for gamma -> infinity", "s"),
+}
 LIMITS_TOLERANCE = 1e-9
 """Relative width of the limits of gain and step: far below what an estimate is worth."""
 
@@ -59,7 +69,7 @@ def condition_norm(controller: L1Output, G: TransferFunction) -> Enclosure:
 
 def certificate(problem: OutputProblem, controller: L1Output, simulation: Simulation) -> Certificate:
     """Condition (20), the bounds of y and e, the linear controller that this scheme is, its margins."""
-    plant, draft = problem.plant.transfer_function, Draft()
+    plant, draft = problem.plant.transfer_function, Draft(own=OWN_QUANTITIES)
     G = plant if controller.design_plant is None else controller.design_plant
     _add_bounds(draft, problem, controller, simulation)
     _add_condition(draft, controller, G, _lipschitz(draft, problem, controller))

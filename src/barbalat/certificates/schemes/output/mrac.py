@@ -14,6 +14,7 @@ from barbalat.certificates.cells import estimate, limits_text, margins_cell, not
 from barbalat.certificates.certificate import Certificate, Draft
 from barbalat.certificates.entry import Assumption, Entry
 from barbalat.certificates.linear_loops.margin_values import add_margins
+from barbalat.certificates.quantities import Quantity
 from barbalat.certificates.schemes import midpoint
 from barbalat.certificates.schemes.output_feedback import LINEAR_LOOP, REST
 from barbalat.certificates.step_limits import output_mrac
@@ -24,6 +25,10 @@ from barbalat.linear.systems import TransferFunction
 from barbalat.problem.output_feedback import OutputProblem
 from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array
+
+OWN_QUANTITIES = {
+    "theta_star": Quantity("parameters with which the plant is the model"),
+}
 
 
 def matched_feedback(theta: Array, Lambda: Array) -> TransferFunction:
@@ -54,7 +59,7 @@ def certificate(problem: OutputProblem, controller: MracOutput, simulation: Simu
     """theta*, the margins there, the limits of gain and step; no number bounds the error of these schemes."""
     controller.bind(problem.known)  # refuses what contradicts the assumptions
     plant, W_m = problem.plant.transfer_function, problem.reference_model.transfer_function
-    draft, n = Draft(), controller.order
+    draft, n = Draft(own=OWN_QUANTITIES), controller.order
     draft.missing("error_bound", "no number bounds e of these schemes")
     if len(plant.poles) <= n:
         Lambda = filter_polynomial(n, W_m, controller.filter_poles)
