@@ -14,6 +14,7 @@ from barbalat.run.progress import Progress, part_of
 from barbalat.run.result import Result
 from barbalat.run.simulate import simulate
 from barbalat.solvers.simulation import Simulation
+from barbalat.validate import InputError
 
 AFFORDED_STEPS = 10_000_000
 """Of a finer run: a second of computing for a small loop."""
@@ -34,6 +35,10 @@ def check_numerics(
     run takes at most ``afforded_steps``: where that does not reach t_end, both steps are compared over the time that it does
     reach, and where not even the label's time is reached, the check says so.
     """
+    if not isinstance(results, Mapping):
+        raise InputError(f"results must be results by name, as simulate returns them, got {type(results).__name__}")
+    for result in results.values():
+        validate.instance("results", result, Result)
     validate.whole("afforded_steps", afforded_steps, least=1)
     checked = dict(results)
     pending = {name: result for name, result in results.items() if result.label is not None}

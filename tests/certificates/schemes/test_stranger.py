@@ -152,7 +152,7 @@ def test_sampled_it_is_an_estimate(problems):
 
 
 def test_known_parameters_have_a_certificate_too(problems):
-    """The package's own controller without a scheme's file: by hand, theta at rest."""
+    """By the same linearisation: by hand, theta at rest."""
     plant = problems[2].plant
     found = certify(problems[2], [KnownParameters(theta=plant.theta)], SIMULATION)["Known parameters"].values
     hand = margins(StateSpace(plant.A_m + np.outer(plant.b, plant.theta), plant.b, plant.theta, 0.0))

@@ -22,9 +22,16 @@ NONE_KNOWN = "none known"
 
 def certificate(problem: TrackingProblem, controller: Controller, simulation: Simulation) -> Certificate:
     """Margins and the step's limit by exact linearisation."""
-    loop, draft = ClosedLoop.of(problem, controller), Draft()
+    draft = Draft()
     draft.note(f"of {type(controller).__name__} no proof is known: what follows is computed from its equations alone")
     draft.missing("error_bound", NONE_KNOWN)
+    add_linearised(draft, problem, controller, simulation)
+    return draft.finish()
+
+
+def add_linearised(draft: Draft, problem: TrackingProblem, controller: Controller, simulation: Simulation) -> None:
+    """What follows from the equations alone: margins, and the step that the modes bear."""
+    loop = ClosedLoop.of(problem, controller)
     moving = rest_of(problem, loop, frozen=False)
     still = rest_of(problem, loop, frozen=True) if isinstance(moving, NotApplicable) and loop.parameters else moving
     _add_margins(draft, problem, loop, moving, still)
@@ -36,7 +43,6 @@ def certificate(problem: TrackingProblem, controller: Controller, simulation: Si
             "for the loop in motion"
         )
         draft.estimate({"step_max": largest_step(simulation, moving.modes)}, rests_on)
-    return draft.finish()
 
 
 def _add_margins(
