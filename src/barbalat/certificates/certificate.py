@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from barbalat.certificates.entry import Assumption, Entry, Kind, checked, of_finite_numbers
+from barbalat.certificates.entry import Assumption, Entry, Kind, NotApplicable, checked, of_finite_numbers
 from barbalat.certificates.quantities import QUANTITIES, Quantity
 from barbalat.validate import InputError
 
@@ -132,6 +132,9 @@ class Draft:
     def _add(self, values: dict[str, Any], kind: Kind, assumptions: tuple[str, ...], of: str = "") -> None:
         for key, value in values.items():
             if value is None and key == "unlimited":
+                continue
+            if isinstance(value, NotApplicable):
+                self.missing(key, value.why)
                 continue
             why = NO_VALUE[kind] if value is None else ""
             self.entries[key] = Entry(

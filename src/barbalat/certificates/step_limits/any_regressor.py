@@ -16,7 +16,8 @@ import numpy as np
 from barbalat.certificates.bounds import laws
 from barbalat.certificates.bounds.model import command_bounds, state_bounds
 from barbalat.certificates.bounds.regressor import largest_square
-from barbalat.certificates.step_limits.frozen_laws import FrozenLaw, input_poles, with_modifications
+from barbalat.certificates.entry import NotApplicable
+from barbalat.certificates.step_limits.frozen_laws import STEP_TOO_LONG, FrozenLaw, input_poles, with_modifications
 from barbalat.certificates.step_limits.oscillator import Oscillator
 from barbalat.linear.largest import largest_from
 from barbalat.problem.known_set import Gain
@@ -89,8 +90,8 @@ class Excited:
         return min(largest, known_set.farthest(np.zeros(known_set.size)))
 
 
-def _largest_gain(excited: Excited, largest_g: float, nu_0: float) -> float | None:
-    """The largest Gamma with Gamma |phi|^2 <= largest_g; 0 where the bound of |phi| shows none, ``None`` for phi = 0.
+def _largest_gain(excited: Excited, largest_g: float, nu_0: float) -> float | NotApplicable | None:
+    """The largest Gamma with Gamma |phi|^2 <= largest_g; ``None`` for phi = 0, where no gain is too large.
 
     |phi|^2 falls with Gamma, since the error does, so that its limit for Gamma -> infinity gives a gain that is too large.
     """
@@ -98,8 +99,14 @@ def _largest_gain(excited: Excited, largest_g: float, nu_0: float) -> float | No
     def bears(gamma: float) -> bool:
         return gamma * excited.largest_square(nu_0 / math.sqrt(gamma)) <= largest_g
 
+    if largest_g == 0:
+        return STEP_TOO_LONG
     at_rest = excited.largest_square(0.0)
-    if at_rest == 0 or largest_g == 0:
-        return 0.0 if largest_g == 0 else None
+    if at_rest == 0:
+        return None
     beyond = largest_g / at_rest * (1 + 1e-9)
-    return largest_from(bears, beyond, within=1e-3, least=beyond / 2**MOST_HALVINGS)
+    found = largest_from(bears, beyond, within=1e-3, least=beyond / 2**MOST_HALVINGS)
+    return found or NotApplicable(
+        f"no gain is shown to be borne: the bound of |phi| grows as the gain falls, so that Gamma |phi|^2 stays above the "
+        f"{largest_g:.4g} that the step bears"
+    )

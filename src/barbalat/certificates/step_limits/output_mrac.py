@@ -11,7 +11,7 @@ import numpy as np
 from barbalat.adaptation.law import AdaptiveLaw, FreezableLaw, OutputErrorLaw
 from barbalat.certificates.certificate import Draft
 from barbalat.certificates.entry import NotApplicable
-from barbalat.certificates.step_limits.frozen_laws import input_poles, of_decay
+from barbalat.certificates.step_limits.frozen_laws import STEP_TOO_LONG, input_poles, of_decay
 from barbalat.certificates.step_limits.modes import amplifies, largest_step
 from barbalat.controllers.output import mrac_normalized
 from barbalat.controllers.output.matching import filter_polynomial
@@ -99,7 +99,8 @@ def _of_lyapunov_law(frozen: Frozen, law: FreezableLaw, simulation: Simulation) 
         return values | {"step_max": min(step, solver.real_limit / (gamma * law.leakage.largest))}
     values["step_max"] = step
     if np.ndim(law.gamma) == 0 and frozen.omega_squared > 0:
-        values["gamma_max"] = _largest_g(frozen, simulation) / frozen.omega_squared
+        largest_g = _largest_g(frozen, simulation)
+        values["gamma_max"] = largest_g / frozen.omega_squared if largest_g else STEP_TOO_LONG
     return values
 
 
