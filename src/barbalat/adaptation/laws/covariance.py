@@ -8,13 +8,15 @@ Source: Ioannou and Sun, section 4.3.6.
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from typing import NamedTuple
 
 import numpy as np
 
 from barbalat import validate
 from barbalat.adaptation import implicit
-from barbalat.adaptation.law import Estimation, Moved, SampleData
+from barbalat.adaptation.guarantee import Guarantee, with_modifications
+from barbalat.adaptation.law import Estimation, Moved, Rates, SampleData
 from barbalat.adaptation.modifications import leakage as leak
 from barbalat.adaptation.modifications.dead_zone import DeadZone
 from barbalat.problem.known_set import EstimateSet, Gain, project
@@ -35,6 +37,41 @@ class Memory(NamedTuple):
     """The memory of a least-squares law."""
 
     covariance: Value  # (n, n) P(t)
+
+
+class CovarianceLaw(ABC):
+    """A least-squares law: what all of them do alike. Its fields are the law's own."""
+
+    leakage: leak.Leakage | None
+    dead_zone: DeadZone | None
+
+    @abstractmethod
+    def covariance_rate(self, P: Value, taken: Value) -> Value:
+        """P', of which the data take ``taken``."""
+
+    def forgotten(self, P: Value, T: float) -> tuple[Value, Value]:
+        """P after T [s] without data, and the weight of the data of that time."""
+        return P, T
+
+    @property
+    def metric(self) -> Gain:
+        return A_MATRIX
+
+    def rates(self, theta_hat: Value, memory: Memory, estimation: Estimation, known_set: EstimateSet | None) -> Rates:
+        P = memory.covariance
+        theta_hat_dot, taken = learn(theta_hat, P, estimation, known_set, self.leakage, self.dead_zone)
+        return Rates(theta_hat_dot, Memory(self.covariance_rate(P, taken)))
+
+    def limit(self, memory: Memory) -> Memory:
+        return memory
+
+    def sampled_step(self, theta_hat: Value, memory: Memory, data: SampleData, known_set: EstimateSet | None) -> Moved:
+        P, weight = self.forgotten(memory.covariance, data.T)
+        theta_next, P = correct(theta_hat, P, weight, data, self.leakage, self.dead_zone)
+        return Moved(implicit.into(theta_next, known_set, Gain(P)), self.limit(Memory(P)))  # in the metric of the new P
+
+    def guarantee(self, known_set: EstimateSet | None) -> Guarantee:
+        return with_modifications(self.metric, known_set, self.leakage, self.dead_zone)
 
 
 def initial(covariance0: float | Array, n: int, bound: float | None = None) -> Memory:
@@ -81,11 +118,6 @@ def correct(
     taken = weight * share
     P = P - taken / (m_s_squared + taken * (phi @ P_phi)) * np.outer(P_phi, P_phi)  # P^-1 grows by taken phi phi'/m_s^2
     return theta_next, P
-
-
-def moved(theta_next: Value, P: Value, known_set: EstimateSet | None) -> Moved:
-    """With the estimate brought into the set in the metric of the new covariance."""
-    return Moved(implicit.into(theta_next, known_set, Gain(P)), Memory(P))
 
 
 def held(P: Value, P_dot: Value, bound: float) -> Value:
