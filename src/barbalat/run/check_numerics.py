@@ -18,7 +18,7 @@ from barbalat.validate import InputError
 
 AFFORDED_STEPS = 10_000_000
 """Of a finer run: a second of computing for a small loop."""
-FACTORS = (10, 100, 1000)
+FINER_BY = (10, 100, 1000)
 """The step is refined by these in turn, until a run stays inside the region of stability."""
 
 
@@ -43,7 +43,7 @@ def check_numerics(
     checked = dict(results)
     pending = {name: result for name, result in results.items() if result.label is not None}
     done = 0.0
-    for factor in FACTORS:
+    for factor in FINER_BY:
         groups = _groups(pending, factor, afforded_steps)
         for members in groups:
             width = 0.9 * (1 - done) / len(groups)  # most runs are settled by the first factor
@@ -118,15 +118,15 @@ def _seen(result: Result) -> Seen:
 
 
 def _unsettled(result: Result, afforded: int) -> FinerStep:
-    tried = [factor for factor in FACTORS if _horizon(result, factor, afforded) is not None]
+    tried = [factor for factor in FINER_BY if _horizon(result, factor, afforded) is not None]
     if not tried:
-        needed = result.simulation.steps * FACTORS[0]
+        needed = result.simulation.steps * FINER_BY[0]
         return FinerStep(
             "unsettled",
             f"not checked: a tenth of the step takes {needed:.2g} steps, and {afforded:.2g} do not reach the time of the label",
         )
     dt = result.simulation.dt / tried[-1]
     reason = (
-        "a finer one is not tried" if tried[-1] == FACTORS[-1] else f"{afforded:.2g} steps at a finer one do not reach the label"
+        "a finer one is not tried" if tried[-1] == FINER_BY[-1] else f"{afforded:.2g} steps at a finer one do not reach the label"
     )
     return FinerStep("unsettled", f"not settled: h = {dt:g} s leaves the region of stability too, and {reason}", dt=dt)

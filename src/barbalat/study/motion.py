@@ -10,9 +10,9 @@ from barbalat.linear.driven_response import driven_response
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.solvers.simulation import Simulation
 
-AT_REST = 0.1
+REST_SHARE = 0.1
 """Of the largest magnitude: the regressor's square, with which the law turns, is then a hundredth of what it was."""
-RESTING = (
+REST_SENTENCE = (
     "in the last quarter, where both criteria look, the command asks for less than a tenth of the run's motion: what oscillates "
     "only while the plant moves is not seen"
 )
@@ -37,7 +37,7 @@ class Motion:
     @property
     def comes_to_rest(self) -> bool:
         """Whether the last quarter of the run asks for hardly any motion: there a regressor moves nothing."""
-        return self.in_tail < AT_REST * self.largest
+        return self.in_tail < REST_SHARE * self.largest
 
     @classmethod
     def of(cls, problem: TrackingProblem, simulation: Simulation) -> Motion:

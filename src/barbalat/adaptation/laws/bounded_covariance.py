@@ -47,7 +47,7 @@ class LeastSquaresBounded(CovarianceLaw):
         validate.freeze(self, covariance0=gain.accept("law.covariance0", self.covariance0))
         validate.freeze(self, forgetting=validate.positive("law.forgetting", self.forgetting))
         validate.freeze(self, covariance_bound=validate.positive("law.covariance_bound", self.covariance_bound))
-        leak.accept(self.leakage, "least squares", leak.SIGMA, covariance.NOT_PROPORTIONAL)
+        leak.accept(self.leakage, "least squares", leak.SIGMA_LEAKAGES, covariance.NOT_PROPORTIONAL)
         zone.accept(self.dead_zone)
 
     def initial(self, n: int) -> Memory:

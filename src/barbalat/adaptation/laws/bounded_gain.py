@@ -46,7 +46,7 @@ class LeastSquaresBoundedGain(CovarianceLaw):
         validate.freeze(self, covariance0=gain.accept("law.covariance0", self.covariance0))
         validate.freeze(self, forgetting=validate.positive("law.forgetting", self.forgetting))
         validate.freeze(self, covariance_bound=validate.positive("law.covariance_bound", self.covariance_bound))
-        leak.accept(self.leakage, "bounded-gain forgetting", leak.SWITCHING, covariance.NO_LOWER_BOUND)
+        leak.accept(self.leakage, "bounded-gain forgetting", leak.SWITCHING_LEAKAGES, covariance.NO_LOWER_BOUND)
         zone.accept(self.dead_zone)
 
     def initial(self, n: int) -> Memory:

@@ -23,10 +23,10 @@ from barbalat.problem.known_set import EstimateSet, Gain, project
 from barbalat.protocols import Value
 from barbalat.validate import Array, InputError
 
-ROUNDING = 2.0**-46
+NORM_TOLERANCE = 2.0**-46
 """A norm this near to its bound, relatively, counts as at it; ``bounded`` leaves it within a sixteenth of that."""
 
-A_MATRIX = Gain(np.eye(1))
+COVARIANCE_METRIC = Gain(np.eye(1))
 """What a covariance is, whatever it starts as."""
 
 NO_LOWER_BOUND = "its covariance has no lower bound, which the proof that theta_hat stays bounded needs"
@@ -55,7 +55,7 @@ class CovarianceLaw(ABC):
 
     @property
     def metric(self) -> Gain:
-        return A_MATRIX
+        return COVARIANCE_METRIC
 
     def rates(self, theta_hat: Value, memory: Memory, estimation: Estimation, known_set: EstimateSet | None) -> Rates:
         P = memory.covariance
@@ -122,14 +122,14 @@ def correct(
 
 def held(P: Value, P_dot: Value, bound: float) -> Value:
     """P' = 0 where |P|_F is at its bound and would grow, P_dot elsewhere."""
-    reach = bound * (1 - ROUNDING)
+    reach = bound * (1 - NORM_TOLERANCE)
     stops = np.where(np.sum(P * P) >= reach * reach, 1.0, 0.0) * np.where(np.sum(P * P_dot) > 0, 1.0, 0.0)
     return P_dot * (1 - stops)
 
 
 def bounded(P: Value, bound: float) -> Value:
     """P scaled back to |P|_F <= bound, where a stage has overshot it."""
-    reach = bound * (1 - ROUNDING / 16)
+    reach = bound * (1 - NORM_TOLERANCE / 16)
     squared = np.sum(P * P)
     outside = squared > reach * reach
     return np.where(outside, P * (reach / np.sqrt(np.where(outside, squared, 1.0))), P)

@@ -17,7 +17,7 @@ from barbalat.problem.known_set import EstimateSet, gain
 from barbalat.protocols import Value
 from barbalat.validate import Array, InputError
 
-UNEXCITED = "with unbounded forgetting nothing is guaranteed unless phi/m_s is persistently exciting"
+UNEXCITED_REASON = "with unbounded forgetting nothing is guaranteed unless phi/m_s is persistently exciting"
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -42,7 +42,7 @@ class LeastSquaresForgetting(CovarianceLaw):
     def __post_init__(self) -> None:
         validate.freeze(self, covariance0=gain.accept("law.covariance0", self.covariance0))
         validate.freeze(self, forgetting=validate.positive("law.forgetting", self.forgetting))
-        leak.accept(self.leakage, "least squares with forgetting", leak.SWITCHING, "its covariance has no bounds")
+        leak.accept(self.leakage, "least squares with forgetting", leak.SWITCHING_LEAKAGES, "its covariance has no bounds")
         if self.dead_zone is not None:
             raise InputError(
                 "a dead zone can't go with unbounded forgetting: inside the zone nothing is learnt and the covariance grows like "
@@ -65,4 +65,4 @@ class LeastSquaresForgetting(CovarianceLaw):
 
     def guarantee(self, known_set: EstimateSet | None) -> Guarantee:
         found = super().guarantee(known_set)
-        return replace(found, bounded=False, error_to_zero=False, why=UNEXCITED) if found.bounded else found
+        return replace(found, bounded=False, error_to_zero=False, why=UNEXCITED_REASON) if found.bounded else found

@@ -18,9 +18,9 @@ from barbalat.protocols import BoundedSignal
 from barbalat.validate import Array
 
 MOST_NEWTON_STEPS, MOST_HALVINGS = 60, 30
-RESTS = 1e-9
+REST_TOLERANCE = 1e-9
 """Relative to the state: a step of Newton's below this part of it is rounding."""
-INDEPENDENT = 1e-12
+RANK_TOLERANCE = 1e-12
 """Relative to the largest singular value of a matrix whose rows and columns were scaled: what is smaller is rounding."""
 
 
@@ -75,7 +75,7 @@ def _moved_by(rates: Array) -> Array:
     scaled = rates / np.where(rows > 0, rows, 1.0)[:, None]
     columns = np.linalg.norm(scaled, axis=0)
     left, sizes, _ = np.linalg.svd(scaled / np.where(columns > 0, columns, 1.0))
-    rank = int(np.sum(sizes > INDEPENDENT * sizes.max(initial=0.0)))
+    rank = int(np.sum(sizes > RANK_TOLERANCE * sizes.max(initial=0.0)))
     conserved = left[:, rank:] / np.where(rows > 0, rows, 1.0)[:, None]
     if conserved.shape[1] == 0:
         return np.eye(len(rates))
@@ -100,7 +100,7 @@ def rest_of(problem: TrackingProblem, loop: ClosedLoop, *, frozen: bool) -> Rest
     under = f"under the constant command {', '.join(f'{value:g}' for value in level)}"
     if state is None:
         return NotApplicable(f"no state was found at which the loop rests {under}")
-    if not np.allclose(loop.limit(state), state, rtol=RESTS, atol=0):
+    if not np.allclose(loop.limit(state), state, rtol=REST_TOLERANCE, atol=0):
         return NotApplicable(f"where the loop would rest {under}, its own limit acts")
     return Rest(loop, state, signals, level)
 
@@ -141,8 +141,8 @@ def _solved(loop: ClosedLoop, signals: Array, start: Array, free: Array) -> Arra
         rows[rows == 0] = 1.0
         step: Array = np.linalg.lstsq(J / rows[:, None], found / rows, rcond=None)[0]
         size = max(np.linalg.norm(state), np.linalg.norm(start))
-        if np.linalg.norm(step) <= RESTS * size:
-            return state if (np.abs(found) <= RESTS * rows * size).all() else None
+        if np.linalg.norm(step) <= REST_TOLERANCE * size:
+            return state if (np.abs(found) <= REST_TOLERANCE * rows * size).all() else None
         for _ in range(MOST_HALVINGS):
             tried = state.copy()
             tried[free] -= step

@@ -160,7 +160,7 @@ def _add_bound_10(draft: Draft, problem: Problem, controller: L1Adaptive, C: Sta
 def _add_margins_of_the_limit(draft: Draft, problem: Problem, equations: Any) -> None:
     """Margins and mu of what L1-AC tends to for fast adaptation: a linear controller with S = 1 - C at theta = 0."""
     plant, C, known_set = problem.plant, equations.C, equations.box
-    add_margins(draft, problem, fast_adaptation(plant, C), over_known_set.FAST)
+    add_margins(draft, problem, fast_adaptation(plant, C), over_known_set.LOOP_OF_FAST_ADAPTATION)
     over_known_set.add_filtered(draft, problem, C)
     if known_set is not None:
         at_centre = fast_adaptation(replace(plant, theta=known_set.middle), C)

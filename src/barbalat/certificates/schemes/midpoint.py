@@ -13,7 +13,7 @@ from barbalat.controllers import Sampled
 from barbalat.problem.known_set import EstimateSet, Gain
 from barbalat.problem.state_feedback import Problem
 
-OUTSIDE_THE_SET = (
+PREDICTOR_BESIDE_PROJECTION = (
     "with a gain matrix or learning the predictor is fed with the estimate before its projection: while the projection acts, "
     "x_hat leaves x_m, and with a delay the loop may be lost"
 )
@@ -56,7 +56,7 @@ def of_predictor(problem: Problem, controller: laws.ModifiedScheme, *findings: s
     metric, box = Gain(controller.gamma), controller.bind(problem.known).box
     kept = controller.leakage is None or controller.leakage.harmless_within is not None
     if metric.is_matrix or controller.learning is not None:
-        findings = (*findings, OUTSIDE_THE_SET)
+        findings = (*findings, PREDICTOR_BESIDE_PROJECTION)
     return MidpointForm(metric, box, kept, None if kept else of_the_case(problem, box), findings)
 
 

@@ -30,7 +30,7 @@ from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.problem.state_feedback import Problem
 from barbalat.solvers.simulation import Simulation
 
-EXCITED = "V never grows; where phi is persistently exciting, which isn't checked here, they converge to theta"
+ESTIMATES_STATEMENT = "V never grows; where phi is persistently exciting, which isn't checked here, they converge to theta"
 
 
 def certificate(problem: Problem, controller: Mrac, simulation: Simulation) -> Certificate:
@@ -115,7 +115,7 @@ def lyapunov_cells(
         "stability": statement("stability", "for every Gamma > 0 and every bounded r", *rests_on),
         "tracking": statement("tracking", "converges to zero for every bounded r", *rests_on),
         "transient": transient,
-        "estimates": statement("estimates", EXCITED, *rests_on),
+        "estimates": statement("estimates", ESTIMATES_STATEMENT, *rests_on),
         "modelling_error": nothing("modelling_error", "that x stays bounded is not known without normalisation"),
         "tuning": estimate("tuning", falls + limits_text(certificate.values)),
         "margins": margins_cell(certificate),

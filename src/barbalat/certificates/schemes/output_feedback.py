@@ -18,12 +18,12 @@ OF_LINEAR_LOOPS = {
     "steady_error": Quantity("what constant r and d leave of e without f", form=Form.PER_UNIT),
     "slope": Quantity("of f(t, y) in y within that bound"),
 }
-REST = Assumption("plant, model and controller start at rest")
+START_AT_REST = Assumption("plant, model and controller start at rest")
 """Holds by construction."""
 LINEAR_LOOP = "margins are exact for the linear loop named; limits at the input, and f(t, y), are not in it"
 SMALL_GAIN = (
     Assumption("(18): y = G(s)[u + d + f(t, y)], and what the case adds at input, output and sensor; G itself is exact"),
-    REST,
+    START_AT_REST,
     Assumption(
         "output_bound and error_bound: small gain in the L-infinity norm with the slope of f within the bound, 0 <= t <= t_end"
     ),

@@ -17,12 +17,12 @@ from barbalat.problem.tracking import TrackingProblem
 from barbalat.solvers import EULER
 from barbalat.solvers.simulation import Simulation
 
-MIDPOINT = "no gain makes its law numerically unstable, so there is no gamma_max and no step_max"
-AS_EULER = "gamma_max and step_max are those of Euler's method at the sample time, for all that the controller integrates"
-HELD = "gamma_max and step_max are of the frozen law from sample to sample, with A_m's exact motion between them"
-AT_MODEL = {"gamma_max_at_model", "step_max_at_model"}
+NO_MIDPOINT_LIMITS = "no gain makes its law numerically unstable, so there is no gamma_max and no step_max"
+EULER_LIMITS = "gamma_max and step_max are those of Euler's method at the sample time, for all that the controller integrates"
+HELD_LIMITS = "gamma_max and step_max are of the frozen law from sample to sample, with A_m's exact motion between them"
+LIMIT_KEYS_AT_MODEL = {"gamma_max_at_model", "step_max_at_model"}
 """Limits that are not known of a sampled law."""
-ERRORS = {"error_bound", "error_bound_worst"}
+ERROR_BOUND_KEYS = {"error_bound", "error_bound_worst"}
 
 
 def judged_at(controller: Sampled, simulation: Simulation) -> Simulation:
@@ -36,27 +36,27 @@ def judged_at(controller: Sampled, simulation: Simulation) -> Simulation:
 def certificate(problem: TrackingProblem, continuous: Certificate, controller: Sampled, judged: Simulation) -> Certificate:
     """From the continuous controller's certificate at ``judged_at``."""
     scheme, T = controller.controller, controller.sample_time
-    entries = [_sampled(entry, controller) for entry in continuous.entries if entry.key not in AT_MODEL]
+    entries = [_sampled(entry, controller) for entry in continuous.entries if entry.key not in LIMIT_KEYS_AT_MODEL]
     notes = [f"the controller runs sampled every {T:g} s ({controller.discretization})"]
     file = scheme_file(scheme)
     if controller.discretization == "midpoint":
         entries = [entry for entry in entries if entry.key not in ("gamma_max", "step_max")]
         if ClosedLoop.of(problem, scheme).parameters > 0:
-            notes.append(MIDPOINT)
+            notes.append(NO_MIDPOINT_LIMITS)
         if isinstance(file, MidpointFile):
             notes.extend(file.midpoint_form(problem, controller).findings)
         return continuous.with_entries(tuple(entries), *notes)
     draft = Draft({entry.key: entry for entry in entries}, notes)
     if isinstance(file, HeldFile):
-        draft.estimate(file.held_limits(problem, scheme, judged, draft["nu_0"]), HELD)
+        draft.estimate(file.held_limits(problem, scheme, judged, draft["nu_0"]), HELD_LIMITS)
     limits = {key: draft[key] for key in ("gamma_max", "step_max") if draft.get(key) is not None}
     if not isinstance(file, HeldFile):
-        draft.estimate(limits, AS_EULER)
+        draft.estimate(limits, EULER_LIMITS)
     step_max = limits.get("step_max")
     if step_max is not None and step_max < T:
         where = "where it rests the loop" if file is None else "where |x| is as large as its bound the law"
         unstable = f"{where} is numerically unstable: it bears samples up to about {step_max:.3g} s"
-        for key in ERRORS & draft.entries.keys():
+        for key in ERROR_BOUND_KEYS & draft.entries.keys():
             draft.entries[key] = replace(draft.entries[key], why=f"{draft.entries[key].why}; {unstable}")
         draft.note(unstable)
     return continuous.with_entries(tuple(draft.entries.values()), *draft.notes)

@@ -135,5 +135,5 @@ def of_lyapunov_law_beyond(
 def add_margins_at_rest(draft: Draft, problem: Problem) -> None:
     """Of the loop with C = 1, at the case's theta and over the known set."""
     plant = problem.plant
-    add_margins(draft, problem, known_parameters(plant, plant.theta), over_known_set.AT_REST)
+    add_margins(draft, problem, known_parameters(plant, plant.theta), over_known_set.LOOP_AT_REST)
     over_known_set.add_at_rest(draft, problem)

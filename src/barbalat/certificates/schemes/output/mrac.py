@@ -16,7 +16,7 @@ from barbalat.certificates.entry import Assumption, Entry
 from barbalat.certificates.linear_loops.margin_values import add_margins
 from barbalat.certificates.quantities import Quantity
 from barbalat.certificates.schemes import midpoint
-from barbalat.certificates.schemes.output_feedback import LINEAR_LOOP, REST
+from barbalat.certificates.schemes.output_feedback import LINEAR_LOOP, START_AT_REST
 from barbalat.certificates.step_limits import output_mrac
 from barbalat.controllers import Sampled
 from barbalat.controllers.output.matching import filter_polynomial, matching_parameters
@@ -98,7 +98,7 @@ def rests_on(problem: OutputProblem, controller: MracOutput) -> tuple[Assumption
         undisturbed(problem),
         measured(problem),
         bounded_command(problem),
-        REST,
+        START_AT_REST,
     )
 
 
