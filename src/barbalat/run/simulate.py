@@ -37,6 +37,7 @@ def simulate(
 
     Raises InputError for controllers that don't fit the problem or share a name. A run that diverges is a result.
     """
+    validate.instance("problem", problem, TrackingProblem)
     validate.instance("simulation", simulation, Simulation)
     if not isinstance(controllers, (list, tuple)):
         raise InputError(f"controllers must be a list of controllers, got {validate.show(controllers)}")
