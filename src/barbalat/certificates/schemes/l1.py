@@ -47,6 +47,7 @@ OWN_QUANTITIES = {
     "kappa_max": Quantity("1/(theta_max ||sW_b||_1) of Theorem 1", "s", below=True, timeless=True),
     "nu_1": Quantity("of (10)"),
     "nu_2": Quantity("of (10)"),
+    "reference_error_bound": Quantity("of every component of x - x_ref, the filtered loop with theta known, at all times"),
 }
 FILTER_AT_REST = Assumption("the filter starts at rest")
 """Holds by construction."""
