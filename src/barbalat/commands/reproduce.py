@@ -65,7 +65,8 @@ def _reproduced(folder: Folder, started: float, *, quick: bool, full: bool) -> t
     seconds["maps"] = time.perf_counter() - started - sum(seconds.values())
     seconds["total"] = time.perf_counter() - started
     document = write.as_json(write.reproduction_document(figures, claims, certified, seconds))
-    folder.write(write.PAGE, page.reproduction(figures, claims, pictures, maps, certified, seconds))
+    for file, text in page.reproduction(figures, claims, pictures, maps, certified, seconds).items():
+        folder.write(file, text)
     folder.write("report.json", document)
     return figures, claims, document, seconds["total"]
 
