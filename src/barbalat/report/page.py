@@ -57,7 +57,14 @@ def reproduction(
     tally = Counter(claim.verdict for claim in claims)
     count = sum(figure.reproduced for figure in figures)
     values: dict[str, object] = {"tally": dict(tally.most_common()), "reproduced": count, "siblings": REPRODUCTION}
-    values |= {"figures": figures, "claims": claims, "pictures": pictures, "maps": maps, "certified": certified, "seconds": seconds}
+    values |= {
+        "figures": figures,
+        "claims": claims,
+        "pictures": pictures,
+        "maps": maps,
+        "certified": certified,
+        "seconds": seconds,
+    }
     templates = dict(zip(REPRODUCTION, ("reproduction.html", "claims.html", "guarantees.html"), strict=True))
     return {file: _render(template, here=file, **values) for file, template in templates.items()}
 
