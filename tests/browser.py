@@ -2,8 +2,9 @@
 
     python tests/browser.py [PAGE.html ...]
 
-Without pages it makes those of the quick ``reproduce`` and of two bundled cases. Each is opened at the width of a desk and of a phone. What
-is wrong is printed, a line each, and the exit code is 1. The browser is the system's: ``chromium``, or what BROWSER names.
+Without pages it makes those of the quick ``reproduce`` and of two bundled cases. Each is opened at the width of a desk and of
+a phone. What is wrong is printed, a line each, and the exit code is 1. The browser is the system's: ``chromium``, or what
+BROWSER names.
 """
 
 from __future__ import annotations

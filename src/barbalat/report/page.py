@@ -53,7 +53,7 @@ def reproduction(
     certified: Certified,
     seconds: dict[str, float],
 ) -> dict[str, str]:
-    """The pages of ``barbalat reproduce`` by their files; ``pictures`` by figure key, ``maps`` by map key, ``seconds`` by part."""
+    """The pages of ``barbalat reproduce`` by their files; ``pictures`` and ``maps`` are by key, ``seconds`` by part."""
     tally = Counter(claim.verdict for claim in claims)
     count = sum(figure.reproduced for figure in figures)
     values: dict[str, object] = {"tally": dict(tally.most_common()), "reproduced": count, "siblings": REPRODUCTION}
