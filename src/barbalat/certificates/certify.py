@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 from barbalat.certificates.certificate import Certificate, reason
 from barbalat.certificates.schemes import sampled, scheme_file, stranger
@@ -16,15 +16,26 @@ from barbalat.solvers.simulation import Simulation
 from barbalat.validate import InputError
 
 
-def certify(problem: TrackingProblem, controllers: Sequence[Controller], simulation: Simulation) -> dict[str, Certificate]:
+def certify(
+    problem: TrackingProblem,
+    controllers: Sequence[Controller],
+    simulation: Simulation,
+    *,
+    progress: Callable[[float], None] | None = None,
+) -> dict[str, Certificate]:
     """Certificates by the controllers' names; nothing is simulated, the solver and its step are what is judged.
 
     Of a class from outside the package what needs no proof is given; the rest is said to be unknown. A certificate whose
     computation fails on the case's numbers has that as its finding. Raises InputError for a controller that does not fit the
-    problem.
+    problem. ``progress`` is called with the fraction done.
     """
     require_controllers(controllers)
-    return {controller.name: _computed(problem, controller, simulation) for controller in controllers}
+    found = {}
+    for i, controller in enumerate(controllers, start=1):
+        found[controller.name] = _computed(problem, controller, simulation)
+        if progress is not None:
+            progress(i / len(controllers))
+    return found
 
 
 def certify_where_possible(

@@ -8,10 +8,11 @@ import time
 from typing import TYPE_CHECKING
 
 from barbalat.commands.output import folder_of, print_json
-from barbalat.commands.screen import progress_bar
+from barbalat.commands.screen import Work, work
 
 if TYPE_CHECKING:
     from barbalat.claims.claim import Claim, PaperFigure
+    from barbalat.claims.ledger import Measured
     from barbalat.commands import Commands
     from barbalat.report.files import Folder
 
@@ -25,12 +26,16 @@ def add(commands: Commands) -> None:
     parser.set_defaults(execute=execute)
 
 
+START, RUNS, PICTURES, MAPS = 2.0, 6.0, 3.0, 4.0
+"""Seconds of a core: until the first row is measured, and what is done beside the rows; all of 2 cores as they were measured."""
+
+
 def execute(options: argparse.Namespace) -> int:
     """Run the command; returns the exit code."""
     started = time.perf_counter()
-    with folder_of(options.out, None) as folder:
+    with folder_of(options.out, None) as folder, work({"reproducing": 1.0}) as running, running.part("reproducing"):
         assert folder is not None  # --out has a default
-        figures, claims, document, seconds = _reproduced(folder, started, quick=options.quick)
+        figures, claims, document, seconds = _reproduced(folder, started, running, quick=options.quick, shown=not options.json)
         folder.commit()
     if options.json:
         print_json(document)
@@ -39,28 +44,28 @@ def execute(options: argparse.Namespace) -> int:
     return 0 if all(figure.reproduced for figure in figures) else 1
 
 
-def _reproduced(folder: Folder, started: float, *, quick: bool) -> tuple[list[PaperFigure], list[Claim], str, float]:
+def _reproduced(
+    folder: Folder, started: float, running: Work, *, quick: bool, shown: bool
+) -> tuple[list[PaperFigure], list[Claim], str, float]:
     """Figures, claims, the JSON document, and how long it took [s] from ``started`` on; the page is written."""
     from barbalat.claims import figures as paper
     from barbalat.claims import ledger, section_v
-    from barbalat.claims.paper_certificates import certified_paper
     from barbalat.report import page, write
 
-    seconds = {"start": time.perf_counter() - started}
-    with ledger.under_way(1 if quick else os.cpu_count() or 1, quick=quick) as ahead:
-        with progress_bar("simulating") as progress:
-            runs = section_v.run(progress)
+    processes = 1 if quick else os.cpu_count() or 1
+    pace = Pace(running, sum(part.seconds for part in ledger.LEDGER if part.quick or not quick), processes, shown=shown)
+    seconds, maps = {"start": time.perf_counter() - started}, {}
+    with ledger.under_way(processes, quick=quick, told=pace.told) as ahead:
+        runs = section_v.run()
         seconds["simulations"] = time.perf_counter() - started - sum(seconds.values())
         figures = paper.paper_figures(runs)
         pictures = write.draw_reproduction(folder, figures)
         seconds["pictures"] = time.perf_counter() - started - sum(seconds.values())
-        certified = certified_paper(runs)
-        seconds["certificates"] = time.perf_counter() - started - sum(seconds.values())
-        with progress_bar("measuring the claims") as progress:
-            claims = ledger.measure(runs, quick=quick, progress=progress, ahead=ahead)
-        seconds["claims"] = time.perf_counter() - started - sum(seconds.values())
-    maps = write.draw_maps(folder, claims)
-    seconds["maps"] = time.perf_counter() - started - sum(seconds.values())
+        claims = ledger.measure(
+            runs, quick=quick, ahead=ahead, told=pace.told, taken=lambda rows: maps.update(write.draw_maps(folder, rows))
+        )
+        certified = ahead.certified.result()
+        seconds["claims, maps, certificates"] = time.perf_counter() - started - sum(seconds.values())
     seconds["total"] = time.perf_counter() - started
     document = write.as_json(write.reproduction_document(figures, claims, certified, seconds))
     folder.write(write.PAGE, page.reproduction(figures, claims, pictures, maps, certified, seconds))
@@ -68,12 +73,40 @@ def _reproduced(folder: Folder, started: float, *, quick: bool) -> tuple[list[Pa
     return figures, claims, document, seconds["total"]
 
 
+class Pace:
+    """Tells of rows as they are measured, and from what they took how long all of it takes."""
+
+    PRIOR_SECONDS = 3.0
+    """Of what was expected: so much counts as measured to be so before anything is, lest the first row decide alone."""
+
+    def __init__(self, running: Work, rows: float, processes: int, *, shown: bool) -> None:
+        from barbalat.report.terminal.layout import Screen
+
+        cores = min(os.cpu_count() or 1, processes + 1)
+        self.running, self.whole = running, START + max((RUNS + PICTURES + MAPS + rows) / cores, RUNS + PICTURES)
+        self.expected = self.seconds = self.PRIOR_SECONDS
+        self.screen = Screen(running.console) if shown and running.console.is_terminal else None
+        running.expect(self.whole)
+
+    def told(self, measured: Measured) -> None:
+        """A line for each row, where somebody is looking."""
+        from barbalat.report.terminal import ledger
+
+        self.expected, self.seconds = self.expected + measured.expected, self.seconds + measured.seconds
+        self.running.expect(self.whole * self.seconds / self.expected)
+        if self.screen is not None:
+            for claim in measured.claims:
+                ledger.streamed(self.screen, claim)
+
+
 def _show(figures: list[PaperFigure], claims: list[Claim], folder: Folder, seconds: float) -> None:
-    from rich.markup import escape
+    from barbalat.report import write
+    from barbalat.report.terminal import ledger
+    from barbalat.report.terminal.layout import Screen
 
-    from barbalat.report import tables, write
-
-    console = tables.console()
-    console.print(tables.checks_of_figures(figures), tables.ledger(claims))
-    console.print(f"{sum(f.reproduced for f in figures)} of {len(figures)} figures reproduced in {seconds:.1f} s")
-    console.print(escape(f"report: {folder.path / write.PAGE}"))
+    screen = Screen()
+    ledger.by_verdict(screen, claims)
+    ledger.figures(screen, figures)
+    screen.title(f"{sum(f.reproduced for f in figures)} of {len(figures)} figures reproduced in {seconds:.1f} s", "")
+    screen.line("One claim in full: barbalat claims NAME")
+    screen.whole(f"page: {folder.path / write.PAGE}")

@@ -1,0 +1,90 @@
+"""What ``barbalat reproduce`` and ``barbalat claims`` show: the figures, the ledger by verdict, all of one row."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import get_args
+
+from barbalat.claims.claim import Claim, Listing, PaperFigure, Verdict
+from barbalat.claims.ledger import Measurement
+from barbalat.report.terminal.layout import NARROWEST, Screen, held, short
+
+STYLES = {"confirmed": "green", "confirmed with conditions": "yellow", "not confirmed": "red", "erratum": "red"}
+ROOM = 26
+"""Columns of a row's name: as many as the longest one has."""
+
+
+def figures(screen: Screen, shown: Sequence[PaperFigure]) -> None:
+    """A line for each figure, and what of its description was not reproduced."""
+    screen.title("Figures of Section V")
+    for figure in shown:
+        count = sum(check.holds for check in figure.checks)
+        said = f"{count} of {len(figure.checks)} statements hold"
+        label = "Added" if figure.key == "added" else f"Figure {figure.key}"
+        screen.fact(label, f"{figure.title.partition(': ')[2]}: {said}", 8, "green" if figure.reproduced else "red")
+        for check in figure.checks:
+            if not check.holds:
+                screen.line(f"not so: {check.statement} ({check.measured})", "red", "    ")
+
+
+def by_verdict(screen: Screen, claims: Sequence[Claim]) -> None:
+    """Every claim in a line: its name, and the number that decides it."""
+    for verdict in get_args(Verdict):
+        mine = [claim for claim in claims if claim.verdict == verdict]
+        if mine:
+            screen.title(f"{verdict[0].upper()}{verdict[1:]}: {len(mine)}", STYLES[verdict])
+        for claim in mine:
+            screen.fact(claim.id, decisive(claim, screen.width - ROOM - 4), ROOM)
+
+
+def streamed(screen: Screen, claim: Claim) -> None:
+    """A claim as soon as it is measured: a line where it fits."""
+    label = f"{claim.id}: {held(claim.verdict)}."
+    room = screen.width - len(label) - 1
+    screen.line(f"{label} {decisive(claim, room)}" if room > NARROWEST // 2 else label, STYLES[claim.verdict], "    ")
+
+
+def decisive(claim: Claim, room: int) -> str:
+    """The number that decides the verdict; of a row that names none, the first words of what was measured."""
+    return claim.number or short(claim.measured, max(room, NARROWEST // 2))
+
+
+def in_full(screen: Screen, claim: Claim) -> None:
+    """All that is known of one claim."""
+    screen.line(f"{claim.id}: {claim.verdict}", f"bold {STYLES[claim.verdict]}")
+    facts = [
+        ("says", claim.statement),
+        ("where", claim.where),
+        ("number", claim.number),
+        ("measured", claim.measured),
+        ("how", claim.how),
+        *((held(f"reading {i}"), _reading(one.verdict, one.says, one.measured)) for i, one in enumerate(claim.readings, start=1)),
+        ("changes if", claim.would_change),
+        ("sharpened", claim.sharpened),
+    ]
+    for label, text in facts:
+        if text:
+            screen.fact(label, text, 10, "bold")
+    for listing in claim.listings:
+        _listing(screen, listing)
+    for shown in claim.maps:
+        screen.fact("picture", f"{shown.title}: map-{shown.key}.svg of barbalat reproduce", 10, "bold")
+
+
+def _reading(verdict: str, says: str, measured: str) -> str:
+    return f"{held(verdict)}: {says}. {measured[:1].upper()}{measured[1:]}"
+
+
+def _listing(screen: Screen, listing: Listing) -> None:
+    screen.title(listing.caption)
+    screen.table(listing.columns, listing.rows, left=range(1, len(listing.columns)))
+
+
+def names(screen: Screen, ledger: Sequence[Measurement]) -> None:
+    """Every row's name, what it is about, and how long it takes to measure."""
+    screen.line("The ledger's rows. A verdict is measured, never stored: barbalat claims NAME measures one.", "bold")
+    for part in ledger:
+        seconds = "the runs of Section V" if part.judges_runs else held(f"{part.seconds:.0f} s") if part.seconds >= 1 else ""
+        for name, about in part.names.items():
+            screen.fact(name, f"{about} ({seconds})" if seconds else about, ROOM)
+    screen.line("In brackets what it takes, where that is a second or more; rows of one subject are measured together.", "dim")
