@@ -40,6 +40,9 @@ from barbalat.claims.section_v import Runs
 from barbalat.run.progress import Progress
 from barbalat.validate import InputError
 
+RUNS_OF_SECTION_V = 6.0
+"""Seconds that the runs take which some rows judge, about."""
+
 
 @dataclass(frozen=True)
 class Measurement:

@@ -56,7 +56,8 @@ def execute(options: argparse.Namespace) -> int:
         terminal.show_full(screen, case.name, certificates, table, dt)
         return 0
     terminal.show(screen, case.name, certificates, table, dt)
-    screen.title(f"every value with its kind, all assumptions, Table 1: barbalat certify {options.case} --full", "")
+    screen.title("Every value with its kind, all assumptions, Table 1:", "")
+    screen.whole(f"  barbalat certify {options.case} --full")
     return 0
 
 

@@ -11,9 +11,6 @@ from barbalat.commands.screen import work
 if TYPE_CHECKING:
     from barbalat.commands import Commands
 
-RUNS_OF_SECTION_V = 8.0
-"""Seconds that the runs take which some rows judge."""
-
 
 def add(commands: Commands) -> None:
     """Register the command and its options."""
@@ -37,7 +34,7 @@ def execute(options: argparse.Namespace) -> int:
             terminal.names(Screen(), ledger.LEDGER)
         return 0
     part = ledger.part_with(options.name)
-    with work({"measuring": part.seconds + RUNS_OF_SECTION_V * part.judges_runs}) as running, running.part("measuring"):
+    with work({"measuring": part.seconds + ledger.RUNS_OF_SECTION_V * part.judges_runs}) as running, running.part("measuring"):
         claim = ledger.row(options.name)
     if options.json:
         print_json(as_json(claim.as_json()))

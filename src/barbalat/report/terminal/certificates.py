@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 from barbalat.certificates.cells import PROPERTIES, Column
@@ -10,20 +10,26 @@ from barbalat.certificates.certificate import Certificate
 from barbalat.certificates.entry import Entry
 from barbalat.certificates.rounding import up
 from barbalat.certificates.table_1 import Table
-from barbalat.report.certificates import Row, rows
+from barbalat.report.certificates import rows_of
 from barbalat.report.terminal.layout import Screen, held, name
 
-KINDS = {
+GROUPS = {
     "guaranteed": ("Guaranteed on this case", "green"),
-    "linear loop": ("Exact for the linear loop named, and for nothing else", "green"),
+    "exact": ("Exact for the linear loop named, and for nothing else", "green"),
     "estimate": ("Estimates, without a guarantee", ""),
-    "": ("For orientation", ""),
+    "searched": ("Least margins found over the known set, without a guarantee", ""),
+    "advice": ("For orientation", ""),
     "does not apply": ("Does not apply on this case", "red"),
 }
-"""How what is printed of a kind is headed, in the order in which it is shown."""
+"""How the values of a kind are headed, in the order in which they are shown; what was searched for stands together."""
 STYLES = {"guaranteed": "green", "exact": "green", "does not apply": "red"}
-ROOM = 11
+ROOM = 12
 """Columns of the five lines' labels."""
+LEGEND = (
+    "bound of |e|: of every component. delay margin: of linear loops, at the case's theta, the least found in the known set, and "
+    "with the law linearised at the largest command (adapting). gain, step: what the solver bears, with everything at its "
+    "largest; an estimate."
+)
 LONGEST_KEY, LONGEST_VALUE = 30, 14
 
 
@@ -38,8 +44,20 @@ class Line(NamedTuple):
 def show(screen: Screen, case: str, certificates: Mapping[str, Certificate], table: Table, dt: float | None) -> None:
     """Five lines for each controller."""
     screen.line(case, "bold")
+    common = _of_all(certificates)
     for column in table.columns:
-        _controller(screen, column, certificates[column.name], dt)
+        _controller(screen, column, certificates[column.name], dt, common)
+    if common:
+        screen.title("All of them", "")
+    for note in common:
+        screen.fact("note", note, ROOM, "yellow")
+    screen.title(LEGEND, "dim")
+
+
+def _of_all(certificates: Mapping[str, Certificate]) -> tuple[str, ...]:
+    """The notes that all certificates have, where there are several: they are said once."""
+    first, *others = certificates.values()
+    return tuple(note for note in first.notes if others and all(note in other.notes for other in others))
 
 
 def show_full(screen: Screen, case: str, certificates: Mapping[str, Certificate], table: Table, dt: float | None) -> None:
@@ -48,7 +66,7 @@ def show_full(screen: Screen, case: str, certificates: Mapping[str, Certificate]
     for column in table.columns:
         certificate = certificates[column.name]
         _controller(screen, column, certificate, dt)
-        _values(screen, rows(certificate))
+        _values(screen, certificate)
         if certificate.assumptions:
             screen.title("Assumed of the above", "")
             for sentence in certificate.assumptions:
@@ -56,11 +74,13 @@ def show_full(screen: Screen, case: str, certificates: Mapping[str, Certificate]
     _table_1(screen, table)
 
 
-def _controller(screen: Screen, column: Column, certificate: Certificate, dt: float | None) -> None:
+def _controller(
+    screen: Screen, column: Column, certificate: Certificate, dt: float | None, elsewhere: Sequence[str] = ()
+) -> None:
     screen.title(f"{name(column.name)}: {column.scheme}")
     for line in five(column, certificate, dt):
         screen.fact(line.label, line.text, ROOM, STYLES.get(line.kind, ""))
-    for note in certificate.notes:
+    for note in (note for note in certificate.notes if note not in elsewhere):
         screen.fact("note", note, ROOM, "yellow")
 
 
@@ -84,76 +104,84 @@ def _condition(stability: Entry | None, condition: Entry | None) -> Line:
             return Line("condition", f"holds: {of} {size} < 1", condition.kind)
         return Line("condition", f"not shown to hold: {of} {size}, and 1 is needed", "does not apply")
     if stability is None or not stability.applies:
-        reason = "nothing is known" if stability is None else stability.why
-        return Line("condition", f"boundedness is not shown: {reason}", "does not apply")
-    return Line("condition", f"none is needed: signals are bounded {stability.text}", stability.kind)
+        return Line("condition", f"bounded signals not shown: {'' if stability is None else stability.why}", "does not apply")
+    return Line("condition", f"none needed; bounded: {stability.text}", stability.kind)
 
 
 def _bound(certificate: Certificate) -> Line:
     bound, worst = certificate.entry("error_bound"), certificate.entry("error_bound_worst")
     if bound is None or not bound.applies or bound.value is None:
-        reason = "no bound of e is known for this scheme" if bound is None or not bound.why else bound.why
-        return Line("bound", f"none: {reason}", "does not apply")
-    text = f"|e| <= {up(bound.value)} in every component"
+        return Line("bound of |e|", f"none: {'not known for this scheme' if bound is None else bound.why}", "does not apply")
+    text = f"{held(bound.kind)}: {up(bound.value)}"
     if worst is not None and worst.applies and worst.value is not None:
         text += f"; {up(worst.value)} for any theta of the known set"
-    return Line("bound", f"{text} ({bound.kind})", bound.kind)
+    return Line("bound of |e|", text, bound.kind)
 
 
 def _margin(certificate: Certificate) -> Line:
     margin, adapting = certificate.entry("delay_margin"), certificate.entry("delay_margin_adapting")
     parts = []
     if margin is not None and margin.applies:
-        parts.append(f"{_delay(margin.value)} {margin.of}")
-    over_set = certificate.entry("margins_over_known_set")
-    for loop in () if over_set is None or not over_set.applies else over_set.value:
-        if "unstable_at" in loop:
-            parts.append(f"unstable somewhere in the known set ({loop['loop']})")
-        elif "delay_margin" in loop:
-            parts.append(f"{_delay(loop['delay_margin']['value'])} at the least found over the known set ({loop['loop']})")
+        parts.append(f"{_delay(margin.value)} at theta")
+    searched = certificate.entry("margins_over_known_set")
+    loops = [] if searched is None or not searched.applies else searched.value
+    least = [loop["delay_margin"]["value"] for loop in loops if "delay_margin" in loop]
+    if any("unstable_at" in loop for loop in loops):
+        parts.append("unstable somewhere in the known set")
+    elif least:
+        parts.append(f"{_delay(min(least))} in the known set")
     if adapting is not None and adapting.applies:
-        parts.append(f"{_delay(adapting.value)} {adapting.of}")
+        parts.append(f"{_delay(adapting.value)} adapting")
     if not parts:
-        return Line("delay", "no margin is known: no linear loop describes it", "does not apply")
-    return Line("delay", "; ".join(parts), margin.kind if margin is not None and len(parts) == 1 else "estimate")
+        return Line("delay margin", "not known: no linear loop describes it", "does not apply")
+    text = "; ".join(parts).removesuffix(" at theta")  # alone it need not be told from others
+    return Line("delay margin", text, margin.kind if margin is not None and len(parts) == 1 else "estimate")
 
 
 def _delay(value: float | None) -> str:
-    return "any" if value is None else held(f"{value:.3g} s")
+    return held("any delay" if value is None else f"{value:.3g} s")
 
 
 def _limits(certificate: Certificate, dt: float | None) -> Line:
     gain, step = certificate.values.get("gamma_max"), certificate.values.get("step_max")
-    parts = [] if gain is None else [f"the step bears a gain up to {gain:.3g}"]
-    if step is not None:
-        judged = "" if dt is None else f": the case's {dt:g} s is {'inside' if dt <= step else 'too long'}"
-        parts.append(f"the gain bears a step up to {step:.3g} s{judged}")
-    text = "; ".join(parts)
-    return Line("gain, step", f"{text} (estimate)" if parts else "no limit is known", "estimate")
+    parts = [] if gain is None else [f"gain {gain:.3g}"]
+    parts += [] if step is None else [f"step {step:.3g} s"]
+    if not parts:
+        return Line("gain, step", "no limit is known", "does not apply")
+    judged = "" if step is None or dt is None else f" (case: {dt:g} s, {'inside' if dt <= step else held('too long')})"
+    return Line("gain, step", f"about {', '.join(parts)}{judged}", "estimate")
 
 
 def _assumed(certificate: Certificate) -> Line:
-    count = len(certificate.assumptions)
-    broken = dict.fromkeys(e.why for e in certificate.entries if not e.applies and e.assumptions)
-    checked = (
-        f"{count} {'assumption' if count == 1 else 'assumptions'} behind the values above" if count else "nothing is claimed"
-    )
+    claimed = {sentence for entry in certificate.entries if entry.kind == "guaranteed" for sentence in entry.assumptions}
+    broken = ", ".join(dict.fromkeys(entry.why for entry in certificate.entries if not entry.applies and entry.assumptions))
     if broken:
-        return Line("assumed", f"{checked}; of others this case breaks: {', '.join(broken)}", "does not apply")
-    return Line("assumed", f"{checked}; this case breaks none", "guaranteed" if count else "")
+        return Line("assumed", f"fails on this case: {broken}", "does not apply")
+    if not claimed:
+        return Line("assumed", "nothing, for nothing is guaranteed", "")
+    kept = "one thing" if len(claimed) == 1 else f"{len(claimed)} things"
+    return Line("assumed", f"{kept}, checked on this case: none fails", "guaranteed")
 
 
-def _values(screen: Screen, found: list[Row]) -> None:
-    for kind, (title, style) in KINDS.items():
-        mine = [row for row in found if row.kind == kind]
-        if not mine:
+def _values(screen: Screen, certificate: Certificate) -> None:
+    for group, (title, style) in GROUPS.items():
+        found = [row for entry in certificate.entries if _group(entry) == group for row in rows_of(entry)]
+        if not found:
             continue
         screen.title(title, style)
-        room = min(max(len(row.quantity) for row in mine), LONGEST_KEY)
-        width = min(max((len(row.value) for row in mine), default=0), LONGEST_VALUE)
-        for row in mine:
-            text = f"{held(row.value):{width}}".replace(" ", "\N{NO-BREAK SPACE}") if len(row.value) <= width else row.value
-            screen.fact(row.quantity, f"{text}  {row.meaning}".strip() if row.meaning else text.strip(), room)
+        room = min(max(len(row.quantity) for row in found), LONGEST_KEY)
+        width = min(max(len(row.value) for row in found), LONGEST_VALUE)
+        for row in found:
+            if row.value and row.meaning and len(row.value) <= width:
+                screen.fact(row.quantity, f"{held(f'{row.value:{width}}')} {row.meaning}", room)
+            else:
+                for label, text in ((row.quantity, row.value), ("" if row.value else row.quantity, row.meaning)):
+                    if text:
+                        screen.fact(label, text, room)
+
+
+def _group(entry: Entry) -> str:
+    return "searched" if entry.key == "margins_over_known_set" and entry.applies else entry.kind
 
 
 def _table_1(screen: Screen, table: Table) -> None:

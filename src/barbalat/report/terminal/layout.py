@@ -50,17 +50,18 @@ def name(text: str) -> str:
     return held(text if cell_len(text) <= LONGEST_NAME else _cut(text, LONGEST_NAME - 3) + "...")
 
 
-def fold(text: str, width: int, indent: str = "") -> list[str]:
+def fold(text: str, width: int, indent: str = "", start: str = "") -> list[str]:
     """Lines of at most ``width`` columns, the further ones indented; a word that is wider stands alone."""
-    lines, line = [], ""
-    words = [part for word in _bound_to_units(text).split(" ") for part in _released(word, width - len(indent))]
+    lines, line, empty = [], start, True
+    words = [
+        part for word in re.split(r"[ \n]+", _bound_to_units(text).strip(" \n")) for part in _released(word, width - len(indent))
+    ]
     for word in words:
-        longer = f"{line} {word}" if line.strip() else line + word
-        if cell_len(longer) > width and line.strip():
+        longer = line + word if empty else f"{line} {word}"
+        if cell_len(longer) > width and not empty:
             lines.append(line)
-            line = indent + word
-        else:
-            line = longer
+            longer = indent + word
+        line, empty = longer, False
     return [*lines, line]
 
 
@@ -97,9 +98,9 @@ class Screen:
         self._print("")
         self.line(text, style)
 
-    def line(self, text: str, style: str = "", indent: str = "") -> None:
-        """A paragraph; its further lines are indented."""
-        for line in fold(self._shown(text), self.width, indent):
+    def line(self, text: str, style: str = "", indent: str = "", start: str = "") -> None:
+        """A paragraph; its further lines are indented, the first one has its own ``start``."""
+        for line in fold(self._shown(text), self.width, indent, start):
             self._print(line, style)
 
     def whole(self, text: str) -> None:
@@ -128,7 +129,7 @@ class Screen:
         if not rows:
             return
         shown = [[self._shown(cell).replace(HELD, " ") for cell in row] for row in rows]
-        table = Table(box=box.SIMPLE_HEAD, show_edge=False, pad_edge=False, header_style="bold")
+        table = Table(box=box.SIMPLE_HEAD, show_edge=False, pad_edge=False, padding=(0, 1, 0, 0), header_style="bold")
         for i, heading in enumerate(headings):
             table.add_column(Text(heading), justify="left" if i < leads or i in left else "right", no_wrap=True)
         for row in shown:
@@ -147,7 +148,8 @@ class Screen:
                 self.line(row[0], "bold")
                 own = own[1:]
             start = "  " if leads > 1 else ""
-            self.line(f"{start}{held(': '.join(own) + ':')} {text}" if own else f"{start}{text}", indent=f"{start}    ")
+            said = f"{held(': '.join(own) + ':')} {text}" if own else text
+            self.line(said, indent=f"{start}    ", start=start)
 
     def _shown(self, text: str) -> str:
         """With escapes for what the terminal's encoding does not have, of which the layout has to know."""

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import get_args
 
 from barbalat.claims.claim import Claim, Listing, PaperFigure, Verdict
-from barbalat.claims.ledger import Measurement
+from barbalat.claims.ledger import RUNS_OF_SECTION_V, Measurement
 from barbalat.report.terminal.layout import NARROWEST, Screen, held, short
 
 STYLES = {"confirmed": "green", "confirmed with conditions": "yellow", "not confirmed": "red", "erratum": "red"}
@@ -82,9 +82,9 @@ def _listing(screen: Screen, listing: Listing) -> None:
 
 def names(screen: Screen, ledger: Sequence[Measurement]) -> None:
     """Every row's name, what it is about, and how long it takes to measure."""
-    screen.line("The ledger's rows. A verdict is measured, never stored: barbalat claims NAME measures one.", "bold")
+    screen.line("The ledger's rows. No verdict is stored: barbalat claims NAME measures one.", "bold")
     for part in ledger:
-        seconds = "the runs of Section V" if part.judges_runs else held(f"{part.seconds:.0f} s") if part.seconds >= 1 else ""
+        seconds = part.seconds + RUNS_OF_SECTION_V * part.judges_runs
         for name, about in part.names.items():
-            screen.fact(name, f"{about} ({seconds})" if seconds else about, ROOM)
-    screen.line("In brackets what it takes, where that is a second or more; rows of one subject are measured together.", "dim")
+            screen.fact(name, about if seconds < 1 else f"{about} ({held(f'{seconds:.0f} s')})", ROOM)
+    screen.line("In brackets how long it takes, about, where that is a second or more.", "dim")

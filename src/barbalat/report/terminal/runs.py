@@ -39,7 +39,7 @@ def _tracking(screen: Screen, results: Sequence[Result]) -> None:
             of = "e" if len(errors[0]) == 1 else f"e_{i + 1}" if i < len(errors[0]) else ""
             rows.append([name(result.name), of, *(_at(values, i) for values in (*errors, *once))])
     screen.table(headings, grouped(rows), leads=2)
-    screen.line("The tail is the last quarter of the run.", "dim")
+    screen.line("tail: the last quarter of the run", "dim")
     for result in results:
         if result.diverged_at is not None:
             screen.line(f"{name(result.name)}: diverged at t = {result.diverged_at:.6g} s", "red", "  ")
@@ -51,16 +51,17 @@ def _estimates(screen: Screen, found: Sequence[tuple[Result, Adapting]]) -> None
     for result, adapting in found:
         true, figures = result.problem.parameters, result.figures
         rates = figures["theta_hat_variation_rate"]
-        bounds = adapting.on_bounds_text.split("\n")
+        projected = adapting.on_bounds is not None or adapting.on_sphere is not None
+        bounds = adapting.on_bounds_text.split("\n") if projected else []
         for i, path in enumerate(adapting.path.tolist()):
             rows.append([
                 name(result.name), f"theta_{i + 1}", number_text(float(result.theta_hat[-1, i])),
                 "-" if true is None or i >= len(true) else number_text(float(true[i])), number_text(path),
-                number_text(rates[i]) if isinstance(rates, list) else "-", bounds[i] if i < len(bounds) else "",
+                number_text(rates[i]) if isinstance(rates, list) else "-", bounds[i] if i < len(bounds) else "-",
             ])  # fmt: skip
-    headings = ("controller", "", "end", "true", "path", "per s,\nin the tail", "of the time\non a bound")
+    headings = ("controller", "", "end", "true", "path", "1/s in\nthe tail", "time on\na bound")
     screen.table(headings, grouped(rows), leads=2)
-    screen.line("The path is the sum of every step's change.", "dim")
+    screen.line("path: the sum of every step's change; 1/s: the same for each second of the tail", "dim")
 
 
 def _excitation(screen: Screen, found: Sequence[tuple[Result, Adapting]]) -> None:
@@ -74,7 +75,7 @@ def _excitation(screen: Screen, found: Sequence[tuple[Result, Adapting]]) -> Non
     ]
     screen.table(("controller", "least", "in the tail", "scaled", "window"), rows)
     screen.line(
-        "The least eigenvalue of the regressor's mean square over a window; scaled: 1 where all directions are alike.", "dim"
+        "the least eigenvalue of the regressor's mean square over a window; scaled: 1 where all directions are alike", "dim"
     )
 
 
@@ -82,22 +83,25 @@ def _findings(screen: Screen, results: Sequence[Result]) -> None:
     solver = results[0].simulation.solver
     screen.title("Numerics")
     screen.line(
-        f"h |lambda|, the step times the loop's fastest eigenvalue, is to stay below {solver.imaginary_limit:.3g} on the "
-        f"imaginary axis, {solver.real_limit:.3g} on the real one ({solver.name})."
+        f"h |lambda|, the step times the loop's fastest eigenvalue; {solver.name} is stable up to {solver.imaginary_limit:.3g} "
+        f"on the imaginary axis, {solver.real_limit:.3g} on the real one",
+        "dim",
     )
     labels = [name(result.name) for result in results]
     room = min(max(map(len, labels)), ROOM)
     for label, result in zip(labels, results, strict=True):
         screen.fact(label, numerics(result), room, "red" if result.label else "")
+    if any(result.adapting is not None and result.adapting.warnings for result in results):
+        screen.title("Warnings")
     for label, result in zip(labels, results, strict=True):
         for warning in () if result.adapting is None else result.adapting.warnings:
-            screen.line(f"{label}: {warning}", "yellow", "  ")
+            screen.fact(label, warning, room, "yellow")
 
 
 def numerics(result: Result) -> str:
     """What the run says of its numerics, without what all runs have in common."""
     found = result.stiffness
-    parts = [f"up to {found.h_lambda_max:.3g} at the {found.looks} instants looked at"]
+    parts = [f"{found.h_lambda_max:.3g} at most, at {found.looks} instants"]
     if found.radius_max is not None:
         parts.append(f"the sampled law's map from sample to sample has spectral radius up to {found.radius_max:.4g}")
     parts += [result.label] if result.label else []
