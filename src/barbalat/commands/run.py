@@ -28,6 +28,9 @@ def add(commands: Commands) -> None:
         help="where pictures, page, JSON and trajectories go; default: barbalat-run, none with --json",
     )
     parser.add_argument("--json", action="store_true", help="one JSON document on standard output")
+    parser.add_argument(
+        "--full-record", action="store_true", help="every recorded instant in the CSVs, with all digits; default: about 1000"
+    )
     parser.add_argument("--no-plots", action="store_true", help="no pictures and no page")
     parser.set_defaults(execute=execute)
 
@@ -46,7 +49,7 @@ def execute(options: argparse.Namespace) -> int:
             document = write.as_json(write.run_document(case.name, results, None))
             if folder is not None:
                 folder.write(write.RUN, document)
-                write.write_trajectories(folder, results)
+                write.write_trajectories(folder, results, whole=options.full_record)
                 folder.commit(gone=write.files_of_run(folder.path))  # whatever becomes of the certificates, the runs are safe
                 if plots:
                     document = _with_page(folder, case, results, running)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import re
 import warnings
 from collections.abc import Sequence
 
@@ -11,6 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
+from barbalat.report.columns import drawn, largest
 from barbalat.run.result import Result
 from barbalat.validate import Array
 
@@ -49,9 +51,9 @@ def comparison(results: Sequence[Result]) -> Figure:
     left, right = figure.add_subplot(grid[0, 0]), figure.add_subplot(grid[0, 1])
     for k, result in enumerate(results):
         envelope = result.envelope
-        largest = np.maximum(np.abs(envelope.e_min), np.abs(envelope.e_max)).max(axis=1)
+        starts, error = largest(result.t, np.maximum(np.abs(envelope.e_min), np.abs(envelope.e_max)).max(axis=1))
         name = shown(result.name)
-        left.semilogy(result.t[:-1], np.maximum(largest, 1e-16), color=COLOURS[k % 6], linewidth=1, label=name)
+        left.semilogy(starts, np.maximum(error, 1e-16), color=COLOURS[k % 6], linewidth=1, label=name)
         u = result.u.reshape(len(result.t), -1)
         for j in range(u.shape[1]):
             label = name if u.shape[1] == 1 else f"{name}, $u_{j + 1}$"
@@ -63,15 +65,15 @@ def comparison(results: Sequence[Result]) -> Figure:
     right.set_ylabel("control $u$")
     axes = [left, right]
     for k, result in enumerate(results):
-        error = figure.add_subplot(grid[k + 1, 0] if result.theta_hat.shape[1] else grid[k + 1, :])
+        errors = figure.add_subplot(grid[k + 1, 0] if result.theta_hat.shape[1] else grid[k + 1, :])
         if result.diverged_at is not None:  # the burst would hide what led to it
-            error.set_yscale("symlog", linthresh=1.0)
-        error.set_ylabel(f"{shown(result.name)}\n$e$")
-        axes.append(error)
+            errors.set_yscale("symlog", linthresh=1.0)
+        errors.set_ylabel(f"{shown(result.name)}\n$e$")
+        axes.append(errors)
         envelope = result.envelope
         for i in range(result.e.shape[1]):
             band = (envelope.e_min[:, i], envelope.e_max[:, i])
-            _line(error, result.t, result.e[:, i], band, COLOURS[k % 6], f"$e_{i + 1}$", DASHES[i % 4])
+            _line(errors, result.t, result.e[:, i], band, COLOURS[k % 6], f"$e_{i + 1}$", DASHES[i % 4])
         if not result.theta_hat.shape[1]:
             continue
         estimates = figure.add_subplot(grid[k + 1, 1])
@@ -105,6 +107,22 @@ def render(figure: Figure, kind: str) -> bytes:
                 figure.savefig(buffer, format="svg", metadata={"Date": None})
         else:
             figure.savefig(buffer, format=kind, dpi=150, metadata={"Software": None})
+    return FINER_THAN_SEEN.sub(rb"\1", buffer.getvalue()) if kind == "svg" else _of_few_colours(buffer)
+
+
+FINER_THAN_SEEN = re.compile(rb"(\d\.\d\d)\d+")
+"""A coordinate's digits beyond a hundredth of a point."""
+
+
+def _of_few_colours(png: io.BytesIO) -> bytes:
+    """The same picture with a palette: lines on white have few colours, and it is a third as large."""
+    from PIL import Image
+
+    buffer = io.BytesIO()
+    with Image.open(png) as image:
+        image.convert("RGB").quantize(256, method=Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE).save(
+            buffer, "png", optimize=True
+        )
     return buffer.getvalue()
 
 
@@ -117,11 +135,10 @@ def _pair(height: float) -> tuple[Figure, tuple[Axes, Axes]]:
 
 def _line(axes: Axes, t: Array, value: Array, band: tuple[Array, Array], colour: str, label: str, dash: str = "-") -> None:
     """A recorded series, and as a band what it did between the recorded instants; where the band is wide, it alone is drawn."""
-    low, high = (np.concatenate([side, side[-1:]]) for side in band)
-    span = high.max() - low.min() if len(high) else 0.0
-    shown = np.where(high - low > span / 10, np.nan, value) if len(high) else value  # samples of a faster oscillation mislead
-    if len(high):
-        axes.fill_between(t, low, high, step="post", color=colour, alpha=0.45, linewidth=0)
+    t, shown, low, high = drawn(t, value, *band)
+    fast = np.isnan(shown)
+    if fast.any():
+        axes.fill_between(t, low, high, where=fast, step="post", color=colour, alpha=0.45, linewidth=0)
     axes.plot(t, shown, dash, color=colour, linewidth=1, label=label)
 
 

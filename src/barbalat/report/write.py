@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from matplotlib.figure import Figure
 
 from barbalat.certificates.overview import Certified
@@ -21,9 +22,12 @@ from barbalat.report import charts, diagrams, maps, page, plots, tradeoff
 from barbalat.report.files import Folder
 from barbalat.run.result import Result
 from barbalat.study.tradeoff import TradeOff
+from barbalat.validate import Array
 
 RUN, PAGE, PICTURE = "run.json", "report.html", "comparison"
 """Names of files; of the picture without its two suffixes."""
+MOST_ROWS, DIGITS = 1000, 9
+"""Of a CSV, unless all is asked for: more than a picture has columns of pixels, a hundred times a sensor's resolution."""
 LONGEST_NAME = 80
 """Characters of a controller's name in a file's; file systems take 255 bytes, and people read fewer."""
 
@@ -126,15 +130,27 @@ def write_tradeoff(folder: Folder, found: TradeOff) -> None:
     folder.write(PAGE, page.trade_off(found, picture))
 
 
-def write_trajectories(folder: Folder, results: Sequence[Result]) -> None:
-    """One CSV for each controller, the recorded instants as rows."""
+def write_trajectories(folder: Folder, results: Sequence[Result], *, whole: bool = False) -> None:
+    """One CSV for each controller, the recorded instants as rows, with all digits.
+
+    Without ``whole`` a record of more than ``MOST_ROWS`` is thinned to every k-th instant and the last, with ``DIGITS`` digits:
+    what a spreadsheet and a plot can use.
+    """
     for name, result in zip(_table_names([result.name for result in results]), results, strict=True):
         buffer = io.StringIO()
         columns = {"t": result.t} | result.columns()
+        kept = np.arange(len(result.t)) if whole else kept_rows(len(result.t))
+        rows = np.column_stack([column[kept] for column in columns.values()]).tolist()
         writer = csv.writer(buffer, lineterminator="\n")
         writer.writerow(columns)
-        writer.writerows(zip(*(column.tolist() for column in columns.values()), strict=True))
+        writer.writerows(rows if whole else [[f"{value:.{DIGITS}g}" for value in row] for row in rows])
         folder.write(name, buffer.getvalue())
+
+
+def kept_rows(count: int) -> Array:
+    """Which of so many recorded instants a CSV has."""
+    every = max(-(-(count - 1) // MOST_ROWS), 1)
+    return np.unique(np.append(np.arange(0, count, every), count - 1))
 
 
 def _draw(folder: Folder, name: str, drawing: Figure) -> page.Picture:
