@@ -26,14 +26,17 @@ def add(commands: Commands) -> None:
     parser.set_defaults(execute=execute)
 
 
-START, RUNS, PICTURES, MAPS = 2.0, 6.0, 3.0, 4.0
-"""Seconds of a core: until the first row is measured, and what is done beside the rows; all of 2 cores as they were measured."""
+SECONDS, QUICK_SECONDS = 40.0, 9.0
+"""In all, until the ledger is there to say it."""
+START, RUNS, PICTURES, MAPS = 3.0, 6.0, 3.0, 4.0
+"""Seconds of a core: until the first row is begun, and what is done beside the rows."""
 
 
 def execute(options: argparse.Namespace) -> int:
     """Run the command; returns the exit code."""
     started = time.perf_counter()
-    with folder_of(options.out, None) as folder, work({"reproducing": 1.0}) as running, running.part("reproducing"):
+    expected = {"reproducing": QUICK_SECONDS if options.quick else SECONDS}
+    with folder_of(options.out, None) as folder, work(expected) as running, running.part("reproducing"):
         assert folder is not None  # --out has a default
         figures, claims, document, seconds = _reproduced(folder, started, running, quick=options.quick, shown=not options.json)
         folder.commit()
@@ -56,10 +59,11 @@ def _reproduced(
     pace = Pace(running, sum(part.seconds for part in ledger.LEDGER if part.quick or not quick), processes, shown=shown)
     seconds, maps = {"start": time.perf_counter() - started}, {}
     with ledger.under_way(processes, quick=quick, told=pace.told) as ahead:
-        runs = section_v.run()
+        runs = section_v.run(pace.running_section_v)
         seconds["simulations"] = time.perf_counter() - started - sum(seconds.values())
         figures = paper.paper_figures(runs)
         pictures = write.draw_reproduction(folder, figures)
+        pace.drawn(PICTURES)
         seconds["pictures"] = time.perf_counter() - started - sum(seconds.values())
         claims = ledger.measure(
             runs, quick=quick, ahead=ahead, told=pace.told, taken=lambda rows: maps.update(write.draw_maps(folder, rows))
@@ -74,29 +78,42 @@ def _reproduced(
 
 
 class Pace:
-    """Tells of rows as they are measured, and from what they took how long all of it takes."""
+    """Tells of rows as they are measured; and how long all takes, from how much of the work was done in which time."""
 
     PRIOR_SECONDS = 3.0
-    """Of what was expected: so much counts as measured to be so before anything is, lest the first row decide alone."""
+    """So long the work counts as having gone as fast as expected, before anything is known."""
 
     def __init__(self, running: Work, rows: float, processes: int, *, shown: bool) -> None:
         from barbalat.report.terminal.layout import Screen
 
-        cores = min(os.cpu_count() or 1, processes + 1)
-        self.running, self.whole = running, START + max((RUNS + PICTURES + MAPS + rows) / cores, RUNS + PICTURES)
-        self.expected = self.seconds = self.PRIOR_SECONDS
+        self.cores = min(os.cpu_count() or 1, processes + 1)
+        self.running, self.whole, self.done = running, START + RUNS + PICTURES + MAPS + rows, 0.0
+        self.started, self.runs_done = time.perf_counter(), 0.0
         self.screen = Screen(running.console) if shown and running.console.is_terminal else None
-        running.expect(self.whole)
+        self._add(0.0)
 
     def told(self, measured: Measured) -> None:
         """A line for each row, where somebody is looking."""
         from barbalat.report.terminal import ledger
 
-        self.expected, self.seconds = self.expected + measured.expected, self.seconds + measured.seconds
-        self.running.expect(self.whole * self.seconds / self.expected)
+        self._add(measured.expected)
         if self.screen is not None:
             for claim in measured.claims:
                 ledger.streamed(self.screen, claim)
+
+    def running_section_v(self, fraction: float) -> None:
+        """So much of the runs is done."""
+        self._add(RUNS * (fraction - self.runs_done) + START * (self.runs_done == 0))
+        self.runs_done = fraction
+
+    def drawn(self, seconds: float) -> None:
+        """Pictures are drawn that were to take so long."""
+        self._add(seconds)
+
+    def _add(self, work: float) -> None:
+        self.done += work
+        known = time.perf_counter() - self.started + self.PRIOR_SECONDS
+        self.running.expect(self.whole * known / (self.done + self.PRIOR_SECONDS * self.cores))
 
 
 def _show(figures: list[PaperFigure], claims: list[Claim], folder: Folder, seconds: float) -> None:
