@@ -39,7 +39,7 @@ class Work:
         self.expected, self.name, self.fraction = self.to_come.pop(name, 1.0), name, 0.0
         self.begun = self.updated = time.perf_counter()
         yield self._advanced
-        self.expected, self.fraction = 0.0, 1.0
+        self.name = ""
 
     def expect(self, seconds: float) -> None:
         """The part under way is expected to take so long."""
@@ -52,6 +52,8 @@ class Work:
     @property
     def left(self) -> float:
         """Seconds that are expected to be left."""
+        if not self.name:
+            return sum(self.to_come.values())
         now, rest = time.perf_counter(), self.expected
         if self.fraction >= TOLD_FRACTION:
             rest = (1 - self.fraction) / self.fraction * (self.updated - self.begun)

@@ -11,7 +11,7 @@ from barbalat.certificates.entry import Entry
 from barbalat.certificates.rounding import up
 from barbalat.certificates.table_1 import Table
 from barbalat.report.certificates import rows_of
-from barbalat.report.terminal.layout import Screen, held, name
+from barbalat.report.terminal.layout import Screen, held
 
 GROUPS = {
     "guaranteed": ("Guaranteed on this case", "green"),
@@ -77,7 +77,7 @@ def show_full(screen: Screen, case: str, certificates: Mapping[str, Certificate]
 def _controller(
     screen: Screen, column: Column, certificate: Certificate, dt: float | None, elsewhere: Sequence[str] = ()
 ) -> None:
-    screen.title(f"{name(column.name)}: {column.scheme}")
+    screen.title(f"{screen.name(column.name)}: {column.scheme}")
     for line in five(column, certificate, dt):
         screen.fact(line.label, line.text, ROOM, STYLES.get(line.kind, ""))
     for note in (note for note in certificate.notes if note not in elsewhere):
@@ -186,9 +186,9 @@ def _group(entry: Entry) -> str:
 
 def _table_1(screen: Screen, table: Table) -> None:
     screen.title("Table 1: what is guaranteed")
-    room = max(len(name(column.name)) for column in table.columns)
+    room = max(len(screen.name(column.name)) for column in table.columns)
     for key, title in PROPERTIES.items():
         screen.title(title, "")
         for column in table.columns:
             cell = column.cells[key]
-            screen.fact(name(column.name), f"{held(cell.kind)}: {cell.text}", room, STYLES.get(cell.kind, ""))
+            screen.fact(screen.name(column.name), f"{held(cell.kind)}: {cell.text}", room, STYLES.get(cell.kind, ""))

@@ -45,11 +45,6 @@ def short(text: str, width: int) -> str:
     return f"{kept.rstrip(',;:')} ..." if kept else _cut(text, width - 3) + "..."
 
 
-def name(text: str) -> str:
-    """A controller's name, or as much of it as a table has room for, as one word."""
-    return held(text if cell_len(text) <= LONGEST_NAME else _cut(text, LONGEST_NAME - 3) + "...")
-
-
 def fold(text: str, width: int, indent: str = "", start: str = "") -> list[str]:
     """Lines of at most ``width`` columns, the further ones indented; a word that is wider stands alone."""
     lines, line, empty = [], start, True
@@ -103,19 +98,25 @@ class Screen:
         for line in fold(self._shown(text), self.width, indent, start):
             self._print(line, style)
 
+    def name(self, text: str) -> str:
+        """A controller's name, or as much of it as a table has room for, as one word."""
+        text = self._shown(text)
+        return held(text if cell_len(text) <= LONGEST_NAME else _cut(text, LONGEST_NAME - 3) + "...")
+
     def whole(self, text: str) -> None:
         """A line that is to be copied, such as a path: never folded."""
         self._print(self._shown(text))
 
     def fact(self, label: str, text: str, room: int, style: str = "", indent: str = "  ") -> None:
         """A label in so many columns, and beside it a paragraph; below it where the label is too wide, or the screen narrow."""
-        label, hanging = self._shown(label), indent + " " * (room + 2)
-        if cell_len(label) > room or self.width - len(hanging) < NARROWEST // 2:
+        label, text, hanging = self._shown(label), self._shown(text), indent + " " * (room + 2)
+        widest = max((cell_len(word) for word in text.replace(HELD, " ").split()), default=0)
+        if cell_len(label) > room or self.width - len(hanging) < max(NARROWEST // 2, widest):
             self._print(indent + label, style)
             hanging, start = indent + "    ", ""
         else:
-            start = indent + label + " " * (room - cell_len(label) + 2)
-        lines = fold(self._shown(text), self.width - len(hanging))
+            start = indent + label.replace(HELD, " ") + " " * (room - cell_len(label) + 2)
+        lines = fold(text, self.width - len(hanging))
         for i, line in enumerate(lines):
             before = start if i == 0 and start else hanging
             self.console.print(Text.assemble((before, style), line.replace(HELD, " ")), soft_wrap=True)

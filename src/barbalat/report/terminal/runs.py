@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from barbalat.report.numbers import number_text
-from barbalat.report.terminal.layout import Screen, grouped, name
+from barbalat.report.terminal.layout import Screen, grouped
 from barbalat.run.diagnosis.adapting import Adapting
 from barbalat.run.result import Result
 
@@ -37,27 +37,32 @@ def _tracking(screen: Screen, results: Sequence[Result]) -> None:
         count = max(len(values) for values in (*errors, *once))
         for i in range(count):
             of = "e" if len(errors[0]) == 1 else f"e_{i + 1}" if i < len(errors[0]) else ""
-            rows.append([name(result.name), of, *(_at(values, i) for values in (*errors, *once))])
+            rows.append([screen.name(result.name), of, *(_at(values, i) for values in (*errors, *once))])
     screen.table(headings, grouped(rows), leads=2)
     screen.line("tail: the last quarter of the run", "dim")
     for result in results:
         if result.diverged_at is not None:
-            screen.line(f"{name(result.name)}: diverged at t = {result.diverged_at:.6g} s", "red", "  ")
+            screen.line(f"{screen.name(result.name)}: diverged at t = {result.diverged_at:.6g} s", "red", "  ")
 
 
 def _estimates(screen: Screen, found: Sequence[tuple[Result, Adapting]]) -> None:
     screen.title("Estimates: is it adapting?")
     rows = []
     for result, adapting in found:
-        true, figures = result.problem.parameters, result.figures
-        rates = figures["theta_hat_variation_rate"]
+        true, ends, rates = (
+            result.problem.parameters,
+            _values(result, "theta_hat_final"),
+            _values(result, "theta_hat_variation_rate"),
+        )
+        if result.diverged_at is not None:
+            ends = result.theta_hat[-1].tolist()
         projected = adapting.on_bounds is not None or adapting.on_sphere is not None
         bounds = adapting.on_bounds_text.split("\n") if projected else []
         for i, path in enumerate(adapting.path.tolist()):
             rows.append([
-                name(result.name), f"theta_{i + 1}", number_text(float(result.theta_hat[-1, i])),
+                screen.name(result.name), f"theta_{i + 1}", _at(ends, i),
                 "-" if true is None or i >= len(true) else number_text(float(true[i])), number_text(path),
-                number_text(rates[i]) if isinstance(rates, list) else "-", bounds[i] if i < len(bounds) else "-",
+                _at(rates, i), bounds[i] if i < len(bounds) else "-",
             ])  # fmt: skip
     headings = ("controller", "", "end", "true", "path", "1/s in\nthe tail", "time on\na bound")
     screen.table(headings, grouped(rows), leads=2)
@@ -70,7 +75,7 @@ def _excitation(screen: Screen, found: Sequence[tuple[Result, Adapting]]) -> Non
         return
     screen.title("Excitation of the regressor")
     rows = [
-        [name(result.name), f"{level:.3g}", f"{tail:.3g}", f"{conditioning:.2g}", f"{window:.3g} s"]
+        [screen.name(result.name), f"{level:.3g}", f"{tail:.3g}", f"{conditioning:.2g}", f"{window:.3g} s"]
         for result, (level, tail, conditioning, _, window, _) in excited
     ]
     screen.table(("controller", "least", "in the tail", "scaled", "window"), rows)
@@ -87,7 +92,7 @@ def _findings(screen: Screen, results: Sequence[Result]) -> None:
         f"on the imaginary axis, {solver.real_limit:.3g} on the real one",
         "dim",
     )
-    labels = [name(result.name) for result in results]
+    labels = [screen.name(result.name) for result in results]
     room = min(max(map(len, labels)), ROOM)
     for label, result in zip(labels, results, strict=True):
         screen.fact(label, numerics(result), room, "red" if result.label else "")
