@@ -17,6 +17,9 @@ def show(screen: Screen, found: TradeOff) -> None:
     )
     headings = ("error", *(f"{criterion}:\n{scheme}" for criterion in ("onset", "loss") for scheme in schemes))
     screen.table(headings, tradeoff.at_equal_error(found, "plant"))
-    screen.line(tradeoff.ranking(found, "plant"))
+    head, parts = tradeoff.orders(found, "plant")
+    screen.title(head, "")
+    for part in parts:
+        screen.line(part, indent="    ", start="  ")
     for sentence in found.notes:
         screen.line(f"Note: {sentence}.", "yellow", "  ")
