@@ -120,9 +120,7 @@ def _of_few_colours(png: io.BytesIO) -> bytes:
 
     buffer = io.BytesIO()
     with Image.open(png) as image:
-        image.convert("RGB").quantize(256, method=Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE).save(
-            buffer, "png", optimize=True
-        )
+        image.convert("RGB").quantize(256, method=Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE).save(buffer, "png")
     return buffer.getvalue()
 
 
