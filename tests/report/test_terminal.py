@@ -31,7 +31,7 @@ def shown(width, show, encoding="utf-8") -> str:
     """What a screen shows on a terminal of so many columns."""
     raw = io.BytesIO()
     file = io.TextIOWrapper(raw, encoding=encoding, errors="backslashreplace", write_through=True)
-    show(Screen(Console(file=file, width=width, highlight=False, markup=False, emoji=False)))
+    show(Screen(Console(file=file, width=width, highlight=False, markup=False, emoji=False), longest=width))
     return raw.getvalue().decode(encoding)
 
 

@@ -17,6 +17,8 @@ HELD = "\N{NO-BREAK SPACE}"
 """A blank at which no line ends."""
 NARROWEST, FALLBACK = 40, 80
 """Columns: what any screen is taken to have, and what is assumed where nobody says (a file, a pipe)."""
+LONGEST_LINE = 100
+"""Columns of a paragraph: eyes lose a longer line; tables take what they need."""
 LONGEST_NAME = 28
 """Columns of a controller's name in a table: the bundled cases' longest one has 21."""
 UNITS = r"(?:1/s\^2|1/s|rad/s|rad|deg|s|ms|us|Hz|kHz|dB|%|kB|MB|times|rows|steps)"
@@ -84,9 +86,9 @@ def console(*, to_standard_error: bool = False) -> Console:
 class Screen:
     """Lines, labelled lines and tables on a console."""
 
-    def __init__(self, target: Console | None = None) -> None:
+    def __init__(self, target: Console | None = None, *, longest: int = LONGEST_LINE) -> None:
         self.console = target or console()
-        self.width = self.console.width
+        self.width = min(self.console.width, longest)
 
     def title(self, text: str, style: str = "bold") -> None:
         """A heading with an empty line above."""
@@ -135,7 +137,7 @@ class Screen:
             table.add_column(Text(heading), justify="left" if i < leads or i in left else "right", no_wrap=True)
         for row in shown:
             table.add_row(*map(Text, row))
-        if self.console.measure(table, options=self.console.options.update(width=10_000)).maximum <= self.width:
+        if self.console.measure(table, options=self.console.options.update(width=10_000)).maximum <= self.console.width:
             self.console.print(table)
         else:
             self._paragraphs([heading.replace("\n", " ") for heading in headings], shown, leads)
