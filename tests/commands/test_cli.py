@@ -136,9 +136,7 @@ def test_help_imports_nothing_heavy():
     """A fast start by construction: no numerical package is loaded to print the help."""
     code = """
 import sys
-from barbalat.cases.load import load_case
 from barbalat.cli import main
-from barbalat.run.simulate import simulate
 try:
     main(["--help"])
 finally:
