@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from barbalat.claims import ledger
+from barbalat.claims.rows import LEDGER
 from barbalat.cli import main
 
 
@@ -33,12 +33,12 @@ def test_an_unknown_name(capsys):
 
 def test_the_names_are_those_of_the_rows(section_v_runs):
     """Of the quick rows; those of all in the full command."""
-    _assert_names([part for part in ledger.LEDGER if part.quick], section_v_runs)
+    _assert_names([part for part in LEDGER if part.quick], section_v_runs)
 
 
 @pytest.mark.full
 def test_all_names_are_those_of_the_rows(section_v_runs):
-    _assert_names([part for part in ledger.LEDGER if not part.quick], section_v_runs)
+    _assert_names([part for part in LEDGER if not part.quick], section_v_runs)
 
 
 def _assert_names(parts, runs):

@@ -166,6 +166,13 @@ def test_reproduce(tmp_path, capsys, monkeypatch, section_v_runs):
     assert page.count('<img src="data:image/png;base64,') == 5
 
 
+def test_quick_and_full_exclude_each_other(capsys):
+    with pytest.raises(SystemExit) as stopped:
+        main(["reproduce", "--quick", "--full"])
+    assert stopped.value.code == 2
+    assert "--full: not allowed with argument --quick" in capsys.readouterr().err
+
+
 def test_python_dash_m_is_the_command():
     done = subprocess.run([sys.executable, "-m", "barbalat", "cases"], capture_output=True, text=True, check=False)
     assert done.returncode == 0 and "l1-output" in done.stdout

@@ -61,7 +61,9 @@ def test_a_map_with_every_run_lost_and_a_logarithmic_scale_can_be_drawn():
 
 
 def test_files_page_and_link(tmp_path):
-    claim = Claim("some-claim", "Section V", "a statement", "confirmed", "1 s", "measured", (example(),))
+    claim = Claim(
+        "some-claim", "Section V", "a statement", "confirmed", "1 s", "measured", (example(),), number="1", would_change="2"
+    )
     folder = Folder(tmp_path)
     pictures = write.draw_maps(folder, [claim])
     folder.commit()
@@ -70,7 +72,11 @@ def test_files_page_and_link(tmp_path):
     assert 'href="#map-gain-step"' in text
     assert 'id="map-gain-step"' in text
     assert pictures["gain-step"].data in text
-    assert set(claim.as_json()) == {"id", "where", "statement", "verdict", "measured", "how"}  # the contract's keys
+    contract, beside = (
+        {"id", "where", "statement", "verdict", "measured", "how"},
+        {"number", "readings", "would_change", "sharpened"},
+    )
+    assert set(claim.as_json()) == contract | beside
 
 
 @pytest.mark.parametrize(

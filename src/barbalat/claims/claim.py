@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
 from typing import Any, Literal
 
@@ -163,6 +164,12 @@ class Reading:
     measured: str
 
 
+def of_readings(readings: Sequence[Reading]) -> Verdict:
+    """The verdict on a sentence that is read in several ways: theirs where they agree, else that it holds in some of them."""
+    found = {reading.verdict for reading in readings}
+    return found.pop() if len(found) == 1 else "confirmed with conditions"
+
+
 @dataclass(frozen=True)
 class Claim:
     """A statement in our words, with a verdict and all that a referee asks of one.
@@ -171,7 +178,7 @@ class Claim:
     measured      all that was measured, in a sentence
     how           the plant, the solver, the step, what was compared
     number        the one number that decides the verdict, with its unit and what it is, in a few words
-    readings      where the sentence can be read in several ways, each with a verdict of its own
+    readings      where the sentence can be read in several ways, each with a verdict of its own; the row's is then ``of_readings``
     would_change  what would have to be measured, shown or assumed for another verdict
     sharpened     what ``reproduce --full`` measures beyond the plain command; empty where that is nothing
     """
@@ -184,9 +191,9 @@ class Claim:
     how: str
     maps: tuple[Map | Chart, ...] = ()
     listings: tuple[Listing, ...] = ()
-    number: str = field(default="", kw_only=True)
+    number: str = field(kw_only=True)
     readings: tuple[Reading, ...] = field(default=(), kw_only=True)
-    would_change: str = field(default="", kw_only=True)
+    would_change: str = field(kw_only=True)
     sharpened: str = field(default="", kw_only=True)
 
     def as_json(self) -> dict[str, Any]:

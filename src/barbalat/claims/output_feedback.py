@@ -11,7 +11,7 @@ from barbalat.adaptation.modifications.dead_zone import DeadZone
 from barbalat.adaptation.output_lyapunov import LyapunovLaw
 from barbalat.cases.build import Case
 from barbalat.cases.load import load_case
-from barbalat.claims.claim import Claim, verdict
+from barbalat.claims.claim import Claim, Reading, of_readings, verdict
 from barbalat.claims.variants import numbers
 from barbalat.controllers.output.l1 import L1Output, linear_equivalent
 from barbalat.controllers.output.linear import LinearOutput
@@ -44,16 +44,32 @@ def l1_is_linear() -> Claim:
     constant = replace(case.problem, reference=Step(amplitude=1.0), disturbance=Step(amplitude=1.0, start=5.0))
     left = float(np.abs(simulate(constant, [controller], Simulation(t_end=30.0, dt=1e-3))[controller.name].e[-1, 0]))
     late = _after_saturation(case.problem, controller)
+    readings = (
+        Reading(
+            "a fixed-gain LTI controller inside the bounds",
+            verdict(holds=difference < 1e-9),
+            f"its control differs from the equivalent's by {difference:.1g} of the largest |u|",
+        ),
+        Reading("integral action", verdict(holds=left < 1e-9), f"a constant disturbance leaves |e| = {left:.1g}"),
+        Reading(
+            "the projection is an anti-windup",
+            verdict(holds=late[0] < 0.5 * late[1]),
+            f"mean |e| after saturation {late[0]:.2g} with it, {late[1]:.2g} without",
+        ),
+    )
     return Claim(
         id="l1-output-is-lti",
-        where="Section IV",
+        where="Section IV, before (18) and after (21); Figure 1",
         statement="The L1 output-feedback controller is an LTI controller with integral action and anti-windup",
-        verdict=verdict(holds=difference < 1e-9 and left < 1e-9 and late[0] < 0.5 * late[1]),
+        verdict=of_readings(readings),
         measured=f"its control differs from that of the linear equivalent by {difference:.1g} of the largest |u| while sigma is inside "
         f"its bounds; a constant disturbance leaves |e| = {left:.1g}; after 5 s of saturation the mean |e| of the next 8 s is "
         f"{late[0]:.2g} with the projection and {late[1]:.2g} without",
         how="plant 2/(s + 1) with 0.5 sin y, m = 3, C = 30/(s + 30), gamma = 1e4 (50 under saturation), RK4; the equivalent is "
         "multiplied out and integrated in a realisation of its own",
+        number=f"difference from the linear equivalent: {difference:.1g} of the largest |u|",
+        readings=readings,
+        would_change="an input for which the two differ while sigma is inside its bounds; other L1 controllers are not meant",
     )
 
 
@@ -69,6 +85,8 @@ def _after_saturation(problem: OutputProblem, controller: L1Output) -> tuple[flo
 
 ZONES = (0.1, 0.2, 0.3, 0.34, 0.38, 0.42)
 """Half widths of the dead zone that are tried beside the case's own."""
+LEAST_PATH = 0.1
+"""Of the estimates, all of the order of one: what moves less in 80 s does not adapt."""
 
 
 def rohrs() -> Claim:
@@ -79,21 +97,35 @@ def rohrs() -> Claim:
     bounded = {name: run for name, run in runs.items() if run.diverged_at is None}
     lost, kept = _dead_zones(case)
     remedies = ", ".join(f"{name} {run.figures['max_abs_y']:.3g} ({_moved(run):.2g})" for name, run in bounded.items())
+    adapting = [name for name, run in bounded.items() if _moved(run) > LEAST_PATH]
+    falls = f"diverges at t = {classical.diverged_at:.4g} s" if classical.diverged_at else "stays"
+    readings = (
+        Reading("the classical law is destabilised", verdict(holds=classical.diverged_at is not None), f"it {falls}"),
+        Reading(
+            "the modified laws stay bounded, with any width of the dead zone",
+            verdict(holds=len(bounded) == len(runs), conditional=bool(lost)),
+            f"{len(bounded)} of {len(runs)} do over {case.simulation.t_end:g} s; of {len(ZONES)} more dead zones {len(lost)} diverge",
+        ),
+        Reading(
+            "and they go on adapting",
+            verdict(holds=bool(adapting), conditional=len(adapting) < len(bounded)),
+            f"{', '.join(adapting) or 'none'}: estimates that move by more than {LEAST_PATH:g} in all",
+        ),
+    )
     return Claim(
         id="rohrs",
-        where="not in the paper: Rohrs, Valavani, Athans and Stein (1982, 1985)",
+        where="not in the paper: Rohrs, Valavani, Athans and Stein (1982, 1985). The paper's own sentence, in III.A, is on the projected "
+        "(3)-(4) and (5)-(8)",
         statement="Unmodelled dynamics destabilise an adaptive law without modifications; the robust laws bear them",
-        verdict=verdict(holds=classical.diverged_at is not None and len(bounded) == len(runs), conditional=bool(lost)),
-        measured=(
-            f"the classical law diverges at t = {classical.diverged_at:.4g} s"
-            if classical.diverged_at
-            else "the classical law stays"
-        )
-        + f"; max |y| of the others over {case.simulation.t_end:g} s, and in brackets how far their estimates moved in all: {remedies}; "
-        f"without adapting at all {resting.figures['max_abs_y']:.3g}. The dead zone bears it by not adapting: narrower ones diverge, "
-        f"{', '.join(f'g_0 = {g_0} at {at:.3g} s' for g_0, at in lost.items())}; {numbers(np.array(kept))} do not within the run",
+        verdict=of_readings(readings),
+        measured=f"the classical law {falls}; max |y| of the others over {case.simulation.t_end:g} s, and in brackets how far their estimates "
+        f"moved in all: {remedies}; without adapting at all {resting.figures['max_abs_y']:.3g}. The dead zone bears it by not adapting: narrower ones "
+        f"diverge, {', '.join(f'g_0 = {g_0} at {at:.3g} s' for g_0, at in lost.items())}; {numbers(np.array(kept))} do not within the run",
         how="Rohrs' plant and command 0.3 + 1.85 sin 16.1 t, RK4, h = 1e-4 s; dead zones at h = 1e-3 s; condition: the dead zone is "
         "wider than the error that the initial estimates leave",
+        number=f"the classical law {falls}; {len(bounded)} of {len(runs)} modified laws do not",
+        readings=readings,
+        would_change="a run of the classical law that stays bounded, or of sigma-modification, normalisation or the robust law that does not",
     )
 
 
@@ -146,10 +178,14 @@ def any_relative_degree() -> Claim:
         exponents[degree] = np.diff(np.log(peaks)) / np.diff(np.log(taus))
     return Claim(
         id="siso-any-relative-degree",
-        where="Section IV",
+        where="Section I, last paragraph; Section IV, first sentence",
         statement="The robust MRAC extends to SISO plants of any relative degree: the transient error shrinks with tau",
         verdict=verdict(holds=all((exponent > 0.5).all() for exponent in exponents.values())),
         measured="max |y - y_m| goes as tau to the power "
         + ", ".join(f"{numbers(exponent)} for n* = {degree}" for degree, exponent in exponents.items()),
-        how=f"one plant for each relative degree, gradient law, tau = {numbers(taus)} s, RK4, h = 1e-3 s, 20 s",
+        how=f"one plant for each relative degree, gradient law, tau = {numbers(taus)} s, RK4, h = 1e-3 s, 20 s, "
+        "without disturbances and unmodelled dynamics",
+        number=f"least exponent of tau: {min(float(exponent.min()) for exponent in exponents.values()):.2f}",
+        would_change="a relative degree at which the transient error does not shrink with tau; the disturbances and unmodelled dynamics of "
+        "the sentence are not part of these runs",
     )

@@ -35,7 +35,10 @@ def claims() -> list[Claim]:
     shown = "Δₘ = " + realised.replace("mu ", "μ")
     mu = TauTradeOff("mu", "mu", "μ [s]", shown, f"Delta_m = {realised}, a proper realisation", derivative)
     lower = "For a given modelling error tau has a lower limit, which grows with the error: input delay"
-    return [delay.claim("Theorem 2", lower), mu.claim("Section III.B, Theorem 2", "The same for Delta_m = -mu s")]
+    return [
+        delay.claim("Theorem 2 and the paragraph after it", lower),
+        mu.claim("Theorem 2; Section III.B, example after (11)", "The same for Delta_m = -mu s"),
+    ]
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,6 +96,8 @@ class TauTradeOff:
             f"to 1 % over {BOUNDARY_RUN_FACTOR * T_END:g} s: {limits.runs} runs. {LOSS_CRITERION}. The frozen loop is taken from the scheme's equations by exact "
             "Jacobians; it is no guarantee for the loop that adapts",
             maps=(self._map(), self._chart()),
+            number=f"smallest tau borne: {taus[0]:.3g} s for {self.word} {sizes[0]:.3g} s, {taus[-1]:.3g} s for {sizes[-1]:.3g} s",
+            would_change="a tau that bears every size, or a boundary that does not rise with it; the theorem's own Delta* is not computed",
         )  # fmt: skip
 
     def _nothing_borne(self) -> str:

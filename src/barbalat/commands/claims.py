@@ -23,18 +23,19 @@ def add(commands: Commands) -> None:
 def execute(options: argparse.Namespace) -> int:
     """Run the command; returns the exit code: 0 whatever the verdict."""
     from barbalat.claims import ledger
+    from barbalat.claims.rows import LEDGER, RUNS_OF_SECTION_V
     from barbalat.report.terminal import ledger as terminal
     from barbalat.report.terminal.layout import Screen
     from barbalat.report.write import as_json
 
     if options.name is None:
         if options.json:
-            print_json(as_json({"claims": [row for part in ledger.LEDGER for row in part.as_json()]}))
+            print_json(as_json({"claims": [row for part in LEDGER for row in part.as_json()]}))
         else:
-            terminal.names(Screen(), ledger.LEDGER)
+            terminal.names(Screen(), LEDGER)
         return 0
     part = ledger.part_with(options.name)
-    with work({"measuring": part.seconds + ledger.RUNS_OF_SECTION_V * part.judges_runs}) as running, running.part("measuring"):
+    with work({"measuring": part.seconds + RUNS_OF_SECTION_V * part.judges_runs}) as running, running.part("measuring"):
         claim = ledger.row(options.name)
     if options.json:
         print_json(as_json(claim.as_json()))

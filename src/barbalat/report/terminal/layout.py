@@ -33,20 +33,6 @@ def held(text: str) -> str:
     return text.replace(" ", HELD)
 
 
-def short(text: str, width: int) -> str:
-    """The text in so many columns: what is left out, from the last word that fits, is three dots."""
-    text = _bound_to_units(text)
-    if cell_len(text) <= width:
-        return text
-    kept = ""
-    for word in text.split(" "):
-        longer = f"{kept} {word}" if kept else word
-        if cell_len(longer) > width - 4:
-            break
-        kept = longer
-    return f"{kept.rstrip(',;:')} ..." if kept else _cut(text, width - 3) + "..."
-
-
 def fold(text: str, width: int, indent: str = "", start: str = "") -> list[str]:
     """Lines of at most ``width`` columns, the further ones indented; a word that is wider stands alone."""
     lines, line, empty = [], start, True

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from typing import get_args
 
 from barbalat.claims.claim import Claim, Listing, PaperFigure, Verdict
-from barbalat.claims.ledger import RUNS_OF_SECTION_V, Measurement
-from barbalat.report.terminal.layout import NARROWEST, Screen, held, short
+from barbalat.claims.rows import RUNS_OF_SECTION_V, Measurement
+from barbalat.report.terminal.layout import Screen, held
 
 STYLES = {"confirmed": "green", "confirmed with conditions": "yellow", "not confirmed": "red", "erratum": "red"}
 ROOM = 26
@@ -34,19 +34,12 @@ def by_verdict(screen: Screen, claims: Sequence[Claim]) -> None:
         if mine:
             screen.title(f"{verdict[0].upper()}{verdict[1:]}: {len(mine)}", STYLES[verdict])
         for claim in mine:
-            screen.fact(claim.id, decisive(claim, screen.width - ROOM - 4), ROOM)
+            screen.fact(claim.id, claim.number, ROOM)
 
 
 def streamed(screen: Screen, claim: Claim) -> None:
     """A claim as soon as it is measured: a line where it fits."""
-    label = f"{claim.id}: {held(claim.verdict)}."
-    room = screen.width - len(label) - 1
-    screen.line(f"{label} {decisive(claim, room)}" if room > NARROWEST // 2 else label, STYLES[claim.verdict], "    ")
-
-
-def decisive(claim: Claim, room: int) -> str:
-    """The number that decides the verdict; of a row that names none, the first words of what was measured."""
-    return claim.number or short(claim.measured, max(room, NARROWEST // 2))
+    screen.line(f"{claim.id}: {held(claim.verdict)}. {claim.number}", STYLES[claim.verdict], "    ")
 
 
 def in_full(screen: Screen, claim: Claim) -> None:
