@@ -64,7 +64,7 @@ def test_no_pair_of_disturbing_features_leaves_a_guarantee(name, sample, no_sear
             where = f"{name}, {controller.name}, {pair}"
             assert not claims_where_nothing_holds(certificate, column), where
             held = [row for row in OF_THE_LOOP if column.cells[row].kind == "guaranteed"]
-            bounded = certificate.guaranteed & {"error_bound", "error_bound_worst", "output_bound"}
+            bounded = certificate.guaranteed & {"error_bound", "error_bound_worst", "reference_error_bound", "output_bound"}
             if not held and not bounded:
                 continue
             assert "output_bound" in certificate.guaranteed, where
@@ -122,7 +122,7 @@ def test_beside_a_delay_no_promise_stands_anywhere(tmp_path, capsys):
     assert table.count("does not apply") == 6 and table.count("delay 0.02 s") + table.count("0.02 s") >= 6
     assert not PROMISES.search(table) and not CLAIMS.search(table)
     shown = [row for row in rows if re.search("Signals bounded|Tracking error|Transient|error_bound", row)]
-    assert len(shown) == 3 + 3  # M has two bounds of e, L has one
+    assert len(shown) == 3 + 3 + 1  # M has two bounds of e, L has one, and one of its distance to its reference system
     for row in shown:
         assert "does not apply" in row and "delay 0.02 s" in row and not PROMISES.search(row) and not CLAIMS.search(row)
     written = json.loads((tmp_path / "out" / "run.json").read_text())
@@ -131,4 +131,7 @@ def test_beside_a_delay_no_promise_stands_anywhere(tmp_path, capsys):
             assert column[row]["kind"] == "does not apply" and column[row]["why"] == "delay 0.02 s"
             assert not PROMISES.search(json.dumps(column[row])) and not CLAIMS.search(json.dumps(column[row]))
     for controller in written["certificates"].values():
-        assert not {"error_bound", "error_bound_worst", "nu_1", "nu_2"} & {*controller, *controller["guaranteed"]}
+        assert not {"error_bound", "error_bound_worst", "reference_error_bound", "nu_1", "nu_2"} & {
+            *controller,
+            *controller["guaranteed"],
+        }

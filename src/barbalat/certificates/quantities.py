@@ -29,6 +29,7 @@ QUANTITIES = {
     "nu_2": Quantity("of (10)"),
     "error_bound": Quantity("of every component of e, at all times"),
     "error_bound_worst": Quantity("the same for the worst theta of the known set"),
+    "reference_error_bound": Quantity("of every component of x - x_ref, the filtered loop with theta known, at all times"),
     "adaptation_frequency": Quantity("of the frozen oscillator of adaptation", "rad/s"),
     "gamma_max": Quantity("gain that the solver, or a law that takes Euler steps, bears at its step at least: |x| at its bound"),
     "step_max": Quantity("step that the gain bears at least: |x| at its bound", "s"),

@@ -4,13 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 from barbalat.claims import (
     adapting_margins,
+    any_command,
     condition,
+    control_oscillation,
+    delta_2,
+    does_better,
     figures,
     filter_margins,
+    l1_reference,
     learning,
     lemma_1,
     linear_design,
@@ -23,6 +29,7 @@ from barbalat.claims import (
     theorem_2,
     theta_size,
     tracking,
+    unmodelled,
 )
 from barbalat.claims.claim import Claim
 from barbalat.claims.section_v import Runs
@@ -131,6 +138,30 @@ LEDGER = (
         learning.loss_of_learning, 0.1, {"loss-of-learning": "numerical instability and learning"}, quick=True, judges_runs=True
     ),
     Measurement(learning.exponential, 0.5, {"exponential-convergence": "exponential convergence of the estimates"}, quick=True),
+    Measurement(
+        delta_2.claim, 2.0, {"delta-2-term": "what a modelling error adds to the robust MRAC's error at a fixed tau"},
+        sharper=partial(delta_2.claim, full=True), sharper_seconds=3.5,
+    ),
+    Measurement(
+        any_command.claim, 2.5, {"any-command": "the error goes to zero for any bounded command"},
+        sharper=partial(any_command.claim, full=True), sharper_seconds=20.0,
+    ),
+    Measurement(
+        unmodelled.claim, 2.0, {"unmodelled-unbounded": "projected MRAC and L1-AC beside unmodelled dynamics"},
+        sharper=partial(unmodelled.claim, full=True), sharper_seconds=4.0,
+    ),
+    Measurement(
+        control_oscillation.claim, 2.5, {"filter-control-frequency": "what the filter does to the oscillations in the control"},
+        sharper=partial(control_oscillation.claim, full=True), sharper_seconds=7.5,
+    ),
+    Measurement(
+        does_better.claim, 6.5, {"robust-mrac-better": "the robust MRAC against L1-AC in every respect"},
+        sharper=partial(does_better.claim, full=True), sharper_seconds=7.0,
+    ),
+    Measurement(
+        l1_reference.claim, 1.5, {"l1-reference-system": "L1-AC's own objective: to follow its reference system"},
+        sharper=partial(l1_reference.claim, full=True), sharper_seconds=4.0,
+    ),
     Measurement(output_feedback.l1_is_linear, 0.6, {"l1-output-is-lti": "the L1 output-feedback controller is linear"}),
     Measurement(output_feedback.rohrs, 1.0, {"rohrs": "Rohrs' example"}),
     Measurement(

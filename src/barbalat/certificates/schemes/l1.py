@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from barbalat.certificates.assumptions import FREQUENCIES_TRIED, FROZEN_LAW, constant_in_the_end
-from barbalat.certificates.bounds import laws, theorem_1
+from barbalat.certificates.bounds import l1_reference, laws, theorem_1
 from barbalat.certificates.bounds.model import ModelBounds, model_bounds
 from barbalat.certificates.cells import estimate, limits_text, margins_cell, nothing, statement
 from barbalat.certificates.certificate import Certificate, Draft
@@ -109,6 +109,7 @@ def _add_bound_10(draft: Draft, problem: Problem, controller: L1Adaptive, C: Sta
     void = laws.why_no_bound(controller, problem)
     if void is not None:
         draft.missing("error_bound", void)
+        draft.missing("reference_error_bound", void)
         return None
     rests_on = (*of_the_case(problem, controller.bind(known).box), FILTER_AT_REST)
     kappa = theorem_1.time_constant(controller.filter)
@@ -118,11 +119,12 @@ def _add_bound_10(draft: Draft, problem: Problem, controller: L1Adaptive, C: Sta
             for key, value in zip(("nu_1", "nu_2"), constants, strict=True):
                 draft.guarantee(key, value, *rests_on)
     if not found.holds:
-        draft.missing(
-            "error_bound", f"||W_b (1 - C)||_1 theta_max = {found.value_upper:.4g} is not below 1: bound (10) says nothing here"
-        )
+        not_below = f"||W_b (1 - C)||_1 theta_max = {found.value_upper:.4g} is not below 1"
+        draft.missing("error_bound", f"{not_below}: bound (10) says nothing here")
+        draft.missing("reference_error_bound", f"{not_below}: the distance to the reference system is not bounded")
         return None
     level = laws.error_level(problem, controller, nu_0)
+    draft.guarantee("reference_error_bound", l1_reference.reference_error_bound(level, found, C), *rests_on)
     bound = theorem_1.l1_bound(level, 1.0, found, theta_max, known.k_0, model)
     draft.guarantee("error_bound", bound, *rests_on)
     remaining, root_n = 1 - found.value_upper, math.sqrt(known.n)
