@@ -1,5 +1,6 @@
 """What the README shows in Python runs, and the certificates' names are the same objects in whatever order they are imported."""
 
+import os
 import re
 import subprocess
 import sys
@@ -8,19 +9,128 @@ from pathlib import Path
 import control
 import numpy as np
 import pytest
+import scipy.io
+import scipy.signal
 
 import barbalat
 from barbalat import InputError, StateSpace, TransferFunction, certify, l1_norm, margins
-from barbalat.cases.load import load_case
+from barbalat.cases.load import load_case, parse_case
 from independent import refusal
 
+README = Path(__file__).parents[1].joinpath("README.md").read_text(encoding="utf-8")
 
-def test_the_examples_of_the_readme_run(capsys):
-    blocks = re.findall(r"```python\n(.*?)```", Path(__file__).parents[1].joinpath("README.md").read_text(), re.DOTALL)
+
+def test_the_examples_of_the_readme_run(capsys, tmp_path, monkeypatch):
+    blocks = re.findall(r"```python\n(.*?)```", README, re.DOTALL)
     assert len(blocks) >= 3
+    monkeypatch.chdir(tmp_path)
     exec("\n".join(blocks), {})
+    assert (tmp_path / "comparison.png").stat().st_size > 10_000
     shown = capsys.readouterr().out
     assert "'holds': True" in shown and "Margins(gain_up=" in shown
+
+
+@pytest.mark.full
+def test_the_examples_of_the_readme_are_typed(tmp_path):
+    script = tmp_path / "readme.py"
+    script.write_text("\n".join(re.findall(r"```python\n(.*?)```", README, re.DOTALL)), encoding="utf-8")
+    (tmp_path / "mypy.ini").write_text("[mypy]\nstrict = true\n")
+    source = str(Path(barbalat.__file__).parents[1])
+    found = subprocess.run(
+        [sys.executable, "-m", "mypy", "--config-file", "mypy.ini", script.name],
+        cwd=tmp_path, env=os.environ | {"MYPYPATH": source}, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert found.returncode == 0, found.stdout
+
+
+def test_an_extra_that_lacks_names_itself(monkeypatch):
+    case = load_case("first-order")
+    result = barbalat.simulate(case.problem, case.controllers[0], barbalat.Simulation(1.0, 1e-2))["MRAC"]
+    monkeypatch.setattr("barbalat.validate.find_spec", lambda _: None)
+    for method, extra in ((result.to_pandas, "tables"), (result.to_xarray, "tables"), (result.to_control, "control")):
+        assert f"barbalat[{extra}]" in refusal(method)
+    assert "barbalat[control]" in refusal(result.step_info)
+
+
+def test_a_plant_in_every_form():
+    """A = A_m + b theta' whichever two are given; python-control's and SciPy's systems say the same."""
+    A, b, A_m = np.array([[0.0, 1.0], [3.7, -4.0]]), np.array([0.0, 1.0]), np.array([[0.0, 1.0], [-0.3, -1.0]])
+    C, D = np.eye(2), np.zeros((2, 1))
+    poles = list(np.linalg.eigvals(A_m))
+    plants = [
+        barbalat.Plant(A_m, b, [4.0, -3.0]),
+        barbalat.Plant(A=A, b=b, A_m=A_m),
+        barbalat.Plant(A=A, b=b, poles=poles),
+        barbalat.Plant.from_system((A, b), A_m=A_m),
+        barbalat.Plant.from_system(control.ss(A, b[:, None], C, D), poles=poles),
+        barbalat.Plant.from_system(scipy.signal.StateSpace(A, b[:, None], C, D), A_m=A_m),
+    ]
+    for plant in plants:
+        np.testing.assert_allclose(plant.A, A, atol=1e-12)
+        np.testing.assert_allclose(plant.A_m, A_m, atol=1e-12)
+        np.testing.assert_allclose(plant.theta, [4.0, -3.0], atol=1e-12)
+    assert "either A_m or poles" in refusal(lambda: barbalat.Plant(A=A, b=b))
+    assert "state space" in refusal(lambda: barbalat.Plant.from_system(control.tf([1.0], [1.0, 1.0]), poles=[-1.0]))
+
+
+def test_an_output_plant_of_other_packages():
+    num, den = [2.0, 2.0], [1.0, 3.0, 5.0]
+    ours = barbalat.OutputPlant(TransferFunction(num, den)).transfer_function
+    A, B, C, D = scipy.signal.tf2ss(num, den)
+    for system in (control.tf(num, den), scipy.signal.lti(num, den), scipy.signal.StateSpace(A, B, C, D)):
+        found = barbalat.OutputPlant(system).transfer_function
+        np.testing.assert_allclose(found.num, ours.num, atol=1e-12)
+        np.testing.assert_allclose(found.den, ours.den, atol=1e-12)
+
+
+def test_recorded_commands_in_every_form(tmp_path):
+    t, r = np.array([0.0, 0.5, 1.25]), np.array([1.0, -2.5, 3.0])
+    texts = {
+        "comma": "t,r\n0,1\n0.5,-2.5\n1.25,3\n",
+        "spaces": "0 1\n0.5 -2.5\n1.25   3\n",
+        "tab": "t\tr\n0\t1\n0,5\t-2,5\n1,25\t3\n",
+        "semicolon": "t;r\n0;1\n0,5;-2,5\n1,25;3\n",
+        "decimal commas": "0,0 1,0\n0,5 -2,5\n1,25 3,0\n",
+    }
+    for name, text in texts.items():
+        file = tmp_path / f"{name}.csv"
+        file.write_text(text)
+        found = barbalat.Recorded.from_csv(file)
+        assert found.times.tolist() == t.tolist() and found.values.tolist() == r.tolist(), name
+    scipy.io.savemat(tmp_path / "r.mat", {"t": t, "r": r, "other": np.eye(2)})
+    scipy.io.savemat(tmp_path / "pair.mat", {"data": np.column_stack([t, r])})
+    for found in (
+        barbalat.Recorded.from_mat(tmp_path / "r.mat"),
+        barbalat.Recorded.from_mat(tmp_path / "pair.mat", values="data"),
+    ):
+        assert found.times.tolist() == t.tolist() and found.values.tolist() == r.tolist()
+    assert "data" in refusal(lambda: barbalat.Recorded.from_mat(tmp_path / "pair.mat"))
+    (tmp_path / "no.mat").write_bytes(b"nothing of MATLAB's")
+    assert "no.mat" in refusal(lambda: barbalat.Recorded.from_mat(tmp_path / "no.mat"))
+
+
+@pytest.mark.parametrize(
+    "keys", ["modification = { sigma = 0.1, M_0 = 6.0 }", "leakage = { sigma = 0.1, M_0 = 6.0 }", "dead_zone = { g_0 = 0.2 }"]
+)
+def test_case_files_have_the_names_of_python(keys):
+    text = f"""
+name = "named"
+plant = {{ A_m = [[-1.0]], b = [1.0], theta = [2.0] }}
+reference_model = {{ k_0 = 1.0 }}
+reference = {{ kind = "constant", value = 1.0 }}
+simulation = {{ t_end = 1.0, dt = 0.01 }}
+[[controller]]
+name = "one"
+scheme = "mrac"
+gamma = 1.0
+{keys}
+"""
+    (controller,) = parse_case(text).controllers
+    name = "dead_zone" if "dead_zone" in keys else "leakage"
+    assert getattr(controller, name) is not None
+    if "modification" in keys:
+        twice = text + "leakage = { sigma = 0.1 }\n"
+        assert "twice" in refusal(lambda: parse_case(twice))
 
 
 @pytest.mark.parametrize("before", ["", "import barbalat.certificates.certify", "from barbalat import *"])

@@ -14,6 +14,8 @@ from .adaptation.modifications.fixed_sigma import FixedSigma as FixedSigma
 from .adaptation.modifications.switching_sigma import SwitchingSigma as SwitchingSigma
 from .adaptation.normalization import Normalization as Normalization
 from .adaptation.output_lyapunov import LyapunovLaw as LyapunovLaw
+from .cases.build import Case as Case
+from .cases.load import load_case as load_case
 from .certificates.certificate import Certificate as Certificate
 from .certificates.certify import certify as certify
 from .controllers import KnownParameters as KnownParameters
@@ -55,9 +57,11 @@ from .problem.regressors import Polynomial as Polynomial
 from .problem.regressors import Terms as Terms
 from .problem.state_feedback import Problem as Problem
 from .problem.tracking import Disturbance as Disturbance
+from .protocols import Controller as Controller
 from .run.check_numerics import check_numerics as check_numerics
 from .run.ensemble import EnsembleResult as EnsembleResult
 from .run.ensemble import simulate_ensemble as simulate_ensemble
+from .run.plot import plot as plot
 from .run.result import Result as Result
 from .run.simulate import simulate as simulate
 from .signals import Chirp as Chirp

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import unicodedata
 from dataclasses import is_dataclass
+from importlib.util import find_spec
 from typing import Annotated, Any, TypeAlias
 
 import numpy as np
@@ -153,6 +154,12 @@ def label(field: str, value: Any) -> str:
     if not isinstance(value, str) or not value:
         raise InputError(f"{field} must be a text that is not empty, got {show(value)}")
     return line(field, value)
+
+
+def require_extra(module: str, name: str, purpose: str) -> None:
+    """InputError where an optional package is missing, with the extra that installs it."""
+    if find_spec(module) is None:
+        raise InputError(f"{purpose} needs the package {module}, which is not installed: pip install 'barbalat[{name}]'")
 
 
 def read_only(part: Any) -> None:

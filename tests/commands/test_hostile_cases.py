@@ -116,12 +116,12 @@ def test_names_are_shown_as_they_are(tmp_path, capsys):
 def test_legends_show_every_name():
     import matplotlib.figure
 
-    from barbalat.report.plots import shown
+    from barbalat.pictures.panels import text_of
 
     axes = matplotlib.figure.Figure().subplots()
     names = [r"$\frac{$", "_hidden", "a$b$", "x" * 300]
     for name in names:
-        axes.plot([0, 1], label=shown(name))
+        axes.plot([0, 1], label=text_of(name))
     axes.figure.canvas.draw()
     assert len(axes.legend().get_texts()) == len(names)
     axes.figure.canvas.draw()

@@ -9,6 +9,7 @@ SIGNALS = {
     "square": {"amplitude": 1.0, "frequency": 2.0, "phase": 0.1, "constant": 0.5},
     "chirp": {"amplitude": 1.0, "frequency_start": 0.1, "frequency_end": 5.0, "duration": 10.0, "constant": 0.5},
     "csv": {"file": "r.csv"},
+    "mat": {"file": "r.mat"},
 }
 CSV = "t,r\n0,2\n1,3\n"
 """What stands in that file."""

@@ -43,12 +43,12 @@ def test_matched_recovers_theta():
     for n in (1, 2, 3, 4):
         A_m = random.normal(size=(n, n)) - 5 * np.eye(n)
         b, theta = random.normal(size=n), random.normal(size=n)
-        plant = Plant.matched(A=A_m + np.outer(b, theta), A_m=A_m, b=b)
+        plant = Plant(A=A_m + np.outer(b, theta), A_m=A_m, b=b)
         np.testing.assert_allclose(plant.theta, theta, atol=1e-13 * 10)  # entries of order 1: a few dozen roundings
 
 
 def test_matched_with_a_badly_scaled_b():
-    plant = Plant.matched(A=[[0, 1], [-1, -1]], A_m=[[0, 1], [-2, -1]], b=[0, 1e-170])  # b'b underflows
+    plant = Plant(A=[[0, 1], [-1, -1]], A_m=[[0, 1], [-2, -1]], b=[0, 1e-170])  # b'b underflows
     np.testing.assert_allclose(plant.theta, [1e170, 0], rtol=1e-14)
 
 

@@ -6,7 +6,8 @@ import pytest
 from barbalat.certificates.overview import Certified
 from barbalat.certificates.table_1 import Table
 from barbalat.claims.claim import Axis, Chart, Claim, Curve, Listing
-from barbalat.report import charts, page, plots, write
+from barbalat.pictures.render import render
+from barbalat.report import charts, page, write
 from barbalat.report.files import Folder
 from barbalat.validate import InputError
 
@@ -45,7 +46,7 @@ def test_many_curves_have_colours_of_their_own():
 
 def test_a_curve_that_is_lost_from_the_start_can_be_drawn():
     nothing = Curve("nothing", np.array([1.0]), np.array([1.0]))
-    assert plots.render(charts.draw(example(curves=(nothing,))), "svg")
+    assert render(charts.draw(example(curves=(nothing,))), "svg")
 
 
 def test_nonsense_is_refused():

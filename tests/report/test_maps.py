@@ -9,7 +9,8 @@ from matplotlib.image import imread
 from barbalat.certificates.overview import Certified
 from barbalat.certificates.table_1 import Table
 from barbalat.claims.claim import Axis, Claim, Curve, Map
-from barbalat.report import maps, page, plots, write
+from barbalat.pictures.render import render
+from barbalat.report import maps, page, write
 from barbalat.report.files import Folder
 from barbalat.validate import InputError
 
@@ -38,7 +39,7 @@ def test_cells_lie_around_their_values():
 
 def test_the_lost_cell_is_grey_and_hatched_and_the_others_are_not():
     figure = maps.draw(example(curves=()))
-    picture = imread(io.BytesIO(plots.render(figure, "png")))[::-1]
+    picture = imread(io.BytesIO(render(figure, "png")))[::-1]
     box = figure.axes[0].get_window_extent()
     scale = picture.shape[1] / figure.bbox.width
 
@@ -56,8 +57,8 @@ def test_the_lost_cell_is_grey_and_hatched_and_the_others_are_not():
 
 
 def test_a_map_with_every_run_lost_and_a_logarithmic_scale_can_be_drawn():
-    assert plots.render(maps.draw(example(values=np.full((2, 3), np.nan))), "svg")
-    assert plots.render(maps.draw(example(logarithmic=True)), "png").startswith(b"\x89PNG")
+    assert render(maps.draw(example(values=np.full((2, 3), np.nan))), "svg")
+    assert render(maps.draw(example(logarithmic=True)), "png").startswith(b"\x89PNG")
 
 
 def test_files_page_and_link(tmp_path):

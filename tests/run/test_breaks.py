@@ -20,7 +20,7 @@ from barbalat.problem.regressors import Terms
 from barbalat.problem.state_feedback import Problem
 from barbalat.protocols import BreakingSignal
 from barbalat.report.write import run_block
-from barbalat.run.breaks import breaks_inside, can_be_split
+from barbalat.run.breaks import breaks_inside, can_be_split, lost_order
 from barbalat.run.ensemble import simulate_ensemble
 from barbalat.run.grid import signal_table
 from barbalat.run.simulate import simulate
@@ -374,3 +374,14 @@ def test_the_loss_that_is_said_is_the_loss():
             errors.append(np.abs(run.x[-1] - fine).max())
         slope = np.polyfit(np.arange(8), -np.log2(errors), 1)[0]
         assert slope == pytest.approx(order, abs=0.4)  # the fraction of a step at which the break lies differs from step to step
+
+
+def test_of_millions_of_jumps_in_a_step_none_is_looked_at(monkeypatch):
+    """Which of ten million lie on the grid took seconds, for every controller of a case."""
+
+    def evaluated(*_):
+        raise AssertionError("the signal is evaluated")
+
+    monkeypatch.setattr(Square, "before", evaluated)
+    lost = lost_order((Square(amplitude=1.0, frequency=1e42),), Simulation(t_end=0.1, dt=1e-3), delayed=False)
+    assert lost is not None and lost.order == 1

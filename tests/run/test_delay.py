@@ -195,4 +195,4 @@ def test_what_long_delays_remember_is_counted_before_it_is_allocated(monkeypatch
             attempt()
     monkeypatch.undo()
     assert exact_delay.free_memory() is None or exact_delay.free_memory() > 1e6
-    exact_delay.require_memory([problem(delay=0.5)] * 3, simulation.dt)
+    exact_delay.require_memory(0.5, 1, 3, simulation.dt)

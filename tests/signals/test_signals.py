@@ -198,7 +198,7 @@ def test_csv(tmp_path, content):
         ("t,r\n0,1\n1,x\n", "line 3"),
         ("0,1\n1\n", "line 2"),
         ("0,1\n1,2,3\n", "line 2"),
-        ("0;1\n1;2\n", "line"),
+        ("0|1\n1|2\n", "line"),
         ("t,r\n0,1\n1,nan\n", "finite"),
         ("0,1\n1,1e999\n", "finite"),
         ("0,1\n0,2\n", "increasing"),

@@ -14,10 +14,10 @@ from barbalat.cases.load import load_case
 from barbalat.certificates.certify import certify
 from barbalat.certificates.step_limits.oscillator import Oscillator
 from barbalat.controllers import Mrac
+from barbalat.pictures.labels import Labels
 from barbalat.problem.state_feedback import Known
 from barbalat.report import tradeoff, write
 from barbalat.report.files import Folder
-from barbalat.report.labels import Labels
 from barbalat.solvers import RK4
 from barbalat.solvers.simulation import Simulation
 from barbalat.study import forecast, knobs

@@ -24,7 +24,7 @@ from barbalat.solvers.simulation import Simulation
 from barbalat.validate import InputError
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Case:
     """A problem, the controllers to compare on it, and how to simulate."""
 
@@ -35,6 +35,10 @@ class Case:
     @property
     def name(self) -> str:
         return self.problem.name
+
+    def __repr__(self) -> str:
+        names = ", ".join(controller.name for controller in self.controllers)
+        return f"<Case {self.name!r}: {names}; {self.simulation.t_end:g} s with h = {self.simulation.dt:g} s>"
 
 
 @contextmanager

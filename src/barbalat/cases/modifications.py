@@ -44,6 +44,21 @@ def modified(given: Given, choices: Choices) -> Given:
     return rest | {field: _chosen(given, kinds) for field, kinds in choices.items()}
 
 
+def named_or_modified(given: Given, choices: Choices) -> Given:
+    """The same where a modification may also have been made already, under the name of its field."""
+    named = {name: given.pop(name) for name in choices if name in given}
+    return joined(
+        named, {key: value for key, value in modified(given, choices).items() if key not in choices or value is not None}
+    )
+
+
+def joined(given: Given, more: Given) -> Given:
+    """Both together; InputError for a modification that is given twice."""
+    for name in given.keys() & more.keys():
+        raise InputError(f"{name} is given twice, by its own name and by the keys of a modification")
+    return given | more
+
+
 def _chosen(given: Given, kinds: tuple[type, ...]) -> Any:
     """The one whose keys are given; ``None`` where none are."""
     keys = {kind: set(keys_of(kind, Differences())) for kind in kinds}

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 from barbalat import validate
 from barbalat.cases.keys import REQUIRED, Context, Differences, Given, Key, keys_of
-from barbalat.design.pole_placement import place
 from barbalat.problem.known_set import ParameterBall, ParameterBox
 from barbalat.problem.output_feedback import OutputProblem
 from barbalat.problem.output_plant import OutputPlant
@@ -14,7 +13,7 @@ from barbalat.problem.plant import Plant, ReferenceModel
 from barbalat.problem.state_feedback import Problem
 from barbalat.problem.tracking import Disturbance
 from barbalat.protocols import Signal
-from barbalat.signals import Constant, Recorded
+from barbalat.signals import Constant, MatFile, Recorded
 from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array, InputError, Matrix, Vector
 
@@ -60,8 +59,7 @@ def _plant(plant: Given, model: Given) -> Plant:
         raise InputError("plant.A and plant.regressor are both given; with plant.A the regressor is the state")
     if ("A_m" in model) == ("poles" in model):
         raise InputError("give either reference_model.A_m or reference_model.poles with plant.A")
-    A_m = model["A_m"] if "A_m" in model else place(plant["A"], plant["b"], model["poles"])
-    return Plant.matched(A_m=A_m, **plant)
+    return Plant(**plant, **{key: model[key] for key in ("A_m", "poles") if key in model})
 
 
 def _uncertainty(given: Given, _: Context) -> Given:
@@ -157,9 +155,16 @@ DIFFERENCES: dict[type, Differences] = {
                 "a column of times and a column of values, an optional header; relative to the case file",
                 REQUIRED,
                 "path",
-            )
+            ),
+            "separator": Key(
+                str,
+                "between the columns: comma, semicolon, tab or space; found out by default. Beside any but the comma, "
+                "numbers may have a decimal comma",
+                None,
+            ),
         },
         without=("times", "values"),
-        make=lambda given, context: Recorded.from_csv(context.folder / given["file"]),
+        make=lambda given, context: Recorded.from_csv(context.folder / given.pop("file"), **given),
     ),
+    MatFile: Differences(make=lambda given, context: Recorded.from_mat(context.folder / given.pop("file"), **given)),
 }

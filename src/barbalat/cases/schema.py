@@ -14,7 +14,7 @@ from pydantic.json_schema import models_json_schema
 from barbalat.adaptation.law import AdaptiveLaw
 from barbalat.adaptation.laws import LAWS, OUTPUT_LAWS, LyapunovLaw
 from barbalat.cases.keys import REQUIRED, Context, Differences, Given, Key, Make, keys_of
-from barbalat.cases.modifications import Modification, choices_of, modification_keys, modified
+from barbalat.cases.modifications import Modification, choices_of, joined, modification_keys, modified, named_or_modified
 from barbalat.cases.problem_keys import DIFFERENCES as PROBLEM_DIFFERENCES
 from barbalat.cases.scheme_keys import DIFFERENCES as SCHEME_DIFFERENCES
 from barbalat.cases.scheme_keys import SAMPLING
@@ -92,18 +92,25 @@ def _recipe(settings: type, choice: str = "", *, is_scheme: bool = False) -> Rec
     choices = choices_of(keys)
     if not choices:
         return Recipe(settings, keys, make, choice)
-    keys = {name: key for name, key in keys.items() if name not in choices}
+    meaning = "of the law, by its keys; none by default"
+    keys |= {name: Key(_modification_of(name, kinds), meaning, None) for name, kinds in choices.items()}
     if not is_scheme:
         keys |= modification_keys(choices)
-        return Recipe(settings, keys, lambda given, context: make(modified(given, choices), context), choice)
+        return Recipe(settings, keys, lambda given, context: make(named_or_modified(given, choices), context), choice)
     table = _model(Recipe(Modification, modification_keys(choices), lambda given, _: modified(given, choices)))
-    keys |= {"modification": Key(table, "of the law; none by default", None)}
+    keys |= {"modification": Key(table, "of the law, instead of the keys that name one; none by default", None)}
 
     def make_modified(given: Given, context: Context) -> Any:
         modifications = given.pop("modification", {})
-        return make(given | modifications, context)
+        return make(joined(given, {name: value for name, value in modifications.items() if value is not None}), context)
 
     return Recipe(settings, keys, make_modified, choice)
+
+
+def _modification_of(name: str, kinds: tuple[type, ...]) -> type[Table]:
+    """The table that stands under the name of a law's or scheme's own field."""
+    choice = {name: kinds}
+    return _model(Recipe(Modification, modification_keys(choice), lambda given, _: modified(given, choice)[name]))
 
 
 def _model(recipe: Recipe, **more: Any) -> type[Table]:

@@ -3,26 +3,61 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import Any
+from html import escape
+from typing import TYPE_CHECKING, Any
 
 from barbalat.certificates.entry import Assumption, Entry, Kind, checked, of_finite_numbers
+from barbalat.certificates.picture import MarginLoop, figure_of
 from barbalat.certificates.quantities import QUANTITIES
 from barbalat.validate import InputError
 
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
-@dataclass(frozen=True)
+
+@dataclass(frozen=True, repr=False)
 class Certificate:
     """One controller's certificate.
 
     entries  every value with its kind, what it means and what it rests on; a key that has no meaning for the scheme is absent
     notes    what else was found, as sentences
+    loops    the linear loops whose margins stand among the entries
     """
 
     entries: tuple[Entry, ...] = ()
     notes: tuple[str, ...] = ()
+    loops: tuple[MarginLoop, ...] = field(default=(), compare=False)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "entries", tuple(map(of_finite_numbers, self.entries)))
+
+    def __repr__(self) -> str:
+        condition = self.values.get("condition") or {}
+        holds = [f"condition {'holds' if condition['holds'] else 'does not hold'}"] if "holds" in condition else []
+        shown = {
+            "error_bound": "guaranteed |e| <= {:.4g}",
+            "delay_margin": "delay margin {:.4g} s",
+            "gamma_max": "gamma up to {:.4g}",
+        }
+        numbers = {key: self.values.get(key) for key in shown}
+        said = [shown[key].format(value) for key, value in numbers.items() if isinstance(value, float)]
+        return f"<Certificate: {', '.join([f'{len(self.guaranteed)} of {len(self.entries)} values guaranteed', *holds, *said])}>"
+
+    def _repr_html_(self) -> str:
+        """For notebooks: every value with its kind and its meaning."""
+        rows = "".join(
+            f"<tr><td>{escape(e.key)}</td><td>{escape(_short(e.value if e.applies else None))}</td><td>{escape(e.unit)}</td>"
+            f"<td>{escape(e.kind)}</td><td>{escape(e.meaning if e.applies else e.why)}</td></tr>"
+            for e in self.entries
+        )
+        head = "".join(f"<th>{text}</th>" for text in ("quantity", "value", "unit", "kind", "meaning"))
+        return f"<table><tr>{head}</tr>{rows}</table><small>{'<br>'.join(map(escape, self.findings))}</small>"
+
+    def plot(self, *, narrow: bool = False) -> Figure:
+        """Bode, Nyquist and sensitivity pictures of the loops whose margins are given, as a Matplotlib figure."""
+        if not self.loops:
+            raise InputError("this certificate has no linear loop with margins to plot; its findings say why")
+        return figure_of(self.loops, "Loops broken at the plant's input", narrow=narrow)
 
     def entry(self, key: str) -> Entry | None:
         """The entry of a key; None where the scheme has none."""
@@ -67,6 +102,15 @@ class Certificate:
         return replace(self, entries=entries, notes=(*self.notes, *notes))
 
 
+def _short(value: Any) -> str:
+    """A value in a cell of a table."""
+    if isinstance(value, dict):
+        return ", ".join(f"{key} {_short(one)}" for key, one in value.items())
+    if isinstance(value, (list, tuple)):
+        return f"[{', '.join(map(_short, value))}]"
+    return "-" if value is None else f"{value:.4g}" if isinstance(value, float) else str(value)
+
+
 NUMBERS_ALONE = Assumption("it follows from the case's numbers alone")
 NO_VALUE: dict[Kind, str] = {"exact": "unlimited: nothing exhausts it", "estimate": "none is known", "advice": "none"}
 """Why there is no value, by kind."""
@@ -86,6 +130,7 @@ class Draft:
 
     entries: dict[str, Entry] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
+    loops: list[MarginLoop] = field(default_factory=list)
 
     def __getitem__(self, key: str) -> Any:
         """The value that stands under a key, whether it applies on this case or not."""
@@ -124,7 +169,7 @@ class Draft:
 
     def finish(self) -> Certificate:
         """The certificate."""
-        return Certificate(tuple(self.entries.values()), tuple(self.notes))
+        return Certificate(tuple(self.entries.values()), tuple(self.notes), tuple(self.loops))
 
     def _add(self, values: dict[str, Any], kind: Kind, assumptions: tuple[str, ...], of: str = "") -> None:
         for key, value in values.items():

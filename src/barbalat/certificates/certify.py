@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 
 from barbalat.certificates.certificate import Certificate, reason
 from barbalat.certificates.schemes import sampled, scheme_file, stranger
 from barbalat.certificates.schemes.state_feedback import beyond_the_paper
 from barbalat.controllers import Sampled
-from barbalat.loop.binding import require_controllers
+from barbalat.loop.binding import numbered
 from barbalat.problem.state_feedback import Problem
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller
@@ -18,7 +18,7 @@ from barbalat.validate import InputError
 
 def certify(
     problem: TrackingProblem,
-    controllers: Sequence[Controller],
+    controllers: Controller | Iterable[Controller],
     simulation: Simulation,
     *,
     progress: Callable[[float], None] | None = None,
@@ -29,12 +29,11 @@ def certify(
     computation fails on the case's numbers has that as its finding. Raises InputError for a controller that does not fit the
     problem. ``progress`` is called with the fraction done.
     """
-    require_controllers(controllers)
-    found = {}
-    for i, controller in enumerate(controllers, start=1):
+    found, told = {}, numbered(controllers)
+    for i, controller in enumerate(told, start=1):
         found[controller.name] = _computed(problem, controller, simulation)
         if progress is not None:
-            progress(i / len(controllers))
+            progress(i / len(told))
     return found
 
 

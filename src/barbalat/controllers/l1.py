@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import KW_ONLY, dataclass, field
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -90,7 +90,7 @@ class Equations:
         return Predictor.of(self, T)
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False)
 class L1Adaptive:
     """u = C(s)[-theta_hat'x + k_0 r], predictor x_hat, law theta_hat' = proj(Gamma (x_tilde'P b) x).
 
@@ -108,6 +108,7 @@ class L1Adaptive:
 
     gamma: float | Array
     filter: TransferFunction | None
+    _: KW_ONLY
     theta_hat0: Vector | None = None
     projection: bool | None = None
     leakage: Leakage | None = None

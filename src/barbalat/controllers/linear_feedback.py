@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -50,7 +50,7 @@ class Equations:
         return Tustin(self, T, LinearStep.of(self.K.A, T))
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False)
 class LinearFeedback:
     """u = k_0 r - theta_0'x + K(s)[c'(x_m - x)]: model following without adaptation.
 
@@ -64,6 +64,7 @@ class LinearFeedback:
     """
 
     controller: StateSpace | TransferFunction
+    _: KW_ONLY
     output: Vector | None = None
     nominal: Vector | None = None
     unmodelled: TransferFunction | None = None

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import KW_ONLY, dataclass, field
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -99,7 +99,7 @@ class Equations:
         return Predictor.of(with_predictor, T, self.windup)
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False)
 class Mrac:
     """u = -theta_hat'phi(x) + k_0 r with the Lyapunov law theta_hat' = proj(Gamma (e'P b) phi(x)); phi(x) = x in the paper.
 
@@ -116,6 +116,7 @@ class Mrac:
     """
 
     gamma: float | Array
+    _: KW_ONLY
     theta_hat0: Vector | None = None
     projection: bool | None = None
     leakage: Leakage | None = None

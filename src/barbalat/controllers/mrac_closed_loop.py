@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import KW_ONLY, dataclass, replace
 from typing import NamedTuple
 
 from barbalat import validate
@@ -51,7 +51,7 @@ class Equations:
         return state._replace(theta_hat=limit(state.theta_hat, self.box))
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False)
 class MracClosedLoop:
     """u = -theta_hat'phi(x) + k_0 r, theta_hat' = proj(Gamma (e_c'P b) phi(x)), e_c = x - x_c, x_c' = A_m x_c + b k_0 r - L e_c.
 
@@ -66,6 +66,7 @@ class MracClosedLoop:
     """
 
     gamma: float | Array
+    _: KW_ONLY
     model_feedback: Matrix
     theta_hat0: Vector | None = None
     projection: bool | None = None

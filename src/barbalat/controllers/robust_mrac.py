@@ -6,6 +6,7 @@ The same equations without the auxiliary input are the normalised MRAC that Sect
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -214,7 +215,7 @@ def _equations(settings: RobustMrac | NormalizedMrac, known: Known, Q: StateSpac
 
 def minimum_phase_model(c_0: Array, known: Known) -> TransferFunction:
     """W_m(s) = c_0'(sI - A_m)^-1 b; InputError where it has a zero in Re s >= 0 or is zero."""
-    W_m = transfer_function(c_0, known.A_m, known.b)
+    W_m = _model(c_0.tobytes(), known.A_m.tobytes(), known.b.tobytes())
     if not W_m.num.any():
         raise InputError(f"c_0 must not be zero, got {validate.show(c_0)}")
     if not W_m.is_minimum_phase:
@@ -223,6 +224,12 @@ def minimum_phase_model(c_0: Array, known: Known) -> TransferFunction:
             f"gives a zero with real part {W_m.zeros.real.max():.6g}"
         )
     return W_m
+
+
+@lru_cache(maxsize=64)  # the members of an ensemble mostly share all three
+def _model(c_0: bytes, A_m: bytes, b: bytes) -> TransferFunction:
+    c, A, b_ = (np.frombuffer(part) for part in (c_0, A_m, b))
+    return transfer_function(c, A.reshape(len(b_), len(b_)), b_)
 
 
 def auxiliary_filter(W_m: TransferFunction, tau: float) -> StateSpace:

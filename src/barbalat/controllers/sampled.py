@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import KW_ONLY, dataclass, replace
 from typing import Any, ClassVar, NamedTuple
 
 from barbalat import validate
@@ -41,7 +41,7 @@ def _moved(state: Any, rates: Any, T: float) -> Any:
     return type(state)(*parts)
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False)
 class Sampled:
     """A controller that acts every ``sample_time`` and holds u in between, while the plant moves on.
 
@@ -55,6 +55,7 @@ class Sampled:
 
     controller: Controller
     sample_time: float
+    _: KW_ONLY
     discretization: str = "midpoint"
 
     def __post_init__(self) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -62,16 +63,16 @@ class StateSpace:
 
     @classmethod
     def accept(cls, field: str, system: Any) -> StateSpace:
-        """One of ours, a proper TransferFunction, or a SISO python-control system; InputError names the field.
+        """One of ours, a proper TransferFunction, or a SISO system of python-control or SciPy; InputError names the field.
 
-        A python-control StateSpace is taken as it is: by way of polynomials slow and fast poles together would lose digits.
+        A foreign state space is taken as it is: by way of polynomials slow and fast poles together would lose digits.
         """
         if isinstance(system, cls):
             return system
-        if all(hasattr(system, name) for name in ("A", "B", "C", "D")) and getattr(system, "dt", None) in (0, None):
-            A, B, C, D = (np.asarray(getattr(system, name), dtype=float) for name in "ABCD")
-            if D.shape == (1, 1):
-                return cls(A, B[:, 0], C[0], float(D[0, 0]))
+        matrices = foreign_state_space(system)
+        if matrices is not None and matrices[3].shape == (1, 1):
+            A, B, C, D = matrices
+            return cls(A, B[:, 0], C[0], float(D[0, 0]))
         found = TransferFunction.accept(field, system)
         if found.relative_degree < 0:
             raise InputError(
@@ -103,9 +104,21 @@ class TransferFunction:
 
     @classmethod
     def accept(cls, field: str, system: Any) -> TransferFunction:
-        """One of ours, or a SISO python-control TransferFunction or StateSpace; InputError names the field."""
+        """One of ours, or a SISO system of python-control or SciPy in continuous time; InputError names the field."""
         if isinstance(system, cls):
             return system
+        if isinstance(system, StateSpace):
+            return system.transfer_function()
+        matrices = foreign_state_space(system) if _is_scipy(system) else None
+        if matrices is not None and matrices[3].shape == (1, 1):
+            A, B, C, D = matrices
+            return StateSpace(A, B[:, 0], C[0], float(D[0, 0])).transfer_function()
+        if _is_scipy(system):
+            found = system.to_tf()
+            num, den = np.squeeze(found.num), found.den
+            if np.ndim(num) > 1:
+                raise InputError(f"{field} must have one input and one output, got {validate.show(system)}")
+            return cls(np.atleast_1d(num), den)
         if all(hasattr(system, name) for name in ("ninputs", "noutputs", "dt")):
             import control
 
@@ -117,7 +130,9 @@ class TransferFunction:
                 raise InputError(f"{field} must be a transfer function or state space, got {type(system).__name__}")
             converted = control.tf(system)
             return cls(np.asarray(converted.num[0][0], float), np.asarray(converted.den[0][0], float))
-        raise InputError(f"{field} must be a TransferFunction or a python-control system, got {validate.show(system)}")
+        raise InputError(
+            f"{field} must be a TransferFunction, or a system of python-control or SciPy, got {validate.show(system)}"
+        )
 
     def __mul__(self, other: TransferFunction) -> TransferFunction:
         return TransferFunction(np.polymul(self.num, other.num), np.polymul(self.den, other.den))
@@ -146,7 +161,7 @@ class TransferFunction:
     def is_stable(self) -> bool:
         return bool((self.poles.real < 0).all())
 
-    @property
+    @cached_property
     def is_minimum_phase(self) -> bool:
         """Every zero in the open left half plane, by more than rounding; a zero on the axis is not enough for an inverse."""
         if len(self.num) == 1:
@@ -156,6 +171,10 @@ class TransferFunction:
 
     def realise(self) -> StateSpace:
         """Controllable canonical form, states scaled by powers of two so that no rounding is added."""
+        return self._realisation
+
+    @cached_property
+    def _realisation(self) -> StateSpace:
         order = len(self.den) - 1
         if self.relative_degree < 0:
             raise InputError(f"only a proper system has a realisation, got num {self.num} over den {self.den}")
@@ -169,6 +188,36 @@ class TransferFunction:
         if not all(np.isfinite(part).all() for part in (A, B, C, D)):
             raise InputError(f"the system's coefficients are too far apart to be realised: num {self.num}, den {self.den}")
         return StateSpace(A, B, C, D)
+
+
+def _is_scipy(system: Any) -> bool:
+    """Whether it is a continuous system of SciPy's; discrete ones are not taken."""
+    if not type(system).__module__.startswith("scipy."):
+        return False
+    from scipy.signal import lti
+
+    return isinstance(system, lti)
+
+
+def foreign_state_space(system: Any) -> tuple[Array, Array, Array, Array] | None:
+    """A, B, C, D of a continuous state space of another package; ``None`` for anything else."""
+    if not all(hasattr(system, name) for name in ("A", "B", "C", "D")) or getattr(system, "dt", None) not in (0, None):
+        return None
+    A, B, C, D = (np.asarray(getattr(system, name), dtype=float) for name in "ABCD")
+    return A, B, C, D
+
+
+def open_loop(field: str, system: Any) -> tuple[Array, Array]:
+    """(A, B) of x' = A x + B u; InputError names the field."""
+    if isinstance(system, (tuple, list)) and len(system) == 2:
+        return system[0], system[1]
+    found = (system.A, system.B, system.C, system.D) if isinstance(system, StateSpace) else foreign_state_space(system)
+    if found is None:
+        raise InputError(
+            f"{field} must be a continuous state space, whose state is what is measured, or a pair (A, B), "
+            f"got {validate.show(system)}"
+        )
+    return found[0], found[1]
 
 
 BESIDE_A_POLE = 1e-13

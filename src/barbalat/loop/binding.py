@@ -2,16 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Sequence
+from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
+from dataclasses import fields, is_dataclass, replace
+from itertools import chain, count
 from typing import Any
 
 from barbalat import validate
 from barbalat.loop.blame import blamed
 from barbalat.loop.checking import Ports, check_equations
-from barbalat.loop.structure import comes_from_outside, structure
+from barbalat.loop.structure import comes_from_outside, identical, parts_of, structure
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller, Equations, SampledEquations, feedback_of
 from barbalat.validate import InputError
+
+_sampled: dict[type, bool] = {}
+
+
+def is_sampled(equations: Equations | SampledEquations) -> bool:
+    """Whether equations act at instants of their own; asked of a class once, for it takes long, and of every member's."""
+    kind = type(equations)
+    if kind not in _sampled:
+        _sampled[kind] = isinstance(equations, SampledEquations)
+    return _sampled[kind]
+
 
 _checked: set[Hashable] = set()
 """The structures of equations that were found right."""
@@ -31,6 +44,34 @@ def bound(problem: TrackingProblem, controller: Controller) -> Equations | Sampl
             check_equations(equations, ports, said_of(controller))
             _checked.add(key)
     return equations
+
+
+Bind = Callable[[TrackingProblem, Controller], Equations | SampledEquations]
+"""What gives a controller's equations for a problem."""
+
+
+class Bindings:
+    """``bound`` for many members of one structure, which the caller compares: checked is the first.
+
+    Members with the same controller and the same knowledge of the plant, which is all that ``bind`` is handed, share their
+    equations: of those that differ in theta alone only the first is bound.
+    """
+
+    def __init__(self) -> None:
+        self._last: tuple[Controller, Any, Equations | SampledEquations] | None = None
+
+    def __call__(self, problem: TrackingProblem, controller: Controller) -> Equations | SampledEquations:
+        known = problem.known
+        if self._last is None:
+            found = bound(problem, controller)
+        elif identical(controller, self._last[0]) and identical(known, self._last[1]):
+            return self._last[2]
+        elif type(controller) is type(self._last[0]) and not comes_from_outside(controller):
+            found = controller.bind(known)
+        else:
+            found = _equations(problem, controller)
+        self._last = controller, known, found
+        return found
 
 
 def check_controller(controller: Controller, problem: TrackingProblem) -> None:
@@ -74,3 +115,35 @@ def require_controllers(controllers: Sequence[Any]) -> None:
     names = [controller.name for controller in controllers]
     if twice := sorted({name for name in names if names.count(name) > 1}):
         raise InputError(f"every controller needs a name of its own, but {twice[0]!r} stands {names.count(twice[0])} times")
+
+
+def numbered(controllers: Controller | Iterable[Controller]) -> tuple[Controller, ...]:
+    """Any collection of controllers, or a single one; of several with one name all but the first get a number: MRAC, MRAC 2.
+
+    InputError for what is no controller, and for a second one of a name whose class has no field for it.
+    """
+    given: Any = (controllers,) if isinstance(controllers, Controller) else controllers
+    if isinstance(given, (str, bytes, Mapping)) or not isinstance(given, Iterable):
+        raise InputError(f"controllers must be a list of controllers, got {validate.show(controllers)}")
+    found: list[Controller] = []
+    for controller in given:
+        require_controllers([controller])
+        taken = {other.name for other in found}
+        names = (f"{controller.name} {i}" for i in count(2))
+        free = next(name for name in chain([controller.name], names) if name not in taken)
+        found.append(controller if free == controller.name else _renamed(controller, free))
+    if not found:
+        raise InputError("at least one controller is needed, got none")
+    require_controllers(found)
+    return tuple(found)
+
+
+def _renamed(controller: Any, name: str) -> Any:
+    """A copy by another name; the controller itself where its class does not say how, which is then refused as a twin."""
+    own = tuple(one.name for one in fields(controller) if one.init) if is_dataclass(controller) else ()
+    if "name" in own:
+        return replace(controller, name=name)
+    for field, part in (parts_of(controller) or {}).items():
+        if field in own and isinstance(part, Controller) and part.name == controller.name:  # it goes by the name of what is in it
+            return replace(controller, **{field: _renamed(part, name)})
+    return controller

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from barbalat import validate
-from barbalat.loop.binding import bound
+from barbalat.loop.binding import Bind, bound, is_sampled
 from barbalat.loop.packing import as_array, flatten, map_arrays, unflatten
 from barbalat.loop.parts import Held, LoopState, Outputs, Signals
 from barbalat.problem.actuation import InputPath
@@ -45,10 +45,10 @@ class ClosedLoop:
     delayed: bool = False
 
     @classmethod
-    def of(cls, problem: TrackingProblem, controller: Controller, step: float | None = None) -> ClosedLoop:
+    def of(cls, problem: TrackingProblem, controller: Controller, step: float | None = None, *, bind: Bind = bound) -> ClosedLoop:
         """``step`` is the solver's [s]; only a rate limiter at the plant's input needs it: see ``PlantInput.path``."""
         validate.instance("problem", problem, TrackingProblem)
-        equations = bound(problem, controller)
+        equations = bind(problem, controller)
         sensor, noise = problem.sensor, problem.noise
         return cls(
             problem.dynamics,
@@ -92,7 +92,7 @@ class ClosedLoop:
     @property
     def sampled(self) -> bool:
         """Whether the controller acts at instants of its own."""
-        return isinstance(self.equations, SampledEquations)
+        return is_sampled(self.equations)
 
     @property
     def sample_time(self) -> float | None:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Hashable, Iterator
+from collections.abc import Callable, Hashable, Iterator
 from dataclasses import fields, is_dataclass
+from operator import attrgetter
 from types import BuiltinFunctionType, FunctionType, MethodType, ModuleType, NoneType
 from typing import Any
 
@@ -57,6 +58,8 @@ def with_parts(part: Any, parts: list[Any]) -> Any:
     if isinstance(part, dict):
         return named
     twin = copy.copy(part)
+    if is_dataclass(part) and hasattr(twin, "__dict__"):
+        vars(twin).clear()  # of what is no field too: values that were computed from the other parts and kept
     for name, value in named.items():
         object.__setattr__(twin, name, value)
     return twin
@@ -77,6 +80,49 @@ def structure(part: Any, depth: int = 0) -> Iterator[Any]:
     for name, inner in parts.items():
         yield name
         yield from structure(inner, depth + 1)
+
+
+def values_of(part: Any) -> tuple[Any, ...]:
+    """The values of ``parts_of``, of what has parts."""
+    kind = type(part)
+    if (names := _field_names(kind)) is None:
+        return tuple((parts_of(part) or {}).values())
+    if kind not in _VALUES:
+        _VALUES[kind] = attrgetter(*names) if len(names) > 1 else lambda part: tuple(getattr(part, name) for name in names)
+    return _VALUES[kind](part)
+
+
+_VALUES: dict[type, Callable[[Any], tuple[Any, ...]]] = {}
+
+
+def same_names(part: Any, other: Any) -> bool:
+    """Whether two objects of one class, both with parts or both without, have parts of the same names."""
+    if _field_names(type(part)) is not None:
+        return True
+    parts, others = parts_of(part), parts_of(other)
+    return (parts is None) == (others is None) and (parts is None or others is None or parts.keys() == others.keys())
+
+
+def same_whole(part: Any, other: Any) -> bool:
+    """Whether two parts without parts are equal; what can't be compared is only itself."""
+    return part is other or (isinstance(other, Hashable) and bool(part == other))
+
+
+def identical(part: Any, other: Any, depth: int = 0) -> bool:
+    """Whether two parts agree in everything, to the last bit: nothing that is computed of them can differ."""
+    if part is other:
+        return True
+    if type(part) is not type(other):
+        return False
+    if isinstance(part, np.ndarray):
+        return bool(part.shape == other.shape and part.dtype == other.dtype and part.tobytes() == other.tobytes())
+    if isinstance(part, float):
+        return bool(part.hex() == other.hex())
+    if depth >= DEEPEST or parts_of(part) is None:
+        return same_whole(part, other)
+    return same_names(part, other) and all(
+        one is two or identical(one, two, depth + 1) for one, two in zip(values_of(part), values_of(other), strict=True)
+    )
 
 
 def comes_from_outside(part: Any, depth: int = 0) -> bool:

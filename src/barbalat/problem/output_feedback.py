@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import KW_ONLY, dataclass, field
 from typing import ClassVar
 
 from barbalat import validate
@@ -24,7 +24,7 @@ class OutputKnown:
     saturation: Array | None = None  # (2,) lower and upper limit of the actuator; None where it has none
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False)
 class OutputProblem(TrackingProblem):
     """Plant, model, command r(t), input disturbance d(t), output disturbance, and how y is measured.
 
@@ -40,6 +40,7 @@ class OutputProblem(TrackingProblem):
     plant: OutputPlant
     reference_model: OutputReferenceModel
     reference: Signal = field(default_factory=Constant)
+    _: KW_ONLY
     disturbance: Signal | None = None
     output_disturbance: Signal | None = None  # type: ignore[misc]
     sensor: Sensor | None = None

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 from typing import Any, ClassVar
 
 import numpy as np
@@ -65,11 +65,12 @@ class OutputDynamics:
         return self.system.C @ x
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False)
 class OutputPlant:
     """y = G(s)[u + d + f(t, y)], from rest: (18).
 
-    transfer_function  G(s), strictly proper: what is simulated, its unmodelled part included
+    transfer_function  G(s), strictly proper: what is simulated, its unmodelled part included; also a system of
+                       python-control or SciPy
     nonlinear          f, a formula in y and t such as "(0.5 + 0.1*cos(t))*sin(y)"; none by default
     input              limits, further unmodelled dynamics and delay before G; none by default
 
@@ -77,6 +78,7 @@ class OutputPlant:
     """
 
     transfer_function: TransferFunction
+    _: KW_ONLY
     nonlinear: str | None = None
     input: PlantInput | None = None
 
@@ -101,7 +103,7 @@ class OutputPlant:
         return (PlantInput() if self.input is None else self.input,)
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False)
 class OutputReferenceModel:
     """y_m = W_m(s)[r], from rest: (19).
 

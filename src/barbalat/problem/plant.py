@@ -2,20 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
 
 from barbalat import validate
 from barbalat.linear.conditions import require_controllable, require_hurwitz
+from barbalat.linear.pole_placement import place
+from barbalat.linear.systems import open_loop
 from barbalat.problem.actuation import PlantInput
 from barbalat.problem.regressors import Linear, Regressor, Uncertainty
 from barbalat.protocols import Value
 from barbalat.validate import Array, InputError, Matrix, Vector, freeze
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False, init=False)
 class Plant:
     """Plant with matched uncertainty, x' = A_m x + b (theta'phi(x) + u + d), x(0) = x0: eq. (1), where phi(x) = x.
 
@@ -27,7 +31,11 @@ class Plant:
                        With several inputs one PlantInput for all of them, or a list of one for each, with one delay
     regressor          phi(x), (p,), known: x by default
 
-    Raises InputError for wrong shapes, a non-Hurwitz A_m, an uncontrollable pair.
+    Or as x' = A x + b (u + d): with A and b, and the model's A_m, or the ``poles`` that state feedback gives it, theta
+    solves the matching condition A = A_m + b theta'; phi(x) = x. A complex pole is given once, as [real, imaginary].
+
+    Raises InputError for wrong shapes, a non-Hurwitz A_m, an uncontrollable pair, and, with the unmatched rest, where no
+    theta matches.
     """
 
     A_m: Matrix
@@ -36,6 +44,30 @@ class Plant:
     x0: Vector | None = None
     input: PlantInput | tuple[PlantInput, ...] | None = None
     regressor: Regressor = field(default_factory=Linear)
+
+    def __init__(
+        self,
+        A_m: Matrix | None = None,
+        b: Array = None,
+        theta: Array | None = None,
+        x0: Vector | None = None,
+        *,
+        input: PlantInput | Sequence[PlantInput] | None = None,
+        regressor: Regressor | None = None,
+        A: Matrix | None = None,
+        poles: Sequence[Any] | None = None,
+    ) -> None:
+        if b is None:
+            raise InputError("plant.b is missing")
+        if A is not None:
+            A_m, b, theta = _from_open_loop(A, b, A_m, theta, regressor, poles)
+        elif A_m is None or theta is None:
+            missing = "A_m" if A_m is None else "theta"
+            raise InputError(f"plant.{missing} is missing, got None: give A_m, b and theta, or A, b and either A_m or poles")
+        elif poles is not None:
+            raise InputError("poles goes with plant.A, which is missing")
+        freeze(self, A_m=A_m, b=b, theta=theta, x0=x0, input=input, regressor=Linear() if regressor is None else regressor)
+        self.__post_init__()
 
     def __post_init__(self) -> None:
         A_m = validate.square_matrix("plant.A_m", self.A_m)
@@ -50,34 +82,23 @@ class Plant:
         freeze(self, theta=parameters("plant.theta", self.theta, self.regressor.size(n), self.inputs))
         if self.input is not None:
             freeze(self, input=_inputs(self.input, self.inputs))
-        require_hurwitz("plant.A_m", A_m)
-        require_controllable("(plant.A_m, plant.b)", A_m, self.b)
+        _require_sound(A_m.tobytes(), self.b.tobytes(), self.b.shape)
 
     @classmethod
-    def matched(cls, *, A: Any, A_m: Any, b: Any, x0: Any = None, input: Any = None) -> Plant:
-        """The same plant given as x' = A x + b u: theta solves the matching condition A = A_m + b theta'; phi(x) = x.
+    def from_system(
+        cls, system: Any, *, A_m: Matrix | None = None, poles: Sequence[Any] | None = None, x0: Vector | None = None,
+        input: PlantInput | Sequence[PlantInput] | None = None,
+    ) -> Plant:  # fmt: skip
+        """The plant x' = A x + B u of a state space of python-control or SciPy, or of a pair (A, B); its state is measured."""
+        A, B = open_loop("plant", system)
+        return cls(A=A, b=B, A_m=A_m, poles=poles, x0=x0, input=input)
 
-        Raises InputError, with the unmatched rest, when no theta does.
-        """
-        A_m = validate.square_matrix("reference_model.A_m", A_m)
-        n = A_m.shape[0]
-        A = validate.square_matrix("plant.A", A, n)
-        b = input_matrix("plant.b", b, n)
-        if not b.any():
-            raise InputError("plant.b must not be zero")
-        difference = A - A_m
-        scale = np.abs(b).max()  # squares of very large or small entries would leave the range of floats
-        directions = (b / scale).reshape(n, -1)
-        along = np.linalg.lstsq(directions, difference, rcond=None)[0]  # (m, n)
-        rest = difference - directions @ along
-        if np.abs(rest).max() > 1e-9 * max(1.0, float(np.abs(A).max()), float(np.abs(A_m).max())):
-            raise InputError(
-                "plant.A - reference_model.A_m must be matched (equal to b theta' for some theta), "
-                f"but the part {validate.show(rest)} is out of the reach of b = {validate.show(b)}"
-            )
-        with np.errstate(over="ignore"):  # an infinite theta is refused by the constructor
-            theta = (along / scale).T.reshape(-1)
-        return cls(A_m=A_m, b=b, theta=theta, x0=x0, input=input)
+    @property
+    def A(self) -> Array:
+        """A_m + b theta', (n, n): what the state's own part of x' is where phi(x) = x."""
+        if not self.is_linear:
+            raise InputError("a plant with a nonlinear regressor has no matrix A")
+        return self.A_m + self.b.reshape(self.n, -1) @ self.theta.reshape(self.n, -1).T
 
     @property
     def n(self) -> int:
@@ -93,7 +114,7 @@ class Plant:
     def paths(self) -> tuple[PlantInput, ...]:
         """What lies before each input."""
         if self.input is None:
-            return (PlantInput(),) * self.inputs
+            return (_DIRECT,) * self.inputs
         return self.input if isinstance(self.input, tuple) else (self.input,)
 
     @property
@@ -114,6 +135,54 @@ class Plant:
     def output(self, x: Value) -> Value:
         """What is measured: the state."""
         return x
+
+
+@lru_cache(maxsize=64)  # the plants of an ensemble mostly share both
+def _require_sound(A_m: bytes, b: bytes, shape: tuple[int, ...]) -> None:
+    matrix = np.frombuffer(A_m).reshape(shape[0], shape[0])
+    require_hurwitz("plant.A_m", matrix)
+    require_controllable("(plant.A_m, plant.b)", matrix, np.frombuffer(b).reshape(shape))
+
+
+_DIRECT = PlantInput()
+"""u reaches the plant as it is."""
+
+
+def _from_open_loop(A: Any, b: Any, A_m: Any, theta: Any, regressor: Any, poles: Any) -> tuple[Array, Array, Array]:
+    """A_m, b and theta of x' = A x + b u."""
+    for name, given in (("theta", theta), ("regressor", regressor)):
+        if given is not None:
+            raise InputError(
+                f"plant.A and plant.{name} are both given; with plant.A theta follows, and the regressor is the state"
+            )
+    if (A_m is None) == (poles is None):
+        raise InputError("give either A_m or poles of the reference model with plant.A")
+    if A_m is None:
+        A = validate.square_matrix("plant.A", A)
+        A_m = place(A, input_matrix("plant.b", b, len(A)), poles)
+    A_m = validate.square_matrix("reference_model.A_m", A_m)
+    return A_m, b, matching_parameters(A, A_m, b)
+
+
+def matching_parameters(A: Any, A_m: Array, b: Any) -> Array:
+    """The theta, (n m,), for which A = A_m + b theta'; InputError, with the unmatched rest, when none does."""
+    n = A_m.shape[0]
+    A = validate.square_matrix("plant.A", A, n)
+    b = input_matrix("plant.b", b, n)
+    if not b.any():
+        raise InputError("plant.b must not be zero")
+    difference = A - A_m
+    scale = np.abs(b).max()  # squares of very large or small entries would leave the range of floats
+    directions = (b / scale).reshape(n, -1)
+    along = np.linalg.lstsq(directions, difference, rcond=None)[0]  # (m, n)
+    rest = difference - directions @ along
+    if np.abs(rest).max() > 1e-9 * max(1.0, float(np.abs(A).max()), float(np.abs(A_m).max())):
+        raise InputError(
+            "plant.A - reference_model.A_m must be matched (equal to b theta' for some theta), "
+            f"but the part {validate.show(rest)} is out of the reach of b = {validate.show(b)}"
+        )
+    with np.errstate(over="ignore"):  # an infinite theta is refused by the constructor
+        return np.asarray((along / scale).T.reshape(-1))
 
 
 def input_matrix(field: str, b: Any, n: int) -> Array:
@@ -158,7 +227,7 @@ class Model:
         return x_m
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False)
 class ReferenceModel:
     """x_m' = A_m x_m + b k_0 r, x_m(0) = x(0): eq. (2); A_m and b are the plant's.
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import KW_ONLY, dataclass, field
+from functools import lru_cache
 from typing import Any, ClassVar
 
 import numpy as np
@@ -60,13 +61,20 @@ class Known:
     @property
     def P(self) -> Array:
         """The solution of P A_m + A_m'P = -I, (n, n)."""
-        from scipy.linalg import solve_continuous_lyapunov
-
-        P = solve_continuous_lyapunov(self.A_m.T, -np.eye(self.n))
-        return np.asarray((P + P.T) / 2)
+        return _lyapunov_solution(self.A_m.tobytes(), self.n)
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@lru_cache(maxsize=64)  # the members of an ensemble mostly share A_m
+def _lyapunov_solution(A_m: bytes, n: int) -> Array:
+    from scipy.linalg import solve_continuous_lyapunov
+
+    P = solve_continuous_lyapunov(np.frombuffer(A_m).reshape(n, n).T, -np.eye(n))
+    P = np.asarray((P + P.T) / 2)
+    P.flags.writeable = False
+    return P
+
+
+@dataclass(frozen=True, eq=False)
 class Problem(TrackingProblem):
     """The tracking problem of Section II.
 
@@ -83,6 +91,7 @@ class Problem(TrackingProblem):
     plant: Plant
     reference_model: ReferenceModel = field(default_factory=ReferenceModel)
     reference: Signal | tuple[Signal, ...] = field(default_factory=Constant)
+    _: KW_ONLY
     uncertainty: KnownSet | None = None
     input_gain: tuple[float, float] | tuple[tuple[float, float], ...] | None = None
     disturbance: Signal | None = None

@@ -14,7 +14,7 @@ from barbalat.signals import Clock
 from barbalat.validate import Array, InputError, Vector, freeze
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False)
 class Disturbance:
     """direction * signal(t), added to x': for what no control can cancel.
 

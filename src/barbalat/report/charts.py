@@ -7,8 +7,8 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from barbalat.claims.claim import Chart
+from barbalat.pictures.theme import COLOURS
 from barbalat.report.maps import MARKS
-from barbalat.report.plots import COLOURS
 
 PALETTE = (*COLOURS, "black")
 

@@ -13,9 +13,9 @@ from matplotlib.textpath import TextPath
 
 from barbalat.controllers.output.l1 import L1Output, LinearEquivalent, fast_limit, linear_equivalent
 from barbalat.linear.systems import TransferFunction
+from barbalat.pictures.panels import text_of
 from barbalat.problem.output_plant import OutputPlant
 from barbalat.report.numbers import number_text
-from barbalat.report.plots import shown
 from barbalat.validate import Array
 
 INK = "#1a1a1a"
@@ -36,7 +36,7 @@ def l1_output(controller: L1Output, plant: OutputPlant) -> Figure:
     FigureCanvasAgg(figure)
     scheme, equivalent, limit = figure.subplots(3, 1, height_ratios=[4.4, 3, 3])
     _scheme(Drawing(scheme), controller, plant)
-    scheme.set_title(f"{shown(controller.name)}: the closed loop, as in Figure 1", fontsize="medium", loc="left")
+    scheme.set_title(f"{text_of(controller.name)}: the closed loop, as in Figure 1", fontsize="medium", loc="left")
     inside = "inside the bounds of sigma" if controller.sigma_bound is not None else "everywhere, for sigma has no bounds"
     _equivalent(Drawing(equivalent), linear_equivalent(controller), plant)
     equivalent.set_title(f"What it is {inside}: a linear controller with a pole at s = 0", fontsize="medium", loc="left")

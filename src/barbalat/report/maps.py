@@ -12,11 +12,11 @@ from matplotlib.patches import Patch
 from matplotlib.patheffects import Normal, withStroke
 
 from barbalat.claims.claim import Axis, Curve, Map
-from barbalat.report.plots import DASHES
 from barbalat.validate import Array
 
 COLOURS = "viridis"
 """Even in lightness: it reads the same on a grey print and with the common colour blindnesses."""
+DASHES = ("-", "--", ":", "-.")
 MARKS = ("o", "s", "^", "D", "v")
 
 

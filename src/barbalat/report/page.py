@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-import base64
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib import resources
 
 from jinja2 import Environment, StrictUndefined
+from markupsafe import Markup
 
 import barbalat
 from barbalat.certificates.cells import PROPERTIES
@@ -18,6 +19,7 @@ from barbalat.report.certificates import rows
 from barbalat.report.numbers import number_text
 from barbalat.run.result import Result
 from barbalat.study.tradeoff import TradeOff
+from barbalat.study.tradeoff_picture import TITLES, panels
 
 FIGURE_COLUMNS = {
     "max_abs_e": "max |e|",
@@ -33,14 +35,25 @@ FIGURE_COLUMNS = {
 
 @dataclass(frozen=True)
 class Picture:
-    """A drawn figure: where its PNG and SVG lie beside the page, and the PNG itself."""
+    """A drawn figure: where its PNG and SVG lie beside the page, the SVG itself, and one for phones where there is one."""
 
     name: str
-    png: bytes
+    svg: bytes
+    narrow: bytes | None = None
 
     @property
-    def data(self) -> str:
-        return "data:image/png;base64," + base64.b64encode(self.png).decode("ascii")
+    def data(self) -> Markup:
+        return data_of(self.svg)
+
+    @property
+    def narrow_data(self) -> Markup:
+        return Markup() if self.narrow is None else data_of(self.narrow)
+
+
+def data_of(svg: bytes) -> Markup:
+    """A picture inside of a page: as text, with what an address or an attribute may not contain written otherwise."""
+    text = " ".join(svg.decode().split("\n")).replace('"', "'")
+    return Markup("data:image/svg+xml,{}").format(Markup(re.sub(r"[%#&]|:(?=//)", lambda found: f"%{ord(found[0]):02x}", text)))
 
 
 def reproduction(
@@ -65,7 +78,7 @@ def comparison(
 
 def trade_off(found: TradeOff, picture: Picture) -> str:
     """The page of ``barbalat tradeoff``."""
-    titles = {which: tradeoff.TITLES[which] for which in tradeoff.panels(found)}
+    titles = {which: TITLES[which] for which in panels(found)}
     tables = {"rows": tradeoff.rows, "at_equal_error": tradeoff.at_equal_error, "ranking": tradeoff.ranking}
     return _render("tradeoff.html", found=found, picture=picture, titles=titles, **tables)
 

@@ -8,6 +8,7 @@ import json
 import math
 import re
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -17,17 +18,21 @@ from matplotlib.figure import Figure
 from barbalat.certificates.overview import Certified
 from barbalat.claims.claim import Claim, Map, PaperFigure
 from barbalat.controllers.output.l1 import L1Output
+from barbalat.pictures.render import render
 from barbalat.problem.output_feedback import OutputProblem
-from barbalat.report import charts, diagrams, maps, page, plots, tradeoff
+from barbalat.report import charts, diagrams, maps, page
 from barbalat.report.files import Folder
+from barbalat.run.picture import figure_of
 from barbalat.run.result import Result
 from barbalat.study.tradeoff import TradeOff
-from barbalat.validate import Array
+from barbalat.study.tradeoff_picture import draw as draw_trade_off
 
 RUN, PAGE, PICTURE = "run.json", "report.html", "comparison"
 """Names of files; of the picture without its two suffixes."""
-MOST_ROWS, DIGITS = 1000, 9
-"""Of a CSV, unless all is asked for: more than a picture has columns of pixels, a hundred times a sensor's resolution."""
+NARROW = "-narrow"
+"""After the name of a picture for a phone."""
+MOST_NUMBERS = 44_000
+"""In all CSVs of a folder: some 450 kB. Results in Python have all that was recorded."""
 LONGEST_NAME = 80
 """Characters of a controller's name in a file's; file systems take 255 bytes, and people read fewer."""
 
@@ -87,8 +92,7 @@ def draw_reproduction(folder: Folder, figures: Sequence[PaperFigure]) -> dict[st
     """Draw every figure into the folder."""
     pictures = {}
     for figure in figures:
-        drawing = plots.comparison(figure.shown) if len(figure.shown) > 1 else plots.error_and_estimates(figure.shown[0])
-        pictures[figure.key] = _draw(folder, f"figure-{figure.key}", drawing)
+        pictures[figure.key] = _draw_runs(folder, f"figure-{figure.key}", figure.shown)
     return pictures
 
 
@@ -103,7 +107,7 @@ def draw_maps(folder: Folder, claims: Sequence[Claim]) -> dict[str, page.Picture
 
 def write_comparison(folder: Folder, case: str, results: Sequence[Result], certified: Certified) -> None:
     """The picture of the runs, a block diagram for each L1 output-feedback controller, and the page."""
-    picture = _draw(folder, PICTURE, plots.comparison(results))
+    picture = _draw_runs(folder, PICTURE, results)
     names = _diagram_names([result.name for result in results])
     drawn = [_diagram(folder, *pair) for pair in zip(names, results, strict=True) if isinstance(pair[1].controller, L1Output)]
     folder.write(PAGE, page.comparison(case, results, certified, picture, drawn))
@@ -121,44 +125,48 @@ def files_of_run(folder: Path) -> set[str]:
     except (OSError, ValueError, LookupError, TypeError):
         return set()
     drawn = {f"{name}.{kind}" for name in (PICTURE, *_diagram_names(names)) for kind in ("png", "svg")}
+    drawn.add(f"{PICTURE}{NARROW}.svg")
     return {RUN, PAGE, *_table_names(names)} | drawn
 
 
 def write_tradeoff(folder: Folder, found: TradeOff) -> None:
     """Picture and page of a trade-off."""
-    picture = _draw(folder, "tradeoff", tradeoff.draw(found))
+    picture = _draw(folder, "tradeoff", draw_trade_off(found))
     folder.write(PAGE, page.trade_off(found, picture))
 
 
 def write_trajectories(folder: Folder, results: Sequence[Result], *, whole: bool = False) -> None:
-    """One CSV for each controller, the recorded instants as rows, with all digits.
+    """One CSV for each controller, the recorded instants as rows, or every second, third, ... where these were too many.
 
-    Without ``whole`` a record of more than ``MOST_ROWS`` is thinned to every k-th instant and the last, with ``DIGITS`` digits:
-    what a spreadsheet and a plot can use.
+    With ``whole`` every recorded instant, with all digits.
     """
     for name, result in zip(_table_names([result.name for result in results]), results, strict=True):
         buffer = io.StringIO()
         columns = {"t": result.t} | result.columns()
-        kept = np.arange(len(result.t)) if whole else kept_rows(len(result.t))
-        rows = np.column_stack([column[kept] for column in columns.values()]).tolist()
         writer = csv.writer(buffer, lineterminator="\n")
         writer.writerow(columns)
-        writer.writerows(rows if whole else [[f"{value:.{DIGITS}g}" for value in row] for row in rows])
+        every = 1 if whole else max(math.ceil(len(result.t) * len(columns) * len(results) / MOST_NUMBERS), 1)
+        rows = np.unique([*range(0, len(result.t), every), len(result.t) - 1])
+        numbers = np.column_stack(list(columns.values()))[rows]
+        writer.writerows(row if whole else [float(f"{number:.7g}") for number in row] for row in numbers.tolist())
         folder.write(name, buffer.getvalue())
 
 
-def kept_rows(count: int) -> Array:
-    """Which of so many recorded instants a CSV has."""
-    every = max(-(-(count - 1) // MOST_ROWS), 1)
-    return np.unique(np.append(np.arange(0, count, every), count - 1))
+def _draw_runs(folder: Folder, name: str, results: Sequence[Result]) -> page.Picture:
+    """The picture of runs as it is on a page, and as it is on a phone."""
+    wide = _draw(folder, name, figure_of(results))
+    narrow = render(figure_of(results, narrow=True), "svg")
+    folder.write(f"{name}{NARROW}.svg", narrow)
+    return replace(wide, narrow=narrow)
 
 
 def _draw(folder: Folder, name: str, drawing: Figure) -> page.Picture:
-    png = plots.render(drawing, "png")
+    png = render(drawing, "png")
     drawing.set_layout_engine("none")  # what the first rendering has laid out stays where it is
+    svg = render(drawing, "svg")
     folder.write(f"{name}.png", png)
-    folder.write(f"{name}.svg", plots.render(drawing, "svg"))
-    return page.Picture(name, png)
+    folder.write(f"{name}.svg", svg)
+    return page.Picture(name, svg)
 
 
 def _table_names(names: Sequence[str]) -> list[str]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from math import inf
 
 import numpy as np
 
@@ -12,15 +13,14 @@ from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.lowering.llvm.machine import Kernel, Past, Watch, vector_width
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller
-from barbalat.run import breaks, delay
 from barbalat.run.delay import PER_INPUT
-from barbalat.run.grid import Segment, segments_of, window_of
+from barbalat.run.grid import Segment, segments_of
+from barbalat.run.members import Members
 from barbalat.run.metrics import Metrics, Totals
 from barbalat.run.noise import standard_normal
-from barbalat.run.step import PLAIN, Rhythm, StepProgram, step_program
-from barbalat.run.template import Template
+from barbalat.run.step import PLAIN, Rhythm, StepProgram
 from barbalat.solvers.simulation import Simulation
-from barbalat.validate import Array, InputError
+from barbalat.validate import Array
 
 
 def best_lanes(members: int) -> int:
@@ -59,6 +59,7 @@ class Batch:
     seeds    (M,) and numbers (M,) for one with noise: which stream each member has, 0 ... M - 1 unless given
     record   keeps every block's start state and accumulators
     watch    goes with a program that watches, of one member
+    steps    of the whole run
     """
 
     loop: ClosedLoop
@@ -73,6 +74,7 @@ class Batch:
     seeds: Array | None = None
     numbers: Array | None = None
     watch: Watch | None = None
+    steps: float = inf
     totals: Totals = field(init=False)
     groups: list[Group] = field(init=False)
 
@@ -82,55 +84,32 @@ class Batch:
         members: Sequence[tuple[TrackingProblem, Controller]],
         simulation: Simulation,
         *,
-        numbers: Array | None = None,
         record: bool = False,
         lanes: int | None = None,
         windows: int = 0,
         adjustable: bool = False,
     ) -> Batch:
-        """All that the members' kernel needs: weights and lags of the delay, history, streams of noise, rhythm.
+        """All these members in one batch: see ``Members``."""
+        read = Members.read(members, simulation, windows=windows, adjustable=adjustable)
+        return cls.part(read, slice(0, len(read)), record=record, lanes=lanes)
 
-        windows     of the run, at most, in which the kernel of a single member keeps what is watched; 0: none
-        adjustable  dt, the delay's weights and the rhythm become arguments of the kernel, so that one serves them all. A step
-                    takes 6 to 9 % longer and differs in the last bits; for sweeps over them
-
-        Raises InputError where the members are not of one structure.
-        """
-        problems = [problem for problem, _ in members]
-        loops = [ClosedLoop.of(problem, controller, simulation.dt) for problem, controller in members]
-        first = loops[0]
-        rhythm = _rhythm_of(loops, problems, simulation)
-        weights = lags = history = None
-        if first.delayed:
-            weights = [delay.weights(problem.delay, simulation.dt, simulation.solver) for problem in problems]
-            lags = np.array([delay.lag(problem.delay, simulation.dt) for problem in problems])
-            history = np.column_stack([problem.history for problem in problems])
-        template = Template.of(loops, weights, free_step=simulation.dt if adjustable else None)
-        program = step_program(
-            template.loop,
-            simulation.solver,
-            simulation.dt if template.dt is None else template.dt,
-            template.column,
-            delay_weights=template.delay_weights,
-            lag_per_member=lags is not None and bool((lags != lags[0]).any()),
-            rhythm=rhythm,
-            adjustable=adjustable,
-            watch=windows > 0,
-            in_pieces=not first.delayed and breaks.can_be_split(problems[0].signals, simulation),
-        )
+    @classmethod
+    def part(cls, members: Members, which: slice, *, record: bool = False, lanes: int | None = None) -> Batch:
+        """Some of the members; no bit depends on which others are with them."""
         return cls(
-            first,
-            program,
-            np.column_stack([loop.initial() for loop in loops]),
-            template.values,
-            rhythm,
+            members.loop,
+            members.program,
+            members.states[:, which],
+            members.parameters[:, which],
+            members.rhythm,
             record=record,
-            lanes=lanes,
-            lags=lags,
-            history=history,
-            seeds=np.array([problem.noise.seed for problem in problems if problem.noise is not None]) if first.noise else None,
-            numbers=numbers,
-            watch=Watch(first.size, 0, simulation.steps + 1, window_of(simulation.steps, windows)) if windows else None,
+            lanes=lanes or best_lanes(len(members)),
+            lags=None if members.lags is None else members.lags[which],
+            history=None if members.history is None else members.history[:, which],
+            seeds=None if members.seeds is None else members.seeds[which],
+            numbers=members.numbers[which],
+            watch=members.watch(),
+            steps=members.simulation.steps,
         )
 
     def __post_init__(self) -> None:
@@ -138,7 +117,7 @@ class Batch:
         members = self.states.shape[1]
         width = self.lanes or best_lanes(members)
         self.totals = Totals(self.program.accumulators, members)
-        kernel = self.program.compile(width)
+        kernel = self.program.compile(width, self.steps * -(-members // width))
         self.groups = []
         for first in range(0, members, width):
             index = np.minimum(np.arange(first, first + width), members - 1)  # the last group repeats the last member
@@ -185,16 +164,6 @@ class Batch:
         (group,) = self.groups
         past = None if group.past is None else Past(group.past.lags, group.past.history)
         return replace(group, state=state[:, None].copy(), past=past, recorded=[])
-
-
-def _rhythm_of(loops: Sequence[ClosedLoop], problems: Sequence[TrackingProblem], simulation: Simulation) -> Rhythm:
-    """The one rhythm of all members; InputError where they have several, or where one does not fit the step."""
-    noise_times = [None if problem.noise is None else problem.noise.sample_time for problem in problems]
-    sample_times = [loop.sample_time for loop in loops]
-    for what, times in (("the noise's sample time", noise_times), ("the controller's sample time", sample_times)):
-        if any(time != times[0] for time in times):
-            raise InputError(f"all members must share {what}")
-    return Rhythm.of(loops[0], problems[0].noise, simulation)
 
 
 @dataclass(eq=False)

@@ -93,6 +93,10 @@ def _inside(signal: BreakingSignal, simulation: Simulation, start: int, stop: in
 
 
 def _too_dense(signals: tuple[Signal, ...], simulation: Simulation) -> bool:
+    first, second = (float(simulation.time(k)) for k in (0, 1))
+    counts = [len(signal.breaks(first, second)) for signal in signals if isinstance(signal, BreakingSignal)]
+    if max(counts, default=0) > 10 * MOST_PIECES:  # wherever they lie; to see which are on the grid takes seconds for millions
+        return True
     return len(breaks_inside(signals, simulation, 0, 1)) >= MOST_PIECES
 
 

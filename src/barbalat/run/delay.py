@@ -10,7 +10,6 @@ stage values that have its moments, see ``jump_weights``.
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
 from math import factorial
 from pathlib import Path
 
@@ -18,7 +17,6 @@ import numpy as np
 
 from barbalat.lowering.llvm.machine import remembered
 from barbalat.lowering.shape import TAPS
-from barbalat.problem.tracking import TrackingProblem
 from barbalat.solvers import Tableau
 from barbalat.validate import Array, InputError
 
@@ -50,15 +48,15 @@ def lag(delay: float, dt: float) -> int:
     return whole
 
 
-def require_memory(problems: Sequence[TrackingProblem], dt: float) -> None:
-    """InputError where what the runs of these problems, beside each other, remember does not fit into the memory."""
-    longest, free = max(problem.delay for problem in problems), free_memory()
+def require_memory(longest: float, inputs: int, runs: int, dt: float) -> None:
+    """InputError where what runs with delays of at most ``longest`` [s], side by side, remember does not fit into the memory."""
+    free = free_memory()
     if not longest or free is None:
         return
-    needed = len(problems) * remembered(lag(longest, dt)) * PER_INPUT * len(problems[0].history) * 8  # bytes
+    needed = runs * remembered(lag(longest, dt)) * PER_INPUT * inputs * 8  # bytes
     if needed > free:
         raise InputError(
-            f"plant.input.delay = {longest:g} s at dt = {dt:g} s needs {needed / 1e9:.3g} GB of memory for {len(problems)} runs, "
+            f"plant.input.delay = {longest:g} s at dt = {dt:g} s needs {needed / 1e9:.3g} GB of memory for {runs} runs, "
             f"and {free / 1e9:.3g} GB are free: take a larger simulation.dt, or fewer runs at a time"
         )
 

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence, Sized
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -16,13 +16,22 @@ from barbalat.run.batch import Batch
 from barbalat.run.breaks import LostOrder, lost_order
 from barbalat.run.engine import run
 from barbalat.run.grid import CHUNK_STEPS
+from barbalat.run.members import Members
 from barbalat.run.metrics import Metrics
-from barbalat.run.progress import Progress
+from barbalat.run.progress import Progress, part_of
 from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array, InputError
 
+AT_ONCE = 2**16
+"""Members that run side by side: enough for every core, and few enough that what each needs during its run fits into memory."""
+READING_STEPS = 1000
+"""Steps of a member's run that take about as long as reading it does."""
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+@dataclass(frozen=True, eq=False, kw_only=True, repr=False)
 class EnsembleResult:
     """Figures of M members, in the order given; ``varied`` counts the numbers in which they differ.
 
@@ -37,12 +46,31 @@ class EnsembleResult:
     quarters: Array | None = None
     lost: LostOrder | None = None
 
+    def __repr__(self) -> str:
+        diverged, M = int(np.isfinite(self.metrics.diverged_at).sum()), len(self)
+        e = self.metrics.tail_max_abs_e
+        worst = ", ".join(f"{value:.4g}" for value in np.nanmax(e, axis=0)) if diverged < M else "-"
+        return f"<EnsembleResult: {M} members, {self.varied} numbers varied, {diverged} diverged; worst |e| in the tail {worst}>"
+
+    def plot(self) -> Figure:
+        """Which share of the members has at most an error, in all and in the tail, as a Matplotlib figure."""
+        from barbalat.pictures.shares import Shares, draw
+
+        found, M = self.metrics, len(self)
+        panels = [
+            Shares(title=title, axis=title, values={f"$e_{i + 1}$": np.abs(e[:, i]) for i in range(e.shape[1])})
+            for title, e in (("largest |e|", found.max_abs_e), ("largest |e| in the tail", found.tail_max_abs_e))
+        ]
+        diverged = int(np.isfinite(found.diverged_at).sum())
+        note = f"{M} runs" + (f"; {diverged} diverged and have no error, so that the share stays below 1" if diverged else "")
+        return draw(panels, note, shown=True)
+
     def __len__(self) -> int:
         return len(self.metrics.diverged_at)
 
 
 def simulate_ensemble(
-    members: Sequence[tuple[TrackingProblem, Controller]],
+    members: Iterable[tuple[TrackingProblem, Controller]],
     simulation: Simulation,
     *,
     numbers: Sequence[int] | Array | None = None,
@@ -56,53 +84,70 @@ def simulate_ensemble(
     All members have one structure (scheme, dimensions, projection or not, signals) and may differ in every number:
     theta, x0, gamma, kappa, the box, A_m and with it P, ... Numbers that are the same for all are compiled in.
 
+    members         read once, in their order, and not kept: a generator does, and a million members take little memory then
     numbers         with the seed they fix each member's measurement noise; by default 0, 1, ... in the order given. Members
                     with one number and one seed have the same noise
     quarters        keep the largest |e| of each quarter of the run too; at least eight steps
     threads, lanes  only speed depends on them, not a single bit of the results
+    progress        reading members counts as a part of the work where their number is known beforehand
     """
-    _require(members, simulation, quarters, lanes)
-    streams = _numbers_of(members, numbers)
-    signals = members[0][0].signals
-    for i, (problem, _) in enumerate(members):
-        if problem.signals != signals:
-            raise InputError(f"all members must share their signals, but member {i + 1} has {validate.show(problem.signals)}")
-    delay.require_memory([problem for problem, _ in members], simulation.dt)
-    batch = Batch.of(members, simulation, numbers=streams, record=quarters, lanes=lanes)
+    count = _require(members, simulation, quarters, lanes)
+    reading = 0.0 if count is None else READING_STEPS / (READING_STEPS + simulation.steps)
+
+    def taken(i: int) -> None:
+        if progress is not None:
+            progress(reading * min(i / (count or i), 1.0))
+
+    read = Members.read(_checked(members), simulation, first="member 1: ", taken=taken)
+    if numbers is not None:
+        read = replace(read, numbers=_numbers_of(read, numbers))
+    delay.require_memory(read.longest_delay, read.loop.inputs, min(len(read), AT_ONCE), simulation.dt)
     blocks = replace(simulation, record_points=_points(simulation)) if quarters else simulation
-    run([batch], signals, blocks, threads=threads, progress=progress)
+    found = []
+    for first in range(0, len(read), AT_ONCE):
+        which = slice(first, min(first + AT_ONCE, len(read)))
+        batch = Batch.part(read, which, record=quarters, lanes=lanes)
+        done, width = (reading + (1 - reading) * first / len(read), (1 - reading) * (which.stop - first) / len(read))
+        run([batch], read.signals, blocks, threads=threads, progress=part_of(progress, done, width))
+        found.append((batch.metrics(simulation), _quarters(batch, blocks) if quarters else None))
+    metrics, by_quarters = zip(*found, strict=True)
     return EnsembleResult(
         simulation=simulation,
-        metrics=batch.metrics(simulation),
-        varied=len(batch.parameters),
-        quarters=_quarters(batch, blocks) if quarters else None,
-        lost=lost_order(signals, simulation, delayed=batch.loop.delayed),
+        metrics=Metrics.together(metrics),
+        varied=len(read.parameters),
+        quarters=np.concatenate(by_quarters) if quarters else None,
+        lost=lost_order(read.signals, simulation, delayed=read.loop.delayed),
     )
 
 
-def _numbers_of(members: Sequence[Any], numbers: Sequence[int] | Array | None) -> Array:
+def _numbers_of(members: Members, numbers: Sequence[int] | Array) -> Array:
     """(M,) the members' numbers, checked."""
-    if numbers is None:
-        return np.arange(len(members))
     if len(numbers) != len(members):
         raise InputError(f"numbers must have {len(members)} entries, one for each member, got {len(numbers)}")
     return np.array([validate.whole("numbers", number, least=0) for number in numbers])
 
 
-def _require(members: Sequence[Any], simulation: Simulation, quarters: bool, lanes: int | None) -> None:
-    """InputError for what no ensemble can be made of."""
+def _require(members: Any, simulation: Simulation, quarters: bool, lanes: int | None) -> int | None:
+    """InputError for what no ensemble can be made of; how many members there are, where that is known beforehand."""
     if lanes is not None and (validate.whole("lanes", lanes, least=1) & (lanes - 1)):
         raise InputError(f"lanes must be a power of two, got {lanes}")
-    if not isinstance(members, (list, tuple)):
+    if not isinstance(members, Iterable) or isinstance(members, (str, bytes, Mapping)):
         raise InputError(f"members must be a list of pairs (problem, controller), got {validate.show(members)}")
-    if not members:
-        raise InputError("an ensemble needs at least one member, got none")
     validate.instance("simulation", simulation, Simulation)
     if quarters and simulation.steps < 8:
         raise InputError(f"quarters need at least eight solver steps, got {simulation.steps}")
+    return len(members) if isinstance(members, Sized) else None
+
+
+def _checked(members: Iterable[Any]) -> Iterator[tuple[TrackingProblem, Controller]]:
+    """The members one by one; InputError for what is none, and where there is none."""
+    i = 0
     for i, member in enumerate(members, start=1):
         if not (isinstance(member, tuple) and len(member) == 2 and isinstance(member[0], TrackingProblem)):
             raise InputError(f"member {i} must be a pair (problem, controller), got {validate.show(member)}")
+        yield member
+    if not i:
+        raise InputError("an ensemble needs at least one member, got none")
 
 
 def _points(simulation: Simulation) -> int:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -121,6 +122,12 @@ class Metrics:
     theta_hat_tail_max: Array
     theta_hat_variation_rate: Array
     max_abs_y: Array | None = None
+
+    @classmethod
+    def together(cls, parts: Sequence[Metrics]) -> Metrics:
+        """The figures of all members of these."""
+        named = {name: [getattr(part, name) for part in parts] for name in cls.__dataclass_fields__}
+        return cls(**{name: None if values[0] is None else np.concatenate(values) for name, values in named.items()})
 
     def of_member(self, i: int) -> dict[str, float | list[float] | None]:
         """One member's figures under the names of the JSON contract; ``None`` for a figure that has no finite value."""

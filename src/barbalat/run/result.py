@@ -8,7 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from barbalat import validate
 from barbalat.loop.closed_loop import ClosedLoop
+from barbalat.problem.command_gain import command_warning
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller
 from barbalat.run.breaks import LostOrder
@@ -16,6 +18,7 @@ from barbalat.run.diagnosis.adapting import Adapting, adapting, regressor_along
 from barbalat.run.diagnosis.finer_step import FinerStep
 from barbalat.run.diagnosis.spectrum import Stiffness
 from barbalat.run.metrics import Metrics
+from barbalat.run.outcome import outcome
 from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array
 
@@ -23,6 +26,7 @@ if TYPE_CHECKING:
     import control
     import pandas
     import xarray
+    from matplotlib.figure import Figure
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -38,7 +42,7 @@ class Envelope:
     theta_hat_path: Array  # the sum of |change| over the steps
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False, kw_only=True, repr=False)
 class Result:
     """One controller's run.
 
@@ -123,6 +127,35 @@ class Result:
         phi = regressor_along(loop, self.states, self.x if self.y is None else self.y, self.u)
         return adapting(loop, self.t, self.theta_hat, extrema, envelope.theta_hat_path, phi, self.problem.parameters)
 
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What of the problem and of this run deserves a second look, as sentences."""
+        command = command_warning(self.problem)
+        return (*([command] if command else []), *(() if self.adapting is None else self.adapting.warnings))
+
+    def __repr__(self) -> str:
+        simulation = self.simulation
+        how = f"{simulation.t_end:g} s with {simulation.solver.name}, h = {simulation.dt:g} s"
+        return f"<Result of {self.name!r} on {self.problem.name!r}: {how}; {outcome(self)}>"
+
+    def _repr_html_(self) -> str:
+        """For notebooks: the figures as a table, and the plot."""
+        from barbalat.run.notebook import html_of
+
+        return html_of(self)
+
+    def plot(self, *, narrow: bool = False) -> Figure:
+        """Motion, error, control and estimates over time, as a Matplotlib figure; ``narrow`` for a phone or a column."""
+        from barbalat.run.picture import figure_of
+
+        return figure_of([self], narrow=narrow, shown=True)
+
+    def step_info(self, component: int = 1) -> dict[str, float]:
+        """Rise time, settling time, overshoot, ... after the command's last jump: see ``run.step_response``."""
+        from barbalat.run.step_response import step_info
+
+        return step_info(self, component)
+
     def columns(self) -> dict[str, Array]:
         """Scalar time series by name: x_1 ... u, r, theta_hat_1 ..., each (K,)."""
         series = {name: getattr(self, name) for name in ("x", "x_m", "e", "theta_hat", "u", "r", "y")}
@@ -132,12 +165,14 @@ class Result:
 
     def to_pandas(self) -> pandas.DataFrame:
         """A table with the time [s] as its index and one column for each scalar series."""
+        validate.require_extra("pandas", "tables", "to_pandas")
         import pandas as pd
 
         return pd.DataFrame(self.columns(), index=pd.Index(self.t, name="t"))
 
     def to_xarray(self) -> xarray.Dataset:
         """A dataset over the coordinates t [s], component (1 ... n) and parameter (1 ... p); solver and step are attributes."""
+        validate.require_extra("xarray", "tables", "to_xarray")
         import xarray as xr
 
         second = {"theta_hat": "parameter", "u": "input", "r": "command"}
@@ -162,6 +197,7 @@ class Result:
 
     def to_control(self) -> control.TimeResponseData:
         """python-control's time response: outputs x, states (x, x_m), inputs (r, u)."""
+        validate.require_extra("control", "control", "to_control")
         import control as ct
 
         n = self.x.shape[1]

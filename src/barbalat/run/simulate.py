@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable
 
 import numpy as np
 
 from barbalat import validate
-from barbalat.loop.binding import require_controllers
+from barbalat.loop.binding import numbered
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller
 from barbalat.run import delay
@@ -19,31 +19,27 @@ from barbalat.run.progress import Progress
 from barbalat.run.result import Envelope, Result
 from barbalat.run.step import output_function
 from barbalat.solvers.simulation import Simulation
-from barbalat.validate import InputError
 
 
 def simulate(
     problem: TrackingProblem,
-    controllers: Sequence[Controller],
+    controllers: Controller | Iterable[Controller],
     simulation: Simulation,
     *,
     threads: int | None = None,
     progress: Progress | None = None,
 ) -> dict[str, Result]:
-    """Run every controller on the problem; results by the controllers' names.
+    """Run every controller on the problem; results by the controllers' names, of which equal ones are numbered.
 
     threads   all cores by default; results do not depend on it
     progress  called with the fraction done
 
-    Raises InputError for controllers that don't fit the problem or share a name. A run that diverges is a result.
+    Raises InputError for controllers that don't fit the problem. A run that diverges is a result.
     """
     validate.instance("simulation", simulation, Simulation)
-    if not isinstance(controllers, (list, tuple)):
-        raise InputError(f"controllers must be a list of controllers, got {validate.show(controllers)}")
-    if not controllers:
-        raise InputError("at least one controller is needed, got none")
-    require_controllers(controllers)
-    delay.require_memory([problem] * len(controllers), simulation.dt)
+    validate.instance("problem", problem, TrackingProblem)
+    controllers = numbered(controllers)
+    delay.require_memory(problem.delay, len(problem.history), len(controllers), simulation.dt)
     batches = [Batch.of([(problem, controller)], simulation, record=True, windows=MOST_WINDOWS) for controller in controllers]
     run(batches, problem.signals, simulation, threads=threads, progress=progress)
     return {c.name: _result(problem, c, simulation, batch) for c, batch in zip(controllers, batches, strict=True)}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -11,13 +11,14 @@ import numpy as np
 from barbalat.loop.checking import Ports, check_varied
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.loop.packing import symbols
-from barbalat.loop.structure import DEEPEST, comes_from_outside, parts_of, structure, with_parts
+from barbalat.loop.structure import DEEPEST, comes_from_outside, parts_of, with_parts
 from barbalat.protocols import Value
-from barbalat.validate import Array, InputError
+from barbalat.run.columns import Columns
+from barbalat.validate import Array
 
 
 @dataclass(frozen=True, eq=False)
-class _Member:
+class Member:
     """Everything that a member's step depends on."""
 
     loop: ClosedLoop
@@ -39,67 +40,39 @@ class Template:
     dt: Value = None
 
     @classmethod
-    def of(cls, loops: Sequence[ClosedLoop], weights: Sequence[Array] | None, *, free_step: float | None = None) -> Template:
-        """``free_step`` [s] makes symbols of the step and of all weights. InputError where more than numbers differ."""
-        if free_step is not None:
-            return _adjustable(loops, weights, free_step)
-        each = [None] * len(loops) if weights is None else weights
-        return _varied([_Member(*pair) for pair in zip(loops, each, strict=True)])
+    def of(cls, members: Columns) -> Template:
+        """``members`` has read each ``Member``."""
+        first: Member = members.first
+        if members.count == 1:
+            return cls(first.loop, first.delay_weights, np.zeros((0, 1)), None)
+        differs, values = members.differing()
+        column, parameters = symbols("parameters", len(values))
+        places = np.cumsum(differs) - 1
+        found = _replace(first, iter([parameters[int(place)] if d else None for place, d in zip(places, differs, strict=True)]))
+        if comes_from_outside(first.loop.equations):
+            loop = first.loop
+            ports = Ports.of(loop.plant, loop.model, loop.commands, loop.inputs)
+            check_varied(loop.equations, found.loop.equations, ports, (column, values[:, 0]))
+        return cls(found.loop, found.delay_weights, values, column)
 
+    def adjustable(self, dt: float, weights: Columns | None) -> Template:
+        """With symbols for the step, which is ``dt`` [s], and for all the delay's weights, read apart from the members."""
+        import casadi as ca
 
-def _varied(members: Sequence[_Member]) -> Template:
-    first = members[0]
-    if len(members) == 1:
-        return Template(first.loop, first.delay_weights, np.zeros((0, 1)), None)
-    common = list(structure(first))
-    numbers = np.empty((len(list(_numbers(first))), len(members)))
-    for i, member in enumerate(members):
-        if list(structure(member)) != common:
-            raise InputError(
-                f"all members must have one structure (scheme, sizes, projection, delay), but member {i + 1} differs; "
-                "whole numbers belong to it: write 2.0 for a number that varies"
-            )
-        numbers[:, i] = list(_numbers(member))
-    differs = (numbers != numbers[:, :1]).any(axis=1)
-    column, parameters = symbols("parameters", int(differs.sum()))
-    places = np.cumsum(differs) - 1
-    values = iter([parameters[int(place)] if d else None for place, d in zip(places, differs, strict=True)])
-    found = _replace(first, values)
-    if comes_from_outside(first.loop.equations):
-        loop = first.loop
-        ports = Ports.of(loop.plant, loop.model, loop.commands, loop.inputs)
-        check_varied(loop.equations, found.loop.equations, ports, (column, numbers[differs, 0]))
-    return Template(found.loop, found.delay_weights, numbers[differs], column)
-
-
-def _adjustable(loops: Sequence[ClosedLoop], weights: Sequence[Array] | None, dt: float) -> Template:
-    import casadi as ca
-
-    found = _varied([_Member(loop, None) for loop in loops])
-    flat = np.zeros((0, len(loops))) if weights is None else np.column_stack([value.reshape(-1) for value in weights])
-    column, own = symbols("grid", 1 + len(flat))
-    step = own[0]
-    limited = tuple(
-        path if path is None or path.follows_within is None else replace(path, follows_within=step) for path in found.loop.paths
-    )
-    return Template(
-        loop=replace(found.loop, paths=limited),
-        delay_weights=None if weights is None else own[1:].reshape(*weights[0].shape),
-        values=np.vstack([found.values, np.full((1, len(loops)), dt), flat]),
-        column=column if found.column is None else ca.vertcat(found.column, column),
-        dt=step,
-    )
-
-
-def _numbers(part: Any, depth: int = 0) -> Iterator[float]:
-    parts = parts_of(part) if depth < DEEPEST else None
-    if isinstance(part, np.ndarray):
-        yield from part.ravel().tolist()
-    elif isinstance(part, float):
-        yield part
-    elif parts is not None:
-        for inner in parts.values():
-            yield from _numbers(inner, depth + 1)
+        members = self.values.shape[1]
+        flat = np.zeros((0, members)) if weights is None else weights.everything()
+        column, own = symbols("grid", 1 + len(flat))
+        limited = tuple(
+            path if path is None or path.follows_within is None else replace(path, follows_within=own[0])
+            for path in self.loop.paths
+        )
+        return Template(
+            loop=replace(self.loop, paths=limited),
+            delay_weights=None if weights is None else own[1:].reshape(*weights.first.shape),
+            values=np.vstack([self.values, np.full((1, members), dt), flat]),
+            column=column if self.column is None else ca.vertcat(self.column, column),
+            dt=own[0],
+        )
 
 
 def _replace(part: Any, values: Iterator[Any], depth: int = 0) -> Any:

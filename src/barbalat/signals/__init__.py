@@ -1,7 +1,7 @@
 """Commands, disturbances and recorded data: functions of time that drive the loop. The registry has case files' names."""
 
 from barbalat.signals.piecewise import Square, Step, Steps
-from barbalat.signals.recorded import Recorded
+from barbalat.signals.recorded import MatFile, Recorded
 from barbalat.signals.smooth import Chirp, Clock, Constant, Sine, Sines
 
 SIGNALS = {
@@ -13,6 +13,7 @@ SIGNALS = {
     "square": Square,
     "chirp": Chirp,
     "csv": Recorded,
+    "mat": MatFile,
 }
 
-__all__ = ["SIGNALS", "Chirp", "Clock", "Constant", "Recorded", "Sine", "Sines", "Square", "Step", "Steps"]
+__all__ = ["SIGNALS", "Chirp", "Clock", "Constant", "MatFile", "Recorded", "Sine", "Sines", "Square", "Step", "Steps"]

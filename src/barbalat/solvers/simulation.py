@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import KW_ONLY, dataclass, field
 
 import numpy as np
 
@@ -14,7 +14,7 @@ MOST_RECORDED = 1_000_000
 """Points of a trajectory: 1 GB for each controller, at some 1 kB for the state of an adaptive loop and its envelope."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Simulation:
     """How to simulate: fixed steps of ``dt`` [s] from 0 to ``t_end`` [s].
 
@@ -28,6 +28,7 @@ class Simulation:
 
     t_end: float
     dt: float
+    _: KW_ONLY
     solver: Tableau = RK4
     record_points: int = 2000
     steps: int = field(init=False)

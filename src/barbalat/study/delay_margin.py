@@ -6,14 +6,15 @@ it is measured, not guaranteed.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from barbalat import validate
 from barbalat.linear.largest import halvings
-from barbalat.loop.binding import require_controllers
+from barbalat.loop.binding import numbered
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller
 from barbalat.run.ensemble import simulate_ensemble
@@ -23,6 +24,9 @@ from barbalat.solvers.simulation import Simulation
 from barbalat.study.criteria import Lost, Onset, tracks
 from barbalat.study.ideal_benchmark import Benchmark, Member, with_delay
 from barbalat.validate import Array, InputError
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 SHORTEST_DELAY_STEPS = 2
 """Solver steps: the shortest delay that can be simulated."""
@@ -40,7 +44,7 @@ class Bracket:
     loses: Array
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False, kw_only=True, repr=False)
 class DelayMargins:
     """For M members.
 
@@ -59,10 +63,24 @@ class DelayMargins:
     undelayed: Metrics
     runs: int
 
+    def __repr__(self) -> str:
+        least = ", ".join(
+            f"{name} from {found.bears.min():.4g} s" for name, found in (("onset", self.onset), ("loss", self.loss))
+        )
+        return f"<DelayMargins of {len(self.tracks)} loops: {least}; {self.runs} runs>"
+
+    def plot(self) -> Figure:
+        """Which share of the loops bears at least a delay, by both criteria, as a Matplotlib figure."""
+        from barbalat.pictures.shares import Shares, draw
+
+        values = {"until it oscillates": self.onset.bears, "until it is lost": self.loss.bears}
+        panel = Shares(title="Delay borne", axis="delay at the plant's input [s]", values=values, at_least=True)
+        return draw([panel], "", shown=True)
+
 
 def delay_margins(
     problem: TrackingProblem,
-    controllers: Sequence[Controller],
+    controllers: Controller | Iterable[Controller],
     simulation: Simulation,
     *,
     longest: float = 2.0,
@@ -77,8 +95,7 @@ def delay_margins(
 
     The rest as of ``delay_margins_ensemble``.
     """
-    require_controllers(controllers)
-    found = {}
+    controllers, found = numbered(controllers), {}
     for i, controller in enumerate(controllers):
         found[controller.name] = delay_margins_ensemble(
             [(problem, controller)], simulation, longest=longest, scan=scan, resolution=resolution, onset=onset, lost=lost,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -19,6 +20,9 @@ from barbalat.study.forecast import Cost, Forecast
 from barbalat.study.knobs import Knobs, default_knobs
 from barbalat.study.motion import RESTING, Motion
 from barbalat.validate import Array, InputError
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -58,7 +62,7 @@ class Cloud:
         return float(margins[good].max()) if good.any() else float("nan")
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False, kw_only=True, repr=False)
 class TradeOff:
     """The clouds of all schemes on one problem; ``notes`` are sentences on what was left out and what was not seen."""
 
@@ -75,6 +79,16 @@ class TradeOff:
     def shortest(self) -> float:
         """The shortest delay that was tried [s]."""
         return SHORTEST_DELAY_STEPS * self.simulation.dt
+
+    def __repr__(self) -> str:
+        schemes = ", ".join(f"{len(cloud.tunings)} of {cloud.scheme}" for cloud in self.clouds)
+        return f"<TradeOff of {self.problem.name!r}: {schemes} on {len(self.thetas)} plants, {self.runs} runs>"
+
+    def plot(self) -> Figure:
+        """The clouds and the front of each scheme, by both criteria, as a Matplotlib figure."""
+        from barbalat.study.tradeoff_picture import draw
+
+        return draw(self, shown=True)
 
 
 def pareto_front(error: Array, margin: Array) -> Array:

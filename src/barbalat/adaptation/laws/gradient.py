@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 
 import numpy as np
 
@@ -17,7 +17,7 @@ from barbalat.protocols import Value
 from barbalat.validate import Array
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False)
 class Gradient:
     """theta_hat' = proj(Gamma (epsilon phi - w theta_hat)): steepest descent of (z - theta_hat'phi)^2/(2 m_s^2).
 
@@ -30,6 +30,7 @@ class Gradient:
     """
 
     gamma: float | Array
+    _: KW_ONLY
     leakage: leak.Leakage | None = None
     dead_zone: zone.DeadZone | None = None
 

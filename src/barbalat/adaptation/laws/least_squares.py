@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 
 from barbalat import validate
 from barbalat.adaptation.guarantee import Guarantee, with_modifications
@@ -16,7 +16,7 @@ from barbalat.protocols import Value
 from barbalat.validate import Array
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False)
 class LeastSquares:
     """theta_hat' = proj(P epsilon phi), P' = -P phi phi'P/m_s^2, P(0) = covariance0: eq. (15).
 
@@ -32,6 +32,7 @@ class LeastSquares:
     """
 
     covariance0: float | Array
+    _: KW_ONLY
     leakage: leak.Leakage | None = None
     dead_zone: zone.DeadZone | None = None
 

@@ -10,7 +10,7 @@ from barbalat import validate
 from barbalat.protocols import Value
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False)
 class DeadZone:
     """Continuous dead zone of half-width g_0 > 0: an error of size E counts as E - g_0, and as nothing inside.
 

@@ -9,7 +9,7 @@ from barbalat import validate
 from barbalat.protocols import Value
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False)
 class FixedSigma:
     """w = sigma > 0: the estimates stay bounded under bounded modelling errors without a known set.
 

@@ -9,6 +9,7 @@ import numpy as np
 from barbalat.certificates.assumptions import LINEAR_LOOP_ONLY
 from barbalat.certificates.certificate import Draft
 from barbalat.certificates.linear_loops.around_equilibrium import around_equilibrium
+from barbalat.certificates.picture import MarginLoop
 from barbalat.linear.delayed_peaks import delayed_peaks
 from barbalat.linear.interconnections import complementary_sensitivity, sensitivity, series
 from barbalat.linear.margins import margins
@@ -30,6 +31,7 @@ def add_margins(draft: Draft, problem: TrackingProblem, loop: StateSpace, which:
         return
     name = f"{which}, broken at the plant input{_beside(problem)}"
     draft.exact(found, name, assumed)
+    draft.loops.append(MarginLoop(which, with_input_dynamics(problem, loop), problem.delay))
     draft.advise({"margins_of": f"the linear loop {name}"})
 
 
@@ -91,6 +93,7 @@ def add_delay_margin_adapting(draft: Draft, problem: TrackingProblem, loop: Stat
     except InputError as error:
         draft.missing("delay_margin_adapting", f"linear loop {at}: {error}")
         return
+    draft.loops.append(MarginLoop(f"{at}, its law included", with_input_dynamics(problem, loop), problem.delay))
     draft.exact({"delay_margin_adapting": finite(found.delay)}, f"{at}, its law included{_beside(problem)}", LINEAR_LOOP_ONLY)
 
 

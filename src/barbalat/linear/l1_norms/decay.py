@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import cast
 
 import numpy as np
@@ -21,6 +22,9 @@ FloatMatrix = NDArray[np.float64]
 # eigenvalue of a float64 matrix this close to the axis (2^-4096 relative) is on it for every purpose.
 _SPECTRUM_BITS = 64
 _SPECTRUM_BITS_LIMIT = 4096
+# Bits of the largest entry in units of the smallest one's last bit: 160 where entries lie 1e30 apart. The roots of a cubic
+# whose coefficients have 800 take eight seconds.
+_WIDEST_ENTRIES = 400
 
 
 @dataclass(frozen=True)
@@ -68,15 +72,27 @@ def eigenvalues(A: FloatMatrix) -> list[tuple[acb, int]]:
     The characteristic polynomial of the float64 matrix is computed exactly over the integers, so repeated and
     defective eigenvalues are recognised exactly (square-free factorisation, arb_fmpz_poly_complex_roots).
     """
-    n = A.shape[0]
-    entries: list[float] = A.ravel().tolist()
+    return list(_eigenvalues(tuple(A.ravel().tolist()), ctx.prec))
+
+
+@lru_cache(maxsize=64)  # the norms of a system with several inputs and outputs share it; far-apart entries take seconds
+def _eigenvalues(entries: tuple[float, ...], precision: int) -> tuple[tuple[acb, int], ...]:
+    """Of a matrix given row by row; the enclosures at a precision in bits."""
+    n = math.isqrt(len(entries))
     fractions = [value.as_integer_ratio() for value in entries]
     denominator = max(bottom for _, bottom in fractions)  # a power of two, and so a multiple of the others
+    bits = max(abs(top) * (denominator // bottom) for top, bottom in fractions).bit_length()
+    if n > 2 and bits > _WIDEST_ENTRIES:
+        raise ArithmeticError(
+            f"the eigenvalues of a matrix ({n}, {n}) need entries of at most {_WIDEST_ENTRIES} bits side by side, got {bits}: "
+            "they are too far apart"
+        )
     integers = fmpz_mat(n, n, [top * (denominator // bottom) for top, bottom in fractions])
     # The stub of python-flint 0.9 types the (root, multiplicity) pairs as single roots.
-    roots = cast("list[tuple[acb, int]]", integers.charpoly().complex_roots())
-    scale = arb(denominator)
-    return [(acb(root) / scale, int(multiplicity)) for root, multiplicity in roots]
+    with ctx.workprec(precision):
+        roots = cast("list[tuple[acb, int]]", integers.charpoly().complex_roots())
+        scale = arb(denominator)
+        return tuple((acb(root) / scale, int(multiplicity)) for root, multiplicity in roots)
 
 
 def require_hurwitz(A: FloatMatrix) -> None:

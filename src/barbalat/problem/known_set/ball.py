@@ -33,7 +33,7 @@ SCALAR_ONLY = (
 )
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False)
 class ParameterBall:
     """The known convex set Omega = {|theta - center|_2 <= radius}.
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import KW_ONLY, dataclass, field
 from fractions import Fraction
 from typing import TYPE_CHECKING, ClassVar
 
@@ -27,7 +27,7 @@ AGREEMENT_TOLERANCE = 2.0**-36
 """Of a guess with the equations, relatively: a few thousand roundings."""
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False)
 class ParameterBox:
     """The known convex set Omega = {lower <= theta <= upper}, componentwise.
 
@@ -36,6 +36,7 @@ class ParameterBox:
 
     lower: Array
     upper: Array
+    _: KW_ONLY
     faces: tuple[int, ...] = field(init=False, repr=False)
     """The components with a bound that a run can reach."""
 

@@ -67,7 +67,7 @@ class Spectrum:
         matrices = evaluated(self.jacobian, states, signals)
         finite = np.isfinite(matrices).all(axis=(1, 2))  # what overflows is far outside
         h_lambda, outside = np.full(len(states), np.inf), ~finite
-        z = self.simulation.dt * np.linalg.eigvals(matrices[finite])
+        z = self.simulation.dt * _eigenvalues(matrices[finite])
         with np.errstate(divide="ignore"):  # R may vanish: no growth at all
             spurious = np.log(np.abs(self.simulation.solver.amplification(z))) - np.maximum(z.real, 0)
         h_lambda[finite] = np.abs(z).max(axis=1, initial=0.0)
@@ -77,6 +77,20 @@ class Spectrum:
         radius, amplified = self.law.at(states[finite], signals[finite], matrices[finite])
         outside[finite] |= amplified
         return Looks(h_lambda, outside, radius)
+
+    def coupling(self, states: Array, signals: Array) -> Array:
+        """(K,) what ``coupling_function`` is, with what is constant of it, of loops that are too large to watch it."""
+        found = []
+        for state, given in zip(states, signals, strict=True):  # one matrix at a time: a thousand states make 8 MB
+            (J,) = evaluated(self.jacobian, state[None], given[None])
+            own = np.sum(np.diag(J) ** 2)
+            found.append(own + abs(np.sum(J * J.T) - own))
+        return np.nan_to_num(np.array(found), nan=np.inf)
+
+
+def _eigenvalues(matrices: Array) -> Array:
+    """(K, size), one matrix after the other, so that Ctrl-C is heard between them."""
+    return np.array([np.linalg.eigvals(matrix) for matrix in matrices]) if len(matrices) else np.linalg.eigvals(matrices)
 
 
 @dataclass(frozen=True, eq=False)

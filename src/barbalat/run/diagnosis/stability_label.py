@@ -28,6 +28,10 @@ MOST_WINDOWS = 2000
 """Of a run, at most; they are whole multiples of WATCH_EVERY."""
 MOST_LOOKS = 200
 """Windows at which the spectrum is taken: half the stiffest ones, half spread over the others; before an exit all."""
+QUICK_SPECTRUM = 100
+"""States of a loop whose spectrum takes some 10 ms, of which a run can have MOST_LOOKS."""
+FEWEST_LOOKS = 2
+"""At the spectrum of a loop with very many states."""
 WINDOW_PIECES = 64
 """Into which a window with an exit is cut, again and again."""
 
@@ -53,7 +57,8 @@ def stiffness_along(run: Run) -> Stiffness:
         return spectrum.at(at.states, run.signals(at.steps).T)
 
     watch = run.batch.watch
-    assert watch is not None
+    if watch is None:
+        return _of_a_large_loop(run, spectrum, look)
     stiffest, coupling = _kept(watch, run.stop)
     order = np.argsort(-coupling, kind="stable")
     rest = np.sort(order[MOST_LOOKS // 2 :])
@@ -68,6 +73,24 @@ def stiffness_along(run: Run) -> Stiffness:
         h_lambda_max=float(found.h_lambda[np.isfinite(found.h_lambda)].max(initial=0.0)),
         unstable_from=None if step is None else float(run.simulation.time(step)),
         looks=len(chosen),
+        radius_max=None if found.radius is None else float(found.radius.max(initial=0.0)),
+    )
+
+
+def _of_a_large_loop(run: Run, spectrum: Spectrum, look: Look) -> Stiffness:
+    """No window is watched or simulated again: of a few recorded instants those with the largest tr J^2 are looked at."""
+    size = run.batch.loop.size
+    looks = max(FEWEST_LOOKS, int(MOST_LOOKS * (QUICK_SPECTRUM / size) ** 3))  # each takes size^3 operations
+    recorded = np.unique(np.linspace(0, len(run.starts) - 1, 4 * looks).astype(int))
+    steps = run.starts[recorded]
+    at = Instants(steps, run.acted(steps, run.states[recorded]))
+    order = np.argsort(-spectrum.coupling(at.states, run.signals(steps).T), kind="stable")
+    at = at.chosen(np.sort(order[:looks]))
+    found = look(at)
+    return Stiffness(
+        h_lambda_max=float(found.h_lambda[np.isfinite(found.h_lambda)].max(initial=0.0)),
+        unstable_from=float(run.simulation.time(at.steps[found.outside.argmax()])) if found.outside.any() else None,
+        looks=len(at.steps),
         radius_max=None if found.radius is None else float(found.radius.max(initial=0.0)),
     )
 

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
+from matplotlib import rcParams
 from matplotlib.axes import Axes
 
 from barbalat.validate import Array
@@ -46,9 +47,10 @@ class Labels:
                 break
         centre = at + best
         self.boxes.append((centre[0] - width / 2, centre[1] - height / 2, centre[0] + width / 2, centre[1] + height / 2))
+        ground = rcParams["figure.facecolor"]
         self.axes.annotate(
             text, point, xytext=(best[0] / self.scale, best[1] / self.scale), textcoords="offset points", fontsize=self.size,
-            color=colour, ha="center", va="center", zorder=5, bbox={"facecolor": "white", "alpha": 0.75, "lw": 0, "pad": 0.6},
+            color=colour, ha="center", va="center", zorder=5, bbox={"facecolor": ground, "alpha": 0.75, "lw": 0, "pad": 0.6},
             arrowprops={"arrowstyle": "-", "color": colour, "linewidth": 0.6, "shrinkA": 0, "shrinkB": 2},
         )  # fmt: skip
 

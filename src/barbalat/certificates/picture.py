@@ -1,0 +1,95 @@
+"""The loops whose margins a certificate gives, and their picture."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from barbalat.linear.crossings import Crossings, frequency_grid
+from barbalat.linear.margins import Margins, margins
+from barbalat.linear.rotation import phase_crossings
+from barbalat.linear.systems import StateSpace
+from barbalat.validate import Array
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from barbalat.pictures.frequency import Response
+
+POINTS = 1500
+"""Frequencies of a drawn response, evenly apart in logarithm; resonances and crossings are added."""
+
+
+@dataclass(frozen=True)
+class MarginLoop:
+    """A linear loop e^(-s delay) L(s), stable when closed, with the name under which its margins are printed."""
+
+    name: str
+    system: StateSpace
+    delay: float = 0.0
+
+    def at(self, w: Array) -> Array:
+        """The response at frequencies (K,) [rad/s]."""
+        return np.asarray(self.system.response(w) * np.exp(-1j * w * self.delay))
+
+
+def figure_of(loops: Sequence[MarginLoop], title: str, *, narrow: bool = False) -> Figure:
+    """Bode, Nyquist and sensitivity pictures of the loops."""
+    from barbalat.pictures.frequency import draw
+
+    found = [Marked.of(loop) for loop in loops]
+    span = min(one.span[0] for one in found), max(one.span[1] for one in found)
+    return draw([one.response(*span) for one in found], title, narrow=narrow, shown=True)
+
+
+@dataclass(frozen=True, eq=False)
+class Marked:
+    """A loop, its margins, and the frequencies [rad/s] at which the phase and the gain margin are; ``None`` where none is."""
+
+    loop: MarginLoop
+    margins: Margins
+    at_phase: float | None
+    at_gain: float | None
+
+    @classmethod
+    def of(cls, loop: MarginLoop) -> Marked:
+        found, crossings = margins(loop.system, loop.delay), Crossings(loop.system)
+        crossovers = np.array(found.crossovers)
+        real = phase_crossings(crossings, loop.delay, crossovers) if loop.delay > 0 else np.array(crossings.of_real_axis())
+        at_phase = float(crossovers[np.abs(np.angle(-loop.at(crossovers))).argmin()]) if len(crossovers) else None
+        has_gain = len(real) > 0 and np.isfinite(found.gain_up)
+        at_gain = float(real[np.abs(1 + found.gain_up * loop.at(real)).argmin()]) if has_gain else None
+        return cls(loop, found, at_phase, at_gain)
+
+    @property
+    def marks(self) -> list[float]:
+        return [w for w in (self.at_phase, self.at_gain) if w is not None]
+
+    @property
+    def span(self) -> tuple[float, float]:
+        """Some decades to either side of what is marked."""
+        if self.marks:
+            return min(self.marks) / 300, max(self.marks) * 100
+        own = frequency_grid(self.loop.system)
+        return float(own.min()), float(own.max())
+
+    def response(self, low: float, high: float) -> Response:
+        """What is drawn of it from ``low`` to ``high`` [rad/s]."""
+        from barbalat.pictures.frequency import Response
+
+        own = frequency_grid(self.loop.system)
+        within = own[(own > low) & (own < high)]
+        w = np.unique(np.concatenate([np.geomspace(low, high, POINTS), within, self.marks]))
+        caption = f"{self.loop.name}: {_caption(self.margins)}"
+        return Response(w=w, L=self.loop.at(w), caption=caption, at_phase=self.at_phase, at_gain=self.at_gain)
+
+
+def _caption(found: Margins) -> str:
+    up = f"gain margin × {found.gain_up:.4g}" if np.isfinite(found.gain_up) else "no gain that is too high"
+    down = f", down to × {found.gain_down:.4g}" if found.gain_down > 0 else ""
+    phase = f"phase margin {np.degrees(found.phase):.4g}°" if np.isfinite(found.phase) else "any phase"
+    delay = f"delay margin {found.delay:.4g}\u00a0s" if np.isfinite(found.delay) else "any delay"
+    return f"{up}{down}; {phase}; {delay}"

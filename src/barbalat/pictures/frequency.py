@@ -1,0 +1,132 @@
+"""Responses over frequency: Bode, Nyquist and sensitivity pictures of loops, with the margins marked."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Circle
+
+from barbalat.pictures.theme import DASHES, NARROW, WIDE, Theme, new_figure
+from barbalat.validate import Array
+
+NYQUIST_WINDOW = (-3.2, 1.6, -2.4, 2.4)
+"""Around -1: what decides on stability; loops with an integrator leave it for infinity."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Response:
+    """L(j w) of a loop, a delay included.
+
+    w, L         (K,) rad/s, and complex
+    caption      the loop's name and its margins
+    at_phase     rad/s at which the phase margin is; ``None`` where nothing crosses 1
+    at_gain      rad/s at which the gain margin is, likewise
+    """
+
+    w: Array
+    L: Array
+    caption: str
+    at_phase: float | None
+    at_gain: float | None
+
+    def value(self, w: float) -> complex:
+        """L near a frequency of the grid."""
+        return complex(self.L[int(np.abs(self.w - w).argmin())])
+
+    @property
+    def phase(self) -> Array:
+        """[degrees], continuous, in (-360, 0] where the margin is measured."""
+        phase = np.degrees(np.unwrap(np.angle(self.L)))
+        at = int(np.abs(self.w - self.at_phase).argmin()) if self.at_phase is not None else 0
+        return np.asarray(phase - 360 * np.ceil(phase[at] / 360))
+
+
+def draw(responses: Sequence[Response], title: str, *, narrow: bool = False, shown: bool = False) -> Figure:
+    """Four panels; ``shown`` as of ``new_figure``."""
+    figure = new_figure(NARROW if narrow else WIDE, 11.5 if narrow else 7.6, shown=shown, layout="constrained")
+    theme = Theme.current()
+    places = [(0, 0), (1, 0), (0, 1), (1, 1)]
+    grid = figure.add_gridspec(4 if narrow else 2, 1 if narrow else 2)
+    magnitude, phase, nyquist, peaks = (
+        figure.add_subplot(grid[k, 0] if narrow else grid[place]) for k, place in enumerate(places)
+    )
+    _axes(magnitude, "Bode: magnitude", "frequency [rad/s]", "|L|", log="both")
+    _axes(phase, "Bode: phase", "frequency [rad/s]", "phase of L [degrees]", log="x")
+    _axes(nyquist, "Nyquist, around -1", "Re L", "Im L", log="")
+    _axes(peaks, "Sensitivity |S| (solid) and |T| (dashed)", "frequency [rad/s]", "", log="both")
+    for k, response in enumerate(responses):
+        colour = theme.colour(k)
+        width = 1.2 + 0.9 * (len(responses) - 1 - k)  # wider than those drawn after it, to be seen where they coincide
+        _bode(magnitude, phase, response, colour, width)
+        _nyquist(nyquist, response, colour, width)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            peaks.plot(response.w, np.abs(1 / (1 + response.L)), color=colour, linewidth=width)
+            peaks.plot(response.w, np.abs(response.L / (1 + response.L)), color=colour, linewidth=width, linestyle=DASHES[1])
+    for axes, level in ((magnitude, 1.0), (phase, -180.0), (peaks, 1.0)):
+        axes.axhline(level, color=theme.quiet, linewidth=0.9, linestyle=DASHES[2])
+        axes.set_xlim(min(r.w[0] for r in responses), max(r.w[-1] for r in responses))
+    lowest, highest = (pick(pick(r.phase) for r in responses) for pick in (min, max))
+    phase.set_ylim(max(lowest, -720) - 15, min(highest, 360) + 15)
+    peaks.set_ylim(bottom=1e-3)
+    _around_minus_one(nyquist, theme)
+    width = 60 if narrow else 150
+    lines = [Line2D([], [], color=theme.colour(k), label=textwrap.fill(r.caption, width)) for k, r in enumerate(responses)]
+    marks = [Line2D([], [], color=theme.quiet, marker=m, linestyle="", label=t) for m, t in MARKS.items()]
+    small = 7.5 if narrow else 8.5
+    figure.legend(handles=[*lines, *marks], loc="outside lower left", frameon=False, fontsize=small, alignment="left")
+    figure.suptitle(title, fontsize=9.5 if narrow else 11, x=0.01, ha="left")
+    return figure
+
+
+MARKS = {"o": "where the phase margin is measured: |L| = 1", "s": "where the gain margin is measured: L real and negative"}
+
+
+def _axes(axes: Axes, title: str, x: str, y: str, *, log: str) -> None:
+    axes.set_title(title, loc="left", fontsize=9.5)
+    axes.set_xlabel(x, fontsize=8.5)
+    axes.set_ylabel(y, fontsize=8.5)
+    axes.tick_params(labelsize=8.5)
+    axes.grid(visible=True, linewidth=0.3)
+    axes.spines[["top", "right"]].set_visible(False)
+    if log:
+        axes.set_xscale("log")
+    if log == "both":
+        axes.set_yscale("log")
+
+
+def _bode(magnitude: Axes, phase: Axes, response: Response, colour: str, width: float) -> None:
+    size = np.abs(response.L)
+    magnitude.plot(response.w, size, color=colour, linewidth=width)
+    phase.plot(response.w, response.phase, color=colour, linewidth=width)
+    for mark, w in zip(MARKS, (response.at_phase, response.at_gain), strict=True):
+        if w is None:
+            continue
+        at = int(np.abs(response.w - w).argmin())
+        for axes, values, level in ((magnitude, size, 1.0), (phase, response.phase, -180.0)):
+            axes.plot(w, values[at], mark, color=colour, markersize=5)
+            turned = level if axes is magnitude else level - 360 * np.round((level - values[at]) / 360)
+            axes.plot([w, w], [values[at], turned], color=colour, linewidth=2.2, alpha=0.5)  # the margin itself
+
+
+def _nyquist(axes: Axes, response: Response, colour: str, width: float) -> None:
+    axes.plot(response.L.real, response.L.imag, color=colour, linewidth=width)
+    axes.plot(response.L.real, -response.L.imag, color=colour, linewidth=0.8, linestyle=DASHES[2])
+    for mark, w in zip(MARKS, (response.at_phase, response.at_gain), strict=True):
+        if w is not None:
+            value = response.value(w)
+            axes.plot(value.real, value.imag, mark, color=colour, markersize=5)
+
+
+def _around_minus_one(axes: Axes, theme: Theme) -> None:
+    axes.add_patch(Circle((0, 0), 1.0, fill=False, edgecolor=theme.quiet, linewidth=0.9, linestyle=":"))
+    axes.plot(-1, 0, "+", color=theme.ink, markersize=10, markeredgewidth=1.6)
+    left, right, low, high = NYQUIST_WINDOW
+    axes.set_xlim(left, right)
+    axes.set_ylim(low, high)
+    axes.set_aspect("equal")

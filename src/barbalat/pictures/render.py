@@ -1,0 +1,73 @@
+"""A figure as a file: PNG, or an SVG that follows its reader's light or dark ground."""
+
+from __future__ import annotations
+
+import colorsys
+import io
+import re
+import warnings
+
+from matplotlib.figure import Figure
+
+from barbalat.pictures.theme import COLOURS, DARK_GROUND, DARK_INK, DARK_QUIET, GROUND, INK, ON_DARK, QUIET
+
+PIXELS_PER_INCH = 110
+"""Of a PNG: 1100 pixels for a page's width."""
+
+
+def render(figure: Figure, kind: str) -> bytes:
+    """The figure as "png" or "svg"; the same input gives the same bytes."""
+    import matplotlib as mpl
+
+    buffer = io.BytesIO()
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message=r"Glyph \d+")  # where the font lacks a script, names are boxes
+        if kind == "svg":
+            with mpl.rc_context({"svg.hashsalt": "barbalat", "svg.fonttype": "path", "path.simplify_threshold": 0.25}):
+                figure.savefig(buffer, format="svg", metadata={"Date": None})
+            return adaptive(buffer.getvalue().decode()).encode()
+        figure.savefig(buffer, format=kind, dpi=PIXELS_PER_INCH, metadata={"Software": None})
+    return buffer.getvalue()
+
+
+def adaptive(svg: str) -> str:
+    """The SVG with short numbers, and with a second set of colours for a dark ground."""
+    svg = re.sub(r"<!--.*?-->|<!DOCTYPE.*?>|<metadata>.*?</metadata>", "", svg, flags=re.DOTALL)
+    svg = re.sub(r"\n\s*", "\n", svg)
+    svg = re.sub(r'(?<= d=")[^"]*|(?<=transform=")[^"]*|(?<= [xy]=")[^"]*', lambda found: _shortened(found[0]), svg)
+    colours = sorted(set(re.findall(r"#[0-9a-f]{6}", svg)))
+    rules = [
+        f'[style*="{part}: {colour}"] {{ {part}: {dark} !important }}'
+        for colour in colours
+        if (dark := on_dark(colour)) is not None
+        for part in ("fill", "stroke")
+    ]
+    style = "@media (prefers-color-scheme: dark) {\n" + "\n".join(rules) + "\n}"
+    start = svg.index(">", svg.index("<svg ")) + 1
+    return f"{svg[:start]}\n <style>{style}</style>{svg[start:]}"
+
+
+def _shortened(path: str) -> str:
+    """Four digits, or a hundredth of a point: glyphs are in large units of their own, and their scale is a small number."""
+
+    def short(number: re.Match[str]) -> str:
+        value = float(number[0])
+        return f"{value:.2f}".rstrip("0").rstrip(".") if abs(value) >= 1 else f"{value:.4g}"
+
+    return re.sub(r"-?\d+\.\d+", short, path).replace("\n", "")
+
+
+def on_dark(colour: str) -> str | None:
+    """A colour's partner: of the palette its own, of greys those as far from the dark ground as they were from white."""
+    named = dict(
+        zip((c.lower() for c in (*COLOURS, INK, QUIET, GROUND)), (*ON_DARK, DARK_INK, DARK_QUIET, DARK_GROUND), strict=True)
+    )
+    if colour in named:
+        return named[colour]
+    red, green, blue = (int(colour[i : i + 2], 16) / 255 for i in (1, 3, 5))
+    hue, lightness, saturation = colorsys.rgb_to_hls(red, green, blue)
+    if saturation > 0.1:  # some other colour, of a map: its scale must stay what it is
+        return None
+    ground, ink = (int(end[1:3], 16) / 255 for end in (DARK_GROUND, DARK_INK))
+    grey = ink + (ground - ink) * lightness
+    return "#" + "".join(f"{round(255 * part):02x}" for part in colorsys.hls_to_rgb(hue, grey, saturation))

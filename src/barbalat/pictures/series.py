@@ -1,0 +1,137 @@
+"""What of a long series a picture can show: a line where the eye can follow it, an envelope where it oscillates too fast."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from barbalat.validate import Array
+
+COLUMNS_PER_INCH = 55
+"""Of a panel's width: some two pixels each, on a page and on a phone."""
+FAST = 1.7
+"""Columns that a swing from a least to a greatest value takes at most where it oscillates too fast: seven pixels for a period."""
+SWINGS = 6
+"""In a row, three periods: fewer are a transient, which a line shows."""
+SEEN = 0.02
+"""Part of the whole height below which a swing is hardly more than the line's own width."""
+BENT = 1e-3
+"""Part of the whole height below which two points of an envelope count as level."""
+FINEST = 8
+"""Pieces of a column that are looked at; a longer series is taken together."""
+
+
+@dataclass(frozen=True)
+class Outline:
+    """A line without a gap, (2, N): in an envelope it runs in the middle; and the envelopes, each (3, M): t, low, high."""
+
+    line: Array
+    envelopes: tuple[Array, ...]
+
+
+def outline(
+    t: Array,
+    value: Array,
+    low: Array | None = None,
+    high: Array | None = None,
+    *,
+    inches: float = 4.0,
+    height: float | None = None,
+) -> Outline:
+    """From instants t (K,), the values there, and the extrema (K - 1,) between one and the next, where they are known.
+
+    inches  how wide the panel is from t[0] to t[-1]
+    height  of the panel, in the values' unit; by default what the series needs
+    """
+    if len(t) < 3:
+        return Outline(np.array([t, value]), ())
+    columns = max(int(COLUMNS_PER_INCH * inches), 1)
+    path = _path(t, value, low, high, FINEST * columns)
+    duration = float(t[-1] - t[0])
+    height = float(np.ptp(path[1])) if height is None else height
+    turns = turning_points(path[1], SEEN * height)
+    runs = [turns[a:b] for a, b in _runs(np.diff(path[0, turns]) / (FAST * duration / columns))]
+    bands = tuple(_envelope(path, run, 2 * FAST * duration / columns, BENT * height) for run in runs)
+    inside = np.zeros(path.shape[1], dtype=bool)
+    for run in runs:
+        inside[run[0] + 1 : run[-1]] = True
+    line = [_thinned(path[:, ~inside], columns, duration)]
+    line += [np.array([band[0], (band[1] + band[2]) / 2])[:, 1:-1] for band in bands]
+    joined = np.concatenate(line, axis=1)
+    return Outline(joined[:, np.argsort(joined[0], kind="stable")], bands)
+
+
+def _path(t: Array, value: Array, low: Array | None, high: Array | None, most: int) -> Array:
+    """(2, N): the way that the series goes, through each interval's extrema in a likely order; ``most`` intervals."""
+    start, end = value[:-1], value[1:]
+    low = np.minimum(start, end) if low is None else np.minimum(low, np.minimum(start, end))
+    high = np.maximum(start, end) if high is None else np.maximum(high, np.maximum(start, end))
+    edges = np.unique(np.linspace(0, len(low), min(len(low), most) + 1).astype(int))
+    low, high = np.minimum.reduceat(low, edges[:-1]), np.maximum.reduceat(high, edges[:-1])
+    t, value = t[edges], value[edges]
+    ends = np.array([np.minimum(value[:-1], value[1:]), np.maximum(value[:-1], value[1:])])
+    rising = value[1:] >= value[:-1]
+    between = np.array([value[:-1], np.where(rising, low, high), np.where(rising, high, low)])
+    beyond = np.array([low < ends[0], high > ends[1]])
+    kept = np.array([np.ones(len(rising), dtype=bool), np.where(rising, *beyond), np.where(rising, *beyond[::-1])])
+    times = np.array([t[:-1] + share * np.diff(t) for share in (0, 1 / 3, 2 / 3)])
+    path = np.array([times.T.ravel(), between.T.ravel()])[:, kept.T.ravel()]
+    return np.concatenate([path, [[t[-1]], [value[-1]]]], axis=1)
+
+
+def turning_points(values: Array, least: float) -> Array:
+    """Indices at which the values turn by more than ``least``, greatest and least values by turns."""
+    turns: list[int] = []
+    extreme, rising = 0, True
+    entries = values.tolist()
+    for i, value in enumerate(entries):
+        beyond = value > entries[extreme] if rising else value < entries[extreme]
+        if beyond:
+            extreme = i
+        elif abs(value - entries[extreme]) > least:
+            turns.append(extreme)
+            extreme, rising = i, not rising
+    return np.array([*turns, extreme])
+
+
+def _runs(swings: Array) -> list[tuple[int, int]]:
+    """Which turning points stretches of fast swings have between them; ``swings`` last so long, 1 is still fast.
+
+    A swing of up to 1.5 times that belongs to a stretch. The first and the last swing are left out: they lead to it and away.
+    """
+    marked = np.concatenate([[False], swings <= 1.5, [False]])
+    changes = np.flatnonzero(np.diff(marked.astype(int))).reshape(-1, 2)
+    return [(int(a) + 1, int(b)) for a, b in changes if (swings[a:b] <= 1).sum() >= SWINGS]
+
+
+def _envelope(path: Array, turns: Array, width: float, level: float) -> Array:
+    """(3, M): lines through the greatest and through the least values, of those within a ``width`` the outermost."""
+    values = path[1, turns]
+    first = 0 if values[0] < values[1] else 1
+    lower, upper = (_outermost(path[:, turns[k::2]], width, level, sign) for k, sign in ((first, -1), (1 - first, 1)))
+    t = np.unique(np.concatenate([path[0, turns[[0, -1]]], lower[0], upper[0]]))
+    return np.array([t, np.interp(t, *lower), np.interp(t, *upper)])
+
+
+def _outermost(points: Array, width: float, level: float, sign: int) -> Array:
+    """(2, M): in each stretch of the width the farthest point up, or down with ``sign`` -1; of level ones the ends."""
+    stretch = ((points[0] - points[0, 0]) / width).astype(int) if width > 0 else np.arange(points.shape[1])
+    starts = np.flatnonzero(np.diff(stretch, prepend=-1))
+    best = [a + int((sign * points[1, a:b]).argmax()) for a, b in zip(starts, [*starts[1:], points.shape[1]], strict=True)]
+    kept = points[:, best]
+    steps = np.abs(np.diff(kept[1])) > level
+    return kept[:, np.concatenate([[True], steps[:-1] | steps[1:], [True]])] if kept.shape[1] > 2 else kept
+
+
+def _thinned(path: Array, columns: int, duration: float) -> Array:
+    """(2, N): of each column's points the first, the least, the greatest and the last, in their order."""
+    if path.shape[1] <= 4 * columns or duration == 0:
+        return path
+    column = ((path[0] - path[0, 0]) / duration * columns).astype(int)
+    starts = np.flatnonzero(np.diff(column, prepend=-1))
+    kept: set[int] = set()
+    for a, b in zip(starts.tolist(), [*starts[1:].tolist(), path.shape[1]], strict=True):
+        piece = path[1, a:b]
+        kept |= {a, b - 1, a + int(piece.argmin()), a + int(piece.argmax())}
+    return path[:, sorted(kept)]

@@ -1,0 +1,59 @@
+"""Distributions: which share of many runs reaches at most a value, or at least one."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from barbalat.pictures.theme import DASHES, NARROW, WIDE, Theme, new_figure
+from barbalat.validate import Array
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Shares:
+    """A panel: for each name the values of all runs; one that is not finite is beyond every value.
+
+    at_least  whether the share is of the runs with at least a value, else of those with at most one
+    """
+
+    title: str
+    axis: str
+    values: dict[str, Array]
+    at_least: bool = False
+
+
+def draw(panels: Sequence[Shares], note: str, *, shown: bool = False) -> Figure:
+    """A panel beside the other; ``shown`` as of ``new_figure``."""
+    figure = new_figure(WIDE if len(panels) > 1 else 1.4 * NARROW, 3.6, shown=shown, layout="constrained")
+    theme = Theme.current()
+    for axes, panel in zip(np.ravel(figure.subplots(1, len(panels), squeeze=False)), panels, strict=True):
+        drawn = [_curve(values, at_least=panel.at_least) for values in panel.values.values()]
+        for k, (label, (x, share)) in enumerate(zip(panel.values, drawn, strict=True)):
+            axes.step(x, share, where="post", color=theme.colour(k), linestyle=DASHES[k // 6], linewidth=1.3, label=label)
+        finite = np.concatenate([x for x, _ in drawn])
+        if len(finite) and finite.min() > 0 and finite.max() > 20 * finite.min():
+            axes.set_xscale("log")
+        axes.set_ylim(-0.02, 1.02)
+        axes.set_xlabel(panel.axis, fontsize=9)
+        axes.set_ylabel(
+            "share of the runs with at least this" if panel.at_least else "share of the runs with at most this", fontsize=9
+        )
+        axes.tick_params(labelsize=9)
+        axes.grid(visible=True, linewidth=0.3)
+        axes.spines[["top", "right"]].set_visible(False)
+        axes.legend(
+            title=panel.title, loc="lower left", bbox_to_anchor=(-0.01, 1.0), ncols=4, frameon=False, fontsize=9, alignment="left"
+        )
+    if note:
+        figure.supxlabel(note, fontsize=8.5, x=0.01, ha="left")
+    return figure
+
+
+def _curve(values: Array, *, at_least: bool) -> tuple[Array, Array]:
+    """Sorted finite values, and the share that reaches at most, or at least, each."""
+    finite = np.sort(values[np.isfinite(values)])
+    count = np.arange(1, len(finite) + 1) / max(len(values), 1)
+    return finite, 1 - count + 1 / max(len(values), 1) if at_least else count

@@ -1,0 +1,55 @@
+"""Where the reference model settles for a constant command: what shows that k_0 was chosen wrongly."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from barbalat.problem.output_plant import OutputDynamics
+from barbalat.problem.tracking import TrackingProblem
+from barbalat.validate import Array
+
+FOLLOWS_TO = 1e-3
+"""A gain this near to 1 counts as 1: coefficients are typed to three or four digits."""
+
+
+def gains_at_rest(problem: TrackingProblem) -> Array:
+    """What the model's states, or its output, settle at for commands of 1, (n, q) or (1, 1): the model's gain at s = 0."""
+    model = problem.model
+    if isinstance(model, OutputDynamics):
+        A, B, C, D = model.system.A, model.system.B, model.system.C, model.system.D
+        return np.array([[D - C @ np.linalg.solve(A, B)]])
+    reached = np.asarray(np.dot(model.b, model.k_0)).reshape(len(model.x0), -1)
+    return np.asarray(-np.linalg.solve(model.A_m, reached))
+
+
+def commanded(problem: TrackingProblem) -> list[tuple[int, list[int]]]:
+    """The states that commands are for, each with its commands: a state that settles at the command, else the first that moves.
+
+    Of several commands, each is taken to be for the state that it moves most.
+    """
+    gains = gains_at_rest(problem)
+    scale = np.abs(gains).max(initial=0.0)
+    found: dict[int, list[int]] = {}
+    for k, column in enumerate(gains.T):
+        following = np.flatnonzero(np.abs(column - 1) <= FOLLOWS_TO)
+        first = np.flatnonzero(np.abs(column) > 1e-9 * scale)  # smaller ones are rounding
+        moving = first if gains.shape[1] == 1 else [np.abs(column).argmax()]
+        state = int(next(iter([*following, *moving]), 0))
+        found.setdefault(state, []).append(k)
+    return sorted(found.items())
+
+
+def command_warning(problem: TrackingProblem) -> str | None:
+    """A sentence where no state, or not the output, settles at the command; ``None`` too for several commands."""
+    gains = gains_at_rest(problem)
+    if gains.shape[1] > 1 or (np.abs(gains - 1) <= FOLLOWS_TO).any():
+        return None
+    state = commanded(problem)[0][0]
+    gain, output = float(gains[state, 0]), isinstance(problem.model, OutputDynamics)
+    sentence = f"the reference model's {'y_m' if output else f'x_{state + 1}'} settles at {gain:.4g} times a constant command r"
+    if output:
+        return f"{sentence}, not at r, where W_m(0) = 1 would take it"
+    k_0 = problem.model.k_0
+    if gain == 0 or np.ndim(k_0) > 0:
+        return f"{sentence}, not at r"
+    return f"{sentence}, not at r, where k_0 = {k_0 / gain:.6g} would take it"

@@ -1,0 +1,62 @@
+"""What a run came to, in a few words and as a small table: for a prompt and for a notebook."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Protocol
+
+FIGURES = {
+    "max_abs_e": "max |e|",
+    "rms_e": "RMS e",
+    "tail_max_abs_e": "max |e| in the tail",
+    "max_abs_u": "max |u|",
+    "theta_hat_final": "estimates at the end",
+}
+"""The figures that are shown, by their names in JSON."""
+
+
+class Finished(Protocol):
+    """A run that is over."""
+
+    @property
+    def name(self) -> str: ...
+
+    @property
+    def figures(self) -> dict[str, float | list[float] | None]: ...
+
+    @property
+    def diverged_at(self) -> float | None: ...
+
+    @property
+    def label(self) -> str | None: ...
+
+
+def outcome(run: Finished) -> str:
+    """On one line."""
+    if run.diverged_at is not None:
+        return f"diverged at t = {run.diverged_at:.4g} s"
+    shown = ("max_abs_e", "tail_max_abs_e", "max_abs_u")
+    label = [] if run.label is None else [run.label]
+    return "; ".join([*(f"{FIGURES[name]} {text_of(run.figures[name])}" for name in shown), *label])
+
+
+def text_of(value: float | list[float] | None) -> str:
+    """A figure, or its components in brackets, with four digits."""
+    if isinstance(value, list):
+        return text_of(value[0]) if len(value) == 1 else f"[{', '.join(map(text_of, value))}]"
+    return "-" if value is None else f"{value:.4g}"
+
+
+def table(runs: Iterable[Finished]) -> str:
+    """As HTML, a row for each."""
+    from html import escape
+
+    head = "".join(f"<th>{text}</th>" for text in ("controller", *FIGURES.values()))
+    return f"<table><tr>{head}</tr>{''.join(_row(escape(run.name), run) for run in runs)}</table>"
+
+
+def _row(name: str, run: Finished) -> str:
+    if run.diverged_at is not None:
+        return f'<tr><td>{name}</td><td colspan="{len(FIGURES)}">diverged at t = {run.diverged_at:.4g} s</td></tr>'
+    cells = "".join(f"<td>{text_of(run.figures[key])}</td>" for key in FIGURES)
+    return f"<tr><td>{name}</td>{cells}</tr>"

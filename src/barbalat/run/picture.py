@@ -1,0 +1,265 @@
+"""What a picture of runs shows: the motion against model and command, errors, controls, estimates."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from barbalat.pictures.panels import Level, Panel, Series, around, draw, span_of, text_of
+from barbalat.problem.command_gain import FOLLOWS_TO, commanded, gains_at_rest
+from barbalat.problem.known_set import UNBOUNDED, EstimateSet, ParameterProduct, Projecting
+from barbalat.problem.output_feedback import OutputProblem
+from barbalat.problem.state_feedback import Problem
+from barbalat.protocols import DiscretizedEquations
+from barbalat.validate import Array
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from barbalat.run.result import Result
+
+WINDOWS = 150
+"""Of the run: the largest error in each makes a line that can be followed on a logarithmic axis."""
+WITHIN_REACH = 1.5
+"""Heights of what must be seen: a limit or a bound of the known set that is farther away is said, not drawn."""
+MOST_BOUNDED = 3
+"""Estimates with bounds of their own that can be told apart in one panel."""
+
+
+def figure_of(results: Sequence[Result], *, narrow: bool = False, shown: bool = False) -> Figure:
+    """Runs of one problem side by side.
+
+    narrow  one panel below the other, for a phone or a column of a page
+    shown   to a person at once, by pyplot where that is in use
+    """
+    t_end = max(result.simulation.t_end for result in results)
+    return draw(panels(results), t_end, narrow=narrow, shown=shown)
+
+
+def panels(results: Sequence[Result]) -> list[Panel]:
+    """First what all have in common, then each one's error and estimates."""
+    if len(results) == 1:
+        (result,) = results
+        estimates = _estimates(result, "Estimates")
+        return [*_tracking(results), _error(result, "Tracking error"), _control(results), *([estimates] if estimates else [])]
+    found = [*_tracking(results), _largest_error(results), _control(results)]
+    for result in results:
+        name = text_of(result.name)
+        error, estimates = _error(result, f"{name}: tracking error"), _estimates(result, f"{name}: estimates")
+        found += [error] if estimates is None else [error, estimates]
+    return found
+
+
+def _tracking(results: Sequence[Result]) -> list[Panel]:
+    """A panel for each commanded state, or for the output."""
+    problem = results[0].problem
+    output = isinstance(problem, OutputProblem)
+    gains = gains_at_rest(problem)
+    found = []
+    for state, commands in commanded(problem):
+        model = "y_m" if output else f"x_{{m,{state + 1}}}"
+        longest = max(results, key=lambda result: len(result.t))
+        runs = [_motion(result, state, k, _width(k, len(results))) for k, result in enumerate(results)]
+        others = [Series(t=longest.t, value=_of_model(longest, state), label=f"model ${model}$", colour="ink", dash=1)]
+        others += [_command(longest, k, float(gains[state, k])) for k in commands]
+        gain = float(gains[state, commands[0]])
+        off = gains.shape[1] == 1 and abs(gain - 1) > FOLLOWS_TO
+        note = f"for a constant command r the model settles at {gain:.4g} r, not at r" if off else ""
+        title = "Output $y$" if output else f"State $x_{state + 1}$"
+        limits = _limits_beside_diverged(results, [s.value for s in runs], [s.value for s in others])
+        found.append(
+            Panel(title=f"{title}, model and command", series=[*runs, *others], note=note, limits=limits, whole_row=True)
+        )
+    return found
+
+
+def _command(result: Result, k: int, gain: float) -> Series:
+    """A command as the model answers it at rest."""
+    r = result.r[:, None] if result.r.ndim == 1 else result.r
+    name = f"$r_{k + 1}$" if r.shape[1] > 1 else "$r$"
+    follows = abs(gain - 1) <= FOLLOWS_TO
+    label = f"command {name}" if follows else f"{gain:.4g} × command {name}"
+    return Series(t=result.t, value=r[:, k] * (1.0 if follows else gain), label=label, colour="quiet", dash=2)
+
+
+def _motion(result: Result, state: int, k: int, width: float) -> Series:
+    """One run's state or output; between the instants it goes as far beyond them as the error does."""
+    value, e = result.x[:, state] if result.y is None else result.y, result.e[:, state]
+    below = np.minimum(e[:-1], e[1:]) - result.envelope.e_min[:, state]
+    above = result.envelope.e_max[:, state] - np.maximum(e[:-1], e[1:])
+    low = np.minimum(value[:-1], value[1:]) - np.maximum(below, 0)
+    high = np.maximum(value[:-1], value[1:]) + np.maximum(above, 0)
+    return Series(t=result.t, value=value, label=text_of(result.name), colour=k, dash=k // 3, low=low, high=high, width=width)
+
+
+def _width(k: int, count: int) -> float:
+    """Of the k-th line: wider than those that are drawn after it, to be seen where they coincide."""
+    return 1.1 + 0.5 * min(count - 1 - k, 3)
+
+
+def _of_model(result: Result, state: int) -> Array:
+    return np.asarray(result.x_m[:, state] if result.y is None else result.y - result.e[:, 0])
+
+
+def _largest_error(results: Sequence[Result]) -> Panel:
+    """The largest |e_i| in windows of the run, on a logarithmic axis."""
+    width = results[0].simulation.t_end / WINDOWS
+    series = []
+    for k, result in enumerate(results):
+        largest = np.maximum(np.abs(result.envelope.e_min), np.abs(result.envelope.e_max)).max(axis=1)
+        if len(largest) == 0:
+            continue
+        starts = np.unique(np.searchsorted(result.t[:-1], np.linspace(0, result.simulation.t_end, WINDOWS, endpoint=False)))
+        starts = starts[starts < len(largest)]
+        value = np.maximum(np.maximum.reduceat(largest, starts), np.finfo(float).tiny)
+        name = text_of(result.name)
+        series.append(Series(t=result.t[starts], value=value, label=name, colour=k, dash=k // 3, width=_width(k, len(results))))
+    tops = [s.value.max() for s, result in zip(series, results, strict=False) if result.diverged_at is None]
+    bottom = min((float(np.quantile(s.value, 0.02)) for s in series), default=1.0)
+    top = max(tops) if tops else None
+    limits = None if top is None or not 0 < bottom < top else (max(bottom, 1e-9 * top) / 2, 2 * top)
+    return Panel(title=f"Largest $|e_i|$ in each {width:.3g} s", series=series, scale="log", limits=limits)
+
+
+def _control(results: Sequence[Result]) -> Panel:
+    series = [one for k, result in enumerate(results) for one in _inputs(result, k, len(results))]
+    paths = results[0].problem.plant.paths
+    ends = sorted({float(end) for path in paths if path.saturation is not None for end in path.saturation})
+    of_each = [np.concatenate([s.low, s.high]) if s.low is not None and s.high is not None else s.value for s in series]
+    limits = _limits_beside_diverged([r for r in results for _ in range(len(series) // len(results))], of_each, [])
+    drawn, far = _reachable(ends, limits or span_of(of_each))
+    note = f"limits of the actuator: {', '.join(f'{end:g}' for end in ends)}" if far else ""
+    levels = [Level(value=end, label="limit of the actuator") for end in drawn]
+    limits = around(*span_of([np.array([*(limits or span_of(of_each)), *drawn])])) if drawn else limits
+    return Panel(title="Control $u$", series=series, levels=levels, note=note, limits=limits)
+
+
+def _inputs(result: Result, k: int, count: int) -> list[Series]:
+    """The k-th of ``count`` runs' controls."""
+    u = result.u[:, None] if result.u.ndim == 1 else result.u
+    low, high = (side.reshape(len(u) - 1, u.shape[1]) for side in (result.envelope.u_min, result.envelope.u_max))
+    several, found = u.shape[1] > 1, []
+    for j in range(u.shape[1]):
+        symbol = f"$u_{j + 1}$" if several else "$u$"
+        label = symbol if count == 1 else f"{text_of(result.name)}, {symbol}" if several else text_of(result.name)
+        ends, dash = (low[:, j], high[:, j]), j or k // 3
+        found.append(
+            Series(t=result.t, value=u[:, j], label=label, colour=k, dash=dash, low=ends[0], high=ends[1], width=_width(k, count))
+        )
+    return found
+
+
+def _limits_beside_diverged(
+    results: Sequence[Result], of_each: Sequence[Array], of_all: Sequence[Array]
+) -> tuple[float, float] | None:
+    """What the runs that did not diverge need; ``None``, for all, where none or every one did."""
+    bounded = [value for result, value in zip(results, of_each, strict=True) if result.diverged_at is None]
+    if not bounded or len(bounded) == len(of_each):
+        return None
+    low, high = span_of([*bounded, *of_all])
+    return low - 0.25 * (high - low), high + 0.25 * (high - low)
+
+
+def _error(result: Result, title: str) -> Panel:
+    n = result.e.shape[1]
+    series = [
+        Series(
+            t=result.t, value=result.e[:, i], label="$e$" if n == 1 else f"$e_{i + 1}$", colour=i, dash=i // 6,
+            low=result.envelope.e_min[:, i], high=result.envelope.e_max[:, i],
+        )
+        for i in range(n)
+    ]  # fmt: skip
+    meaning = "$e = x - x_m$" if result.y is None else "$e = y - y_m$"
+    return Panel(title=f"{title} {meaning}", series=series, scale=_scale(result), note=_diverged(result))
+
+
+def _scale(result: Result) -> str:
+    return "linear" if result.diverged_at is None else "symlog"  # the burst would hide what led to it
+
+
+def _diverged(result: Result) -> str:
+    return "" if result.diverged_at is None else f"diverged at t = {result.diverged_at:.4g} s; logarithmic beyond 1"
+
+
+def _estimates(result: Result, title: str) -> Panel | None:
+    """With the true values, and the known set where it is near enough; ``None`` where nothing is estimated."""
+    p = result.theta_hat.shape[1]
+    if p == 0:
+        return None
+    envelope = result.envelope
+    series = [
+        Series(
+            t=result.t, value=result.theta_hat[:, i], label=rf"$\hat\theta_{{{i + 1}}}$", colour=i, dash=i // 6,
+            low=envelope.theta_hat_min[:, i], high=envelope.theta_hat_max[:, i],
+        )
+        for i in range(p)
+    ]  # fmt: skip
+    true = result.problem.parameters
+    levels = (
+        []
+        if true is None or len(true) != p
+        else [Level(value=float(v), colour=i, dash=1, label="true values", of=i) for i, v in enumerate(true)]
+    )
+    moved = span_of([np.concatenate([s.value, s.low, s.high]) for s in series if s.low is not None and s.high is not None])
+    near, beyond = _reachable([level.value for level in levels], moved)
+    needed = span_of([np.array([*moved, *near])])
+    bounds = _bounds(result, p)
+    common = len(set(bounds)) == 1
+    drawn, far = _reachable([bound for pair in bounds for bound in pair], needed)
+    if not common and p > MOST_BOUNDED:
+        drawn, far = [], bool(bounds)
+    marks = [
+        Level(value=bound, colour="quiet" if common else i, dash=2, label="known set", of=None if common else i)
+        for i, pair in enumerate(bounds[:1] if common else bounds)
+        for bound in pair
+        if bound in drawn
+    ]
+    away = ", ".join(rf"$\theta_{{{i + 1}}}$ = {level.value:.4g}" for i, level in enumerate(levels) if level.value not in near)
+    said = [f"true values outside: {away}"] if beyond else []
+    said += [f"known set: {_interval_text(bounds)}"] if far else []
+    limits = around(*span_of([np.array([*needed, *drawn])])) if result.diverged_at is None else None
+    return Panel(
+        title=title,
+        series=series,
+        levels=[*levels, *marks],
+        limits=limits,
+        scale=_scale(result),
+        note="; ".join(said),
+        may_part=True,
+    )
+
+
+def _bounds(result: Result, p: int) -> list[tuple[float, float]]:
+    """The known set's extent for each estimate; nothing where there is none."""
+    found = _set_of(result)
+    if found is None:
+        return []
+    parts = [found.theta, found.gains] if isinstance(found, ParameterProduct) else [found]
+    extents = [part.extent for part in parts if part is not None]
+    lower, upper = (np.concatenate(side) for side in zip(*extents, strict=True))
+    return [(float(a), float(b)) for a, b in zip(lower, upper, strict=True)] if len(lower) == p else []
+
+
+def _set_of(result: Result) -> EstimateSet | None:
+    """What the scheme projects onto, else what is known."""
+    equations = result.loop.equations
+    if isinstance(equations, DiscretizedEquations):
+        equations = equations.continuous
+    if isinstance(equations, Projecting) and equations.box is not None:
+        return equations.box
+    return result.problem.known.box if isinstance(result.problem, Problem) else None
+
+
+def _reachable(ends: Sequence[float], needed: tuple[float, float]) -> tuple[list[float], bool]:
+    """Those ends that can be drawn without pressing flat what must be seen, and whether others are left out."""
+    room = WITHIN_REACH * ((needed[1] - needed[0]) or abs(needed[1]) or 1.0)
+    real = sorted({end for end in ends if abs(end) < UNBOUNDED})
+    drawn = [end for end in real if needed[0] - room <= end <= needed[1] + room]
+    return drawn, len(drawn) < len(real)
+
+
+def _interval_text(bounds: Sequence[tuple[float, float]]) -> str:
+    several = [f"{low:g} … {high:g}" if max(-low, high) < UNBOUNDED else "open" for low, high in dict.fromkeys(bounds)]
+    return ", ".join(several) if len(several) <= 3 else f"{', '.join(several[:3])}, …"

@@ -1,0 +1,70 @@
+"""Files of figures: the same bytes for the same input, small, and with colours for a dark ground."""
+
+import re
+import xml.etree.ElementTree as ET
+
+import numpy as np
+from matplotlib import rc_context
+from matplotlib.colors import to_rgb
+
+from barbalat.pictures.panels import Panel, Series, draw, text_of
+from barbalat.pictures.render import on_dark, render
+from barbalat.pictures.theme import COLOURS, DARK_GROUND, GROUND, INK, ON_DARK, QUIET
+
+
+def figure(**more):
+    t = np.linspace(0, 60, 20001)
+    fast = Series(t=t, value=np.sin(200 * t), label="fast", colour=1)
+    slow = Series(t=t, value=np.cos(t), label="slow", colour=0)
+    return draw([Panel(title="Both", series=[fast, slow], **more)], 60.0)
+
+
+def luminance(colour):
+    """Relative luminance, WCAG 2.2."""
+    parts = np.array(to_rgb(colour))
+    linear = np.where(parts <= 0.04045, parts / 12.92, ((parts + 0.055) / 1.055) ** 2.4)
+    return float(linear @ [0.2126, 0.7152, 0.0722])
+
+
+def contrast(one, other):
+    low, high = sorted((luminance(one), luminance(other)))
+    return (high + 0.05) / (low + 0.05)
+
+
+def test_every_colour_can_be_seen_on_its_ground():
+    """Three to one, what WCAG 2.2 asks of lines (1.4.11)."""
+    assert min(contrast(colour, GROUND) for colour in (*COLOURS, INK, QUIET)) >= 3
+    assert min(contrast(colour, DARK_GROUND) for colour in ON_DARK) >= 3
+    assert contrast(on_dark(INK), DARK_GROUND) > 10 and contrast(on_dark(QUIET), DARK_GROUND) > 3
+    assert on_dark(GROUND) == DARK_GROUND
+
+
+def test_an_svg_is_the_same_twice_small_and_adapts():
+    first, second = (render(figure(), "svg") for _ in range(2))
+    assert first == second
+    assert len(first) < 60_000  # 20 000 instants of two series would be 800 kB
+    text = first.decode()
+    ET.fromstring(text)
+    assert "prefers-color-scheme: dark" in text
+    for colour in set(re.findall(r"stroke: (#[0-9a-f]{6})", text.partition("</style>")[2])):
+        assert f'stroke: {colour}"]' in text
+
+
+def test_the_envelope_is_explained_where_there_is_one_only():
+    assert figure().legends
+    t = np.linspace(0, 1, 500)
+    assert not draw([Panel(title="calm", series=[Series(t=t, value=t, label="ramp")])], 1.0).legends
+
+
+def test_dark_follows_the_style_of_matplotlib():
+    with rc_context({"figure.facecolor": "black"}):
+        dark = figure()
+    colours = {line.get_color() for line in dark.axes[0].lines}
+    assert colours == {ON_DARK[0], ON_DARK[1]}
+    assert {line.get_color() for line in figure().axes[0].lines} == {COLOURS[0], COLOURS[1]}
+
+
+def test_names_are_shown_as_they_are():
+    assert text_of("a $ b") == r"a \$ b"
+    assert len(text_of("x" * 100)) == 40
+    assert text_of("_hidden").startswith("\u200b_")

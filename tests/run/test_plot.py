@@ -1,0 +1,131 @@
+"""Results plot themselves, and say on one line what they are."""
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+
+from barbalat import (
+    Constant,
+    Mrac,
+    Plant,
+    Problem,
+    ReferenceModel,
+    Sampled,
+    Simulation,
+    Step,
+    certify,
+    load_case,
+    plot,
+    simulate,
+    simulate_ensemble,
+)  # fmt: skip
+from barbalat.problem.command_gain import command_warning, gains_at_rest
+from barbalat.run.picture import panels
+from independent import refusal
+
+SHORT = Simulation(2.0, 1e-2)
+
+
+def problem(k_0=4.0, reference=None):
+    plant = Plant([[0, 1], [-4, -2]], [0, 1], [1, -1])
+    return Problem(plant, ReferenceModel(k_0), Step(1.0) if reference is None else reference)
+
+
+@pytest.fixture(scope="module")
+def results():
+    return simulate(problem(), [Mrac(5), Mrac(50), Sampled(Mrac(5), 0.1), Sampled(Mrac(5), 0.2)], SHORT)
+
+
+def test_of_one_name_all_but_the_first_are_numbered(results):
+    assert list(results) == ["MRAC", "MRAC 2", "MRAC 3", "MRAC 4"]
+    assert [result.name for result in results.values()] == list(results)
+    assert results["MRAC 2"].controller.gamma == 50
+    assert list(certify(problem(), [Mrac(5), Mrac(50)], SHORT)) == ["MRAC", "MRAC 2"]
+
+
+def test_any_collection_of_controllers_or_one(results):
+    given = Mrac(5), Mrac(50)
+    for controllers in (given, iter(given), {"a": given[0], "b": given[1]}.values()):
+        assert list(simulate(problem(), controllers, SHORT)) == ["MRAC", "MRAC 2"]
+    np.testing.assert_array_equal(simulate(problem(), Mrac(5), SHORT)["MRAC"].x, results["MRAC"].x)
+    for nothing in ([], {}, "MRAC", None):
+        assert "controller" in refusal(lambda nothing=nothing: simulate(problem(), nothing, SHORT))
+
+
+def test_a_result_on_one_line_and_in_a_notebook(results):
+    text = repr(results)
+    assert "\n" not in text and len(repr(results["MRAC"])) < 250
+    assert "max |e|" in text
+    html = results["MRAC"]._repr_html_()
+    assert "<table>" in html and "data:image/svg+xml;base64," in html
+
+
+def test_the_first_panel_is_the_motion_with_model_and_command(results):
+    first, *_ = panels(list(results.values()))
+    assert [series.label for series in first.series] == [*results, "model $x_{m,1}$", "command $r$"]
+    np.testing.assert_array_equal(first.series[0].value, results["MRAC"].x[:, 0])
+    np.testing.assert_array_equal(first.series[-2].value, results["MRAC"].x_m[:, 0])
+    np.testing.assert_array_equal(first.series[-1].value, results["MRAC"].r)
+
+
+def test_the_estimates_stand_with_the_true_values_and_fill_their_panel(results):
+    *_, estimates = panels([results["MRAC"]])
+    low, high = estimates.limits
+    moved = results["MRAC"].theta_hat
+    assert {level.value for level in estimates.levels} <= {1.0, -1.0}
+    shown = [*moved.ravel(), *(level.value for level in estimates.levels if low <= level.value <= high)]
+    assert low <= min(shown) and high >= max(shown)
+    assert high - low < 1.2 * np.ptp(shown)
+
+
+@pytest.mark.parametrize("case", ["paper", "l1-output", "lateral-aircraft"])
+def test_every_kind_of_result_is_drawn(case):
+    found = load_case(case)
+    short = Simulation(2.0, found.simulation.dt)
+    drawn = simulate(found.problem, found.controllers, short)
+    for figure in (plot(drawn), plot(drawn, narrow=True), next(iter(drawn.values())).plot(), plot(list(drawn.values())[:2])):
+        assert isinstance(figure, Figure)
+        figure.draw_without_rendering()
+
+
+def test_what_is_no_result_is_refused():
+    assert "results of simulate" in refusal(lambda: plot([1]))
+    assert "at least one" in refusal(lambda: plot({}))
+
+
+def test_a_k_0_that_was_chosen_wrongly_is_said():
+    """x_m settles at -A_m^-1 b k_0 r = k_0/4 r here."""
+    assert command_warning(problem(4.0)) is None
+    np.testing.assert_allclose(gains_at_rest(problem(6.0)), [[1.5], [0.0]], atol=1e-15)
+    sentence = command_warning(problem(6.0))
+    assert "1.5 times" in sentence and "k_0 = 4 " in sentence
+    assert sentence in simulate(problem(6.0), Mrac(5), SHORT)["MRAC"].warnings
+
+
+def test_a_step_response_in_numbers():
+    """With theta = 0 the model itself from rest, zeta = 1/2, omega = 2: overshoot 100 exp(-pi zeta/sqrt(1 - zeta^2)) percent."""
+    plant = Plant([[0, 1], [-4, -2]], [0, 1], [0, 0])
+    given = Problem(plant, ReferenceModel(4.0), Step(2.0, start=1.0))
+    info = simulate(given, Mrac(1.0), Simulation(16.0, 1e-3, record_points=8000))["MRAC"].step_info()
+    zeta = 0.5
+    overshoot = np.exp(-np.pi * zeta / np.sqrt(1 - zeta**2))
+    assert info["SteadyStateValue"] == pytest.approx(2.0, abs=1e-4)
+    assert info["Peak"] == pytest.approx(2 * (1 + overshoot), rel=1e-4)
+    assert info["Overshoot"] == pytest.approx(100 * overshoot, rel=1e-3)
+    assert info["PeakTime"] == pytest.approx(np.pi / (2 * np.sqrt(1 - zeta**2)), abs=4e-3)  # two recorded instants
+
+
+def test_step_info_says_what_it_lacks():
+    result = simulate(problem(reference=Constant(0.0)), Mrac(5), SHORT)["MRAC"]
+    assert "jumps" in refusal(result.step_info)
+    result = simulate(problem(), Mrac(5), SHORT)["MRAC"]
+    assert "from 1 to 2" in refusal(lambda: result.step_info(3))
+
+
+def test_an_ensemble_on_one_line_and_as_a_picture():
+    found = simulate_ensemble([(problem(), Mrac(float(gamma))) for gamma in (1.0, 3.0, 10.0)], SHORT)
+    assert "3 members" in repr(found) and "\n" not in repr(found)
+    figure = found.plot()
+    x, share = figure.axes[0].lines[0].get_data()
+    np.testing.assert_allclose(x, np.sort(found.metrics.max_abs_e[:, 0]))
+    np.testing.assert_allclose(share, [1 / 3, 2 / 3, 1])
