@@ -112,10 +112,13 @@ def test_beside_a_delay_no_promise_stands_anywhere(tmp_path, capsys):
     case = tmp_path / "delayed.toml"
     case.write_text(DELAYED)
     assert main(["certify", str(case)]) == 0
+    lines = re.findall(r"^  (?:condition|bound of).*$", capsys.readouterr().out, re.MULTILINE)
+    assert len(lines) == 4 and not any(PROMISES.search(line) or CLAIMS.search(line) for line in lines)
+    assert main(["certify", str(case), "--full"]) == 0
     terminal = capsys.readouterr().out
     assert main(["run", str(case), "--out", str(tmp_path / "out")]) == 0
     rows = re.findall(r"<tr>.*?</tr>", (tmp_path / "out" / "report.html").read_text(), re.DOTALL)
-    table = terminal[terminal.index("Signals bounded") : terminal.index("Estimates")]
+    table = terminal[terminal.index("Signals bounded") : terminal.rindex("\nEstimates\n")]
     assert table.count("does not apply") == 6 and table.count("delay 0.02 s") + table.count("0.02 s") >= 6
     assert not PROMISES.search(table) and not CLAIMS.search(table)
     shown = [row for row in rows if re.search("Signals bounded|Tracking error|Transient|error_bound", row)]

@@ -10,6 +10,7 @@ import pytest
 
 from barbalat.claims import figures, ledger, linear_design, section_v
 from barbalat.claims.claim import Claim, Reading, of_readings, verdict
+from barbalat.claims.rows import LEDGER, Measurement
 from barbalat.cli import main
 
 
@@ -135,12 +136,14 @@ def test_the_verdict_of_several_readings():
 
 def test_the_plain_command_measures_no_row_for_long():
     """What takes more than 12 s of one core is the full command's; what it sharpens has a verdict without it."""
-    assert all(measurement.seconds <= 12 for measurement in ledger.LEDGER)
+    assert all(measurement.seconds <= 12 for measurement in LEDGER)
 
 
 def test_full_measures_what_sharpens_a_row_instead(monkeypatch, section_v_runs):
     plain, sharper = figures.as_described, figures.without_projection
-    only = ledger.Measurement(plain, 0.1, quick=True, judges_runs=True, sharper=sharper, sharper_seconds=0.3)
+    only = Measurement(
+        plain, 0.1, {"figures-2-5": "the figures"}, quick=True, judges_runs=True, sharper=sharper, sharper_seconds=0.3
+    )
     monkeypatch.setattr(ledger, "LEDGER", (only,))
     for full, row in ((False, "figures-2-5"), (True, "no-projection")):
         assert [claim.id for claim in ledger.measure(section_v_runs, quick=True, full=full)] == [row]

@@ -5,11 +5,14 @@ import math
 import subprocess
 import sys
 
+import numpy as np
 import pytest
 
 from barbalat.cases.bundled import bundled
+from barbalat.cases.load import load_case
 from barbalat.claims import section_v
 from barbalat.cli import main
+from barbalat.run.simulate import simulate
 
 PAPER = bundled()["paper"].read_text()
 SHORT = PAPER.replace("t_end = 60.0", "t_end = 2.0").replace("dt = 1e-4", "dt = 1e-3").replace("gamma = 1e4", "gamma = 100.0")
@@ -80,9 +83,18 @@ def test_run_writes_everything(case_file, tmp_path, capsys):
     assert '<img src="comparison.svg"' in page and 'srcset="comparison-narrow.svg"' in page and "://" not in page
     header, first = (out / "2-l1.csv").read_text().splitlines()[:2]
     assert header == "t,x_1,x_2,x_m_1,x_m_2,e_1,e_2,theta_hat_1,theta_hat_2,u,r"
-    assert first == "0.0,1.0,1.0,1.0,1.0,0.0,0.0,0.0,0.0,0.0,0.0"
+    assert [float(x) for x in first.split(",")] == [0, 1, 1, 1, 1, 0, 0, 0, 0, 0, 0]
     assert "written to" in capsys.readouterr().out
     assert all(math.isfinite(x) for x in numbers(json.loads((out / "run.json").read_text())))
+
+
+def test_the_full_record_is_what_python_has(case_file, tmp_path, capsys):
+    out = tmp_path / "out"
+    assert main(["run", str(case_file), "--out", str(out), "--no-plots", "--full-record"]) == 0
+    case = load_case(case_file)
+    result = simulate(case.problem, case.controllers, case.simulation)["L1"]
+    rows = np.loadtxt(out / "2-l1.csv", delimiter=",", skiprows=1)
+    np.testing.assert_array_equal(rows, np.column_stack([result.t, *result.columns().values()]))
 
 
 def test_no_plots(case_file, tmp_path):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 
 from barbalat.certificates.certificate import Certificate, reason
 from barbalat.certificates.schemes import sampled, scheme_file, stranger
@@ -15,15 +15,24 @@ from barbalat.validate import InputError
 
 
 def certify(
-    problem: TrackingProblem, controllers: Controller | Iterable[Controller], simulation: Simulation
+    problem: TrackingProblem,
+    controllers: Controller | Iterable[Controller],
+    simulation: Simulation,
+    *,
+    progress: Callable[[float], None] | None = None,
 ) -> dict[str, Certificate]:
     """Certificates by the controllers' names; nothing is simulated, the solver and its step are what is judged.
 
     Of a class from outside the package what needs no proof is given; the rest is said to be unknown. A certificate whose
     computation fails on the case's numbers has that as its finding. Raises InputError for a controller that does not fit the
-    problem.
+    problem. ``progress`` is called with the fraction done.
     """
-    return {controller.name: _computed(problem, controller, simulation) for controller in numbered(controllers)}
+    found, told = {}, numbered(controllers)
+    for i, controller in enumerate(told, start=1):
+        found[controller.name] = _computed(problem, controller, simulation)
+        if progress is not None:
+            progress(i / len(told))
+    return found
 
 
 def certify_where_possible(

@@ -1,130 +1,67 @@
-"""All claims of the paper, measured in order."""
+"""All claims of the paper, measured in order, in as many processes as there are cores."""
 
 from __future__ import annotations
 
 import signal
 import sys
+import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from contextlib import contextmanager
 from dataclasses import dataclass
-from functools import partial
+from difflib import get_close_matches
 from multiprocessing import active_children, get_context, resource_tracker
 from threading import current_thread, main_thread
-from typing import TypeAlias
+from typing import NamedTuple, TypeAlias
 
-from barbalat.claims import (
-    adapting_margins,
-    any_command,
-    condition,
-    control_oscillation,
-    delta_2,
-    does_better,
-    figures,
-    filter_margins,
-    l1_reference,
-    learning,
-    lemma_1,
-    linear_design,
-    numerics,
-    onset,
-    output_feedback,
-    robustness,
-    sampled,
-    stiff,
-    theta_size,
-    tracking,
-    unmodelled,
-)
+from barbalat.certificates.overview import Certified
+from barbalat.claims import section_v
 from barbalat.claims.claim import Claim
+from barbalat.claims.paper_certificates import certified_paper
+from barbalat.claims.rows import LEDGER, Measurement
 from barbalat.claims.section_v import Runs
 from barbalat.run.progress import Progress
+from barbalat.validate import InputError
+
+
+class Measured(NamedTuple):
+    """Rows, and how many seconds they took where ``expected`` were forecast."""
+
+    claims: list[Claim]
+    seconds: float
+    expected: float
+
+
+Told: TypeAlias = Callable[[Measured], None]
 
 
 @dataclass(frozen=True)
-class Measurement:
-    """Some of the ledger's rows, and about how many seconds they take: the progress bar moves by that.
+class UnderWay:
+    """What other processes are at: rows by their place in ``LEDGER``, and the certificates of Section V."""
 
-    ``measure`` stands alone, or judges the runs of Section V, which it is then given. ``sharper`` measures the same rows further
-    than the plain command has time for, which is ``reproduce --full``; no verdict waits for it.
-    """
-
-    measure: Callable[..., Claim | list[Claim]]
-    seconds: float
-    quick: bool = False
-    judges_runs: bool = False
-    sharper: Callable[..., Claim | list[Claim]] | None = None
-    sharper_seconds: float = 0.0
-
-    def rows(self, *runs: Runs, full: bool = False) -> list[Claim]:
-        """The rows."""
-        measure = self.sharper if full and self.sharper else self.measure
-        found = measure(*runs)
-        return [found] if isinstance(found, Claim) else found
-
-    def duration(self, *, full: bool) -> float:
-        """About how many seconds the rows take."""
-        return self.sharper_seconds if full and self.sharper else self.seconds
-
-
-LEDGER = (
-    Measurement(figures.as_described, 0.1, quick=True, judges_runs=True),
-    Measurement(figures.without_projection, 0.1, quick=True, judges_runs=True),
-    Measurement(figures.erratum_claim, 0.1, quick=True, judges_runs=True),
-    Measurement(tracking.bound_9, 0.4, quick=True, sharper=tracking.bound_9_further, sharper_seconds=6.0),
-    Measurement(tracking.bound_10, 0.6, quick=True, sharper=tracking.bound_10_further, sharper_seconds=8.0),
-    Measurement(tracking.bias_is_proportional, 0.1, quick=True),
-    Measurement(tracking.best_at_zero, 0.2, quick=True),
-    Measurement(tracking.constant_command, 0.3, quick=True),
-    Measurement(tracking.is_mrac, 0.1, quick=True),
-    Measurement(condition.condition, 0.4, quick=True),
-    Measurement(theta_size.filter_limits_theta, 2.6),
-    Measurement(numerics.come_and_go, 0.1, quick=True, judges_runs=True),
-    Measurement(onset.boundary, 5.0, judges_runs=True),
-    Measurement(numerics.without_filter, 0.1),
-    Measurement(numerics.smaller_gain, 0.1),
-    Measurement(numerics.small_tau, 0.3),
-    Measurement(stiff.own_oscillation, 3.5),
-    Measurement(stiff.stiff_solvers, 10.0, sharper=stiff.stiff_solvers_further, sharper_seconds=120.0),
-    Measurement(sampled.claim, 1.0),
-    Measurement(sampled.delays, 1.0),
-    Measurement(adapting_margins.gain_reduces_margins, 0.5),
-    Measurement(filter_margins.claim, 8.0),
-    Measurement(robustness.claims, 4.5),
-    Measurement(lemma_1.claims, 2.0),
-    Measurement(linear_design.claims, 5.5),
-    Measurement(learning.loss_of_learning, 0.1, quick=True, judges_runs=True),
-    Measurement(learning.exponential, 0.3, quick=True),
-    Measurement(delta_2.claim, 2.0, sharper=partial(delta_2.claim, full=True), sharper_seconds=3.5),
-    Measurement(any_command.claim, 2.5, sharper=partial(any_command.claim, full=True), sharper_seconds=20.0),
-    Measurement(unmodelled.claim, 2.0, sharper=partial(unmodelled.claim, full=True), sharper_seconds=4.0),
-    Measurement(control_oscillation.claim, 2.5, sharper=partial(control_oscillation.claim, full=True), sharper_seconds=7.5),
-    Measurement(does_better.claim, 6.5, sharper=partial(does_better.claim, full=True), sharper_seconds=7.0),
-    Measurement(l1_reference.claim, 1.5, sharper=partial(l1_reference.claim, full=True), sharper_seconds=4.0),
-    Measurement(output_feedback.l1_is_linear, 0.4),
-    Measurement(output_feedback.rohrs, 0.4),
-    Measurement(output_feedback.any_relative_degree, 1.4),
-)
-
-
-UnderWay: TypeAlias = "dict[int, Future[list[Claim]]]"
-"""By the place in ``LEDGER``: what is being measured in another process."""
+    rows: dict[int, Future[Measured]]
+    certified: Future[Certified]
 
 
 @contextmanager
-def under_way(processes: int, *, quick: bool = False, full: bool = False) -> Iterator[UnderWay]:
+def under_way(processes: int, *, quick: bool = False, full: bool = False, told: Told | None = None) -> Iterator[UnderWay]:
     """Measure what stands alone in so many processes of its own, the longest first; to be given to ``measure``.
 
-    The program that calls this must be one that a new process may import: started by ``if __name__ == "__main__"``.
+    A quick row for each process comes before them all: somebody is looking. ``told`` is called of each as soon as it is
+    measured, from another thread. The program that calls this must be one that a new process may import: started by
+    ``if __name__ == "__main__"``.
     """
     alone = [i for i in _chosen(quick) if not LEDGER[i].judges_runs]
+    first = [i for i in alone if LEDGER[i].quick and LEDGER[i].duration(full=full) < 1][:processes]
     others = active_children()
     pool = ProcessPoolExecutor(processes, mp_context=get_context("spawn"))
     try:
         with _deaf_children():
-            longest_first = sorted(alone, key=lambda i: -LEDGER[i].duration(full=full))
-            ahead = {i: pool.submit(_rows, i, full) for i in longest_first}
-        yield ahead
+            ahead = {i: _submitted(pool, i, full, told) for i in first}
+            certified = pool.submit(certified_paper)
+            longest_first = sorted(set(alone) - set(first), key=lambda i: -LEDGER[i].duration(full=full))
+            ahead |= {i: _submitted(pool, i, full, told) for i in longest_first}
+        yield UnderWay(ahead, certified)
     except BaseException:
         for child in active_children():
             if child not in others:
@@ -132,6 +69,17 @@ def under_way(processes: int, *, quick: bool = False, full: bool = False) -> Ite
         raise
     finally:
         pool.shutdown(cancel_futures=True)
+
+
+def _submitted(pool: ProcessPoolExecutor, place: int, full: bool, told: Told | None) -> Future[Measured]:
+    future = pool.submit(_rows, place, full)
+
+    def done(finished: Future[Measured]) -> None:
+        if told is not None and not finished.cancelled() and finished.exception() is None:
+            told(finished.result())
+
+    future.add_done_callback(done)
+    return future
 
 
 @contextmanager
@@ -156,8 +104,10 @@ def _deaf_children() -> Iterator[None]:
         signal.raise_signal(signal.SIGINT)
 
 
-def _rows(place: int, full: bool) -> list[Claim]:
-    return LEDGER[place].rows(full=full)
+def _rows(place: int, full: bool, *runs: Runs) -> Measured:
+    started = time.perf_counter()
+    claims = LEDGER[place].rows(*runs, full=full)
+    return Measured(claims, time.perf_counter() - started, LEDGER[place].duration(full=full))
 
 
 def _chosen(quick: bool) -> list[int]:
@@ -165,22 +115,54 @@ def _chosen(quick: bool) -> list[int]:
 
 
 def measure(
-    runs: Runs, *, quick: bool = False, full: bool = False, progress: Progress | None = None, ahead: UnderWay | None = None
+    runs: Runs,
+    *,
+    quick: bool = False,
+    full: bool = False,
+    progress: Progress | None = None,
+    ahead: UnderWay | None = None,
+    told: Told | None = None,
+    taken: Callable[[list[Claim]], None] | None = None,
 ) -> list[Claim]:
-    """The ledger. ``quick`` leaves out what takes longer than the figures, ``full`` sharpens rows, ``ahead`` is already under way."""
-    chosen, ahead = _chosen(quick), ahead or {}
+    """The ledger; ``quick`` leaves out what takes longer than the figures, ``full`` sharpens rows, ``ahead`` is already under way.
+
+    told   is called of the rows that are measured here
+    taken  is called with all rows, in the order in which they are done
+    """
+    chosen, rows = _chosen(quick), {} if ahead is None else ahead.rows
     seconds = {i: LEDGER[i].duration(full=full) for i in chosen}
     found: dict[int, list[Claim]] = {}
 
-    def take(place: int, rows: list[Claim]) -> None:
-        found[place] = rows
+    def take(place: int, measured: Measured) -> None:
+        found[place] = measured.claims
+        if taken is not None:
+            taken(measured.claims)
         if progress is not None:
             progress(sum(seconds[i] for i in found) / sum(seconds.values()))
 
     for i in chosen:
-        if i not in ahead:
-            take(i, LEDGER[i].rows(*([runs] if LEDGER[i].judges_runs else []), full=full))
-    places = {future: i for i, future in ahead.items()}
+        if i not in rows:
+            here = _rows(i, full, *([runs] if LEDGER[i].judges_runs else []))
+            if told is not None:
+                told(here)
+            take(i, here)
+    places = {future: i for i, future in rows.items()}
     for future in as_completed(places):
         take(places[future], future.result())
     return [row for i in chosen for row in found[i]]
+
+
+def part_with(name: str) -> Measurement:
+    """What measures a row. InputError for a name that is none."""
+    names = {own: part for part in LEDGER for own in part.names}
+    if name not in names:
+        near = get_close_matches(name, names, n=1)
+        meant = f"; did you mean {near[0]!r}?" if near else ""
+        raise InputError(f"no row of the ledger is called {name!r}{meant} (barbalat claims lists them)")
+    return names[name]
+
+
+def row(name: str) -> Claim:
+    """One row, measured with those of its subject, and with the runs of Section V where it judges them."""
+    part = part_with(name)
+    return next(claim for claim in part.rows(*([section_v.run()] if part.judges_runs else [])) if claim.id == name)

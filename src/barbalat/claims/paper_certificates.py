@@ -4,17 +4,17 @@ from __future__ import annotations
 
 from barbalat.certificates.certify import certify_where_possible
 from barbalat.certificates.overview import Certified, certified_case
-from barbalat.claims.section_v import Runs
+from barbalat.claims import section_v
+from barbalat.solvers.simulation import Simulation
 
 
-def certified_paper(runs: Runs) -> Certified:
+def certified_paper() -> Certified:
     """The schemes as in the figures: one column of Table 1 for each, and L1-AC at the finer step besides."""
-    shown = [runs.coarse[name] for name in ("MRAC", "Robust MRAC, no auxiliary input", "L1", "Robust MRAC")]
-    problem, simulation = shown[0].problem, shown[0].simulation
-    coarse = certified_case(problem, [result.controller for result in shown], simulation)
-    certificates = {f"{name}, h = {simulation.dt:g} s": found for name, found in coarse.certificates.items()}
-    for name in ("L1, gamma 1e4", "L1, gamma 1e6"):
-        fine = runs.fine[name]
-        (found,) = certify_where_possible(problem, [fine.controller], fine.simulation).values()
-        certificates[f"{name}, h = {fine.simulation.dt:g} s"] = found
-    return Certified(certificates, coarse.table)
+    problem = section_v.problem()
+    coarse, fine = (Simulation(t_end=section_v.T_END, dt=dt) for dt in (section_v.COARSE, section_v.FINE))
+    named = {controller.name: controller for controller in section_v.coarse_controllers() + section_v.fine_controllers()}
+    shown = [named[name] for name in ("MRAC", "Robust MRAC, no auxiliary input", "L1", "Robust MRAC")]
+    found = certified_case(problem, shown, coarse)
+    certificates = {f"{name}, h = {coarse.dt:g} s": certificate for name, certificate in found.certificates.items()}
+    at_fine = certify_where_possible(problem, [named[name] for name in ("L1, gamma 1e4", "L1, gamma 1e6")], fine)
+    return Certified(certificates | {f"{name}, h = {fine.dt:g} s": one for name, one in at_fine.items()}, found.table)

@@ -57,9 +57,9 @@ def problem() -> Problem:
     return given
 
 
-def run(progress: Progress | None = None) -> Runs:
-    """All runs, those that are labelled numerically unstable with their check at a finer step."""
-    coarse: list[Controller] = [
+def coarse_controllers() -> list[Controller]:
+    """What runs at the coarse step."""
+    return [
         robust_mrac("Robust MRAC"),
         robust_mrac("Robust MRAC, no projection", projection=False),
         NormalizedMrac(c_0=C_0, law=LeastSquares(covariance0=COVARIANCE0), name="Robust MRAC, no auxiliary input"),
@@ -70,13 +70,21 @@ def run(progress: Progress | None = None) -> Runs:
         l1("L1, kappa/2", 1e4, KAPPA / 2),
         Mrac(gamma=MODERATE_GAIN, name="MRAC"),
     ]
-    fine: list[Controller] = [
+
+
+def fine_controllers() -> list[Controller]:
+    """What runs at the fine step."""
+    return [
         l1("L1, gamma 1e4", 1e4),
         l1("L1, gamma 1e4, no projection", 1e4, projection=False),
         l1("L1, gamma 1e6", 1e6),
         l1("L1, gamma 1e6, no projection", 1e6, projection=False),
     ]
-    given = problem()
+
+
+def run(progress: Progress | None = None) -> Runs:
+    """All runs, those that are labelled numerically unstable with their check at a finer step."""
+    given, coarse, fine = problem(), coarse_controllers(), fine_controllers()
     runs = Runs(
         coarse=simulate(given, coarse, Simulation(t_end=T_END, dt=COARSE), progress=part_of(progress, 0.0, 0.1)),
         fine=simulate(given, fine, Simulation(t_end=T_END, dt=FINE), progress=part_of(progress, 0.1, 0.3)),

@@ -3,16 +3,12 @@
 from __future__ import annotations
 
 import argparse
-import textwrap
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from pathlib import Path
 
     from barbalat.commands import Commands
-
-WIDTH = 80
-"""Columns that a line takes at most, where the terminal has more."""
 
 
 def add(commands: Commands) -> None:
@@ -25,18 +21,16 @@ def execute(_: argparse.Namespace) -> int:
     """Run the command; returns the exit code."""
     from barbalat.cases.bundled import bundled
     from barbalat.cases.load import load_case
-    from barbalat.report import tables
+    from barbalat.report.terminal.layout import Screen, held
 
-    console = tables.console()
-    width = min(console.width, WIDTH)
+    screen = Screen()
     for name, path in bundled().items():
         case = load_case(name)
-        console.print(name, style="bold", markup=False, highlight=False)
-        compared = f"State of order {len(case.problem.dynamics.x0)}. Controllers: {'; '.join(c.name for c in case.controllers)}."
-        for paragraph in (_first_sentence(path), compared):
-            lines = textwrap.wrap(paragraph, width, initial_indent="  ", subsequent_indent="  ")
-            console.print("\n".join(lines), markup=False, highlight=False)
-    console.print("\nbarbalat run NAME simulates one; barbalat new FILE --from NAME copies it to start from.", highlight=False)
+        compared = "; ".join(held(controller.name) for controller in case.controllers)
+        screen.line(name, "bold")
+        for text in (_first_sentence(path), f"State of order {len(case.problem.dynamics.x0)}. Controllers: {compared}."):
+            screen.line(text, indent="  ", start="  ")
+    screen.title("barbalat run NAME simulates one; barbalat new FILE --from NAME copies it to start from.", "")
     return 0
 
 

@@ -7,9 +7,11 @@ from typing import TYPE_CHECKING
 
 from barbalat.commands.options import add_controllers
 from barbalat.commands.output import print_json
-from barbalat.commands.screen import progress_bar
+from barbalat.commands.screen import work
 
 if TYPE_CHECKING:
+    from barbalat.cases.build import Case
+    from barbalat.certificates.certificate import Certificate
     from barbalat.commands import Commands
 
 
@@ -22,34 +24,24 @@ def add(commands: Commands) -> None:
     parser.add_argument(
         "--share", type=float, metavar="S", help="with --simulate: added error, in motions, that is lost; default 1"
     )
+    parser.add_argument("--full", action="store_true", help="every value with its kind, all assumptions, and Table 1")
     parser.add_argument("--json", action="store_true", help="one JSON document on standard output")
     parser.set_defaults(execute=execute)
 
 
 def execute(options: argparse.Namespace) -> int:
     """Run the command; returns the exit code."""
-    from rich.markup import escape
-
     from barbalat.cases.load import load_case
-    from barbalat.certificates.certify import certify
     from barbalat.certificates.table_1 import table_1
-    from barbalat.report import tables
+    from barbalat.report.terminal import certificates as terminal
+    from barbalat.report.terminal.layout import Screen
     from barbalat.report.write import as_json
     from barbalat.validate import InputError
 
     if options.share is not None and not options.simulate:
         raise InputError("--share needs --simulate: without it no loop is simulated")
     case = load_case(options.case, options.controllers)
-    certificates = certify(case.problem, case.controllers, case.simulation)
-    if options.simulate:
-        from barbalat.study.criteria import Lost
-        from barbalat.study.simulated_margins import with_simulated_margins
-
-        lost = Lost() if options.share is None else Lost(share=options.share)
-        with progress_bar("simulating") as progress:
-            certificates = with_simulated_margins(
-                certificates, case.problem, case.controllers, case.simulation, lost=lost, progress=progress
-            )
+    certificates = _certified(case, options)
     table = table_1(case.problem, case.controllers, certificates)
     if options.json:
         document = {
@@ -59,11 +51,36 @@ def execute(options: argparse.Namespace) -> int:
         }
         print_json(as_json(document))
         return 0
-    console = tables.console()
-    for name, certificate in certificates.items():
-        console.print(tables.certificate(name, certificate))
-        for finding in certificate.findings:
-            console.print(f"[red]{escape(finding)}[/red]")
-        console.print(escape("Assumed: " + "; ".join(certificate.assumptions) + ".\n"))
-    console.print(tables.table_1(table))
+    screen, dt = Screen(), case.simulation.dt
+    if options.full:
+        terminal.show_full(screen, case.name, certificates, table, dt)
+        return 0
+    terminal.show(screen, case.name, certificates, table, dt)
+    screen.title("Every value with its kind, all assumptions, Table 1:", "")
+    screen.whole(f"  barbalat certify {options.case} --full")
     return 0
+
+
+CERTIFYING, SIMULATING = 0.5, 20.0
+"""Seconds for each controller, about, until its own pace is known."""
+
+
+def _certified(case: Case, options: argparse.Namespace) -> dict[str, Certificate]:
+    """All controllers' certificates, with simulated margins where those are asked for."""
+    from barbalat.certificates.certify import certify
+
+    count = len(case.controllers)
+    simulating = {"simulating": SIMULATING * count} if options.simulate else {}
+    with work({"certifying": CERTIFYING * count} | simulating) as running:
+        with running.part("certifying") as progress:
+            certificates = certify(case.problem, case.controllers, case.simulation, progress=progress)
+        if options.simulate:
+            from barbalat.study.criteria import Lost
+            from barbalat.study.simulated_margins import with_simulated_margins
+
+            lost = Lost() if options.share is None else Lost(share=options.share)
+            with running.part("simulating") as progress:
+                certificates = with_simulated_margins(
+                    certificates, case.problem, case.controllers, case.simulation, lost=lost, progress=progress
+                )
+    return certificates

@@ -8,10 +8,11 @@ import time
 from typing import TYPE_CHECKING
 
 from barbalat.commands.output import folder_of, print_json
-from barbalat.commands.screen import progress_bar
+from barbalat.commands.screen import Work, work
 
 if TYPE_CHECKING:
     from barbalat.claims.claim import Claim, PaperFigure
+    from barbalat.claims.ledger import Measured
     from barbalat.commands import Commands
     from barbalat.report.files import Folder
 
@@ -27,12 +28,21 @@ def add(commands: Commands) -> None:
     parser.set_defaults(execute=execute)
 
 
+SECONDS, QUICK_SECONDS, FULL_SECONDS = 40.0, 9.0, 130.0
+"""In all, until the ledger is there to say it."""
+START, RUNS, PICTURES, MAPS = 3.0, 6.0, 3.0, 4.0
+"""Seconds of a core: until the first row is begun, and what is done beside the rows."""
+
+
 def execute(options: argparse.Namespace) -> int:
     """Run the command; returns the exit code."""
     started = time.perf_counter()
-    with folder_of(options.out, None) as folder:
+    expected = {"reproducing": QUICK_SECONDS if options.quick else FULL_SECONDS if options.full else SECONDS}
+    with folder_of(options.out, None) as folder, work(expected) as running, running.part("reproducing"):
         assert folder is not None  # --out has a default
-        figures, claims, document, seconds = _reproduced(folder, started, quick=options.quick, full=options.full)
+        figures, claims, document, seconds = _reproduced(
+            folder, started, running, quick=options.quick, full=options.full, shown=not options.json
+        )
         folder.commit()
     if options.json:
         print_json(document)
@@ -41,28 +51,35 @@ def execute(options: argparse.Namespace) -> int:
     return 0 if all(figure.reproduced for figure in figures) else 1
 
 
-def _reproduced(folder: Folder, started: float, *, quick: bool, full: bool) -> tuple[list[PaperFigure], list[Claim], str, float]:
+def _reproduced(
+    folder: Folder, started: float, running: Work, *, quick: bool, full: bool, shown: bool
+) -> tuple[list[PaperFigure], list[Claim], str, float]:
     """Figures, claims, the JSON document, and how long it took [s] from ``started`` on; the page is written."""
     from barbalat.claims import figures as paper
     from barbalat.claims import ledger, section_v
-    from barbalat.claims.paper_certificates import certified_paper
+    from barbalat.claims.rows import LEDGER
     from barbalat.report import page, write
 
-    seconds = {"start": time.perf_counter() - started}
-    with ledger.under_way(1 if quick else os.cpu_count() or 1, quick=quick, full=full) as ahead:
-        with progress_bar("simulating") as progress:
-            runs = section_v.run(progress)
+    processes = 1 if quick else os.cpu_count() or 1
+    pace = Pace(running, sum(part.duration(full=full) for part in LEDGER if part.quick or not quick), processes, shown=shown)
+    seconds, maps = {"start": time.perf_counter() - started}, {}
+    with ledger.under_way(processes, quick=quick, full=full, told=pace.told) as ahead:
+        runs = section_v.run(pace.running_section_v)
         seconds["simulations"] = time.perf_counter() - started - sum(seconds.values())
         figures = paper.paper_figures(runs)
         pictures = write.draw_reproduction(folder, figures)
+        pace.drawn(PICTURES)
         seconds["pictures"] = time.perf_counter() - started - sum(seconds.values())
-        certified = certified_paper(runs)
-        seconds["certificates"] = time.perf_counter() - started - sum(seconds.values())
-        with progress_bar("measuring the claims") as progress:
-            claims = ledger.measure(runs, quick=quick, full=full, progress=progress, ahead=ahead)
-        seconds["claims"] = time.perf_counter() - started - sum(seconds.values())
-    maps = write.draw_maps(folder, claims)
-    seconds["maps"] = time.perf_counter() - started - sum(seconds.values())
+        claims = ledger.measure(
+            runs,
+            quick=quick,
+            full=full,
+            ahead=ahead,
+            told=pace.told,
+            taken=lambda rows: maps.update(write.draw_maps(folder, rows)),
+        )
+        certified = ahead.certified.result()
+        seconds["claims, maps, certificates"] = time.perf_counter() - started - sum(seconds.values())
     seconds["total"] = time.perf_counter() - started
     document = write.as_json(write.reproduction_document(figures, claims, certified, seconds))
     for file, text in page.reproduction(figures, claims, pictures, maps, certified, seconds).items():
@@ -71,12 +88,53 @@ def _reproduced(folder: Folder, started: float, *, quick: bool, full: bool) -> t
     return figures, claims, document, seconds["total"]
 
 
+class Pace:
+    """Tells of rows as they are measured; and how long all takes, from how much of the work was done in which time."""
+
+    PRIOR_SECONDS = 3.0
+    """So long the work counts as having gone as fast as expected, before anything is known."""
+
+    def __init__(self, running: Work, rows: float, processes: int, *, shown: bool) -> None:
+        from barbalat.report.terminal.layout import Screen
+
+        self.cores = min(os.cpu_count() or 1, processes + 1)
+        self.running, self.whole, self.done = running, START + RUNS + PICTURES + MAPS + rows, 0.0
+        self.started, self.runs_done = time.perf_counter(), 0.0
+        self.screen = Screen(running.console) if shown and running.console.is_terminal else None
+        self._add(0.0)
+
+    def told(self, measured: Measured) -> None:
+        """A line for each row, where somebody is looking."""
+        from barbalat.report.terminal import ledger
+
+        self._add(measured.expected)
+        if self.screen is not None:
+            for claim in measured.claims:
+                ledger.streamed(self.screen, claim)
+
+    def running_section_v(self, fraction: float) -> None:
+        """So much of the runs is done."""
+        self._add(RUNS * (fraction - self.runs_done) + START * (self.runs_done == 0))
+        self.runs_done = fraction
+
+    def drawn(self, seconds: float) -> None:
+        """Pictures are drawn that were to take so long."""
+        self._add(seconds)
+
+    def _add(self, work: float) -> None:
+        self.done += work
+        known = time.perf_counter() - self.started + self.PRIOR_SECONDS
+        self.running.expect(self.whole * known / (self.done + self.PRIOR_SECONDS * self.cores))
+
+
 def _show(figures: list[PaperFigure], claims: list[Claim], folder: Folder, seconds: float) -> None:
-    from rich.markup import escape
+    from barbalat.report import write
+    from barbalat.report.terminal import ledger
+    from barbalat.report.terminal.layout import Screen
 
-    from barbalat.report import tables, write
-
-    console = tables.console()
-    console.print(tables.checks_of_figures(figures), tables.ledger(claims))
-    console.print(f"{sum(f.reproduced for f in figures)} of {len(figures)} figures reproduced in {seconds:.1f} s")
-    console.print(escape(f"report: {folder.path / write.PAGE}"))
+    screen = Screen()
+    ledger.by_verdict(screen, claims)
+    ledger.figures(screen, figures)
+    screen.title(f"{sum(f.reproduced for f in figures)} of {len(figures)} figures reproduced in {seconds:.1f} s", "")
+    screen.line("One claim in full: barbalat claims NAME")
+    screen.whole(f"page: {folder.path / write.PAGE}")

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from barbalat.commands.options import add_controllers
 from barbalat.commands.output import folder_of, print_json
-from barbalat.commands.screen import progress_bar, say
+from barbalat.commands.screen import Work, say, work
 
 if TYPE_CHECKING:
     from barbalat.cases.build import Case
@@ -28,6 +28,9 @@ def add(commands: Commands) -> None:
         help="where pictures, page, JSON and trajectories go; default: barbalat-run, none with --json",
     )
     parser.add_argument("--json", action="store_true", help="one JSON document on standard output")
+    parser.add_argument(
+        "--full-record", action="store_true", help="every recorded instant in the CSVs, with all digits; default: about 1000"
+    )
     parser.add_argument("--no-plots", action="store_true", help="no pictures and no page")
     parser.set_defaults(execute=execute)
 
@@ -38,64 +41,77 @@ def execute(options: argparse.Namespace) -> int:
 
     case = load_case(options.case, options.controllers)
     with folder_of(options.out, None if options.json or options.no_plots else "barbalat-run") as folder:
-        results = _simulated(case)
-        from barbalat.report import write
+        plots = folder is not None and not options.no_plots
+        with work(_expected(case, plots=plots)) as running:
+            results = _simulated(case, running)
+            from barbalat.report import write
 
-        document = write.as_json(write.run_document(case.name, results, None))
-        if folder is not None:
-            folder.write(write.RUN, document)
-            write.write_trajectories(folder, results)
-            folder.commit(gone=write.files_of_run(folder.path))  # whatever becomes of the certificates, the runs are safe
-            if not options.no_plots:
-                document = _with_page(folder, case, results)
+            document = write.as_json(write.run_document(case.name, results, None))
+            if folder is not None:
+                folder.write(write.RUN, document)
+                write.write_trajectories(folder, results, whole=options.full_record)
+                folder.commit(gone=write.files_of_run(folder.path))  # whatever becomes of the certificates, the runs are safe
+                if plots:
+                    document = _with_page(folder, case, results, running)
         if options.json:
             print_json(document)
         else:
-            _show(results, folder)
+            _show(case.name, results, folder, plots=plots)
     return 0
 
 
-def _simulated(case: Case) -> list[Result]:
+CERTIFYING, DRAWING = 0.5, 0.4
+"""Seconds for each controller, about; drawing takes a second more."""
+STEPS_EACH_SECOND = 5e6
+"""Of a small loop, about; a controller's code takes ``COMPILING`` seconds before."""
+COMPILING = 0.2
+
+
+def _expected(case: Case, *, plots: bool) -> dict[str, float]:
+    """Seconds for each part of the work."""
+    count = len(case.controllers)
+    simulating = {"simulating": count * (COMPILING + case.simulation.steps / STEPS_EACH_SECOND)}
+    return simulating | ({"certifying": CERTIFYING * count, "drawing": 1.0 + DRAWING * count} if plots else {})
+
+
+def _simulated(case: Case, running: Work) -> list[Result]:
     """All controllers, those that were numerically unstable also at a finer step."""
     from barbalat.run.check_numerics import check_numerics
     from barbalat.run.simulate import simulate
 
-    with progress_bar("simulating") as progress:
+    with running.part("simulating") as progress:
         found = simulate(case.problem, case.controllers, case.simulation, progress=progress)
     labelled = [name for name, result in found.items() if result.label is not None]
     if labelled:
         say(f"numerically unstable, repeated at a finer step: {', '.join(labelled)}")
-        with progress_bar("checking the numerics") as progress:
+        with running.part("checking the numerics") as progress:
             found = check_numerics(found, progress=progress)
     return list(found.values())
 
 
-def _with_page(folder: Folder, case: Case, results: Sequence[Result]) -> str:
+def _with_page(folder: Folder, case: Case, results: Sequence[Result], running: Work) -> str:
     """Certify and write the page; the JSON document with what was found."""
     from barbalat.certificates.overview import certified_case
     from barbalat.report import write
 
-    certified = certified_case(case.problem, case.controllers, case.simulation)
-    document = write.as_json(write.run_document(case.name, results, certified))
-    folder.write(write.RUN, document)
-    write.write_comparison(folder, case.name, results, certified)
-    folder.commit()
+    with running.part("certifying"):
+        certified = certified_case(case.problem, case.controllers, case.simulation)
+    with running.part("drawing"):
+        document = write.as_json(write.run_document(case.name, results, certified))
+        folder.write(write.RUN, document)
+        write.write_comparison(folder, case.name, results, certified)
+        folder.commit()
     return document
 
 
-def _show(results: Sequence[Result], folder: Folder | None) -> None:
-    from rich.markup import escape
+def _show(case: str, results: Sequence[Result], folder: Folder | None, *, plots: bool) -> None:
+    from barbalat.report import write
+    from barbalat.report.terminal import runs
+    from barbalat.report.terminal.layout import Screen
 
-    from barbalat.report import tables
-
-    console = tables.console()
-    console.print(tables.figures_of_runs(results))
-    for result in results:
-        console.print(escape(f"{result.name}: {result.numerics}"))
-    if any(result.adapting is not None for result in results):
-        console.print(tables.adapting_of_runs(results))
-    for result in results:
-        for warning in () if result.adapting is None else result.adapting.warnings:
-            console.print(f"[yellow]{escape(f'{result.name}: {warning}')}[/yellow]")
+    screen = Screen()
+    runs.show(screen, case, results)
     if folder is not None:
-        console.print(escape(f"written to {folder.path}"))
+        screen.title(f"written to {folder.path}", "")
+        if plots:
+            screen.whole(f"page: {folder.path / write.PAGE}")

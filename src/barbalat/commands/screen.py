@@ -1,28 +1,102 @@
-"""What the commands say to a person: progress and notes, on standard error."""
+"""What the commands say to a person while they work: progress and notes, on standard error."""
 
 from __future__ import annotations
 
 import contextlib
 import sys
-from collections.abc import Iterator
+import time
+from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from rich.console import Console
+    from rich.progress import Task
+
     from barbalat.run.progress import Progress
 
 
+TOLD_FRACTION = 0.02
+"""Of a part: from there on its own pace says how long it takes, and no longer what was expected."""
+
+OVERDUE_SHARE = 0.05
+"""Of the time since the last news: what should be over by now takes so much longer at least."""
+
+
+class Work:
+    """How much of a command's work is over, and how many seconds are left: of parts that are expected to take so many each.
+
+    What is to be said meanwhile goes to ``console``, above the bar.
+    """
+
+    def __init__(self, expected: Mapping[str, float], console: Console) -> None:
+        self.to_come, self.console = dict(expected), console
+        self.started = self.begun = self.updated = time.perf_counter()
+        self.name, self.fraction, self.told, self.expected = "", 0.0, 0.0, 0.0
+
+    @contextlib.contextmanager
+    def part(self, name: str) -> Iterator[Progress]:
+        """One of the parts is under way; yields what is to be called with the fraction of it that is done."""
+        self.expected, self.name, self.fraction = self.to_come.pop(name, 1.0), name, 0.0
+        self.begun = self.updated = time.perf_counter()
+        yield self._advanced
+        self.name = ""
+
+    def expect(self, seconds: float) -> None:
+        """The part under way is expected to take so long."""
+        self.expected = seconds
+
+    def _advanced(self, fraction: float) -> None:
+        if fraction > self.fraction:
+            self.fraction, self.updated = fraction, time.perf_counter()
+
+    @property
+    def left(self) -> float:
+        """Seconds that are expected to be left."""
+        if not self.name:
+            return sum(self.to_come.values())
+        now, rest = time.perf_counter(), self.expected
+        if self.fraction >= TOLD_FRACTION:
+            rest = (1 - self.fraction) / self.fraction * (self.updated - self.begun)
+        behind = now - (self.updated if self.fraction >= TOLD_FRACTION else self.begun)
+        return sum(self.to_come.values()) + max(rest - behind, OVERDUE_SHARE * behind)
+
+    @property
+    def over(self) -> float:
+        """The fraction of the time that is over; it never falls."""
+        seconds = time.perf_counter() - self.started
+        self.told = max(self.told, seconds / (seconds + self.left + 1e-9))
+        return self.told
+
+
 @contextlib.contextmanager
-def progress_bar(what: str) -> Iterator[Progress]:
-    """A progress bar on standard error; nothing where that is not a terminal."""
-    from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+def work(expected: Mapping[str, float]) -> Iterator[Work]:
+    """A bar on standard error over parts that are expected to take so many seconds; unseen where that is not a terminal."""
+    from rich.progress import BarColumn, ProgressColumn, TextColumn
+    from rich.progress import Progress as Bars
+    from rich.text import Text
 
-    from barbalat.report.tables import console
+    from barbalat.report.terminal.layout import console
 
-    columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.percentage:>3.0f} %"), TimeRemainingColumn())
+    class Left(ProgressColumn):
+        max_refresh = 0.5
+
+        def render(self, task: Task) -> Text:
+            bars.update(task.id, completed=running.over, description=running.name)
+            return Text(f"{100 * running.told:3.0f} %, {_duration(running.left)} left")
+
     screen = console(to_standard_error=True)
-    with Progress(*columns, console=screen, transient=True, disable=not screen.is_terminal) as bar:
-        task = bar.add_task(what, total=1.0)
-        yield lambda fraction: bar.update(task, completed=fraction)
+    running = Work(expected, screen)
+    bars = Bars(
+        TextColumn("{task.description}"), BarColumn(bar_width=20), Left(),
+        console=screen, transient=True, disable=not screen.is_terminal,
+    )  # fmt: skip
+    with bars:
+        bars.add_task("", total=1.0)
+        yield running
+
+
+def _duration(seconds: float) -> str:
+    return f"{seconds:.0f} s" if seconds < 99.5 else f"{seconds / 60:.0f} min"
 
 
 def say(text: str) -> None:

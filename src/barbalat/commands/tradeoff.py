@@ -8,9 +8,10 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from barbalat.commands.output import folder_of, print_json
-from barbalat.commands.screen import progress_bar, say
+from barbalat.commands.screen import Work, say, work
 
 if TYPE_CHECKING:
+    from barbalat.cases.build import Case
     from barbalat.commands import Commands
     from barbalat.report.files import Folder
     from barbalat.study.tradeoff import TradeOff
@@ -24,7 +25,13 @@ def add(commands: Commands) -> None:
     parser.add_argument(
         "--plants", type=int, default=4, metavar="N", help="the case's plant and N - 1 of its known set; default 4"
     )
-    parser.add_argument("--density", type=int, default=12, metavar="N", help="tunings for each knob; default 12")
+    parser.add_argument(
+        "--density",
+        type=int,
+        default=6,
+        metavar="N",
+        help="tunings for each knob, default 6, under a minute; 12 takes four times as long",
+    )
     parser.add_argument(
         "--share", type=float, default=1.0, metavar="S", help="added error, in motions, that counts as loss; default 1"
     )
@@ -36,35 +43,23 @@ def execute(options: argparse.Namespace) -> int:
     """Run the command; returns the exit code."""
     from barbalat import validate
     from barbalat.cases.load import load_case
-    from barbalat.problem.state_feedback import Problem
-    from barbalat.study.criteria import Lost
-    from barbalat.study.tradeoff import trade_off
 
     started = time.perf_counter()
     case = load_case(options.case)
-    if not isinstance(case.problem, Problem):
-        raise validate.InputError("the trade-off compares the state-feedback schemes; this case measures the output")
     validate.whole("--density", options.density, least=2)
     validate.whole("--plants", options.plants, least=1)
-    with folder_of(options.out, None if options.json else "barbalat-tradeoff") as folder:
-        with progress_bar("simulating") as progress:
-            found = trade_off(
-                case.problem,
-                case.simulation,
-                density=options.density,
-                plants=options.plants,
-                lost=Lost(share=options.share),
-                estimate=lambda seconds: say(f"expected: about {max(seconds, 1.0):.0f} s"),
-                progress=progress,
-            )
+    default = None if options.json else "barbalat-tradeoff"
+    with folder_of(options.out, default) as folder, work({"simulating": SIMULATING, "drawing": DRAWING}) as running:
+        found = _found(case, options, running)
         from barbalat.report import tradeoff, write
 
         found = replace(found, seconds=time.perf_counter() - started)
         document = write.as_json(tradeoff.as_document(found))
         if folder is not None:
-            folder.write("tradeoff.json", document)
-            write.write_tradeoff(folder, found)
-            folder.commit()
+            with running.part("drawing"):
+                folder.write("tradeoff.json", document)
+                write.write_tradeoff(folder, found)
+                folder.commit()
     if options.json:
         print_json(document)
     else:
@@ -75,14 +70,42 @@ def execute(options: argparse.Namespace) -> int:
     return 0
 
 
-def _show(found: TradeOff, folder: Folder | None, effort: str) -> None:
-    from barbalat.report import tables, tradeoff
+SIMULATING, DRAWING = 60.0, 3.0
+"""Seconds: of the first until it is measured."""
 
-    console = tables.console()
-    console.print(tables.tradeoff(tradeoff.at_equal_error(found, "plant"), [cloud.scheme for cloud in found.clouds]))
-    console.print(tradeoff.ranking(found, "plant"))
-    for sentence in found.notes:
-        console.print(f"Note: {sentence}.", markup=False)
-    console.print(effort)
+
+def _found(case: Case, options: argparse.Namespace, running: Work) -> TradeOff:
+    from barbalat import validate
+    from barbalat.problem.state_feedback import Problem
+    from barbalat.study.criteria import Lost
+    from barbalat.study.tradeoff import trade_off
+
+    if not isinstance(case.problem, Problem):
+        raise validate.InputError("the trade-off compares the state-feedback schemes; this case measures the output")
+
+    def expected(seconds: float) -> None:
+        say(f"expected: about {max(seconds, 1.0):.0f} s")
+        running.expect(seconds)
+
+    with running.part("simulating") as progress:
+        return trade_off(
+            case.problem,
+            case.simulation,
+            density=options.density,
+            plants=options.plants,
+            lost=Lost(share=options.share),
+            estimate=expected,
+            progress=progress,
+        )
+
+
+def _show(found: TradeOff, folder: Folder | None, effort: str) -> None:
+    from barbalat.report import write
+    from barbalat.report.terminal import tradeoff
+    from barbalat.report.terminal.layout import Screen
+
+    screen = Screen()
+    tradeoff.show(screen, found)
+    screen.line(effort)
     if folder is not None:
-        console.print(f"written to {folder.path}", markup=False)
+        screen.whole(f"page: {folder.path / write.PAGE}")

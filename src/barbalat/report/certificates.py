@@ -29,10 +29,11 @@ class Row(NamedTuple):
 
 def rows(certificate: Certificate) -> list[Row]:
     """All entries in order; guaranteed values rounded so that the print is a bound too."""
-    return [row for entry in certificate.entries for row in _rows_of(entry)]
+    return [row for entry in certificate.entries for row in rows_of(entry)]
 
 
-def _rows_of(entry: Entry) -> list[Row]:
+def rows_of(entry: Entry) -> list[Row]:
+    """Those of one entry."""
     kind = KINDS.get(entry.kind, entry.kind)
     if not entry.applies:
         return [Row(entry.key, "", entry.why, kind)]

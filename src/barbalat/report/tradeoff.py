@@ -68,6 +68,12 @@ def _borne(found: TradeOff, cloud: Cloud, which: str, criterion: str, error: flo
 
 def ranking(found: TradeOff, which: str) -> str:
     """A sentence: at which errors the order of the schemes depends on the criterion."""
+    head, parts = orders(found, which)
+    return f"{head}: {'; '.join(parts)}." if parts else f"{head}."
+
+
+def orders(found: TradeOff, which: str) -> tuple[str, list[str]]:
+    """The same as what it says in all, and what it says of each error."""
     orders = {error: [_order(found, which, name, error) for name in ("onset", "loss")] for error in ERRORS}
     known = {error: pair for error, pair in orders.items() if len(pair[0]) > 1}
     parts = [
@@ -75,10 +81,10 @@ def ranking(found: TradeOff, which: str) -> str:
         for error, (a, b) in known.items()
     ]
     if not parts:
-        return "No two schemes reach a common error."
+        return "No two schemes reach a common error", []
     differ = sum(a != b for a, b in known.values())
     head = "The order does not depend on the criterion" if differ == 0 else "The order of the schemes depends on the criterion"
-    return f"{head} (delay borne, the most first): {'; '.join(parts)}."
+    return f"{head} (delay borne, the most first)", parts
 
 
 def _order(found: TradeOff, which: str, criterion: str, error: float) -> list[list[str]]:

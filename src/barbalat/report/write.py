@@ -135,17 +135,20 @@ def write_tradeoff(folder: Folder, found: TradeOff) -> None:
     folder.write(PAGE, page.trade_off(found, picture))
 
 
-def write_trajectories(folder: Folder, results: Sequence[Result]) -> None:
-    """One CSV for each controller, the recorded instants as rows, or every second, third, ... where these were too many."""
+def write_trajectories(folder: Folder, results: Sequence[Result], *, whole: bool = False) -> None:
+    """One CSV for each controller, the recorded instants as rows, or every second, third, ... where these were too many.
+
+    With ``whole`` every recorded instant, with all digits.
+    """
     for name, result in zip(_table_names([result.name for result in results]), results, strict=True):
         buffer = io.StringIO()
         columns = {"t": result.t} | result.columns()
         writer = csv.writer(buffer, lineterminator="\n")
         writer.writerow(columns)
-        every = max(math.ceil(len(result.t) * len(columns) * len(results) / MOST_NUMBERS), 1)
+        every = 1 if whole else max(math.ceil(len(result.t) * len(columns) * len(results) / MOST_NUMBERS), 1)
         rows = np.unique([*range(0, len(result.t), every), len(result.t) - 1])
         numbers = np.column_stack(list(columns.values()))[rows]
-        writer.writerows([float(f"{number:.7g}") for number in row] for row in numbers.tolist())
+        writer.writerows(row if whole else [float(f"{number:.7g}") for number in row] for row in numbers.tolist())
         folder.write(name, buffer.getvalue())
 
 

@@ -107,7 +107,7 @@ def trade_off(
     simulation: Simulation,
     *,
     knobs: tuple[Knobs, ...] | None = None,
-    density: int = 12,
+    density: int = 6,
     plants: int = 4,
     seed: int = 0,
     longest: float = 2.0,

@@ -1,0 +1,44 @@
+"""``barbalat claims``: the rows of the ledger, or all of one of them, measured."""
+
+from __future__ import annotations
+
+import argparse
+from typing import TYPE_CHECKING
+
+from barbalat.commands.output import print_json
+from barbalat.commands.screen import work
+
+if TYPE_CHECKING:
+    from barbalat.commands import Commands
+
+
+def add(commands: Commands) -> None:
+    """Register the command and its options."""
+    parser = commands.add_parser("claims", help="the claims of the paper: their names, or all that is measured of one")
+    parser.add_argument("name", nargs="?", metavar="NAME", help="measure this row and show all of it; without: the list")
+    parser.add_argument("--json", action="store_true", help="one JSON document on standard output")
+    parser.set_defaults(execute=execute)
+
+
+def execute(options: argparse.Namespace) -> int:
+    """Run the command; returns the exit code: 0 whatever the verdict."""
+    from barbalat.claims import ledger
+    from barbalat.claims.rows import LEDGER, RUNS_OF_SECTION_V
+    from barbalat.report.terminal import ledger as terminal
+    from barbalat.report.terminal.layout import Screen
+    from barbalat.report.write import as_json
+
+    if options.name is None:
+        if options.json:
+            print_json(as_json({"claims": [row for part in LEDGER for row in part.as_json()]}))
+        else:
+            terminal.names(Screen(), LEDGER)
+        return 0
+    part = ledger.part_with(options.name)
+    with work({"measuring": part.seconds + RUNS_OF_SECTION_V * part.judges_runs}) as running, running.part("measuring"):
+        claim = ledger.row(options.name)
+    if options.json:
+        print_json(as_json(claim.as_json()))
+    else:
+        terminal.in_full(Screen(), claim)
+    return 0

@@ -1,0 +1,194 @@
+"""What ``barbalat certify`` shows: five lines for each controller; in full every value by its kind, and Table 1."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+from barbalat.certificates.cells import PROPERTIES, Column
+from barbalat.certificates.certificate import Certificate
+from barbalat.certificates.entry import Entry
+from barbalat.certificates.rounding import up
+from barbalat.certificates.table_1 import Table
+from barbalat.report.certificates import rows_of
+from barbalat.report.terminal.layout import Screen, held
+
+GROUPS = {
+    "guaranteed": ("Guaranteed on this case", "green"),
+    "exact": ("Exact for the linear loop named, and for nothing else", "green"),
+    "estimate": ("Estimates, without a guarantee", ""),
+    "searched": ("Least margins found over the known set, without a guarantee", ""),
+    "advice": ("For orientation", ""),
+    "does not apply": ("Does not apply on this case", "red"),
+}
+"""How the values of a kind are headed, in the order in which they are shown; what was searched for stands together."""
+STYLES = {"guaranteed": "green", "exact": "green", "does not apply": "red"}
+ROOM = 12
+"""Columns of the five lines' labels."""
+LEGEND = (
+    "bound of |e|: of every component. delay margin: of linear loops, at the case's theta, the least found in the known set, and "
+    "with the law linearised at the largest command (adapting). gain, step: what the solver bears, with everything at its "
+    "largest; an estimate."
+)
+LONGEST_KEY, LONGEST_VALUE = 30, 14
+
+
+class Line(NamedTuple):
+    """One of the five: what it is about, what is said, and how sure that is."""
+
+    label: str
+    text: str
+    kind: str
+
+
+def show(screen: Screen, case: str, certificates: Mapping[str, Certificate], table: Table, dt: float | None) -> None:
+    """Five lines for each controller."""
+    screen.line(case, "bold")
+    common = _of_all(certificates)
+    for column in table.columns:
+        _controller(screen, column, certificates[column.name], dt, common)
+    if common:
+        screen.title("All of them", "")
+    for note in common:
+        screen.fact("note", note, ROOM, "yellow")
+    screen.title(LEGEND, "dim")
+
+
+def _of_all(certificates: Mapping[str, Certificate]) -> tuple[str, ...]:
+    """The notes that all certificates have, where there are several: they are said once."""
+    first, *others = certificates.values()
+    return tuple(note for note in first.notes if others and all(note in other.notes for other in others))
+
+
+def show_full(screen: Screen, case: str, certificates: Mapping[str, Certificate], table: Table, dt: float | None) -> None:
+    """The five lines and everything behind them, then Table 1."""
+    screen.line(case, "bold")
+    for column in table.columns:
+        certificate = certificates[column.name]
+        _controller(screen, column, certificate, dt)
+        _values(screen, certificate)
+        if certificate.assumptions:
+            screen.title("Assumed of the above", "")
+            for sentence in certificate.assumptions:
+                screen.line(f"- {sentence}", indent="  ")
+    _table_1(screen, table)
+
+
+def _controller(
+    screen: Screen, column: Column, certificate: Certificate, dt: float | None, elsewhere: Sequence[str] = ()
+) -> None:
+    screen.title(f"{screen.name(column.name)}: {column.scheme}")
+    for line in five(column, certificate, dt):
+        screen.fact(line.label, line.text, ROOM, STYLES.get(line.kind, ""))
+    for note in (note for note in certificate.notes if note not in elsewhere):
+        screen.fact("note", note, ROOM, "yellow")
+
+
+def five(column: Column, certificate: Certificate, dt: float | None) -> tuple[Line, ...]:
+    """Does the condition hold; the bound; the margin; the largest gain and step; what is assumed, and what of it fails."""
+    return (
+        _condition(column.cells.get("stability"), certificate.entry("condition")),
+        _bound(certificate),
+        _margin(certificate),
+        _limits(certificate, dt),
+        _assumed(certificate),
+    )
+
+
+def _condition(stability: Entry | None, condition: Entry | None) -> Line:
+    if condition is not None and condition.value is not None:
+        value = condition.value
+        of = f"||{value.get('of', 'W_b (1 - C)')}||_1 {value.get('times', 'theta_max')}"
+        size = "is infinite" if value["value_upper"] is None else f"<= {up(value['value_upper'])}"
+        if value["holds"]:
+            return Line("condition", f"holds: {of} {size} < 1", condition.kind)
+        return Line("condition", f"not shown to hold: {of} {size}, and 1 is needed", "does not apply")
+    if stability is None or not stability.applies:
+        return Line("condition", f"bounded signals not shown: {'' if stability is None else stability.why}", "does not apply")
+    return Line("condition", f"none needed; bounded: {stability.text}", stability.kind)
+
+
+def _bound(certificate: Certificate) -> Line:
+    bound, worst = certificate.entry("error_bound"), certificate.entry("error_bound_worst")
+    if bound is None or not bound.applies or bound.value is None:
+        return Line("bound of |e|", f"none: {'not known for this scheme' if bound is None else bound.why}", "does not apply")
+    text = f"{held(bound.kind)}: {up(bound.value)}"
+    if worst is not None and worst.applies and worst.value is not None:
+        text += f"; {up(worst.value)} for any theta of the known set"
+    return Line("bound of |e|", text, bound.kind)
+
+
+def _margin(certificate: Certificate) -> Line:
+    margin, adapting = certificate.entry("delay_margin"), certificate.entry("delay_margin_adapting")
+    parts = []
+    if margin is not None and margin.applies:
+        parts.append(f"{_delay(margin.value)} at theta")
+    searched = certificate.entry("margins_over_known_set")
+    loops = [] if searched is None or not searched.applies else searched.value
+    least = [loop["delay_margin"]["value"] for loop in loops if "delay_margin" in loop]
+    if any("unstable_at" in loop for loop in loops):
+        parts.append("unstable somewhere in the known set")
+    elif least:
+        parts.append(f"{_delay(min(least))} in the known set")
+    if adapting is not None and adapting.applies:
+        parts.append(f"{_delay(adapting.value)} adapting")
+    if not parts:
+        return Line("delay margin", "not known: no linear loop describes it", "does not apply")
+    text = "; ".join(parts).removesuffix(" at theta")  # alone it need not be told from others
+    return Line("delay margin", text, margin.kind if margin is not None and len(parts) == 1 else "estimate")
+
+
+def _delay(value: float | None) -> str:
+    return held("any delay" if value is None else f"{value:.3g} s")
+
+
+def _limits(certificate: Certificate, dt: float | None) -> Line:
+    gain, step = certificate.values.get("gamma_max"), certificate.values.get("step_max")
+    parts = [] if gain is None else [f"gain {gain:.3g}"]
+    parts += [] if step is None else [f"step {step:.3g} s"]
+    if not parts:
+        return Line("gain, step", "no limit is known", "does not apply")
+    judged = "" if step is None or dt is None else f" (case: {dt:g} s, {'inside' if dt <= step else held('too long')})"
+    return Line("gain, step", f"about {', '.join(parts)}{judged}", "estimate")
+
+
+def _assumed(certificate: Certificate) -> Line:
+    claimed = {sentence for entry in certificate.entries if entry.kind == "guaranteed" for sentence in entry.assumptions}
+    broken = ", ".join(dict.fromkeys(entry.why for entry in certificate.entries if not entry.applies and entry.assumptions))
+    if broken:
+        return Line("assumed", f"fails on this case: {broken}", "does not apply")
+    if not claimed:
+        return Line("assumed", "nothing, for nothing is guaranteed", "")
+    kept = "one thing" if len(claimed) == 1 else f"{len(claimed)} things"
+    return Line("assumed", f"{kept}, checked on this case: none fails", "guaranteed")
+
+
+def _values(screen: Screen, certificate: Certificate) -> None:
+    for group, (title, style) in GROUPS.items():
+        found = [row for entry in certificate.entries if _group(entry) == group for row in rows_of(entry)]
+        if not found:
+            continue
+        screen.title(title, style)
+        room = min(max(len(row.quantity) for row in found), LONGEST_KEY)
+        width = min(max(len(row.value) for row in found), LONGEST_VALUE)
+        for row in found:
+            if row.value and row.meaning and len(row.value) <= width:
+                screen.fact(row.quantity, f"{held(f'{row.value:{width}}')} {row.meaning}", room)
+            else:
+                for label, text in ((row.quantity, row.value), ("" if row.value else row.quantity, row.meaning)):
+                    if text:
+                        screen.fact(label, text, room)
+
+
+def _group(entry: Entry) -> str:
+    return "searched" if entry.key == "margins_over_known_set" and entry.applies else entry.kind
+
+
+def _table_1(screen: Screen, table: Table) -> None:
+    screen.title("Table 1: what is guaranteed")
+    room = max(len(screen.name(column.name)) for column in table.columns)
+    for key, title in PROPERTIES.items():
+        screen.title(title, "")
+        for column in table.columns:
+            cell = column.cells[key]
+            screen.fact(screen.name(column.name), f"{held(cell.kind)}: {cell.text}", room, STYLES.get(cell.kind, ""))

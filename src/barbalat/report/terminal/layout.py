@@ -1,0 +1,157 @@
+"""Text that fits a terminal: no line ends inside a number with its unit or inside a name, and none is longer than the screen."""
+
+from __future__ import annotations
+
+import re
+import shutil
+from collections.abc import Sequence
+from itertools import groupby
+
+from rich import box
+from rich.cells import cell_len
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+HELD = "\N{NO-BREAK SPACE}"
+"""A blank at which no line ends."""
+NARROWEST, FALLBACK = 40, 80
+"""Columns: what any screen is taken to have, and what is assumed where nobody says (a file, a pipe)."""
+LONGEST_LINE = 100
+"""Columns of a paragraph: eyes lose a longer line; tables take what they need."""
+LONGEST_NAME = 28
+"""Columns of a controller's name in a table: the bundled cases' longest one has 21."""
+UNITS = r"(?:1/s\^2|1/s|rad/s|rad|deg|s|ms|us|Hz|kHz|dB|%|kB|MB|times|rows|steps)"
+PAIR = re.compile(rf"(?<=[\d\]]) (?={UNITS}(?![\w/]))")
+"""The blank between a number, or a list of numbers, and its unit."""
+COMPARED = re.compile(r"(?<=\S) (<=|>=|=|<|>|\*|/) (?=[-+\d\[(|])")
+"""The blanks around a sign that belongs to the number behind it."""
+
+
+def held(text: str) -> str:
+    """The text as one word."""
+    return text.replace(" ", HELD)
+
+
+def fold(text: str, width: int, indent: str = "", start: str = "") -> list[str]:
+    """Lines of at most ``width`` columns, the further ones indented; a word that is wider stands alone."""
+    lines, line, empty = [], start, True
+    words = [
+        part for word in re.split(r"[ \n]+", _bound_to_units(text).strip(" \n")) for part in _released(word, width - len(indent))
+    ]
+    for word in words:
+        longer = line + word if empty else f"{line} {word}"
+        if cell_len(longer) > width and not empty:
+            lines.append(line)
+            longer = indent + word
+        line, empty = longer, False
+    return [*lines, line]
+
+
+def _bound_to_units(text: str) -> str:
+    return COMPARED.sub(rf"{HELD}\1{HELD}", PAIR.sub(HELD, text))
+
+
+def _released(word: str, width: int) -> list[str]:
+    """A word; the words that are held together in it, where together they are too wide for a line."""
+    return [word] if cell_len(word) <= width else word.split(HELD)
+
+
+def _cut(text: str, width: int) -> str:
+    while cell_len(text) > width:
+        text = text[:-1]
+    return text
+
+
+def console(*, to_standard_error: bool = False) -> Console:
+    """Where screens go, or notes and progress with ``to_standard_error``; as wide as the terminal or COLUMNS says."""
+    width = max(shutil.get_terminal_size((FALLBACK, 24)).columns, NARROWEST)
+    return Console(stderr=to_standard_error, highlight=False, markup=False, emoji=False, width=width)
+
+
+class Screen:
+    """Lines, labelled lines and tables on a console."""
+
+    def __init__(self, target: Console | None = None, *, longest: int = LONGEST_LINE) -> None:
+        self.console = target or console()
+        self.width = min(self.console.width, longest)
+
+    def title(self, text: str, style: str = "bold") -> None:
+        """A heading with an empty line above."""
+        self._print("")
+        self.line(text, style)
+
+    def line(self, text: str, style: str = "", indent: str = "", start: str = "") -> None:
+        """A paragraph; its further lines are indented, the first one has its own ``start``."""
+        for line in fold(self._shown(text), self.width, indent, start):
+            self._print(line, style)
+
+    def name(self, text: str) -> str:
+        """A controller's name, or as much of it as a table has room for, as one word."""
+        text = self._shown(text)
+        return held(text if cell_len(text) <= LONGEST_NAME else _cut(text, LONGEST_NAME - 3) + "...")
+
+    def whole(self, text: str) -> None:
+        """A line that is to be copied, such as a path: never folded."""
+        self._print(self._shown(text))
+
+    def fact(self, label: str, text: str, room: int, style: str = "", indent: str = "  ") -> None:
+        """A label in so many columns, and beside it a paragraph; below it where the label is too wide, or the screen narrow."""
+        label, text, hanging = self._shown(label), self._shown(text), indent + " " * (room + 2)
+        widest = max((cell_len(word) for word in text.replace(HELD, " ").split()), default=0)
+        if cell_len(label) > room or self.width - len(hanging) < max(NARROWEST // 2, widest):
+            self._print(indent + label, style)
+            hanging, start = indent + "    ", ""
+        else:
+            start = indent + label.replace(HELD, " ") + " " * (room - cell_len(label) + 2)
+        lines = fold(text, self.width - len(hanging))
+        for i, line in enumerate(lines):
+            before = start if i == 0 and start else hanging
+            self.console.print(Text.assemble((before, style), line.replace(HELD, " ")), soft_wrap=True)
+
+    def table(self, headings: Sequence[str], rows: Sequence[Sequence[str]], leads: int = 1, left: Sequence[int] = ()) -> None:
+        """A line for each row where that fits, else a paragraph for each; nothing without rows.
+
+        leads  how many columns say of what a row is: they are left-justified, as are those of the places ``left``; a row whose
+               first entry is empty belongs to the one above
+        """
+        if not rows:
+            return
+        shown = [[self._shown(cell).replace(HELD, " ") for cell in row] for row in rows]
+        table = Table(box=box.SIMPLE_HEAD, show_edge=False, pad_edge=False, padding=(0, 1, 0, 0), header_style="bold")
+        for i, heading in enumerate(headings):
+            table.add_column(Text(heading), justify="left" if i < leads or i in left else "right", no_wrap=True)
+        for row in shown:
+            table.add_row(*map(Text, row))
+        if self.console.measure(table, options=self.console.options.update(width=10_000)).maximum <= self.console.width:
+            self.console.print(table)
+        else:
+            self._paragraphs([heading.replace("\n", " ") for heading in headings], shown, leads)
+
+    def _paragraphs(self, headings: Sequence[str], rows: Sequence[Sequence[str]], leads: int) -> None:
+        for row in rows:
+            pairs = [held(f"{heading} {cell}".strip()) for heading, cell in zip(headings, row, strict=True) if cell]
+            own = [cell for cell in row[:leads] if cell]
+            text = ", ".join(pairs[len(own) :])
+            if row[0] and leads > 1:
+                self.line(row[0], "bold")
+                own = own[1:]
+            start = "  " if leads > 1 else ""
+            said = f"{held(': '.join(own) + ':')} {text}" if own else text
+            self.line(said, indent=f"{start}    ", start=start)
+
+    def _shown(self, text: str) -> str:
+        """With escapes for what the terminal's encoding does not have, of which the layout has to know."""
+        held_blank = text.replace(HELD, "\0")
+        return held_blank.encode(self.console.encoding, "backslashreplace").decode(self.console.encoding).replace("\0", HELD)
+
+    def _print(self, line: str, style: str = "") -> None:
+        self.console.print(Text(line.replace(HELD, " "), style=style), soft_wrap=True)
+
+
+def grouped(rows: Sequence[Sequence[str]]) -> list[list[str]]:
+    """The rows with the first entry only where it changes."""
+    found: list[list[str]] = []
+    for _, group in groupby(rows, key=lambda row: row[0]):
+        found += [[row[0] if i == 0 else "", *row[1:]] for i, row in enumerate(group)]
+    return found

@@ -1,0 +1,83 @@
+"""What ``barbalat reproduce`` and ``barbalat claims`` show: the figures, the ledger by verdict, all of one row."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import get_args
+
+from barbalat.claims.claim import Claim, Listing, PaperFigure, Verdict
+from barbalat.claims.rows import RUNS_OF_SECTION_V, Measurement
+from barbalat.report.terminal.layout import Screen, held
+
+STYLES = {"confirmed": "green", "confirmed with conditions": "yellow", "not confirmed": "red", "erratum": "red"}
+ROOM = 26
+"""Columns of a row's name: as many as the longest one has."""
+
+
+def figures(screen: Screen, shown: Sequence[PaperFigure]) -> None:
+    """A line for each figure, and what of its description was not reproduced."""
+    screen.title("Figures of Section V")
+    for figure in shown:
+        count = sum(check.holds for check in figure.checks)
+        said = f"{count} of {len(figure.checks)} statements hold"
+        label = "Added" if figure.key == "added" else f"Figure {figure.key}"
+        screen.fact(label, f"{figure.title.partition(': ')[2]}: {said}", 8, "green" if figure.reproduced else "red")
+        for check in figure.checks:
+            if not check.holds:
+                screen.line(f"not so: {check.statement} ({check.measured})", "red", "    ")
+
+
+def by_verdict(screen: Screen, claims: Sequence[Claim]) -> None:
+    """Every claim in a line: its name, and the number that decides it."""
+    for verdict in get_args(Verdict):
+        mine = [claim for claim in claims if claim.verdict == verdict]
+        if mine:
+            screen.title(f"{verdict[0].upper()}{verdict[1:]}: {len(mine)}", STYLES[verdict])
+        for claim in mine:
+            screen.fact(claim.id, claim.number, ROOM)
+
+
+def streamed(screen: Screen, claim: Claim) -> None:
+    """A claim as soon as it is measured: a line where it fits."""
+    screen.line(f"{claim.id}: {held(claim.verdict)}. {claim.number}", STYLES[claim.verdict], "    ")
+
+
+def in_full(screen: Screen, claim: Claim) -> None:
+    """All that is known of one claim."""
+    screen.line(f"{claim.id}: {claim.verdict}", f"bold {STYLES[claim.verdict]}")
+    facts = [
+        ("says", claim.statement),
+        ("where", claim.where),
+        ("number", claim.number),
+        ("measured", claim.measured),
+        ("how", claim.how),
+        *((held(f"reading {i}"), _reading(one.verdict, one.says, one.measured)) for i, one in enumerate(claim.readings, start=1)),
+        ("changes if", claim.would_change),
+        ("sharpened", claim.sharpened),
+    ]
+    for label, text in facts:
+        if text:
+            screen.fact(label, text, 10, "bold")
+    for listing in claim.listings:
+        _listing(screen, listing)
+    for shown in claim.maps:
+        screen.fact("picture", f"{shown.title}: map-{shown.key}.svg of barbalat reproduce", 10, "bold")
+
+
+def _reading(verdict: str, says: str, measured: str) -> str:
+    return f"{held(verdict)}: {says}. {measured[:1].upper()}{measured[1:]}"
+
+
+def _listing(screen: Screen, listing: Listing) -> None:
+    screen.title(listing.caption)
+    screen.table(listing.columns, listing.rows, left=range(1, len(listing.columns)))
+
+
+def names(screen: Screen, ledger: Sequence[Measurement]) -> None:
+    """Every row's name, what it is about, and how long it takes to measure."""
+    screen.line("The ledger's rows. No verdict is stored: barbalat claims NAME measures one.", "bold")
+    for part in ledger:
+        seconds = part.seconds + RUNS_OF_SECTION_V * part.judges_runs
+        for name, about in part.names.items():
+            screen.fact(name, about if seconds < 1 else f"{about} ({held(f'{seconds:.0f} s')})", ROOM)
+    screen.line("In brackets how long it takes, about, where that is a second or more.", "dim")

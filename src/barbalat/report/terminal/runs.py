@@ -1,0 +1,124 @@
+"""What ``barbalat run`` shows: how each controller tracked, what its estimates did, what its numerics say."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from barbalat.report.numbers import number_text
+from barbalat.report.terminal.layout import Screen, grouped
+from barbalat.run.diagnosis.adapting import Adapting
+from barbalat.run.result import Result
+
+ROOM = 24
+"""Columns of a label beside a paragraph."""
+
+
+def show(screen: Screen, case: str, results: Sequence[Result]) -> None:
+    """The whole screen, but for where the files are."""
+    simulation = results[0].simulation
+    count = "one controller" if len(results) == 1 else f"{len(results)} controllers"
+    screen.line(f"{case}: {count}, {simulation.t_end:g} s, {simulation.solver.name} with h = {simulation.dt:g} s", "bold")
+    _tracking(screen, results)
+    adapting = [(result, result.adapting) for result in results if result.adapting is not None]
+    if adapting:
+        _estimates(screen, adapting)
+        _excitation(screen, adapting)
+    _findings(screen, results)
+
+
+def _tracking(screen: Screen, results: Sequence[Result]) -> None:
+    screen.title("Tracking error e and control u, over every step")
+    measured = any(_values(result, "max_abs_y") for result in results)
+    headings = ["controller", "", "max |e|", "RMS e", "max |e|\nin the tail", "max |u|", *(["max |y|"] if measured else [])]
+    rows = []
+    for result in results:
+        errors = [_values(result, key) for key in ("max_abs_e", "rms_e", "tail_max_abs_e")]
+        once = [_values(result, key) for key in ("max_abs_u", *(["max_abs_y"] if measured else []))]
+        count = max(len(values) for values in (*errors, *once))
+        for i in range(count):
+            of = "e" if len(errors[0]) == 1 else f"e_{i + 1}" if i < len(errors[0]) else ""
+            rows.append([screen.name(result.name), of, *(_at(values, i) for values in (*errors, *once))])
+    screen.table(headings, grouped(rows), leads=2)
+    screen.line("tail: the last quarter of the run", "dim")
+    for result in results:
+        if result.diverged_at is not None:
+            screen.line(f"{screen.name(result.name)}: diverged at t = {result.diverged_at:.6g} s", "red", "  ")
+
+
+def _estimates(screen: Screen, found: Sequence[tuple[Result, Adapting]]) -> None:
+    screen.title("Estimates: is it adapting?")
+    rows = []
+    for result, adapting in found:
+        true, ends, rates = (
+            result.problem.parameters,
+            _values(result, "theta_hat_final"),
+            _values(result, "theta_hat_variation_rate"),
+        )
+        if result.diverged_at is not None:
+            ends = result.theta_hat[-1].tolist()
+        projected = adapting.on_bounds is not None or adapting.on_sphere is not None
+        bounds = adapting.on_bounds_text.split("\n") if projected else []
+        for i, path in enumerate(adapting.path.tolist()):
+            rows.append([
+                screen.name(result.name), f"theta_{i + 1}", _at(ends, i),
+                "-" if true is None or i >= len(true) else number_text(float(true[i])), number_text(path),
+                _at(rates, i), bounds[i] if i < len(bounds) else "-",
+            ])  # fmt: skip
+    headings = ("controller", "", "end", "true", "path", "1/s in\nthe tail", "time on\na bound")
+    screen.table(headings, grouped(rows), leads=2)
+    screen.line("path: the sum of every step's change; 1/s: the same for each second of the tail", "dim")
+
+
+def _excitation(screen: Screen, found: Sequence[tuple[Result, Adapting]]) -> None:
+    excited = [(result, adapting.excitation) for result, adapting in found if adapting.excitation is not None]
+    if not excited:
+        return
+    screen.title("Excitation of the regressor")
+    rows = [
+        [screen.name(result.name), f"{level:.3g}", f"{tail:.3g}", f"{conditioning:.2g}", f"{window:.3g} s"]
+        for result, (level, tail, conditioning, _, window, _) in excited
+    ]
+    screen.table(("controller", "least", "in the tail", "scaled", "window"), rows)
+    screen.line(
+        "the least eigenvalue of the regressor's mean square over a window; scaled: 1 where all directions are alike", "dim"
+    )
+
+
+def _findings(screen: Screen, results: Sequence[Result]) -> None:
+    solver = results[0].simulation.solver
+    screen.title("Numerics")
+    screen.line(
+        f"h |lambda|, the step times the loop's fastest eigenvalue; {solver.name} is stable up to {solver.imaginary_limit:.3g} "
+        f"on the imaginary axis, {solver.real_limit:.3g} on the real one",
+        "dim",
+    )
+    labels = [screen.name(result.name) for result in results]
+    room = min(max(map(len, labels)), ROOM)
+    for label, result in zip(labels, results, strict=True):
+        screen.fact(label, numerics(result), room, "red" if result.label else "")
+    if any(result.adapting is not None and result.adapting.warnings for result in results):
+        screen.title("Warnings")
+    for label, result in zip(labels, results, strict=True):
+        for warning in () if result.adapting is None else result.adapting.warnings:
+            screen.fact(label, warning, room, "yellow")
+
+
+def numerics(result: Result) -> str:
+    """What the run says of its numerics, without what all runs have in common."""
+    found = result.stiffness
+    parts = [f"{found.h_lambda_max:.3g} at most, at {found.looks} instants"]
+    if found.radius_max is not None:
+        parts.append(f"the sampled law's map from sample to sample has spectral radius up to {found.radius_max:.4g}")
+    parts += [result.label] if result.label else []
+    return "; ".join([*parts, *(said.sentence for said in (result.lost, result.check) if said is not None)])
+
+
+def _values(result: Result, key: str) -> list[float | None]:
+    value = result.figures.get(key)
+    if key not in result.figures:
+        return []
+    return [*value] if isinstance(value, list) else [value]
+
+
+def _at(values: Sequence[float | None], i: int) -> str:
+    return number_text(values[i]) if i < len(values) else ""

@@ -1,0 +1,53 @@
+"""How much of the work is over, and how long it still takes: by a clock that the test turns."""
+
+import time
+
+import pytest
+from rich.console import Console
+
+from barbalat.commands.screen import Work
+
+
+@pytest.fixture
+def clock(monkeypatch):
+    now = [100.0]
+    monkeypatch.setattr(time, "perf_counter", lambda: now[0])
+    return now
+
+
+def test_it_never_runs_backwards_and_is_right_within_a_factor_of_two(clock):
+    """A part that takes four times what was expected of it, beside one that is as expected."""
+    work, seen = Work({"simulating": 5.0, "drawing": 2.0}, Console()), []
+    with work.part("simulating") as progress:
+        for k in range(1, 21):
+            clock[0] += 1.0
+            progress(k / 20)
+            progress(k / 40)  # told late by another thread
+            true = (20 - k) + 2
+            assert true / 2 <= work.left <= 2 * true
+            seen.append(work.over)
+    with work.part("drawing"):
+        for _ in range(8):
+            clock[0] += 0.25
+            seen.append(work.over)
+    assert seen == sorted(seen) and 0.9 < seen[-1] <= 1
+
+
+def test_between_two_reports_the_time_goes_on(clock):
+    work = Work({"all": 60.0}, Console())
+    with work.part("all") as progress:
+        clock[0] += 10
+        progress(0.25)
+        assert work.left == pytest.approx(30)
+        clock[0] += 12
+        assert work.left == pytest.approx(18)
+        work.expect(1e3)  # what is expected counts only until its own pace is known
+        assert work.left == pytest.approx(18)
+
+
+def test_what_is_overdue_still_takes_a_moment(clock):
+    work = Work({"certifying": 1.0}, Console())
+    with work.part("certifying"):
+        clock[0] += 20
+        assert 0 < work.left <= 2
+    assert work.left == 0

@@ -1,0 +1,195 @@
+"""The screens at 60, 80 and 120 columns: no line is longer, and no number, name or unit is broken over two."""
+
+import dataclasses
+import io
+import re
+from functools import cache
+from itertools import pairwise
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from rich.cells import cell_len
+from rich.console import Console
+
+from barbalat.cases.load import bundled, load_case, parse_case
+from barbalat.certificates.certify import certify
+from barbalat.certificates.table_1 import table_1
+from barbalat.claims.claim import Check, Claim, Listing, PaperFigure, Reading
+from barbalat.claims.rows import LEDGER
+from barbalat.report.numbers import number_text
+from barbalat.report.terminal import certificates, ledger, runs
+from barbalat.report.terminal.layout import HELD, Screen, fold
+from barbalat.run.simulate import simulate
+
+WIDE = 400
+WIDTHS = (60, 80, 120)
+CASES = ("paper", "rohrs", "l1-output", "f16-short-period", "first-order")
+
+
+def shown(width, show, encoding="utf-8") -> str:
+    """What a screen shows on a terminal of so many columns."""
+    raw = io.BytesIO()
+    file = io.TextIOWrapper(raw, encoding=encoding, errors="backslashreplace", write_through=True)
+    show(Screen(Console(file=file, width=width, highlight=False, markup=False, emoji=False), longest=width))
+    return raw.getvalue().decode(encoding)
+
+
+@cache
+def case(name):
+    """Short: what is shown has the same form after 2 s."""
+    found = load_case(name)
+    return dataclasses.replace(found, simulation=dataclasses.replace(found.simulation, t_end=4.0, dt=1e-3))
+
+
+@cache
+def results(name):
+    found = case(name)
+    return list(simulate(found.problem, found.controllers, found.simulation).values())
+
+
+@cache
+def certified(name):
+    found = case(name)
+    made = certify(found.problem, found.controllers, found.simulation)
+    return made, table_1(found.problem, found.controllers, made)
+
+
+CLAIM = Claim(
+    id="oscillation-without-filter",
+    where="Section V, eq. (10)",
+    statement="The estimates' path grows with 1.5e+03 rad/s and falls within 0.25 s",
+    verdict="confirmed with conditions",
+    measured="largest |e| / bound 0.55, median 0.43, [3.16e+03, 522, 197] for kappa [0.04, 0.02] s " * 3,
+    how="RK4, h = 1e-4 s, 20 s, every step",
+    listings=(Listing("Codes", ("code", "seconds"), (("LSODA", "1.7 s"), ("BDF", "19.7 s"))),),
+    number="19.7 s",
+    readings=(Reading("with h = 1e-5 s", "confirmed", "0.319 to 0.357 rad/s"), Reading("over 60 s", "not confirmed", "5.7 s")),
+    would_change="a gain of 1e+06 at h = 1e-06 s",
+)
+NUMBERED = dataclasses.replace(
+    CLAIM, id="own", number="0.55 of the bound at most, over 192 runs of 20 s each, every step of 1e-4 s"
+)
+FIGURE = PaperFigure(
+    key="3", title="Figure 3: L1-AC, adaptive gain 1e4, step 1e-4 s", caption="", results={},
+    checks=(Check("it stays", True, "40.4"), Check("it diverges", False, "bounded, max |e| [40.4, 19.4] at h = 1e-05 s")),
+)  # fmt: skip
+
+SCREENS = {
+    **{f"run {name}": lambda screen, name=name: runs.show(screen, case(name).name, results(name)) for name in CASES},
+    **{f"certify {name}": lambda s, name=name: certificates.show(s, name, *certified(name), 1e-3) for name in CASES},
+    **{f"certify {name} --full": lambda s, name=name: certificates.show_full(s, name, *certified(name), 1e-3) for name in CASES},
+    "claims": lambda screen: ledger.names(screen, LEDGER),
+    "claims NAME": lambda screen: ledger.in_full(screen, CLAIM),
+    "reproduce": lambda screen: (ledger.by_verdict(screen, [CLAIM, NUMBERED]), ledger.figures(screen, [FIGURE])),
+    "while it reproduces": lambda screen: [ledger.streamed(screen, claim) for claim in (CLAIM, NUMBERED)],
+}
+NUMBER_WITH_UNIT = re.compile(r"\d[\d.e+-]*\]? (?:rad/s|s|%|rad)(?![\w/])")
+
+
+def words(text) -> set[str]:
+    return {word.strip("().,:;") for word in text.split()}
+
+
+@pytest.mark.parametrize("name", SCREENS)
+@pytest.mark.parametrize("width", WIDTHS)
+def test_no_line_is_longer_and_nothing_is_broken(name, width):
+    narrow, wide = shown(width, SCREENS[name]), shown(WIDE, SCREENS[name])
+    assert max(map(cell_len, narrow.splitlines())) <= width
+    assert {re.sub(r"^[─-]+$", "", word) for word in words(narrow)} <= words(wide) | {""}
+    lines = narrow.splitlines()
+    for line, following in pairwise(lines):
+        assert not NUMBER_WITH_UNIT.match(f"{line.split()[-1] if line.split() else ''} {following.split(' ')[0]}")
+        joined = f"{line.rstrip().rpartition(' ')[2]} {following.strip().partition(' ')[0]}"
+        found = NUMBER_WITH_UNIT.fullmatch(joined.rstrip(".,;:)"))
+        assert not found or joined not in wide, joined
+
+
+@pytest.mark.parametrize("width", WIDTHS)
+@pytest.mark.parametrize("name", CASES)
+def test_every_figure_of_a_run_is_there_as_one_word(name, width):
+    text = words(shown(width, SCREENS[f"run {name}"]))
+    for result in results(name):
+        for key in ("max_abs_e", "rms_e", "tail_max_abs_e", "max_abs_u", "theta_hat_final"):
+            value = result.figures[key]
+            assert {number_text(v) for v in (value if isinstance(value, list) else [value])} <= text
+
+
+@pytest.mark.parametrize("width", WIDTHS)
+def test_every_name_is_on_one_line(width):
+    for name in CASES:
+        for screen in (f"run {name}", f"certify {name}"):
+            lines = shown(width, SCREENS[screen])
+            assert all(controller.name in lines for controller in case(name).controllers)
+
+
+def test_at_80_columns_a_controllers_component_has_one_line():
+    lines = shown(80, SCREENS["run paper"]).splitlines()
+    first = next(i for i, line in enumerate(lines) if line.startswith("Robust MRAC"))
+    assert [line.split()[:-4][-1] for line in (lines[first + k] for k in (0, 2, 4))] == ["e_1"] * 3
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_the_five_lines_say_what_the_entries_say(name):
+    """Each number of them is an entry's; the word guaranteed stands beside nothing else than a guarantee."""
+    made, table = certified(name)
+    for column in table.columns:
+        found = made[column.name]
+        condition, bound, margin, limits, assumed = certificates.five(column, found, 1e-3)
+        entry = found.entry("condition")
+        if entry is not None and entry.value is not None:
+            assert condition.text.startswith("holds") == entry.value["holds"]
+        else:
+            assert condition.kind == column.cells["stability"].kind
+        assert ("guaranteed" in bound.text) == ("error_bound" in found.guaranteed)
+        if "error_bound" in found.guaranteed:
+            printed = float(re.search(r"guaranteed.(\S+)", bound.text.replace(HELD, " ").replace(": ", " "))[1].rstrip(";"))
+            assert found.values["error_bound"] <= printed <= found.values["error_bound"] * 1.001 + 1e-300
+        for text, key in ((margin.text, "delay_margin"), (margin.text, "delay_margin_adapting"), (limits.text, "step_max")):
+            value = found.values.get(key)
+            assert value is None or f"{value:.3g} s" in text.replace(HELD, " ")
+        gain, step = found.values.get("gamma_max"), found.values.get("step_max")
+        assert gain is None or f"gain {gain:.3g}" in limits.text
+        assert step is None or ("too long" in limits.text.replace(HELD, " ")) == (step < 1e-3)
+        broken = [e.why for e in found.entries if not e.applies and e.assumptions]
+        assert all(why in assumed.text for why in broken) and ("fails on this case:" in assumed.text) == bool(broken)
+
+
+def test_five_lines_are_five_lines():
+    """At 80 columns, where the case has no long reason for what is missing."""
+    lines = shown(80, SCREENS["certify paper"]).splitlines()
+    first = next(i for i, line in enumerate(lines) if line.startswith("MRAC"))
+    assert [line[2:14].strip() for line in lines[first + 1 : first + 7]] == [
+        "condition", "bound of |e|", "delay margin", "gain, step", "assumed", "",
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize("name", SCREENS)
+def test_a_terminal_without_unicode(name):
+    text = shown(80, SCREENS[name], "ascii")
+    assert text.isascii() and max(map(len, text.splitlines())) <= 80
+
+
+def test_names_of_any_script_fit_a_terminal_without_it():
+    text = bundled()["paper"].read_text().replace('name = "L1"', 'name = "Regler für γ = 1e4, 適応制御"')
+    found = parse_case(text)
+    simulation = dataclasses.replace(found.simulation, t_end=1.0, dt=1e-3)
+    run = list(simulate(found.problem, found.controllers, simulation).values())
+    for width in WIDTHS:
+        for encoding in ("ascii", "latin-1", "utf-8"):
+            lines = shown(width, lambda screen: runs.show(screen, "any", run), encoding).splitlines()
+            assert max(map(cell_len, lines)) <= width
+
+
+@given(st.lists(st.text("abc0123456789.e-", min_size=1, max_size=12), min_size=1, max_size=40), st.integers(30, 100))
+def test_folding_keeps_every_word(parts, width):
+    lines = fold(" ".join(parts), width, indent="    ")
+    assert [word for line in lines for word in line.split()] == parts
+    assert all(len(line) <= width for line in lines)
+
+
+@pytest.mark.parametrize("text", ["the step is 0.0001 s", "at h = 1e-05 s", "of 215974 rad/s", "up to 58 % of"])
+def test_a_unit_stays_with_its_number(text):
+    number_and_unit = re.search(r"\d[\d.e-]* (rad/s|s|%)", text)[0]
+    for width in range(len(number_and_unit), len(text) + 1):
+        assert any(number_and_unit in line.replace(HELD, " ") for line in fold(text, width))
