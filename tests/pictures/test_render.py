@@ -9,7 +9,7 @@ from matplotlib.colors import to_rgb
 
 from barbalat.pictures.panels import Panel, Series, draw, text_of
 from barbalat.pictures.render import on_dark, render
-from barbalat.pictures.theme import COLOURS, DARK_GROUND, GROUND, INK, ON_DARK, QUIET
+from barbalat.pictures.theme import COLOURS, DARK_GROUND, DARK_INK, GROUND, INK, ON_DARK, QUIET
 
 
 def figure(**more):
@@ -46,6 +46,7 @@ def test_an_svg_is_the_same_twice_small_and_adapts():
     text = first.decode()
     ET.fromstring(text)
     assert "prefers-color-scheme: dark" in text
+    assert f'[id^="text_"] {{ fill: {DARK_INK} }}' in text  # black text has no colour of its own
     for colour in set(re.findall(r"stroke: (#[0-9a-f]{6})", text.partition("</style>")[2])):
         assert f'stroke: {colour}"]' in text
 

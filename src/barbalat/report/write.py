@@ -138,7 +138,7 @@ def write_tradeoff(folder: Folder, found: TradeOff) -> None:
 def write_trajectories(folder: Folder, results: Sequence[Result], *, whole: bool = False) -> None:
     """One CSV for each controller, the recorded instants as rows, or every second, third, ... where these were too many.
 
-    With ``whole`` every recorded instant, with all digits.
+    With ``whole`` every recorded instant.
     """
     for name, result in zip(_table_names([result.name for result in results]), results, strict=True):
         buffer = io.StringIO()
@@ -148,7 +148,7 @@ def write_trajectories(folder: Folder, results: Sequence[Result], *, whole: bool
         every = 1 if whole else max(math.ceil(len(result.t) * len(columns) * len(results) / MOST_NUMBERS), 1)
         rows = np.unique([*range(0, len(result.t), every), len(result.t) - 1])
         numbers = np.column_stack(list(columns.values()))[rows]
-        writer.writerows(row if whole else [float(f"{number:.7g}") for number in row] for row in numbers.tolist())
+        writer.writerows(numbers.tolist())
         folder.write(name, buffer.getvalue())
 
 
