@@ -14,7 +14,7 @@ from scipy.integrate import solve_ivp
 
 from barbalat.adaptation.laws import Gradient, LeastSquares
 from barbalat.adaptation.output_lyapunov import LyapunovLaw
-from barbalat.controllers import L1Adaptive, LinearFeedback, Mrac, MracClosedLoop, NormalizedMrac, RobustMrac
+from barbalat.controllers import KnownParameters, L1Adaptive, LinearFeedback, Mrac, MracClosedLoop, NormalizedMrac, RobustMrac
 from barbalat.controllers.output import L1Output, LinearOutput, MracOutput
 from barbalat.controllers.output.l1 import linear_equivalent
 from barbalat.linear.systems import TransferFunction, input_filter
@@ -153,6 +153,7 @@ def example_controllers(n: int) -> dict[str, tuple]:
             LinearFeedback(controller=TransferFunction([50.0, 40.0], [1.0, 0.0])),
             LinearFeedback(controller=TransferFunction([50.0], [1.0, 10.0]), output=np.arange(1.0, n + 1), nominal=np.ones(n)),
         ),
+        "known-parameters": (KnownParameters(theta={1: [1.5], 2: [1.0, -0.5], 3: [1.0, -1.0, 0.5]}[n]),),
     }
 
 

@@ -15,4 +15,4 @@ def test_the_pages_law_runs(problems, tmp_path):
     file.write_text(PAGE.partition("```python\n")[2].partition("```")[0], encoding="utf-8")
     (controller,) = outside.run(file).controllers(named={})
     check_controller(controller, problems[2])
-    assert f'entry-points."{outside.GROUP}"' in PAGE
+    assert f'entry-points."{outside.ENTRY_POINT_GROUP}"' in PAGE

@@ -61,8 +61,9 @@ def test_every_scheme_has_a_certificate():
         assert callable(file.certificate) and callable(file.column), name
 
 
-def test_every_scheme_is_a_public_name():
-    lacking = [kind.__name__ for kind in (SCHEMES | OUTPUT_SCHEMES).values() if kind.__name__ not in barbalat.__all__]
+@pytest.mark.parametrize("registry", [SCHEMES, OUTPUT_SCHEMES, OUTPUT_LAWS, SIGNALS, REGRESSORS])
+def test_everything_registered_is_a_public_name(registry):
+    lacking = [kind.__name__ for kind in registry.values() if kind.__name__ not in barbalat.__all__]
     assert not lacking, "add them to src/barbalat/__init__.pyi"
 
 

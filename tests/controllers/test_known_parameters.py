@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from scipy.signal import lsim, lti
 
-from barbalat import KnownParameters
+from barbalat import KnownParameters, certify
+from barbalat.certificates.table_1 import table_1
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.problem.actuation import PlantInput
 from barbalat.problem.regressors import Terms
@@ -60,3 +61,12 @@ def test_several_inputs_and_refusals(problems):
     assert max(run.figures["max_abs_e"]) < 1e-12
     assert "theta must have shape 2" in refusal(lambda: KnownParameters(theta=[1.0]).bind(problems[2].known))
     assert "name" in refusal(lambda: KnownParameters(theta=[1.0], name=""))
+
+
+def test_table_1_claims_it_where_the_parameters_are_the_plants(problems):
+    problem = problems[2]
+    for theta, kind in ((problem.parameters, "guaranteed"), (problem.parameters + 0.1, "does not apply")):
+        controller = KnownParameters(theta=theta)
+        found = certify(problem, [controller], Simulation(t_end=20.0, dt=1e-3))
+        (column,) = table_1(problem, [controller], found).columns
+        assert column.cells["transient"].kind == kind

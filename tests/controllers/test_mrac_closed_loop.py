@@ -3,8 +3,9 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
-from barbalat import Mrac, MracClosedLoop, ParameterBall, ParameterBox, Plant, PlantInput, Sine, certify, simulate
+from barbalat import Mrac, MracClosedLoop, ParameterBall, ParameterBox, Plant, PlantInput, Sine, Terms, certify, simulate
 from barbalat.solvers.simulation import Simulation
 from independent import refusal
 
@@ -46,6 +47,35 @@ def test_the_bound_holds_along_runs(problems, sample):
         (run,) = simulate(problem, [controller], SIMULATION).values()
         assert "error_bound" in found.guaranteed
         assert max(run.figures["max_abs_e"]) <= found.values["error_bound"], seed
+
+
+TERMS = {1: ("sin(x1)",), 2: ("x1*x2", "sin(x2)"), 3: ("x1*x2", "x3", "tanh(x1)")}
+
+
+def test_the_bound_holds_for_another_regressor_too(problems, sample):
+    """V does not ask what phi(x) is; no margins and no limits are claimed there."""
+    for seed in range(sample(9, 300)):
+        problem, controller = random_member(problems, seed)
+        problem = replace(problem, plant=replace(problem.plant, regressor=Terms(terms=TERMS[problem.plant.n])))
+        if np.linalg.eigvals(problem.plant.A_m + controller.model_feedback).real.max() > -0.01:
+            continue
+        (found,) = certify(problem, [controller], SIMULATION).values()
+        (run,) = simulate(problem, [controller], SIMULATION).values()
+        assert "error_bound" in found.guaranteed and "delay_margin" not in found.values
+        assert max(run.figures["max_abs_e"]) <= found.values["error_bound"], seed
+
+
+def test_the_worst_theta_of_a_box_is_a_vertex(problems):
+    """nu_0 is convex in theta, so the largest of the bounds at the vertices is that of the set. 1e-9: roundings outward."""
+    given, controller = problems[2], MracClosedLoop(gamma=3.0, model_feedback=-np.eye(2))
+    box = ParameterBox(lower=[-1.0, -2.0], upper=[4.0, 0.5])
+    vertices = [[a, b] for a in (-1.0, 4.0) for b in (-2.0, 0.5)]
+    found = []
+    for theta in vertices:
+        problem = replace(given, plant=replace(given.plant, theta=np.array(theta)), uncertainty=box)
+        found.append(certify(problem, [controller], SIMULATION)[controller.name].values)
+    assert max(values["nu_0"] for values in found) == pytest.approx(found[0]["nu_0_worst"], rel=1e-9)
+    assert max(values["error_bound"] for values in found) == pytest.approx(found[0]["error_bound_worst"], rel=1e-9)
 
 
 def test_nothing_is_claimed_beside_a_delay(problems):

@@ -23,7 +23,7 @@ from barbalat.design import (
 )
 from barbalat.design.hinf import BANDWIDTH_SHARE
 from barbalat.linear.margins import margins
-from barbalat.linear.peaks import PRECISION, peak_gain
+from barbalat.linear.peaks import PEAK_PRECISION, peak_gain
 from barbalat.linear.systems import StateSpace, TransferFunction
 from barbalat.problem.regressors import Linear
 from independent import refusal
@@ -144,7 +144,7 @@ def test_the_loop_is_the_one_that_was_designed(section_v):
     L = control.ss(K.A, K.B[:, None], K.C[None], K.D) * control.ss(control.tf(model.num, model.den))
     T = control.linfnorm(control.feedback(L, 1))[0]
     closed = StateSpace(closed_loop(loop), loop.B, loop.C, 0.0)
-    assert peak_gain(closed).gain == pytest.approx(T, rel=3 * PRECISION)
+    assert peak_gain(closed).gain == pytest.approx(T, rel=3 * PEAK_PRECISION)
 
 
 @pytest.mark.parametrize("case", ["lateral-aircraft", "wing-rock", "f16-short-period"])

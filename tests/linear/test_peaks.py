@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from barbalat.linear.interconnections import complementary_sensitivity, sensitivity
-from barbalat.linear.peaks import PRECISION, peak_gain
+from barbalat.linear.peaks import PEAK_PRECISION, peak_gain
 from barbalat.linear.systems import StateSpace, TransferFunction
 from independent import refusal
 
@@ -14,15 +14,17 @@ from independent import refusal
 def test_resonance(zeta):
     """1/(s^2 + 2 zeta s + 1) peaks with 1/(2 zeta sqrt(1 - zeta^2)) at sqrt(1 - 2 zeta^2)."""
     peak = peak_gain(TransferFunction([1.0], [1.0, 2 * zeta, 1.0]).realise())
-    assert peak.gain == pytest.approx(1 / (2 * zeta * np.sqrt(1 - zeta**2)), rel=2 * PRECISION)
+    assert peak.gain == pytest.approx(1 / (2 * zeta * np.sqrt(1 - zeta**2)), rel=2 * PEAK_PRECISION)
     assert peak.frequency == pytest.approx(np.sqrt(1 - 2 * zeta**2), rel=0.01)
 
 
 def test_ends_of_the_frequency_axis():
     assert peak_gain(TransferFunction([2.0], [1.0, 1.0]).realise()).frequency == 0
     high = peak_gain(TransferFunction([2.0, 0.0], [1.0, 1.0]).realise())
-    assert high.gain == pytest.approx(2.0, rel=2 * PRECISION)
-    assert peak_gain(StateSpace(np.zeros((0, 0)), np.zeros(0), np.zeros(0), -3.0)).gain == pytest.approx(3.0, rel=2 * PRECISION)
+    assert high.gain == pytest.approx(2.0, rel=2 * PEAK_PRECISION)
+    assert peak_gain(StateSpace(np.zeros((0, 0)), np.zeros(0), np.zeros(0), -3.0)).gain == pytest.approx(
+        3.0, rel=2 * PEAK_PRECISION
+    )
     assert peak_gain(StateSpace(-np.eye(1), np.zeros(1), np.ones(1), 0.0)).gain == 0
 
 

@@ -22,6 +22,7 @@ from barbalat import (
     simulate,
 )
 from barbalat.cases.load import load_case
+from independent import refusal
 
 PAPER = load_case("paper").problem
 
@@ -165,3 +166,9 @@ def test_what_a_law_sampled_by_euler_steps_chatters_is_not_called_the_loops():
     assert "the oscillation is the sampled law's" in result.check.sentence
     (finer,) = simulate(PAPER, [controller], Simulation(t_end=20, dt=1e-4)).values()
     assert finer.figures["theta_hat_variation_rate"] == pytest.approx(result.figures["theta_hat_variation_rate"], rel=1e-3)
+
+
+def test_what_is_no_result_is_refused():
+    results = simulate(PAPER, [Mrac(gamma=10.0)], Simulation(t_end=0.1, dt=1e-3))
+    assert "results by name, as simulate returns them, got Result" in refusal(lambda: check_numerics(results["MRAC"]))
+    assert "must be a Result, got 3" in refusal(lambda: check_numerics({"MRAC": 3}))

@@ -10,9 +10,10 @@ from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 from barbalat import validate
 from barbalat.adaptation.guarantee import Guarantee
+from barbalat.adaptation.modifications.leakage import Leakage
 from barbalat.problem.known_set import EstimateSet, Gain
 from barbalat.protocols import Value
-from barbalat.validate import InputError
+from barbalat.validate import Array, InputError
 
 
 class Estimation(NamedTuple):
@@ -62,6 +63,42 @@ class AdaptiveLaw(Protocol):
 
 
 @runtime_checkable
+class OutputErrorLaw(Protocol):
+    """A law of an output-feedback scheme that is driven by the tracking error itself: it needs no parametric model."""
+
+    def require_size(self, n: int) -> None:
+        """InputError where the settings don't fit n parameters."""
+        ...
+
+    def rate(self, theta_hat: Value, omega: Value, e: Value, sign: float, box: EstimateSet | None) -> Value:
+        """theta_hat'; ``sign`` is that of k_p/k_m."""
+        ...
+
+
+@runtime_checkable
+class FreezableLaw(OutputErrorLaw, Protocol):
+    """One whose modifications are known, so that its loop can be looked at with the regressor frozen."""
+
+    @property
+    def gamma(self) -> float | Array:
+        """Gamma: a number, a diagonal or a matrix."""
+        ...
+
+    @property
+    def leakage(self) -> Leakage | None: ...
+
+    @property
+    def plain(self) -> OutputErrorLaw:
+        """The same without modifications."""
+        ...
+
+    @property
+    def drifts(self) -> bool:
+        """Whether nothing keeps the estimates bounded beside a modelling error."""
+        ...
+
+
+@runtime_checkable
 class SampledLaw(Protocol):
     """A law with an implicit step over a sample, for which V never grows: ``adaptation.implicit``."""
 
@@ -103,7 +140,7 @@ class GuaranteedLaw(Protocol):
         ...
 
 
-def require_law(law: AdaptiveLaw) -> None:
+def require_law(law: object) -> None:
     """InputError for what is no law."""
     if not isinstance(law, AdaptiveLaw) or isinstance(law, type):
         raise InputError(

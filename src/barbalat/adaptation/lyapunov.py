@@ -34,7 +34,7 @@ class Modifications:
             leak.accept(self.leakage, "the Lyapunov law")
             return
         validate.instance("learning", self.learning, CompositeLearning)
-        leak.accept(self.leakage, "composite learning", leak.SIGMA, "its V' is not proportional to the present error")
+        leak.accept(self.leakage, "composite learning", leak.SIGMA_LEAKAGES, "its V' is not proportional to the present error")
         if self.dead_zone is not None:
             raise InputError(
                 "a dead zone can't go with composite learning: the memory keeps adapting inside the zone, on data that hold "

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 from barbalat import validate
 from barbalat.adaptation.guarantee import CORNERS, Estimates, Guarantee, nothing
@@ -38,9 +37,8 @@ class LyapunovLaw:
         leak.accept(self.leakage, "the Lyapunov law")
         zone.accept(self.dead_zone)
 
-    def initial(self, n: int) -> Any:
+    def require_size(self, n: int) -> None:
         Gain(self.gamma).require_size("law.gamma", n)
-        return ()
 
     def rate(self, theta_hat: Value, omega: Value, e: Value, sign: float, box: EstimateSet | None) -> Value:
         """theta_hat'; ``sign`` is that of k_p/k_m."""
@@ -51,6 +49,14 @@ class LyapunovLaw:
         if self.leakage is not None:
             rate = rate - gamma.times(self.leakage.coefficient(theta_hat, e) * theta_hat)
         return project(rate, theta_hat, box, gamma)
+
+    @property
+    def plain(self) -> LyapunovLaw:
+        return LyapunovLaw(gamma=self.gamma)
+
+    @property
+    def drifts(self) -> bool:
+        return self.leakage is None and self.dead_zone is None
 
     def guarantee(self, known_set: EstimateSet | None) -> Guarantee:
         """On a plant of the assumed class."""

@@ -13,11 +13,12 @@ from dataclasses import is_dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal, get_args, get_origin
 
-from barbalat.adaptation.laws import LAWS, OUTPUT_LAWS, AdaptiveLaw, LyapunovLaw
+from barbalat.adaptation.law import AdaptiveLaw, OutputErrorLaw
+from barbalat.adaptation.laws import LAWS, OUTPUT_LAWS
 from barbalat.adaptation.learning import CompositeLearning
 from barbalat.adaptation.normalization import Normalization
 from barbalat.cases.keys import REQUIRED, Key
-from barbalat.cases.schema import NAMED, case_table, members_of, table_of
+from barbalat.cases.schema import NAMES_OF_TYPE, case_table, members_of, table_of
 from barbalat.cases.scheme_keys import LowPass
 from barbalat.controllers import SCHEMES
 from barbalat.controllers.output import OUTPUT_SCHEMES
@@ -42,7 +43,7 @@ WORDS: dict[Any, str] = {
     Signal: "signal",
     Regressor: "regressor",
     AdaptiveLaw: "law",
-    LyapunovLaw: "law",
+    OutputErrorLaw: "law",
 }
 """What the types of fields are called on the page; other settings are a table."""
 
@@ -83,7 +84,7 @@ def _rows(keys: Mapping[str, Key], prefix: str = "") -> list[tuple[str, ...]]:
     rows: list[tuple[str, ...]] = []
     for name, key in keys.items():
         first = members_of(key.type)[0]
-        if isinstance(first, type) and is_dataclass(first) and first not in WORDS and first not in NAMED:
+        if isinstance(first, type) and is_dataclass(first) and first not in WORDS and first not in NAMES_OF_TYPE:
             rows += _rows(table_of(first).recipe.keys, f"{prefix}{name}.")
         else:
             rows.append((f"`{prefix}{name}`", *_described(key)))
@@ -121,7 +122,7 @@ def _described(key: Key) -> tuple[str, str, str]:
 
 def _plain(default: object) -> str:
     """A default as TOML writes it."""
-    names = {id(value): name for named in NAMED.values() for name, value in named.items()}
+    names = {id(value): name for named in NAMES_OF_TYPE.values() for name, value in named.items()}
     if id(default) in names:
         return names[id(default)]
     return str(default).lower() if isinstance(default, bool) else str(default)
@@ -136,8 +137,8 @@ def words(hint: Any) -> str:
 def _word(hint: Any) -> str:
     if hint in WORDS:
         return WORDS[hint]
-    if hint in NAMED:
-        return " or ".join(NAMED[hint])
+    if hint in NAMES_OF_TYPE:
+        return " or ".join(NAMES_OF_TYPE[hint])
     if get_origin(hint) is Literal:
         return " or ".join(f"`{name}`" for name in get_args(hint))
     if get_origin(hint) is Annotated:

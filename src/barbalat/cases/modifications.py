@@ -9,7 +9,7 @@ from barbalat.adaptation.modifications.dead_zone import DeadZone
 from barbalat.cases.keys import Differences, Given, Key, keys_of
 from barbalat.validate import InputError
 
-MODIFICATIONS: dict[Any, tuple[type, ...]] = {leakage.Leakage: leakage.ALL, DeadZone: (DeadZone,)}
+MODIFICATIONS: dict[Any, tuple[type, ...]] = {leakage.Leakage: leakage.LEAKAGES, DeadZone: (DeadZone,)}
 """What a field may hold, by its type: one of these, chosen by the keys that are given."""
 
 Choices = dict[str, tuple[type, ...]]

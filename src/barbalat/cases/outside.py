@@ -22,9 +22,9 @@ from barbalat.loop.blame import blamed
 from barbalat.protocols import Controller
 from barbalat.validate import InputError, show
 
-GROUP = "barbalat.controllers"
+ENTRY_POINT_GROUP = "barbalat.controllers"
 """The entry points' group: scheme = "package:Class"."""
-LIST = "CONTROLLERS"
+LIST_NAME = "CONTROLLERS"
 """The name of a file's list of controllers."""
 
 
@@ -47,20 +47,20 @@ class OwnFile:
         Where neither is there and the case names none, those of the classes that need no settings.
         """
         have = vars(self.module)
-        if LIST in have:
-            return self._listed(have[LIST])
+        if LIST_NAME in have:
+            return self._listed(have[LIST_NAME])
         made = {id(part): part for part in have.values() if isinstance(part, Controller) and not isinstance(part, type)}
         if made or named:
             return tuple(made.values())
         found = tuple(self._made(kind) for kind in self.classes.values() if _needs_nothing(kind))
         if not found:
             known = f', or name one of its classes in the case file: scheme = "{min(self.classes)}"' if self.classes else ""
-            raise InputError(f"{str(self.path)!r} has no controllers: give it a list {LIST} = [MyLaw(...), ...]{known}")
+            raise InputError(f"{str(self.path)!r} has no controllers: give it a list {LIST_NAME} = [MyLaw(...), ...]{known}")
         return found
 
     def _listed(self, given: Any) -> tuple[Controller, ...]:
         if not isinstance(given, (list, tuple)) or not given:
-            raise InputError(f"{LIST} in {str(self.path)!r} must be a list of controllers, got {show(given)}")
+            raise InputError(f"{LIST_NAME} in {str(self.path)!r} must be a list of controllers, got {show(given)}")
         return tuple(self._made(one) if isinstance(one, type) else one for one in given)
 
     def _made(self, kind: type) -> Controller:
@@ -108,7 +108,7 @@ def schemes(names: Set[str], own: OwnFile | None) -> dict[str, type]:
     """The settings' classes of schemes that are not the package's: from the user's file, or an installed package."""
     found = {} if own is None else {name: kind for name, kind in own.classes.items() if name in names}
     for name in sorted(names - found.keys()):
-        for entry in entry_points(group=GROUP, name=name):
+        for entry in entry_points(group=ENTRY_POINT_GROUP, name=name):
             with blamed(f"the scheme {name!r} of {entry.value!r}"):
                 found[name] = entry.load()
     for name, kind in found.items():

@@ -11,8 +11,8 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin
 from pydantic import AfterValidator, AliasChoices, Field, create_model
 from pydantic.json_schema import models_json_schema
 
-from barbalat.adaptation.law import AdaptiveLaw
-from barbalat.adaptation.laws import LAWS, OUTPUT_LAWS, LyapunovLaw
+from barbalat.adaptation.law import AdaptiveLaw, OutputErrorLaw
+from barbalat.adaptation.laws import LAWS, OUTPUT_LAWS
 from barbalat.cases.keys import REQUIRED, Context, Differences, Given, Key, Make, keys_of
 from barbalat.cases.modifications import Modification, choices_of, joined, modification_keys, modified, named_or_modified
 from barbalat.cases.problem_keys import DIFFERENCES as PROBLEM_DIFFERENCES
@@ -29,9 +29,14 @@ from barbalat.signals import SIGNALS
 from barbalat.solvers import SOLVERS, Tableau
 from barbalat.validate import Array, Matrix, Vector
 
-KINDS: dict[Any, Mapping[str, type]] = {Signal: SIGNALS, Regressor: REGRESSORS, AdaptiveLaw: LAWS, LyapunovLaw: OUTPUT_LAWS}
+REGISTRY_OF_TYPE: dict[Any, Mapping[str, type]] = {
+    Signal: SIGNALS,
+    Regressor: REGRESSORS,
+    AdaptiveLaw: LAWS,
+    OutputErrorLaw: OUTPUT_LAWS,
+}
 """By the type that a field asks for, the registry of what it may be: a table whose key ``kind`` says which."""
-NAMED: dict[Any, Mapping[str, Any]] = {Tableau: SOLVERS}
+NAMES_OF_TYPE: dict[Any, Mapping[str, Any]] = {Tableau: SOLVERS}
 """The same for what a case file only names."""
 CASES: dict[type, Mapping[str, type]] = {Problem: SCHEMES, OutputProblem: OUTPUT_SCHEMES}
 """The problems that a case file can pose, and the schemes that solve them."""
@@ -147,12 +152,12 @@ def form(hint: Any) -> Any:
         return GenericAlias(list, (form(get_args(lists[0])[0]),))
     if lists:
         return one_or_several(form(next(one for one in members if one not in lists)))
-    kinds = {name: settings for one in members for name, settings in KINDS.get(one, {}).items()}
+    kinds = {name: settings for one in members for name, settings in REGISTRY_OF_TYPE.get(one, {}).items()}
     if kinds:
         return _one_of(kinds, "kind")
     (member,) = members
-    if member in NAMED:
-        names = NAMED[member]
+    if member in NAMES_OF_TYPE:
+        names = NAMES_OF_TYPE[member]
         return Annotated[Literal[tuple(names)], AfterValidator(names.__getitem__)]
     if isinstance(member, type) and is_dataclass(member):
         return table_of(member)

@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-from barbalat.adaptation.laws import Gradient, LyapunovLaw
+from barbalat.adaptation.law import OutputErrorLaw
+from barbalat.adaptation.laws import Gradient
 from barbalat.cases.keys import Context, Differences, Given, Key, keys_of
 from barbalat.controllers import L1Adaptive, LinearFeedback, NormalizedMrac, Sampled
 from barbalat.controllers.output import L1Output, LinearOutput, MracOutput
@@ -62,12 +63,12 @@ def _linear(given: Given, context: Context) -> LinearFeedback:
 
 def _mrac_output(given: Given, _: Context) -> MracOutput:
     projection, known_set = given.pop("projection", None), ("lower", "upper", "c_0_min")
-    lyapunov = isinstance(given["law"], LyapunovLaw)
-    if lyapunov and "normalization" in given:
+    unnormalized = isinstance(given["law"], OutputErrorLaw)
+    if unnormalized and "normalization" in given:
         raise InputError('normalization goes with a law on the parametric model; law.kind = "lyapunov" is unnormalised')
     if projection and not any(key in given for key in known_set):
         raise InputError("projection needs lower and upper, or c_0_min")
-    if projection is False and not lyapunov:
+    if projection is False and not unnormalized:
         raise InputError(
             "projection must stay on for a law on the parametric model: it keeps c_0 from zero; "
             "with c_0_min alone nothing else is projected"

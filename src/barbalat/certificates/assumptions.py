@@ -21,14 +21,11 @@ BEYOND_ONE_LINEAR_INPUT = "conditions and margins are known for one input with p
 ON_THE_BOX = "|phi(x)| is bounded where every |x_i| is at most the model's bound plus that of e"
 ERROR_ASSUMED = "there |e| <= nu_0/sqrt(Gamma) is assumed: it is not proven for this scheme"
 
-OUTSIDE = "theta outside the known set"
-COMING_TO_REST = (Constant, Step, Steps, Recorded)
+OUTSIDE_THE_SET = "theta outside the known set"
+SIGNALS_THAT_SETTLE = (Constant, Step, Steps, Recorded)
 """Signals that are constant from some time on; recorded data hold their last value."""
 
-OF_THE_PROBLEM = frozenset({"lambda_min", "theta_max", "bounds"})
-"""Guaranteed values that no controller and no theta changes."""
-
-START = Assumption("x_m(0) = x(0), and the predictor starts there too")
+START_TOGETHER = Assumption("x_m(0) = x(0), and the predictor starts there too")
 """Holds by construction: the model and every predictor start at the plant's x0."""
 
 
@@ -36,10 +33,15 @@ ACTS_CONTINUOUSLY = Assumption("the controller acts in continuous time")
 """Of a sampled controller nothing that rests on this is claimed: see ``schemes/sampled.py``."""
 
 
+def beyond_the_paper(problem: Problem) -> bool:
+    """Whether the plant has several inputs, a regressor other than x or an unknown gain: ``BEYOND_ONE_LINEAR_INPUT``."""
+    return problem.plant.inputs > 1 or not problem.plant.is_linear or problem.input_gain is not None
+
+
 def nominal(problem: TrackingProblem) -> tuple[Assumption, ...]:
     """The plant (1) as it stands, nothing that acts on it, and a command of the class that is followed."""
     plant = exact_plant(problem), undisturbed(problem), measured(problem)
-    return *plant, bounded_command(problem), START, ACTS_CONTINUOUSLY
+    return *plant, bounded_command(problem), START_TOGETHER, ACTS_CONTINUOUSLY
 
 
 def exact_plant(problem: TrackingProblem) -> Assumption:
@@ -74,7 +76,7 @@ def bounded_command(problem: TrackingProblem) -> Assumption:
 def constant_in_the_end(problem: TrackingProblem) -> Assumption:
     """What converges for constant signals only does so where the case's own command and disturbance come to rest."""
     acting = {"r": problem.commands, "d": () if problem.disturbance is None else (problem.disturbance,)}
-    varying = [name for name, signals in acting.items() if not all(isinstance(signal, COMING_TO_REST) for signal in signals)]
+    varying = [name for name, signals in acting.items() if not all(isinstance(signal, SIGNALS_THAT_SETTLE) for signal in signals)]
     return Assumption("r and d are constant from some time on", " and ".join(varying) + " varies for ever" if varying else "")
 
 
@@ -82,7 +84,7 @@ def projected_onto(problem: Problem, known_set: EstimateSet) -> Assumption:
     """Where the estimates are projected onto a set, theta lies in it; theta_hat(0) does by construction."""
     return Assumption(
         "theta and theta_hat(0) lie in the known set, and the estimates are projected onto it",
-        "" if known_set.contains(problem.parameters) else OUTSIDE,
+        "" if known_set.contains(problem.parameters) else OUTSIDE_THE_SET,
     )
 
 
@@ -90,7 +92,7 @@ def theta_in_the_set(problem: Problem) -> Assumption:
     """What is said of every theta in the known set is said of the case's."""
     known_set = problem.uncertainty
     outside = known_set is not None and not known_set.contains(problem.plant.theta)
-    return Assumption("theta lies in the known set", OUTSIDE if outside else "")
+    return Assumption("theta lies in the known set", OUTSIDE_THE_SET if outside else "")
 
 
 def departures(problem: TrackingProblem) -> tuple[str, ...]:

@@ -7,6 +7,7 @@ from typing import Any
 
 from barbalat.certificates.certificate import Certificate
 from barbalat.certificates.entry import Assumption, Entry, checked
+from barbalat.certificates.quantities import Quantity
 
 PROPERTIES = {
     "stability": "Signals bounded",
@@ -38,23 +39,23 @@ class Column:
 
 def statement(key: str, text: str, *assumptions: Assumption) -> Entry:
     """What holds on this case; where the case breaks an assumption, that it does not apply, and why, without what would hold."""
-    found = checked(key, text, assumptions, meaning=PROPERTIES[key])
+    found = checked(key, text, assumptions, Quantity(PROPERTIES[key]))
     return found if found.applies else replace(found, value=None)
 
 
 def nothing(key: str, why: str) -> Entry:
     """What is not claimed for this scheme, and why."""
-    return Entry(key=key, value=None, kind="does not apply", meaning=PROPERTIES[key], why=why)
+    return Entry(key=key, value=None, kind="does not apply", quantity=Quantity(PROPERTIES[key]), why=why)
 
 
 def estimate(key: str, text: str) -> Entry:
     """A number without a guarantee."""
-    return Entry(key=key, value=text, kind="estimate", meaning=PROPERTIES[key])
+    return Entry(key=key, value=text, kind="estimate", quantity=Quantity(PROPERTIES[key]))
 
 
 def advice(key: str, text: str) -> Entry:
     """A fact for orientation."""
-    return Entry(key=key, value=text, kind="advice", meaning=PROPERTIES[key])
+    return Entry(key=key, value=text, kind="advice", quantity=Quantity(PROPERTIES[key]))
 
 
 def limits_text(values: dict[str, Any]) -> str:
@@ -92,6 +93,6 @@ def margins_cell(certificate: Certificate) -> Entry:
         key="margins",
         value="; ".join(parts),
         kind="exact" if only_exact else "estimate",
-        meaning=PROPERTIES["margins"],
+        quantity=Quantity(PROPERTIES["margins"]),
         of=margin.of if only_exact and margin is not None else "",
     )

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from html import escape
 from typing import TYPE_CHECKING, Any
 
-from barbalat.certificates.entry import Assumption, Entry, Kind, checked, of_finite_numbers
+from barbalat.certificates.entry import Assumption, Entry, Kind, NotApplicable, checked, of_finite_numbers
 from barbalat.certificates.picture import MarginLoop, figure_of
-from barbalat.certificates.quantities import QUANTITIES
+from barbalat.certificates.quantities import QUANTITIES, Quantity
 from barbalat.validate import InputError
 
 if TYPE_CHECKING:
@@ -126,11 +127,15 @@ def reason(error: Exception) -> str:
 
 @dataclass(eq=False)
 class Draft:
-    """A certificate that is being written: entries in the order in which they come, and notes."""
+    """A certificate that is being written: entries in the order in which they come, and notes.
+
+    own  what the keys mean that are this scheme's alone
+    """
 
     entries: dict[str, Entry] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
     loops: list[MarginLoop] = field(default_factory=list)
+    own: Mapping[str, Quantity] = field(default_factory=dict)
 
     def __getitem__(self, key: str) -> Any:
         """The value that stands under a key, whether it applies on this case or not."""
@@ -147,8 +152,7 @@ class Draft:
 
     def guarantee(self, key: str, value: Any, *assumptions: Assumption) -> None:
         """A bound; it becomes one that does not apply where this case breaks an assumption."""
-        meaning, unit, _ = QUANTITIES[key]
-        self.entries[key] = checked(key, value, assumptions or (NUMBERS_ALONE,), unit=unit, meaning=meaning)
+        self.entries[key] = checked(key, value, assumptions or (NUMBERS_ALONE,), self._quantity(key))
 
     def exact(self, values: dict[str, Any], of: str, *assumptions: str) -> None:
         """Values that are exact for the linear loop named."""
@@ -164,8 +168,7 @@ class Draft:
 
     def missing(self, key: str, why: str) -> None:
         """A value that the scheme would have, and that this case has not."""
-        meaning, unit, _ = QUANTITIES[key]
-        self.entries[key] = Entry(key=key, value=None, kind="does not apply", unit=unit, meaning=meaning, why=why)
+        self.entries[key] = Entry(key=key, value=None, kind="does not apply", quantity=self._quantity(key), why=why)
 
     def finish(self) -> Certificate:
         """The certificate."""
@@ -175,8 +178,13 @@ class Draft:
         for key, value in values.items():
             if value is None and key == "unlimited":
                 continue
-            meaning, unit, _ = QUANTITIES[key]
+            if isinstance(value, NotApplicable):
+                self.missing(key, value.why)
+                continue
             why = NO_VALUE[kind] if value is None else ""
             self.entries[key] = Entry(
-                key=key, value=value, kind=kind, unit=unit, meaning=meaning, assumptions=assumptions, of=of, why=why
+                key=key, value=value, kind=kind, quantity=self._quantity(key), assumptions=assumptions, of=of, why=why
             )
+
+    def _quantity(self, key: str) -> Quantity:
+        return self.own[key] if key in self.own else QUANTITIES[key]

@@ -6,10 +6,8 @@ from collections.abc import Callable, Iterable, Sequence
 
 from barbalat.certificates.certificate import Certificate, reason
 from barbalat.certificates.schemes import sampled, scheme_file, stranger
-from barbalat.certificates.schemes.state_feedback import beyond_the_paper
 from barbalat.controllers import Sampled
 from barbalat.loop.binding import numbered
-from barbalat.problem.state_feedback import Problem
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller
 from barbalat.solvers.simulation import Simulation
@@ -79,10 +77,5 @@ def _certificate(problem: TrackingProblem, controller: Controller, simulation: S
         judged = sampled.judged_at(controller, simulation)
         return sampled.certificate(problem, _certificate(problem, controller.controller, judged), controller, judged)
     scheme = scheme_file(controller)
-    if scheme is None:
-        return stranger.certificate(problem, controller, simulation)
-    if isinstance(problem, Problem) and (
-        problem.plant.inputs > 1 or not problem.plant.is_linear or problem.input_gain is not None
-    ):
-        return beyond_the_paper(problem, controller, simulation)
-    return scheme.certificate(problem, controller, simulation)
+    certificate = stranger.certificate if scheme is None else scheme.certificate
+    return certificate(problem, controller, simulation)

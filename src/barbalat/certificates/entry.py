@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal
+
+from barbalat.certificates.quantities import Quantity
 
 Kind = Literal["guaranteed", "exact", "estimate", "advice", "does not apply"]
 """What a reader may do with a value.
@@ -25,6 +27,13 @@ class Assumption:
     broken: str = ""
 
 
+@dataclass(frozen=True)
+class NotApplicable:
+    """What a function gives in the place of a result that this case does not have, and why, as part of a sentence."""
+
+    why: str
+
+
 @dataclass(frozen=True, kw_only=True)
 class Entry:
     """A value by its key; ``value`` is ready for JSON, and None where there is none."""
@@ -32,11 +41,18 @@ class Entry:
     key: str
     value: Any
     kind: Kind
-    unit: str = ""
-    meaning: str = ""
+    quantity: Quantity = field(default=Quantity(""), repr=False)
     assumptions: tuple[str, ...] = ()
     of: str = ""
     why: str = ""
+
+    @property
+    def unit(self) -> str:
+        return self.quantity.unit
+
+    @property
+    def meaning(self) -> str:
+        return self.quantity.meaning
 
     @property
     def applies(self) -> bool:
@@ -49,9 +65,9 @@ class Entry:
         return str(self.value) if self.applies else self.why
 
     def as_json(self) -> dict[str, Any]:
-        """All fields; ``of`` where a linear loop is named."""
-        document = asdict(self) | {"assumptions": list(self.assumptions)}
-        return document if self.of else {key: value for key, value in document.items() if key != "of"}
+        """All that is said of it; ``of`` where a linear loop is named."""
+        document = {"key": self.key, "value": self.value, "kind": self.kind, "unit": self.unit, "meaning": self.meaning}
+        return document | {"assumptions": list(self.assumptions)} | ({"of": self.of} if self.of else {}) | {"why": self.why}
 
 
 def of_finite_numbers(entry: Entry) -> Entry:
@@ -69,9 +85,9 @@ def _finite(part: Any) -> bool:
     return not isinstance(part, float) or math.isfinite(part)
 
 
-def checked(key: str, value: Any, assumptions: tuple[Assumption, ...], *, unit: str = "", meaning: str = "") -> Entry:
+def checked(key: str, value: Any, assumptions: tuple[Assumption, ...], quantity: Quantity) -> Entry:
     """A guaranteed value; one that does not apply, with the reasons, where this case breaks an assumption."""
     sentences = tuple(assumption.sentence for assumption in assumptions)
     why = ", ".join(dict.fromkeys(assumption.broken for assumption in assumptions if assumption.broken))
     kind: Kind = "does not apply" if why else "guaranteed"
-    return Entry(key=key, value=value, kind=kind, unit=unit, meaning=meaning, assumptions=sentences, why=why)
+    return Entry(key=key, value=value, kind=kind, quantity=quantity, assumptions=sentences, why=why)

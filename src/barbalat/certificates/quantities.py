@@ -1,35 +1,55 @@
-"""The keys of a certificate: what each value means, and its unit. ``docs/`` and the command line print these words."""
+"""What a certificate's values mean, and their units: the keys that several schemes have.
+
+A key that is one scheme's alone stands in that scheme's file, which hands it to its ``Draft``. The command line prints these
+words.
+"""
 
 from __future__ import annotations
 
+from enum import Enum
 from typing import NamedTuple
 
 
+class Form(Enum):
+    """What a value consists of, and so how it is shown."""
+
+    PLAIN = "a number, a list of numbers or words"
+    MATRIX = "rows of numbers"
+    NAMES = "a list of names"
+    NORMS = "by a system's name, lower and upper"
+    BOUNDS = "by a signal's name, a bound"
+    CONDITION = "value_upper, limit, holds, and what the norm is of"
+    OVER_THE_SET = "for each linear loop its least margins over the known set"
+    TRANSFER_FUNCTIONS = "by a name, num and den"
+    PER_UNIT = "by a signal's name, what a unit of it leaves"
+
+
 class Quantity(NamedTuple):
-    """What a key stands for; ``below`` marks a guarantee that holds for everything below the value instead of above it."""
+    """What a key stands for.
+
+    below     marks a guarantee that holds for everything below the value instead of above it
+    timeless  of the problem, of a filter or of t = 0: a controller that acts at samples changes nothing of it
+    """
 
     meaning: str
     unit: str = ""
     below: bool = False
+    form: Form = Form.PLAIN
+    timeless: bool = False
 
 
 QUANTITIES = {
-    "nu_0": Quantity("|theta_tilde(0)|/sqrt(lambda_min(P))"),
-    "nu_0_worst": Quantity("the same for the worst theta of the known set"),
+    "nu_0": Quantity("|theta_tilde(0)|/sqrt(lambda_min(P))", timeless=True),
+    "nu_0_worst": Quantity("the same for the worst theta of the known set", timeless=True),
     "initial_parameter_error": Quantity("|theta_tilde(0)|"),
-    "P": Quantity("P A_m + A_m'P = -I, row by row"),
-    "lambda_min": Quantity("of P, from below", below=True),
-    "theta_max": Quantity("largest |theta|_1 of the known set"),
-    "bounds": Quantity("of |r| and of every component of x_m, at all times"),
-    "norms": Quantity("L1 norms, enclosed"),
-    "condition": Quantity("a norm times a size, below 1 where the condition holds"),
-    "kappa_admissible": Quantity("largest kappa found for which the condition holds with C = 1/(kappa s + 1)", "s", below=True),
-    "kappa_max": Quantity("1/(theta_max ||sW_b||_1) of Theorem 1", "s", below=True),
-    "nu_1": Quantity("of (10)"),
-    "nu_2": Quantity("of (10)"),
+    "P": Quantity("P A_m + A_m'P = -I, row by row", form=Form.MATRIX),
+    "lambda_min": Quantity("of P, from below", below=True, timeless=True),
+    "theta_max": Quantity("largest |theta|_1 of the known set", timeless=True),
+    "bounds": Quantity("of |r| and of every component of x_m, at all times", form=Form.BOUNDS, timeless=True),
+    "norms": Quantity("L1 norms, enclosed", form=Form.NORMS, timeless=True),
+    "condition": Quantity("a norm times a size, below 1 where the condition holds", form=Form.CONDITION, timeless=True),
     "error_bound": Quantity("of every component of e, at all times"),
     "error_bound_worst": Quantity("the same for the worst theta of the known set"),
-    "reference_error_bound": Quantity("of every component of x - x_ref, the filtered loop with theta known, at all times"),
     "adaptation_frequency": Quantity("of the frozen oscillator of adaptation", "rad/s"),
     "gamma_max": Quantity("gain that the solver, or a law that takes Euler steps, bears at its step at least: |x| at its bound"),
     "step_max": Quantity("step that the gain bears at least: |x| at its bound", "s"),
@@ -42,20 +62,11 @@ QUANTITIES = {
     "sensitivity_peak": Quantity("max |S|"),
     "complementary_sensitivity_peak": Quantity("max |T|"),
     "margins_of": Quantity("the margins above are of"),
-    "unlimited": Quantity("the margins that no size exhausts"),
-    "margins_over_known_set": Quantity("the least margins found over the known set, and where"),
+    "unlimited": Quantity("the margins that no size exhausts", form=Form.NAMES),
+    "margins_over_known_set": Quantity("the least margins found over the known set, and where", form=Form.OVER_THE_SET),
     "delay_margin_adapting": Quantity("linearised at the largest constant command, its law included", "s"),
     "delay_onset_simulated": Quantity("measured: largest delay before the loop oscillates, see below", "s"),
     "delay_margin_simulated": Quantity("measured: largest delay before it is lost, see below", "s"),
-    "delay_margin_limit": Quantity("the same for gamma -> infinity", "s"),
-    "linear_equivalent": Quantity("u = feedforward[r] - feedback[y] while sigma is inside its bounds"),
-    "linear_equivalent_limit": Quantity("the same for gamma -> infinity"),
-    "output_bound": Quantity("of |y| before what is added at the output, up to t_end"),
-    "sigma_needed": Quantity("bound of |sigma| while the projection does not act"),
-    "steady_error": Quantity("what constant r and d leave of e without f"),
-    "slope": Quantity("of f(t, y) in y within that bound"),
-    "theta_star": Quantity("parameters with which the plant is the model"),
-    "tau_below": Quantity("1/delta_0, which tau must stay below (Theorem 2)", "s"),
     "mu_parameters": Quantity("mu against the known set"),
     "parameter_scale": Quantity("factor by which the known set may grow"),
     "theta_destabilising": Quantity("parameters that destabilise"),

@@ -82,7 +82,8 @@ def _reproduced(
         seconds["claims, maps, certificates"] = time.perf_counter() - started - sum(seconds.values())
     seconds["total"] = time.perf_counter() - started
     document = write.as_json(write.reproduction_document(figures, claims, certified, seconds))
-    folder.write(write.PAGE, page.reproduction(figures, claims, pictures, maps, certified, seconds))
+    for file, text in page.reproduction(figures, claims, pictures, maps, certified, seconds).items():
+        folder.write(file, text)
     folder.write("report.json", document)
     return figures, claims, document, seconds["total"]
 

@@ -1,12 +1,13 @@
 """The registry: one line for each scheme, by the name that case files use. The contract tests run over it."""
 
-from barbalat.controllers.known_parameters import KnownParameters
-from barbalat.controllers.l1 import L1Adaptive
-from barbalat.controllers.linear_feedback import LinearFeedback
-from barbalat.controllers.mrac import Mrac
-from barbalat.controllers.mrac_closed_loop import MracClosedLoop
-from barbalat.controllers.robust_mrac import NormalizedMrac, RobustMrac
-from barbalat.controllers.sampled import Sampled
+from barbalat.controllers.known_parameters import KnownParameters as KnownParameters
+from barbalat.controllers.l1 import L1Adaptive as L1Adaptive
+from barbalat.controllers.linear_feedback import LinearFeedback as LinearFeedback
+from barbalat.controllers.mrac import Mrac as Mrac
+from barbalat.controllers.mrac_closed_loop import MracClosedLoop as MracClosedLoop
+from barbalat.controllers.robust_mrac import NormalizedMrac as NormalizedMrac
+from barbalat.controllers.robust_mrac import RobustMrac as RobustMrac
+from barbalat.controllers.sampled import Sampled as Sampled
 
 SCHEMES = {
     "mrac": Mrac,
@@ -15,16 +16,5 @@ SCHEMES = {
     "mrac-normalized": NormalizedMrac,
     "robust-mrac": RobustMrac,
     "linear": LinearFeedback,
+    "known-parameters": KnownParameters,
 }
-
-__all__ = [
-    "SCHEMES",
-    "KnownParameters",
-    "L1Adaptive",
-    "LinearFeedback",
-    "Mrac",
-    "MracClosedLoop",
-    "NormalizedMrac",
-    "RobustMrac",
-    "Sampled",
-]

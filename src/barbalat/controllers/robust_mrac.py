@@ -14,7 +14,7 @@ import numpy as np
 from barbalat import validate
 from barbalat.adaptation.law import AdaptiveLaw, Estimation, require_law
 from barbalat.adaptation.normalization import Normalization
-from barbalat.controllers.robust_mrac_sampled import Estimator
+from barbalat.controllers.robust_mrac_sampled import StateEstimator
 from barbalat.controllers.settings import check_common, initial_estimate, projection_box, require_one_input
 from barbalat.controllers.windup import applied, limits_of_predictor
 from barbalat.linear.systems import StateSpace, TransferFunction, transfer_function
@@ -101,8 +101,8 @@ class Equations:
     def limit(self, state: State) -> State:
         return state._replace(theta_hat=limit(state.theta_hat, self.box), memory=self.law.limit(state.memory))
 
-    def sampled(self, T: float) -> Estimator:
-        return Estimator.of(self, T)
+    def sampled(self, T: float) -> StateEstimator:
+        return StateEstimator.of(self, T)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -13,14 +13,14 @@ from typing import NamedTuple
 import numpy as np
 
 from barbalat.linear.crossings import Crossings
-from barbalat.linear.peaks import PRECISION
-from barbalat.linear.rotation import HALVINGS, Rotation
+from barbalat.linear.peaks import PEAK_PRECISION
+from barbalat.linear.rotation import HALVING_STEPS, Rotation
 from barbalat.linear.systems import StateSpace
 from barbalat.validate import Array, InputError
 
 
 class Peaks(NamedTuple):
-    """Upper ends: the peaks themselves are at most ``PRECISION`` below."""
+    """Upper ends: the peaks themselves are at most ``PEAK_PRECISION`` below."""
 
     sensitivity: float
     complementary: float
@@ -41,18 +41,18 @@ def delayed_peaks(loop: StateSpace, delay: float) -> Peaks:
     if T == 0:
         return Peaks(1.0, 0.0)
     # above the last w with |L| at such a level, |S| <= 1/(1 - |L|) and |T| <= |L|/(1 - |L|) are below what is found already
-    levels = 1 - 1 / (S * (1 + PRECISION)), T / (1 + T)
+    levels = 1 - 1 / (S * (1 + PEAK_PRECISION)), T / (1 + T)
     ends = [max([*crossings.of_unit_circle(1 / level), low]) for level in levels]
     S = _search(rotation, low, ends[0], S, inverse=False)
     T = _search(rotation, low, ends[1], T, inverse=True)
-    return Peaks(S * (1 + PRECISION), T * (1 + PRECISION))
+    return Peaks(S * (1 + PEAK_PRECISION), T * (1 + PEAK_PRECISION))
 
 
 def _search(rotation: Rotation, low: float, high: float, peak: float, *, inverse: bool) -> float:
-    """The largest 1/|1 + X| over [low, high], or less by ``PRECISION``; at least ``peak``."""
+    """The largest 1/|1 + X| over [low, high], or less by ``PEAK_PRECISION``; at least ``peak``."""
     edges = np.geomspace(low, high, 400)
     left, right = edges[:-1], edges[1:]
-    for _ in range(HALVINGS):
+    for _ in range(HALVING_STEPS):
         if not len(left):
             break
         middle = (left + right) / 2
@@ -62,7 +62,7 @@ def _search(rotation: Rotation, low: float, high: float, peak: float, *, inverse
         distance = np.abs(1 + X)
         peak = max(peak, float((1 / distance).max()))
         nearest = distance - np.abs(X) * _change(rotation, left, right, inverse)
-        kept = nearest < 1 / (peak * (1 + PRECISION))
+        kept = nearest < 1 / (peak * (1 + PEAK_PRECISION))
         left, right = np.concatenate([left[kept], middle[kept]]), np.concatenate([middle[kept], right[kept]])
     return peak
 

@@ -10,14 +10,14 @@ import math
 import sys
 from collections.abc import Callable
 
-SMALLEST = sys.float_info.min
+SMALLEST_FLOAT = sys.float_info.min
 """The smallest float with all its digits: a search downward that has come this far has found nothing that is borne."""
 
-NEIGHBOURS = 4 * sys.float_info.epsilon
+NEIGHBOUR_GAP = 4 * sys.float_info.epsilon
 """Relative distance at which a search for neighbouring floats ends; between closer ones a geometric mean may not fall."""
 
 
-def largest(bears: Callable[[float], bool], low: float, high: float, *, within: float = NEIGHBOURS) -> float:
+def largest(bears: Callable[[float], bool], low: float, high: float, *, within: float = NEIGHBOUR_GAP) -> float:
     """Between ``low``, which is borne or 0, and ``high``, which is not: a value that is borne, one ``within`` above it is not.
 
     ``within`` is relative. 0 where nothing above 0 was found to be borne.
@@ -31,7 +31,12 @@ def largest(bears: Callable[[float], bool], low: float, high: float, *, within: 
 
 
 def largest_from(
-    bears: Callable[[float], bool], start: float, *, factor: float = 2.0, within: float = NEIGHBOURS, least: float = SMALLEST
+    bears: Callable[[float], bool],
+    start: float,
+    *,
+    factor: float = 2.0,
+    within: float = NEIGHBOUR_GAP,
+    least: float = SMALLEST_FLOAT,
 ) -> float:
     """The same without known ends: by steps of ``factor`` from ``start`` down to what is borne, then up to what is not.
 
@@ -53,7 +58,7 @@ def largest_from(
 def geometric_mean(low: float, high: float) -> float:
     """Also where the product of the two is beyond the floats' range."""
     product = low * high
-    return math.sqrt(product) if SMALLEST < product < math.inf else math.sqrt(low) * math.sqrt(high)
+    return math.sqrt(product) if SMALLEST_FLOAT < product < math.inf else math.sqrt(low) * math.sqrt(high)
 
 
 def halvings(ratio: float, within: float) -> int:

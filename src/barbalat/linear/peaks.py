@@ -14,7 +14,7 @@ from barbalat.linear.crossings import axis_zeros, frequency_grid, one_minus_magn
 from barbalat.linear.systems import StateSpace
 from barbalat.validate import InputError
 
-PRECISION = 1e-6
+PEAK_PRECISION = 1e-6
 """Relative: how far the peak may lie below the level that is returned."""
 
 
@@ -26,7 +26,7 @@ class Peak(NamedTuple):
 
 
 def peak_gain(system: StateSpace) -> Peak:
-    """sup over w of |G(j w)| of a stable system, to ``PRECISION``; InputError for an unstable one."""
+    """sup over w of |G(j w)| of a stable system, to ``PEAK_PRECISION``; InputError for an unstable one."""
     poles = np.linalg.eigvals(system.A) if system.order else np.array([-1.0])
     if poles.real.max() >= 0:
         raise InputError(f"a peak gain needs a stable system, but a pole has real part {poles.real.max():.6g}")
@@ -38,7 +38,7 @@ def peak_gain(system: StateSpace) -> Peak:
             gain, at = float(values.max()), float(points[values.argmax()])
         if gain == 0:
             return Peak(0.0, at)
-        level = gain * (1 + PRECISION)
+        level = gain * (1 + PEAK_PRECISION)
         scaled = StateSpace(system.A, system.B / level, system.C, system.D / level)
         crossed = axis_zeros(one_minus_magnitude(scaled))
         points = np.concatenate([crossed, np.sqrt(crossed[:-1] * crossed[1:])])

@@ -47,13 +47,6 @@ class MatchedFamily:
             return a, np.zeros(len(a))
         return a, np.abs(self.weight.at(1j * w) * (1 - S.response(w)))
 
-    def largest_real_part(self, delta: Array) -> float:
-        """Of the closed loop's eigenvalues at theta = centre + width delta, without unmodelled dynamics."""
-        S = sensitivity(self.loop)
-        moved = S.A.copy()
-        moved[:, : len(self.width)] += np.outer(S.B, self.width * delta)
-        return float(np.linalg.eigvals(moved).real.max())
-
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class RobustStability:

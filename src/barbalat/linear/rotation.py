@@ -13,7 +13,7 @@ from barbalat.linear.crossings import Crossings, zeros
 from barbalat.linear.systems import StateSpace
 from barbalat.validate import Array
 
-HALVINGS = 60
+HALVING_STEPS = 60
 """Of an interval: to below rounding. What is left then is a phase that touches -pi without crossing it."""
 
 START_SHARE = 1e-9
@@ -76,7 +76,7 @@ class Rotation:
         edges = np.geomspace(low, high, 200)
         left, right = edges[:-1], edges[1:]
         found: list[float] = []
-        for _ in range(HALVINGS):
+        for _ in range(HALVING_STEPS):
             if not len(left):
                 break
             phase, (below, above) = self.phase(left), self.swing(left, right)

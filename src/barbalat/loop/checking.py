@@ -18,9 +18,9 @@ from barbalat.loop.packing import column, flatten, map_arrays, symbols, unflatte
 from barbalat.protocols import DiscretizedEquations, Dynamics, Equations, Sample, SampledEquations
 from barbalat.validate import Array, InputError
 
-POINTS = 4
+POINTS_TRIED = 4
 """States at which the equations are evaluated: the initial one, and others drawn around it."""
-AGREEMENT = 1e-8
+AGREEMENT_WITHIN = 1e-8
 """Relative to an equation's largest entry: the same sums in another order differ by far less, other equations by far more."""
 CONTINUOUS, SAMPLED = ("initial", "control", "derivative", "limit"), ("initial", "control", "advance")
 
@@ -140,7 +140,7 @@ class Trial:
         """The initial state with random measurements, then random states too."""
         rng = np.random.default_rng(0)
         first = Arguments(self.arguments.state, *(_moved(ports, rng) for ports in self.arguments[1:]))
-        return [first, *(_moved(self.arguments, rng) for _ in range(POINTS - 1))]
+        return [first, *(_moved(self.arguments, rng) for _ in range(POINTS_TRIED - 1))]
 
     @cached_property
     def _symbols(self) -> tuple[Any, Arguments]:
@@ -156,7 +156,9 @@ class Trial:
                 "and np.stack or np.concatenate instead of filling an array entry by entry"
             )
         size = float(np.abs(numbers[np.isfinite(numbers)]).max(initial=0.0))
-        differs = np.flatnonzero(~np.isclose(symbolic, numbers, rtol=AGREEMENT, atol=AGREEMENT * size, equal_nan=True))
+        differs = np.flatnonzero(
+            ~np.isclose(symbolic, numbers, rtol=AGREEMENT_WITHIN, atol=AGREEMENT_WITHIN * size, equal_nan=True)
+        )
         if len(differs):
             i = differs[0]
             raise InputError(

@@ -45,8 +45,8 @@ class ClosedLoop:
     delayed: bool = False
 
     @classmethod
-    def of(cls, problem: TrackingProblem, controller: Controller, step: float | None = None, *, bind: Bind = bound) -> ClosedLoop:
-        """``step`` is the solver's [s]; only a rate limiter at the plant's input needs it: see ``PlantInput.path``."""
+    def of(cls, problem: TrackingProblem, controller: Controller, *, bind: Bind = bound) -> ClosedLoop:
+        """InputError where the controller does not fit the problem."""
         validate.instance("problem", problem, TrackingProblem)
         equations = bind(problem, controller)
         sensor, noise = problem.sensor, problem.noise
@@ -54,7 +54,7 @@ class ClosedLoop:
             problem.dynamics,
             problem.model,
             equations,
-            paths=tuple(path.path(step) for path in problem.plant.paths),
+            paths=tuple(path.path for path in problem.plant.paths),
             commands=len(problem.commands) if isinstance(problem.reference, tuple) else None,
             lag=sensor if sensor is not None and sensor.lag > 0 else None,
             noise_std=None if noise is None else noise.std * np.ones(problem.dynamics.outputs),
@@ -161,12 +161,15 @@ class ClosedLoop:
             raise ValueError(f"a flat state of this loop has {used} entries, got {len(flat)}")
         return state  # type: ignore[no-any-return]
 
-    def derivative(self, flat: Value, signals: Value) -> Value:
-        """d/dt of the flat state; ``signals`` (signal_count,) stand in the order of ``Signals``."""
+    def derivative(self, flat: Value, signals: Value, step: Value = None) -> Value:
+        """d/dt of the flat state; ``signals`` (signal_count,) stand in the order of ``Signals``.
+
+        ``step`` is the solver's [s]; only a rate limiter at the plant's input needs it: see ``InputPath.derivative``.
+        """
         state, given = self.unpack(flat), self._signals(signals)
         u = self._control(state, given)
         v = given.delayed.reshape(u.shape) if self.delayed else self._through_input(state, u)
-        return flatten(self._rates(state, given, u, v))
+        return flatten(self._rates(state, given, u, v, step))
 
     def derivative_given_input(self, flat: Value, signals: Value, v: Value) -> tuple[Value, Value]:
         """d/dt of the flat state, and the control u, when v reaches the plant instead of u: the loop broken there."""
@@ -174,7 +177,7 @@ class ClosedLoop:
         u = self._control(state, given)
         return flatten(self._rates(state, given, u, v)), u
 
-    def _rates(self, state: LoopState, given: Signals, u: Value, v: Value) -> LoopState:
+    def _rates(self, state: LoopState, given: Signals, u: Value, v: Value, step: Value = None) -> LoopState:
         t = [given.clock[0]] if self.clocked else []
         x_dot = self.plant.derivative(state.x, v + given.matched[0] if self.disturbed else v, *t)  # (1), with (11)'s input
         for i, direction in enumerate(self.directions):
@@ -189,7 +192,7 @@ class ClosedLoop:
             x=x_dot,
             x_m=self.model.derivative(state.x_m, given.r),  # (2)
             input=tuple(
-                part if path is None else path.derivative(part, u.reshape(-1)[i])
+                part if path is None else path.derivative(part, u.reshape(-1)[i], step)
                 for i, (path, part) in enumerate(zip(self.paths, state.input, strict=True))
             ),
             sensor=state.sensor if self.lag is None else self.lag.derivative(state.sensor, self._output(state, given)),

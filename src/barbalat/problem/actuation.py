@@ -80,15 +80,13 @@ class PlantInput:
         """Whether nothing is quantised, saturated or rate-limited."""
         return self.quantization is None and self.saturation is None and self.rate_limit is None
 
-    def path(self, step: float | None = None) -> InputPath | None:
-        """The equations of everything but the delay; ``None`` where u reaches the plant as it is.
-
-        ``step`` is the solver's [s]: within one a rate limiter follows what it is asked for. Nothing else needs it.
-        """
+    @property
+    def path(self) -> InputPath | None:
+        """The equations of everything but the delay; ``None`` where u reaches the plant as it is."""
         dynamics = None if self.dynamics is None else self.dynamics.realise()
         if dynamics is None and self.is_linear:
             return None
-        return InputPath(self.quantization, self.saturation, self.rate_limit, dynamics, None if self.rate_limit is None else step)
+        return InputPath(self.quantization, self.saturation, self.rate_limit, dynamics)
 
 
 class InputState(NamedTuple):
@@ -106,7 +104,6 @@ class InputPath:
     saturation: Array | None
     rate_limit: float | None
     dynamics: StateSpace | None
-    follows_within: float | None = None  # [s], the rate limiter; None where only the path's linear part is asked for
 
     def initial(self) -> InputState:
         return InputState(
@@ -119,13 +116,14 @@ class InputPath:
             u = self.quantum * np.floor(u / self.quantum + 0.5)
         return u if self.saturation is None else np.clip(u, self.saturation[0], self.saturation[1])
 
-    def derivative(self, state: InputState, u: Value) -> InputState:
+    def derivative(self, state: InputState, u: Value, step: Value = None) -> InputState:
+        """d/dt of the state; ``step`` is the solver's [s], within which a rate limiter follows what it is asked for."""
         asked = self.asked(u)
         limited, dynamics = state
         if self.rate_limit is not None:
-            if self.follows_within is None:
+            if step is None:
                 raise ValueError("a rate limiter needs the solver's step")
-            limited = np.clip((asked - state.limited) / self.follows_within, -self.rate_limit, self.rate_limit)
+            limited = np.clip((asked - state.limited) / step, -self.rate_limit, self.rate_limit)
             asked = state.limited[0]
         if self.dynamics is not None:
             dynamics = self.dynamics.derivative(state.dynamics, asked)

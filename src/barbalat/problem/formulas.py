@@ -40,7 +40,7 @@ class Variables:
     shown: str
 
 
-DEEPEST = 400
+DEEPEST_NESTING = 400
 """Levels of a formula: of Python's 1000 calls within calls, with as many again left to whoever asks for a value."""
 
 
@@ -87,8 +87,8 @@ class _Reader:
 
     def read(self, node: ast.expr, depth: int) -> tuple[Evaluation, bool]:
         """A part as a function of the variables, and whether it is a constant, which must then be a finite real number."""
-        if depth > DEEPEST:
-            raise InputError(f"{self.field} must not be nested more than {DEEPEST} deep, got {validate.show(self.text)}")
+        if depth > DEEPEST_NESTING:
+            raise InputError(f"{self.field} must not be nested more than {DEEPEST_NESTING} deep, got {validate.show(self.text)}")
         evaluate, parts = self._combined(node, depth + 1)
         if isinstance(node, ast.Name) or not all(constant for _, constant in parts):
             self._require_divisor(node, parts)

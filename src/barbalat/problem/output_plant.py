@@ -64,6 +64,11 @@ class OutputDynamics:
         """y, a scalar."""
         return self.system.C @ x
 
+    @property
+    def matrices(self) -> tuple[Array, Array, Array]:
+        """A, B, C of the linear part."""
+        return self.system.A, self.system.B[:, None], self.system.C[None]
+
 
 @dataclass(frozen=True, eq=False)
 class OutputPlant:

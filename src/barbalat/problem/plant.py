@@ -226,6 +226,12 @@ class Model:
         """What the plant's output is to follow."""
         return x_m
 
+    @property
+    def matrices(self) -> tuple[Array, Array, Array]:
+        """A, B, C with x_m' = A x_m + B r and the output C x_m."""
+        n = len(self.b)
+        return self.A_m, self.b.reshape(n, -1) @ np.atleast_2d(self.k_0), np.eye(n)
+
 
 @dataclass(frozen=True, eq=False)
 class ReferenceModel:

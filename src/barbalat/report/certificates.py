@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 from barbalat.certificates.certificate import Certificate
 from barbalat.certificates.entry import Entry
-from barbalat.certificates.quantities import QUANTITIES
+from barbalat.certificates.quantities import QUANTITIES, Form
 from barbalat.certificates.rounding import down, up
 from barbalat.report.numbers import number_text
 
@@ -33,49 +34,64 @@ def rows(certificate: Certificate) -> list[Row]:
 
 def rows_of(entry: Entry) -> list[Row]:
     """Those of one entry."""
-    key, value, kind = entry.key, entry.value, KINDS.get(entry.kind, entry.kind)
+    kind = KINDS.get(entry.kind, entry.kind)
     if not entry.applies:
-        return [Row(key, "", entry.why, kind)]
-    if value is None:
+        return [Row(entry.key, "", entry.why, kind)]
+    if entry.value is None:
         return []
-    match key:
-        case "norms":
-            return [
-                Row(f"||{n}||_1", f"{down(e['lower'], 10)} ... {up(e['upper'], 10)}", "L1 norm", kind) for n, e in value.items()
-            ]
-        case "P":
-            return [Row(key, number_text(value, "; "), entry.meaning, kind)]
-        case "bounds":
-            return [Row(f"sup |{name}|", _text(entry, bound), NAMES_OF_BOUNDS[name], kind) for name, bound in value.items()]
-        case "condition":
-            return [_condition(value, kind)]
-        case "margins_over_known_set":
-            return [row for loop in value for row in _worst_case(loop)]
-        case "linear_equivalent" | "linear_equivalent_limit":
-            return [_coefficients(f"{key}, {name}", system, entry.meaning) for name, system in value.items()]
-        case "steady_error":
-            left = ", ".join(f"{0 if abs(v) < SMALLEST_SHOWN else v:.4g} {name}" for name, v in value.items())
-            return [Row(key, left, entry.meaning, kind)]
-        case "unlimited":
-            return [Row(key, ", ".join(value), entry.meaning, "")]
-    unit = f" [{entry.unit}]" if entry.unit else ""
-    return [Row(key, value if isinstance(value, str) else _text(entry, value), f"{entry.meaning}{unit}", kind)]
+    return ROWS_BY_FORM[entry.quantity.form](entry, kind)
 
 
 def _text(entry: Entry, value: Any) -> str:
     if not isinstance(value, float):
         return number_text(value)
     if entry.kind == "guaranteed":
-        return (down if QUANTITIES[entry.key].below else up)(value, 6)
+        return (down if entry.quantity.below else up)(value, 6)
     return f"{value:.6g}"
 
 
-def _condition(value: dict[str, Any], kind: str) -> Row:
+def _plain(entry: Entry, kind: str) -> list[Row]:
+    unit, value = f" [{entry.unit}]" if entry.unit else "", entry.value
+    return [Row(entry.key, value if isinstance(value, str) else _text(entry, value), f"{entry.meaning}{unit}", kind)]
+
+
+def _matrix(entry: Entry, kind: str) -> list[Row]:
+    return [Row(entry.key, number_text(entry.value, "; "), entry.meaning, kind)]
+
+
+def _names(entry: Entry, _: str) -> list[Row]:
+    return [Row(entry.key, ", ".join(entry.value), entry.meaning, "")]
+
+
+def _norms(entry: Entry, kind: str) -> list[Row]:
+    ends = {name: f"{down(found['lower'], 10)} ... {up(found['upper'], 10)}" for name, found in entry.value.items()}
+    return [Row(f"||{name}||_1", text, "L1 norm", kind) for name, text in ends.items()]
+
+
+def _bounds(entry: Entry, kind: str) -> list[Row]:
+    return [Row(f"sup |{name}|", _text(entry, bound), NAMES_OF_BOUNDS[name], kind) for name, bound in entry.value.items()]
+
+
+def _over_the_set(entry: Entry, _: str) -> list[Row]:
+    return [row for loop in entry.value for row in _worst_case(loop)]
+
+
+def _transfer_functions(entry: Entry, _: str) -> list[Row]:
+    return [_coefficients(f"{entry.key}, {name}", system, entry.meaning) for name, system in entry.value.items()]
+
+
+def _per_unit(entry: Entry, kind: str) -> list[Row]:
+    left = ", ".join(f"{0 if abs(v) < SMALLEST_SHOWN else v:.4g} {name}" for name, v in entry.value.items())
+    return [Row(entry.key, left, entry.meaning, kind)]
+
+
+def _condition(entry: Entry, kind: str) -> list[Row]:
+    value = entry.value
     quantity = f"||{value.get('of', 'W_b (1 - C)')}||_1 {value.get('times', 'theta_max')}"
     if value["value_upper"] is None:
-        return Row(quantity, "infinite", "condition < 1 fails", kind)
+        return [Row(quantity, "infinite", "condition < 1 fails", kind)]
     verdict = "< 1: holds" if value["holds"] else "not shown to be below 1"
-    return Row(quantity, f"<= {up(value['value_upper'], 6)}", f"condition {verdict}", kind)
+    return [Row(quantity, f"<= {up(value['value_upper'], 6)}", f"condition {verdict}", kind)]
 
 
 def _coefficients(quantity: str, system: dict[str, list[float]], meaning: str) -> Row:
@@ -96,3 +112,17 @@ def _worst_case(loop: dict[str, Any]) -> list[Row]:
     if "unstable_at" in loop:
         found.append(Row("- unstable at", f"theta = [{number_text(loop['unstable_at'])}]", "", ""))
     return found
+
+
+ROWS_BY_FORM: dict[Form, Callable[[Entry, str], list[Row]]] = {
+    Form.PLAIN: _plain,
+    Form.MATRIX: _matrix,
+    Form.NAMES: _names,
+    Form.NORMS: _norms,
+    Form.BOUNDS: _bounds,
+    Form.CONDITION: _condition,
+    Form.OVER_THE_SET: _over_the_set,
+    Form.TRANSFER_FUNCTIONS: _transfer_functions,
+    Form.PER_UNIT: _per_unit,
+}
+"""How a value is shown, by what it consists of."""

@@ -1,14 +1,13 @@
-"""Self-contained HTML pages: everything, pictures included, in one file."""
+"""HTML pages; their pictures lie beside them, and nothing is asked for elsewhere."""
 
 from __future__ import annotations
 
-import re
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
-from importlib import resources
+from functools import cache
 
-from jinja2 import Environment, StrictUndefined
-from markupsafe import Markup
+from jinja2 import Environment, PackageLoader, StrictUndefined
 
 import barbalat
 from barbalat.certificates.cells import PROPERTIES
@@ -16,6 +15,7 @@ from barbalat.certificates.overview import Certified
 from barbalat.claims.claim import Claim, PaperFigure
 from barbalat.report import tradeoff
 from barbalat.report.certificates import rows
+from barbalat.report.notation import mathematics
 from barbalat.report.numbers import number_text
 from barbalat.run.result import Result
 from barbalat.study.tradeoff import TradeOff
@@ -35,25 +35,14 @@ FIGURE_COLUMNS = {
 
 @dataclass(frozen=True)
 class Picture:
-    """A drawn figure: where its PNG and SVG lie beside the page, the SVG itself, and one for phones where there is one."""
+    """A drawn figure: its SVG lies beside the page under ``name``, and one for phones under ``narrow`` where there is one."""
 
     name: str
-    svg: bytes
-    narrow: bytes | None = None
-
-    @property
-    def data(self) -> Markup:
-        return data_of(self.svg)
-
-    @property
-    def narrow_data(self) -> Markup:
-        return Markup() if self.narrow is None else data_of(self.narrow)
+    narrow: str | None = None
 
 
-def data_of(svg: bytes) -> Markup:
-    """A picture inside of a page: as text, with what an address or an attribute may not contain written otherwise."""
-    text = " ".join(svg.decode().split("\n")).replace('"', "'")
-    return Markup("data:image/svg+xml,{}").format(Markup(re.sub(r"[%#&]|:(?=//)", lambda found: f"%{ord(found[0]):02x}", text)))
+REPRODUCTION = {"report.html": "Figures", "claims.html": "Claims", "guarantees.html": "Guarantees"}
+"""The pages of ``barbalat reproduce``: file -> what the others call it."""
 
 
 def reproduction(
@@ -63,10 +52,21 @@ def reproduction(
     maps: dict[str, Picture],
     certified: Certified,
     seconds: dict[str, float],
-) -> str:
-    """The page of ``barbalat reproduce``; ``pictures`` by figure key, ``maps`` by map key, ``seconds`` by part of the work."""
-    values = {"figures": figures, "claims": claims, "pictures": pictures, "maps": maps}
-    return _render("reproduction.html", **values, certified=certified, seconds=seconds)
+) -> dict[str, str]:
+    """The pages of ``barbalat reproduce`` by their files; ``pictures`` by figure key, ``maps`` by map key, ``seconds`` by part."""
+    tally = Counter(claim.verdict for claim in claims)
+    count = sum(figure.reproduced for figure in figures)
+    values: dict[str, object] = {"tally": dict(tally.most_common()), "reproduced": count, "siblings": REPRODUCTION}
+    values |= {
+        "figures": figures,
+        "claims": claims,
+        "pictures": pictures,
+        "maps": maps,
+        "certified": certified,
+        "seconds": seconds,
+    }
+    templates = dict(zip(REPRODUCTION, ("reproduction.html", "claims.html", "guarantees.html"), strict=True))
+    return {file: _render(template, here=file, **values) for file, template in templates.items()}
 
 
 def comparison(
@@ -83,12 +83,15 @@ def trade_off(found: TradeOff, picture: Picture) -> str:
     return _render("tradeoff.html", found=found, picture=picture, titles=titles, **tables)
 
 
+@cache
+def _templates() -> Environment:
+    environment = Environment(
+        loader=PackageLoader("barbalat.report"), autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
+    )
+    environment.filters |= {"number": number_text, "rows": rows, "mathematics": mathematics}
+    environment.globals |= {"version": barbalat.__version__, "columns": FIGURE_COLUMNS, "properties": PROPERTIES}
+    return environment
+
+
 def _render(template: str, **values: object) -> str:
-    folder = resources.files("barbalat.report") / "templates"
-    loader_environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
-    loader_environment.filters["number"] = number_text
-    loader_environment.filters["rows"] = rows
-    macros = "".join((folder / name).read_text(encoding="utf-8") for name in ("macros.html", "certificates.html"))
-    body = (folder / template).read_text(encoding="utf-8")
-    values |= {"version": barbalat.__version__, "columns": FIGURE_COLUMNS, "properties": PROPERTIES}
-    return loader_environment.from_string(macros + body).render(**values)
+    return _templates().get_template(template).render(**values)

@@ -155,18 +155,16 @@ def write_trajectories(folder: Folder, results: Sequence[Result], *, whole: bool
 def _draw_runs(folder: Folder, name: str, results: Sequence[Result]) -> page.Picture:
     """The picture of runs as it is on a page, and as it is on a phone."""
     wide = _draw(folder, name, figure_of(results))
-    narrow = render(figure_of(results, narrow=True), "svg")
-    folder.write(f"{name}{NARROW}.svg", narrow)
+    narrow = f"{name}{NARROW}"
+    folder.write(f"{narrow}.svg", render(figure_of(results, narrow=True), "svg"))
     return replace(wide, narrow=narrow)
 
 
 def _draw(folder: Folder, name: str, drawing: Figure) -> page.Picture:
-    png = render(drawing, "png")
+    folder.write(f"{name}.png", render(drawing, "png"))
     drawing.set_layout_engine("none")  # what the first rendering has laid out stays where it is
-    svg = render(drawing, "svg")
-    folder.write(f"{name}.png", png)
-    folder.write(f"{name}.svg", svg)
-    return page.Picture(name, svg)
+    folder.write(f"{name}.svg", render(drawing, "svg"))
+    return page.Picture(name)
 
 
 def _table_names(names: Sequence[str]) -> list[str]:

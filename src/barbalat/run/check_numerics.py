@@ -14,10 +14,11 @@ from barbalat.run.progress import Progress, part_of
 from barbalat.run.result import Result
 from barbalat.run.simulate import simulate
 from barbalat.solvers.simulation import Simulation
+from barbalat.validate import InputError
 
 AFFORDED_STEPS = 10_000_000
 """Of a finer run: a second of computing for a small loop."""
-FACTORS = (10, 100, 1000)
+FINER_BY = (10, 100, 1000)
 """The step is refined by these in turn, until a run stays inside the region of stability."""
 
 
@@ -34,11 +35,15 @@ def check_numerics(
     run takes at most ``afforded_steps``: where that does not reach t_end, both steps are compared over the time that it does
     reach, and where not even the label's time is reached, the check says so.
     """
+    if not isinstance(results, Mapping):
+        raise InputError(f"results must be results by name, as simulate returns them, got {type(results).__name__}")
+    for result in results.values():
+        validate.instance("results", result, Result)
     validate.whole("afforded_steps", afforded_steps, least=1)
     checked = dict(results)
     pending = {name: result for name, result in results.items() if result.label is not None}
     done = 0.0
-    for factor in FACTORS:
+    for factor in FINER_BY:
         groups = _groups(pending, factor, afforded_steps)
         for members in groups:
             width = 0.9 * (1 - done) / len(groups)  # most runs are settled by the first factor
@@ -113,15 +118,15 @@ def _seen(result: Result) -> Seen:
 
 
 def _unsettled(result: Result, afforded: int) -> FinerStep:
-    tried = [factor for factor in FACTORS if _horizon(result, factor, afforded) is not None]
+    tried = [factor for factor in FINER_BY if _horizon(result, factor, afforded) is not None]
     if not tried:
-        needed = result.simulation.steps * FACTORS[0]
+        needed = result.simulation.steps * FINER_BY[0]
         return FinerStep(
             "unsettled",
             f"not checked: a tenth of the step takes {needed:.2g} steps, and {afforded:.2g} do not reach the time of the label",
         )
     dt = result.simulation.dt / tried[-1]
     reason = (
-        "a finer one is not tried" if tried[-1] == FACTORS[-1] else f"{afforded:.2g} steps at a finer one do not reach the label"
+        "a finer one is not tried" if tried[-1] == FINER_BY[-1] else f"{afforded:.2g} steps at a finer one do not reach the label"
     )
     return FinerStep("unsettled", f"not settled: h = {dt:g} s leaves the region of stability too, and {reason}", dt=dt)

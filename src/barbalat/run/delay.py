@@ -20,7 +20,7 @@ from barbalat.lowering.shape import TAPS
 from barbalat.solvers import Tableau
 from barbalat.validate import Array, InputError
 
-LONGEST = 10_000_000
+MOST_DELAY_STEPS = 10_000_000
 """Steps that a member may remember: 160 MB each."""
 
 PER_INPUT = 2
@@ -40,8 +40,8 @@ class DelayTooShortError(InputError):
 
 def lag(delay: float, dt: float) -> int:
     """Steps back to the newest remembered step that a step needs; InputError for a delay below one step."""
-    if delay / dt > LONGEST:
-        raise InputError(f"plant.input.delay must be at most {LONGEST:g} solver steps, got {delay:g} s at dt = {dt:g} s")
+    if delay / dt > MOST_DELAY_STEPS:
+        raise InputError(f"plant.input.delay must be at most {MOST_DELAY_STEPS:g} solver steps, got {delay:g} s at dt = {dt:g} s")
     whole = whole_steps(delay, dt)
     if whole < 1:
         raise DelayTooShortError(delay, dt)

@@ -123,7 +123,7 @@ class _Reader:
     def of(cls, first: tuple[TrackingProblem, Controller], simulation: Simulation, *, adjustable: bool) -> _Reader:
         problem, controller = first
         bind = Bindings()
-        loop = ClosedLoop.of(problem, controller, simulation.dt, bind=bind)
+        loop = ClosedLoop.of(problem, controller, bind=bind)
         rhythm = Rhythm.of(loop, problem.noise, simulation)
         reader = cls(simulation, adjustable, problem, loop, rhythm, bind, Columns(()), Columns(loop.initial()))
         weights = reader._apart(problem)
@@ -135,7 +135,7 @@ class _Reader:
         """InputError or StructureError for a member that can't be read beside the first."""
         if problem.signals != self.problem.signals:
             raise InputError(f"all members must share their signals, this one has {validate.show(problem.signals)}")
-        loop = ClosedLoop.of(problem, controller, self.simulation.dt, bind=self.bind)
+        loop = ClosedLoop.of(problem, controller, bind=self.bind)
         noise, first_noise = problem.noise, self.problem.noise
         if noise is not None and first_noise is not None and noise.sample_time != first_noise.sample_time:
             raise InputError("all members must share the noise's sample time")

@@ -6,7 +6,7 @@ import numpy as np
 
 from barbalat.validate import Array
 
-BLOCK = 4
+NUMBERS_PER_BLOCK = 4
 """Numbers that one count of a Philox counter makes."""
 
 
@@ -14,8 +14,8 @@ def standard_normal(seed: int, member: int, first: int, rows: int, channels: int
     """Rows first ... first + rows - 1 of a member's standard Gaussian numbers, (rows, channels)."""
     from scipy.special import ndtri
 
-    counts = -(-channels // BLOCK)  # every row starts on a count of its own
+    counts = -(-channels // NUMBERS_PER_BLOCK)  # every row starts on a count of its own
     generator = np.random.Philox(key=np.array([seed, member], dtype=np.uint64))
     generator.advance(first * counts)
-    raw = generator.random_raw(rows * counts * BLOCK).reshape(rows, counts * BLOCK)[:, :channels]
+    raw = generator.random_raw(rows * counts * NUMBERS_PER_BLOCK).reshape(rows, counts * NUMBERS_PER_BLOCK)[:, :channels]
     return np.asarray(ndtri(((raw >> np.uint64(11)) + 0.5) * 2.0**-53))

@@ -36,6 +36,7 @@ def simulate(
 
     Raises InputError for controllers that don't fit the problem. A run that diverges is a result.
     """
+    validate.instance("problem", problem, TrackingProblem)
     validate.instance("simulation", simulation, Simulation)
     validate.instance("problem", problem, TrackingProblem)
     controllers = numbered(controllers)

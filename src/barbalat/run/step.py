@@ -122,7 +122,11 @@ def step_function(
     for i, node in enumerate(solver.nodes):
         delayed = [(past.reshape(loop.inputs, PER_INPUT * TAPS) @ delay_weights[i]).reshape(-1)] if loop.delayed else []
         signals[node] = np.concatenate([table_row[i * loop.timed : (i + 1) * loop.timed], noise, *delayed])
-    following = solver.advance(loop.derivative, loop.limit, state, signals, piece.length * dt)
+
+    def derivative(state: Value, signals: Value) -> Value:
+        return loop.derivative(state, signals, dt)
+
+    following = solver.advance(derivative, loop.limit, state, signals, piece.length * dt)
     remembered = ca.SX(0, 1)
     if loop.delayed:
         ends = (state, signals[solver.nodes[0]]), (following, signals[solver.nodes[-1]])
@@ -214,7 +218,7 @@ def step_program(
         in_pieces=in_pieces,
     )
     sample = optimize(read(sample_function(loop, solver, parameters, in_pieces=in_pieces))) if loop.sampled else None
-    watched = optimize(read(coupling_function(loop, function))) if watch else None
+    watched = optimize(read(coupling_function(loop, function, dt))) if watch else None
     return StepProgram(optimize(read(function)), shape, accumulators, sample, watched)
 
 

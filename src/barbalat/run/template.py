@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -62,12 +62,8 @@ class Template:
         members = self.values.shape[1]
         flat = np.zeros((0, members)) if weights is None else weights.everything()
         column, own = symbols("grid", 1 + len(flat))
-        limited = tuple(
-            path if path is None or path.follows_within is None else replace(path, follows_within=own[0])
-            for path in self.loop.paths
-        )
         return Template(
-            loop=replace(self.loop, paths=limited),
+            loop=self.loop,
             delay_weights=None if weights is None else own[1:].reshape(*weights.first.shape),
             values=np.vstack([self.values, np.full((1, members), dt), flat]),
             column=column if self.column is None else ca.vertcat(self.column, column),

@@ -11,7 +11,7 @@ import numpy as np
 from barbalat.run.ensemble import simulate_ensemble
 from barbalat.run.grid import CHUNK_STEPS
 from barbalat.solvers.simulation import Simulation
-from barbalat.study.ideal_benchmark import IDEAL, Member, with_delay
+from barbalat.study.ideal_benchmark import DELAYS_TRIED, Member, with_delay
 
 RUNS_EACH = 16.5
 """Simulations for each member, as measured on Section V: many are lost early in the scan, then come the halvings."""
@@ -48,7 +48,7 @@ class Cost:
 
     def seconds(self, members: int, problems: int, steps: int) -> float:
         """Of all rounds of a scheme with so many members on so many plants, the loops that know theta included."""
-        runs = RUNS_EACH * members + 2 * IDEAL * problems
+        runs = RUNS_EACH * members + 2 * DELAYS_TRIED * problems
         return ENSEMBLES_EACH * self.call + runs * (self.member + steps * self.step)
 
 

@@ -24,7 +24,7 @@ from barbalat.validate import Array
 
 Member = tuple[TrackingProblem, Controller]
 
-IDEAL = 40
+DELAYS_TRIED = 40
 """Delays at which the loop that knows theta is run; in between its error is interpolated."""
 
 
@@ -59,7 +59,7 @@ class Benchmark:
         numbers: Array,
     ) -> Benchmark:
         """Members that share a problem share its motion and its ideal loop."""
-        delays = np.geomspace(shortest, longest, IDEAL)
+        delays = np.geomspace(shortest, longest, DELAYS_TRIED)
         motions: dict[int, Motion] = {}
         added: dict[int, Array] = {}
         for (problem, _), number in zip(members, numbers, strict=True):

@@ -82,7 +82,7 @@ def largest_gain(problem: Problem, simulation: Simulation) -> tuple[float, str]:
     set allows and would leave out gains that cases use. Raises InputError where the step resolves none.
     """
     if problem.plant.inputs == 1 and problem.plant.is_linear and problem.input_gain is None:
-        found = certify(problem, (Mrac(gamma=1.0),), simulation)["MRAC"].values["gamma_max"]
+        found = certify(problem, (Mrac(gamma=1.0),), simulation)["MRAC"].values.get("gamma_max")
         how = "gamma_max of certify"
     else:
         found, how = _largest_along_the_ideal_run(problem, simulation), "the oscillator of adaptation where theta is known"

@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from barbalat.linear.driven_response import driven_response
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.solvers.simulation import Simulation
-from barbalat.validate import Array
 
-AT_REST = 0.1
+REST_SHARE = 0.1
 """Of the largest magnitude: the regressor's square, with which the law turns, is then a hundredth of what it was."""
-RESTING = (
+REST_SENTENCE = (
     "in the last quarter, where both criteria look, the command asks for less than a tenth of the run's motion: what oscillates "
     "only while the plant moves is not seen"
 )
@@ -39,13 +37,13 @@ class Motion:
     @property
     def comes_to_rest(self) -> bool:
         """Whether the last quarter of the run asks for hardly any motion: there a regressor moves nothing."""
-        return self.in_tail < AT_REST * self.largest
+        return self.in_tail < REST_SHARE * self.largest
 
     @classmethod
     def of(cls, problem: TrackingProblem, simulation: Simulation) -> Motion:
         """By the response of the model alone, a linear system, to the command."""
-        A, B, C, x0 = _matrices(problem.model)
-        t, moved = driven_response(A, B, C, x0, problem.commands, simulation.t_end, simulation.steps)
+        A, B, C = problem.model.matrices
+        t, moved = driven_response(A, B, C, problem.model.x0, problem.commands, simulation.t_end, simulation.steps)
         ranges, variation = np.ptp(moved, axis=0), np.abs(np.diff(moved, axis=0)).sum(axis=0)
         moving = ranges > 0
         swept = float((variation[moving] / ranges[moving]).max()) / simulation.t_end if moving.any() else 0.0
@@ -56,10 +54,3 @@ class Motion:
             crossings=max(swept, fastest),
             in_tail=float(np.abs(moved[t >= 0.75 * simulation.t_end]).max()),
         )
-
-
-def _matrices(model: Any) -> tuple[Array, Array, Array, Array]:
-    """A, B, C and x(0) of the model, its state or its output measured."""
-    if hasattr(model, "A_m"):
-        return model.A_m, model.b.reshape(len(model.b), -1) @ np.atleast_2d(model.k_0), np.eye(len(model.b)), model.x0
-    return model.system.A, model.system.B[:, None], model.system.C[None], model.x0

@@ -23,7 +23,7 @@ from barbalat.solvers.simulation import Simulation
 from barbalat.study.motion import Motion
 from barbalat.validate import Array, InputError
 
-ROUNDING = 1e-9
+ROUNDING_SHARE = 1e-9
 """Of the model's motion: an error below this may grow as rounding does."""
 
 
@@ -49,7 +49,7 @@ class Grown:
     def judge(self, quarters: Array, amplitude: float) -> Array:
         """(M,) truth values from the largest |e| of each quarter, (M, 4, n), NaN where diverged, and the largest |x_m|."""
         errors = quarters.max(axis=2)
-        allowed = np.maximum(self.growth * errors[:, :-1].min(axis=1), ROUNDING * amplitude)
+        allowed = np.maximum(self.growth * errors[:, :-1].min(axis=1), ROUNDING_SHARE * amplitude)
         borne = (errors[:, -1] <= allowed) & (errors[:, 1:].max(axis=1) <= self.share * amplitude)  # NaN is lost
         return np.asarray(~borne)
 

@@ -18,7 +18,7 @@ from barbalat.study.criteria import Lost, Onset
 from barbalat.study.delay_margin import SHORTEST_DELAY_STEPS, DelayMargins, delay_margins_ensemble
 from barbalat.study.forecast import Cost, Forecast
 from barbalat.study.knobs import Knobs, default_knobs
-from barbalat.study.motion import RESTING, Motion
+from barbalat.study.motion import REST_SENTENCE, Motion
 from barbalat.validate import Array, InputError
 
 if TYPE_CHECKING:
@@ -154,7 +154,7 @@ def trade_off(
         thetas=np.stack([p.plant.theta for p in family]),
         clouds=tuple(clouds),
         criteria=criteria,
-        notes=(*left_out, *([RESTING] if motion.comes_to_rest else [])),
+        notes=(*left_out, *([REST_SENTENCE] if motion.comes_to_rest else [])),
         runs=runs,
         seconds=time.perf_counter() - started,
     )

@@ -35,6 +35,16 @@ def test_the_largest_gain_is_that_of_the_damped_oscillator(sample_time):
     assert found.values["gamma_max"] == pytest.approx(gamma, rel=0.02)
 
 
+def test_where_no_gain_is_shown_to_be_borne_the_reason_stands_there():
+    """By hand: nu_0 alone is beyond sqrt(b'b/(2 (b'P b)^2 T)) for a long sample."""
+    found = certificate(euler(Mrac(gamma=1e-4), 0.05))
+    entry = found.entry("gamma_max")
+    assert found.values["nu_0"] ** 2 > 1 / (2 * (PAPER.known.b @ PAPER.known.P @ PAPER.known.b) ** 2 * 0.05)
+    assert (entry.kind, entry.value) == ("does not apply", None)
+    assert "no gain is shown to be borne" in entry.why
+    assert "gamma_max" not in found.values
+
+
 def filtered(gamma):
     return L1Adaptive(gamma=gamma, filter=input_filter(0.02))
 

@@ -1,14 +1,16 @@
 """The registry of the laws on the parametric model, by the names of case files. The contract tests run over it."""
 
-from barbalat.adaptation.law import AdaptiveLaw, Estimation, Rates
-from barbalat.adaptation.laws.bounded_covariance import LeastSquaresBounded
-from barbalat.adaptation.laws.bounded_gain import LeastSquaresBoundedGain
-from barbalat.adaptation.laws.forgetting import LeastSquaresForgetting
-from barbalat.adaptation.laws.gradient import Gradient
-from barbalat.adaptation.laws.integral_cost import IntegralCost
-from barbalat.adaptation.laws.least_squares import LeastSquares
-from barbalat.adaptation.laws.resetting import LeastSquaresResetting
-from barbalat.adaptation.output_lyapunov import LyapunovLaw
+from barbalat.adaptation.law import AdaptiveLaw as AdaptiveLaw
+from barbalat.adaptation.law import Estimation as Estimation
+from barbalat.adaptation.law import Rates as Rates
+from barbalat.adaptation.laws.bounded_covariance import LeastSquaresBounded as LeastSquaresBounded
+from barbalat.adaptation.laws.bounded_gain import LeastSquaresBoundedGain as LeastSquaresBoundedGain
+from barbalat.adaptation.laws.forgetting import LeastSquaresForgetting as LeastSquaresForgetting
+from barbalat.adaptation.laws.gradient import Gradient as Gradient
+from barbalat.adaptation.laws.integral_cost import IntegralCost as IntegralCost
+from barbalat.adaptation.laws.least_squares import LeastSquares as LeastSquares
+from barbalat.adaptation.laws.resetting import LeastSquaresResetting as LeastSquaresResetting
+from barbalat.adaptation.output_lyapunov import LyapunovLaw as LyapunovLaw
 
 LAWS = {
     "gradient": Gradient,
@@ -21,8 +23,3 @@ LAWS = {
 }
 OUTPUT_LAWS = {"lyapunov": LyapunovLaw} | LAWS
 """The laws of output-feedback MRAC."""
-
-__all__ = [
-    "LAWS", "OUTPUT_LAWS", "AdaptiveLaw", "Estimation", "Gradient", "IntegralCost", "LeastSquares", "LeastSquaresBounded",
-    "LeastSquaresBoundedGain", "LeastSquaresForgetting", "LeastSquaresResetting", "LyapunovLaw", "Rates",
-]  # fmt: skip

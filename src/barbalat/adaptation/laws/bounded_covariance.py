@@ -8,10 +8,9 @@ import numpy as np
 
 from barbalat import validate
 from barbalat.adaptation import implicit
-from barbalat.adaptation.guarantee import Guarantee, with_modifications
-from barbalat.adaptation.law import Estimation, Moved, Rates, SampleData
+from barbalat.adaptation.law import Moved, SampleData
 from barbalat.adaptation.laws import covariance
-from barbalat.adaptation.laws.covariance import Memory
+from barbalat.adaptation.laws.covariance import CovarianceLaw, Memory
 from barbalat.adaptation.modifications import dead_zone as zone
 from barbalat.adaptation.modifications import leakage as leak
 from barbalat.problem.known_set import EstimateSet, Gain, gain
@@ -20,7 +19,7 @@ from barbalat.validate import Array
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class LeastSquaresBounded:
+class LeastSquaresBounded(CovarianceLaw):
     """theta_hat' = proj(P (epsilon phi - w theta_hat)), P' = beta P - P phi phi'P/m_s^2, but P' = 0 where |P|_F = R_0 would grow.
 
     covariance0       P(0), |P(0)|_F <= R_0: a number (times I), a diagonal (n,) or an s.p.d. matrix (n, n)
@@ -48,21 +47,14 @@ class LeastSquaresBounded:
         validate.freeze(self, covariance0=gain.accept("law.covariance0", self.covariance0))
         validate.freeze(self, forgetting=validate.positive("law.forgetting", self.forgetting))
         validate.freeze(self, covariance_bound=validate.positive("law.covariance_bound", self.covariance_bound))
-        leak.accept(self.leakage, "least squares", leak.SIGMA, covariance.NOT_PROPORTIONAL)
+        leak.accept(self.leakage, "least squares", leak.SIGMA_LEAKAGES, covariance.NOT_PROPORTIONAL)
         zone.accept(self.dead_zone)
-
-    @property
-    def metric(self) -> Gain:
-        return covariance.A_MATRIX
 
     def initial(self, n: int) -> Memory:
         return covariance.initial(self.covariance0, n, self.covariance_bound)
 
-    def rates(self, theta_hat: Value, memory: Memory, estimation: Estimation, known_set: EstimateSet | None) -> Rates:
-        P = memory.covariance
-        theta_hat_dot, taken = covariance.learn(theta_hat, P, estimation, known_set, self.leakage, self.dead_zone)
-        P_dot = self.forgetting * P - taken
-        return Rates(theta_hat_dot, Memory(covariance.held(P, P_dot, self.covariance_bound)))
+    def covariance_rate(self, P: Value, taken: Value) -> Value:
+        return covariance.held(P, self.forgetting * P - taken, self.covariance_bound)
 
     def limit(self, memory: Memory) -> Memory:
         return Memory(covariance.bounded(memory.covariance, self.covariance_bound))
@@ -79,6 +71,3 @@ class LeastSquaresBounded:
     @property
     def fastest_rate(self) -> float | None:
         return None if self.leakage is not None else 2 * self.covariance_bound + self.forgetting
-
-    def guarantee(self, known_set: EstimateSet | None) -> Guarantee:
-        return with_modifications(self.metric, known_set, self.leakage, self.dead_zone)

@@ -8,23 +8,25 @@ Source: Ioannou and Sun, section 4.3.6.
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from typing import NamedTuple
 
 import numpy as np
 
 from barbalat import validate
 from barbalat.adaptation import implicit
-from barbalat.adaptation.law import Estimation, Moved, SampleData
+from barbalat.adaptation.guarantee import Guarantee, with_modifications
+from barbalat.adaptation.law import Estimation, Moved, Rates, SampleData
 from barbalat.adaptation.modifications import leakage as leak
 from barbalat.adaptation.modifications.dead_zone import DeadZone
 from barbalat.problem.known_set import EstimateSet, Gain, project
 from barbalat.protocols import Value
 from barbalat.validate import Array, InputError
 
-ROUNDING = 2.0**-46
+NORM_TOLERANCE = 2.0**-46
 """A norm this near to its bound, relatively, counts as at it; ``bounded`` leaves it within a sixteenth of that."""
 
-A_MATRIX = Gain(np.eye(1))
+COVARIANCE_METRIC = Gain(np.eye(1))
 """What a covariance is, whatever it starts as."""
 
 NO_LOWER_BOUND = "its covariance has no lower bound, which the proof that theta_hat stays bounded needs"
@@ -35,6 +37,41 @@ class Memory(NamedTuple):
     """The memory of a least-squares law."""
 
     covariance: Value  # (n, n) P(t)
+
+
+class CovarianceLaw(ABC):
+    """A least-squares law: what all of them do alike. Its fields are the law's own."""
+
+    leakage: leak.Leakage | None
+    dead_zone: DeadZone | None
+
+    @abstractmethod
+    def covariance_rate(self, P: Value, taken: Value) -> Value:
+        """P', of which the data take ``taken``."""
+
+    def forgotten(self, P: Value, T: float) -> tuple[Value, Value]:
+        """P after T [s] without data, and the weight of the data of that time."""
+        return P, T
+
+    @property
+    def metric(self) -> Gain:
+        return COVARIANCE_METRIC
+
+    def rates(self, theta_hat: Value, memory: Memory, estimation: Estimation, known_set: EstimateSet | None) -> Rates:
+        P = memory.covariance
+        theta_hat_dot, taken = learn(theta_hat, P, estimation, known_set, self.leakage, self.dead_zone)
+        return Rates(theta_hat_dot, Memory(self.covariance_rate(P, taken)))
+
+    def limit(self, memory: Memory) -> Memory:
+        return memory
+
+    def sampled_step(self, theta_hat: Value, memory: Memory, data: SampleData, known_set: EstimateSet | None) -> Moved:
+        P, weight = self.forgotten(memory.covariance, data.T)
+        theta_next, P = correct(theta_hat, P, weight, data, self.leakage, self.dead_zone)
+        return Moved(implicit.into(theta_next, known_set, Gain(P)), self.limit(Memory(P)))  # in the metric of the new P
+
+    def guarantee(self, known_set: EstimateSet | None) -> Guarantee:
+        return with_modifications(self.metric, known_set, self.leakage, self.dead_zone)
 
 
 def initial(covariance0: float | Array, n: int, bound: float | None = None) -> Memory:
@@ -83,21 +120,16 @@ def correct(
     return theta_next, P
 
 
-def moved(theta_next: Value, P: Value, known_set: EstimateSet | None) -> Moved:
-    """With the estimate brought into the set in the metric of the new covariance."""
-    return Moved(implicit.into(theta_next, known_set, Gain(P)), Memory(P))
-
-
 def held(P: Value, P_dot: Value, bound: float) -> Value:
     """P' = 0 where |P|_F is at its bound and would grow, P_dot elsewhere."""
-    reach = bound * (1 - ROUNDING)
+    reach = bound * (1 - NORM_TOLERANCE)
     stops = np.where(np.sum(P * P) >= reach * reach, 1.0, 0.0) * np.where(np.sum(P * P_dot) > 0, 1.0, 0.0)
     return P_dot * (1 - stops)
 
 
 def bounded(P: Value, bound: float) -> Value:
     """P scaled back to |P|_F <= bound, where a stage has overshot it."""
-    reach = bound * (1 - ROUNDING / 16)
+    reach = bound * (1 - NORM_TOLERANCE / 16)
     squared = np.sum(P * P)
     outside = squared > reach * reach
     return np.where(outside, P * (reach / np.sqrt(np.where(outside, squared, 1.0))), P)

@@ -8,21 +8,20 @@ import numpy as np
 
 from barbalat import validate
 from barbalat.adaptation import implicit
-from barbalat.adaptation.guarantee import Guarantee, with_modifications
-from barbalat.adaptation.law import Estimation, Moved, Rates, SampleData
+from barbalat.adaptation.guarantee import Guarantee
 from barbalat.adaptation.laws import covariance
-from barbalat.adaptation.laws.covariance import Memory
+from barbalat.adaptation.laws.covariance import CovarianceLaw, Memory
 from barbalat.adaptation.modifications import dead_zone as zone
 from barbalat.adaptation.modifications import leakage as leak
-from barbalat.problem.known_set import EstimateSet, Gain, gain
+from barbalat.problem.known_set import EstimateSet, gain
 from barbalat.protocols import Value
 from barbalat.validate import Array, InputError
 
-UNEXCITED = "with unbounded forgetting nothing is guaranteed unless phi/m_s is persistently exciting"
+UNEXCITED_REASON = "with unbounded forgetting nothing is guaranteed unless phi/m_s is persistently exciting"
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class LeastSquaresForgetting:
+class LeastSquaresForgetting(CovarianceLaw):
     """theta_hat' = proj(P epsilon phi), P' = beta P - P phi phi'P/m_s^2.
 
     covariance0  P(0): a number (times I), a diagonal (n,) or an s.p.d. matrix (n, n)
@@ -43,33 +42,21 @@ class LeastSquaresForgetting:
     def __post_init__(self) -> None:
         validate.freeze(self, covariance0=gain.accept("law.covariance0", self.covariance0))
         validate.freeze(self, forgetting=validate.positive("law.forgetting", self.forgetting))
-        leak.accept(self.leakage, "least squares with forgetting", leak.SWITCHING, "its covariance has no bounds")
+        leak.accept(self.leakage, "least squares with forgetting", leak.SWITCHING_LEAKAGES, "its covariance has no bounds")
         if self.dead_zone is not None:
             raise InputError(
                 "a dead zone can't go with unbounded forgetting: inside the zone nothing is learnt and the covariance grows like "
                 "exp(beta t); take a law with bounded covariance or bounded gain"
             )
 
-    @property
-    def metric(self) -> Gain:
-        return covariance.A_MATRIX
-
     def initial(self, n: int) -> Memory:
         return covariance.initial(self.covariance0, n)
 
-    def rates(self, theta_hat: Value, memory: Memory, estimation: Estimation, known_set: EstimateSet | None) -> Rates:
-        P = memory.covariance
-        theta_hat_dot, taken = covariance.learn(theta_hat, P, estimation, known_set, self.leakage, self.dead_zone)
-        return Rates(theta_hat_dot, Memory(self.forgetting * P - taken))
+    def covariance_rate(self, P: Value, taken: Value) -> Value:
+        return self.forgetting * P - taken
 
-    def limit(self, memory: Memory) -> Memory:
-        return memory
-
-    def sampled_step(self, theta_hat: Value, memory: Memory, data: SampleData, known_set: EstimateSet | None) -> Moved:
-        weight = implicit.forgotten(self.forgetting, data.T)[1]
-        P = memory.covariance * np.exp(self.forgetting * data.T)
-        theta_next, P = covariance.correct(theta_hat, P, weight, data, self.leakage, self.dead_zone)
-        return covariance.moved(theta_next, P, known_set)
+    def forgotten(self, P: Value, T: float) -> tuple[Value, Value]:
+        return P * np.exp(self.forgetting * T), implicit.forgotten(self.forgetting, T)[1]
 
     @property
     def fastest_rate(self) -> float | None:
@@ -77,5 +64,5 @@ class LeastSquaresForgetting:
         return None
 
     def guarantee(self, known_set: EstimateSet | None) -> Guarantee:
-        found = with_modifications(self.metric, known_set, self.leakage, self.dead_zone)
-        return replace(found, bounded=False, error_to_zero=False, why=UNEXCITED) if found.bounded else found
+        found = super().guarantee(known_set)
+        return replace(found, bounded=False, error_to_zero=False, why=UNEXCITED_REASON) if found.bounded else found

@@ -5,19 +5,17 @@ from __future__ import annotations
 from dataclasses import KW_ONLY, dataclass
 
 from barbalat import validate
-from barbalat.adaptation.guarantee import Guarantee, with_modifications
-from barbalat.adaptation.law import Estimation, Moved, Rates, SampleData
 from barbalat.adaptation.laws import covariance
-from barbalat.adaptation.laws.covariance import Memory
+from barbalat.adaptation.laws.covariance import CovarianceLaw, Memory
 from barbalat.adaptation.modifications import dead_zone as zone
 from barbalat.adaptation.modifications import leakage as leak
-from barbalat.problem.known_set import EstimateSet, Gain, gain
+from barbalat.problem.known_set import Gain, gain
 from barbalat.protocols import Value
 from barbalat.validate import Array
 
 
 @dataclass(frozen=True, eq=False)
-class LeastSquares:
+class LeastSquares(CovarianceLaw):
     """theta_hat' = proj(P epsilon phi), P' = -P phi phi'P/m_s^2, P(0) = covariance0: eq. (15).
 
     covariance0  P(0): a number (times I), a diagonal (n,) or an s.p.d. matrix (n, n)
@@ -38,32 +36,16 @@ class LeastSquares:
 
     def __post_init__(self) -> None:
         validate.freeze(self, covariance0=gain.accept("law.covariance0", self.covariance0))
-        leak.accept(self.leakage, "pure least squares", leak.SWITCHING, covariance.NO_LOWER_BOUND)
+        leak.accept(self.leakage, "pure least squares", leak.SWITCHING_LEAKAGES, covariance.NO_LOWER_BOUND)
         zone.accept(self.dead_zone)
-
-    @property
-    def metric(self) -> Gain:
-        return covariance.A_MATRIX
 
     def initial(self, n: int) -> Memory:
         return covariance.initial(self.covariance0, n)
 
-    def rates(self, theta_hat: Value, memory: Memory, estimation: Estimation, known_set: EstimateSet | None) -> Rates:
-        P = memory.covariance
-        theta_hat_dot, taken = covariance.learn(theta_hat, P, estimation, known_set, self.leakage, self.dead_zone)
-        return Rates(theta_hat_dot, Memory(-taken))  # (15)
-
-    def limit(self, memory: Memory) -> Memory:
-        return memory
-
-    def sampled_step(self, theta_hat: Value, memory: Memory, data: SampleData, known_set: EstimateSet | None) -> Moved:
-        theta_next, P = covariance.correct(theta_hat, memory.covariance, data.T, data, self.leakage, self.dead_zone)
-        return covariance.moved(theta_next, P, known_set)
+    def covariance_rate(self, P: Value, taken: Value) -> Value:
+        return -taken  # (15)
 
     @property
     def fastest_rate(self) -> float | None:
         """2 P(0): a covariance's rate is the slope 2 P of P^2, likewise in the other least-squares laws."""
         return None if self.leakage is not None else 2 * Gain(self.covariance0).largest
-
-    def guarantee(self, known_set: EstimateSet | None) -> Guarantee:
-        return with_modifications(self.metric, known_set, self.leakage, self.dead_zone)

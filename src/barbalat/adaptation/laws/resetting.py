@@ -7,20 +7,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from barbalat import validate
-from barbalat.adaptation import implicit
-from barbalat.adaptation.guarantee import Guarantee, with_modifications
-from barbalat.adaptation.law import Estimation, Moved, Rates, SampleData
 from barbalat.adaptation.laws import covariance
-from barbalat.adaptation.laws.covariance import Memory
+from barbalat.adaptation.laws.covariance import CovarianceLaw, Memory
 from barbalat.adaptation.modifications import dead_zone as zone
 from barbalat.adaptation.modifications import leakage as leak
-from barbalat.problem.known_set import EstimateSet, Gain
 from barbalat.protocols import Value
 from barbalat.validate import InputError
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class LeastSquaresResetting:
+class LeastSquaresResetting(CovarianceLaw):
     """theta_hat' = proj(P (epsilon phi - w theta_hat)), P' = -P phi phi'P/m_s^2, P(0) = rho_0 I, and P(t+) = rho_0 I wherever
     lambda_min(P(t)) <= rho_1.
 
@@ -46,35 +42,22 @@ class LeastSquaresResetting:
     def __post_init__(self) -> None:
         for name in ("rho_0", "rho_1"):
             validate.freeze(self, **{name: validate.positive(f"law.{name}", getattr(self, name))})
-        leak.accept(self.leakage, "least squares", leak.SIGMA, covariance.NOT_PROPORTIONAL)
+        leak.accept(self.leakage, "least squares", leak.SIGMA_LEAKAGES, covariance.NOT_PROPORTIONAL)
         if not self.rho_1 < self.rho_0:
             raise InputError(f"law.rho_1 must be below law.rho_0 = {self.rho_0:g}, got {self.rho_1:g}")
         zone.accept(self.dead_zone)
 
-    @property
-    def metric(self) -> Gain:
-        return covariance.A_MATRIX
-
     def initial(self, n: int) -> Memory:
         return covariance.initial(self.rho_0, n)
 
-    def rates(self, theta_hat: Value, memory: Memory, estimation: Estimation, known_set: EstimateSet | None) -> Rates:
-        P = memory.covariance
-        theta_hat_dot, taken = covariance.learn(theta_hat, P, estimation, known_set, self.leakage, self.dead_zone)
-        return Rates(theta_hat_dot, Memory(-taken))
+    def covariance_rate(self, P: Value, taken: Value) -> Value:
+        return -taken
 
     def limit(self, memory: Memory) -> Memory:
         P = memory.covariance
         fresh = self.rho_0 * np.eye(P.shape[0])
         return Memory(np.where(covariance.smallest_pivot(P, self.rho_1) <= 0, fresh, P))
 
-    def sampled_step(self, theta_hat: Value, memory: Memory, data: SampleData, known_set: EstimateSet | None) -> Moved:
-        theta_next, P = covariance.correct(theta_hat, memory.covariance, data.T, data, self.leakage, self.dead_zone)
-        return Moved(implicit.into(theta_next, known_set, Gain(P)), self.limit(Memory(P)))
-
     @property
     def fastest_rate(self) -> float | None:
         return None if self.leakage is not None else 2 * self.rho_0
-
-    def guarantee(self, known_set: EstimateSet | None) -> Guarantee:
-        return with_modifications(self.metric, known_set, self.leakage, self.dead_zone)

@@ -11,9 +11,9 @@ from barbalat.adaptation.modifications.switching_sigma import SwitchingSigma
 from barbalat.protocols import Value
 from barbalat.validate import InputError, show
 
-ALL = (FixedSigma, SwitchingSigma, EpsilonModification)
-SIGMA = (FixedSigma, SwitchingSigma)
-SWITCHING = (SwitchingSigma,)
+LEAKAGES = (FixedSigma, SwitchingSigma, EpsilonModification)
+SIGMA_LEAKAGES = (FixedSigma, SwitchingSigma)
+SWITCHING_LEAKAGES = (SwitchingSigma,)
 
 
 class Leakage(Protocol):
@@ -38,11 +38,11 @@ class Leakage(Protocol):
         ...
 
 
-def accept(leakage: Leakage | None, law: str, kinds: tuple[type, ...] = ALL, reason: str = "") -> None:
+def accept(leakage: Leakage | None, law: str, kinds: tuple[type, ...] = LEAKAGES, reason: str = "") -> None:
     """InputError for what is no leakage, and, with the reason, for one that the law does not bear."""
     if leakage is None or isinstance(leakage, kinds):
         return
-    if isinstance(leakage, ALL):
+    if isinstance(leakage, LEAKAGES):
         borne = " or ".join(kind.__name__ for kind in kinds)
         raise InputError(f"{type(leakage).__name__} can't go with {law}: {reason}; {borne} can")
     raise InputError(f"leakage must be a FixedSigma, SwitchingSigma or EpsilonModification, got {show(leakage)}")

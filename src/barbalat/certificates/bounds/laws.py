@@ -3,21 +3,55 @@
 from __future__ import annotations
 
 from fractions import Fraction
+from typing import Protocol
 
 import numpy as np
 
 from barbalat.adaptation.guarantee import Guarantee, nothing
-from barbalat.adaptation.law import AdaptiveLaw, GuaranteedLaw
-from barbalat.adaptation.output_lyapunov import LyapunovLaw
+from barbalat.adaptation.law import AdaptiveLaw, GuaranteedLaw, OutputErrorLaw
+from barbalat.adaptation.learning import CompositeLearning
+from barbalat.adaptation.modifications.dead_zone import DeadZone
+from barbalat.adaptation.modifications.leakage import Leakage
 from barbalat.certificates.bounds.theorem_1 import mrac_bound, nu_0
 from barbalat.certificates.entry import Assumption
-from barbalat.controllers import L1Adaptive, Mrac, MracClosedLoop
 from barbalat.linear.definite import smallest_eigenvalue
 from barbalat.linear.enclosure import OUTWARD, float_above
 from barbalat.problem.known_set import EstimateSet, Gain
 from barbalat.problem.known_set.cone import EXACT_FACES
 from barbalat.problem.state_feedback import Known, Problem
 from barbalat.validate import Array
+
+
+class Bound(Protocol):
+    """What the settings of a scheme with a Lyapunov law become on a plant."""
+
+    @property
+    def theta_hat0(self) -> Array: ...
+
+    @property
+    def box(self) -> EstimateSet | None: ...
+
+
+class LyapunovScheme(Protocol):
+    """Settings of a scheme whose law follows from that V."""
+
+    @property
+    def gamma(self) -> float | Array: ...
+
+    def bind(self, known: Known) -> Bound: ...
+
+
+class ModifiedScheme(LyapunovScheme, Protocol):
+    """One whose law may be modified."""
+
+    @property
+    def leakage(self) -> Leakage | None: ...
+
+    @property
+    def dead_zone(self) -> DeadZone | None: ...
+
+    @property
+    def learning(self) -> CompositeLearning | None: ...
 
 
 def least_gain(gamma: float | Array) -> float:
@@ -34,9 +68,7 @@ def weighted_error(theta_tilde: Array, gamma: Array) -> float:
     return float_above((column.transpose() * matrix.inv() * column)[0, 0].sqrt()) * OUTWARD
 
 
-def error_level(
-    problem: Problem, controller: Mrac | L1Adaptive | MracClosedLoop, nu: float, closed: Known | None = None
-) -> float:
+def error_level(problem: Problem, controller: LyapunovScheme, nu: float, closed: Known | None = None) -> float:
     """nu_0/sqrt(Gamma) of (9), sqrt(theta_tilde'Gamma^-1 theta_tilde/lambda_min(P)) for a matrix, rounded up; P of ``closed``."""
     known, gamma = problem.known, controller.gamma
     if np.ndim(gamma) == 0:
@@ -45,7 +77,7 @@ def error_level(
     return nu_0(weighted_error(theta_tilde, np.asarray(gamma)), closed or known)
 
 
-def is_modified(controller: Mrac | L1Adaptive) -> bool:
+def is_modified(controller: ModifiedScheme) -> bool:
     """Whether the plain law is not all there is: a leakage and a memory add a decay of the estimates, a dead zone a share."""
     return not (controller.leakage is None and controller.dead_zone is None and controller.learning is None)
 
@@ -56,7 +88,7 @@ def keeps_V_in_corners(gamma: float | Array, known_set: EstimateSet | None) -> A
     return Assumption("the projection never makes V grow", "a gain matrix in corners of the known set" if cut else "")
 
 
-def why_no_bound(controller: Mrac | L1Adaptive, problem: Problem) -> str | None:
+def why_no_bound(controller: ModifiedScheme, problem: Problem) -> str | None:
     """Why (9) and (10) don't hold with the law's modifications, as a sentence; None where V decreases as without them.
 
     It does with composite learning, which adds -2 gamma_c theta_tilde'R theta_tilde to V', and with a switching sigma that
@@ -82,7 +114,7 @@ def why_no_bound(controller: Mrac | L1Adaptive, problem: Problem) -> str | None:
     return f"the switching sigma's M_0 = {M_0:g} does not bound |theta| over the known set and the case's theta"
 
 
-def guarantee_of(law: AdaptiveLaw | LyapunovLaw, known_set: EstimateSet | None) -> Guarantee:
+def guarantee_of(law: AdaptiveLaw | OutputErrorLaw, known_set: EstimateSet | None) -> Guarantee:
     """What the law says of itself; none is known of a law that says nothing."""
     if isinstance(law, GuaranteedLaw):
         return law.guarantee(known_set)

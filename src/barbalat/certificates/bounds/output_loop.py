@@ -18,14 +18,13 @@ from typing import Any
 import numpy as np
 
 from barbalat.certificates.bounds.slopes import largest_at_zero, largest_slope
-from barbalat.controllers.output.l1 import L1Output
-from barbalat.controllers.output.linear import LinearOutput
+from barbalat.certificates.entry import NotApplicable
 from barbalat.linear.enclosure import OUTWARD, Enclosure
 from barbalat.linear.l1_norms import l1_norm
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.loop.packing import column, symbols
 from barbalat.problem.output_feedback import OutputProblem
-from barbalat.protocols import BoundedSignal
+from barbalat.protocols import BoundedSignal, Controller
 from barbalat.signals import Constant
 from barbalat.validate import Array
 
@@ -53,24 +52,24 @@ class OutputBounds:
     steady: tuple[float, float]
 
 
-def output_bounds(problem: OutputProblem, controller: L1Output | LinearOutput, t_end: float) -> OutputBounds | str:
-    """The bounds, or why there are none."""
+def output_bounds(problem: OutputProblem, controller: Controller, t_end: float) -> OutputBounds | NotApplicable:
+    """The bounds with a controller that is linear: an L1 controller without bounds of sigma."""
     drivers: list[Any] = [problem.reference, problem.disturbance, problem.output_disturbance]
     obstacle = _obstacle(problem, drivers)
     if obstacle is not None:
-        return obstacle
+        return NotApplicable(obstacle)
     r, d, d_y = (0.0 if signal is None else signal.bound for signal in drivers)
     A, B, C, D = linear_loop(problem, controller)
     try:
         norms = [[l1_norm(A, B[:, [j]], C[[i]], D[i : i + 1, [j]]) for j in range(3)] for i in range(len(C))]
     except ValueError:
-        return f"the linear loop is unstable: a pole has real part {np.linalg.eigvals(A).real.max():.6g}"
+        return NotApplicable(f"the linear loop is unstable: a pole has real part {np.linalg.eigvals(A).real.max():.6g}")
     (y_r, y_w, y_d), *_ = norms
     gain, f = y_w.upper * OUTWARD, problem.plant.f
     rest = 0.0 if f is None else largest_at_zero(f, t_end)
     forced = (y_r.upper * r + y_d.upper * d_y + gain * (d + rest)) * OUTWARD
     found = (forced, 0.0) if f is None else _self_consistent(lambda Y: largest_slope(f, Y, t_end), gain, forced)
-    if isinstance(found, str):
+    if isinstance(found, NotApplicable):
         return found
     y, slope = found
     w = (d + rest + slope * y) * OUTWARD
@@ -90,30 +89,30 @@ def _obstacle(problem: OutputProblem, drivers: list[Any]) -> str | None:
     return None
 
 
-def _self_consistent(slope_within: Any, gain: float, forced: float) -> tuple[float, float] | str:
+def _self_consistent(slope_within: Any, gain: float, forced: float) -> tuple[float, float] | NotApplicable:
     """(bound of |y_G|, slope of f within it)."""
     if not np.isfinite(forced):
-        return "f(t, 0) has no bound that could be found"
+        return NotApplicable("f(t, 0) has no bound that could be found")
     Y = forced
     for _ in range(MOST_ENLARGEMENTS):
         slope = slope_within(Y)
         if not gain * slope < 1:
-            return f"the small gain fails: ||w -> y||_1 = {gain:.6g} times the slope of f, up to {slope:.6g} for |y| <= {Y:.6g}"
+            product = f"||w -> y||_1 = {gain:.6g} times the slope of f, up to {slope:.6g} for |y| <= {Y:.6g}"
+            return NotApplicable(f"the small gain fails: {product}")
         bound = forced / (1 - gain * slope) * OUTWARD
         if bound * OUTWARD <= Y or Y == 0:
             return bound, slope
         Y = ENLARGEMENT_FACTOR * bound
-    return f"the small gain fails: the slope of f grows with |y|, and no bound is reached below |y| = {Y:.6g}"
+    return NotApplicable(f"the small gain fails: the slope of f grows with |y|, and no bound is reached below |y| = {Y:.6g}")
 
 
-def linear_loop(problem: OutputProblem, controller: L1Output | LinearOutput) -> tuple[Array, Array, Array, Array]:
+def linear_loop(problem: OutputProblem, controller: Controller) -> tuple[Array, Array, Array, Array]:
     """A, B, C, D from (r, w, d_y) to (y_G, e) and sigma, where there is one: exact Jacobians of the loop's own equations."""
     import casadi as ca
 
     plant = replace(problem.plant, nonlinear=None)
     driven = replace(problem, plant=plant, disturbance=Constant(), output_disturbance=Constant())
-    free = replace(controller, sigma_bound=None) if isinstance(controller, L1Output) else controller
-    loop = ClosedLoop.of(driven, free)
+    loop = ClosedLoop.of(driven, controller)
     state_column, state = symbols("state", loop.size)
     signal_column, signals = symbols("signals", loop.signal_count)
     found = loop.outputs(state, signals)

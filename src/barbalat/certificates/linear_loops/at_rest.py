@@ -7,6 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
+from barbalat.certificates.entry import NotApplicable
 from barbalat.linear.systems import StateSpace
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.loop.linearization import jacobian_function
@@ -17,9 +18,9 @@ from barbalat.protocols import BoundedSignal
 from barbalat.validate import Array
 
 MOST_NEWTON_STEPS, MOST_HALVINGS = 60, 30
-RESTS = 1e-9
+REST_TOLERANCE = 1e-9
 """Relative to the state: a step of Newton's below this part of it is rounding."""
-INDEPENDENT = 1e-12
+RANK_TOLERANCE = 1e-12
 """Relative to the largest singular value of a matrix whose rows and columns were scaled: what is smaller is rounding."""
 
 
@@ -74,22 +75,22 @@ def _moved_by(rates: Array) -> Array:
     scaled = rates / np.where(rows > 0, rows, 1.0)[:, None]
     columns = np.linalg.norm(scaled, axis=0)
     left, sizes, _ = np.linalg.svd(scaled / np.where(columns > 0, columns, 1.0))
-    rank = int(np.sum(sizes > INDEPENDENT * sizes.max(initial=0.0)))
+    rank = int(np.sum(sizes > RANK_TOLERANCE * sizes.max(initial=0.0)))
     conserved = left[:, rank:] / np.where(rows > 0, rows, 1.0)[:, None]
     if conserved.shape[1] == 0:
         return np.eye(len(rates))
     return np.asarray(np.linalg.svd(conserved)[0][:, conserved.shape[1] :])
 
 
-def rest_of(problem: TrackingProblem, loop: ClosedLoop, *, frozen: bool) -> Rest | str:
-    """Where the loop rests, or why that is not known; with the estimates ``frozen`` their own rates are left aside.
+def rest_of(problem: TrackingProblem, loop: ClosedLoop, *, frozen: bool) -> Rest | NotApplicable:
+    """Where the loop rests; with the estimates ``frozen`` their own rates are left aside.
 
     Newton's steps, the shortest where there are many places of rest, from x = x_m and theta_hat = theta, where both fit.
     """
     if loop.sampled:
-        return "it acts at samples, and no continuous form of it is known"
+        return NotApplicable("it acts at samples, and no continuous form of it is known")
     if loop.clocked:
-        return "the plant depends on time, so that nothing rests"
+        return NotApplicable("the plant depends on time, so that nothing rests")
     loop = replace(loop, delayed=False, paths=tuple(_linear(path) for path in loop.paths))
     bounds = [command.bound if isinstance(command, BoundedSignal) else 0.0 for command in problem.commands]
     level = np.array(bounds, dtype=float)
@@ -98,9 +99,9 @@ def rest_of(problem: TrackingProblem, loop: ClosedLoop, *, frozen: bool) -> Rest
     state = _solved(loop, signals, _start(problem, loop, signals), np.setdiff1d(np.arange(loop.size), held))
     under = f"under the constant command {', '.join(f'{value:g}' for value in level)}"
     if state is None:
-        return f"no state was found at which the loop rests {under}"
-    if not np.allclose(loop.limit(state), state, rtol=RESTS, atol=0):
-        return f"where the loop would rest {under}, its own limit acts"
+        return NotApplicable(f"no state was found at which the loop rests {under}")
+    if not np.allclose(loop.limit(state), state, rtol=REST_TOLERANCE, atol=0):
+        return NotApplicable(f"where the loop would rest {under}, its own limit acts")
     return Rest(loop, state, signals, level)
 
 
@@ -140,8 +141,8 @@ def _solved(loop: ClosedLoop, signals: Array, start: Array, free: Array) -> Arra
         rows[rows == 0] = 1.0
         step: Array = np.linalg.lstsq(J / rows[:, None], found / rows, rcond=None)[0]
         size = max(np.linalg.norm(state), np.linalg.norm(start))
-        if np.linalg.norm(step) <= RESTS * size:
-            return state if (np.abs(found) <= RESTS * rows * size).all() else None
+        if np.linalg.norm(step) <= REST_TOLERANCE * size:
+            return state if (np.abs(found) <= REST_TOLERANCE * rows * size).all() else None
         for _ in range(MOST_HALVINGS):
             tried = state.copy()
             tried[free] -= step

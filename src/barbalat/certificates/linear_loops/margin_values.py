@@ -20,7 +20,12 @@ from barbalat.problem.state_feedback import Problem
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.validate import InputError
 
-KEYS = {"delay": "delay_margin", "phase": "phase_margin", "gain_up": "gain_margin", "gain_down": "gain_reduction_margin"}
+KEYS_OF_MARGINS = {
+    "delay": "delay_margin",
+    "phase": "phase_margin",
+    "gain_up": "gain_margin",
+    "gain_down": "gain_reduction_margin",
+}
 """The certificate's names of what ``Margins`` holds."""
 
 
@@ -53,7 +58,7 @@ def margins_of(problem: TrackingProblem, loop: StateSpace, which: str, notes: li
     except InputError as error:
         notes.append(f"linear loop {which}: {error}")
         return {}
-    values = {key: finite(getattr(found, name)) for name, key in KEYS.items()}
+    values = {key: finite(getattr(found, name)) for name, key in KEYS_OF_MARGINS.items()}
     unlimited = [key for key, value in values.items() if value is None]
     return values | {"unlimited": unlimited or None} | _peaks(loop, problem.delay, which, notes)
 

@@ -10,22 +10,22 @@ import numpy as np
 from barbalat.certificates.assumptions import LINEAR_LOOP_ONLY
 from barbalat.certificates.certificate import Draft
 from barbalat.certificates.linear_loops.ideal import fast_adaptation, known_parameters
-from barbalat.certificates.linear_loops.margin_values import KEYS
+from barbalat.certificates.linear_loops.margin_values import KEYS_OF_MARGINS
 from barbalat.certificates.linear_loops.worst_case import Family, WorstCase, worst_case
 from barbalat.linear.systems import StateSpace
 from barbalat.problem.known_set import KnownSet
 from barbalat.problem.plant import Plant
 from barbalat.problem.state_feedback import Problem
 
-AT_REST = "with the estimates at rest on theta"
-FAST = "in the limit of fast adaptation"
+LOOP_AT_REST = "with the estimates at rest on theta"
+LOOP_OF_FAST_ADAPTATION = "in the limit of fast adaptation"
 
 
 def add_at_rest(draft: Draft, problem: Problem) -> None:
     """Of the loop that every scheme with C = 1 becomes; nothing without a known set."""
     known_set = problem.uncertainty
     if known_set is not None:
-        _add(draft, [(AT_REST, _worst_at_rest(problem.plant, known_set))])
+        _add(draft, [(LOOP_AT_REST, _worst_at_rest(problem.plant, known_set))])
 
 
 def add_filtered(draft: Draft, problem: Problem, C: StateSpace) -> None:
@@ -52,8 +52,8 @@ def _worst_at_rest(plant: Plant, known_set: KnownSet) -> WorstCase:
 def _worst_filtered(plant: Plant, known_set: KnownSet, C: StateSpace) -> list[tuple[str, WorstCase]]:
     """L1-ACs of one case that differ in the gain alone share it."""
     families = {
-        FAST: Family(plant, lambda plant: fast_adaptation(plant, C)),
-        AT_REST: Family(plant, lambda plant: known_parameters(plant, plant.theta, C)),
+        LOOP_OF_FAST_ADAPTATION: Family(plant, lambda plant: fast_adaptation(plant, C)),
+        LOOP_AT_REST: Family(plant, lambda plant: known_parameters(plant, plant.theta, C)),
     }
     return [(which, worst_case(family, known_set)) for which, family in families.items()]
 
@@ -76,7 +76,7 @@ def _of_one_loop(draft: Draft, which: str, worst: WorstCase) -> dict[str, Any]:
         return entry | {"unstable_at": unstable_at.tolist()}
     for name, (value, theta) in worst.least.items():
         if np.isfinite(value):
-            entry[KEYS[name]] = {"value": value, "theta": theta.tolist()}
+            entry[KEYS_OF_MARGINS[name]] = {"value": value, "theta": theta.tolist()}
         else:
-            entry["unlimited"].append(KEYS[name])
+            entry["unlimited"].append(KEYS_OF_MARGINS[name])
     return entry

@@ -24,7 +24,7 @@ POINTS_INSIDE, POINTS_AROUND, ROUNDS, MOST_EXTREMES = 1000, 200, 4, 1024
 """Seeded points inside the set, around the worst of each margin in each round (a quarter as wide), and extreme points at most."""
 EXACT_VERTICES, EXACT_POINTS = 64, 20
 """How many extreme points, and how many of the worst screened points for each margin, are computed exactly."""
-NAMES = ("delay", "phase", "gain_up", "gain_down")
+MARGIN_NAMES = ("delay", "phase", "gain_up", "gain_down")
 SEARCH_SENTENCE = (
     "the set's {extremes} extreme points, {inside} seeded points inside, then {rounds} rounds of {around} around the worst, all "
     "screened; the {exactly} worst of each round exactly, and the case's theta: the least found, no guarantee"
@@ -166,7 +166,7 @@ class _WorstCaseSearch:
                 found = margins(self.family.loop(theta), self.family.delay)
             except InputError as error:
                 raise _Unstable(theta) from error
-            for name in NAMES:
+            for name in MARGIN_NAMES:
                 value = float(getattr(found, name))
                 if name not in self.least or (
                     value > self.least[name][0] if name == "gain_down" else value < self.least[name][0]

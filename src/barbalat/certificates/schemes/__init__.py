@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from importlib import import_module
 from importlib.util import find_spec
-from typing import Any, Protocol
+from typing import Any, Protocol, runtime_checkable
 
 from barbalat.certificates.certificate import Certificate
 from barbalat.certificates.entry import Entry
@@ -15,7 +15,7 @@ CONTROLLERS = "barbalat.controllers."
 
 
 class SchemeFile(Protocol):
-    """What the file of a scheme has; each takes the scheme's own problem and controller."""
+    """What the file of a scheme has; each takes the scheme's own problem, whatever its plant, and controller."""
 
     def certificate(self, problem: Any, controller: Any, simulation: Simulation) -> Certificate:
         """What is known before any run."""
@@ -23,6 +23,15 @@ class SchemeFile(Protocol):
 
     def column(self, problem: Any, controller: Any, certificate: Certificate) -> tuple[str, dict[str, Entry]]:
         """The scheme's name in Table 1, and its cells by the keys of PROPERTIES."""
+        ...
+
+
+@runtime_checkable
+class HeldFile(SchemeFile, Protocol):
+    """The file of a scheme that integrates nothing but its law, so that the plant's motion between Euler steps is exact."""
+
+    def held_limits(self, problem: Any, controller: Any, simulation: Simulation, nu_0: float) -> dict[str, Any]:
+        """gamma_max and step_max from sample to sample; a sample is the simulation's step."""
         ...
 
 

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from barbalat.certificates.assumptions import FREQUENCIES_TRIED, FROZEN_LAW, constant_in_the_end
+from barbalat.certificates.assumptions import FREQUENCIES_TRIED, FROZEN_LAW, beyond_the_paper, constant_in_the_end
 from barbalat.certificates.bounds import l1_reference, laws, theorem_1
 from barbalat.certificates.bounds.model import ModelBounds, model_bounds
 from barbalat.certificates.cells import estimate, limits_text, margins_cell, nothing, statement
@@ -18,26 +18,37 @@ from barbalat.certificates.linear_loops import over_known_set
 from barbalat.certificates.linear_loops.ideal import fast_adaptation
 from barbalat.certificates.linear_loops.margin_values import add_adapting_margins, add_margins, finite
 from barbalat.certificates.linear_loops.robustness import robustness
+from barbalat.certificates.quantities import Quantity
 from barbalat.certificates.rounding import down, up
-from barbalat.certificates.schemes import mrac
+from barbalat.certificates.schemes import midpoint, mrac
 from barbalat.certificates.schemes.state_feedback import (
     add_ingredients,
     add_margins_at_rest,
     add_parameter_errors,
     lyapunov_estimates,
+    of_lyapunov_law_beyond,
     of_the_case,
     of_the_lyapunov_law,
     projected,
     unproven_robustness,
 )
-from barbalat.certificates.step_limits import frozen_laws
-from barbalat.controllers import L1Adaptive
+from barbalat.certificates.step_limits import any_regressor, frozen_laws
+from barbalat.controllers import L1Adaptive, Sampled
 from barbalat.linear.enclosure import Enclosure
 from barbalat.linear.systems import StateSpace
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.problem.state_feedback import Problem
 from barbalat.solvers.simulation import Simulation
 
+OWN_QUANTITIES = {
+    "kappa_admissible": Quantity(
+        "largest kappa found for which the condition holds with C = 1/(kappa s + 1)", "s", below=True, timeless=True
+    ),
+    "kappa_max": Quantity("1/(theta_max ||sW_b||_1) of Theorem 1", "s", below=True, timeless=True),
+    "nu_1": Quantity("of (10)"),
+    "nu_2": Quantity("of (10)"),
+    "reference_error_bound": Quantity("of every component of x - x_ref, the filtered loop with theta known, at all times"),
+}
 FILTER_AT_REST = Assumption("the filter starts at rest")
 """Holds by construction."""
 REACH_ASSUMED = "|x| in the adaptation frequency is the model's bound plus nu_0/sqrt(Gamma): an estimate"
@@ -52,11 +63,13 @@ class Reach(NamedTuple):
 
 def certificate(problem: Problem, controller: L1Adaptive, simulation: Simulation) -> Certificate:
     """The condition on C(s), the bound (10), the limits of gain and step, the margins of the linear loops."""
-    loop, draft = ClosedLoop.of(problem, controller), Draft()
+    if beyond_the_paper(problem):
+        return _beyond_the_paper(problem, controller, simulation)
+    loop, draft = ClosedLoop.of(problem, controller), Draft(own=OWN_QUANTITIES)
     equations: Any = loop.equations
     C: StateSpace = equations.C
     model = model_bounds(problem)
-    add_parameter_errors(draft, problem, loop)
+    add_parameter_errors(draft, problem, equations)
     add_ingredients(draft, problem, equations.box, model)
     reach: Reach | None = None
     assumed: tuple[str, ...] = (FROZEN_LAW,)
@@ -79,6 +92,20 @@ def certificate(problem: Problem, controller: L1Adaptive, simulation: Simulation
         _add_margins_of_the_limit(draft, problem, equations)
     add_adapting_margins(draft, problem, loop)
     return draft.finish()
+
+
+def _beyond_the_paper(problem: Problem, controller: L1Adaptive, simulation: Simulation) -> Certificate:
+    excited = any_regressor.Excited(problem, controller, divides_by_gain=False)
+    if controller.filter is None:
+        return of_lyapunov_law_beyond(excited, simulation)
+    poles = np.linalg.eigvals(controller.filter.realise().A)
+    return of_lyapunov_law_beyond(excited, simulation, poles, no_bound="no bound is known for this scheme on this plant")
+
+
+def midpoint_form(problem: Problem, sampled: Sampled) -> midpoint.MidpointForm:
+    """The predictor's; with C = 1 the MRAC's."""
+    scheme: Any = sampled.controller
+    return mrac.midpoint_form(problem, sampled) if scheme.filter is None else midpoint.of_predictor(problem, scheme)
 
 
 def _without_projection(draft: Draft, problem: Problem, controller: L1Adaptive) -> None:
@@ -134,7 +161,7 @@ def _add_bound_10(draft: Draft, problem: Problem, controller: L1Adaptive, C: Sta
 def _add_margins_of_the_limit(draft: Draft, problem: Problem, equations: Any) -> None:
     """Margins and mu of what L1-AC tends to for fast adaptation: a linear controller with S = 1 - C at theta = 0."""
     plant, C, known_set = problem.plant, equations.C, equations.box
-    add_margins(draft, problem, fast_adaptation(plant, C), over_known_set.FAST)
+    add_margins(draft, problem, fast_adaptation(plant, C), over_known_set.LOOP_OF_FAST_ADAPTATION)
     over_known_set.add_filtered(draft, problem, C)
     if known_set is not None:
         at_centre = fast_adaptation(replace(plant, theta=known_set.middle), C)
@@ -164,7 +191,7 @@ def column(problem: Problem, controller: L1Adaptive, certificate: Certificate) -
 
 def _stability(problem: Problem, controller: L1Adaptive, certificate: Certificate) -> Entry:
     condition = certificate.values.get("condition")
-    if condition is None and projected(problem, controller):
+    if condition is None and projected(controller.bind(problem.known).box):
         return nothing("stability", "the condition on C(s) is not known for this plant")
     if condition is None:
         return nothing("stability", "without a known set that is projected onto there is no theta_max for the condition on C(s)")

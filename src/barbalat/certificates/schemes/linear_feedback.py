@@ -12,7 +12,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from barbalat.certificates.assumptions import FREQUENCIES_TRIED, constant_in_the_end, nominal, theta_in_the_set
+from barbalat.certificates.assumptions import (
+    BEYOND_ONE_LINEAR_INPUT,
+    FREQUENCIES_TRIED,
+    beyond_the_paper,
+    constant_in_the_end,
+    nominal,
+    theta_in_the_set,
+)
 from barbalat.certificates.bounds import theorem_1
 from barbalat.certificates.bounds.model import ModelBounds, model_bounds
 from barbalat.certificates.cells import advice, estimate, margins_cell, nothing, statement
@@ -64,6 +71,9 @@ def certificate(problem: Problem, controller: LinearFeedback, _: Simulation) -> 
     """The error's bound in Theorem 1's form, margins and peaks on the true plant, mu of the family."""
     known, known_set = problem.known, problem.uncertainty
     equations, draft = controller.bind(known), Draft()
+    if beyond_the_paper(problem):
+        draft.note(BEYOND_ONE_LINEAR_INPUT)
+        return draft.finish()
     if known_set is not None:
         try:
             condition, error_bound = bound(equations, known, model_bounds(problem).x_m)

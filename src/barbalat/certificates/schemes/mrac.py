@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from barbalat.certificates.assumptions import FROZEN_LAW, theta_in_the_set
+from barbalat.certificates.assumptions import FROZEN_LAW, beyond_the_paper, theta_in_the_set
 from barbalat.certificates.bounds import laws, theorem_1
 from barbalat.certificates.bounds.model import model_bounds
 from barbalat.certificates.cells import estimate, limits_text, margins_cell, nothing, statement
@@ -12,30 +12,35 @@ from barbalat.certificates.certificate import Certificate, Draft
 from barbalat.certificates.entry import Assumption, Entry
 from barbalat.certificates.linear_loops.margin_values import add_adapting_margins
 from barbalat.certificates.rounding import up
+from barbalat.certificates.schemes import midpoint
 from barbalat.certificates.schemes.state_feedback import (
     add_ingredients,
     add_margins_at_rest,
     add_parameter_errors,
     lyapunov_estimates,
+    of_lyapunov_law_beyond,
     of_the_case,
     of_the_lyapunov_law,
     unproven_robustness,
 )
-from barbalat.certificates.step_limits import frozen_laws
-from barbalat.controllers import L1Adaptive, Mrac
+from barbalat.certificates.step_limits import any_regressor, frozen_laws
+from barbalat.certificates.step_limits.held_oscillator import HeldOscillator
+from barbalat.controllers import Mrac, Sampled
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.problem.state_feedback import Problem
 from barbalat.solvers.simulation import Simulation
 
-EXCITED = "V never grows; where phi is persistently exciting, which isn't checked here, they converge to theta"
+ESTIMATES_STATEMENT = "V never grows; where phi is persistently exciting, which isn't checked here, they converge to theta"
 
 
 def certificate(problem: Problem, controller: Mrac, simulation: Simulation) -> Certificate:
     """The bound (9), the limits of gain and step, the margins of the linear loops."""
+    if beyond_the_paper(problem):
+        return of_lyapunov_law_beyond(_excited(problem, controller), simulation)
     loop, draft = ClosedLoop.of(problem, controller), Draft()
     equations: Any = loop.equations
     model = model_bounds(problem)
-    add_parameter_errors(draft, problem, loop)
+    add_parameter_errors(draft, problem, equations)
     rests_on, void = of_the_case(problem, equations.box), laws.why_no_bound(controller, problem)
     if void is not None:
         draft.missing("error_bound", void)
@@ -55,12 +60,36 @@ def certificate(problem: Problem, controller: Mrac, simulation: Simulation) -> C
     return draft.finish()
 
 
+def _excited(problem: Problem, controller: Mrac) -> any_regressor.Excited:
+    return any_regressor.Excited(problem, controller, divides_by_gain=True)
+
+
+def held_limits(problem: Problem, controller: Mrac, simulation: Simulation, nu_0: float) -> dict[str, Any]:
+    """gamma_max and step_max from sample to sample; |x| within the bounds of the model and of e."""
+    held = HeldOscillator(problem.known)
+    if beyond_the_paper(problem):
+        return any_regressor.of_lyapunov_law(_excited(problem, controller), simulation, nu_0, oscillator=held)
+    reach = model_bounds(problem).x_m_euclidean
+    values = frozen_laws.of_lyapunov_law(problem, controller.gamma, simulation, reach, nu_0, oscillator=held)
+    return frozen_laws.with_modifications(values, controller, simulation)
+
+
+def midpoint_form(problem: Problem, sampled: Sampled) -> midpoint.MidpointForm:
+    """Of the MRAC, which has no filter between fast estimates and the input."""
+    delayed = (
+        f"for a high gain and short samples its loop inside the known set bears a delay of one sample, {sampled.sample_time:g} "
+        "s, at the plant's input; beyond that the estimates run between their bounds, and no bound of e is proven"
+    )
+    scheme: Any = sampled.controller
+    return midpoint.of_predictor(problem, scheme, delayed)
+
+
 def column(problem: Problem, controller: Mrac, certificate: Certificate) -> tuple[str, dict[str, Entry]]:
     """The scheme's name in Table 1 and its cells."""
     return "standard MRAC (3)-(4)", cells(problem, controller, certificate)
 
 
-def cells(problem: Problem, controller: Mrac | L1Adaptive, certificate: Certificate) -> dict[str, Entry]:
+def cells(problem: Problem, controller: laws.ModifiedScheme, certificate: Certificate) -> dict[str, Entry]:
     """The cells; those of L1-AC too where C = 1, since the two coincide."""
     void = laws.why_no_bound(controller, problem)
     rests_on = of_the_lyapunov_law(problem, controller, certificate)
@@ -86,7 +115,7 @@ def lyapunov_cells(
         "stability": statement("stability", "for every Gamma > 0 and every bounded r", *rests_on),
         "tracking": statement("tracking", "converges to zero for every bounded r", *rests_on),
         "transient": transient,
-        "estimates": statement("estimates", EXCITED, *rests_on),
+        "estimates": statement("estimates", ESTIMATES_STATEMENT, *rests_on),
         "modelling_error": nothing("modelling_error", "that x stays bounded is not known without normalisation"),
         "tuning": estimate("tuning", falls + limits_text(certificate.values)),
         "margins": margins_cell(certificate),

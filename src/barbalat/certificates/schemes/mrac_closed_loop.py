@@ -10,13 +10,18 @@ from dataclasses import replace
 
 import numpy as np
 
-from barbalat.certificates.assumptions import FROZEN_LAW
+from barbalat.certificates.assumptions import BEYOND_ONE_LINEAR_INPUT, FROZEN_LAW, beyond_the_paper, theta_in_the_set
 from barbalat.certificates.bounds import laws, theorem_1
 from barbalat.certificates.bounds.model import model_bounds
 from barbalat.certificates.certificate import Certificate, Draft
 from barbalat.certificates.entry import Entry
 from barbalat.certificates.schemes.mrac import lyapunov_cells
-from barbalat.certificates.schemes.state_feedback import add_margins_at_rest, inside, of_the_case, of_the_lyapunov_law
+from barbalat.certificates.schemes.state_feedback import (
+    add_margins_at_rest,
+    add_parameter_errors,
+    of_the_case,
+    of_the_lyapunov_law,
+)
 from barbalat.certificates.step_limits import frozen_laws
 from barbalat.certificates.step_limits.oscillator import Oscillator
 from barbalat.controllers import MracClosedLoop
@@ -30,14 +35,21 @@ def certificate(problem: Problem, controller: MracClosedLoop, simulation: Simula
     """The bound of e, the limits of gain and step, the margins with the estimates at rest."""
     known, draft, n = problem.known, Draft(), problem.known.n
     equations = controller.bind(known)
-    rests_on = (*of_the_case(problem, equations.box), laws.keeps_V_in_corners(controller.gamma, equations.box))
     closed = replace(known, A_m=known.A_m + equations.L)  # its P is the controller's
     carried = l1_norm(known.A_m, -equations.L, np.eye(n), np.eye(n))
-    nu_0 = theorem_1.nu_0(theorem_1.initial_parameter_error(equations.theta_hat0, problem.parameters), closed)
-    draft.guarantee("nu_0", nu_0, *inside(problem, equations.box))
+    add_parameter_errors(draft, problem, equations, closed)
     draft.note("P of nu_0 is that of A_m + L, the controller's")
+    nu_0, nu_0_worst = draft["nu_0"], draft.get("nu_0_worst")
     bound = carried.upper * laws.error_level(problem, controller, nu_0, closed) * OUTWARD
+    corners = laws.keeps_V_in_corners(controller.gamma, equations.box)
+    rests_on = (*of_the_case(problem, equations.box, bound), corners)
     draft.guarantee("error_bound", bound, *rests_on)
+    if nu_0_worst is not None:
+        worst = carried.upper * theorem_1.mrac_bound(nu_0_worst, laws.least_gain(controller.gamma)) * OUTWARD
+        draft.guarantee("error_bound_worst", worst, *rests_on, theta_in_the_set(problem))
+    if beyond_the_paper(problem):
+        draft.note(BEYOND_ONE_LINEAR_INPUT)
+        return draft.finish()
     oscillator = Oscillator(closed, simulation.solver, np.append(np.linalg.eigvals(known.A_m), frozen_laws.input_poles(problem)))
     offset, factor = model_bounds(problem).x_m_euclidean, np.sqrt(n) * carried.upper * nu_0
     limits = frozen_laws.of_lyapunov_law(problem, controller.gamma, simulation, offset, factor, oscillator=oscillator)

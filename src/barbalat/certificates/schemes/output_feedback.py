@@ -3,22 +3,27 @@
 from __future__ import annotations
 
 from barbalat.certificates.assumptions import constant_in_the_end
-from barbalat.certificates.bounds.output_loop import output_bounds
+from barbalat.certificates.bounds.output_loop import OutputBounds, output_bounds
 from barbalat.certificates.cells import nothing, statement
 from barbalat.certificates.certificate import Certificate, Draft
-from barbalat.certificates.entry import Assumption, Entry
+from barbalat.certificates.entry import Assumption, Entry, NotApplicable
+from barbalat.certificates.quantities import Form, Quantity
 from barbalat.certificates.rounding import up
-from barbalat.controllers.output.l1 import L1Output
-from barbalat.controllers.output.linear import LinearOutput
 from barbalat.problem.output_feedback import OutputProblem
+from barbalat.protocols import Controller
 from barbalat.solvers.simulation import Simulation
 
-REST = Assumption("plant, model and controller start at rest")
+OF_LINEAR_LOOPS = {
+    "output_bound": Quantity("of |y| before what is added at the output, up to t_end"),
+    "steady_error": Quantity("what constant r and d leave of e without f", form=Form.PER_UNIT),
+    "slope": Quantity("of f(t, y) in y within that bound"),
+}
+START_AT_REST = Assumption("plant, model and controller start at rest")
 """Holds by construction."""
 LINEAR_LOOP = "margins are exact for the linear loop named; limits at the input, and f(t, y), are not in it"
 SMALL_GAIN = (
     Assumption("(18): y = G(s)[u + d + f(t, y)], and what the case adds at input, output and sensor; G itself is exact"),
-    REST,
+    START_AT_REST,
     Assumption(
         "output_bound and error_bound: small gain in the L-infinity norm with the slope of f within the bound, 0 <= t <= t_end"
     ),
@@ -29,26 +34,20 @@ NEGLIGIBLE_STEADY_ERROR = 1e-9
 """Of a steady error per unit of r and d: what roundings leave of zero."""
 
 
-def add_bounds(draft: Draft, problem: OutputProblem, controller: L1Output | LinearOutput, simulation: Simulation) -> None:
-    """Bounds of y, e and sigma in this case; without them, why."""
+def add_linear_loop(draft: Draft, problem: OutputProblem, controller: Controller, simulation: Simulation) -> OutputBounds | None:
+    """Norm and steady error of the loop around a linear controller, and its bounds; None, with the reason, without them."""
     found = output_bounds(problem, controller, simulation.t_end)
-    if isinstance(found, str):
+    if isinstance(found, NotApplicable):
         for key in ("output_bound", "error_bound"):
-            draft.missing(key, found)
-        return
+            draft.missing(key, found.why)
+        return None
     draft.guarantee("norms", {"y/(d+f)": found.gain.ends})
     draft.exact({"steady_error": dict(zip("rd", found.steady, strict=True))}, "without f")
-    if isinstance(controller, L1Output):
-        draft.guarantee("sigma_needed", found.sigma, *SMALL_GAIN)
-        limit = controller.sigma_bound
-        if limit is not None and found.sigma > limit:
-            why = (
-                f"inside its bounds sigma may need {found.sigma:.6g}, more than sigma_bound = {limit:g}, and what holds when the "
-                "projection acts is not known"
-            )
-            for key in ("sigma_needed", "output_bound", "error_bound"):
-                draft.missing(key, why)
-            return
+    return found
+
+
+def add_bounds(draft: Draft, problem: OutputProblem, found: OutputBounds) -> None:
+    """The bounds of y and e in this case."""
     draft.guarantee("output_bound", found.y, *SMALL_GAIN)
     draft.guarantee("error_bound", found.e, *SMALL_GAIN)
     if problem.plant.f is not None:

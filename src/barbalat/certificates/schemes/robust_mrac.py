@@ -8,32 +8,39 @@ from __future__ import annotations
 from typing import Any
 
 from barbalat.adaptation.guarantee import Estimates, Guarantee
-from barbalat.certificates.assumptions import FROZEN_LAW, bounded_command, departures
+from barbalat.certificates.assumptions import BEYOND_ONE_LINEAR_INPUT, FROZEN_LAW, beyond_the_paper, bounded_command, departures
 from barbalat.certificates.bounds import laws, theorem_1
 from barbalat.certificates.cells import NONLINEAR, estimate, limits_text, margins_cell, nothing, statement
 from barbalat.certificates.certificate import Certificate, Draft
 from barbalat.certificates.entry import Assumption, Entry
+from barbalat.certificates.quantities import Quantity
 from barbalat.certificates.rounding import down
+from barbalat.certificates.schemes import midpoint
 from barbalat.certificates.schemes.state_feedback import add_margins_at_rest, inside, of_the_case, projected
 from barbalat.certificates.step_limits import frozen_laws
-from barbalat.controllers import NormalizedMrac, RobustMrac
+from barbalat.controllers import NormalizedMrac, RobustMrac, Sampled
 from barbalat.controllers.robust_mrac import minimum_phase_model
-from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.problem.state_feedback import Problem
 from barbalat.solvers.simulation import Simulation
 
+OWN_QUANTITIES = {
+    "tau_below": Quantity("1/delta_0, which tau must stay below (Theorem 2)", "s"),
+}
 MINIMUM_PHASE = Assumption("c_0 makes W_m minimum phase")
 """``bind`` refuses a c_0 that doesn't."""
 
 
 def certificate(problem: Problem, controller: RobustMrac | NormalizedMrac, simulation: Simulation) -> Certificate:
     """The initial parameter error, the limits of the step, the margins at rest; with an auxiliary input the limit of tau."""
-    loop, draft = ClosedLoop.of(problem, controller), Draft()
-    equations: Any = loop.equations
-    error = theorem_1.initial_parameter_error(equations.initial().theta_hat, problem.plant.theta)
+    equations, draft = controller.bind(problem.known), Draft(own=OWN_QUANTITIES)
+    error = theorem_1.initial_parameter_error(equations.theta_hat0, problem.plant.theta)
     draft.guarantee("initial_parameter_error", error, *inside(problem, equations.box))
+    if beyond_the_paper(problem):
+        draft.note(BEYOND_ONE_LINEAR_INPUT)
+        draft.estimate(frozen_laws.of_parametric_model(problem, equations, simulation), FROZEN_LAW)
+        return draft.finish()
     draft.missing("error_bound", "no number bounds e: Lemma 1's constants can't be computed from the case")
-    draft.estimate(frozen_laws.of_parametric_model(problem, controller, equations, simulation), FROZEN_LAW)
+    draft.estimate(frozen_laws.of_parametric_model(problem, equations, simulation), FROZEN_LAW)
     add_margins_at_rest(draft, problem)
     if isinstance(controller, RobustMrac):
         draft.advise({"tau_below": 1 / controller.normalization.delta_0})
@@ -41,6 +48,12 @@ def certificate(problem: Problem, controller: RobustMrac | NormalizedMrac, simul
         if below.broken:
             draft.note(f"{below.sentence}, but {below.broken}")
     return draft.finish()
+
+
+def midpoint_form(problem: Problem, sampled: Sampled) -> midpoint.MidpointForm:
+    """The law's own implicit step keeps its V."""
+    scheme: Any = sampled.controller
+    return midpoint.of_law(scheme.law, scheme.bind(problem.known).box)
 
 
 def column(problem: Problem, controller: NormalizedMrac | RobustMrac, certificate: Certificate) -> tuple[str, dict[str, Entry]]:
@@ -99,11 +112,12 @@ def _estimates(found: Guarantee, linear: bool) -> str:
 
 
 def _robustness(problem: Problem, controller: NormalizedMrac | RobustMrac, found: Guarantee) -> Entry:
+    box = controller.bind(problem.known).box
     if not found.bounded:
         return nothing("modelling_error", found.why)
     if controller.normalization.alpha_0 == 0:
         return nothing("modelling_error", "needs the dynamic normalisation, alpha_0 > 0 in (16); it is 0 here")
-    if not projected(problem, controller) and not found.leaks:
+    if not projected(box) and not found.leaks:
         return nothing("modelling_error", "needs projection or leakage, and there is neither")
     present = ", ".join(departures(problem))
     text = "bounded, the mean square of e of the order of Delta, for every Delta that is small enough; how small is not computed"
@@ -111,7 +125,6 @@ def _robustness(problem: Problem, controller: NormalizedMrac | RobustMrac, found
         "the case's own modelling error is small enough",
         f"{present}: whether that is small enough is not known" if present else "",
     )
-    box = controller.bind(problem.known).box
     ceiling = (_below_the_ceiling(controller),) if isinstance(controller, RobustMrac) else ()
     enough = laws.bounds_the_parameters(found, problem.parameters)
     rests_on = (small, bounded_command(problem), *inside(problem, box), MINIMUM_PHASE, enough, *ceiling)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from barbalat.certificates.cells import advice, estimate, limits_text, margins_cell, nothing
 from barbalat.certificates.certificate import Certificate, Draft
-from barbalat.certificates.entry import Entry
+from barbalat.certificates.entry import Entry, NotApplicable
 from barbalat.certificates.linear_loops.at_rest import Rest, rest_of
 from barbalat.certificates.linear_loops.margin_values import add_delay_margin_adapting, add_margins
 from barbalat.certificates.step_limits.modes import largest_step
@@ -22,36 +22,44 @@ NONE_KNOWN = "none known"
 
 def certificate(problem: TrackingProblem, controller: Controller, simulation: Simulation) -> Certificate:
     """Margins and the step's limit by exact linearisation."""
-    loop, draft = ClosedLoop.of(problem, controller, simulation.dt), Draft()
+    draft = Draft()
     draft.note(f"of {type(controller).__name__} no proof is known: what follows is computed from its equations alone")
     draft.missing("error_bound", NONE_KNOWN)
+    add_linearised(draft, problem, controller, simulation)
+    return draft.finish()
+
+
+def add_linearised(draft: Draft, problem: TrackingProblem, controller: Controller, simulation: Simulation) -> None:
+    """What follows from the equations alone: margins, and the step that the modes bear."""
+    loop = ClosedLoop.of(problem, controller)
     moving = rest_of(problem, loop, frozen=False)
-    still = rest_of(problem, loop, frozen=True) if isinstance(moving, str) and loop.parameters else moving
+    still = rest_of(problem, loop, frozen=True) if isinstance(moving, NotApplicable) and loop.parameters else moving
     _add_margins(draft, problem, loop, moving, still)
-    if isinstance(moving, str):
-        draft.missing("step_max", moving)
+    if isinstance(moving, NotApplicable):
+        draft.missing("step_max", moving.why)
     elif moving.modes.any():
         rests_on = (
             f"step_max is that of the loop linearised {_at(moving)}, by exact Jacobians, without delay and limits: an estimate "
             "for the loop in motion"
         )
         draft.estimate({"step_max": largest_step(simulation, moving.modes)}, rests_on)
-    return draft.finish()
 
 
-def _add_margins(draft: Draft, problem: TrackingProblem, loop: ClosedLoop, moving: Rest | str, still: Rest | str) -> None:
+def _add_margins(
+    draft: Draft, problem: TrackingProblem, loop: ClosedLoop, moving: Rest | NotApplicable, still: Rest | NotApplicable
+) -> None:
     if loop.inputs > 1:
         draft.missing("delay_margin", "margins are those of one input")
         return
-    if isinstance(still, str):
-        draft.missing("delay_margin", still)
+    if isinstance(still, NotApplicable):
+        draft.missing("delay_margin", still.why)
         return
     frozen = "with its estimates frozen, " if loop.parameters else ""
     add_margins(draft, problem, still.broken(frozen=True), f"{frozen}linearised {_at(still)}")
     if not loop.parameters:
         return
-    if isinstance(moving, str):
-        draft.missing("delay_margin_adapting", moving)
+    if isinstance(moving, NotApplicable):
+        draft.missing("delay_margin_adapting", moving.why)
     elif moving.level.any():
         add_delay_margin_adapting(draft, problem, moving.broken(frozen=False), f"linearised {_at(moving)}")
 

@@ -16,9 +16,9 @@ import numpy as np
 from barbalat.certificates.bounds import laws
 from barbalat.certificates.bounds.model import command_bounds, state_bounds
 from barbalat.certificates.bounds.regressor import largest_square
-from barbalat.certificates.step_limits.frozen_laws import FrozenLaw, input_poles, with_modifications
+from barbalat.certificates.entry import NotApplicable
+from barbalat.certificates.step_limits.frozen_laws import STEP_TOO_LONG, FrozenLaw, input_poles, with_modifications
 from barbalat.certificates.step_limits.oscillator import Oscillator
-from barbalat.controllers import L1Adaptive, Mrac
 from barbalat.linear.largest import largest_from
 from barbalat.problem.known_set import Gain
 from barbalat.problem.state_feedback import Problem
@@ -30,15 +30,13 @@ MOST_HALVINGS = 60
 
 
 def of_lyapunov_law(
-    problem: Problem, controller: Mrac | L1Adaptive, simulation: Simulation, nu_0: float, oscillator: FrozenLaw | None = None
+    excited: Excited, simulation: Simulation, nu_0: float, filter_poles: Array | None = None, oscillator: FrozenLaw | None = None
 ) -> dict[str, Any]:
     """adaptation_frequency, gamma_max, step_max under the contract's keys; ``None`` where there is no such limit."""
-    excited, gamma = Excited(problem, controller), controller.gamma
+    problem, controller, gamma = excited.problem, excited.controller, excited.controller.gamma
     if oscillator is None:
-        poles = [input_poles(problem)]
-        if isinstance(controller, L1Adaptive) and controller.filter is not None:
-            poles.append(np.linalg.eigvals(controller.filter.realise().A))
-        oscillator = Oscillator(problem.known, simulation.solver, np.concatenate(poles))
+        beside = [input_poles(problem), np.zeros(0) if filter_poles is None else filter_poles]
+        oscillator = Oscillator(problem.known, simulation.solver, np.concatenate(beside))
     g = Gain(gamma).largest * excited.largest_square(laws.error_level(problem, controller, nu_0))
     if not math.isfinite(g):
         return {}
@@ -52,10 +50,15 @@ def of_lyapunov_law(
 
 @dataclass(frozen=True, eq=False)
 class Excited:
-    """How large the regressor of the law can be."""
+    """How large the regressor of the law can be.
+
+    divides_by_gain  whether an unknown input gain's estimate divides u, as in MRAC, where a filter or a predictor does not take
+                     it up again: the coupling is then multiplied by omega/omega_hat
+    """
 
     problem: Problem
-    controller: Mrac | L1Adaptive
+    controller: laws.ModifiedScheme
+    divides_by_gain: bool
 
     def largest_square(self, error: float) -> float:
         """Of |phi|_2^2, with u below phi where its gain is unknown, while no component of e exceeds ``error``."""
@@ -67,8 +70,7 @@ class Excited:
             return phi
         command = command_bounds(problem)
         u = (self._largest_theta() * math.sqrt(phi) + command) / gains.lower
-        # u = (...)/omega_hat moves with the estimates: the coupling of MRAC is multiplied by omega/omega_hat
-        ratio = float(np.max(gains.upper / gains.lower)) if isinstance(self.controller, Mrac) else 1.0
+        ratio = float(np.max(gains.upper / gains.lower)) if self.divides_by_gain else 1.0
         return ratio * (phi + float(np.max(u**2)))
 
     @cached_property
@@ -79,16 +81,17 @@ class Excited:
     def _largest_theta(self) -> float:
         """|theta_hat|_2 without the gains: |theta|_2 and the distance that V keeps it from theta, or the known set's."""
         problem = self.problem
-        theta, error = problem.plant.theta, self.controller.bind(problem.known).theta_hat0 - problem.parameters
+        equations, theta = self.controller.bind(problem.known), problem.plant.theta
+        error = equations.theta_hat0 - problem.parameters
         largest = float(np.linalg.norm(theta) + np.linalg.norm(error))
         known_set = problem.uncertainty
-        if self.controller.projection is False or known_set is None:
+        if known_set is None or equations.box is None or not equations.box.bounds_theta:
             return largest
         return min(largest, known_set.farthest(np.zeros(known_set.size)))
 
 
-def _largest_gain(excited: Excited, largest_g: float, nu_0: float) -> float | None:
-    """The largest Gamma with Gamma |phi|^2 <= largest_g; 0 where the bound of |phi| shows none, ``None`` for phi = 0.
+def _largest_gain(excited: Excited, largest_g: float, nu_0: float) -> float | NotApplicable | None:
+    """The largest Gamma with Gamma |phi|^2 <= largest_g; ``None`` for phi = 0, where no gain is too large.
 
     |phi|^2 falls with Gamma, since the error does, so that its limit for Gamma -> infinity gives a gain that is too large.
     """
@@ -96,8 +99,14 @@ def _largest_gain(excited: Excited, largest_g: float, nu_0: float) -> float | No
     def bears(gamma: float) -> bool:
         return gamma * excited.largest_square(nu_0 / math.sqrt(gamma)) <= largest_g
 
+    if largest_g == 0:
+        return STEP_TOO_LONG
     at_rest = excited.largest_square(0.0)
-    if at_rest == 0 or largest_g == 0:
-        return 0.0 if largest_g == 0 else None
+    if at_rest == 0:
+        return None
     beyond = largest_g / at_rest * (1 + 1e-9)
-    return largest_from(bears, beyond, within=1e-3, least=beyond / 2**MOST_HALVINGS)
+    found = largest_from(bears, beyond, within=1e-3, least=beyond / 2**MOST_HALVINGS)
+    return found or NotApplicable(
+        f"no gain is shown to be borne: the bound of |phi| grows as the gain falls, so that Gamma |phi|^2 stays above the "
+        f"{largest_g:.4g} that the step bears"
+    )

@@ -11,16 +11,18 @@ from typing import Any, Protocol
 import numpy as np
 
 from barbalat.adaptation.law import AdaptiveLaw, GainLimitedLaw, RatedLaw
-from barbalat.certificates.bounds.laws import least_gain
+from barbalat.certificates.bounds.laws import ModifiedScheme, least_gain
 from barbalat.certificates.bounds.model import largest_along_the_command
+from barbalat.certificates.entry import NotApplicable
 from barbalat.certificates.step_limits.oscillator import Oscillator
-from barbalat.controllers import L1Adaptive, Mrac, NormalizedMrac, RobustMrac
 from barbalat.controllers.robust_mrac import Equations
 from barbalat.problem.known_set import Gain
 from barbalat.problem.state_feedback import Problem
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array
+
+STEP_TOO_LONG = NotApplicable("the step is too long for what is integrated beside the law, whatever its gain")
 
 
 class FrozenLaw(Protocol):
@@ -49,7 +51,8 @@ def of_lyapunov_law(
 ) -> dict[str, Any]:
     """For a law theta_hat' = Gamma (e'P b) x and |x|_2 <= offset + factor/sqrt(Gamma); for a matrix by its extreme eigenvalues.
 
-    ``None`` for gamma_max where no gain is too large, which takes x = 0, and for a matrix.
+    ``None`` for gamma_max where no gain is too large, which takes x = 0, and for a matrix; why not where none is shown to be
+    borne.
     """
     if oscillator is None:
         beside = [input_poles(problem), np.zeros(0) if filter_poles is None else filter_poles]
@@ -80,7 +83,7 @@ def of_the_motion(
     return {f"{key}_at_model": limits[key] for key in ("gamma_max", "step_max")}
 
 
-def with_modifications(values: dict[str, Any], controller: Mrac | L1Adaptive, simulation: Simulation) -> dict[str, Any]:
+def with_modifications(values: dict[str, Any], controller: ModifiedScheme, simulation: Simulation) -> dict[str, Any]:
     """The same with what a leakage and a memory add: a decay of the estimates of their own, up to Gamma (w + gamma_c R).
 
     A gain at which that ends is not looked for. Where nothing bounds w or R (an epsilon-modification, a memory without
@@ -102,32 +105,35 @@ def with_modifications(values: dict[str, Any], controller: Mrac | L1Adaptive, si
     return values | {"gamma_max": None, "step_max": min(step_max, alone) if step_max and alone else None}
 
 
-def _largest_gain(root_g: float, offset: float, factor: float) -> float | None:
+def _largest_gain(root_g: float, offset: float, factor: float) -> float | NotApplicable | None:
     """The largest Gamma with sqrt(Gamma) |x|_2 <= root_g."""
     room = root_g - factor
+    if root_g == 0:
+        return STEP_TOO_LONG
     if room <= 0:
-        return 0.0
+        return NotApplicable(
+            "no gain is shown to be borne: |x| is known to fall with 1/sqrt(Gamma) only, so that sqrt(Gamma) |x| may be "
+            f"{factor:.4g} at every gain, and the step bears {root_g:.4g}"
+        )
     return None if offset == 0 else (room / offset) ** 2
 
 
-def of_parametric_model(
-    problem: Problem, controller: RobustMrac | NormalizedMrac, equations: Equations, simulation: Simulation
-) -> dict[str, Any]:
+def of_parametric_model(problem: Problem, equations: Equations, simulation: Simulation) -> dict[str, Any]:
     """For a law on the parametric model (13), whose adaptation is a decay: the regressor does not depend on the estimates."""
     filters = [np.linalg.eigvals(problem.known.A_m), input_poles(problem), np.array([-equations.normalization.delta_0])]
     if equations.Q is not None:
         filters.append(np.linalg.eigvals(equations.Q.A))
     others = Oscillator(problem.known, simulation.solver, np.concatenate(filters)).largest_step(0.0)
-    return of_decay(controller.law, simulation, others)
+    return of_decay(equations.law, simulation, others)
 
 
 def of_decay(law: AdaptiveLaw, simulation: Simulation, others: float) -> dict[str, Any]:
     """step_max and gamma_max of a law whose adaptation is a decay; ``others`` is the largest step that all else bears."""
-    limit, values = simulation.solver.real_limit, {}
+    limit, values = simulation.solver.real_limit, dict[str, Any]()
     if isinstance(law, RatedLaw) and (fastest := law.fastest_rate) is not None:
         values["step_max"] = min(others, limit / fastest)
     if isinstance(law, GainLimitedLaw) and (largest := law.gain_of_rate(limit / simulation.dt)) is not None:
-        values["gamma_max"] = largest if simulation.dt <= others else 0.0
+        values["gamma_max"] = largest if simulation.dt <= others else STEP_TOO_LONG
     return values
 
 

@@ -8,11 +8,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from barbalat.adaptation.law import AdaptiveLaw
-from barbalat.adaptation.output_lyapunov import LyapunovLaw
+from barbalat.adaptation.law import AdaptiveLaw, FreezableLaw, OutputErrorLaw
 from barbalat.certificates.certificate import Draft
-from barbalat.certificates.step_limits.frozen_laws import input_poles, of_decay
+from barbalat.certificates.entry import NotApplicable
+from barbalat.certificates.step_limits.frozen_laws import STEP_TOO_LONG, input_poles, of_decay
 from barbalat.certificates.step_limits.modes import amplifies, largest_step
+from barbalat.controllers.output import mrac_normalized
 from barbalat.controllers.output.matching import filter_polynomial
 from barbalat.controllers.output.mrac import MracOutput
 from barbalat.linear.l1_norms import l1_norm
@@ -50,23 +51,32 @@ class Frozen(NamedTuple):
 
 def add_limits(draft: Draft, problem: OutputProblem, controller: MracOutput, simulation: Simulation) -> None:
     """The limits under the contract's keys."""
-    if not isinstance(controller.law, LyapunovLaw):
-        draft.estimate(_of_parametric_model(problem, controller, controller.law, simulation), NORMALISED)
+    law = controller.law
+    if not isinstance(law, OutputErrorLaw):
+        draft.estimate(_of_parametric_model(problem, controller, law, simulation), NORMALISED)
         return
     theta = draft.get("theta_star")
     where = "theta_hat(0)" if theta is None else "theta*"
-    found = _frozen(problem, controller, None if theta is None else np.array(theta))
-    if isinstance(found, str):
-        for key in ("gamma_max", "step_max"):
-            draft.missing(key, found.format(where=where))
+    if not isinstance(law, FreezableLaw):
+        _without_limits(draft, f"how {type(law).__name__} is modified is not known")
         return
-    draft.estimate(_of_lyapunov_law(found, controller.law, simulation), LYAPUNOV.format(where=where))
+    found = _frozen(problem, controller, law, None if theta is None else np.array(theta), where)
+    if isinstance(found, NotApplicable):
+        _without_limits(draft, found.why)
+    else:
+        draft.estimate(_of_lyapunov_law(found, law, simulation), LYAPUNOV.format(where=where))
+
+
+def _without_limits(draft: Draft, why: str) -> None:
+    for key in ("gamma_max", "step_max"):
+        draft.missing(key, why)
 
 
 def _of_parametric_model(
     problem: OutputProblem, controller: MracOutput, law: AdaptiveLaw, simulation: Simulation
 ) -> dict[str, Any]:
     equations = controller.bind(problem.known)
+    assert isinstance(equations, mrac_normalized.Equations)
     plant, W_m = problem.plant.transfer_function, problem.reference_model.transfer_function
     parts = [plant.poles, W_m.poles, np.roots(filter_polynomial(controller.order, W_m, controller.filter_poles))]
     parts += [np.array([-controller.normalization.delta_0]), input_poles(problem)]
@@ -76,7 +86,7 @@ def _of_parametric_model(
     return of_decay(law, simulation, largest_step(simulation, poles))
 
 
-def _of_lyapunov_law(frozen: Frozen, law: LyapunovLaw, simulation: Simulation) -> dict[str, Any]:
+def _of_lyapunov_law(frozen: Frozen, law: FreezableLaw, simulation: Simulation) -> dict[str, Any]:
     """At which g, from 0 up, and at which step does the solver amplify a mode that the frozen loop does not."""
     solver, gamma = simulation.solver, Gain(law.gamma).largest
     g = gamma * frozen.omega_squared
@@ -89,7 +99,8 @@ def _of_lyapunov_law(frozen: Frozen, law: LyapunovLaw, simulation: Simulation) -
         return values | {"step_max": min(step, solver.real_limit / (gamma * law.leakage.largest))}
     values["step_max"] = step
     if np.ndim(law.gamma) == 0 and frozen.omega_squared > 0:
-        values["gamma_max"] = _largest_g(frozen, simulation) / frozen.omega_squared
+        largest_g = _largest_g(frozen, simulation)
+        values["gamma_max"] = largest_g / frozen.omega_squared if largest_g else STEP_TOO_LONG
     return values
 
 
@@ -102,17 +113,17 @@ def _largest_g(frozen: Frozen, simulation: Simulation) -> float:
     return largest_from(bears, 1e-12, factor=1.5) if bears(0.0) else 0.0
 
 
-def _frozen(problem: OutputProblem, controller: MracOutput, theta: Array | None) -> Frozen | str:
-    """From the exact Jacobian at rest with r = 1, or why there is none."""
-    law = controller.law
-    assert isinstance(law, LyapunovLaw)
-    plain = replace(controller, law=LyapunovLaw(gamma=law.gamma), lower=None, upper=None, c_0_min=None)
+def _frozen(
+    problem: OutputProblem, controller: MracOutput, law: FreezableLaw, theta: Array | None, where: str
+) -> Frozen | NotApplicable:
+    """From the exact Jacobian at rest with r = 1."""
+    plain = replace(controller, law=law.plain, lower=None, upper=None, c_0_min=None)
     loop = ClosedLoop.of(problem, plain)
     loop = replace(loop, paths=tuple(path and replace(path, rate_limit=None) for path in loop.paths))  # one that does not act
     if loop.delayed:
-        return "the delay is not in the frozen loop"
+        return NotApplicable("the delay is not in the frozen loop")
     if not isinstance(problem.reference, BoundedSignal):
-        return f"the reference has no bound: {problem.reference!r}"
+        return NotApplicable(f"the reference has no bound: {problem.reference!r}")
     equations: Any = loop.equations
     state, rows = np.zeros(loop.size), np.arange(loop.size)[loop.theta_hat_rows]
     state[rows] = equations.theta_hat0 if theta is None else theta
@@ -120,11 +131,11 @@ def _frozen(problem: OutputProblem, controller: MracOutput, theta: Array | None)
     commanded[0] = 1.0  # omega = (0, ..., 0, 1): the last estimate's row and column are the law's and its way into the loop
     J = np.asarray(jacobian_function(loop)(state, commanded))
     places = loop.unpack(np.arange(loop.size))
-    others = np.setdiff1d(np.arange(loop.size), [*rows, int(places.controller.n_d)])  # n_d rests with this law
+    others = np.setdiff1d(np.arange(loop.size), rows)
     A, b = J[np.ix_(others, others)], J[others, rows[-1]]
     c = -J[rows[-1], others] / Gain(law.gamma).as_matrix(len(rows))[-1, -1]
     if np.linalg.eigvals(A).real.max() >= 0:
-        return "with the estimates frozen at {where} the loop is unstable, and nothing bounds its regressor"
+        return NotApplicable(f"with the estimates frozen at {where} the loop is unstable, and nothing bounds its regressor")
     into = (loop.derivative(state, commanded) - loop.derivative(state, at_rest))[others]
     outputs = [np.eye(loop.size)[k, others] for k in (*places.controller.omega_1, *places.controller.omega_2)]
     outputs.append(np.where(np.isin(others, places.x), equations.sign * c, 0.0))  # y

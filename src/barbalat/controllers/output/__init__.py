@@ -1,13 +1,11 @@
 """Schemes that measure y only, and their registry: one line for each, by the name that case files use."""
 
-from barbalat.controllers.output.l1 import L1Output
-from barbalat.controllers.output.linear import LinearOutput
-from barbalat.controllers.output.mrac import MracOutput
+from barbalat.controllers.output.l1 import L1Output as L1Output
+from barbalat.controllers.output.linear import LinearOutput as LinearOutput
+from barbalat.controllers.output.mrac import MracOutput as MracOutput
 
 OUTPUT_SCHEMES = {
     "mrac-output": MracOutput,
     "l1-output": L1Output,
     "linear": LinearOutput,
 }
-
-__all__ = ["OUTPUT_SCHEMES", "L1Output", "LinearOutput", "MracOutput"]

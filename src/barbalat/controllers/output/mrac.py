@@ -6,131 +6,23 @@ Source: Section IV of the paper, first sentence; Ioannou and Sun, sections 6.4, 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any, ClassVar, NamedTuple
+from typing import ClassVar
 
 import numpy as np
 
 from barbalat import validate
-from barbalat.adaptation.law import AdaptiveLaw, Estimation, require_law
+from barbalat.adaptation.law import AdaptiveLaw, OutputErrorLaw, require_law
 from barbalat.adaptation.normalization import Normalization
-from barbalat.adaptation.output_lyapunov import LyapunovLaw
+from barbalat.controllers.output import mrac_normalized, mrac_unnormalized
 from barbalat.controllers.output.matching import filter_polynomial, input_filter, is_strictly_positive_real, refuse_contradiction
-from barbalat.controllers.output.mrac_sampled import OutputEstimator
 from barbalat.controllers.robust_mrac import auxiliary_filter
-from barbalat.controllers.windup import applied, limits_of_predictor
-from barbalat.linear.systems import StateSpace
-from barbalat.problem.known_set import UNBOUNDED, ParameterBox, limit
+from barbalat.controllers.windup import limits_of_predictor
+from barbalat.problem.known_set import UNBOUNDED, ParameterBox
 from barbalat.problem.output_feedback import OutputKnown
-from barbalat.protocols import Value
 from barbalat.validate import Array, InputError, Vector
 
 LARGEST_ORDER = 100
 """Of the plant that is designed for: the coefficients of Lambda = (s + a)^99 span 29 decades, and doubles have 16 digits."""
-
-
-class State(NamedTuple):
-    """What the controller integrates."""
-
-    theta_hat: Value  # (2 n,): theta_1 (n - 1), theta_2 (n - 1), theta_3, c_0
-    omega_1: Value  # (n - 1,) alpha(s)/Lambda(s)[u]
-    omega_2: Value  # (n - 1,) alpha(s)/Lambda(s)[y]
-    memory: Any  # of the law
-    xi: Value  # (order of W_m,) W_b(s)[u]; (0,) for the Lyapunov law, likewise below
-    Xi: Value  # (order of W_m, 2 n) W_b(s)[omega']
-    n_d: Value  # scalar, dynamic normalising signal
-    swapping: Value  # (order of W_m,) (sI - A)^-1 [Xi theta_hat']
-    filter: Value  # state of Q(s)
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Equations:
-    """u = theta_hat'omega + u_a, omega = [alpha/Lambda u; alpha/Lambda y; y; r]."""
-
-    regressor_filter: StateSpace
-    W_m: StateSpace
-    sign: float
-    law: AdaptiveLaw | LyapunovLaw
-    normalization: Normalization
-    Q: StateSpace | None
-    theta_hat0: Array
-    box: ParameterBox | None
-    limits: Array | None = None  # of the input, where the parametric model is fed with what is left of u
-
-    @property
-    def _normalised(self) -> bool:
-        return not isinstance(self.law, LyapunovLaw)
-
-    def initial(self) -> State:
-        parameters, order = len(self.theta_hat0), self.W_m.order if self._normalised else 0
-        rest = np.zeros(self.regressor_filter.order)
-        return State(
-            theta_hat=self.theta_hat0,
-            omega_1=rest,
-            omega_2=rest,
-            memory=self.law.initial(parameters),
-            xi=np.zeros(order),
-            Xi=np.zeros((order, parameters)),
-            n_d=np.zeros(()),
-            swapping=np.zeros(0 if self.Q is None else order),
-            filter=np.zeros(0 if self.Q is None else self.Q.order),
-        )
-
-    def omega(self, state: State, y: Value, r: Value) -> Value:
-        return np.concatenate([state.omega_1, state.omega_2, y.reshape(1), r.reshape(1)])
-
-    def estimation(self, state: State, y: Value) -> Estimation:
-        """The parametric model z = W_m[u] = theta'phi_p, phi_p = [W_m omega_1; W_m omega_2; W_m y; y]."""
-        z = self.W_m.C @ state.xi
-        filtered = self.W_m.C @ state.Xi
-        phi = np.concatenate([filtered[:-1], y.reshape(1)])
-        m_s_squared = self.normalization.m_s_squared(phi, state.n_d)
-        return Estimation(phi, m_s_squared, (z - state.theta_hat @ phi) / m_s_squared)
-
-    def regressor_at(self, state: State, y: Value, u: Value) -> Value:
-        """phi_p/m; for the Lyapunov law omega without the command."""
-        if not self._normalised:
-            return np.concatenate([state.omega_1, state.omega_2, y.reshape(1)])
-        estimation = self.estimation(state, y)
-        return estimation.phi / np.sqrt(estimation.m_s_squared)
-
-    def auxiliary_input_argument(self, state: State, y: Value) -> Value:
-        """epsilon m^2 - W_c[(W_b[omega'] theta')], W_c = -C'(sI - A)^-1."""
-        estimation = self.estimation(state, y)
-        return estimation.epsilon * estimation.m_s_squared + self.W_m.C @ state.swapping
-
-    def control(self, state: State, y: Value, y_m: Value, r: Value) -> Value:
-        u = state.theta_hat @ self.omega(state, y, r)
-        return u if self.Q is None else u + self.Q.output(state.filter, self.auxiliary_input_argument(state, y))
-
-    def derivative(self, state: State, y: Value, y_m: Value, r: Value, u: Value) -> State:
-        omega, u = self.omega(state, y, r), applied(u, self.limits)
-        rest = {"omega_1": self.regressor_filter.derivative(state.omega_1, u),
-                "omega_2": self.regressor_filter.derivative(state.omega_2, y)}  # fmt: skip
-        if isinstance(self.law, LyapunovLaw):
-            rate = self.law.rate(state.theta_hat, omega, y - y_m, self.sign, self.box)
-            return state._replace(theta_hat=rate, n_d=0 * state.n_d, **rest)  # nothing else of it has entries
-        rates = self.law.rates(state.theta_hat, state.memory, self.estimation(state, y), self.box)
-        swapping, filter_dot = state.swapping, state.filter
-        if self.Q is not None:
-            swapping = self.W_m.A @ state.swapping + state.Xi @ rates.theta_hat
-            filter_dot = self.Q.derivative(state.filter, self.auxiliary_input_argument(state, y))
-        return State(
-            theta_hat=rates.theta_hat,
-            memory=rates.memory,
-            xi=self.W_m.derivative(state.xi, u),
-            Xi=self.W_m.A @ state.Xi + np.outer(self.W_m.B, omega),
-            n_d=self.normalization.n_d_dot(state.n_d, u) + y * y,
-            swapping=swapping,
-            filter=filter_dot,
-            **rest,
-        )
-
-    def limit(self, state: State) -> State:
-        memory = self.law.limit(state.memory) if not isinstance(self.law, LyapunovLaw) else state.memory
-        return state._replace(theta_hat=limit(state.theta_hat, self.box), memory=memory)
-
-    def sampled(self, T: float) -> OutputEstimator:
-        return OutputEstimator.of(self, T)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -159,7 +51,7 @@ class MracOutput:
     order: int
     relative_degree: int
     sign: int
-    law: AdaptiveLaw | LyapunovLaw
+    law: AdaptiveLaw | OutputErrorLaw
     theta_hat0: Vector | None = None
     tau: float | None = None
     normalization: Normalization = field(default_factory=Normalization)
@@ -183,7 +75,7 @@ class MracOutput:
             raise InputError(f"relative_degree must not exceed order = {self.order}, got {self.relative_degree}")
         if isinstance(self.sign, bool) or self.sign not in (1, -1):
             raise InputError(f"sign must be 1 or -1, got {validate.show(self.sign)}")
-        if not isinstance(self.law, LyapunovLaw):
+        if isinstance(self.law, type) or not isinstance(self.law, OutputErrorLaw):
             require_law(self.law)
         validate.instance("normalization", self.normalization, Normalization)
         if (self.lower is None) != (self.upper is None):
@@ -197,30 +89,38 @@ class MracOutput:
         if self.filter_poles is not None:
             poles = np.zeros(0) if len(self.filter_poles) == 0 else validate.vector("filter_poles", self.filter_poles)
             validate.freeze(self, filter_poles=poles)
-        if isinstance(self.law, LyapunovLaw) and (self.tau is not None or self.saturated_predictor):
+        if self.unnormalized and (self.tau is not None or self.saturated_predictor):
             raise InputError("tau and saturated_predictor go with a law on the parametric model; the Lyapunov law has no epsilon")
 
-    def bind(self, known: OutputKnown) -> Equations:
+    @property
+    def unnormalized(self) -> bool:
+        """Whether the law is driven by the error y - y_m instead of a parametric model's."""
+        return isinstance(self.law, OutputErrorLaw)
+
+    def bind(self, known: OutputKnown) -> mrac_unnormalized.Equations | mrac_normalized.Equations:
         W_m = known.W_m
         if W_m.relative_degree != self.relative_degree:
             raise InputError(f"relative_degree is {self.relative_degree}, but the reference model has {W_m.relative_degree}")
-        lyapunov = isinstance(self.law, LyapunovLaw)
-        if lyapunov and not is_strictly_positive_real(W_m):
+        if self.unnormalized and not is_strictly_positive_real(W_m):
             raise InputError(
                 "the Lyapunov law needs relative_degree = 1 and a strictly positive real reference model; "
                 "a law on the parametric model does not"
             )
         refuse_contradiction(known.plant, self.order, self.relative_degree, self.sign)
-        Lambda = filter_polynomial(self.order, W_m, self.filter_poles)
-        box = self._box(float(np.sign(W_m.num[0])))
-        return Equations(
-            regressor_filter=input_filter(Lambda),
+        filters = input_filter(filter_polynomial(self.order, W_m, self.filter_poles))
+        model_sign = float(np.sign(W_m.num[0]))
+        box = self._box(model_sign)
+        theta_hat0 = self._initial(box)
+        if isinstance(self.law, OutputErrorLaw):
+            self.law.require_size(len(theta_hat0))
+            return mrac_unnormalized.Equations(filters, self.sign * model_sign, self.law, theta_hat0, box)
+        return mrac_normalized.Equations(
+            regressor_filter=filters,
             W_m=W_m.realise(),
-            sign=self.sign * float(np.sign(W_m.num[0])),
             law=self.law,
             normalization=self.normalization,
             Q=None if self.tau is None else auxiliary_filter(W_m, self.tau),
-            theta_hat0=self._initial(box),
+            theta_hat0=theta_hat0,
             box=box,
             limits=limits_of_predictor(self.saturated_predictor, known),
         )
@@ -229,7 +129,7 @@ class MracOutput:
         """The known set, with c_0 = k_m/k_p kept on its side of zero."""
         sign = self.sign * model_sign
         if self.lower is None and self.c_0_min is None:
-            if isinstance(self.law, LyapunovLaw):
+            if self.unnormalized:
                 return None
             raise InputError("give c_0_min, or lower and upper: projection must keep c_0 from zero")
         lower = np.full(2 * self.order, -UNBOUNDED) if self.lower is None else self.lower.copy()
@@ -239,7 +139,7 @@ class MracOutput:
                 lower[-1] = max(lower[-1], self.c_0_min)
             else:
                 upper[-1] = min(upper[-1], -self.c_0_min)
-        if not isinstance(self.law, LyapunovLaw) and not (lower[-1] > 0 if sign > 0 else upper[-1] < 0):
+        if not self.unnormalized and not (lower[-1] > 0 if sign > 0 else upper[-1] < 0):
             raise InputError(f"the known set must keep c_0 {'above' if sign > 0 else 'below'} zero; give c_0_min")
         return ParameterBox(lower=lower, upper=upper)
 

@@ -9,7 +9,7 @@ from flint import arb, arb_mat, arb_poly, ctx
 
 from barbalat.linear.l1_norms.decay import euclidean_norm
 from barbalat.linear.l1_norms.model import LONGEST_STEP, Model, Tolerances, column, log2_above, tolerances
-from barbalat.linear.l1_norms.pieces import DEGREE, Piece, bernstein_matrix, remainder_constant, resolved
+from barbalat.linear.l1_norms.pieces import POLYNOMIAL_DEGREE, Piece, bernstein_matrix, remainder_constant, resolved
 
 
 @dataclass
@@ -45,7 +45,7 @@ class _Rung:
     length: arb
     transition: arb_mat  # e^(A length)
     contraction: arb  # e^(-rate length)
-    remainder: arb  # bound on the integrated Taylor remainder, per unit of norm(A^(DEGREE + 1) x)
+    remainder: arb  # bound on the integrated Taylor remainder, per unit of norm(A^(POLYNOMIAL_DEGREE + 1) x)
     error_growth: arb  # sqrt(length): integral of |c e^(As) e| over the segment, per unit of norm(e)
     monomial: list[arb_mat]  # per row: state to Taylor coefficients in the segment's own time 0 .. 1
     bernstein: list[arb_mat]  # per row: state to Bernstein coefficients
@@ -73,11 +73,11 @@ class _Ladder:
 
     def _build(self, exponent: int) -> _Rung:
         length = arb(2) ** exponent
-        scales = [length**k for k in range(DEGREE + 1)]
+        scales = [length**k for k in range(POLYNOMIAL_DEGREE + 1)]
         monomial = []
         for table in self.model.taylor:
             rows = table.tolist()
-            monomial.append(arb_mat([[entry * scales[k] for entry in rows[k]] for k in range(DEGREE + 1)]))
+            monomial.append(arb_mat([[entry * scales[k] for entry in rows[k]] for k in range(POLYNOMIAL_DEGREE + 1)]))
         change = bernstein_matrix(ctx.prec)
         return _Rung(
             exponent,
@@ -159,7 +159,7 @@ class _March:
         excess = log2_above(remainder_constant(arb(1)) * self._remainder_norm(state))
         if excess == -math.inf:
             return math.ceil(math.log2(self.tolerances.horizon)) - 1
-        exponent = (log2_above(self.tolerances.remainder_rate) - excess) / (DEGREE + 0.5)
+        exponent = (log2_above(self.tolerances.remainder_rate) - excess) / (POLYNOMIAL_DEGREE + 0.5)
         return math.floor(exponent) - 1
 
     def _step(self, state: arb_mat, exponent: int) -> tuple[_Rung, arb]:

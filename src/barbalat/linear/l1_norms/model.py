@@ -9,12 +9,12 @@ from flint import arb, arb_mat, ctx
 
 from barbalat.linear.l1_norms.decay import DecayCertificate, FloatMatrix, decay_certificate, eigenvalues, euclidean_norm, scaled
 from barbalat.linear.l1_norms.modal import SlowOscillation, slow_oscillation
-from barbalat.linear.l1_norms.pieces import DEGREE, remainder_constant
+from barbalat.linear.l1_norms.pieces import POLYNOMIAL_DEGREE, remainder_constant
 
 # Bits kept below the requested width for rounding, summed over all segments.
 _GUARD_BITS = 40
 # Longest segment, in units of 1/(slowest eigenvalue): a handful of them reaches the tail, and the noise of
-# fast modes that the Taylor coefficients magnify grows with the power DEGREE + 1 of it.
+# fast modes that the Taylor coefficients magnify grows with the power POLYNOMIAL_DEGREE + 1 of it.
 LONGEST_STEP = 4.0
 # Shares of the width given to Taylor remainders, the tail, and unresolved signs: 1/8 each, so that the sum
 # and the final rounding to floats stay below one half even though the scale is only known from below.
@@ -53,8 +53,8 @@ class Model:
     fastest: float  # largest |eigenvalue|
     slowest: float  # smallest |eigenvalue|
     frequency: float  # largest imaginary part
-    taylor: list[arb_mat]  # for each row c of C: rows c A^j / j!, j = 0 .. DEGREE
-    remainder: arb_mat  # factor of P times A^(DEGREE + 1)
+    taylor: list[arb_mat]  # for each row c of C: rows c A^j / j!, j = 0 .. POLYNOMIAL_DEGREE
+    remainder: arb_mat  # factor of P times A^(POLYNOMIAL_DEGREE + 1)
 
 
 def build_model(system: System) -> Model | None:
@@ -75,10 +75,10 @@ def build_model(system: System) -> Model | None:
     # digits keep the difference out of sight.
     with ctx.workprec(2 * ctx.prec):
         powers = [C]
-        for order in range(1, DEGREE + 1):
+        for order in range(1, POLYNOMIAL_DEGREE + 1):
             powers.append(powers[-1] * A * (arb(1) / order))
         high_power = certificate.factor
-        for _ in range(DEGREE + 1):
+        for _ in range(POLYNOMIAL_DEGREE + 1):
             high_power = high_power * A
     tables = [power.tolist() for power in powers]
     return Model(

@@ -9,7 +9,7 @@ from flint import arb, arb_mat, arb_poly, ctx
 
 # Taylor degree of a segment. At degree d the remainder reaches 1e-12 for frequency * step = (1e-12 d!)^(1/d),
 # 3 rad at d = 24: about one sign change a segment, which one set of Bernstein coefficients still resolves.
-DEGREE = 24
+POLYNOMIAL_DEGREE = 24
 # A piece halved this often is shorter than rounding of its ends; its unresolved sign is then simply charged.
 _HALVINGS_LIMIT = 64
 # Newton doubles the digits each time: from one digit to beyond float64 in four or five steps.
@@ -20,26 +20,26 @@ _NEAREST_SPLIT = 2.0**-40
 
 @lru_cache(maxsize=8)
 def bernstein_matrix(bits: int) -> arb_mat:
-    """Return the matrix from Taylor to Bernstein coefficients of degree DEGREE on [0, 1], at `bits` bits.
+    """Return the matrix from Taylor to Bernstein coefficients of degree POLYNOMIAL_DEGREE on [0, 1], at `bits` bits.
 
     b_i = sum over k <= i of binomial(i, k)/binomial(d, k) a_k (Farouki, The Bernstein polynomial basis,
     2012).
     """
-    size = DEGREE + 1
+    size = POLYNOMIAL_DEGREE + 1
     with ctx.workprec(bits):
-        inverses = [1 / arb(math.comb(DEGREE, k)) for k in range(size)]
+        inverses = [1 / arb(math.comb(POLYNOMIAL_DEGREE, k)) for k in range(size)]
         return arb_mat([[inverses[k] * math.comb(i, k) for k in range(size)] for i in range(size)])
 
 
 def remainder_constant(length: arb) -> arb:
-    """Return K: |h - Taylor polynomial| averages at most K norm(A^(d+1) x) over [0, length], d = DEGREE.
+    """Return K: |h - Taylor polynomial| averages at most K norm(A^(d+1) x) over [0, length], d = POLYNOMIAL_DEGREE.
 
     The remainder integral_0^s (s-u)^d/d! c A^(d+1) e^(Au) x du is at most, by Cauchy-Schwarz and the
     certificate, s^(d+1/2)/(d! sqrt(2d+1)) norm(A^(d+1) x); its mean over the segment divides by d + 3/2.
     """
-    degree = arb(DEGREE)
-    power = length**DEGREE * length.sqrt()
-    return power / (arb(math.factorial(DEGREE)) * (2 * degree + 1).sqrt() * (degree + arb(1.5)))
+    degree = arb(POLYNOMIAL_DEGREE)
+    power = length**POLYNOMIAL_DEGREE * length.sqrt()
+    return power / (arb(math.factorial(POLYNOMIAL_DEGREE)) * (2 * degree + 1).sqrt() * (degree + arb(1.5)))
 
 
 class Piece:
@@ -104,8 +104,8 @@ def resolved(polynomial: arb_poly, piece: Piece, tolerance: arb, room: int) -> l
         for start, length in ((split, 1 - split), (arb(0), split)):
             child = polynomial(arb_poly([start, length])) * length
             coefficients = child.coeffs()
-            coefficients += [arb(0)] * (DEGREE + 1 - len(coefficients))
-            column = arb_mat(DEGREE + 1, 1, coefficients)
+            coefficients += [arb(0)] * (POLYNOMIAL_DEGREE + 1 - len(coefficients))
+            column = arb_mat(POLYNOMIAL_DEGREE + 1, 1, coefficients)
             values = (bernstein_matrix(ctx.prec) * column).entries()
             pending.append((child, Piece(values), halvings + 1))
     return done

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import ctypes
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, nullcontext
 from functools import cache
+from typing import ParamSpec
 
 import llvmlite.binding as llvm
 import numpy as np
@@ -16,6 +17,8 @@ from barbalat.lowering.llvm import ir
 from barbalat.lowering.operations import Program
 from barbalat.lowering.registers import few_waiting
 from barbalat.lowering.shape import ENTRY, TAPS, LoopShape, require_count
+
+Given = ParamSpec("Given")
 
 
 @cache
@@ -88,6 +91,14 @@ class Watch:
         self.rows = np.full((-(-(stop - first) // window), states + 2), -np.inf)
 
 
+def _at_once(bound: Callable[Given, Callable[[], None]]) -> Callable[Given, None]:
+    def call(*given: Given.args, **named: Given.kwargs) -> None:
+        """What ``bound`` binds, called once."""
+        bound(*given, **named)()
+
+    return call
+
+
 class Kernel:
     """A compiled loop; one call advances ``lanes`` members by ``blocks * steps`` steps.
 
@@ -139,33 +150,6 @@ class Kernel:
         prototype = ctypes.CFUNCTYPE(None, *run, *memory, *windows, i64, i64)
         self._call = prototype(self._engine.get_function_address(ENTRY))
 
-    def __call__(
-        self,
-        blocks: int,
-        steps: int,
-        state: np.ndarray,
-        parameters: np.ndarray,
-        signals: np.ndarray,
-        out: np.ndarray,
-        past: Past | None = None,
-        noise: np.ndarray | None = None,
-        watch: Watch | None = None,
-        *,
-        start: int = 0,
-        sample_every: int | None = None,
-        noise_hold: int | None = None,
-    ) -> None:
-        """Shapes: see ``llvm.ir.loop``; all arrays are C-contiguous float64.
-
-        past   goes with a step that has delays
-        noise  goes with a step that has noise
-        watch  goes with a kernel that watches; its windows hold all steps
-        start  number of the first step since t = 0
-        sample_every, noise_hold  where the shape leaves them open
-        """
-        rhythm = {"sample_every": sample_every, "noise_hold": noise_hold}
-        self.bound(blocks, steps, state, parameters, signals, out, past, noise, watch, start=start, **rhythm)()
-
     def bound(
         self,
         blocks: int,
@@ -182,10 +166,18 @@ class Kernel:
         sample_every: int | None = None,
         noise_hold: int | None = None,
     ) -> Callable[[], None]:
-        """The call with these arrays, checked once, to be made again and again; it keeps them alive."""
+        """The call with these arrays, checked once, to be made again and again; it keeps them alive.
+
+        Shapes: see ``llvm.ir.loop``; all arrays are C-contiguous float64.
+
+        past   goes with a step that has delays
+        noise  goes with a step that has noise
+        watch  goes with a kernel that watches; its windows hold all steps
+        start  number of the first step since t = 0
+        sample_every, noise_hold  where the shape leaves them open
+        """
         w, s = self.lanes, self.shape
         every, hold = _count("sample_every", s.sample_every, sample_every), _count("noise_hold", s.noise_hold, noise_hold)
-        rows = (start + blocks * steps - 1) // hold - start // hold + 1
         expected = {
             "state": (state, s.states * w),
             "parameters": (parameters, s.parameters * w),
@@ -193,23 +185,10 @@ class Kernel:
             "out": (out, blocks * (s.states + s.accumulators) * w),
         }
         if noise is not None:
+            rows = (start + blocks * steps - 1) // hold - start // hold + 1
             expected["noise"] = (noise, rows * s.noise * w)
-        for name, (array, size) in expected.items():
-            if array.dtype != np.float64 or not array.flags.c_contiguous or array.size < size:
-                raise ValueError(
-                    f"{name} must be C-contiguous float64 with at least {size} entries, got {array.shape} {array.dtype}"
-                )
-        if s.in_pieces and (signals[:, -1].sum() != blocks * steps or signals[-1, -1] != 1):
-            raise ValueError(f"the pieces of {blocks * steps} steps must end so many steps, got {signals[:, -1].sum():g}")
-        for what, given, count in (("a past", past, s.delayed), ("noise", noise, s.noise)):
-            if (given is None) != (count == 0):
-                raise ValueError(
-                    f"a kernel with {count} channels that need {what} was called {'without' if given is None else 'with'} it"
-                )
-        if (watch is None) == self.watches:
-            raise ValueError(f"a kernel that {'watches' if self.watches else 'does not watch'} was called {watch}")
-        if watch is not None and not watch.first <= start <= start + blocks * steps <= watch.stop:
-            raise ValueError(f"steps {start} to {start + blocks * steps} are not in windows from {watch.first} to {watch.stop}")
+        _require_sizes(expected)
+        self._require_parts(start, start + blocks * steps, signals, past, noise, watch)
         arrays = (state.ctypes.data, parameters.ctypes.data, signals.ctypes.data, out.ctypes.data)
         memory = (None, None, 0) if past is None else (past.lags.ctypes.data, past.ring.ctypes.data, past.mask)
         windows = (None, 0, 1) if watch is None else (watch.rows.ctypes.data, watch.first, watch.window)
@@ -221,6 +200,32 @@ class Kernel:
             call(*arguments)
 
         return again
+
+    def _require_parts(
+        self, start: int, stop: int, signals: np.ndarray, past: Past | None, noise: np.ndarray | None, watch: Watch | None
+    ) -> None:
+        """ValueError where a call lacks what this kernel needs, or brings what it has no use for."""
+        s = self.shape
+        if s.in_pieces and (signals[:, -1].sum() != stop - start or signals[-1, -1] != 1):
+            raise ValueError(f"the pieces of {stop - start} steps must end so many steps, got {signals[:, -1].sum():g}")
+        for what, given, count in (("a past", past, s.delayed), ("noise", noise, s.noise)):
+            if (given is None) != (count == 0):
+                raise ValueError(
+                    f"a kernel with {count} channels that need {what} was called {'without' if given is None else 'with'} it"
+                )
+        if (watch is None) == self.watches:
+            raise ValueError(f"a kernel that {'watches' if self.watches else 'does not watch'} was called {watch}")
+        if watch is not None and not watch.first <= start <= stop <= watch.stop:
+            raise ValueError(f"steps {start} to {stop} are not in windows from {watch.first} to {watch.stop}")
+
+    __call__ = _at_once(bound)
+
+
+def _require_sizes(expected: Mapping[str, tuple[np.ndarray, int]]) -> None:
+    """ValueError for an array that the machine code would read or write beyond its end, by name with what it must hold."""
+    for name, (array, size) in expected.items():
+        if array.dtype != np.float64 or not array.flags.c_contiguous or array.size < size:
+            raise ValueError(f"{name} must be C-contiguous float64 with at least {size} entries, got {array.shape} {array.dtype}")
 
 
 def _count(name: str, compiled: int | None, given: int | None) -> int:

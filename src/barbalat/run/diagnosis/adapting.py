@@ -19,15 +19,15 @@ from barbalat.protocols import Estimating
 from barbalat.run.diagnosis.excitation import Excitation, excitation
 from barbalat.validate import Array
 
-HARDLY_MOVES = 0.01
+STILL_SHARE = 0.01
 """Of the initial parameter error: whoever has moved less in all has learnt nothing that shows."""
-MOST_OF_THE_TIME = 0.5
-SWEPT = 0.1
+LONG_SHARE = 0.5
+SWEPT_SHARE = 0.1
 """Of the time within recorded intervals in which an estimate met both of its bounds."""
 UNEXCITED = 1e-6
 """Of the windowed correlation matrix' least eigenvalue, 1 for orthogonal components, and of a mean square relative to before:
 an amplitude of a thousandth, below which a direction is not seen."""
-COARSE = 0.1
+COARSE_SAMPLING = 0.1
 """Of what the record's decimation does to the excitation; twenty instants for each period of the regressor stay below it."""
 
 
@@ -178,18 +178,18 @@ def on_bounds(box: ParameterBox, t: Array, low: Array, high: Array) -> OnBounds:
 def _warnings(path: Array, error: float, bounds: OnBounds | None, sphere: float | None, found: Excitation | None) -> list[str]:
     """One sentence for each thing that a user should not overlook."""
     warnings = []
-    if error > 0 and np.linalg.norm(path) < HARDLY_MOVES * error:
+    if error > 0 and np.linalg.norm(path) < STILL_SHARE * error:
         share = f"{np.linalg.norm(path) / error:.1g}"
         warnings.append(f"it hardly adapts: in all the estimates moved by {share} of the error they started with")
     if bounds is not None:
         for i, (least, most, swept, _) in enumerate(zip(*bounds, strict=True), start=1):
-            if swept > SWEPT:
+            if swept > SWEPT_SHARE:
                 warnings.append(
                     f"theta_hat_{i} meets both of its bounds within single recorded intervals {100 * swept:.0f} % of the time"
                 )
-            elif least > MOST_OF_THE_TIME:
+            elif least > LONG_SHARE:
                 warnings.append(f"theta_hat_{i} sits on its projection bounds, {share_text(least, most)} of the time")
-    if sphere is not None and sphere > MOST_OF_THE_TIME:
+    if sphere is not None and sphere > LONG_SHARE:
         warnings.append(f"the estimates sit on the surface of the known set at {100 * sphere:.0f} % of the recorded instants")
     if found is not None and found.fading < UNEXCITED:
         warnings.append(f"the regressor has died out: in the tail its mean square is {found.fading:.1g} of its largest")
@@ -198,7 +198,7 @@ def _warnings(path: Array, error: float, bounds: OnBounds | None, sphere: float 
             f"in the tail the regressor does not excite every direction (scaled level {found.conditioning:.1g}): "
             "there the estimates need not converge to the true values"
         )
-    elif found is not None and found.sampling > COARSE:
+    elif found is not None and found.sampling > COARSE_SAMPLING:
         warnings.append(
             "the record is coarse for the regressor, and the excitation level uncertain: give more simulation.record_points"
         )

@@ -8,7 +8,7 @@ import numpy as np
 
 from barbalat.validate import Array
 
-WINDOWS = 40
+WINDOWS_OF_A_RUN = 40
 """Windows that are laid over a run, overlapping."""
 
 
@@ -37,7 +37,7 @@ def excitation(t: Array, phi: Array) -> Excitation | None:
     if phi.shape[1] == 0 or len(t) < 16 or not np.isfinite(phi).all():
         return None
     window = float(t[-1] - t[0]) / 4
-    starts = np.linspace(t[0], t[-1] - window, WINDOWS)
+    starts = np.linspace(t[0], t[-1] - window, WINDOWS_OF_A_RUN)
     spans = [slice(*np.searchsorted(t, (start - 1e-9 * window, start + window * (1 + 1e-9)))) for start in starts]
     grams = [_gram(t[span], phi[span]) for span in spans]
     last = spans[-1]

@@ -8,6 +8,7 @@ so that H (1 - C) has m N_g (D_c - N_c) over the same denominator.
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -17,8 +18,16 @@ from barbalat.certificates.cells import advice, estimate, limits_text, margins_c
 from barbalat.certificates.certificate import Certificate, Draft
 from barbalat.certificates.entry import Assumption, Entry
 from barbalat.certificates.linear_loops.margin_values import add_margins, finite, margins_of
+from barbalat.certificates.quantities import Form, Quantity
 from barbalat.certificates.rounding import up
-from barbalat.certificates.schemes.output_feedback import LINEAR_LOOP, add_bounds, cells_of_linear_loop
+from barbalat.certificates.schemes.output_feedback import (
+    LINEAR_LOOP,
+    OF_LINEAR_LOOPS,
+    SMALL_GAIN,
+    add_bounds,
+    add_linear_loop,
+    cells_of_linear_loop,
+)
 from barbalat.controllers.output.l1 import L1Output, LinearEquivalent, fast_limit, linear_equivalent
 from barbalat.linear.enclosure import OUTWARD, Enclosure
 from barbalat.linear.l1_norms import l1_norm
@@ -29,6 +38,14 @@ from barbalat.solvers import Tableau
 from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array, InputError
 
+OWN_QUANTITIES = OF_LINEAR_LOOPS | {
+    "sigma_needed": Quantity("bound of |sigma| while the projection does not act"),
+    "linear_equivalent": Quantity(
+        "u = feedforward[r] - feedback[y] while sigma is inside its bounds", form=Form.TRANSFER_FUNCTIONS
+    ),
+    "linear_equivalent_limit": Quantity("the same for gamma -> infinity", form=Form.TRANSFER_FUNCTIONS),
+    "delay_margin_limit": Quantity("the same for gamma -> infinity", "s"),
+}
 LIMITS_TOLERANCE = 1e-9
 """Relative width of the limits of gain and step: far below what an estimate is worth."""
 
@@ -52,9 +69,9 @@ def condition_norm(controller: L1Output, G: TransferFunction) -> Enclosure:
 
 def certificate(problem: OutputProblem, controller: L1Output, simulation: Simulation) -> Certificate:
     """Condition (20), the bounds of y and e, the linear controller that this scheme is, its margins."""
-    plant, draft = problem.plant.transfer_function, Draft()
+    plant, draft = problem.plant.transfer_function, Draft(own=OWN_QUANTITIES)
     G = plant if controller.design_plant is None else controller.design_plant
-    add_bounds(draft, problem, controller, simulation)
+    _add_bounds(draft, problem, controller, simulation)
     _add_condition(draft, controller, G, _lipschitz(draft, problem, controller))
     if not same_response(G, plant):
         draft.note("(20) is judged for the design plant, which is not the plant; the bounds and margins are of the plant")
@@ -73,6 +90,23 @@ def certificate(problem: OutputProblem, controller: L1Output, simulation: Simula
         "integrator at the bounds: anti-windup"
     )
     return draft.finish()
+
+
+def _add_bounds(draft: Draft, problem: OutputProblem, controller: L1Output, simulation: Simulation) -> None:
+    """Bounds of y, e and sigma, of the linear controller that this is while sigma is inside its bounds."""
+    found, limit = add_linear_loop(draft, problem, replace(controller, sigma_bound=None), simulation), controller.sigma_bound
+    if found is None:
+        return
+    if limit is not None and found.sigma > limit:
+        why = (
+            f"inside its bounds sigma may need {found.sigma:.6g}, more than sigma_bound = {limit:g}, and what holds when the "
+            "projection acts is not known"
+        )
+        for key in ("sigma_needed", "output_bound", "error_bound"):
+            draft.missing(key, why)
+        return
+    draft.guarantee("sigma_needed", found.sigma, *SMALL_GAIN)
+    add_bounds(draft, problem, found)
 
 
 def _lipschitz(draft: Draft, problem: OutputProblem, controller: L1Output) -> float | None:

@@ -6,7 +6,13 @@ from barbalat.certificates.cells import advice, estimate, margins_cell
 from barbalat.certificates.certificate import Certificate, Draft
 from barbalat.certificates.entry import Entry
 from barbalat.certificates.linear_loops.margin_values import add_margins
-from barbalat.certificates.schemes.output_feedback import LINEAR_LOOP, add_bounds, cells_of_linear_loop
+from barbalat.certificates.schemes.output_feedback import (
+    LINEAR_LOOP,
+    OF_LINEAR_LOOPS,
+    add_bounds,
+    add_linear_loop,
+    cells_of_linear_loop,
+)
 from barbalat.controllers.output.linear import LinearOutput
 from barbalat.problem.output_feedback import OutputProblem
 from barbalat.solvers.simulation import Simulation
@@ -14,8 +20,10 @@ from barbalat.solvers.simulation import Simulation
 
 def certificate(problem: OutputProblem, controller: LinearOutput, simulation: Simulation) -> Certificate:
     """The bounds of y and e, and the margins of the loop."""
-    draft = Draft()
-    add_bounds(draft, problem, controller, simulation)
+    draft = Draft(own=OF_LINEAR_LOOPS)
+    found = add_linear_loop(draft, problem, controller, simulation)
+    if found is not None:
+        add_bounds(draft, problem, found)
     loop = (controller.loop * problem.plant.transfer_function).realise()
     add_margins(draft, problem, loop, "itself", LINEAR_LOOP)
     return draft.finish()

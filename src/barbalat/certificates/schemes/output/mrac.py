@@ -2,24 +2,33 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from barbalat.adaptation.guarantee import Estimates, Guarantee
-from barbalat.adaptation.output_lyapunov import LyapunovLaw
+from barbalat.adaptation.law import FreezableLaw, OutputErrorLaw
 from barbalat.certificates.assumptions import bounded_command, exact_plant, measured, undisturbed
 from barbalat.certificates.bounds import laws
 from barbalat.certificates.cells import estimate, limits_text, margins_cell, nothing, statement
 from barbalat.certificates.certificate import Certificate, Draft
 from barbalat.certificates.entry import Assumption, Entry
 from barbalat.certificates.linear_loops.margin_values import add_margins
-from barbalat.certificates.schemes.output_feedback import LINEAR_LOOP, REST
+from barbalat.certificates.quantities import Quantity
+from barbalat.certificates.schemes import midpoint
+from barbalat.certificates.schemes.output_feedback import LINEAR_LOOP, START_AT_REST
 from barbalat.certificates.step_limits import output_mrac
+from barbalat.controllers import Sampled
 from barbalat.controllers.output.matching import filter_polynomial, matching_parameters
 from barbalat.controllers.output.mrac import MracOutput
 from barbalat.linear.systems import TransferFunction
 from barbalat.problem.output_feedback import OutputProblem
 from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array
+
+OWN_QUANTITIES = {
+    "theta_star": Quantity("parameters with which the plant is the model"),
+}
 
 
 def matched_feedback(theta: Array, Lambda: Array) -> TransferFunction:
@@ -41,7 +50,7 @@ def _unmodelled(plant: TransferFunction, controller: MracOutput) -> list[str]:
         found.append(f"the plant has a zero with real part {plant.zeros.real.max():.6g}")
     if plant.is_stable and np.sign(plant.dc_gain) == -controller.sign:
         found.append(f"the plant's gain at zero frequency is {plant.dc_gain:.6g}, against sign = {controller.sign}")
-    if isinstance(law, LyapunovLaw) and law.leakage is None and law.dead_zone is None:
+    if isinstance(law, FreezableLaw) and law.drifts:
         found.append("the unnormalised law without a modification is not robust: the estimates may drift to a burst")
     return found
 
@@ -50,7 +59,7 @@ def certificate(problem: OutputProblem, controller: MracOutput, simulation: Simu
     """theta*, the margins there, the limits of gain and step; no number bounds the error of these schemes."""
     controller.bind(problem.known)  # refuses what contradicts the assumptions
     plant, W_m = problem.plant.transfer_function, problem.reference_model.transfer_function
-    draft, n = Draft(), controller.order
+    draft, n = Draft(own=OWN_QUANTITIES), controller.order
     draft.missing("error_bound", "no number bounds e of these schemes")
     if len(plant.poles) <= n:
         Lambda = filter_polynomial(n, W_m, controller.filter_poles)
@@ -68,6 +77,12 @@ def certificate(problem: OutputProblem, controller: MracOutput, simulation: Simu
     return draft.finish()
 
 
+def midpoint_form(problem: OutputProblem, sampled: Sampled) -> midpoint.MidpointForm:
+    """The law's own implicit step keeps its V."""
+    scheme: Any = sampled.controller
+    return midpoint.of_law(scheme.law, scheme.bind(problem.known).box)
+
+
 def rests_on(problem: OutputProblem, controller: MracOutput) -> tuple[Assumption, ...]:
     """What the guarantees of these schemes rest on, checked on the case."""
     n, n_star, order = controller.order, controller.relative_degree, len(problem.plant.transfer_function.poles)
@@ -83,13 +98,12 @@ def rests_on(problem: OutputProblem, controller: MracOutput) -> tuple[Assumption
         undisturbed(problem),
         measured(problem),
         bounded_command(problem),
-        REST,
+        START_AT_REST,
     )
 
 
 def column(problem: OutputProblem, controller: MracOutput, certificate: Certificate) -> tuple[str, dict[str, Entry]]:
     """The scheme's name in Table 1 and its cells."""
-    lyapunov = isinstance(controller.law, LyapunovLaw)
     found = laws.guarantee_of(controller.law, controller.bind(problem.known).box)
     theta = _theta_star(problem, controller)
     rest = (*rests_on(problem, controller), laws.bounds_the_parameters(found, theta))
@@ -102,7 +116,7 @@ def column(problem: OutputProblem, controller: MracOutput, certificate: Certific
     def claimed(key: str, text: str, holds: bool) -> Entry:
         return statement(key, text, *rest) if holds else nothing(key, laws.kept_from_zero(found))
 
-    return "MRAC with output feedback, " + ("unnormalised Lyapunov law" if lyapunov else "normalised law"), {
+    return "MRAC with output feedback, " + ("unnormalised Lyapunov law" if controller.unnormalized else "normalised law"), {
         "stability": claimed("stability", "for every bounded r", found.bounded),
         "tracking": claimed("tracking", "converges to zero for every bounded r", found.error_to_zero),
         "transient": nothing("transient", "no bound")
@@ -125,8 +139,10 @@ def _theta_star(problem: OutputProblem, controller: MracOutput) -> Array | None:
 
 def _robustness(problem: OutputProblem, controller: MracOutput, found: Guarantee) -> Entry:
     law = controller.law
-    if isinstance(law, LyapunovLaw):
-        if law.leakage is None and law.dead_zone is None:
+    if isinstance(law, OutputErrorLaw):
+        if not isinstance(law, FreezableLaw):
+            return nothing("modelling_error", f"nothing is known of {type(law).__name__}")
+        if law.drifts:
             return nothing("modelling_error", "not robust: the estimates may drift until the loop bursts (Rohrs)")
         why = "the estimates stay bounded; that all signals do is known from a limited set of initial states only"
         return nothing("modelling_error", why)

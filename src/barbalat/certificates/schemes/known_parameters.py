@@ -1,0 +1,36 @@
+"""The certificate of the controller that knows the parameters: where they are the plant's, the plant is the reference model."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from barbalat.certificates.assumptions import nominal
+from barbalat.certificates.cells import advice, estimate, margins_cell, statement
+from barbalat.certificates.certificate import Certificate, Draft
+from barbalat.certificates.entry import Assumption, Entry
+from barbalat.certificates.schemes.stranger import add_linearised
+from barbalat.controllers import KnownParameters
+from barbalat.problem.state_feedback import Problem
+from barbalat.solvers.simulation import Simulation
+
+
+def certificate(problem: Problem, controller: KnownParameters, simulation: Simulation) -> Certificate:
+    """Margins and the step's limit, by exact linearisation."""
+    draft = Draft()
+    add_linearised(draft, problem, controller, simulation)
+    return draft.finish()
+
+
+def column(problem: Problem, controller: KnownParameters, certificate: Certificate) -> tuple[str, dict[str, Entry]]:
+    """The scheme's name in Table 1 and its cells."""
+    given = "" if np.array_equal(controller.theta, problem.parameters) else "other parameters than the plant's"
+    rests_on = (*nominal(problem), Assumption("the parameters are the plant's", given))
+    return "known parameters, u = k_0 r - theta'phi(x)", {
+        "stability": statement("stability", "for every bounded r", *rests_on),
+        "tracking": statement("tracking", "x is x_m", *rests_on),
+        "transient": statement("transient", "e is zero at all times", *rests_on),
+        "estimates": advice("estimates", "it estimates nothing"),
+        "modelling_error": estimate("modelling_error", "see the margins"),
+        "tuning": advice("tuning", "no adaptive gain"),
+        "margins": margins_cell(certificate),
+    }
