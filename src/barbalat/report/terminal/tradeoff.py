@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from barbalat.report import tradeoff
-from barbalat.report.terminal.layout import Screen
+from barbalat.report.terminal.layout import Screen, held
 from barbalat.study.tradeoff import TradeOff
 
 
@@ -20,6 +20,8 @@ def show(screen: Screen, found: TradeOff) -> None:
     head, parts = tradeoff.orders(found, "plant")
     screen.title(head, "")
     for part in parts:
+        for scheme in schemes:
+            part = part.replace(scheme, held(scheme))  # noqa: PLW2901
         screen.line(part, indent="    ", start="  ")
     for sentence in found.notes:
         screen.line(f"Note: {sentence}.", "yellow", "  ")
