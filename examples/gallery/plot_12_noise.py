@@ -1,0 +1,14 @@
+"""
+Measurement noise
+=================
+
+The same noise, with the same seed, for two schemes: what reaches the control.
+"""
+
+from dataclasses import replace
+
+from barbalat import *
+
+problem = replace(load_case("paper").problem, sensor=Sensor(noise=Noise(std=0.5, sample_time=0.01, seed=3)))
+controllers = [Mrac(gamma=1), L1Adaptive(gamma=100, filter=input_filter(kappa=0.02))]
+plot(simulate(problem, controllers, Simulation(t_end=20, dt=1e-3)))

@@ -1,0 +1,12 @@
+"""
+An unknown effectiveness of the input
+=====================================
+
+The elevator of an F-16 has 70 % of its effectiveness, an actuator, and limits of deflection and rate. The gain is the
+last estimate.
+"""
+
+from barbalat import *
+
+case = load_case("f16-short-period")
+plot(simulate(case.problem, case.controllers[:1], Simulation(t_end=60, dt=1e-3)))

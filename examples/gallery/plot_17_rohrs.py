@@ -1,0 +1,13 @@
+"""
+Rohrs' counterexample
+=====================
+
+A first-order controller on a plant with unmodelled dynamics: the classical law drifts and bursts, with a leakage it
+stays bounded.
+"""
+
+from barbalat import *
+
+case = load_case("rohrs")
+chosen = [controller for controller in case.controllers if controller.name in ("Classical", "Sigma-modification")]
+plot(simulate(case.problem, chosen, case.simulation))

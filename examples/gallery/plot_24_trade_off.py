@@ -1,0 +1,13 @@
+"""
+All tunings at once
+===================
+
+Tracking error against the delay borne, for the tunings of three schemes on one plant. A scheme's front is what no other
+tuning of it beats.
+"""
+
+from barbalat import *
+
+case = load_case("third-order")
+found = trade_off(case.problem, Simulation(t_end=30, dt=2e-3), density=3, plants=1)
+found.plot()

@@ -1,0 +1,15 @@
+"""
+Whose oscillation is it?
+========================
+
+A run that left its solver's region of stability is repeated at a finer step, and the sentence says whether the
+oscillation was the solver's or the loop's.
+"""
+
+from barbalat import *
+
+problem = load_case("paper").problem
+results = check_numerics(simulate(problem, [Mrac(gamma=1e5)], Simulation(t_end=10, dt=1e-3)))
+print(results["MRAC"].check.sentence)
+finer = simulate(problem, [Mrac(gamma=1e5, name="MRAC at a tenth of the step")], Simulation(t_end=10, dt=1e-4))
+plot([*results.values(), *finer.values()])

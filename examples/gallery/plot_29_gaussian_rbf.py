@@ -1,0 +1,23 @@
+"""
+Radial basis functions
+======================
+
+An uncertainty that nobody has a formula for: nine Gaussian functions over the state stand in for it.
+"""
+
+import numpy as np
+
+from barbalat import *
+
+centers = [[a, b] for a in (-1.0, 0.0, 1.0) for b in (-1.0, 0.0, 1.0)]
+problem = Problem(
+    plant=Plant(
+        A_m=[[0, 1], [-1, -1.4]],
+        b=[0, 1],
+        theta=np.random.default_rng(0).normal(size=9),
+        regressor=GaussianRBF(centers=centers, width=0.8),
+    ),
+    reference_model=ReferenceModel(k_0=1),
+    reference=Sine(amplitude=1, frequency=0.7),
+)
+plot(simulate(problem, [Mrac(gamma=50)], Simulation(t_end=60, dt=1e-3)))
