@@ -47,7 +47,7 @@ def test_a_polynomial_of_its_degree_is_integrated_exactly(solver):
 
 
 def test_the_limit_acts_on_every_stage(solver):
-    """Each value that the derivative is asked at, and the result, has passed the limit: equations.md, section 2."""
+    """Each value that the derivative is asked at, and the result, has passed the limit: docs/equations.md, section 2."""
     asked = []
 
     def derivative(y, _):

@@ -1,4 +1,4 @@
-"""Eqs (13)-(16): the swapping identity of equations.md, section 5, the sign of W_c0, and the scheme written out a second time."""
+"""Eqs (13)-(16): the swapping identity (docs/equations.md, section 5), the sign of W_c0, the scheme written out a second time."""
 
 from __future__ import annotations
 

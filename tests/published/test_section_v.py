@@ -29,7 +29,7 @@ def figures(result):
 
 
 def h_omega(problem, result):
-    """h sqrt(Gamma max|x|^2 b'Pb): the adaptation's oscillation per step (equations.md, section 8)."""
+    """h sqrt(Gamma max|x|^2 b'Pb): the adaptation's oscillation per step (docs/equations.md, section 8)."""
     b = problem.plant.b
     largest = (result.x**2).sum(axis=1).max()
     return result.simulation.dt * np.sqrt(result.controller.gamma * largest * (b @ problem.known.P @ b))
