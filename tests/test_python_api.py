@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 import scipy.io
 import scipy.signal
+from matplotlib.testing.compare import compare_images
 
 import barbalat
 from barbalat import InputError, StateSpace, TransferFunction, certify, l1_norm, margins
@@ -20,14 +21,16 @@ from independent import refusal
 README = Path(__file__).parents[1].joinpath("README.md").read_text(encoding="utf-8")
 
 
-def test_the_examples_of_the_readme_run(capsys, tmp_path, monkeypatch):
+def test_the_examples_of_the_readme_run_and_make_its_picture(capsys, tmp_path, monkeypatch):
+    root = Path(__file__).parents[1]
+    assert len(README.splitlines()) < 100
     blocks = re.findall(r"```python\n(.*?)```", README, re.DOTALL)
-    assert len(blocks) >= 3
+    assert len(blocks) >= 2
     monkeypatch.chdir(tmp_path)
     exec("\n".join(blocks), {})
-    assert (tmp_path / "comparison.png").stat().st_size > 10_000
-    shown = capsys.readouterr().out
-    assert "'holds': True" in shown and "Margins(gain_up=" in shown
+    assert "'holds': True" in capsys.readouterr().out
+    # The runs differ by their roundings from machine to machine: by less than a pixel's width, 2 of 255 in the mean square.
+    assert compare_images(str(root / "docs" / "first.png"), str(tmp_path / "first.png"), tol=2) is None
 
 
 @pytest.mark.full
