@@ -66,6 +66,7 @@ from .run.result import Result as Result
 from .run.simulate import simulate as simulate
 from .signals import Chirp as Chirp
 from .signals import Constant as Constant
+from .signals import MatFile as MatFile
 from .signals import Recorded as Recorded
 from .signals import Sine as Sine
 from .signals import Sines as Sines
