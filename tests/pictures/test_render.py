@@ -1,15 +1,17 @@
 """Files of figures: the same bytes for the same input, small, and with colours for a dark ground."""
 
+import io
 import re
 import xml.etree.ElementTree as ET
 
 import numpy as np
 from matplotlib import rc_context
 from matplotlib.colors import to_rgb
+from PIL import Image
 
 from barbalat.pictures.panels import Panel, Series, draw, text_of
 from barbalat.pictures.render import on_dark, render
-from barbalat.pictures.theme import COLOURS, DARK_GROUND, DARK_INK, GROUND, INK, ON_DARK, QUIET
+from barbalat.pictures.theme import COLOURS, DARK_GROUND, DARK_INK, GROUND, INK, ON_DARK, QUIET, new_figure
 
 
 def figure(**more):
@@ -49,6 +51,12 @@ def test_an_svg_is_the_same_twice_small_and_adapts():
     assert f'[id^="text_"] {{ fill: {DARK_INK} }}' in text  # black text has no colour of its own
     for colour in set(re.findall(r"stroke: (#[0-9a-f]{6})", text.partition("</style>")[2])):
         assert f'stroke: {colour}"]' in text
+
+
+def test_a_png_of_any_height_holds_the_whole_pixels_in_it():
+    for height in (7.73, 7.736, 7.739, 7.742):  # 850.3, 850.96, 851.29 and 851.62 pixels
+        one = new_figure(2.0, height, shown=False)
+        assert Image.open(io.BytesIO(render(one, "png"))).size == (220, int(height * 110))
 
 
 def test_the_envelope_is_explained_where_there_is_one_only():

@@ -29,8 +29,8 @@ def render(figure: Figure, kind: str) -> bytes:
                 figure.savefig(buffer, format="svg", metadata={"Date": None})
             return adaptive(buffer.getvalue().decode()).encode()
         figure.savefig(buffer, format="rgba", dpi=PIXELS_PER_INCH)
-    size = (round(figure.get_figwidth() * PIXELS_PER_INCH), round(figure.get_figheight() * PIXELS_PER_INCH))
-    return _png(buffer.getvalue(), size)
+    width, height = (int(side * PIXELS_PER_INCH) for side in figure.get_size_inches())  # whole pixels, as Matplotlib has it
+    return _png(buffer.getvalue(), (width, height))
 
 
 def _png(pixels: bytes, size: tuple[int, int]) -> bytes:
