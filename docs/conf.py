@@ -41,6 +41,7 @@ myst_links_external_new_tab = False
 nb_execution_in_temp = True  # what a cell writes does not land among the pages
 nb_execution_mode = "force"  # nothing is taken from an earlier build
 nb_execution_raise_on_error = True
+nb_execution_show_tb = True
 nb_execution_timeout = 180  # s; a cell takes a few, on a shared machine ten times that
 nb_output_stderr = "error"
 nb_merge_streams = True
