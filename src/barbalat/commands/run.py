@@ -28,9 +28,7 @@ def add(commands: Commands) -> None:
         help="where pictures, page, JSON and trajectories go; default: barbalat-run, none with --json",
     )
     parser.add_argument("--json", action="store_true", help="one JSON document on standard output")
-    parser.add_argument(
-        "--full-record", action="store_true", help="every recorded instant in the CSVs; default: about 1000"
-    )
+    parser.add_argument("--full-record", action="store_true", help="every recorded instant in the CSVs; default: about 1000")
     parser.add_argument("--no-plots", action="store_true", help="no pictures and no page")
     parser.set_defaults(execute=execute)
 
