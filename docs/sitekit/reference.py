@@ -68,8 +68,9 @@ def as_rst(*given: object) -> None:
         if listed and line.startswith("  "):
             found.append(f"   {_plain(line.strip())}")
             continue
-        if bool(field) != listed:
-            found.append("")  # a list begins or ends
+        formula = line.startswith("    ")
+        if bool(field) != listed or (found and formula != found[-1].startswith("    ")):
+            found.append("")  # a list, or a formula on a line of its own, begins or ends
         listed = bool(field)
         if field:
             names = ", ".join(f"``{name}``" for name in field["names"].split(", "))
