@@ -7,7 +7,7 @@ import re
 import numpy as np
 from mixtures import SIMULATION
 
-from barbalat import NormalizedMrac, RobustMrac, Sampled
+from barbalat import KnownParameters, NormalizedMrac, RobustMrac, Sampled
 from barbalat.certificates.bounds.slopes import steepest_seen
 from barbalat.certificates.cells import Column
 from barbalat.certificates.certificate import Certificate
@@ -26,6 +26,10 @@ ROUNDING = 1 + 1e-6
 """What RK4 leaves of a quantity that never grows, at these steps."""
 RUNAWAY_FACTOR = 5.0
 """By which the last quarter's error exceeds all before it in a loop that runs away: its rate is then above 0.3/s."""
+
+
+SOLVED = 1e-6
+"""Of the model's motion: what a solver's error may leave where e is zero."""
 
 
 def judged(problem, controller, simulation=SIMULATION) -> tuple[Certificate, Column]:
@@ -48,6 +52,8 @@ def exceeded(certificate: Certificate, column: Column, run: Result) -> list[str]
     seen = {"stability": runs_away(run), "tracking": runs_away(run)}
     seen["estimates"] = "estimates" in rows and estimates_grow(run, column.cells["estimates"].text)
     found = [row for row, false in seen.items() if row in rows and false]
+    if "transient" in rows and isinstance(run.controller, KnownParameters) and not largest_error(run) <= SOLVED:
+        found.append("transient")
     e = np.inf if run.diverged_at is not None else max(run.figures["max_abs_e"])
     found += [key for key in ("error_bound", "error_bound_worst") if key in claimed and not e <= claimed[key]]
     if "bounds" in claimed:
@@ -61,6 +67,11 @@ def exceeded(certificate: Certificate, column: Column, run: Result) -> list[str]
     if "sigma_needed" in claimed and not np.abs(run.theta_hat).max() <= claimed["sigma_needed"]:
         found.append("sigma_needed")
     return found
+
+
+def largest_error(run: Result) -> float:
+    """Of its largest |x_m|."""
+    return np.inf if run.diverged_at is not None else max(run.figures["max_abs_e"]) / max(np.abs(run.x_m).max(), 1e-9)
 
 
 def runs_away(run: Result) -> bool:

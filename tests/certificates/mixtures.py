@@ -34,7 +34,7 @@ from barbalat.adaptation.modifications.epsilon_modification import EpsilonModifi
 from barbalat.adaptation.modifications.fixed_sigma import FixedSigma
 from barbalat.adaptation.modifications.switching_sigma import SwitchingSigma
 from barbalat.adaptation.normalization import Normalization
-from barbalat.controllers import MracClosedLoop
+from barbalat.controllers import KnownParameters, MracClosedLoop
 from barbalat.controllers.windup import ModifiedError
 from barbalat.loop.binding import bound
 from barbalat.problem.measurement import Noise, Sensor
@@ -196,6 +196,7 @@ def state_controllers(random: np.random.Generator, problem: Problem) -> list[Con
             tau=random.choice([0.2, 2.0]), law=parametric_law(random), normalization=normalization(random), projection=projection
         ),
         lambda: LinearFeedback(controller=TF([20.0, 20.0], [1.0, 0.0]), nominal=np.zeros(n)),
+        lambda: KnownParameters(theta=problem.plant.theta),
     ]
     return fitting(random, problem, made)
 

@@ -112,7 +112,6 @@ def _short(value: Any) -> str:
     return "-" if value is None else f"{value:.4g}" if isinstance(value, float) else str(value)
 
 
-NUMBERS_ALONE = Assumption("it follows from the case's numbers alone")
 NO_VALUE: dict[Kind, str] = {"exact": "unlimited: nothing exhausts it", "estimate": "none is known", "advice": "none"}
 """Why there is no value, by kind."""
 
@@ -151,8 +150,10 @@ class Draft:
             self.notes.append(sentence)
 
     def guarantee(self, key: str, value: Any, *assumptions: Assumption) -> None:
-        """A bound; it becomes one that does not apply where this case breaks an assumption."""
-        self.entries[key] = checked(key, value, assumptions or (NUMBERS_ALONE,), self._quantity(key))
+        """A bound; it becomes one that does not apply where this case breaks an assumption. ``NUMBERS_ALONE`` is one too."""
+        if not assumptions:
+            raise TypeError(f"{key} is guaranteed under no assumption: name those that it rests on")
+        self.entries[key] = checked(key, value, assumptions, self._quantity(key))
 
     def exact(self, values: dict[str, Any], of: str, *assumptions: str) -> None:
         """Values that are exact for the linear loop named."""

@@ -27,6 +27,9 @@ class Assumption:
     broken: str = ""
 
 
+NUMBERS_ALONE = Assumption("it follows from the case's numbers alone")
+
+
 @dataclass(frozen=True)
 class NotApplicable:
     """What a function gives in the place of a result that this case does not have, and why, as part of a sentence."""
@@ -36,13 +39,17 @@ class NotApplicable:
 
 @dataclass(frozen=True, kw_only=True)
 class Entry:
-    """A value by its key; ``value`` is ready for JSON, and None where there is none."""
+    """A value by its key; ``value`` is ready for JSON, and None where there is none.
+
+    assumptions  what it rests on, as sentences; ``rests_on`` are those of a guarantee, which were checked on the case
+    """
 
     key: str
     value: Any
     kind: Kind
     quantity: Quantity = field(default=Quantity(""), repr=False)
     assumptions: tuple[str, ...] = ()
+    rests_on: tuple[Assumption, ...] = field(default=(), repr=False)
     of: str = ""
     why: str = ""
 
@@ -90,4 +97,4 @@ def checked(key: str, value: Any, assumptions: tuple[Assumption, ...], quantity:
     sentences = tuple(assumption.sentence for assumption in assumptions)
     why = ", ".join(dict.fromkeys(assumption.broken for assumption in assumptions if assumption.broken))
     kind: Kind = "does not apply" if why else "guaranteed"
-    return Entry(key=key, value=value, kind=kind, quantity=quantity, assumptions=sentences, why=why)
+    return Entry(key=key, value=value, kind=kind, quantity=quantity, assumptions=sentences, rests_on=assumptions, why=why)

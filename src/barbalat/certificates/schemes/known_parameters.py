@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from barbalat.certificates.assumptions import nominal
 from barbalat.certificates.cells import advice, estimate, margins_cell, statement
 from barbalat.certificates.certificate import Certificate, Draft
 from barbalat.certificates.entry import Assumption, Entry
+from barbalat.certificates.schemes.state_feedback import of_the_case
 from barbalat.certificates.schemes.stranger import add_linearised
 from barbalat.controllers import KnownParameters
 from barbalat.problem.state_feedback import Problem
@@ -24,7 +24,7 @@ def certificate(problem: Problem, controller: KnownParameters, simulation: Simul
 def column(problem: Problem, controller: KnownParameters, certificate: Certificate) -> tuple[str, dict[str, Entry]]:
     """The scheme's name in Table 1 and its cells."""
     given = "" if np.array_equal(controller.theta, problem.parameters) else "other parameters than the plant's"
-    rests_on = (*nominal(problem), Assumption("the parameters are the plant's", given))
+    rests_on = (*of_the_case(problem, None, 0.0), Assumption("the parameters are the plant's", given))
     return "known parameters, u = k_0 r - theta'phi(x)", {
         "stability": statement("stability", "for every bounded r", *rests_on),
         "tracking": statement("tracking", "x is x_m", *rests_on),

@@ -13,7 +13,7 @@ from barbalat.certificates.bounds import l1_reference, laws, theorem_1
 from barbalat.certificates.bounds.model import ModelBounds, model_bounds
 from barbalat.certificates.cells import estimate, limits_text, margins_cell, nothing, statement
 from barbalat.certificates.certificate import Certificate, Draft
-from barbalat.certificates.entry import Assumption, Entry
+from barbalat.certificates.entry import NUMBERS_ALONE, Assumption, Entry
 from barbalat.certificates.linear_loops import over_known_set
 from barbalat.certificates.linear_loops.ideal import fast_adaptation
 from barbalat.certificates.linear_loops.margin_values import add_adapting_margins, add_margins, finite
@@ -122,10 +122,10 @@ def add_condition(draft: Draft, problem: Problem, C: StateSpace) -> tuple[theore
     """||W_b (1 - C)||_1 theta_max < 1 with the filters that would satisfy it, and ||s W_b||_1."""
     known, theta_max = problem.known, draft["theta_max"]
     found, slope = theorem_1.filter_condition(known, C, theta_max), theorem_1.derivative_norm(known)
-    draft.guarantee("norms", {"W_b(1-C)": found.norm.ends, "sW_b": slope.ends})
-    draft.guarantee("condition", {"value_upper": found.value_upper, "limit": 1.0, "holds": found.holds})
-    draft.guarantee("kappa_admissible", finite(theorem_1.kappa_admissible(known, theta_max)))
-    draft.guarantee("kappa_max", finite(theorem_1.kappa_max(slope, theta_max)))
+    draft.guarantee("norms", {"W_b(1-C)": found.norm.ends, "sW_b": slope.ends}, NUMBERS_ALONE)
+    draft.guarantee("condition", {"value_upper": found.value_upper, "limit": 1.0, "holds": found.holds}, NUMBERS_ALONE)
+    draft.guarantee("kappa_admissible", finite(theorem_1.kappa_admissible(known, theta_max)), NUMBERS_ALONE)
+    draft.guarantee("kappa_max", finite(theorem_1.kappa_max(slope, theta_max)), NUMBERS_ALONE)
     return found, slope
 
 

@@ -24,7 +24,7 @@ from barbalat.certificates.bounds import theorem_1
 from barbalat.certificates.bounds.model import ModelBounds, model_bounds
 from barbalat.certificates.cells import advice, estimate, margins_cell, nothing, statement
 from barbalat.certificates.certificate import Certificate, Draft
-from barbalat.certificates.entry import Assumption, Entry
+from barbalat.certificates.entry import NUMBERS_ALONE, Assumption, Entry
 from barbalat.certificates.linear_loops import over_known_set
 from barbalat.certificates.linear_loops.margin_values import add_margins
 from barbalat.certificates.linear_loops.robustness import robustness
@@ -80,10 +80,9 @@ def certificate(problem: Problem, controller: LinearFeedback, _: Simulation) -> 
         except InputError as error:
             draft.missing("error_bound", str(error))
         else:
-            draft.guarantee("norms", {"W_b S": condition.norm.ends})
-            draft.guarantee(
-                "condition", {"of": "W_b S", "value_upper": condition.value_upper, "limit": 1.0, "holds": condition.holds}
-            )
+            draft.guarantee("norms", {"W_b S": condition.norm.ends}, NUMBERS_ALONE)
+            found = {"of": "W_b S", "value_upper": condition.value_upper, "limit": 1.0, "holds": condition.holds}
+            draft.guarantee("condition", found, NUMBERS_ALONE)
             if condition.holds:
                 draft.guarantee("error_bound", error_bound, *rests_on(problem))
             else:

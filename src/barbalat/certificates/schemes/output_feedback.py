@@ -6,7 +6,7 @@ from barbalat.certificates.assumptions import constant_in_the_end
 from barbalat.certificates.bounds.output_loop import OutputBounds, output_bounds
 from barbalat.certificates.cells import nothing, statement
 from barbalat.certificates.certificate import Certificate, Draft
-from barbalat.certificates.entry import Assumption, Entry, NotApplicable
+from barbalat.certificates.entry import NUMBERS_ALONE, Assumption, Entry, NotApplicable
 from barbalat.certificates.quantities import Form, Quantity
 from barbalat.certificates.rounding import up
 from barbalat.problem.output_feedback import OutputProblem
@@ -41,7 +41,7 @@ def add_linear_loop(draft: Draft, problem: OutputProblem, controller: Controller
         for key in ("output_bound", "error_bound"):
             draft.missing(key, found.why)
         return None
-    draft.guarantee("norms", {"y/(d+f)": found.gain.ends})
+    draft.guarantee("norms", {"y/(d+f)": found.gain.ends}, NUMBERS_ALONE)
     draft.exact({"steady_error": dict(zip("rd", found.steady, strict=True))}, "without f")
     return found
 

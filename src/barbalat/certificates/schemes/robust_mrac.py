@@ -12,7 +12,7 @@ from barbalat.certificates.assumptions import BEYOND_ONE_LINEAR_INPUT, FROZEN_LA
 from barbalat.certificates.bounds import laws, theorem_1
 from barbalat.certificates.cells import NONLINEAR, estimate, limits_text, margins_cell, nothing, statement
 from barbalat.certificates.certificate import Certificate, Draft
-from barbalat.certificates.entry import Assumption, Entry
+from barbalat.certificates.entry import NUMBERS_ALONE, Assumption, Entry
 from barbalat.certificates.quantities import Quantity
 from barbalat.certificates.rounding import down
 from barbalat.certificates.schemes import midpoint
@@ -34,7 +34,7 @@ def certificate(problem: Problem, controller: RobustMrac | NormalizedMrac, simul
     """The initial parameter error, the limits of the step, the margins at rest; with an auxiliary input the limit of tau."""
     equations, draft = controller.bind(problem.known), Draft(own=OWN_QUANTITIES)
     error = theorem_1.initial_parameter_error(equations.theta_hat0, problem.plant.theta)
-    draft.guarantee("initial_parameter_error", error, *inside(problem, equations.box))
+    draft.guarantee("initial_parameter_error", error, *(inside(problem, equations.box) or (NUMBERS_ALONE,)))
     if beyond_the_paper(problem):
         draft.note(BEYOND_ONE_LINEAR_INPUT)
         draft.estimate(frozen_laws.of_parametric_model(problem, equations, simulation), FROZEN_LAW)

@@ -8,7 +8,7 @@ from dataclasses import replace
 from barbalat.certificates.assumptions import ACTS_CONTINUOUSLY, CONTINUOUS_ONLY
 from barbalat.certificates.cells import Column, statement
 from barbalat.certificates.certificate import Certificate, Draft
-from barbalat.certificates.entry import Assumption, Entry
+from barbalat.certificates.entry import Entry
 from barbalat.certificates.schemes import HeldFile, scheme_file
 from barbalat.certificates.schemes.midpoint import MidpointFile
 from barbalat.controllers import Sampled
@@ -91,7 +91,7 @@ def _estimates(problem: TrackingProblem, continuous: Entry, controller: Sampled,
     form = file.midpoint_form(problem, controller)
     rests_on = form.rests_on
     if continuous.kind == "guaranteed":
-        rests_on = tuple(Assumption(sentence) for sentence in continuous.assumptions)
+        rests_on = continuous.rests_on
     if rests_on is None:
         return otherwise
     more = "" if form.kept else ", and the leakage w no more than T w |theta|^2/2"

@@ -18,7 +18,7 @@ from barbalat.certificates.bounds.model import ModelBounds, state_bounds
 from barbalat.certificates.bounds.regressor import largest_square
 from barbalat.certificates.cells import nothing, statement
 from barbalat.certificates.certificate import Certificate, Draft
-from barbalat.certificates.entry import Assumption, Entry
+from barbalat.certificates.entry import NUMBERS_ALONE, Assumption, Entry
 from barbalat.certificates.linear_loops import over_known_set
 from barbalat.certificates.linear_loops.ideal import known_parameters
 from barbalat.certificates.linear_loops.margin_values import add_margins
@@ -95,7 +95,7 @@ def add_parameter_errors(draft: Draft, problem: Problem, equations: laws.Bound, 
     theta_hat0 = equations.theta_hat0
     known, known_set = closed or problem.known, problem.uncertainty
     error = theorem_1.initial_parameter_error(theta_hat0, problem.parameters)
-    draft.guarantee("nu_0", theorem_1.nu_0(error, known), *inside(problem, equations.box))
+    draft.guarantee("nu_0", theorem_1.nu_0(error, known), *(inside(problem, equations.box) or (NUMBERS_ALONE,)))
     if known_set is not None and problem.input_gain is None:
         worst = theorem_1.largest_parameter_error(theta_hat0, known_set)
         draft.guarantee("nu_0_worst", theorem_1.nu_0(worst, known), theta_in_the_set(problem))
@@ -106,7 +106,7 @@ def add_ingredients(draft: Draft, problem: Problem, box: KnownSet | None, model:
     values = theorem_1.ingredients(problem.known, box, model)
     draft.advise({"P": values.pop("P")})
     for key, value in values.items():
-        draft.guarantee(key, value)
+        draft.guarantee(key, value, NUMBERS_ALONE)
 
 
 def of_lyapunov_law_beyond(
@@ -120,7 +120,7 @@ def of_lyapunov_law_beyond(
     draft.note(BEYOND_ONE_LINEAR_INPUT)
     equations = controller.bind(problem.known)
     error = theorem_1.initial_parameter_error(equations.theta_hat0, problem.parameters)
-    draft.guarantee("nu_0", theorem_1.nu_0(error, problem.known), *inside(problem, equations.box))
+    draft.guarantee("nu_0", theorem_1.nu_0(error, problem.known), *(inside(problem, equations.box) or (NUMBERS_ALONE,)))
     void = laws.why_no_bound(controller, problem) or no_bound
     if void:
         draft.missing("error_bound", void)

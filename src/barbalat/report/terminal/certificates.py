@@ -158,7 +158,7 @@ def _assumed(certificate: Certificate) -> Line:
     if broken:
         return Line("assumed", f"fails on this case: {broken}", "does not apply")
     if not claimed:
-        return Line("assumed", "nothing, for nothing is guaranteed", "")
+        return Line("assumed", "nothing: no value here is guaranteed", "")
     kept = "one thing" if len(claimed) == 1 else f"{len(claimed)} things"
     return Line("assumed", f"{kept}, checked on this case: none fails", "guaranteed")
 

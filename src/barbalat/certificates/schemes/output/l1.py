@@ -16,7 +16,7 @@ import numpy as np
 from barbalat.certificates.bounds.slopes import steepest_seen
 from barbalat.certificates.cells import advice, estimate, limits_text, margins_cell
 from barbalat.certificates.certificate import Certificate, Draft
-from barbalat.certificates.entry import Assumption, Entry
+from barbalat.certificates.entry import NUMBERS_ALONE, Assumption, Entry
 from barbalat.certificates.linear_loops.margin_values import add_margins, finite, margins_of
 from barbalat.certificates.quantities import Form, Quantity
 from barbalat.certificates.rounding import up
@@ -139,7 +139,7 @@ def _add_condition(draft: Draft, controller: L1Output, G: TransferFunction, L: f
         draft.note(str(error))
         draft.estimate({"condition": {"value_upper": None, "holds": False} | named})
         return
-    draft.guarantee("norms", (draft.get("norms") or {}) | {"H(1-C)": norm.ends})
+    draft.guarantee("norms", (draft.get("norms") or {}) | {"H(1-C)": norm.ends}, NUMBERS_ALONE)
     if L is None:
         draft.missing("condition", "it can't be judged: the plant has f(t, y), and no lipschitz is given")
         return

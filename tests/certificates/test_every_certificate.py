@@ -1,0 +1,88 @@
+"""Every scheme's certificate, whichever it is: its keys have a meaning, Table 1 has all rows, and no run contradicts it."""
+
+from dataclasses import replace
+
+import pytest
+from contradictions import exceeded, judged
+
+from barbalat import (
+    KnownParameters,
+    Mrac,
+    OutputPlant,
+    OutputProblem,
+    OutputReferenceModel,
+    Problem,
+    Sampled,
+    Sine,
+    TransferFunction,
+    simulate,
+)
+from barbalat.certificates.cells import PROPERTIES
+from barbalat.certificates.certificate import Draft
+from barbalat.controllers import SCHEMES
+from barbalat.controllers.output import OUTPUT_SCHEMES
+from barbalat.loop.binding import bound
+from barbalat.problem.regressors import Terms
+from barbalat.report.certificates import rows
+from barbalat.solvers.simulation import Simulation
+from barbalat.validate import InputError
+from independent import example_controllers, example_output_controllers
+
+SIMULATION = Simulation(t_end=5.0, dt=1e-3)
+
+
+def certificates_of(problem, controllers):
+    """Each controller's certificate and column, continuous and in the sampled forms that it has, with a run."""
+    forms = [None, "midpoint", "euler"]
+    for controller, form in ((controller, form) for controller in controllers for form in forms):
+        given = controller if form is None else Sampled(controller=controller, sample_time=0.01, discretization=form)
+        try:
+            bound(problem, given)
+        except InputError:
+            assert form is not None
+            continue
+        (run,) = simulate(problem, [given], SIMULATION).values()
+        yield *judged(problem, given, SIMULATION), run
+
+
+def check(problem, controllers):
+    for certificate, column, run in certificates_of(problem, controllers):
+        assert list(column.cells) == list(PROPERTIES), f"{column.name}: Table 1 has these rows, in this order"
+        for entry in certificate.entries:
+            assert entry.meaning, f"{column.name}: {entry.key} has no meaning"
+            assert entry.assumptions or entry.kind != "guaranteed", f"{column.name}: {entry.key} rests on nothing"
+            assert [one.sentence for one in entry.rests_on] == list(entry.assumptions) or entry.kind != "guaranteed"
+        assert rows(certificate) or not certificate.entries
+        assert exceeded(certificate, column, run) == []
+
+
+@pytest.mark.parametrize("scheme", SCHEMES)
+def test_a_scheme_for_measured_states(scheme, problems):
+    check(problems[2], example_controllers(2)[scheme])
+
+
+@pytest.mark.parametrize("scheme", OUTPUT_SCHEMES)
+def test_a_scheme_for_a_measured_output(scheme):
+    problem = OutputProblem(
+        plant=OutputPlant(transfer_function=TransferFunction([2.0, 3.0], [1.0, 1.0, -0.5])),
+        reference_model=OutputReferenceModel(transfer_function=TransferFunction([2.0], [1.0, 2.0])),
+        reference=Sine(1.0, 1.0),
+    )
+    check(problem, example_output_controllers(2)[scheme])
+
+
+def test_a_bound_rests_on_something():
+    with pytest.raises(TypeError, match="error_bound is guaranteed under no assumption"):
+        Draft().guarantee("error_bound", 1.0)
+
+
+@pytest.mark.parametrize("formula", ["1/x1", "sqrt(x1)"])
+def test_nothing_is_known_where_the_regressor_is_no_number(formula, problems):
+    """From x = 0 on 1/x1 has no value: no scheme's loop has a solution then, not even with the parameters known."""
+    given = problems[1]
+    plant = replace(given.plant, theta=[1.0], regressor=Terms(terms=[formula]), x0=[0.0])
+    problem = Problem(plant=plant, reference_model=given.reference_model, reference=given.reference)
+    for controller in (KnownParameters(theta=[1.0]), Mrac(gamma=1.0)):
+        _, column = judged(problem, controller, SIMULATION)
+        claimed = [key for key, cell in column.cells.items() if cell.kind == "guaranteed"]
+        assert claimed == [], (controller.name, claimed)
