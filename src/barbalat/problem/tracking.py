@@ -8,6 +8,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from barbalat import validate
+from barbalat.linear.systems import StateSpace, TransferFunction
 from barbalat.problem.measurement import Noise, Sensor
 from barbalat.protocols import Signal
 from barbalat.signals import Clock
@@ -85,6 +86,13 @@ class TrackingProblem:
     def history(self) -> Array:
         """What left the delay before anything of the run did, for each input, (m,)."""
         return np.array([path.history for path in self.plant.paths])
+
+    @property
+    def sensor_lag(self) -> StateSpace | None:
+        """1/(lag s + 1), through which each measured quantity comes; None without a lag."""
+        if self.sensor is None or self.sensor.lag == 0:
+            return None
+        return TransferFunction(np.ones(1), np.array([self.sensor.lag, 1.0])).realise()
 
     @property
     def noise(self) -> Noise | None:

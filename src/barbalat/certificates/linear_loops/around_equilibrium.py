@@ -17,13 +17,14 @@ from barbalat.validate import Array
 def around_equilibrium(loop: ClosedLoop, r: float) -> StateSpace:
     """The adaptive loop linearised where e = 0, theta_hat = theta under the constant command r, the law included.
 
-    From the plant's input to the controller's output: unmodelled dynamics between the two are left to the caller.
+    From the plant's input to the controller's output: unmodelled dynamics between the two, and the sensor's lag, are left to the
+    caller.
 
     Exact Jacobians; for laws of the form theta_hat' = Gamma x (scalar), which are the MRAC's and the L1-AC's.
     """
     import casadi as ca
 
-    loop = replace(loop, paths=(None,), delayed=False)
+    loop = replace(loop, paths=(None,), delayed=False, lag=None)
     state_column, state = symbols("state", loop.size)
     input_column, v = symbols("v", 1)
     slope, u = loop.derivative_given_input(state, signals_at_rest(loop, r), v[0])

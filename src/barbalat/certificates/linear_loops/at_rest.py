@@ -119,6 +119,8 @@ def _start(problem: TrackingProblem, loop: ClosedLoop, signals: Array) -> Array:
     start[places.x_m] = solved[places.x_m]
     if len(places.x) == len(places.x_m):
         start[places.x] = start[places.x_m]
+    if loop.lag is not None:  # settled, so that nothing else has to move for its sake
+        start[places.sensor] = loop.plant.output(start[places.x])
     parameters = problem.parameters
     if parameters is not None and len(parameters) == loop.parameters:
         start[loop.theta_hat_rows] = parameters

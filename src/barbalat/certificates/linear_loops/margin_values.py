@@ -36,7 +36,7 @@ def add_margins(draft: Draft, problem: TrackingProblem, loop: StateSpace, which:
         return
     name = f"{which}, broken at the plant input{_beside(problem)}"
     draft.exact(found, name, assumed)
-    draft.loops.append(MarginLoop(which, with_input_dynamics(problem, loop), problem.delay))
+    draft.loops.append(MarginLoop(which, with_dynamics(problem, loop), problem.delay))
     draft.advise({"margins_of": f"the linear loop {name}"})
 
 
@@ -44,15 +44,13 @@ def _beside(problem: TrackingProblem) -> str:
     """What of the case is in the loop besides, and what is not."""
     path, sensor = problem.plant.paths[0], problem.sensor
     beside = f", beside its delay of {problem.delay:g} s" if problem.delay > 0 else ""
-    left_out = [] if path.is_linear else ["its limits"]
-    if sensor is not None and sensor.lag > 0:
-        left_out.append(f"its sensor's lag of {sensor.lag:g} s")
-    return beside + (f", without {' and '.join(left_out)}" if left_out else "")
+    lagged = f", with its sensor's lag of {sensor.lag:g} s" if sensor is not None and sensor.lag > 0 else ""
+    return beside + lagged + ("" if path.is_linear else ", without its limits")
 
 
 def margins_of(problem: TrackingProblem, loop: StateSpace, which: str, notes: list[str]) -> dict[str, Any]:
     """Margins by the certificate's keys; the delay margin is what the loop bears besides the delay that it has."""
-    loop = with_input_dynamics(problem, loop)
+    loop = with_dynamics(problem, loop)
     try:
         found = margins(loop, problem.delay)
     except InputError as error:
@@ -94,18 +92,22 @@ def add_adapting_margins(draft: Draft, problem: Problem, loop: ClosedLoop) -> No
 def add_delay_margin_adapting(draft: Draft, problem: TrackingProblem, loop: StateSpace, at: str) -> None:
     """The delay margin of the loop with its law inside, which was ``linearised at`` a command."""
     try:
-        found = margins(with_input_dynamics(problem, loop), problem.delay)
+        found = margins(with_dynamics(problem, loop), problem.delay)
     except InputError as error:
         draft.missing("delay_margin_adapting", f"linear loop {at}: {error}")
         return
-    draft.loops.append(MarginLoop(f"{at}, its law included", with_input_dynamics(problem, loop), problem.delay))
+    draft.loops.append(MarginLoop(f"{at}, its law included", with_dynamics(problem, loop), problem.delay))
     draft.exact({"delay_margin_adapting": finite(found.delay)}, f"{at}, its law included{_beside(problem)}", LINEAR_LOOP_ONLY)
 
 
-def with_input_dynamics(problem: TrackingProblem, loop: StateSpace) -> StateSpace:
-    """The loop with the actuator and the unmodelled dynamics at the plant's input in it; the delay is not."""
-    dynamics = problem.plant.paths[0].dynamics
-    return loop if dynamics is None else series(dynamics.realise(), loop)
+def with_dynamics(problem: TrackingProblem, loop: StateSpace) -> StateSpace:
+    """The loop with the actuator, the unmodelled dynamics at the plant's input and the sensor's lag in it; the delay is not.
+
+    All that the controller feeds back is measured, each quantity with the same lag: it is in series with the loop.
+    """
+    dynamics, lag = problem.plant.paths[0].dynamics, problem.sensor_lag
+    loop = loop if dynamics is None else series(dynamics.realise(), loop)
+    return loop if lag is None else series(loop, lag)
 
 
 def finite(value: float) -> float | None:

@@ -25,14 +25,14 @@ def add_at_rest(draft: Draft, problem: Problem) -> None:
     """Of the loop that every scheme with C = 1 becomes; nothing without a known set."""
     known_set = problem.uncertainty
     if known_set is not None:
-        _add(draft, [(LOOP_AT_REST, _worst_at_rest(problem.plant, known_set))])
+        _add(draft, [(LOOP_AT_REST, _worst_at_rest(problem.plant, known_set, problem.sensor_lag))])
 
 
 def add_filtered(draft: Draft, problem: Problem, C: StateSpace) -> None:
     """Of L1-AC's two readings: in the limit of fast adaptation, and with the estimates at rest."""
     known_set = problem.uncertainty
     if known_set is not None:
-        _add(draft, _worst_filtered(problem.plant, known_set, C))
+        _add(draft, _worst_filtered(problem.plant, known_set, C, problem.sensor_lag))
 
 
 def add_fixed(draft: Draft, problem: Problem, family: Family) -> None:
@@ -43,17 +43,17 @@ def add_fixed(draft: Draft, problem: Problem, family: Family) -> None:
 
 
 @lru_cache(maxsize=16)
-def _worst_at_rest(plant: Plant, known_set: KnownSet) -> WorstCase:
+def _worst_at_rest(plant: Plant, known_set: KnownSet, lag: StateSpace | None) -> WorstCase:
     """Several schemes of one case share it."""
-    return worst_case(Family(plant, lambda plant: known_parameters(plant, plant.theta)), known_set)
+    return worst_case(Family(plant, lambda plant: known_parameters(plant, plant.theta), lag), known_set)
 
 
 @lru_cache(maxsize=16)
-def _worst_filtered(plant: Plant, known_set: KnownSet, C: StateSpace) -> list[tuple[str, WorstCase]]:
+def _worst_filtered(plant: Plant, known_set: KnownSet, C: StateSpace, lag: StateSpace | None) -> list[tuple[str, WorstCase]]:
     """L1-ACs of one case that differ in the gain alone share it."""
     families = {
-        LOOP_OF_FAST_ADAPTATION: Family(plant, lambda plant: fast_adaptation(plant, C)),
-        LOOP_AT_REST: Family(plant, lambda plant: known_parameters(plant, plant.theta, C)),
+        LOOP_OF_FAST_ADAPTATION: Family(plant, lambda plant: fast_adaptation(plant, C), lag),
+        LOOP_AT_REST: Family(plant, lambda plant: known_parameters(plant, plant.theta, C), lag),
     }
     return [(which, worst_case(family, known_set)) for which, family in families.items()]
 

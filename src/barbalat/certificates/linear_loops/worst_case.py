@@ -38,10 +38,12 @@ class Family:
     plant   whose theta is replaced; its input dynamics are put into the loop here
     around  the controller's loop around a plant; (1 - theta'W_b) L and the closed loop's matrix must be affine in theta, which
             they are for every linear controller around the plant, and for one that contains theta in its gains once
+    lag     of the sensor, in series with all that is fed back
     """
 
     plant: Plant
     around: Callable[[Plant], StateSpace]
+    lag: StateSpace | None = None
 
     @property
     def delay(self) -> float:
@@ -51,7 +53,8 @@ class Family:
     def loop(self, theta: Array) -> StateSpace:
         """Broken at the plant's input."""
         loop, dynamics = self.around(replace(self.plant, theta=theta)), self.plant.paths[0].dynamics
-        return loop if dynamics is None else series(dynamics.realise(), loop)
+        loop = loop if dynamics is None else series(dynamics.realise(), loop)
+        return loop if self.lag is None else series(loop, self.lag)
 
     def responses(self, w: Array) -> Callable[[Array], tuple[Array, Array]]:
         """From thetas (M, n) to N and D, (M, K), with L(j w) = N/D: D = 1 - h, h = theta'W_b, and N = (1 - h) L.

@@ -7,7 +7,7 @@ import numpy as np
 from barbalat.certificates.cells import advice, estimate, margins_cell, statement
 from barbalat.certificates.certificate import Certificate, Draft
 from barbalat.certificates.entry import Assumption, Entry
-from barbalat.certificates.schemes.state_feedback import of_the_case
+from barbalat.certificates.schemes.state_feedback import commands_and_gains, of_the_case
 from barbalat.certificates.schemes.stranger import add_linearised
 from barbalat.controllers import KnownParameters
 from barbalat.problem.state_feedback import Problem
@@ -26,7 +26,7 @@ def column(problem: Problem, controller: KnownParameters, certificate: Certifica
     given = "" if np.array_equal(controller.theta, problem.parameters) else "other parameters than the plant's"
     rests_on = (*of_the_case(problem, None, 0.0), Assumption("the parameters are the plant's", given))
     return "known parameters, u = k_0 r - theta'phi(x)", {
-        "stability": statement("stability", "for every bounded r", *rests_on),
+        "stability": statement("stability", f"for {commands_and_gains(problem)[0]}", *rests_on),
         "tracking": statement("tracking", "x is x_m", *rests_on),
         "transient": statement("transient", "e is zero at all times", *rests_on),
         "estimates": advice("estimates", "it estimates nothing"),

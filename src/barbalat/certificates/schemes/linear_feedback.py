@@ -88,7 +88,7 @@ def certificate(problem: Problem, controller: LinearFeedback, _: Simulation) -> 
             else:
                 draft.missing("error_bound", "||W_b S||_1 times the set's radius is not below 1")
     add_margins(draft, problem, loop_at(problem.plant.theta, equations, known), "with the true parameters")
-    family = Family(problem.plant, lambda plant: loop_at(plant.theta, equations, known))
+    family = Family(problem.plant, lambda plant: loop_at(plant.theta, equations, known), problem.sensor_lag)
     over_known_set.add_fixed(draft, problem, family)
     centre = problem.plant.theta if known_set is None else known_set.middle
     draft.estimate(

@@ -17,6 +17,7 @@ from barbalat.certificates.schemes.state_feedback import (
     add_ingredients,
     add_margins_at_rest,
     add_parameter_errors,
+    commands_and_gains,
     lyapunov_estimates,
     of_lyapunov_law_beyond,
     of_the_case,
@@ -93,27 +94,28 @@ def cells(problem: Problem, controller: laws.ModifiedScheme, certificate: Certif
     """The cells; those of L1-AC too where C = 1, since the two coincide."""
     void = laws.why_no_bound(controller, problem)
     rests_on = of_the_lyapunov_law(problem, controller, certificate)
-    found = lyapunov_cells(certificate, rests_on, "nu_0/sqrt(Gamma) = ", ", (9)")
+    found = lyapunov_cells(problem, certificate, rests_on, "nu_0/sqrt(Gamma) = ", ", (9)")
     estimates = lyapunov_estimates(problem, controller, certificate, bounded=True)
     found |= {"estimates": estimates, "modelling_error": unproven_robustness(problem, controller)}
     return found if void is None else found | {"tracking": nothing("tracking", void)}
 
 
 def lyapunov_cells(
-    certificate: Certificate, rests_on: tuple[Assumption, ...], formula: str = "", source: str = ""
+    problem: Problem, certificate: Certificate, rests_on: tuple[Assumption, ...], formula: str = "", source: str = ""
 ) -> dict[str, Entry]:
     """What a Lyapunov function of the error and the estimates gives; ``formula`` and ``source`` are those of the bound of e."""
     bound, worst = certificate.entry("error_bound"), certificate.entry("error_bound_worst")
     transient = nothing("transient", "no bound is known" if bound is None else bound.why)
-    if bound is not None and bound.value is not None:
+    if bound is not None and bound.applies and bound.value is not None:
         text = f"|e| <= {formula}{up(bound.value)} at all times{source}"
         if worst is not None and worst.applies:
             text += f"; {up(worst.value)} for the worst theta of the known set"
         transient = statement("transient", text, *rests_on)
     falls = "the bound falls with 1/sqrt(Gamma); " if transient.applies else ""
+    commands, both = commands_and_gains(problem)
     return {
-        "stability": statement("stability", "for every Gamma > 0 and every bounded r", *rests_on),
-        "tracking": statement("tracking", "converges to zero for every bounded r", *rests_on),
+        "stability": statement("stability", f"for {both}", *rests_on),
+        "tracking": statement("tracking", f"converges to zero for {commands}", *rests_on),
         "transient": transient,
         "estimates": statement("estimates", ESTIMATES_STATEMENT, *rests_on),
         "modelling_error": nothing("modelling_error", "that x stays bounded is not known without normalisation"),

@@ -62,5 +62,5 @@ def certificate(problem: Problem, controller: MracClosedLoop, simulation: Simula
 def column(problem: Problem, controller: MracClosedLoop, certificate: Certificate) -> tuple[str, dict[str, Entry]]:
     """The scheme's name in Table 1 and its cells."""
     return "MRAC with a closed-loop reference model", lyapunov_cells(
-        certificate, of_the_lyapunov_law(problem, controller, certificate)
+        problem, certificate, of_the_lyapunov_law(problem, controller, certificate)
     )

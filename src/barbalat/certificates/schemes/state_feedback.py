@@ -61,15 +61,24 @@ def bounded_regressor(problem: Problem, error: float | None) -> Assumption:
     return Assumption("phi(x) is bounded where x is", "" if finite else "phi(x) is not known to be finite wherever x may go")
 
 
+def commands_and_gains(problem: Problem) -> tuple[str, str]:
+    """Of which r and Gamma a Lyapunov function speaks: of the case's where phi(x) is known to be finite only so far.
+
+    The first is of r alone.
+    """
+    everywhere = problem.plant.is_linear or not bounded_regressor(problem, None).broken
+    return ("every bounded r", "every Gamma > 0 and every bounded r") if everywhere else ("this r", "this Gamma and this r")
+
+
 def lyapunov_estimates(problem: Problem, controller: laws.ModifiedScheme, certificate: Certificate, *, bounded: bool) -> Entry:
     """The estimates of the law (4), (7); that they converge is said only where the signals are ``bounded``."""
     void = laws.why_no_bound(controller, problem)
     if void is not None:
         return nothing("estimates", void)
     text = "theta_tilde'Gamma^-1 theta_tilde never exceeds its initial value"
-    if bounded and controller.learning is not None:
+    if bounded and controller.learning is not None and controller.learning.forgetting == 0:
         text += "; once the memory has seen every direction, which isn't checked here, they converge to theta"
-    elif bounded:
+    elif bounded and controller.learning is None:
         text += "; where phi is persistently exciting, which isn't checked here, they converge to theta"
     return statement("estimates", text, *of_the_lyapunov_law(problem, controller, certificate))
 

@@ -27,8 +27,8 @@ ROOM = 12
 """Columns of the five lines' labels."""
 LEGEND = (
     "bound of |e|: of every component. delay margin: of linear loops, at the case's theta, the least found in the known set, and "
-    "with the law linearised at the largest command (adapting). gain, step: what the solver bears, with everything at its "
-    "largest; an estimate."
+    "with the law linearised at the largest command (adapting). gain, step: what the solver bears at least, with "
+    "everything at its largest, to where oscillations are due; estimates."
 )
 LONGEST_KEY, LONGEST_VALUE = 30, 14
 
@@ -143,13 +143,27 @@ def _delay(value: float | None) -> str:
 
 
 def _limits(certificate: Certificate, dt: float | None) -> Line:
-    gain, step = certificate.values.get("gamma_max"), certificate.values.get("step_max")
-    parts = [] if gain is None else [f"gain {gain:.3g}"]
-    parts += [] if step is None else [f"step {step:.3g} s"]
+    gain, step = (_span(certificate, key) for key in ("gamma_max", "step_max"))
+    parts = [f"gain {_text_of(gain)}"] if gain else []
+    parts += [f"step {_text_of(step)} s"] if step else []
     if not parts:
         return Line("gain, step", "no limit is known", "does not apply")
-    judged = "" if step is None or dt is None else f" (case: {dt:g} s, {'inside' if dt <= step else held('too long')})"
-    return Line("gain, step", f"about {', '.join(parts)}{judged}", "estimate")
+    judged = ""
+    if step and dt is not None:
+        word = "inside" if dt <= step[0] else "too long" if dt > step[-1] else "may be too long"
+        judged = f" ({held(f'{dt:g} s')} {held(word)})"
+    return Line("gain, step", f"{', '.join(map(held, parts))}{judged}", "estimate")
+
+
+def _span(certificate: Certificate, key: str) -> list[float]:
+    """What is borne at least, and from where oscillations are due; as much of it as is known."""
+    values = (certificate.values.get(name) for name in (key, f"{key}_at_model"))
+    return [value for value in values if value is not None]
+
+
+def _text_of(span: list[float]) -> str:
+    """The second, from where oscillations are due, is a rougher number."""
+    return " to ".join(f"{value:.{digits}g}" for value, digits in zip(span, (3, 2), strict=False))
 
 
 def _assumed(certificate: Certificate) -> Line:
