@@ -17,8 +17,8 @@ from barbalat.adaptation.law import Estimation
 from barbalat.adaptation.laws import LeastSquares
 from barbalat.adaptation.normalization import Normalization
 from barbalat.claims import scalar_lemma, section_v
-from barbalat.claims.claim import Claim, Reading, of_readings, verdict
-from barbalat.claims.variants import numbers, variant
+from barbalat.claims.claim import Claim, Listing, Reading, of_readings, verdict
+from barbalat.claims.variants import span, table, variant
 from barbalat.controllers import RobustMrac
 from barbalat.controllers.robust_mrac import Equations as RobustEquations
 from barbalat.linear.systems import TransferFunction
@@ -44,14 +44,16 @@ def bounded(runs: dict[float, Along]) -> Claim:
     """(i): a finite run shows no more than that the suprema were reached early."""
     names = ("epsilon", "error", "theta_hat", "rate")
     halves = {name: np.array([_half_suprema(getattr(run, name)) for run in runs.values()]) for name in names}
+    growth = {name: float((v[:, 1] / v[:, 0]).max()) for name, v in halves.items()}
     return Claim(
         "lemma-1-bounded", "Lemma 1 (i)", "epsilon, epsilon m_s, theta_hat and theta_hat' are bounded",
         verdict(holds=all(bool((np.isfinite(v).all(axis=1) & (v[:, 1] <= 1.05 * v[:, 0])).all()) for v in halves.values())),
-        f"for mu {numbers(np.array(list(runs)))} s the largest |epsilon| {numbers(halves['epsilon'][:, 0])}, |epsilon m_s| "
-        f"{numbers(halves['error'][:, 0])}, |theta_hat_i| {numbers(halves['theta_hat'][:, 0])}, |theta_hat'| {numbers(halves['rate'][:, 0])}; "
-        f"after half of the run {', '.join(numbers(v[:, 1]) for v in halves.values())}",
+        f"for mu up to {max(runs):g} s the largest |epsilon| is {halves['epsilon'].max():.3g}, |epsilon m_s| {halves['error'].max():.3g}, "
+        f"|theta_hat_i| {halves['theta_hat'].max():.3g}, |theta_hat'| {halves['rate'].max():.3g}; in the second half of a run the suprema are at most "
+        f"{growth['theta_hat']:.3g} (theta_hat) and {max(value for name, value in growth.items() if name != 'theta_hat'):.2g} (the others) times those of the first",
         HOW.format("Delta_m = -mu s/(0.001 s + 1)", "3000 instants; reading: none of the suprema grows in the second half"),
-        number=f"largest |epsilon m_s| in the second half over that in the first: {(halves['error'][:, 1] / halves['error'][:, 0]).max():.2g}",
+        listings=(_suprema(tuple(runs), halves),),
+        number=f"largest |epsilon m_s| in the second half over that in the first: {growth['error']:.2g}",
         would_change="a supremum that keeps growing along a run; a finite run can show no more",
     )  # fmt: skip
 
@@ -81,39 +83,68 @@ def with_error(runs: dict[float, Along]) -> Claim:
     gap = max(float(np.abs(run.V + run.integrals["error"] - run.integrals["eta"] - run.V[0]).max() / run.V[0]) for run in some)
     by_definition = {name: np.array([run.constant_of_largest(name) for run in some]) for name in constants}
     bounds = {"epsilon": 1.0, "error": 1.0, "rate": section_v.COVARIANCE0**2}
+    eta, risen = (np.array(values) for values in ([np.abs(run.eta).max() for run in some], [run.V.max() / run.V[0] for run in some]))
     readings = (
         Reading(
             "with the paper's constant mu, the largest eta^2/m_s^2 of the run, along these runs",
             verdict(holds=all(bool((by_definition[name] <= bound).all()) for name, bound in bounds.items())),
-            f"the least nu for epsilon {numbers(by_definition['epsilon'])}, for epsilon m_s {numbers(by_definition['error'])}, for theta_hat' "
-            f"{numbers(by_definition['rate'])}",
+            _at_most(by_definition),
         ),
         Reading(
             "with the integral of eta^2/m_s^2 over the same interval, along these runs",
             verdict(holds=all(bool((constants[name] <= bound).all()) for name, bound in bounds.items())),
-            f"the least nu for epsilon {numbers(constants['epsilon'])}, for epsilon m_s {numbers(constants['error'])}, for theta_hat' "
-            f"{numbers(constants['rate'])}",
+            _at_most(constants),
         ),
         *scalar_lemma.readings(),
     )
     return Claim(
         "lemma-1-small", "Lemma 1 (ii)", "With a modelling error epsilon, epsilon m_s and theta_hat' are small in the mean, S(eta^2/m_s^2)",
         of_readings(readings),
-        f"for mu {numbers(mus)} s, |eta|/m_s up to {numbers(np.array([np.abs(run.eta).max() for run in some]))}: the least nu, by the paper's definition, for epsilon "
-        f"{numbers(by_definition['epsilon'])}, for epsilon m_s {numbers(by_definition['error'])}, for theta_hat' {numbers(by_definition['rate'])}; with the integral "
-        f"of eta^2/m_s^2 {numbers(constants['epsilon'])}, {numbers(constants['error'])}, {numbers(constants['rate'])}. By V' = -(epsilon m_s)^2 + eta^2/m_s^2 the latter are "
+        f"for mu = {span(mus)} s, |eta|/m_s up to {eta.max():.3g}: by the paper's definition {_at_most(by_definition)}; with the integral "
+        f"of eta^2/m_s^2 {_at_most(constants)}. By V' = -(epsilon m_s)^2 + eta^2/m_s^2 the latter are "
         f"at most max(1, V) = 1, and |P(0)|^2 = {section_v.COVARIANCE0**2:g} for theta_hat'; it holds within {gap:.0e} "
-        f"of V(0), so V may rise: up to {numbers(np.array([run.V.max() / run.V[0] for run in some]))} V(0). For any signals: see the readings",
+        f"of V(0), so V may rise: up to {risen.max():.3g} V(0). For any signals: see the readings",
         HOW.format(
             "Delta_m = -mu s/(0.001 s + 1), alpha_0 = 1",
             "nu: integral over [t, t + T] <= nu (mu T + 1), or nu (that of eta^2/m_s^2 + 1), over every pair of 3000 instants",
         )
         + "; any signals: one parameter, phi and eta constant in pieces, closed form",
+        listings=(
+            _constants("with the paper's constant mu, the largest eta^2/m_s^2 of the run", mus, by_definition),
+            _constants("with the integral of eta^2/m_s^2 over the same interval", mus, constants),
+            table("The modelling error along the runs, and how far V rises", {"μ [s]": mus, "largest |η|/m_s": eta, "largest V/V(0)": risen}),
+            *scalar_lemma.listings(),
+        ),
         number=f"least nu for epsilon m_s: {by_definition['error'].max():.2g} along runs, "
         f"{scalar_lemma.constants(scalar_lemma.ScalarLeastSquares()).max():.3g} for the worst signals tried",
         readings=readings,
         would_change="a law whose gain is kept from zero: with the gradient law both readings hold for any signals",
     )  # fmt: skip
+
+
+def _suprema(mus: tuple[float, ...], halves: dict[str, Array]) -> Listing:
+    """Of either half of each run."""
+    return table(
+        "The suprema along a run with Delta_m = -mu s/(0.001 s + 1), in its first and in its second half",
+        {
+            "μ [s]": np.repeat(mus, 2),
+            "half": ["first", "second"] * len(mus),
+            "|ε|": halves["epsilon"].ravel(),
+            "|ε m_s|": halves["error"].ravel(),
+            "|θ̂_i|": halves["theta_hat"].ravel(),
+            "|θ̂'|": halves["rate"].ravel(),
+        },
+    )
+
+
+def _constants(measure: str, mus: Array, found: dict[str, Array]) -> Listing:
+    columns = {"ν for ε": found["epsilon"], "ν for ε m_s": found["error"], "ν for θ̂'": found["rate"]}
+    return table(f"The least nu along the runs, {measure}", {"μ [s]": mus, **columns})
+
+
+def _at_most(found: dict[str, Array]) -> str:
+    largest = {name: f"{values.max():.3g}" for name, values in found.items()}
+    return f"the least nu is at most {largest['epsilon']} for epsilon, {largest['error']} for epsilon m_s, {largest['rate']} for theta_hat'"
 
 
 def _half_suprema(values: Array) -> tuple[float, float]:

@@ -7,7 +7,7 @@ import numpy as np
 from barbalat.claims import section_v
 from barbalat.claims.claim import Claim, Reading, of_readings, verdict
 from barbalat.claims.section_v import Runs
-from barbalat.claims.variants import figures, numbers
+from barbalat.claims.variants import figures, numbers, span, table
 from barbalat.controllers import Mrac
 from barbalat.solvers import RK4
 from barbalat.validate import Array
@@ -23,8 +23,20 @@ def come_and_go(runs: Runs) -> Claim:
     return Claim(
         "numerical-oscillation", "Section V, discussion of Figures 3 to 5", "The oscillations are numerical: gone at h = 1e-5 s, back at Gamma = 1e6",
         verdict(holds=gone and back),
-        f"variation of the estimates per s in the tail: {numbers(rates[0])}, {numbers(rates[1])}, {numbers(rates[2])}",
+        f"variation of the estimates in the tail: {span(rates[0])} per s at Figure 3's gain and step, {span(rates[1])} at Figure 4's step, {span(rates[2])} at Figure 5's gain",
         "Figures 3, 4, 5, every step",
+        listings=(
+            table(
+                "The variation of the estimates in the tail [1/s], L1-AC",
+                {
+                    "figure": ("3", "4", "5"),
+                    "Γ": (1e4, 1e4, 1e6),
+                    "h [s]": (section_v.COARSE, section_v.FINE, section_v.FINE),
+                    "first": [rate[0] for rate in rates],
+                    "second": [rate[1] for rate in rates],
+                },
+            ),
+        ),
         number=f"variation of an estimate: {rates[0][0] / rates[1][0]:.2g} times less at a tenth of the step",
         would_change="an oscillation that stays as the step falls; what the equations themselves ring is the row own-oscillation",
     )  # fmt: skip

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from barbalat.claims import section_v
+from barbalat.claims.claim import Listing
 from barbalat.problem.actuation import PlantInput
 from barbalat.problem.known_set import ParameterBox
 from barbalat.problem.plant import Plant, ReferenceModel
@@ -44,5 +45,29 @@ def figures(members: Sequence[tuple[Problem, Controller]], t_end: float, dt: flo
 
 
 def numbers(values: Array) -> str:
-    """A short list for a sentence."""
-    return "[" + ", ".join(f"{v:.3g}" for v in np.atleast_1d(values)) + "]"
+    """Two numbers, or a few settings, for a sentence; what is measured at three settings and more is a ``table``."""
+    *others, last = (f"{value:.3g}" for value in np.atleast_1d(values))
+    return f"{', '.join(others)} and {last}" if others else last
+
+
+def span(values: Any) -> str:
+    """From the least to the largest, for a sentence; what a ``table`` lists."""
+    low, high = (f"{value:.3g}" for value in (np.min(values), np.max(values)))
+    return low if low == high else f"{low} to {high}"
+
+
+def table(caption: str, columns: Mapping[str, Sequence[str] | Sequence[float] | Array]) -> Listing:
+    """A listing from columns by their heads: numbers with three digits, texts as they are; a NaN, of which there is nothing, is a dash."""
+    entries = ([_entry(value) for value in column] for column in columns.values())
+    return Listing(caption, tuple(columns), tuple(zip(*entries, strict=True)))
+
+
+def _entry(value: str | float) -> str:
+    if isinstance(value, str):
+        return value
+    return "-" if np.isnan(value) else f"{value:.3g}"
+
+
+def local_exponents(values: Array, settings: Array) -> Array:
+    """From each setting to the next, (k - 1,) for (k,)."""
+    return np.asarray(np.diff(np.log(values)) / np.diff(np.log(settings)))
