@@ -11,6 +11,7 @@ import pytest
 from barbalat.claims import figures, ledger, linear_design, section_v
 from barbalat.claims.claim import Claim, Reading, of_readings, verdict
 from barbalat.claims.rows import LEDGER, Measurement
+from barbalat.claims.variants import table
 from barbalat.cli import main
 
 
@@ -118,6 +119,43 @@ def test_every_row_is_what_a_referee_asks_for(claims):
     for claim in claims.values():
         check_row(claim)
     assert len(claims) >= 28
+
+
+BRACKETED_LIST = re.compile(r"\[[^\[\]]*(?:,[^\[\]]*){2,}\]")
+"""Of three entries or more: a table's."""
+
+
+def check_lists(claim: Claim) -> None:
+    """Every list is a table, whose rows are its settings: nobody reads two lists in a sentence against each other."""
+    tables = [(one.caption, *one.columns, *(entry for row in one.rows for entry in row)) for one in claim.listings]
+    texts = [claim.statement, claim.number, claim.measured, claim.how, claim.would_change, claim.sharpened]
+    for text in (*texts, *(text for one in claim.readings for text in (one.says, one.measured)), *sum(tables, ())):
+        assert not BRACKETED_LIST.search(text), (claim.id, text)
+
+
+def test_no_text_of_a_quick_row_holds_a_list(quick):
+    for claim in quick[0].values():
+        check_lists(claim)
+    (table,) = quick[0]["best-kappa-zero"].listings
+    assert [row[0] for row in table.rows] == ["0.04", "0.02", "0.01", "0.001", "0"]
+
+
+@pytest.mark.full
+def test_no_text_of_any_row_holds_a_list(claims):
+    for claim in claims.values():
+        check_lists(claim)
+
+
+def test_a_list_is_found_and_a_pair_is_not():
+    assert BRACKETED_LIST.search("bounds [3.16e+03, 522, 197] for kappa")
+    assert not BRACKETED_LIST.search("theta = [4, -3] or [5, 5], over [t, t + T]")
+
+
+def test_a_table_from_columns():
+    shown = table("caption", {"of": ["a", "b"], "x": np.array([3164.9, np.nan])})
+    assert (shown.columns, shown.rows) == (("of", "x"), (("a", "3160"), ("b", "-")))
+    with pytest.raises(ValueError):
+        table("caption", {"x": [1.0, 2.0], "y": [1.0]})
 
 
 def test_the_page_of_both_sides_names_rows_that_exist():

@@ -8,7 +8,7 @@ from barbalat.certificates.bounds import theorem_1
 from barbalat.certificates.bounds.model import model_bounds
 from barbalat.claims import section_v
 from barbalat.claims.claim import Claim, Reading, of_readings, verdict
-from barbalat.claims.variants import figures, local_exponents, numbers, span, table, variant
+from barbalat.claims.variants import figures, local_exponents, numbers, short, table, variant
 from barbalat.controllers import L1Adaptive, Mrac
 from barbalat.linear.systems import input_filter
 from barbalat.problem.actuation import PlantInput
@@ -124,7 +124,7 @@ def best_at_zero() -> Claim:
     return Claim(
         "best-kappa-zero", "Section III.A, after Theorem 1", "The best bound (10) is that of kappa = 0, no filter",
         of_readings(readings),
-        f"from kappa = {kappas[0]:g} s to none the bound goes from {bounds[0]:.3g} to {bounds[-1]:.3g}, the largest error from {errors[0]:.3g} to {errors[-1]:.3g}",
+        f"from kappa = {kappas[0]:g} s to none the bound goes from {short(bounds[0])} to {short(bounds[-1])}, the largest error from {errors[0]:.3g} to {errors[-1]:.3g}",
         "Section V, Gamma = 100; certified bounds beside RK4 runs of 60 s at h = 1e-4 s, without modelling error",
         listings=(
             table(

@@ -44,15 +44,20 @@ def figures(members: Sequence[tuple[Problem, Controller]], t_end: float, dt: flo
     return simulate_ensemble(members, Simulation(t_end=t_end, dt=dt)).metrics
 
 
+def short(value: float) -> str:
+    """Three digits, without an exponent from a ten-thousandth to a million."""
+    return f"{float(f'{value:.3g}'):g}"
+
+
 def numbers(values: Array) -> str:
     """Two numbers, or a few settings, for a sentence; what is measured at three settings and more is a ``table``."""
-    *others, last = (f"{value:.3g}" for value in np.atleast_1d(values))
+    *others, last = (short(value) for value in np.atleast_1d(values))
     return f"{', '.join(others)} and {last}" if others else last
 
 
 def span(values: Any) -> str:
     """From the least to the largest, for a sentence; what a ``table`` lists."""
-    low, high = (f"{value:.3g}" for value in (np.min(values), np.max(values)))
+    low, high = short(np.min(values)), short(np.max(values))
     return low if low == high else f"{low} to {high}"
 
 
@@ -65,7 +70,7 @@ def table(caption: str, columns: Mapping[str, Sequence[str] | Sequence[float] | 
 def _entry(value: str | float) -> str:
     if isinstance(value, str):
         return value
-    return "-" if np.isnan(value) else f"{value:.3g}"
+    return "-" if np.isnan(value) else short(value)
 
 
 def local_exponents(values: Array, settings: Array) -> Array:
