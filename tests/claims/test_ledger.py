@@ -136,8 +136,8 @@ def check_lists(claim: Claim) -> None:
 def test_no_text_of_a_quick_row_holds_a_list(quick):
     for claim in quick[0].values():
         check_lists(claim)
-    (table,) = quick[0]["best-kappa-zero"].listings
-    assert [row[0] for row in table.rows] == ["0.04", "0.02", "0.01", "0.001", "0"]
+    (shown,) = quick[0]["best-kappa-zero"].listings
+    assert [row[0] for row in shown.rows] == ["0.04", "0.02", "0.01", "0.001", "0"]
 
 
 @pytest.mark.full
@@ -221,8 +221,8 @@ def test_numbers_that_theory_predicts(claims):
 def test_linear_loops_are_lost_where_mu_says(claims):
     """Without the delay, at the corner that mu names: the last size that is borne and the first that is not, around 1/mu."""
     claim = claims["adaptive-against-linear"]
-    (table,) = claim.listings
-    limits = {row[0]: row[table.columns.index("set may grow by 1/mu")] for row in table.rows}
+    (shown,) = claim.listings
+    limits = {row[0]: row[shown.columns.index("set may grow by 1/mu")] for row in shown.rows}
     plain, _ = claim.maps
     linear = [curve for curve in plain.curves if limits[curve.label] != "-"]
     assert len(linear) >= 2  # four with the extra for the H-infinity synthesis

@@ -170,17 +170,17 @@ def _peak(found: dict[str, Errors]) -> Reading:
 
 def _listings(found: dict[str, Errors], nu: Array) -> tuple[Listing, ...]:
     """A row for each size, a column for each tau; and what the first two readings sum up."""
-    sizes = np.append(0.0, SIZES)
-    peaks = [np.column_stack([errors.peak_without, errors.peak]) for errors in found.values()]
-    tails = [np.column_stack([errors.tail_without, errors.tail]) for errors in found.values()]
-    families = {"modelling error": [name for name in found for _ in sizes], "μ or delay [s]": np.tile(sizes, len(found))}
-    by_error = [
-        table(f"The largest |e| of {part}", families | {f"τ = {tau:g} s": np.concatenate([each[i] for each in errors]) for i, tau in enumerate(TAUS)})
-        for part, errors in (("the run", peaks), ("the last quarter", tails))
+    by_size = [
+        table(
+            f"{name}: the largest |e| of {part}, by tau [s] and by mu or the delay [s]",
+            {"μ [s]": np.append(0.0, SIZES)} | {f"τ = {tau:g}": np.append(*of_tau) for tau, *of_tau in zip(TAUS, without, errors, strict=True)},
+        )
+        for name, each in found.items()
+        for part, without, errors in (("the run", each.peak_without, each.peak), ("the last quarter", each.tail_without, each.tail))
     ]  # fmt: skip
     slopes = np.array([errors.slopes for errors in found.values()])
     by_tau = table(
         "The least nu of |e| <= (tau + Delta_2) nu, and what stays of |e| per second of mu [1/s], the largest of the modelling errors",
         {"τ [s]": TAUS, "ν": nu.max(axis=0), "tail's |e| per mu": slopes.max(axis=0)},
     )
-    return *by_error, by_tau
+    return *by_size, by_tau

@@ -8,7 +8,6 @@ sets no bound on V(t) under an error that lasts: there the constants are measure
 
 from __future__ import annotations
 
-
 import numpy as np
 
 from barbalat.adaptation.laws import LeastSquares

@@ -6,6 +6,7 @@ His model -3 x_m + 3 r makes it x' = -3 x + 2 (theta x + v) with theta = 1 and k
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import partial
 
 import numpy as np
@@ -93,7 +94,7 @@ def beside_rohrs() -> tuple[tuple[Reading, ...], Listing]:
 def _listing(at: dict[float | None, dict[str, Array]]) -> Listing:
     """A row for each scheme and known set."""
     earliest = {kappa: np.fmin(*found.values()) for kappa, found in at.items()}  # NaN where no command's run is lost
-    schemes = {
+    schemes: dict[str, Sequence[str] | Array] = {
         "scheme": [_name(kappa) for kappa in at for _ in (WIDE, NARROW)],
         "known set": [f"|θ| <= {width:g}" for width in (WIDE, NARROW)] * len(at),
     }
