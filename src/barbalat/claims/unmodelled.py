@@ -17,7 +17,7 @@ from barbalat.certificates.linear_loops.ideal import fast_adaptation, known_para
 from barbalat.claims import section_v
 from barbalat.claims.claim import Claim, Listing, Reading, of_readings, verdict
 from barbalat.claims.rohrs_state import beside_rohrs
-from barbalat.claims.variants import figures, span, table, variant
+from barbalat.claims.variants import figures, numbers, span, table, variant
 from barbalat.controllers import Mrac
 from barbalat.linear.enclosure import OUTWARD
 from barbalat.linear.l1_norms import l1_norm
@@ -112,7 +112,7 @@ def claim(*, full: bool = False) -> Claim:
         of_readings(readings),
         f"first delay with growth without end, at any gain that was tried: {_of_section_v(found, ideal)}. At every gain, in {len(below['MRAC (3)-(4)'])} and {len(below['L1-AC (5)-(8)'])} of {len(THETAS)} values of theta in the known set the delay "
         f"that does it, {firsts.min():g} s to {firsts.max():g} s, is one that the same loop bears with theta known; theta = 0: {_of_the_centre(found, ideal)}",
-        f"Section V, theta over its known set, Gamma = {span(gains)}, {len(DELAYS)} exact delays from {DELAYS[0]:g} to {DELAYS[-1]:g} s, RK4, h = {H / 4 if full else H:g} s, {T_END:g} s. Unbounded: diverged, or |e| in the last "
+        f"Section V, theta over its known set, Gamma = {numbers(gains)}, {len(DELAYS)} exact delays from {DELAYS[0]:g} to {DELAYS[-1]:g} s, RK4, h = {H / 4 if full else H:g} s, {T_END:g} s. Unbounded: diverged, or |e| in the last "
         f"quarter beyond {UNBOUNDED:g} times the largest |x_m|; what is counted as bounded stays below {max(float(each.tail.max()) for each in found.values()):.2g} times. Condition: a known set with estimates that do not stabilise the plant",
         listings=(*_listings(found, ideal, gains), at_rohrs_plant),
         number=f"smallest delay with unbounded growth that the loop with theta known bears: {firsts.min():g} s",

@@ -49,13 +49,13 @@ def short(value: float) -> str:
     return f"{float(f'{value:.3g}'):g}"
 
 
-def numbers(values: Array) -> str:
+def numbers(values: Sequence[float] | Array) -> str:
     """Two numbers, or a few settings, for a sentence; what is measured at three settings and more is a ``table``."""
     *others, last = (short(value) for value in np.atleast_1d(values))
     return f"{', '.join(others)} and {last}" if others else last
 
 
-def span(values: Any) -> str:
+def span(values: Sequence[float] | Array) -> str:
     """From the least to the largest, for a sentence; what a ``table`` lists."""
     low, high = short(np.min(values)), short(np.max(values))
     return low if low == high else f"{low} to {high}"
