@@ -152,7 +152,7 @@ def _listings(numerical: list[Pair], resolved: list[Pair]) -> tuple[Listing, ...
     settings = {
         "whose": ["solver's"] * len(numerical) + ["equations'"] * len(resolved),
         "h [s]": [pair.h for pair in pairs],
-        "Γ": [pair.gamma for pair in pairs],
+        "Gamma": [pair.gamma for pair in pairs],
     }
 
     def compared(what: str, of: Callable[[Oscillation], float]) -> Listing:

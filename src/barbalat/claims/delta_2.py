@@ -173,7 +173,7 @@ def _listings(found: dict[str, Errors], nu: Array) -> tuple[Listing, ...]:
     by_size = [
         table(
             f"{name}: the largest |e| of {part}, by tau [s] and by mu or the delay [s]",
-            {"μ [s]": np.append(0.0, SIZES)} | {f"τ = {tau:g}": np.append(*of_tau) for tau, *of_tau in zip(TAUS, without, errors, strict=True)},
+            {"mu [s]": np.append(0.0, SIZES)} | {f"tau = {tau:g}": np.append(*of_tau) for tau, *of_tau in zip(TAUS, without, errors, strict=True)},
         )
         for name, each in found.items()
         for part, without, errors in (("the run", each.peak_without, each.peak), ("the last quarter", each.tail_without, each.tail))
@@ -181,6 +181,6 @@ def _listings(found: dict[str, Errors], nu: Array) -> tuple[Listing, ...]:
     slopes = np.array([errors.slopes for errors in found.values()])
     by_tau = table(
         "The least nu of |e| <= (tau + Delta_2) nu, and what stays of |e| per second of mu [1/s], the largest of the modelling errors",
-        {"τ [s]": TAUS, "ν": nu.max(axis=0), "tail's |e| per mu": slopes.max(axis=0)},
+        {"tau [s]": TAUS, "nu": nu.max(axis=0), "tail's |e| per mu": slopes.max(axis=0)},
     )
     return *by_size, by_tau

@@ -176,7 +176,7 @@ def erratum_claim(runs: Runs) -> Claim:
         listings=(
             table(
                 "The largest errors of the transient, with the sign of the swapping lemma and with the printed one",
-                {"τ [s]": (tau, half)}
+                {"tau [s]": (tau, half)}
                 | {f"|e_{i + 1}|, lemma": (derived[i], derived_half[i]) for i in range(2)}
                 | {f"|e_{i + 1}|, printed": (printed[i], printed_half[i]) for i in range(2)},
             ),

@@ -151,12 +151,12 @@ def _listings(found: Distances, bound: Bounds, steps: dict[float, float]) -> tup
         table(
             "The largest |x_i - x_ref,i| and its bounds: for the case's theta, for the case's initial error, and for the worst theta of the known set",
             {
-                "Γ": found.gains, "h [s]": list(steps.values()), "|x - x_ref|": found.state,
+                "Gamma": found.gains, "h [s]": list(steps.values()), "|x - x_ref|": found.state,
                 "exact": bound.exact / root, "case": bound.case / root, "book": bound.book / root,
             },
         ),
         table(
             "The largest |u - u_ref| and its bound",
-            {"Γ": found.gains, "|u - u_ref|": found.control, "bound": bound.control / root},
+            {"Gamma": found.gains, "|u - u_ref|": found.control, "bound": bound.control / root},
         ),
     )  # fmt: skip

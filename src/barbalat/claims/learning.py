@@ -96,7 +96,7 @@ def exponential() -> Claim:
                     "t [s]": INSTANTS,
                     "least squares (15)": distance["least squares"][at],
                     "normalised gradient": distance["normalised gradient"][at],
-                    "MRAC, Γ = 1": distance["MRAC"][at],
+                    "MRAC, Gamma = 1": distance["MRAC"][at],
                 },
             ),
         ),

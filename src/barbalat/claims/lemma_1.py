@@ -107,7 +107,7 @@ def with_error(runs: dict[float, Along]) -> Claim:
         listings=(
             _constants("with the paper's constant mu, the largest eta^2/m_s^2 of the run", mus, by_definition),
             _constants("with the integral of eta^2/m_s^2 over the same interval", mus, constants),
-            table("The modelling error along the runs, and how far V rises", {"μ [s]": mus, "largest |η|/m_s": eta, "largest V/V(0)": risen}),
+            table("The modelling error along the runs, and how far V rises", {"mu [s]": mus, "largest |eta|/m_s": eta, "largest V/V(0)": risen}),
             *scalar_lemma.listings(),
         ),
         number=f"least nu for epsilon m_s: {by_definition['error'].max():.2g} along runs, "
@@ -122,19 +122,19 @@ def _suprema(mus: tuple[float, ...], halves: dict[str, Array]) -> Listing:
     return table(
         "The suprema along a run with Delta_m = -mu s/(0.001 s + 1), in its first and in its second half",
         {
-            "μ [s]": np.repeat(mus, 2),
+            "mu [s]": np.repeat(mus, 2),
             "half": ["first", "second"] * len(mus),
-            "|ε|": halves["epsilon"].ravel(),
-            "|ε m_s|": halves["error"].ravel(),
-            "|θ̂_i|": halves["theta_hat"].ravel(),
-            "|θ̂'|": halves["rate"].ravel(),
+            "|epsilon|": halves["epsilon"].ravel(),
+            "|epsilon m_s|": halves["error"].ravel(),
+            "|theta_hat_i|": halves["theta_hat"].ravel(),
+            "|theta_hat'|": halves["rate"].ravel(),
         },
     )
 
 
 def _constants(measure: str, mus: Array, found: dict[str, Array]) -> Listing:
-    columns = {"ν for ε": found["epsilon"], "ν for ε m_s": found["error"], "ν for θ̂'": found["rate"]}
-    return table(f"The least nu along the runs, {measure}", {"μ [s]": mus, **columns})
+    columns = {"nu for epsilon": found["epsilon"], "nu for epsilon m_s": found["error"], "nu for theta_hat'": found["rate"]}
+    return table(f"The least nu along the runs, {measure}", {"mu [s]": mus, **columns})
 
 
 def _at_most(found: dict[str, Array]) -> str:

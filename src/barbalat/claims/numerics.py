@@ -30,7 +30,7 @@ def come_and_go(runs: Runs) -> Claim:
                 "The variation of the estimates in the tail [1/s], L1-AC",
                 {
                     "figure": ("3", "4", "5"),
-                    "Γ": (1e4, 1e4, 1e6),
+                    "Gamma": (1e4, 1e4, 1e6),
                     "h [s]": (section_v.COARSE, section_v.FINE, section_v.FINE),
                     "first": [rate[0] for rate in rates],
                     "second": [rate[1] for rate in rates],
@@ -76,7 +76,7 @@ def smaller_gain() -> Claim:
         listings=(
             by_component(
                 f"Tail error and variation of the estimates at h = {section_v.COARSE:g} s",
-                {f"MRAC, Γ = {section_v.MODERATE_GAIN:g}": mrac, "L1-AC, Γ = 10000": l1},
+                {f"MRAC, Gamma = {section_v.MODERATE_GAIN:g}": mrac, "L1-AC, Gamma = 10000": l1},
             ),
         ),
         number=f"tail error of L1-AC over MRAC's: {(l1.tail_max_abs_e / mrac.tail_max_abs_e).min():.2g} times",

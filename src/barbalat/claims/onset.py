@@ -49,8 +49,8 @@ def boundary(runs: Runs) -> Claim:
                 "The gain at which the oscillations were predicted to begin, and the observed one over it",
                 {
                     "h [s]": steps,
-                    "L1-AC, predicted Γ": expected[0], "L1-AC, observed": ratios[0],
-                    "MRAC, predicted Γ": expected[1], "MRAC, observed": ratios[1],
+                    "L1-AC, predicted Gamma": expected[0], "L1-AC, observed": ratios[0],
+                    "MRAC, predicted Gamma": expected[1], "MRAC, observed": ratios[1],
                 },
             ),
         ),

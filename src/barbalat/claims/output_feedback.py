@@ -195,7 +195,7 @@ def any_relative_degree() -> Claim:
         + ", ".join(f"{span(exponent)} for n* = {degree}" for degree, exponent in exponents.items()),
         how=f"one plant for each relative degree, gradient law, tau = {span(taus)} s, RK4, h = 1e-3 s, 20 s, "
         "without disturbances and unmodelled dynamics",
-        listings=(table("The largest |y - y_m| against tau, by relative degree n*", {"τ [s]": taus, **errors}),),
+        listings=(table("The largest |y - y_m| against tau, by relative degree n*", {"tau [s]": taus, **errors}),),
         number=f"least exponent of tau: {min(float(exponent.min()) for exponent in exponents.values()):.2f}",
         would_change="a relative degree at which the transient error does not shrink with tau; the disturbances and unmodelled dynamics of "
         "the sentence are not part of these runs",

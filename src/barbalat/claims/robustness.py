@@ -27,7 +27,7 @@ def tau_and_error() -> Claim:
         listings=(
             table(
                 "The largest error of the robust MRAC against tau, and the local exponent from the row above",
-                {"τ [s]": taus, "max |e|": peaks, "exponent": np.append(np.nan, exponents)},
+                {"tau [s]": taus, "max |e|": peaks, "exponent": np.append(np.nan, exponents)},
             ),
         ),
         number=f"exponent of tau: {exponents.min():.2f} to {exponents.max():.2f}",

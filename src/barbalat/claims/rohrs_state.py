@@ -96,9 +96,9 @@ def _listing(at: dict[float | None, dict[str, Array]]) -> Listing:
     earliest = {kappa: np.fmin(*found.values()) for kappa, found in at.items()}  # NaN where no command's run is lost
     schemes: dict[str, Sequence[str] | Array] = {
         "scheme": [_name(kappa) for kappa in at for _ in (WIDE, NARROW)],
-        "known set": [f"|θ| <= {width:g}" for width in (WIDE, NARROW)] * len(at),
+        "known set": [f"|theta| <= {width:g}" for width in (WIDE, NARROW)] * len(at),
     }
-    by_gain = {f"Γ = {gain:g}": np.concatenate([found[:, i] for found in earliest.values()]) for i, gain in enumerate(GAINS)}
+    by_gain = {f"Gamma = {gain:g}": np.concatenate([found[:, i] for found in earliest.values()]) for i, gain in enumerate(GAINS)}
     return table(
         f"Rohrs' plant: when the first of the runs with {len(COMMANDS)} commands diverges [s], of {T_END:g} s; -: none does",
         schemes | by_gain,

@@ -36,7 +36,7 @@ def claim() -> Claim:
         listings=(
             table(
                 "The variation of the first estimate in the tail [1/s]",
-                {"Γ": GAINS, "MRAC": smooth["MRAC"][:, 0], "L1-AC": smooth["L1"][:, 0], "MRAC, explicit Euler": rough[:, 0]},
+                {"Gamma": GAINS, "MRAC": smooth["MRAC"][:, 0], "L1-AC": smooth["L1"][:, 0], "MRAC, explicit Euler": rough[:, 0]},
             ),
         ),
         number=f"variation of the estimates over Gamma = {GAINS[0]:g} to {GAINS[-1]:g}: the largest {spread:.3f} times the least",

@@ -136,7 +136,7 @@ def listings() -> tuple[Listing, Listing]:
     return (
         table(
             f"The least nu for epsilon m_s with the paper's constant mu, after a bias of {LEARNT_BIAS:g} was learnt beside a weak regressor phi",
-            {"φ": WEAK_REGRESSORS, "μ": mus, "least squares (15)": taught[0], "gradient": taught[1]},
+            {"phi": WEAK_REGRESSORS, "mu": mus, "least squares (15)": taught[0], "gradient": taught[1]},
         ),
         table(
             "What is left of the integral of (epsilon m_s)^2 after a modelling error eta = 1 that lasted until T_1",

@@ -95,7 +95,7 @@ def bias_is_proportional() -> Claim:
         listings=(
             table(
                 "The steady error against the filter's time constant, and the local exponent from the row above",
-                {"κ [s]": kappas, "max |e_1|, tail": tail, "exponent": np.append(np.nan, exponents)},
+                {"kappa [s]": kappas, "max |e_1|, tail": tail, "exponent": np.append(np.nan, exponents)},
             ),
         ),
         number=f"local exponent of kappa at the smallest: {exponents[-1]:.3f}",
@@ -129,7 +129,7 @@ def best_at_zero() -> Claim:
         listings=(
             table(
                 f"The bound (10) and the largest |e| of a run against the filter's time constant, Gamma = {gamma:g}; 0: no filter",
-                {"κ [s]": (*kappas, 0.0), "bound of |e|": bounds, "largest |e|": errors},
+                {"kappa [s]": (*kappas, 0.0), "bound of |e|": bounds, "largest |e|": errors},
             ),
         ),
         number=f"bound without filter over that with the fastest: {bounds[-1] / bounds[-2]:.2g}",

@@ -187,11 +187,11 @@ def _listings(found: dict[str, Loss], ideal: dict[str, Array], gains: tuple[floa
             f"{name}: the largest delay [s] that stays bounded below the first that does not, that one (inf: none up to {DELAYS[-1]:g} s), what the loop bears with "
             "theta known, and the largest |e| of the bounded runs' last quarter over the largest |x_m|",
             {
-                "θ": [f"[{theta[0]:g}, {theta[1]:g}]" for theta in THETAS for _ in gains],
-                "Γ": gains * len(THETAS),
+                "theta": [f"[{theta[0]:g}, {theta[1]:g}]" for theta in THETAS for _ in gains],
+                "Gamma": gains * len(THETAS),
                 "bounded": each.bears.ravel(),
                 "unbounded": each.loses.ravel(),
-                "θ known": np.repeat(ideal[name], len(gains)),
+                "theta known": np.repeat(ideal[name], len(gains)),
                 "|e|/|x_m|": each.tail.ravel(),
             },
         )

@@ -70,7 +70,7 @@ def table(caption: str, columns: Mapping[str, Sequence[str] | Sequence[float] | 
 def by_component(caption: str, runs: Mapping[str, Metrics]) -> Listing:
     """For each scheme the tail's error and the variation of the estimates, by component; Section V has two of either."""
     errors = {f"|e_{i + 1}|, tail": [run.tail_max_abs_e[0, i] for run in runs.values()] for i in range(2)}
-    rates = {f"θ̂_{i + 1} varies [1/s]": [run.theta_hat_variation_rate[0, i] for run in runs.values()] for i in range(2)}
+    rates = {f"theta_hat_{i + 1} moves [1/s]": [run.theta_hat_variation_rate[0, i] for run in runs.values()] for i in range(2)}
     return table(caption, {"scheme": list(runs), **errors, **rates})
 
 
