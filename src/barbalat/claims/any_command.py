@@ -145,7 +145,8 @@ def _readings(early: Array, late: Array, slowest: str) -> tuple[Reading, ...]:
 def _listing(tried: list[tuple[str, Signal]], found: Array, t_end: float) -> Listing:
     names = np.array([kind for kind, _ in tried])
     return Listing(
-        f"max |e| over the largest |x_m| in the second and in the last quarter of {t_end:g} s: the least and the largest of a kind's {len(tried) // len(KINDS)} commands",
+        f"max |e| over the largest |x_m| in the second and in the last quarter of {t_end:g} s: the least and the largest of a "
+        f"kind's {len(tried) // len(KINDS)} commands",
         ("command", "second quarter", "last quarter"),
         tuple((kind, *(span(column[names == kind]) for column in found.T)) for kind in KINDS),
     )

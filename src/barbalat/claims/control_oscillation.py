@@ -127,7 +127,8 @@ def _readings(shown: Pair, numerical: list[Pair], resolved: list[Pair]) -> tuple
         Reading(
             "so does the frequency where they are strongest",
             verdict(holds=all(peak < 1 - SAME for peak in peaks)),
-            f"by the factors {span(peaks)}; without the filter it is {span([pair.without.peak * pair.h / (2 * np.pi) for pair in numerical])} cycles in a step of the solver",
+            f"by the factors {span(peaks)}; without the filter it is "
+            f"{span([pair.without.peak * pair.h / (2 * np.pi) for pair in numerical])} cycles in a step of the solver",
         ),
         Reading(
             "the ringing of the equations, resolved by the step, gets slower",
@@ -142,7 +143,8 @@ def _readings(shown: Pair, numerical: list[Pair], resolved: list[Pair]) -> tuple
         Reading(
             "so does the ringing of the equations",
             verdict(holds=all(size < 0.1 for size in ringing_size)),
-            f"RMS times {span(ringing_size)} at Gamma = {span([pair.gamma for pair in resolved])}: without the filter u itself damps the ringing",
+            f"RMS times {span(ringing_size)} at Gamma = {span([pair.gamma for pair in resolved])}: without the filter u itself "
+            "damps the ringing",
         ),
     )  # fmt: skip
 

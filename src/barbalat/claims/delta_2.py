@@ -113,7 +113,8 @@ def claim(*, full: bool = False) -> Claim:
         of_readings(readings),
         f"what stays of |e| at fixed tau goes as mu^{exponents.min():.3f} to mu^{exponents.max():.3f}; one nu = {nu.max():.3g} serves every run, Delta_2 = {norm_per_size():.3g} mu. {_of_tau(found, with_tau)}. "
         f"With Section V's own command, one sine, {_one_frequency()}",
-        f"Section V with r = 30 sin 0.5t + 20 sin 1.7t, robust MRAC, RK4, h = {H:g} s, {t_end:g} s, tau = {span(TAUS)} s, mu = {span(SIZES)} s, as Delta_m = -mu s and as "
+        f"Section V with r = 30 sin 0.5t + 20 sin 1.7t, robust MRAC, RK4, h = {H:g} s, {t_end:g} s, tau = {span(TAUS)} s, mu = "
+        f"{span(SIZES)} s, as Delta_m = -mu s and as "
         f"a delay; with Section V's alpha_0 = 0 and with (16), alpha_0 = {ALPHA_0:g}, delta_0 = {DELTA_0:g}; every step, tail: the last quarter. Condition: Delta well below the size "
         "that the loop bears, for the peak of the transient",
         listings=_listings(found, nu),
@@ -143,7 +144,10 @@ def _proportional(exponents: Array) -> Reading:
 def _of_tau(found: dict[str, Errors], with_tau: Array) -> str:
     """(17) is a bound: its term need not shrink with tau, but it does."""
     slopes = next(iter(found.values())).slopes
-    return f"What stays per mu is {slopes[0]:.3g} 1/s for tau = {TAUS[0]:g} s and {slopes[-1]:.3g} 1/s for {TAUS[-1]:g} s: it goes with tau too, as tau^{with_tau.min():.2f} to tau^{with_tau.max():.2f}"
+    return (
+        f"What stays per mu is {slopes[0]:.3g} 1/s for tau = {TAUS[0]:g} s and {slopes[-1]:.3g} 1/s for {TAUS[-1]:g} s: "
+        f"it goes with tau too, as tau^{with_tau.min():.2f} to tau^{with_tau.max():.2f}"
+    )
 
 
 def _one_frequency() -> str:
@@ -164,7 +168,8 @@ def _peak(found: dict[str, Errors]) -> Reading:
     return Reading(
         "the peak of the transient grows in proportion to Delta_2 too, up to the largest Delta that is borne",
         verdict(holds=bool((np.abs(exponents - 1) < 0.1).all())),
-        f"what mu adds to the largest |e| goes as mu to the power {span(exponents[0])} at tau = {TAUS[0]:g} s and {span(exponents[-1])} at {TAUS[-1]:g} s",
+        f"what mu adds to the largest |e| goes as mu to the power {span(exponents[0])} at tau = {TAUS[0]:g} s and "
+        f"{span(exponents[-1])} at {TAUS[-1]:g} s",
     )  # fmt: skip
 
 
@@ -173,14 +178,19 @@ def _listings(found: dict[str, Errors], nu: Array) -> tuple[Listing, ...]:
     by_size = [
         table(
             f"{name}: the largest |e| of {part}, by tau [s] and by mu or the delay [s]",
-            {"mu [s]": np.append(0.0, SIZES)} | {f"tau = {tau:g}": np.append(*of_tau) for tau, *of_tau in zip(TAUS, without, errors, strict=True)},
+            {"mu [s]": np.append(0.0, SIZES)}
+            | {f"tau = {tau:g}": np.append(*of_tau) for tau, *of_tau in zip(TAUS, without, errors, strict=True)},
         )
         for name, each in found.items()
-        for part, without, errors in (("the run", each.peak_without, each.peak), ("the last quarter", each.tail_without, each.tail))
-    ]  # fmt: skip
+        for part, without, errors in (
+            ("the run", each.peak_without, each.peak),
+            ("the last quarter", each.tail_without, each.tail),
+        )
+    ]
     slopes = np.array([errors.slopes for errors in found.values()])
     by_tau = table(
-        "The least nu of |e| <= (tau + Delta_2) nu, and what stays of |e| per second of mu [1/s], the largest of the modelling errors",
+        "The least nu of |e| <= (tau + Delta_2) nu, and what stays of |e| per second of mu [1/s], the largest of the modelling "
+        "errors",
         {"tau [s]": TAUS, "nu": nu.max(axis=0), "tail's |e| per mu": slopes.max(axis=0)},
     )
     return *by_size, by_tau

@@ -112,7 +112,8 @@ def _added(runs: Runs) -> PaperFigure:
         Check(
             "with a moderate gain the standard MRAC tracks better than L1-AC at the same step",
             bool((peaks[0] < peaks[2]).all() and (tails[0] < tails[2]).all()),
-            f"max |e| {numbers(peaks[0])} against {numbers(peaks[2])}; in the tail {numbers(tails[0])} against {numbers(tails[2])}",
+            f"max |e| {numbers(peaks[0])} against {numbers(peaks[2])}; in the tail {numbers(tails[0])} against "
+            f"{numbers(tails[2])}",
         ),
     )
     return PaperFigure(
@@ -148,7 +149,8 @@ def without_projection(runs: Runs) -> Claim:
         "no-projection", "Section V, discussion of Figures 3 to 5; Figures 3 and 5, captions", "Boundedness is the projection's doing: without it all signals go unbounded, for numerical reasons",
         verdict(holds=None not in ends and smooth.diverged_at is None),
         f"L1-AC without projection diverges at the gain and step of Figures 3 and 5 ({times}), and stays bounded at those of Figure 4, max |e| "
-        f"{numbers(_figure(smooth, 'max_abs_e'))}; the robust MRAC of Figure 2 stays bounded too, {numbers(_figure(robust, 'max_abs_e'))}",
+        f"{numbers(_figure(smooth, 'max_abs_e'))}; the robust MRAC of Figure 2 stays bounded too, "
+        f"{numbers(_figure(robust, 'max_abs_e'))}",
         "RK4, 60 s; the same equations at a tenth of the step are bounded, see the numerics under the figures",
         number=f"L1-AC without projection at Figure 3's and 5's settings: {times}",
         would_change="a run without projection that stays bounded there, or diverges at Figure 4's gain and step",
@@ -169,7 +171,8 @@ def erratum_claim(runs: Runs) -> Claim:
         statement="The auxiliary input, with W_c0 signed as printed, makes the transient error proportional to tau",
         verdict="erratum" if printed_is_wrong else "not confirmed",
         measured=(
-            f"from tau = {tau:g} s to {half:g} s max |e_1| goes from {derived[0]:.3g} to {derived_half[0]:.3g} with the sign of the swapping "
+            f"from tau = {tau:g} s to {half:g} s max |e_1| goes from {derived[0]:.3g} to {derived_half[0]:.3g} with the sign of "
+            "the swapping "
             f"lemma, from {printed[0]:.3g} to {printed_half[0]:.3g} as printed"
         ),
         how="Section V over 60 s, RK4, h = 1e-4 s; the swapping lemma's identity itself is held to rounding by a test",

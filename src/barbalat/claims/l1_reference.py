@@ -109,9 +109,12 @@ def claim(*, full: bool = False) -> Claim:
         "L1-AC follows its filtered reference system, the non-adaptive loop with theta known, to within gamma_1/sqrt(Gamma)",
         of_readings(readings),
         f"||W_b (1 - C)||_1 theta_max <= {bound.condition.value_upper:.4f} < 1, so gamma_1 = {bound.case:.4g} for the case's initial error ({bound.book:.4g} for the worst of the known set, {bound.exact:.4g} for "
-        f"the case's theta without the small-gain theorem). Measured: |x - x_ref| goes from {found.state[0]:.3g} at Gamma = {found.gains[0]:g} to {found.state[-1]:.3g} at {found.gains[-1]:g}, {share.min():.2g} to "
-        f"{share.max():.2g} of the bound, with local exponents of {span(exponents)} (the bound's is -1/2). The reference system itself stays up to {found.model:.3g} away from the model x_m, whatever Gamma is",
-        f"Section V, kappa = {section_v.KAPPA:g} s, RK4, h = {span(list(steps.values()))} s, {T_END:g} s, {INSTANTS} instants; certified L1 norms. Assumptions checked: the condition, theta in the known set, C and the "
+        f"the case's theta without the small-gain theorem). Measured: |x - x_ref| goes from {found.state[0]:.3g} at Gamma = "
+        f"{found.gains[0]:g} to {found.state[-1]:.3g} at {found.gains[-1]:g}, {share.min():.2g} to "
+        f"{share.max():.2g} of the bound, with local exponents of {span(exponents)} (the bound's is -1/2). The reference system "
+        f"itself stays up to {found.model:.3g} away from the model x_m, whatever Gamma is",
+        f"Section V, kappa = {section_v.KAPPA:g} s, RK4, h = {span(list(steps.values()))} s, {T_END:g} s, {INSTANTS} instants; "
+        "certified L1 norms. Assumptions checked: the condition, theta in the known set, C and the "
         "predictor at rest, no modelling error, no disturbance. Condition: a step that resolves the ringing",
         listings=_listings(found, bound, steps),
         number=f"largest |x - x_ref| over gamma_1/sqrt(Gamma): {share.max():.2g}",
@@ -135,7 +138,8 @@ def _readings(found: Distances, bound: Bounds) -> tuple[Reading, ...]:
         Reading(
             "the control, within gamma_2/sqrt(Gamma) likewise",
             verdict(holds=bool((found.control * root <= bound.control).all())),
-            f"|u - u_ref| sqrt(Gamma) is {span(found.control * root)}, gamma_2 = {bound.control:.4g}; local exponents of |u - u_ref| {span(of_u)}",
+            f"|u - u_ref| sqrt(Gamma) is {span(found.control * root)}, gamma_2 = {bound.control:.4g}; local exponents of |u - "
+            f"u_ref| {span(of_u)}",
         ),
         Reading(
             "the state, in Figure 3's simulation at h = 1e-4 s",
@@ -149,7 +153,8 @@ def _listings(found: Distances, bound: Bounds, steps: dict[float, float]) -> tup
     root = np.sqrt(found.gains)
     return (
         table(
-            "The largest |x_i - x_ref,i| and its bounds: for the case's theta, for the case's initial error, and for the worst theta of the known set",
+            "The largest |x_i - x_ref,i| and its bounds: for the case's theta, for the case's initial error, and for the worst "
+            "theta of the known set",
             {
                 "Gamma": found.gains, "h [s]": list(steps.values()), "|x - x_ref|": found.state,
                 "exact": bound.exact / root, "case": bound.case / root, "book": bound.book / root,

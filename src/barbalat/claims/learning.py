@@ -86,8 +86,10 @@ def exponential() -> Claim:
     return Claim(
         "exponential-convergence", "Section III.B, last paragraph", "With sufficiently rich signals the estimates of the robust MRAC converge exponentially",
         of_readings(readings),
-        f"|theta_hat - theta*| with pure least squares (15) goes as t^{power:.2f}: not exponential; with the normalised gradient law "
-        f"it falls exponentially, by {rate:.3f} per s; MRAC with Gamma = 1 has {distance['MRAC'][at][-1]:.3g} left after {INSTANTS[-1]:g} s",
+        f"|theta_hat - theta*| with pure least squares (15) goes as t^{power:.2f}: not exponential; with the normalised gradient "
+        "law "
+        f"it falls exponentially, by {rate:.3f} per s; MRAC with Gamma = 1 has {distance['MRAC'][at][-1]:.3g} left after "
+        f"{INSTANTS[-1]:g} s",
         "Section V with r = 10 sin 0.5t + 10 sin 1.7t, RK4, h = 1e-3 s, 480 s",
         listings=(
             table(

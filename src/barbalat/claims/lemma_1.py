@@ -3,7 +3,8 @@
 With V = theta_tilde'P^-1 theta_tilde, (13) and (15) give V' = -(epsilon m_s)^2 + eta^2/m_s^2 between the projection's bounds, and
 no more than that at them. So the integral of (epsilon m_s)^2 from 0 is at most V(0) plus that of eta^2/m_s^2: the constant of
 S(eta^2/m_s^2) is at most max(1, V(0)) for intervals that begin at 0, and max(1, V(t)) for those that begin at t. Pure least squares
-sets no bound on V(t) under an error that lasts: there the constants are measured, and ``scalar_lemma`` shows that none serves all signals.
+sets no bound on V(t) under an error that lasts: there the constants are measured, and ``scalar_lemma`` shows that none serves
+all signals.
 """
 
 from __future__ import annotations
@@ -41,9 +42,12 @@ def bounded(runs: dict[float, Along]) -> Claim:
     return Claim(
         "lemma-1-bounded", "Lemma 1 (i)", "epsilon, epsilon m_s, theta_hat and theta_hat' are bounded",
         verdict(holds=all(bool((np.isfinite(v).all(axis=1) & (v[:, 1] <= 1.05 * v[:, 0])).all()) for v in halves.values())),
-        f"for mu up to {max(runs):g} s the largest |epsilon| is {halves['epsilon'].max():.3g}, |epsilon m_s| {halves['error'].max():.3g}, "
-        f"|theta_hat_i| {halves['theta_hat'].max():.3g}, |theta_hat'| {halves['rate'].max():.3g}; in the second half of a run the suprema are at most "
-        f"{growth['theta_hat']:.3g} (theta_hat) and {max(value for name, value in growth.items() if name != 'theta_hat'):.2g} (the others) times those of the first",
+        f"for mu up to {max(runs):g} s the largest |epsilon| is {halves['epsilon'].max():.3g}, |epsilon m_s| "
+        f"{halves['error'].max():.3g}, "
+        f"|theta_hat_i| {halves['theta_hat'].max():.3g}, |theta_hat'| {halves['rate'].max():.3g}; in the second half of a run "
+        "the suprema are at most "
+        f"{growth['theta_hat']:.3g} (theta_hat) and {max(value for name, value in growth.items() if name != 'theta_hat'):.2g} "
+        "(the others) times those of the first",
         HOW.format("Delta_m = -mu s/(0.001 s + 1)", "3000 instants; reading: none of the suprema grows in the second half"),
         listings=(_suprema(tuple(runs), halves),),
         number=f"largest |epsilon m_s| in the second half over that in the first: {growth['error']:.2g}",
@@ -95,7 +99,8 @@ def with_error(runs: dict[float, Along]) -> Claim:
     return Claim(
         "lemma-1-small", "Lemma 1 (ii)", "With a modelling error epsilon, epsilon m_s and theta_hat' are small in the mean, S(eta^2/m_s^2)",
         of_readings(readings),
-        f"for mu = {span(mus)} s, |eta|/m_s up to {eta.max():.3g}: by the paper's definition {_at_most(by_definition)}; with the integral "
+        f"for mu = {span(mus)} s, |eta|/m_s up to {eta.max():.3g}: by the paper's definition {_at_most(by_definition)}; with the "
+        "integral "
         f"of eta^2/m_s^2 {_at_most(constants)}. By V' = -(epsilon m_s)^2 + eta^2/m_s^2 the latter are "
         f"at most max(1, V) = 1, and |P(0)|^2 = {section_v.COVARIANCE0**2:g} for theta_hat'; it holds within {gap:.0e} "
         f"of V(0), so V may rise: up to {risen.max():.3g} V(0). For any signals: see the readings",
@@ -107,7 +112,10 @@ def with_error(runs: dict[float, Along]) -> Claim:
         listings=(
             _constants("with the paper's constant mu, the largest eta^2/m_s^2 of the run", mus, by_definition),
             _constants("with the integral of eta^2/m_s^2 over the same interval", mus, constants),
-            table("The modelling error along the runs, and how far V rises", {"mu [s]": mus, "largest |eta|/m_s": eta, "largest V/V(0)": risen}),
+            table(
+                "The modelling error along the runs, and how far V rises",
+                {"mu [s]": mus, "largest |eta|/m_s": eta, "largest V/V(0)": risen},
+            ),
             *scalar_lemma.listings(),
         ),
         number=f"least nu for epsilon m_s: {by_definition['error'].max():.2g} along runs, "
@@ -139,7 +147,10 @@ def _constants(measure: str, mus: Array, found: dict[str, Array]) -> Listing:
 
 def _at_most(found: dict[str, Array]) -> str:
     largest = {name: f"{values.max():.3g}" for name, values in found.items()}
-    return f"the least nu is at most {largest['epsilon']} for epsilon, {largest['error']} for epsilon m_s, {largest['rate']} for theta_hat'"
+    return (
+        f"the least nu is at most {largest['epsilon']} for epsilon, {largest['error']} for epsilon m_s, "
+        f"{largest['rate']} for theta_hat'"
+    )
 
 
 def _half_suprema(values: Array) -> tuple[float, float]:

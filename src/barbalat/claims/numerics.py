@@ -23,7 +23,8 @@ def come_and_go(runs: Runs) -> Claim:
     return Claim(
         "numerical-oscillation", "Section V, discussion of Figures 3 to 5", "The oscillations are numerical: gone at h = 1e-5 s, back at Gamma = 1e6",
         verdict(holds=gone and back),
-        f"variation of the estimates in the tail: {span(rates[0])} per s at Figure 3's gain and step, {span(rates[1])} at Figure 4's step, {span(rates[2])} at Figure 5's gain",
+        f"variation of the estimates in the tail: {span(rates[0])} per s at Figure 3's gain and step, {span(rates[1])} at Figure "
+        f"4's step, {span(rates[2])} at Figure 5's gain",
         "Figures 3, 4, 5, every step",
         listings=(
             table(
@@ -70,8 +71,10 @@ def smaller_gain() -> Claim:
     return Claim(
         "smaller-gain", "Abstract; Section V, discussion of Figures 3 to 5; Section VI", "Reducing the gain removes the oscillations, and the plain MRAC then tracks better than L1-AC",
         of_readings(readings),
-        f"MRAC with Gamma = {section_v.MODERATE_GAIN:g} has a tail error of at most {mrac.tail_max_abs_e.max():.3g} and estimates that vary by at most "
-        f"{mrac.theta_hat_variation_rate.max():.3g} per s, L1-AC with Gamma = 1e4 a tail error of at most {l1.tail_max_abs_e.max():.3g}",
+        f"MRAC with Gamma = {section_v.MODERATE_GAIN:g} has a tail error of at most {mrac.tail_max_abs_e.max():.3g} and "
+        "estimates that vary by at most "
+        f"{mrac.theta_hat_variation_rate.max():.3g} per s, L1-AC with Gamma = 1e4 a tail error of at most "
+        f"{l1.tail_max_abs_e.max():.3g}",
         "Section V, h = 1e-4 s, RK4, 60 s, without modelling error",
         listings=(
             by_component(

@@ -120,14 +120,16 @@ def rohrs() -> Claim:
         "(3)-(4) and (5)-(8)",
         statement="Unmodelled dynamics destabilise an adaptive law without modifications; the robust laws bear them",
         verdict=of_readings(readings),
-        measured=f"the classical law {falls}; max |y| of the others over {case.simulation.t_end:g} s is {span(heights)}, without adapting at all "
-        f"{resting.figures['max_abs_y']:.3g}. The dead zone bears it by not adapting: of {len(ZONES)} more, g_0 = {span(ZONES)}, {len(lost)} diverge"
-        + (f", those of {span(lost)}" if lost else ""),
+        measured=f"the classical law {falls}; max |y| of the others over {case.simulation.t_end:g} s is {span(heights)}, without "
+        "adapting at all "
+        f"{resting.figures['max_abs_y']:.3g}. The dead zone bears it by not adapting: of {len(ZONES)} more, g_0 = {span(ZONES)}, "
+        f"{len(lost)} diverge" + (f", those of {span(lost)}" if lost else ""),
         how="Rohrs' plant and command 0.3 + 1.85 sin 16.1 t, RK4, h = 1e-4 s; dead zones at h = 1e-3 s; condition: the dead zone is "
         "wider than the error that the initial estimates leave",
         listings=(
             table(
-                f"What the modified laws do over {case.simulation.t_end:g} s: the largest |y|, and how far their estimates moved in all",
+                f"What the modified laws do over {case.simulation.t_end:g} s: the largest |y|, and how far their estimates moved "
+                "in all",
                 {"law": list(bounded), "max |y|": heights, "path": [_moved(run) for run in bounded.values()]},
             ),
             table(

@@ -22,7 +22,8 @@ def tau_and_error() -> Claim:
     return Claim(
         "tau-error", "Theorem 2, eq. (17); Section III.B, after it", "Without modelling error the transient error of the robust MRAC is proportional to tau",
         verdict(holds=bool((np.abs(exponents - 1) < 0.05).all())),
-        f"max |e| goes from {peaks[0]:.3g} at tau = {taus[0]:g} s to {peaks[-1]:.3g} at {taus[-1]:g} s, with local exponents of {span(exponents)}",
+        f"max |e| goes from {peaks[0]:.3g} at tau = {taus[0]:g} s to {peaks[-1]:.3g} at {taus[-1]:g} s, with local exponents of "
+        f"{span(exponents)}",
         "Section V, sign of (14) corrected, RK4, h = 1e-4 s, 60 s",
         listings=(
             table(

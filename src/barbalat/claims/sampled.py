@@ -30,8 +30,10 @@ def claim() -> Claim:
         where="Section V, discussion of Figures 3 to 5",
         statement="The numerical phenomena cannot be avoided at a high gain: a sampled controller with a Lyapunov-preserving step",
         verdict=verdict(holds=spread > 2),
-        measured=f"variation of the estimates by the implicit step, over Gamma = {GAINS[0]:g} to {GAINS[-1]:g}: MRAC {span(smooth['MRAC'][:, 0])} per s, "
-        f"L1-AC {span(smooth['L1'][:, 0])} per s, the largest {spread:.3f} times the least; by explicit Euler {span(rough[:, 0])} per s",
+        measured=f"variation of the estimates by the implicit step, over Gamma = {GAINS[0]:g} to {GAINS[-1]:g}: MRAC "
+        f"{span(smooth['MRAC'][:, 0])} per s, "
+        f"L1-AC {span(smooth['L1'][:, 0])} per s, the largest {spread:.3f} times the least; by explicit Euler "
+        f"{span(rough[:, 0])} per s",
         how="the controller sampled every 1e-4 s, closed form of cost O(n^2) for each sample; Section V, RK4, h = 1e-4 s, 20 s, first estimate",
         listings=(
             table(
@@ -89,8 +91,10 @@ def delays() -> Claim:
         Reading(
             "by the tracking error: without the filter it is the larger one under a delay",
             verdict(holds=bool(len(larger)), conditional=len(larger) < len(DELAYS)),
-            f"larger at {len(larger)} of {len(DELAYS)} delays; |e| goes from {errors[-1, 1]:.3g} at {1e3 * DELAYS[0]:g} ms to {errors[-1, -1]:.3g} at "
-            f"{1e3 * DELAYS[-1]:g} ms without the filter, from {filtered_errors[-1, 1]:.3g} to {filtered_errors[-1, -1]:.3g} with it",
+            f"larger at {len(larger)} of {len(DELAYS)} delays; |e| goes from {errors[-1, 1]:.3g} at {1e3 * DELAYS[0]:g} ms to "
+            f"{errors[-1, -1]:.3g} at "
+            f"{1e3 * DELAYS[-1]:g} ms without the filter, from {filtered_errors[-1, 1]:.3g} to {filtered_errors[-1, -1]:.3g} "
+            "with it",
         ),
     )
     return Claim(

@@ -117,14 +117,17 @@ def readings() -> tuple[Reading, Reading]:
         Reading(
             "with the paper's constant mu, the largest eta^2/m_s^2, for any signals of (13) and one nu",
             verdict(holds=_bounded(taught[0])),
-            f"a bias of {LEARNT_BIAS:g} learnt beside phi = {WEAK_REGRESSORS[0]:g} down to {WEAK_REGRESSORS[-1]:g}, then phi = 1: pure least squares (15) "
+            f"a bias of {LEARNT_BIAS:g} learnt beside phi = {WEAK_REGRESSORS[0]:g} down to {WEAK_REGRESSORS[-1]:g}, then phi = "
+            "1: pure least squares (15) "
             f"needs nu = {taught[0][0]:.3g} to {taught[0][-1]:.3g} for epsilon m_s, the gradient law {span(taught[1])}",
         ),
         Reading(
             "with the integral of eta^2/m_s^2 over the same interval, for any signals of (13)",
             verdict(holds=_bounded(left[0])),
-            f"phi = 1, m_s^2 = 2, eta = 1 on [0, T_1], then 0: the integral of (epsilon m_s)^2 after T_1 goes from {left[0][0]:.3g} at "
-            f"T_1 = {BIASED_TIMES[0]:g} s to {left[0][-1]:.3g} at {BIASED_TIMES[-1]:g} s, with pure least squares (15), and is {span(left[1])} with the gradient law",
+            "phi = 1, m_s^2 = 2, eta = 1 on [0, T_1], then 0: the integral of (epsilon m_s)^2 after T_1 goes from "
+            f"{left[0][0]:.3g} at "
+            f"T_1 = {BIASED_TIMES[0]:g} s to {left[0][-1]:.3g} at {BIASED_TIMES[-1]:g} s, with pure least squares (15), and is "
+            f"{span(left[1])} with the gradient law",
         ),
     )
 
@@ -135,7 +138,8 @@ def listings() -> tuple[Listing, Listing]:
     mus = [weakly_taught(phi)[1] for phi in WEAK_REGRESSORS]
     return (
         table(
-            f"The least nu for epsilon m_s with the paper's constant mu, after a bias of {LEARNT_BIAS:g} was learnt beside a weak regressor phi",
+            f"The least nu for epsilon m_s with the paper's constant mu, after a bias of {LEARNT_BIAS:g} was learnt beside a "
+            "weak regressor phi",
             {"phi": WEAK_REGRESSORS, "mu": mus, "least squares (15)": taught[0], "gradient": taught[1]},
         ),
         table(

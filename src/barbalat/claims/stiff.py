@@ -50,18 +50,21 @@ def own_oscillation() -> Claim:
         Reading(
             "with the projection, as Figure 4 shows it, after the first seconds",
             verdict(holds=bool((boxed[2] < 0.01).all())),
-            f"ringing of at most {boxed[0].max():.2g} at h = {section_v.FINE:g} s, {boxed[2].max():.2g} at {CONVERGED_STEPS[1]:g} s",
+            f"ringing of at most {boxed[0].max():.2g} at h = {section_v.FINE:g} s, {boxed[2].max():.2g} at "
+            f"{CONVERGED_STEPS[1]:g} s",
         ),
         Reading(
             "without projection: what rings at h = 1e-4 s is the solver's alone",
             verdict(holds=not (agree and bool((free[2] > 3 * free[0]).all()))),
-            f"ringing of at most {free[0].max():.2g} at h = {section_v.FINE:g} s, {free[2].max():.2g} at {CONVERGED_STEPS[1]:g} s",
+            f"ringing of at most {free[0].max():.2g} at h = {section_v.FINE:g} s, {free[2].max():.2g} at {CONVERGED_STEPS[1]:g} "
+            "s",
         ),
     )
     return Claim(
         "own-oscillation", "Section V, discussion and caption of Figure 4", "With the step reduced to 1e-5 s the oscillation is gone, because it was numerical",
         of_readings(readings),
-        f"the estimates' ringing at h = {CONVERGED_STEPS[1]:g} s with projection: at most {boxed[2].max():.2g}, gone once they have touched "
+        f"the estimates' ringing at h = {CONVERGED_STEPS[1]:g} s with projection: at most {boxed[2].max():.2g}, gone once they "
+        "have touched "
         f"their bounds (at {AUTOMATIC_END:g} s, before that, {numbers(early[0])} at h = 1e-5 s, {numbers(early[1])} at 5e-7 s). "
         f"Without projection {numbers(free[2])}: there the equations themselves ring, and at h = 1e-5 s "
         "RK4's own damping hides it",

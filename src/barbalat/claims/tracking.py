@@ -89,7 +89,8 @@ def bias_is_proportional() -> Claim:
     return Claim(
         "bias-kappa", "Section III.A, after Theorem 1; Figure 3, caption", "The filter leaves a steady error proportional to kappa",
         verdict(holds=bool(abs(exponents[-1] - 1) < 0.02 and (np.diff(np.abs(exponents - 1)) < 0).all())),
-        f"max |e_1| in the tail goes from {tail[0]:.3g} at kappa = {kappas[0]:g} s to {tail[-1]:.3g} at {kappas[-1]:g} s, the local exponent "
+        f"max |e_1| in the tail goes from {tail[0]:.3g} at kappa = {kappas[0]:g} s to {tail[-1]:.3g} at {kappas[-1]:g} s, the "
+        "local exponent "
         f"from {exponents[0]:.3g} to {exponents[-1]:.3g}: to 1 as kappa falls",
         "Section V, Gamma = 100, RK4, h = 1e-4 s, 60 s; proportional to first order: for a sine, as kappa falls",
         listings=(
@@ -124,11 +125,13 @@ def best_at_zero() -> Claim:
     return Claim(
         "best-kappa-zero", "Section III.A, after Theorem 1", "The best bound (10) is that of kappa = 0, no filter",
         of_readings(readings),
-        f"from kappa = {kappas[0]:g} s to none the bound goes from {short(bounds[0])} to {short(bounds[-1])}, the largest error from {errors[0]:.3g} to {errors[-1]:.3g}",
+        f"from kappa = {kappas[0]:g} s to none the bound goes from {short(bounds[0])} to {short(bounds[-1])}, the largest error "
+        f"from {errors[0]:.3g} to {errors[-1]:.3g}",
         "Section V, Gamma = 100; certified bounds beside RK4 runs of 60 s at h = 1e-4 s, without modelling error",
         listings=(
             table(
-                f"The bound (10) and the largest |e| of a run against the filter's time constant, Gamma = {gamma:g}; 0: no filter",
+                f"The bound (10) and the largest |e| of a run against the filter's time constant, Gamma = {gamma:g}; 0: no "
+                "filter",
                 {"kappa [s]": (*kappas, 0.0), "bound of |e|": bounds, "largest |e|": errors},
             ),
         ),
@@ -186,7 +189,8 @@ def is_mrac() -> Claim:
         "Section V, Gamma = 10, RK4, h = 1e-4 s, 60 s; the step by step agreement is held to rounding by a test",
         listings=(
             by_component(
-                f"Tail error and variation of the estimates with the same filter, kappa = {section_v.KAPPA:g} s, before either law",
+                f"Tail error and variation of the estimates with the same filter, kappa = {section_v.KAPPA:g} s, before either "
+                "law",
                 {"(3)-(4), driven by e": by_e, "(5)-(8)": by_prediction},
             ),
         ),

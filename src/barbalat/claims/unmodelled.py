@@ -112,7 +112,8 @@ def claim(*, full: bool = False) -> Claim:
         of_readings(readings),
         f"first delay with growth without end, at any gain that was tried: {_of_section_v(found, ideal)}. At every gain, in {len(below['MRAC (3)-(4)'])} and {len(below['L1-AC (5)-(8)'])} of {len(THETAS)} values of theta in the known set the delay "
         f"that does it, {firsts.min():g} s to {firsts.max():g} s, is one that the same loop bears with theta known; theta = 0: {_of_the_centre(found, ideal)}",
-        f"Section V, theta over its known set, Gamma = {numbers(gains)}, {len(DELAYS)} exact delays from {DELAYS[0]:g} to {DELAYS[-1]:g} s, RK4, h = {H / 4 if full else H:g} s, {T_END:g} s. Unbounded: diverged, or |e| in the last "
+        f"Section V, theta over its known set, Gamma = {numbers(gains)}, {len(DELAYS)} exact delays from {DELAYS[0]:g} to "
+        f"{DELAYS[-1]:g} s, RK4, h = {H / 4 if full else H:g} s, {T_END:g} s. Unbounded: diverged, or |e| in the last "
         f"quarter beyond {UNBOUNDED:g} times the largest |x_m|; what is counted as bounded stays below {max(float(each.tail.max()) for each in found.values()):.2g} times. Condition: a known set with estimates that do not stabilise the plant",
         listings=(*_listings(found, ideal, gains), at_rohrs_plant),
         number=f"smallest delay with unbounded growth that the loop with theta known bears: {firsts.min():g} s",
@@ -184,7 +185,8 @@ def _down(value: float) -> str:
 def _listings(found: dict[str, Loss], ideal: dict[str, Array], gains: tuple[float, ...]) -> tuple[Listing, ...]:
     return tuple(
         table(
-            f"{name}: the largest delay [s] that stays bounded below the first that does not, that one (inf: none up to {DELAYS[-1]:g} s), what the loop bears with "
+            f"{name}: the largest delay [s] that stays bounded below the first that does not, that one (inf: none up to "
+            f"{DELAYS[-1]:g} s), what the loop bears with "
             "theta known, and the largest |e| of the bounded runs' last quarter over the largest |x_m|",
             {
                 "theta": [f"[{theta[0]:g}, {theta[1]:g}]" for theta in THETAS for _ in gains],

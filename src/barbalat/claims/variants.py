@@ -62,7 +62,7 @@ def span(values: Sequence[float] | Array) -> str:
 
 
 def table(caption: str, columns: Mapping[str, Sequence[str] | Sequence[float] | Array]) -> Listing:
-    """A listing from columns by their heads: numbers with three digits, texts as they are; a NaN, of which there is nothing, is a dash."""
+    """A listing from columns by their heads: numbers with three digits, texts as they are, a dash for NaN."""
     entries = ([_entry(value) for value in column] for column in columns.values())
     return Listing(caption, tuple(columns), tuple(zip(*entries, strict=True)))
 
