@@ -11,6 +11,7 @@ import pytest
 from barbalat.claims import figures, ledger, linear_design, section_v
 from barbalat.claims.claim import Claim, Reading, of_readings, verdict
 from barbalat.claims.rows import LEDGER, Measurement
+from barbalat.claims.variants import table
 from barbalat.cli import main
 
 
@@ -120,6 +121,43 @@ def test_every_row_is_what_a_referee_asks_for(claims):
     assert len(claims) >= 28
 
 
+BRACKETED_LIST = re.compile(r"\[[^\[\]]*(?:,[^\[\]]*){2,}\]")
+"""Of three entries or more: a table's."""
+
+
+def check_lists(claim: Claim) -> None:
+    """Every list is a table, whose rows are its settings: nobody reads two lists in a sentence against each other."""
+    tables = [(one.caption, *one.columns, *(entry for row in one.rows for entry in row)) for one in claim.listings]
+    texts = [claim.statement, claim.number, claim.measured, claim.how, claim.would_change, claim.sharpened]
+    for text in (*texts, *(text for one in claim.readings for text in (one.says, one.measured)), *sum(tables, ())):
+        assert not BRACKETED_LIST.search(text), (claim.id, text)
+
+
+def test_no_text_of_a_quick_row_holds_a_list(quick):
+    for claim in quick[0].values():
+        check_lists(claim)
+    (shown,) = quick[0]["best-kappa-zero"].listings
+    assert [row[0] for row in shown.rows] == ["0.04", "0.02", "0.01", "0.001", "0"]
+
+
+@pytest.mark.full
+def test_no_text_of_any_row_holds_a_list(claims):
+    for claim in claims.values():
+        check_lists(claim)
+
+
+def test_a_list_is_found_and_a_pair_is_not():
+    assert BRACKETED_LIST.search("bounds [3.16e+03, 522, 197] for kappa")
+    assert not BRACKETED_LIST.search("theta = [4, -3] or [5, 5], over [t, t + T]")
+
+
+def test_a_table_from_columns():
+    shown = table("caption", {"of": ["a", "b"], "x": np.array([3164.9, np.nan])})
+    assert (shown.columns, shown.rows) == (("of", "x"), (("a", "3160"), ("b", "-")))
+    with pytest.raises(ValueError):
+        table("caption", {"x": [1.0, 2.0], "y": [1.0]})
+
+
 def test_the_page_of_both_sides_names_rows_that_exist():
     page = (Path(__file__).parents[2] / "docs" / "both-sides.md").read_text()
     table = [line for line in page.splitlines() if line.startswith("|")]
@@ -183,8 +221,8 @@ def test_numbers_that_theory_predicts(claims):
 def test_linear_loops_are_lost_where_mu_says(claims):
     """Without the delay, at the corner that mu names: the last size that is borne and the first that is not, around 1/mu."""
     claim = claims["adaptive-against-linear"]
-    (table,) = claim.listings
-    limits = {row[0]: row[table.columns.index("set may grow by 1/mu")] for row in table.rows}
+    (shown,) = claim.listings
+    limits = {row[0]: row[shown.columns.index("set may grow by 1/mu")] for row in shown.rows}
     plain, _ = claim.maps
     linear = [curve for curve in plain.curves if limits[curve.label] != "-"]
     assert len(linear) >= 2  # four with the extra for the H-infinity synthesis

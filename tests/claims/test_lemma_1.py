@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from barbalat import Constant, LeastSquares, Normalization, PlantInput, RobustMrac, Simulation, TransferFunction
-from barbalat.claims.lemma_1 import along
+from barbalat.claims.lemma_1_runs import along
 from barbalat.claims.variants import variant
 
 SIMULATION = Simulation(t_end=10.0, dt=1e-3, record_points=500)

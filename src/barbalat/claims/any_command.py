@@ -8,7 +8,7 @@ import numpy as np
 
 from barbalat.claims import section_v
 from barbalat.claims.claim import Claim, Listing, Reading, of_readings, verdict
-from barbalat.claims.variants import numbers, variant
+from barbalat.claims.variants import span, variant
 from barbalat.protocols import Signal
 from barbalat.run.ensemble import simulate_ensemble
 from barbalat.signals import Chirp, Constant, Recorded, Sines, Square, Steps
@@ -145,7 +145,8 @@ def _readings(early: Array, late: Array, slowest: str) -> tuple[Reading, ...]:
 def _listing(tried: list[tuple[str, Signal]], found: Array, t_end: float) -> Listing:
     names = np.array([kind for kind, _ in tried])
     return Listing(
-        f"max |e| in the last quarter over the largest |x_m|, for each command of a kind, in the second and in the last quarter of {t_end:g} s",
+        f"max |e| over the largest |x_m| in the second and in the last quarter of {t_end:g} s: the least and the largest of a "
+        f"kind's {len(tried) // len(KINDS)} commands",
         ("command", "second quarter", "last quarter"),
-        tuple((kind, *(numbers(column[names == kind]) for column in found.T)) for kind in KINDS),
+        tuple((kind, *(span(column[names == kind]) for column in found.T)) for kind in KINDS),
     )

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
 import numpy as np
 
 from barbalat.claims import section_v
 from barbalat.claims.claim import Claim, Listing, Reading, of_readings, verdict
+from barbalat.claims.variants import span, table
 from barbalat.controllers import Mrac
 from barbalat.run.result import Result
 from barbalat.run.simulate import simulate
@@ -99,7 +100,7 @@ def claim(*, full: bool = False) -> Claim:
         f"tenth in {len(falls)} of {count} settings. Their RMS value there: {shown.without.rms:.3g} without the filter, {shown.filtered.rms:.3g} with it",
         f"Section V, MRAC and L1-AC at the same Gamma, RK4, u at {INSTANTS} instants, second half of the run, Welch's method; h and Gamma as listed. Condition: well inside the numerically unstable "
         f"region; a difference below {SAME:.0%} counts as none",
-        listings=(_listing(numerical, resolved),),
+        listings=_listings(numerical, resolved),
         number=f"mean frequency of the oscillations in u with C over that without, Figure 3's setting: {shown.frequency:.2f}",
         readings=readings,
         would_change="confirmed: frequencies, mean and strongest, that fall at every setting, and a ringing that gets slower and smaller; not confirmed: none of it",
@@ -108,9 +109,6 @@ def claim(*, full: bool = False) -> Claim:
 
 
 def _readings(shown: Pair, numerical: list[Pair], resolved: list[Pair]) -> tuple[Reading, ...]:
-    def span(values: list[float]) -> str:
-        return f"{min(values):.2g} to {max(values):.2g}" if len(values) > 1 else f"{values[0]:.2g}"
-
     peaks = [pair.filtered.peak / pair.without.peak for pair in numerical]
     sizes, expected = [pair.size for pair in numerical], [1 / (section_v.KAPPA * pair.without.mean) for pair in numerical]
     ringing_peak = [pair.filtered.peak / pair.without.peak for pair in resolved]
@@ -124,12 +122,13 @@ def _readings(shown: Pair, numerical: list[Pair], resolved: list[Pair]) -> tuple
         Reading(
             "... at every gain at which there are some",
             verdict(holds=all(pair.frequency < 1 - SAME for pair in numerical)),
-            f"by the factors {', '.join(f'{pair.frequency:.2f} (Gamma {pair.gamma:g}, h {pair.h:g} s)' for pair in numerical)}",
+            f"by the factors {span([pair.frequency for pair in numerical])}, in {len(numerical)} settings",
         ),
         Reading(
             "so does the frequency where they are strongest",
             verdict(holds=all(peak < 1 - SAME for peak in peaks)),
-            f"by the factors {', '.join(f'{peak:.2f}' for peak in peaks)}; without the filter it is {', '.join(f'{pair.without.peak * pair.h / (2 * np.pi):.2f}' for pair in numerical)} cycles in a step of the solver",
+            f"by the factors {span(peaks)}; without the filter it is "
+            f"{span([pair.without.peak * pair.h / (2 * np.pi) for pair in numerical])} cycles in a step of the solver",
         ),
         Reading(
             "the ringing of the equations, resolved by the step, gets slower",
@@ -144,17 +143,29 @@ def _readings(shown: Pair, numerical: list[Pair], resolved: list[Pair]) -> tuple
         Reading(
             "so does the ringing of the equations",
             verdict(holds=all(size < 0.1 for size in ringing_size)),
-            f"RMS times {span(ringing_size)} at Gamma = {', '.join(f'{pair.gamma:g}' for pair in resolved)}: without the filter u itself damps the ringing",
+            f"RMS times {span(ringing_size)} at Gamma = {span([pair.gamma for pair in resolved])}: without the filter u itself "
+            "damps the ringing",
         ),
     )  # fmt: skip
 
 
-def _listing(numerical: list[Pair], resolved: list[Pair]) -> Listing:
-    def row(what: str, pair: Pair) -> tuple[str, ...]:
-        return what, f"{pair.h:g}", f"{pair.gamma:g}", *(f"{value:.3g}" for value in (*pair.without, *pair.filtered))
+def _listings(numerical: list[Pair], resolved: list[Pair]) -> tuple[Listing, ...]:
+    pairs = (*numerical, *resolved)
+    settings = {
+        "whose": ["solver's"] * len(numerical) + ["equations'"] * len(resolved),
+        "h [s]": [pair.h for pair in pairs],
+        "Gamma": [pair.gamma for pair in pairs],
+    }
 
-    return Listing(
-        f"Oscillations in u above {SLOWEST_OSCILLATION:g} rad/s: mean frequency and strongest frequency [rad/s], RMS value, without the filter and with it",
-        ("whose", "h [s]", "Γ", "mean", "peak", "RMS", "mean, C", "peak, C", "RMS, C"),
-        (*(row("solver's", pair) for pair in numerical), *(row("equations'", pair) for pair in resolved)),
+    def compared(what: str, of: Callable[[Oscillation], float]) -> Listing:
+        without, filtered = (
+            np.array([of(one) for one in each]) for each in zip(*((p.without, p.filtered) for p in pairs), strict=True)
+        )
+        columns = {"without C": without, "with C": filtered, "ratio": filtered / without}
+        return table(f"Oscillations in u above {SLOWEST_OSCILLATION:g} rad/s: {what}", settings | columns)
+
+    return (
+        compared("mean frequency [rad/s]", lambda one: one.mean),
+        compared("strongest frequency [rad/s]", lambda one: one.peak),
+        compared("RMS value", lambda one: one.rms),
     )

@@ -14,7 +14,7 @@ import numpy as np
 from barbalat.adaptation.normalization import Normalization
 from barbalat.claims import section_v
 from barbalat.claims.claim import Claim, Listing, Reading, of_readings, verdict
-from barbalat.claims.variants import figures, numbers, variant
+from barbalat.claims.variants import figures, local_exponents, span, table, variant
 from barbalat.controllers import RobustMrac
 from barbalat.linear.l1_norms import l1_norm
 from barbalat.linear.systems import TransferFunction
@@ -56,7 +56,7 @@ class Errors:
     @property
     def exponents(self) -> Array:
         """(4, 4) local exponents of the tail's error in the size, at fixed tau."""
-        return np.diff(np.log(self.tail), axis=1) / np.diff(np.log(SIZES))
+        return np.array([local_exponents(row, SIZES) for row in self.tail])
 
     @property
     def slopes(self) -> Array:
@@ -113,10 +113,11 @@ def claim(*, full: bool = False) -> Claim:
         of_readings(readings),
         f"what stays of |e| at fixed tau goes as mu^{exponents.min():.3f} to mu^{exponents.max():.3f}; one nu = {nu.max():.3g} serves every run, Delta_2 = {norm_per_size():.3g} mu. {_of_tau(found, with_tau)}. "
         f"With Section V's own command, one sine, {_one_frequency()}",
-        f"Section V with r = 30 sin 0.5t + 20 sin 1.7t, robust MRAC, RK4, h = {H:g} s, {t_end:g} s, tau = {numbers(TAUS)} s, mu = {numbers(SIZES)} s, as Delta_m = -mu s and as "
+        f"Section V with r = 30 sin 0.5t + 20 sin 1.7t, robust MRAC, RK4, h = {H:g} s, {t_end:g} s, tau = {span(TAUS)} s, mu = "
+        f"{span(SIZES)} s, as Delta_m = -mu s and as "
         f"a delay; with Section V's alpha_0 = 0 and with (16), alpha_0 = {ALPHA_0:g}, delta_0 = {DELTA_0:g}; every step, tail: the last quarter. Condition: Delta well below the size "
         "that the loop bears, for the peak of the transient",
-        listings=(_listing(found),),
+        listings=_listings(found, nu),
         number=f"exponent of the steady |e| in mu at fixed tau: {exponents.min():.3f} to {exponents.max():.3f}",
         readings=readings,
         would_change="confirmed: a peak that grows in proportion up to the largest Delta; not confirmed: a steady error that does not, or a nu that grows as tau falls",
@@ -128,7 +129,7 @@ def _one_constant(nu: Array) -> Reading:
     return Reading(
         "|e| <= (tau + Delta_2) nu with one nu, which does not grow as tau falls",
         verdict(holds=bool(np.isfinite(nu).all() and (nu[:, -1] <= nu[:, :-1].max(axis=1)).all())),
-        f"least nu {numbers(nu.max(axis=0))} for tau = {numbers(TAUS)} s",
+        f"the least nu is {nu[:, 0].max():.3g} for tau = {TAUS[0]:g} s and {nu[:, -1].max():.3g} for {TAUS[-1]:g} s",
     )
 
 
@@ -143,7 +144,10 @@ def _proportional(exponents: Array) -> Reading:
 def _of_tau(found: dict[str, Errors], with_tau: Array) -> str:
     """(17) is a bound: its term need not shrink with tau, but it does."""
     slopes = next(iter(found.values())).slopes
-    return f"What stays per mu is {numbers(slopes)} 1/s for tau = {numbers(TAUS)} s: it goes with tau too, as tau^{with_tau.min():.2f} to tau^{with_tau.max():.2f}"
+    return (
+        f"What stays per mu is {slopes[0]:.3g} 1/s for tau = {TAUS[0]:g} s and {slopes[-1]:.3g} 1/s for {TAUS[-1]:g} s: "
+        f"it goes with tau too, as tau^{with_tau.min():.2f} to tau^{with_tau.max():.2f}"
+    )
 
 
 def _one_frequency() -> str:
@@ -160,22 +164,33 @@ def _one_sine(t_end: float) -> float:
 def _peak(found: dict[str, Errors]) -> Reading:
     """Delta near its limit makes the transient longer and larger."""
     errors = next(iter(found.values()))
-    exponents = np.diff(np.log(errors.peak - errors.peak_without[:, None]), axis=1) / np.diff(np.log(SIZES))
+    exponents = np.array([local_exponents(row, SIZES) for row in errors.peak - errors.peak_without[:, None]])
     return Reading(
         "the peak of the transient grows in proportion to Delta_2 too, up to the largest Delta that is borne",
         verdict(holds=bool((np.abs(exponents - 1) < 0.1).all())),
-        f"what mu adds to the largest |e| goes as mu to the power {numbers(exponents[0])} at tau = {TAUS[0]:g} s and {numbers(exponents[-1])} at {TAUS[-1]:g} s",
+        f"what mu adds to the largest |e| goes as mu to the power {span(exponents[0])} at tau = {TAUS[0]:g} s and "
+        f"{span(exponents[-1])} at {TAUS[-1]:g} s",
     )  # fmt: skip
 
 
-def _listing(found: dict[str, Errors]) -> Listing:
-    rows = [
-        (name, f"{tau:g}", f"{errors.peak_without[i]:.4g}", f"{errors.tail_without[i]:.2g}", numbers(errors.peak[i]), numbers(errors.tail[i]))
-        for name, errors in found.items()
-        for i, tau in enumerate(TAUS)
-    ]  # fmt: skip
-    return Listing(
-        f"The largest |e| of the run and of its last quarter, without modelling error and for mu = {numbers(SIZES)} s",
-        ("modelling error", "τ [s]", "max |e|, none", "tail, none", "max |e|", "tail"),
-        tuple(rows),
+def _listings(found: dict[str, Errors], nu: Array) -> tuple[Listing, ...]:
+    """A row for each size, a column for each tau; and what the first two readings sum up."""
+    by_size = [
+        table(
+            f"{name}: the largest |e| of {part}, by tau [s] and by mu or the delay [s]",
+            {"mu [s]": np.append(0.0, SIZES)}
+            | {f"tau = {tau:g}": np.append(*of_tau) for tau, *of_tau in zip(TAUS, without, errors, strict=True)},
+        )
+        for name, each in found.items()
+        for part, without, errors in (
+            ("the run", each.peak_without, each.peak),
+            ("the last quarter", each.tail_without, each.tail),
+        )
+    ]
+    slopes = np.array([errors.slopes for errors in found.values()])
+    by_tau = table(
+        "The least nu of |e| <= (tau + Delta_2) nu, and what stays of |e| per second of mu [1/s], the largest of the modelling "
+        "errors",
+        {"tau [s]": TAUS, "nu": nu.max(axis=0), "tail's |e| per mu": slopes.max(axis=0)},
     )
+    return *by_size, by_tau

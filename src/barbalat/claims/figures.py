@@ -7,6 +7,7 @@ import numpy as np
 from barbalat.claims import section_v
 from barbalat.claims.claim import Check, Claim, PaperFigure, verdict
 from barbalat.claims.section_v import Runs
+from barbalat.claims.variants import numbers, table
 from barbalat.run.result import Result
 from barbalat.validate import Array
 
@@ -30,7 +31,7 @@ def _figure_2(runs: Runs) -> PaperFigure:
         Check(
             "the auxiliary input improves the transient",
             bool((transient < without).all()),
-            f"max |e| {_list(transient)}, without auxiliary input {_list(without)}",
+            f"max |e| {numbers(transient)}, without auxiliary input {numbers(without)}",
         ),
         Check(
             "the estimates converge to the true values",
@@ -56,7 +57,7 @@ def _figure_3(runs: Runs) -> PaperFigure:
         Check(
             "the steady amplitude of the error is proportional to kappa",
             bool((np.abs(ratio - 2) < 0.2).all()),  # proportional to first order: the next order is kappa/kappa_max of it
-            f"doubling kappa from 0.01 to 0.02 s multiplies it by {_list(ratio)}",
+            f"doubling kappa from 0.01 to 0.02 s multiplies it by {numbers(ratio)}",
         ),
         _sweeps_the_bounds(shown),
         _diverges(free),
@@ -79,7 +80,7 @@ def _figure_4(runs: Runs) -> PaperFigure:
         Check(
             "the high-frequency oscillation of the estimates is gone at the smaller step",
             bool((factor > 1e3).all()),  # from kilohertz sweeps to one slow wave in the command's rhythm
-            f"total variation {_list(rate)} per s in the tail, {_list(factor)} times less than at h = 1e-4 s",
+            f"total variation {numbers(rate)} per s in the tail, {numbers(factor)} times less than at h = 1e-4 s",
         ),
         _bounded(free, "bounded without projection at this step"),
     )
@@ -111,7 +112,8 @@ def _added(runs: Runs) -> PaperFigure:
         Check(
             "with a moderate gain the standard MRAC tracks better than L1-AC at the same step",
             bool((peaks[0] < peaks[2]).all() and (tails[0] < tails[2]).all()),
-            f"max |e| {_list(peaks[0])} against {_list(peaks[2])}; in the tail {_list(tails[0])} against {_list(tails[2])}",
+            f"max |e| {numbers(peaks[0])} against {numbers(peaks[2])}; in the tail {numbers(tails[0])} against "
+            f"{numbers(tails[2])}",
         ),
     )
     return PaperFigure(
@@ -147,7 +149,8 @@ def without_projection(runs: Runs) -> Claim:
         "no-projection", "Section V, discussion of Figures 3 to 5; Figures 3 and 5, captions", "Boundedness is the projection's doing: without it all signals go unbounded, for numerical reasons",
         verdict(holds=None not in ends and smooth.diverged_at is None),
         f"L1-AC without projection diverges at the gain and step of Figures 3 and 5 ({times}), and stays bounded at those of Figure 4, max |e| "
-        f"{_list(_figure(smooth, 'max_abs_e'))}; the robust MRAC of Figure 2 stays bounded too, {_list(_figure(robust, 'max_abs_e'))}",
+        f"{numbers(_figure(smooth, 'max_abs_e'))}; the robust MRAC of Figure 2 stays bounded too, "
+        f"{numbers(_figure(robust, 'max_abs_e'))}",
         "RK4, 60 s; the same equations at a tenth of the step are bounded, see the numerics under the figures",
         number=f"L1-AC without projection at Figure 3's and 5's settings: {times}",
         would_change="a run without projection that stays bounded there, or diverges at Figure 4's gain and step",
@@ -168,10 +171,19 @@ def erratum_claim(runs: Runs) -> Claim:
         statement="The auxiliary input, with W_c0 signed as printed, makes the transient error proportional to tau",
         verdict="erratum" if printed_is_wrong else "not confirmed",
         measured=(
-            f"max |e| at tau = {tau:g} and {half:g} s: {_list(derived)} and {_list(derived_half)} with the sign of the swapping "
-            f"lemma, {_list(printed)} and {_list(printed_half)} as printed"
+            f"from tau = {tau:g} s to {half:g} s max |e_1| goes from {derived[0]:.3g} to {derived_half[0]:.3g} with the sign of "
+            "the swapping "
+            f"lemma, from {printed[0]:.3g} to {printed_half[0]:.3g} as printed"
         ),
         how="Section V over 60 s, RK4, h = 1e-4 s; the swapping lemma's identity itself is held to rounding by a test",
+        listings=(
+            table(
+                "The largest errors of the transient, with the sign of the swapping lemma and with the printed one",
+                {"tau [s]": (tau, half)}
+                | {f"|e_{i + 1}|, lemma": (derived[i], derived_half[i]) for i in range(2)}
+                | {f"|e_{i + 1}|, printed": (printed[i], printed_half[i]) for i in range(2)},
+            ),
+        ),
         number=f"max |e_1| over that at half the tau: {printed[0] / printed_half[0]:.2f} as printed, {derived[0] / derived_half[0]:.2f} with the other sign",
         would_change="another definition of W_c0 or of the estimation error in the paper's source, with which the printed sign is right",
     )
@@ -182,16 +194,12 @@ def _figure(result: Result, name: str) -> Array:
     return np.array(result.figures[name], dtype=float)
 
 
-def _list(values: Array) -> str:
-    return "[" + ", ".join(f"{v:.3g}" for v in np.atleast_1d(values)) + "]"
-
-
 def _error_converges(early: Array, tail: Array) -> Check:
     # "to zero" in 60 s: two decades below the first quarter's error in every component
     return Check(
         "the tracking error converges to zero",
         bool((tail < early / 100).all()),
-        f"max |e| {_list(early)} in the first quarter, {_list(tail)} in the last",
+        f"max |e| {numbers(early)} in the first quarter, {numbers(tail)} in the last",
     )
 
 
@@ -200,7 +208,7 @@ def _error_stays(result: Result) -> Check:
     return Check(
         "the tracking error does not converge to zero",
         bool((tail > peak / 2).all()),  # in the last quarter it is still of the size of its largest value
-        f"max |e| {_list(peak)}, in the last quarter still {_list(tail)}",
+        f"max |e| {numbers(peak)}, in the last quarter still {numbers(tail)}",
     )
 
 
@@ -212,7 +220,7 @@ def _sweeps_the_bounds(result: Result) -> Check:
     return Check(
         "the estimates oscillate permanently between the projection bounds, with no learning",
         permanent,  # both bounds reached, hundreds of sweeps a second where the command makes one in 12 s
-        f"tail from {_list(least)} to {_list(most)}, total variation worth {_list(sweeps)} full sweeps per s",
+        f"tail from {numbers(least)} to {numbers(most)}, total variation worth {numbers(sweeps)} full sweeps per s",
     )
 
 
@@ -228,5 +236,5 @@ def _diverges(result: Result) -> Check:
 def _bounded(result: Result, statement: str) -> Check:
     at = result.diverged_at
     return Check(
-        statement, at is None, f"max |e| {_list(_figure(result, 'max_abs_e'))}" if at is None else f"diverged at t = {at:.4f} s"
+        statement, at is None, f"max |e| {numbers(_figure(result, 'max_abs_e'))}" if at is None else f"diverged at t = {at:.4f} s"
     )

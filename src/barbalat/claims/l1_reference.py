@@ -9,7 +9,7 @@ import numpy as np
 from barbalat.certificates.bounds import l1_reference, theorem_1
 from barbalat.claims import section_v
 from barbalat.claims.claim import Claim, Listing, Reading, of_readings, verdict
-from barbalat.claims.variants import numbers
+from barbalat.claims.variants import local_exponents, span, table
 from barbalat.controllers import L1Adaptive
 from barbalat.linear.l1_norms import l1_norm
 from barbalat.linear.systems import TransferFunction, input_filter, transfer_function
@@ -103,17 +103,20 @@ def claim(*, full: bool = False) -> Claim:
     found = distances(steps)
     root = np.sqrt(found.gains)
     share, readings = found.state * root / bound.case, _readings(found, bound)
-    exponents = np.diff(np.log(found.state)) / np.diff(np.log(found.gains))
+    exponents = local_exponents(found.state, found.gains)
     return Claim(
         "l1-reference-system", "not in the paper: Hovakimyan and Cao, L1 Adaptive Control Theory (2010), section 2.1",
         "L1-AC follows its filtered reference system, the non-adaptive loop with theta known, to within gamma_1/sqrt(Gamma)",
         of_readings(readings),
         f"||W_b (1 - C)||_1 theta_max <= {bound.condition.value_upper:.4f} < 1, so gamma_1 = {bound.case:.4g} for the case's initial error ({bound.book:.4g} for the worst of the known set, {bound.exact:.4g} for "
-        f"the case's theta without the small-gain theorem). Measured: |x - x_ref| <= {numbers(found.state)} for Gamma = {numbers(found.gains)}, {share.min():.2g} to {share.max():.2g} of the bound; local exponents "
-        f"{numbers(exponents)} (the bound's is -1/2). The reference system itself stays up to {found.model:.3g} away from the model x_m, whatever Gamma is",
-        f"Section V, kappa = {section_v.KAPPA:g} s, RK4, h = {numbers(np.array(list(steps.values())))} s, {T_END:g} s, {INSTANTS} instants; certified L1 norms. Assumptions checked: the condition, theta in the known set, C and the "
+        f"the case's theta without the small-gain theorem). Measured: |x - x_ref| goes from {found.state[0]:.3g} at Gamma = "
+        f"{found.gains[0]:g} to {found.state[-1]:.3g} at {found.gains[-1]:g}, {share.min():.2g} to "
+        f"{share.max():.2g} of the bound, with local exponents of {span(exponents)} (the bound's is -1/2). The reference system "
+        f"itself stays up to {found.model:.3g} away from the model x_m, whatever Gamma is",
+        f"Section V, kappa = {section_v.KAPPA:g} s, RK4, h = {span(list(steps.values()))} s, {T_END:g} s, {INSTANTS} instants; "
+        "certified L1 norms. Assumptions checked: the condition, theta in the known set, C and the "
         "predictor at rest, no modelling error, no disturbance. Condition: a step that resolves the ringing",
-        listings=(_listing(found, bound),),
+        listings=_listings(found, bound, steps),
         number=f"largest |x - x_ref| over gamma_1/sqrt(Gamma): {share.max():.2g}",
         readings=readings,
         would_change="confirmed: a numerically unstable run that stays within the bound too; not confirmed: a resolved run that leaves it, or an assumption that fails",
@@ -123,7 +126,7 @@ def claim(*, full: bool = False) -> Claim:
 
 def _readings(found: Distances, bound: Bounds) -> tuple[Reading, ...]:
     root = np.sqrt(found.gains)
-    of_u = np.diff(np.log(found.control)) / np.diff(np.log(found.gains))
+    of_u = local_exponents(found.control, found.gains)
     coarse = run_pair(1e4, section_v.COARSE)
     numerical = float(np.abs(coarse[0].x - coarse[1].x).max())
     return (
@@ -135,7 +138,8 @@ def _readings(found: Distances, bound: Bounds) -> tuple[Reading, ...]:
         Reading(
             "the control, within gamma_2/sqrt(Gamma) likewise",
             verdict(holds=bool((found.control * root <= bound.control).all())),
-            f"|u - u_ref| sqrt(Gamma) = {numbers(found.control * root)}, gamma_2 = {bound.control:.4g}; exponents {numbers(of_u)}",
+            f"|u - u_ref| sqrt(Gamma) is {span(found.control * root)}, gamma_2 = {bound.control:.4g}; local exponents of |u - "
+            f"u_ref| {span(of_u)}",
         ),
         Reading(
             "the state, in Figure 3's simulation at h = 1e-4 s",
@@ -145,13 +149,19 @@ def _readings(found: Distances, bound: Bounds) -> tuple[Reading, ...]:
     )  # fmt: skip
 
 
-def _listing(found: Distances, bound: Bounds) -> Listing:
-    rows = tuple(
-        (f"{gamma:g}", f"{state:.3g}", f"{bound.exact / gamma**0.5:.3g}", f"{bound.case / gamma**0.5:.3g}", f"{bound.book / gamma**0.5:.3g}", f"{control:.3g}", f"{bound.control / gamma**0.5:.3g}")
-        for gamma, state, control in zip(found.gains, found.state, found.control, strict=True)
+def _listings(found: Distances, bound: Bounds, steps: dict[float, float]) -> tuple[Listing, Listing]:
+    root = np.sqrt(found.gains)
+    return (
+        table(
+            "The largest |x_i - x_ref,i| and its bounds: for the case's theta, for the case's initial error, and for the worst "
+            "theta of the known set",
+            {
+                "Gamma": found.gains, "h [s]": list(steps.values()), "|x - x_ref|": found.state,
+                "exact": bound.exact / root, "case": bound.case / root, "book": bound.book / root,
+            },
+        ),
+        table(
+            "The largest |u - u_ref| and its bound",
+            {"Gamma": found.gains, "|u - u_ref|": found.control, "bound": bound.control / root},
+        ),
     )  # fmt: skip
-    return Listing(
-        "The largest |x_i - x_ref,i| and its bounds for the case's theta, for the case's initial error, and for the worst theta of the known set; |u - u_ref| and its bound",
-        ("Γ", "|x - x_ref|", "exact", "case", "book", "|u - u_ref|", "bound"),
-        rows,
-    )

@@ -3,29 +3,23 @@
 With V = theta_tilde'P^-1 theta_tilde, (13) and (15) give V' = -(epsilon m_s)^2 + eta^2/m_s^2 between the projection's bounds, and
 no more than that at them. So the integral of (epsilon m_s)^2 from 0 is at most V(0) plus that of eta^2/m_s^2: the constant of
 S(eta^2/m_s^2) is at most max(1, V(0)) for intervals that begin at 0, and max(1, V(t)) for those that begin at t. Pure least squares
-sets no bound on V(t) under an error that lasts: there the constants are measured, and ``scalar_lemma`` shows that none serves all signals. The integrals are states of the simulated loop.
+sets no bound on V(t) under an error that lasts: there the constants are measured, and ``scalar_lemma`` shows that none serves
+all signals.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any, NamedTuple
-
 import numpy as np
 
-from barbalat.adaptation.law import Estimation
 from barbalat.adaptation.laws import LeastSquares
 from barbalat.adaptation.normalization import Normalization
 from barbalat.claims import scalar_lemma, section_v
-from barbalat.claims.claim import Claim, Reading, of_readings, verdict
-from barbalat.claims.variants import numbers, variant
+from barbalat.claims.claim import Claim, Listing, Reading, of_readings, verdict
+from barbalat.claims.lemma_1_runs import Along, along
+from barbalat.claims.variants import span, table, variant
 from barbalat.controllers import RobustMrac
-from barbalat.controllers.robust_mrac import Equations as RobustEquations
 from barbalat.linear.systems import TransferFunction
 from barbalat.problem.actuation import PlantInput
-from barbalat.problem.state_feedback import Known, Problem
-from barbalat.protocols import Value
-from barbalat.run.simulate import simulate
 from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array
 
@@ -44,14 +38,19 @@ def bounded(runs: dict[float, Along]) -> Claim:
     """(i): a finite run shows no more than that the suprema were reached early."""
     names = ("epsilon", "error", "theta_hat", "rate")
     halves = {name: np.array([_half_suprema(getattr(run, name)) for run in runs.values()]) for name in names}
+    growth = {name: float((v[:, 1] / v[:, 0]).max()) for name, v in halves.items()}
     return Claim(
         "lemma-1-bounded", "Lemma 1 (i)", "epsilon, epsilon m_s, theta_hat and theta_hat' are bounded",
         verdict(holds=all(bool((np.isfinite(v).all(axis=1) & (v[:, 1] <= 1.05 * v[:, 0])).all()) for v in halves.values())),
-        f"for mu {numbers(np.array(list(runs)))} s the largest |epsilon| {numbers(halves['epsilon'][:, 0])}, |epsilon m_s| "
-        f"{numbers(halves['error'][:, 0])}, |theta_hat_i| {numbers(halves['theta_hat'][:, 0])}, |theta_hat'| {numbers(halves['rate'][:, 0])}; "
-        f"after half of the run {', '.join(numbers(v[:, 1]) for v in halves.values())}",
+        f"for mu up to {max(runs):g} s the largest |epsilon| is {halves['epsilon'].max():.3g}, |epsilon m_s| "
+        f"{halves['error'].max():.3g}, "
+        f"|theta_hat_i| {halves['theta_hat'].max():.3g}, |theta_hat'| {halves['rate'].max():.3g}; in the second half of a run "
+        "the suprema are at most "
+        f"{growth['theta_hat']:.3g} (theta_hat) and {max(value for name, value in growth.items() if name != 'theta_hat'):.2g} "
+        "(the others) times those of the first",
         HOW.format("Delta_m = -mu s/(0.001 s + 1)", "3000 instants; reading: none of the suprema grows in the second half"),
-        number=f"largest |epsilon m_s| in the second half over that in the first: {(halves['error'][:, 1] / halves['error'][:, 0]).max():.2g}",
+        listings=(_suprema(tuple(runs), halves),),
+        number=f"largest |epsilon m_s| in the second half over that in the first: {growth['error']:.2g}",
         would_change="a supremum that keeps growing along a run; a finite run can show no more",
     )  # fmt: skip
 
@@ -81,34 +80,44 @@ def with_error(runs: dict[float, Along]) -> Claim:
     gap = max(float(np.abs(run.V + run.integrals["error"] - run.integrals["eta"] - run.V[0]).max() / run.V[0]) for run in some)
     by_definition = {name: np.array([run.constant_of_largest(name) for run in some]) for name in constants}
     bounds = {"epsilon": 1.0, "error": 1.0, "rate": section_v.COVARIANCE0**2}
+    eta, risen = (
+        np.array(values) for values in ([np.abs(run.eta).max() for run in some], [run.V.max() / run.V[0] for run in some])
+    )
     readings = (
         Reading(
             "with the paper's constant mu, the largest eta^2/m_s^2 of the run, along these runs",
             verdict(holds=all(bool((by_definition[name] <= bound).all()) for name, bound in bounds.items())),
-            f"the least nu for epsilon {numbers(by_definition['epsilon'])}, for epsilon m_s {numbers(by_definition['error'])}, for theta_hat' "
-            f"{numbers(by_definition['rate'])}",
+            _at_most(by_definition),
         ),
         Reading(
             "with the integral of eta^2/m_s^2 over the same interval, along these runs",
             verdict(holds=all(bool((constants[name] <= bound).all()) for name, bound in bounds.items())),
-            f"the least nu for epsilon {numbers(constants['epsilon'])}, for epsilon m_s {numbers(constants['error'])}, for theta_hat' "
-            f"{numbers(constants['rate'])}",
+            _at_most(constants),
         ),
         *scalar_lemma.readings(),
     )
     return Claim(
         "lemma-1-small", "Lemma 1 (ii)", "With a modelling error epsilon, epsilon m_s and theta_hat' are small in the mean, S(eta^2/m_s^2)",
         of_readings(readings),
-        f"for mu {numbers(mus)} s, |eta|/m_s up to {numbers(np.array([np.abs(run.eta).max() for run in some]))}: the least nu, by the paper's definition, for epsilon "
-        f"{numbers(by_definition['epsilon'])}, for epsilon m_s {numbers(by_definition['error'])}, for theta_hat' {numbers(by_definition['rate'])}; with the integral "
-        f"of eta^2/m_s^2 {numbers(constants['epsilon'])}, {numbers(constants['error'])}, {numbers(constants['rate'])}. By V' = -(epsilon m_s)^2 + eta^2/m_s^2 the latter are "
+        f"for mu = {span(mus)} s, |eta|/m_s up to {eta.max():.3g}: by the paper's definition {_at_most(by_definition)}; with the "
+        "integral "
+        f"of eta^2/m_s^2 {_at_most(constants)}. By V' = -(epsilon m_s)^2 + eta^2/m_s^2 the latter are "
         f"at most max(1, V) = 1, and |P(0)|^2 = {section_v.COVARIANCE0**2:g} for theta_hat'; it holds within {gap:.0e} "
-        f"of V(0), so V may rise: up to {numbers(np.array([run.V.max() / run.V[0] for run in some]))} V(0). For any signals: see the readings",
+        f"of V(0), so V may rise: up to {risen.max():.3g} V(0). For any signals: see the readings",
         HOW.format(
             "Delta_m = -mu s/(0.001 s + 1), alpha_0 = 1",
             "nu: integral over [t, t + T] <= nu (mu T + 1), or nu (that of eta^2/m_s^2 + 1), over every pair of 3000 instants",
         )
         + "; any signals: one parameter, phi and eta constant in pieces, closed form",
+        listings=(
+            _constants("with the paper's constant mu, the largest eta^2/m_s^2 of the run", mus, by_definition),
+            _constants("with the integral of eta^2/m_s^2 over the same interval", mus, constants),
+            table(
+                "The modelling error along the runs, and how far V rises",
+                {"mu [s]": mus, "largest |eta|/m_s": eta, "largest V/V(0)": risen},
+            ),
+            *scalar_lemma.listings(),
+        ),
         number=f"least nu for epsilon m_s: {by_definition['error'].max():.2g} along runs, "
         f"{scalar_lemma.constants(scalar_lemma.ScalarLeastSquares()).max():.3g} for the worst signals tried",
         readings=readings,
@@ -116,118 +125,38 @@ def with_error(runs: dict[float, Along]) -> Claim:
     )  # fmt: skip
 
 
+def _suprema(mus: tuple[float, ...], halves: dict[str, Array]) -> Listing:
+    """Of either half of each run."""
+    return table(
+        "The suprema along a run with Delta_m = -mu s/(0.001 s + 1), in its first and in its second half",
+        {
+            "mu [s]": np.repeat(mus, 2),
+            "half": ["first", "second"] * len(mus),
+            "|epsilon|": halves["epsilon"].ravel(),
+            "|epsilon m_s|": halves["error"].ravel(),
+            "|theta_hat_i|": halves["theta_hat"].ravel(),
+            "|theta_hat'|": halves["rate"].ravel(),
+        },
+    )
+
+
+def _constants(measure: str, mus: Array, found: dict[str, Array]) -> Listing:
+    columns = {"nu for epsilon": found["epsilon"], "nu for epsilon m_s": found["error"], "nu for theta_hat'": found["rate"]}
+    return table(f"The least nu along the runs, {measure}", {"mu [s]": mus, **columns})
+
+
+def _at_most(found: dict[str, Array]) -> str:
+    largest = {name: f"{values.max():.3g}" for name, values in found.items()}
+    return (
+        f"the least nu is at most {largest['epsilon']} for epsilon, {largest['error']} for epsilon m_s, "
+        f"{largest['rate']} for theta_hat'"
+    )
+
+
 def _half_suprema(values: Array) -> tuple[float, float]:
     """The largest magnitude in the first and in the second half."""
     half = len(values) // 2
     return float(np.abs(values[:half]).max()), float(np.abs(values[half:]).max())
-
-
-class State(NamedTuple):
-    """The scheme's own state, and integrals along the run."""
-
-    scheme: Any
-    eta: Value  # of eta^2/m_s^2
-    error: Value  # of (epsilon m_s)^2
-    epsilon: Value  # of epsilon^2
-    rate: Value  # of |theta_hat'|^2
-
-    @property
-    def theta_hat(self) -> Value:
-        return self.scheme.theta_hat
-
-
-@dataclass(frozen=True, eq=False)
-class Equations:
-    """The robust MRAC's equations, and the integrals of Lemma 1; theta, which no controller knows, enters these alone."""
-
-    scheme: RobustEquations
-    theta: Array
-
-    def initial(self) -> State:
-        return State(self.scheme.initial(), *(np.zeros(()) for _ in range(4)))
-
-    def control(self, state: State, x: Value, x_m: Value, r: Value) -> Value:
-        return self.scheme.control(state.scheme, x, x_m, r)
-
-    def eta(self, state: State, x: Value) -> Value:
-        phi, m_s_squared, epsilon = self.scheme.estimation(state.scheme, x)
-        return epsilon * m_s_squared + (state.theta_hat - self.theta) @ phi  # (13): z - theta'phi
-
-    def derivative(self, state: State, x: Value, x_m: Value, r: Value, u: Value) -> State:
-        rates = self.scheme.derivative(state.scheme, x, x_m, r, u)
-        _, m_s_squared, epsilon = self.scheme.estimation(state.scheme, x)
-        return State(
-            scheme=rates,
-            eta=self.eta(state, x) ** 2 / m_s_squared,
-            error=epsilon * epsilon * m_s_squared,
-            epsilon=epsilon * epsilon,
-            rate=rates.theta_hat @ rates.theta_hat,
-        )
-
-    def limit(self, state: State) -> State:
-        return state._replace(scheme=self.scheme.limit(state.scheme))
-
-
-@dataclass(frozen=True, eq=False)
-class Observed:
-    """A robust MRAC with Lemma 1's integrals."""
-
-    scheme: RobustMrac
-    theta: Array
-    name: str = "observed"
-
-    def bind(self, known: Known) -> Equations:
-        return Equations(self.scheme.bind(known), self.theta)
-
-
-@dataclass(frozen=True, eq=False)
-class Along:
-    """What Lemma 1 speaks of, at K instants of a run, (K, ...); the integrals run from 0."""
-
-    t: Array
-    epsilon: Array
-    error: Array  # epsilon m_s
-    rate: Array  # |theta_hat'|
-    theta_hat: Array
-    eta: Array  # over m_s
-    V: Array
-    integrals: dict[str, Array]
-
-    def constant(self, name: str) -> float:
-        """The least nu with: integral over [t, t + T] <= nu (integral of eta^2/m_s^2 over it + 1), over all pairs of instants."""
-        return self._least(name, self.integrals["eta"])
-
-    def constant_of_largest(self, name: str) -> float:
-        """The least nu with: integral over [t, t + T] <= nu (mu T + 1), mu the largest eta^2/m_s^2: the paper's definition."""
-        return self._least(name, (self.eta**2).max() * self.t)
-
-    def _least(self, name: str, allowed: Array) -> float:
-        part = self.integrals[name]
-        return max(float(((part[i:] - part[i]) / (allowed[i:] - allowed[i] + 1)).max()) for i in range(len(part)))
-
-
-def along(problem: Problem, controller: RobustMrac, simulation: Simulation) -> Along:
-    """Simulate, and evaluate at the recorded instants."""
-    (run,) = simulate(problem, [Observed(controller, problem.plant.theta)], simulation).values()
-    equations, loop = controller.bind(problem.known), run.loop
-    rows = [loop.unpack(flat) for flat in run.states]
-    states = [row.controller for row in rows]
-    found = [equations.estimation(state.scheme, row.x) for state, row in zip(states, rows, strict=True)]
-    phi, m_s_squared, epsilon = (np.array([getattr(f, name) for f in found]) for name in Estimation._fields)
-    covariance, theta_tilde = np.array([s.scheme.memory.covariance for s in states]), run.theta_hat - problem.plant.theta
-    pairs = zip((state.scheme for state in states), found, strict=True)
-    rates = [equations.law.rates(scheme.theta_hat, scheme.memory, f, equations.box).theta_hat for scheme, f in pairs]
-    m_s = np.sqrt(m_s_squared)
-    return Along(
-        t=run.t,
-        epsilon=epsilon,
-        error=epsilon * m_s,
-        theta_hat=run.theta_hat,
-        rate=np.linalg.norm(rates, axis=1),
-        eta=(epsilon * m_s_squared + (theta_tilde * phi).sum(axis=1)) / m_s,
-        V=(theta_tilde * np.linalg.solve(covariance, theta_tilde[..., None])[..., 0]).sum(axis=1),
-        integrals={name: np.array([getattr(s, name) for s in states]) for name in ("eta", "error", "epsilon", "rate")},
-    )
 
 
 def _run(mu: float) -> Along:

@@ -12,7 +12,7 @@ from barbalat.adaptation.output_lyapunov import LyapunovLaw
 from barbalat.cases.build import Case
 from barbalat.cases.load import load_case
 from barbalat.claims.claim import Claim, Reading, of_readings, verdict
-from barbalat.claims.variants import numbers
+from barbalat.claims.variants import local_exponents, span, table
 from barbalat.controllers.output.l1 import L1Output, linear_equivalent
 from barbalat.controllers.output.linear import LinearOutput
 from barbalat.controllers.output.mrac import MracOutput
@@ -25,6 +25,7 @@ from barbalat.run.result import Result
 from barbalat.run.simulate import simulate
 from barbalat.signals import Sine, Step
 from barbalat.solvers.simulation import Simulation
+from barbalat.validate import Array
 
 
 def claims() -> list[Claim]:
@@ -95,8 +96,9 @@ def rohrs() -> Claim:
     runs = simulate(case.problem, case.controllers, case.simulation)
     classical, resting = runs.pop("Classical"), runs.pop("Not adapting")
     bounded = {name: run for name, run in runs.items() if run.diverged_at is None}
-    lost, kept = _dead_zones(case)
-    remedies = ", ".join(f"{name} {run.figures['max_abs_y']:.3g} ({_moved(run):.2g})" for name, run in bounded.items())
+    ended = _dead_zones(case)
+    lost = [g_0 for g_0, at in zip(ZONES, ended, strict=True) if np.isfinite(at)]
+    heights = np.array([run.figures["max_abs_y"] for run in bounded.values()], dtype=float)
     adapting = [name for name, run in bounded.items() if _moved(run) > LEAST_PATH]
     falls = f"diverges at t = {classical.diverged_at:.4g} s" if classical.diverged_at else "stays"
     readings = (
@@ -118,11 +120,23 @@ def rohrs() -> Claim:
         "(3)-(4) and (5)-(8)",
         statement="Unmodelled dynamics destabilise an adaptive law without modifications; the robust laws bear them",
         verdict=of_readings(readings),
-        measured=f"the classical law {falls}; max |y| of the others over {case.simulation.t_end:g} s, and in brackets how far their estimates "
-        f"moved in all: {remedies}; without adapting at all {resting.figures['max_abs_y']:.3g}. The dead zone bears it by not adapting: narrower ones "
-        f"diverge, {', '.join(f'g_0 = {g_0} at {at:.3g} s' for g_0, at in lost.items())}; {numbers(np.array(kept))} do not within the run",
+        measured=f"the classical law {falls}; max |y| of the others over {case.simulation.t_end:g} s is {span(heights)}, without "
+        "adapting at all "
+        f"{resting.figures['max_abs_y']:.3g}. The dead zone bears it by not adapting: of {len(ZONES)} more, g_0 = {span(ZONES)}, "
+        f"{len(lost)} diverge" + (f", those of {span(lost)}" if lost else ""),
         how="Rohrs' plant and command 0.3 + 1.85 sin 16.1 t, RK4, h = 1e-4 s; dead zones at h = 1e-3 s; condition: the dead zone is "
         "wider than the error that the initial estimates leave",
+        listings=(
+            table(
+                f"What the modified laws do over {case.simulation.t_end:g} s: the largest |y|, and how far their estimates moved "
+                "in all",
+                {"law": list(bounded), "max |y|": heights, "path": [_moved(run) for run in bounded.values()]},
+            ),
+            table(
+                "Narrower and wider dead zones: when the run diverges; -: it does not",
+                {"g_0": ZONES, "diverges at [s]": ended},
+            ),
+        ),
         number=f"the classical law {falls}; {len(bounded)} of {len(runs)} modified laws do not",
         readings=readings,
         would_change="a run of the classical law that stays bounded, or of sigma-modification, normalisation or the robust law that does not",
@@ -134,15 +148,13 @@ def _moved(run: Result) -> float:
     return float(np.linalg.norm(run.envelope.theta_hat_path.sum(axis=0)))
 
 
-def _dead_zones(case: Case) -> tuple[dict[float, float], list[float]]:
-    """Half widths with which the classical law diverges, and when; and those with which it does not."""
+def _dead_zones(case: Case) -> Array:
+    """For each of ``ZONES`` when the classical law diverges with it [s]; NaN where it does not."""
     classical = next(c for c in case.controllers if isinstance(c, MracOutput) and c.name == "Classical")
     assert isinstance(classical.law, LyapunovLaw)
     tried = [replace(classical, law=replace(classical.law, dead_zone=DeadZone(g_0=g_0))) for g_0 in ZONES]
     simulation = replace(case.simulation, dt=1e-3)
-    at = simulate_ensemble([(case.problem, controller) for controller in tried], simulation).metrics.diverged_at
-    lost = {g_0: float(time) for g_0, time in zip(ZONES, at, strict=True) if not np.isnan(time)}
-    return lost, [g_0 for g_0 in ZONES if g_0 not in lost]
+    return np.asarray(simulate_ensemble([(case.problem, controller) for controller in tried], simulation).metrics.diverged_at)
 
 
 DEGREES = {
@@ -159,7 +171,7 @@ DEGREES = {
 def any_relative_degree() -> Claim:
     """The auxiliary input's effect for n* = 1, 2, 3."""
     taus = np.array([0.1, 0.05, 0.025])
-    exponents = {}
+    exponents, errors = {}, {}
     for degree, (plant, model) in DEGREES.items():
         problem = OutputProblem(
             plant=OutputPlant(transfer_function=plant),
@@ -175,16 +187,17 @@ def any_relative_degree() -> Claim:
         ]
         runs = simulate(problem, controllers, Simulation(t_end=20.0, dt=1e-3))
         peaks = np.array([run.metrics.max_abs_e[0, 0] for run in runs.values()])
-        exponents[degree] = np.diff(np.log(peaks)) / np.diff(np.log(taus))
+        errors[f"n* = {degree}"], exponents[degree] = peaks, local_exponents(peaks, taus)
     return Claim(
         id="siso-any-relative-degree",
         where="Section I, last paragraph; Section IV, first sentence",
         statement="The robust MRAC extends to SISO plants of any relative degree: the transient error shrinks with tau",
         verdict=verdict(holds=all((exponent > 0.5).all() for exponent in exponents.values())),
         measured="max |y - y_m| goes as tau to the power "
-        + ", ".join(f"{numbers(exponent)} for n* = {degree}" for degree, exponent in exponents.items()),
-        how=f"one plant for each relative degree, gradient law, tau = {numbers(taus)} s, RK4, h = 1e-3 s, 20 s, "
+        + ", ".join(f"{span(exponent)} for n* = {degree}" for degree, exponent in exponents.items()),
+        how=f"one plant for each relative degree, gradient law, tau = {span(taus)} s, RK4, h = 1e-3 s, 20 s, "
         "without disturbances and unmodelled dynamics",
+        listings=(table("The largest |y - y_m| against tau, by relative degree n*", {"tau [s]": taus, **errors}),),
         number=f"least exponent of tau: {min(float(exponent.min()) for exponent in exponents.values()):.2f}",
         would_change="a relative degree at which the transient error does not shrink with tau; the disturbances and unmodelled dynamics of "
         "the sentence are not part of these runs",

@@ -6,12 +6,13 @@ His model -3 x_m + 3 r makes it x' = -3 x + 2 (theta x + v) with theta = 1 and k
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import partial
 
 import numpy as np
 
-from barbalat.claims.claim import Reading, verdict
-from barbalat.claims.variants import figures, numbers
+from barbalat.claims.claim import Listing, Reading, verdict
+from barbalat.claims.variants import figures, table
 from barbalat.controllers import L1Adaptive, Mrac
 from barbalat.linear.largest import largest
 from barbalat.linear.systems import TransferFunction, input_filter
@@ -68,13 +69,13 @@ def largest_gain(kappa: float | None) -> float:
     return largest(is_stable, 1e-3, 1e3, within=1e-10)
 
 
-def beside_rohrs() -> tuple[Reading, ...]:
-    """With a known set that holds gains the plant does not bear, and with one that does not."""
+def beside_rohrs() -> tuple[tuple[Reading, ...], Listing]:
+    """With a known set that holds gains the plant does not bear, and with one that does not; when each run is lost."""
     at = {kappa: {name: diverged_at(kappa, command) for name, command in COMMANDS.items()} for kappa in (None, *KAPPAS)}
     wide = {kappa: np.array([each[0] for each in found.values()]) for kappa, found in at.items()}
     narrow = {kappa: np.array([each[1] for each in found.values()]) for kappa, found in at.items()}
     lost, kept = partial(_text, wide), KAPPAS[1]
-    return (
+    readings = (
         Reading(
             "they can diverge on Rohrs' plant too (not named by the paper), |theta| <= 20",
             verdict(holds=bool(np.isfinite(wide[None]).any() and np.isfinite(wide[KAPPAS[0]]).any())),
@@ -87,13 +88,31 @@ def beside_rohrs() -> tuple[Reading, ...]:
             f"{lost(kept)}: over these runs the slower filter keeps it bounded where MRAC is lost",
         ),
     )  # fmt: skip
+    return readings, _listing(at)
+
+
+def _listing(at: dict[float | None, dict[str, Array]]) -> Listing:
+    """A row for each scheme and known set."""
+    earliest = {kappa: np.fmin(*found.values()) for kappa, found in at.items()}  # NaN where no command's run is lost
+    schemes: dict[str, Sequence[str] | Array] = {
+        "scheme": [_name(kappa) for kappa in at for _ in (WIDE, NARROW)],
+        "known set": [f"|theta| <= {width:g}" for width in (WIDE, NARROW)] * len(at),
+    }
+    by_gain = {f"Gamma = {gain:g}": np.concatenate([found[:, i] for found in earliest.values()]) for i, gain in enumerate(GAINS)}
+    return table(
+        f"Rohrs' plant: when the first of the runs with {len(COMMANDS)} commands diverges [s], of {T_END:g} s; -: none does",
+        schemes | by_gain,
+    )
+
+
+def _name(kappa: float | None) -> str:
+    return "MRAC" if kappa is None else f"L1-AC, kappa = {kappa:g} s"
 
 
 def _text(wide: dict[float | None, Array], kappa: float | None) -> str:
     """At which gains the runs are lost, for either command."""
-    name = "MRAC" if kappa is None else f"L1-AC, kappa = {kappa:g} s"
     gone = np.isfinite(wide[kappa]).any(axis=0)
+    tried = f"of the {len(GAINS)} gains from {GAINS[0]:g} to {GAINS[-1]:g}"
     if not gone.any():
-        return f"{name} with no Gamma of {numbers(np.array(GAINS))}"
-    first = np.nanmin(wide[kappa])
-    return f"{name} diverges with Gamma = {numbers(np.array(GAINS)[gone])}, not with {numbers(np.array(GAINS)[~gone])}, first at {first:.3g} s"
+        return f"{_name(kappa)} diverges with none {tried}"
+    return f"{_name(kappa)} diverges with {gone.sum()} {tried}, first at {np.nanmin(wide[kappa]):.3g} s"

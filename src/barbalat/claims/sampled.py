@@ -9,7 +9,7 @@ import numpy as np
 
 from barbalat.claims import section_v
 from barbalat.claims.claim import Claim, Listing, Reading, of_readings, verdict
-from barbalat.claims.variants import figures, numbers, variant
+from barbalat.claims.variants import figures, span, table, variant
 from barbalat.controllers import Mrac, Sampled
 from barbalat.problem.actuation import PlantInput
 from barbalat.protocols import Controller
@@ -30,9 +30,17 @@ def claim() -> Claim:
         where="Section V, discussion of Figures 3 to 5",
         statement="The numerical phenomena cannot be avoided at a high gain: a sampled controller with a Lyapunov-preserving step",
         verdict=verdict(holds=spread > 2),
-        measured=f"variation of the estimates per s for Gamma {numbers(np.array(GAINS))}: MRAC {numbers(smooth['MRAC'][:, 0])}, L1-AC "
-        f"{numbers(smooth['L1'][:, 0])} by the implicit step, the largest {spread:.3f} times the least; explicit Euler {numbers(rough[:, 0])}",
+        measured=f"variation of the estimates by the implicit step, over Gamma = {GAINS[0]:g} to {GAINS[-1]:g}: MRAC "
+        f"{span(smooth['MRAC'][:, 0])} per s, "
+        f"L1-AC {span(smooth['L1'][:, 0])} per s, the largest {spread:.3f} times the least; by explicit Euler "
+        f"{span(rough[:, 0])} per s",
         how="the controller sampled every 1e-4 s, closed form of cost O(n^2) for each sample; Section V, RK4, h = 1e-4 s, 20 s, first estimate",
+        listings=(
+            table(
+                "The variation of the first estimate in the tail [1/s]",
+                {"Gamma": GAINS, "MRAC": smooth["MRAC"][:, 0], "L1-AC": smooth["L1"][:, 0], "MRAC, explicit Euler": rough[:, 0]},
+            ),
+        ),
         number=f"variation of the estimates over Gamma = {GAINS[0]:g} to {GAINS[-1]:g}: the largest {spread:.3f} times the least",
         would_change="estimates that chatter at some gain and sample time with this step, without a delay; with one see sampled-delay",
     )
@@ -83,7 +91,10 @@ def delays() -> Claim:
         Reading(
             "by the tracking error: without the filter it is the larger one under a delay",
             verdict(holds=bool(len(larger)), conditional=len(larger) < len(DELAYS)),
-            f"|e| {numbers(errors[-1, 1:])} without the filter, {numbers(filtered_errors[-1, 1:])} with it, at delays of {numbers(np.array(DELAYS))} s",
+            f"larger at {len(larger)} of {len(DELAYS)} delays; |e| goes from {errors[-1, 1]:.3g} at {1e3 * DELAYS[0]:g} ms to "
+            f"{errors[-1, -1]:.3g} at "
+            f"{1e3 * DELAYS[-1]:g} ms without the filter, from {filtered_errors[-1, 1]:.3g} to {filtered_errors[-1, -1]:.3g} "
+            "with it",
         ),
     )
     return Claim(

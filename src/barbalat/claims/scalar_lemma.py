@@ -6,13 +6,14 @@ V' = -(epsilon m)^2 + eta^2/m^2. Gradient: theta_tilde goes to eta/phi as exp(-g
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple, Protocol
 
 import numpy as np
 
 from barbalat.claims import section_v
-from barbalat.claims.claim import Reading, verdict
-from barbalat.claims.variants import numbers
+from barbalat.claims.claim import Listing, Reading, verdict
+from barbalat.claims.variants import span, table
 from barbalat.validate import Array
 
 BIASED_TIMES = (10.0, 100.0, 1000.0)
@@ -111,23 +112,50 @@ def constants(law: Law) -> Array:
 
 def readings() -> tuple[Reading, Reading]:
     """For any signals of (13): with the paper's constant mu, and with the integral of eta^2/m_s^2 over the same interval."""
-    least_squares, gradient = ScalarLeastSquares(), ScalarGradient()
-    mus = np.array([weakly_taught(phi)[1] for phi in WEAK_REGRESSORS])
-    left = np.array([[spent_in_the_last(law, biased(T)) for T in BIASED_TIMES] for law in (least_squares, gradient)])
+    taught, left = _of_both(constants), _of_both(_left)
     return (
         Reading(
             "with the paper's constant mu, the largest eta^2/m_s^2, for any signals of (13) and one nu",
-            verdict(holds=_bounded(constants(least_squares))),
-            f"a bias of {LEARNT_BIAS:g} learnt beside phi = {numbers(np.array(WEAK_REGRESSORS))}, mu = {numbers(mus)}, then phi = 1: pure least "
-            f"squares (15) needs nu = {numbers(constants(least_squares))} for epsilon m_s, the gradient law {numbers(constants(gradient))}",
+            verdict(holds=_bounded(taught[0])),
+            f"a bias of {LEARNT_BIAS:g} learnt beside phi = {WEAK_REGRESSORS[0]:g} down to {WEAK_REGRESSORS[-1]:g}, then phi = "
+            "1: pure least squares (15) "
+            f"needs nu = {taught[0][0]:.3g} to {taught[0][-1]:.3g} for epsilon m_s, the gradient law {span(taught[1])}",
         ),
         Reading(
             "with the integral of eta^2/m_s^2 over the same interval, for any signals of (13)",
             verdict(holds=_bounded(left[0])),
-            f"phi = 1, m_s^2 = 2, eta = 1 on [0, T_1], then 0: the integral of (epsilon m_s)^2 after T_1 = {numbers(np.array(BIASED_TIMES))} s is "
-            f"{numbers(left[0])} with pure least squares (15), {numbers(left[1])} with the gradient law",
+            "phi = 1, m_s^2 = 2, eta = 1 on [0, T_1], then 0: the integral of (epsilon m_s)^2 after T_1 goes from "
+            f"{left[0][0]:.3g} at "
+            f"T_1 = {BIASED_TIMES[0]:g} s to {left[0][-1]:.3g} at {BIASED_TIMES[-1]:g} s, with pure least squares (15), and is "
+            f"{span(left[1])} with the gradient law",
         ),
     )
+
+
+def listings() -> tuple[Listing, Listing]:
+    """What the two readings sum up, signal by signal."""
+    taught, left = _of_both(constants), _of_both(_left)
+    mus = [weakly_taught(phi)[1] for phi in WEAK_REGRESSORS]
+    return (
+        table(
+            f"The least nu for epsilon m_s with the paper's constant mu, after a bias of {LEARNT_BIAS:g} was learnt beside a "
+            "weak regressor phi",
+            {"phi": WEAK_REGRESSORS, "mu": mus, "least squares (15)": taught[0], "gradient": taught[1]},
+        ),
+        table(
+            "What is left of the integral of (epsilon m_s)^2 after a modelling error eta = 1 that lasted until T_1",
+            {"T_1 [s]": BIASED_TIMES, "least squares (15)": left[0], "gradient": left[1]},
+        ),
+    )
+
+
+def _of_both(measure: Callable[[Law], Array]) -> tuple[Array, Array]:
+    """By pure least squares, and by the gradient law."""
+    return measure(ScalarLeastSquares()), measure(ScalarGradient())
+
+
+def _left(law: Law) -> Array:
+    return np.array([spent_in_the_last(law, biased(T)) for T in BIASED_TIMES])
 
 
 def _bounded(found: Array) -> bool:

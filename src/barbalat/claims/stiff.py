@@ -10,7 +10,7 @@ from barbalat.claims import section_v
 from barbalat.claims.claim import Claim, Listing, Reading, of_readings, verdict
 from barbalat.claims.stiff_methods import NEWTON_STEPS, WINDOW, SciPyMethod
 from barbalat.claims.stiff_runs import AGREEMENT_FACTOR, Gain, Row, agrees, cell, listing, rk4
-from barbalat.claims.variants import numbers
+from barbalat.claims.variants import numbers, table
 
 T_END = 20.0
 TAIL = (0.75 * T_END, T_END)
@@ -50,22 +50,35 @@ def own_oscillation() -> Claim:
         Reading(
             "with the projection, as Figure 4 shows it, after the first seconds",
             verdict(holds=bool((boxed[2] < 0.01).all())),
-            f"ringing {', '.join(map(numbers, boxed))} at h = 1e-5, 1e-6, 5e-7 s",
+            f"ringing of at most {boxed[0].max():.2g} at h = {section_v.FINE:g} s, {boxed[2].max():.2g} at "
+            f"{CONVERGED_STEPS[1]:g} s",
         ),
         Reading(
             "without projection: what rings at h = 1e-4 s is the solver's alone",
             verdict(holds=not (agree and bool((free[2] > 3 * free[0]).all()))),
-            f"ringing {', '.join(map(numbers, free))} at h = 1e-5, 1e-6, 5e-7 s",
+            f"ringing of at most {free[0].max():.2g} at h = {section_v.FINE:g} s, {free[2].max():.2g} at {CONVERGED_STEPS[1]:g} "
+            "s",
         ),
     )
     return Claim(
         "own-oscillation", "Section V, discussion and caption of Figure 4", "With the step reduced to 1e-5 s the oscillation is gone, because it was numerical",
         of_readings(readings),
-        f"the estimates' ringing at h = 1e-5, 1e-6, 5e-7 s: with projection {', '.join(map(numbers, boxed))}: gone, once they have touched "
+        f"the estimates' ringing at h = {CONVERGED_STEPS[1]:g} s with projection: at most {boxed[2].max():.2g}, gone once they "
+        "have touched "
         f"their bounds (at {AUTOMATIC_END:g} s, before that, {numbers(early[0])} at h = 1e-5 s, {numbers(early[1])} at 5e-7 s). "
-        f"Without projection {', '.join(map(numbers, free))}: there the equations themselves ring, and at h = 1e-5 s "
+        f"Without projection {numbers(free[2])}: there the equations themselves ring, and at h = 1e-5 s "
         "RK4's own damping hides it",
         f"L1-AC, kappa = 0.02 s, Gamma = 1e4, RK4, {T_END:g} s; ringing: half the largest swing within {WINDOW:g} s, over every step of the last quarter",
+        listings=(
+            table(
+                "The ringing of the two estimates with RK4, by its step, with projection and without",
+                {
+                    "h [s]": (section_v.FINE, *CONVERGED_STEPS),
+                    **{f"{i}, with": [each[i - 1] for each in boxed] for i in (1, 2)},
+                    **{f"{i}, without": [each[i - 1] for each in free] for i in (1, 2)},
+                },
+            ),
+        ),
         number=f"ringing at h = 5e-7 s: {boxed[2].max():.2g} with projection, {free[2].max():.2g} without, where 1e-5 s shows {free[0].max():.2g}",
         readings=readings,
         would_change="a converged solution without projection that doesn't ring, or one with projection that does",

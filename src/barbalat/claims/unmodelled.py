@@ -17,7 +17,7 @@ from barbalat.certificates.linear_loops.ideal import fast_adaptation, known_para
 from barbalat.claims import section_v
 from barbalat.claims.claim import Claim, Listing, Reading, of_readings, verdict
 from barbalat.claims.rohrs_state import beside_rohrs
-from barbalat.claims.variants import figures, numbers, variant
+from barbalat.claims.variants import figures, numbers, span, table, variant
 from barbalat.controllers import Mrac
 from barbalat.linear.enclosure import OUTWARD
 from barbalat.linear.l1_norms import l1_norm
@@ -104,20 +104,22 @@ def claim(*, full: bool = False) -> Claim:
     ideal = dict(zip(SCHEMES, (ideal_margins(None), ideal_margins(section_v.KAPPA)), strict=True))
     below = {name: [i for i in range(len(THETAS)) if each.before(i, ideal[name][i])] for name, each in found.items()}
     unbounded = {name: bool(np.isfinite(each.loses).any()) for name, each in found.items()}
-    readings = (*_readings(found, ideal, below, unbounded), *beside_rohrs())
+    on_rohrs_plant, at_rohrs_plant = beside_rohrs()
+    readings = (*_readings(found, ideal, below, unbounded), *on_rohrs_plant)
     firsts = np.array([each.loses[i].max() for name, each in found.items() for i in below[name]] or [np.nan])
     return Claim(
         "unmodelled-unbounded", "Section III.A, paragraph after Table 1", "Beside unmodelled dynamics the projected MRAC (3)-(4) and L1-AC (5)-(8) cannot be proven to be bounded",
         of_readings(readings),
         f"first delay with growth without end, at any gain that was tried: {_of_section_v(found, ideal)}. At every gain, in {len(below['MRAC (3)-(4)'])} and {len(below['L1-AC (5)-(8)'])} of {len(THETAS)} values of theta in the known set the delay "
         f"that does it, {firsts.min():g} s to {firsts.max():g} s, is one that the same loop bears with theta known; theta = 0: {_of_the_centre(found, ideal)}",
-        f"Section V, theta over its known set, Gamma = {numbers(np.array(gains))}, {len(DELAYS)} exact delays from {DELAYS[0]:g} to {DELAYS[-1]:g} s, RK4, h = {H / 4 if full else H:g} s, {T_END:g} s. Unbounded: diverged, or |e| in the last "
+        f"Section V, theta over its known set, Gamma = {numbers(gains)}, {len(DELAYS)} exact delays from {DELAYS[0]:g} to "
+        f"{DELAYS[-1]:g} s, RK4, h = {H / 4 if full else H:g} s, {T_END:g} s. Unbounded: diverged, or |e| in the last "
         f"quarter beyond {UNBOUNDED:g} times the largest |x_m|; what is counted as bounded stays below {max(float(each.tail.max()) for each in found.values()):.2g} times. Condition: a known set with estimates that do not stabilise the plant",
-        listings=(_listing(found, ideal, gains),),
+        listings=(*_listings(found, ideal, gains), at_rohrs_plant),
         number=f"smallest delay with unbounded growth that the loop with theta known bears: {firsts.min():g} s",
         readings=readings,
         would_change="confirmed: unbounded runs with every filter; not confirmed: a bound on x beside Delta_m for Section V's known set, with (4) and (7) as they stand",
-        sharpened="" if full else f"Gamma = {numbers(np.array(MORE_GAINS))}, all of it at a quarter of the step",
+        sharpened="" if full else f"{len(MORE_GAINS)} gains, Gamma = {span(MORE_GAINS)}, all of it at a quarter of the step",
     )  # fmt: skip
 
 
@@ -180,15 +182,20 @@ def _down(value: float) -> str:
     return f"{np.floor(1e4 * value) / 1e4:.4f}"
 
 
-def _listing(found: dict[str, Loss], ideal: dict[str, Array], gains: tuple[float, ...]) -> Listing:
-    rows = [
-        (name, f"[{theta[0]:g}, {theta[1]:g}]", numbers(each.bears[i]), numbers(each.loses[i]), f"{ideal[name][i]:.3g}", f"{each.tail[i].max():.2g}")
+def _listings(found: dict[str, Loss], ideal: dict[str, Array], gains: tuple[float, ...]) -> tuple[Listing, ...]:
+    return tuple(
+        table(
+            f"{name}: the largest delay [s] that stays bounded below the first that does not, that one (inf: none up to "
+            f"{DELAYS[-1]:g} s), what the loop bears with "
+            "theta known, and the largest |e| of the bounded runs' last quarter over the largest |x_m|",
+            {
+                "theta": [f"[{theta[0]:g}, {theta[1]:g}]" for theta in THETAS for _ in gains],
+                "Gamma": gains * len(THETAS),
+                "bounded": each.bears.ravel(),
+                "unbounded": each.loses.ravel(),
+                "theta known": np.repeat(ideal[name], len(gains)),
+                "|e|/|x_m|": each.tail.ravel(),
+            },
+        )
         for name, each in found.items()
-        for i, theta in enumerate(THETAS)
-    ]  # fmt: skip
-    return Listing(
-        f"For Gamma = {numbers(np.array(gains))}: the largest delay [s] that stays bounded below the first that does not, that one (inf: none up to {DELAYS[-1]:g} s), what the loop bears with theta "
-        "known, and the largest |e| of the bounded runs' last quarter over the largest |x_m|",
-        ("scheme", "theta", "bounded", "unbounded", "theta known", "|e|/|x_m|"),
-        tuple(rows),
-    )
+    )  # fmt: skip

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from barbalat.claims import section_v
+from barbalat.claims.claim import Listing
 from barbalat.problem.actuation import PlantInput
 from barbalat.problem.known_set import ParameterBox
 from barbalat.problem.plant import Plant, ReferenceModel
@@ -43,6 +44,42 @@ def figures(members: Sequence[tuple[Problem, Controller]], t_end: float, dt: flo
     return simulate_ensemble(members, Simulation(t_end=t_end, dt=dt)).metrics
 
 
-def numbers(values: Array) -> str:
-    """A short list for a sentence."""
-    return "[" + ", ".join(f"{v:.3g}" for v in np.atleast_1d(values)) + "]"
+def short(value: float) -> str:
+    """Three digits, without an exponent from a ten-thousandth to a million."""
+    return f"{float(f'{value:.3g}'):g}"
+
+
+def numbers(values: Sequence[float] | Array) -> str:
+    """Two numbers, or a few settings, for a sentence; what is measured at three settings and more is a ``table``."""
+    *others, last = (short(value) for value in np.atleast_1d(values))
+    return f"{', '.join(others)} and {last}" if others else last
+
+
+def span(values: Sequence[float] | Array) -> str:
+    """From the least to the largest, for a sentence; what a ``table`` lists."""
+    low, high = short(np.min(values)), short(np.max(values))
+    return low if low == high else f"{low} to {high}"
+
+
+def table(caption: str, columns: Mapping[str, Sequence[str] | Sequence[float] | Array]) -> Listing:
+    """A listing from columns by their heads: numbers with three digits, texts as they are, a dash for NaN."""
+    entries = ([_entry(value) for value in column] for column in columns.values())
+    return Listing(caption, tuple(columns), tuple(zip(*entries, strict=True)))
+
+
+def by_component(caption: str, runs: Mapping[str, Metrics]) -> Listing:
+    """For each scheme the tail's error and the variation of the estimates, by component; Section V has two of either."""
+    errors = {f"|e_{i + 1}|, tail": [run.tail_max_abs_e[0, i] for run in runs.values()] for i in range(2)}
+    rates = {f"theta_hat_{i + 1} moves [1/s]": [run.theta_hat_variation_rate[0, i] for run in runs.values()] for i in range(2)}
+    return table(caption, {"scheme": list(runs), **errors, **rates})
+
+
+def _entry(value: str | float) -> str:
+    if isinstance(value, str):
+        return value
+    return "-" if np.isnan(value) else short(value)
+
+
+def local_exponents(values: Array, settings: Array) -> Array:
+    """From each setting to the next, (k - 1,) for (k,)."""
+    return np.asarray(np.diff(np.log(values)) / np.diff(np.log(settings)))
