@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from barbalat.certificates.certificate import Draft
-from barbalat.certificates.entry import NotApplicable
+from barbalat.certificates.entry import NUMBERS_ALONE, NotApplicable
 from barbalat.certificates.quantities import Form, Quantity
 from barbalat.report.certificates import ROWS_BY_FORM, rows
 
@@ -19,10 +19,10 @@ OWN = {
 
 def test_a_schemes_own_keys_are_shown_by_their_form():
     draft = Draft(own=OWN)
-    draft.guarantee("drift", 0.1234564)
-    draft.guarantee("reserve", 0.1234564)
+    draft.guarantee("drift", 0.1234564, NUMBERS_ALONE)
+    draft.guarantee("reserve", 0.1234564, NUMBERS_ALONE)
     draft.estimate({"left": {"r": 0.25, "d": 1e-15}, "parts": ["one", "two"]})
-    draft.guarantee("nu_0", 2.0)  # a shared one beside them
+    draft.guarantee("nu_0", 2.0, NUMBERS_ALONE)  # a shared one beside them
     shown = {row.quantity: row for row in rows(draft.finish())}
     assert (shown["drift"].value, shown["drift"].meaning) == ("0.123457", "largest drift [1/s]")  # outward: up
     assert shown["reserve"].value == "0.123456"  # outward: down
@@ -41,7 +41,7 @@ def test_a_value_that_does_not_apply_says_why():
 
 def test_a_key_without_a_meaning_is_refused():
     with pytest.raises(KeyError):
-        Draft().guarantee("drift", 1.0)
+        Draft().guarantee("drift", 1.0, NUMBERS_ALONE)
 
 
 def test_every_form_is_shown():

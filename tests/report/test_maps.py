@@ -75,7 +75,7 @@ def test_files_page_and_link(tmp_path):
     assert f'<img src="{pictures["gain-step"].name}.svg"' in card
     contract, beside = (
         {"id", "where", "statement", "verdict", "measured", "how"},
-        {"number", "readings", "would_change", "sharpened"},
+        {"number", "readings", "would_change", "sharpened", "listings"},
     )
     assert set(claim.as_json()) == contract | beside
 

@@ -200,7 +200,10 @@ class Claim:
         """The JSON contract's block for a claim; what goes beyond it stands beside the contract's keys."""
         contract = ("id", "where", "statement", "verdict", "measured", "how")
         beside = ("number", "would_change", "sharpened")
-        return {name: getattr(self, name) for name in contract + beside} | {"readings": [asdict(one) for one in self.readings]}
+        return {name: getattr(self, name) for name in contract + beside} | {
+            "readings": [asdict(one) for one in self.readings],
+            "listings": [asdict(one) for one in self.listings],
+        }
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

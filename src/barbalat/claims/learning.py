@@ -38,7 +38,7 @@ def loss_of_learning(runs: Runs) -> Claim:
         ),
     )
     return Claim(
-        "loss-of-learning", "Section V, caption of Figure 3", "Numerical instability makes L1-AC lose learning although the signals are exciting",
+        "loss-of-learning", "Abstract; Section V, caption of Figure 3", "Numerical instability makes L1-AC lose learning although the signals are exciting",
         of_readings(readings),
         f"|theta_hat - theta*| over the last 15 s: {distances[0]:.2g} to {spread[0]:.2g} at h = 1e-4 s, {distances[1]:.2g} to {spread[1]:.2g} at "
         f"h = 1e-5 s, {distances[2]:.2g} to {spread[2]:.2g} for the robust MRAC: the gain alone keeps the estimates from converging in 60 s, "

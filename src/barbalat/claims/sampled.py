@@ -27,7 +27,7 @@ def claim() -> Claim:
     spread = max(float((rates.max(axis=0) / rates.min(axis=0)).max()) for rates in smooth.values())
     return Claim(
         id="sampled-midpoint",
-        where="Section V, discussion of Figures 3 to 5",
+        where="not in the paper: this project, against the discussion of Figures 3 to 5 in Section V",
         statement="The numerical phenomena cannot be avoided at a high gain: a sampled controller with a Lyapunov-preserving step",
         verdict=verdict(holds=spread > 2),
         measured=f"variation of the estimates by the implicit step, over Gamma = {GAINS[0]:g} to {GAINS[-1]:g}: MRAC "
