@@ -56,6 +56,15 @@ def test_what_a_library_makes_of_an_interrupt_is_one():
         raise SystemError("another one")
 
 
+@pytest.fixture
+def interrupts():
+    """As in a terminal: where tests run in the background, SIGINT is ignored from the start."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+@pytest.mark.usefixtures("interrupts")
 def test_an_interrupt_while_processes_start_is_kept():
     """They are started deaf to it; what arrives meanwhile acts when they have been started."""
     with pytest.raises(KeyboardInterrupt):
