@@ -62,7 +62,7 @@ def _typeset(token: re.Match[str]) -> Markup:
 
 def _name(name: str) -> Markup:
     """A letter with its accents and its subscripts."""
-    base, *parts = re.sub(r"(?<=[a-z])(\d+)$", r"_\1", name).split("_")
+    base, *parts = re.sub(rf"({'|'.join(ACCENTS)})(\d+)$", r"\1_\2", name).split("_")
     accents = [unicodedata.lookup(ACCENTS[part]) for part in parts if part in ACCENTS]
     below = [_GREEK.get(part, part) for part in parts if part not in ACCENTS]
     letter = Markup("<var>{}</var>").format("".join((_GREEK.get(base, base), *accents)))
