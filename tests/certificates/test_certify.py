@@ -1,12 +1,14 @@
 """The certificates of whole cases: contract keys, what is called guaranteed, and what is said when nothing can be."""
 
 import json
+from dataclasses import replace
 from fractions import Fraction
 
 import numpy as np
 import pytest
 
 from barbalat import (
+    CompositeLearning,
     Constant,
     InputError,
     L1Adaptive,
@@ -68,6 +70,10 @@ def test_a_step_that_the_solver_does_not_bear_is_said_beside_the_bound():
     assert "error_bound" in found.guaranteed and any("at dt = 0.001 s rk4 need not follow" in note for note in found.notes)
     assert not any("need not follow" in note for note in resolved.notes)
     bound = found.values["error_bound"]
+    learning = replace(controller, gamma=200.0, learning=CompositeLearning(gamma_c=50.0, time_constant=0.1))
+    (unknown,) = certify(case.problem, (learning,), coarse).values()
+    assert unknown.values["step_max"] is None and "error_bound" in unknown.guaranteed
+    assert any("no limit of the step is known" in note for note in unknown.notes)
     left, kept = (simulate(case.problem, [controller], at)["MRAC"] for at in (coarse, fine))
     assert left.diverged_at is not None or max(left.figures["max_abs_e"]) > bound
     assert max(kept.figures["max_abs_e"]) <= bound

@@ -62,6 +62,10 @@ def _computed(problem: TrackingProblem, controller: Controller, simulation: Simu
 def _beside_its_runs(certificate: Certificate, simulation: Simulation) -> Certificate:
     """A bound of the solution says nothing of a run at a step that the solver does not bear: that is said beside it."""
     limit = certificate.values.get("step_max_at_model", certificate.values.get("step_max"))
+    judged = certificate.entry("step_max")
+    if "error_bound" in certificate.guaranteed and judged is not None and judged.applies and judged.value is None:
+        unknown = "no limit of the step is known: what is guaranteed is so of the equations' solution, and a run may leave it"
+        return certificate.with_entries(certificate.entries, unknown)
     if not certificate.guaranteed or limit is None or simulation.dt <= limit:
         return certificate
     note = (
