@@ -121,7 +121,7 @@ def claim(*, full: bool = False) -> Claim:
         number=f"exponent of the steady |e| in mu at fixed tau: {exponents.min():.3f} to {exponents.max():.3f}",
         readings=readings,
         would_change="confirmed: a peak that grows in proportion up to the largest Delta; not confirmed: a steady error that does not, or a nu that grows as tau falls",
-        sharpened="" if full else f"runs of {LONGER:g} s, in which learning has removed more of the rest",
+        sharpened=f"runs of {LONGER:g} s, in which learning has removed more of the rest",
     )  # fmt: skip
 
 
