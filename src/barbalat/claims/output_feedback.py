@@ -28,11 +28,6 @@ from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array
 
 
-def claims() -> list[Claim]:
-    """All of this group."""
-    return [l1_is_linear(), rohrs(), any_relative_degree()]
-
-
 def l1_is_linear() -> Claim:
     """The controller beside its equivalent; a constant disturbance; saturation with and without the bound on sigma."""
     case = load_case("l1-output")

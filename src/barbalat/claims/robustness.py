@@ -4,14 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from barbalat.claims import section_v, theorem_2
+from barbalat.claims import section_v
 from barbalat.claims.claim import Claim, verdict
 from barbalat.claims.variants import figures, local_exponents, span, table
-
-
-def claims() -> list[Claim]:
-    """All of this group."""
-    return [tau_and_error(), *theorem_2.claims()]
 
 
 def tau_and_error() -> Claim:

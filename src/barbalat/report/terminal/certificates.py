@@ -91,7 +91,7 @@ def five(column: Column, certificate: Certificate, dt: float | None) -> tuple[Li
         _bound(certificate),
         _margin(certificate),
         _limits(certificate, dt),
-        _assumed(certificate),
+        _assumed(column, certificate),
     )
 
 
@@ -166,13 +166,15 @@ def _text_of(span: list[float]) -> str:
     return " to ".join(f"{value:.{digits}g}" for value, digits in zip(span, (3, 2), strict=False))
 
 
-def _assumed(certificate: Certificate) -> Line:
-    claimed = {sentence for entry in certificate.entries if entry.kind == "guaranteed" for sentence in entry.assumptions}
-    broken = ", ".join(dict.fromkeys(entry.why for entry in certificate.entries if not entry.applies and entry.assumptions))
+def _assumed(column: Column, certificate: Certificate) -> Line:
+    """Of the values and of Table 1's cells: a scheme without a bound has its assumptions there."""
+    stated = [*certificate.entries, *column.cells.values()]
+    claimed = {sentence for entry in stated if entry.kind == "guaranteed" for sentence in entry.assumptions}
+    broken = ", ".join(dict.fromkeys(entry.why for entry in stated if not entry.applies and entry.assumptions))
     if broken:
         return Line("assumed", f"fails on this case: {broken}", "does not apply")
     if not claimed:
-        return Line("assumed", "nothing: no value here is guaranteed", "")
+        return Line("assumed", "nothing: nothing is guaranteed", "")
     kept = "one thing" if len(claimed) == 1 else f"{len(claimed)} things"
     return Line("assumed", f"{kept}, checked on this case: none fails", "guaranteed")
 
