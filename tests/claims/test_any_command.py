@@ -18,7 +18,7 @@ def test_the_commands():
     assert [kind for kind, _ in tried] == [kind for kind in any_command.KINDS for _ in range(3)]
     t = np.linspace(0, 400, 40_001)
     values = np.array([command(t) for _, command in tried])
-    assert (np.abs(values).max(axis=1) <= any_command.LARGEST * (1 + 1e-12)).all()
+    assert (np.abs(values).max(axis=1) <= any_command.LARGEST_COMMAND * (1 + 1e-12)).all()
     assert len({tuple(row[::400]) for row in values.round(9)}) == len(tried)  # no two are the same
     again = np.array([command(t) for _, command in any_command.commands(3, 400.0)])
     assert (values == again).all()
@@ -43,4 +43,4 @@ def test_with_a_modelling_error_it_stays():
     found = simulate_ensemble([(given, section_v.robust_mrac("r"))], simulation, quarters=True).quarters
     second, last = found[0, [1, 3]].max(axis=1) / Motion.of(given, simulation).largest
     assert last > 0.7 * second
-    assert last > 5 * any_command.SMALL
+    assert last > 5 * any_command.SMALL_ERROR_SHARE

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from barbalat.pictures.series import COLUMNS_PER_INCH, FAST, outline, turning_points
+from barbalat.pictures.series import COLUMNS_PER_INCH, FASTEST_SWING_COLUMNS, outline, turning_points
 
 INCHES = 4.0
 COLUMNS = INCHES * COLUMNS_PER_INCH
@@ -68,10 +68,10 @@ def test_few_instants_and_a_constant():
 
 
 def test_how_fast_is_too_fast():
-    """A swing of FAST columns is the limit."""
+    """A swing of FASTEST_SWING_COLUMNS columns is the limit."""
     t = np.linspace(0, 1, 40001)
     for factor, enveloped in ((1.3, False), (0.8, True)):
-        half_period = factor * FAST / COLUMNS
+        half_period = factor * FASTEST_SWING_COLUMNS / COLUMNS
         assert bool(of(t, np.sin(np.pi * t / half_period)).envelopes) == enveloped
 
 

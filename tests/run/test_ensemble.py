@@ -126,7 +126,7 @@ def test_a_generator_is_read_once_and_no_bit_depends_on_how_many_run_at_once(mon
     told = []
     from_generator = simulate_ensemble((member for member in members), SIMULATION, quarters=True, progress=told.append)
     assert told == sorted(told) and told[-1] == 1.0
-    monkeypatch.setattr(ensemble, "AT_ONCE", 3)
+    monkeypatch.setattr(ensemble, "MEMBERS_AT_ONCE", 3)
     few = simulate_ensemble(members, SIMULATION, quarters=True, progress=told.append)
     for found in (from_generator, few):
         equal(found.metrics, expected.metrics)

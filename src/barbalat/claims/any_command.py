@@ -19,12 +19,12 @@ from barbalat.validate import Array
 SEED = 20130820  # any fixed number: the draws are the same on every machine
 DRAWS, MORE_DRAWS = 2, 12
 """Of each kind, by the plain command and by ``--full``."""
-LARGEST = 50.0
+LARGEST_COMMAND = 50.0
 """|r| of Section V."""
 T_END, LONGER = 400.0, 1600.0
 H = 2e-3
 """20 times below what the fastest dynamics, those of tau, need for RK4's fourth order to show; jumps are met exactly."""
-SMALL = 1e-3
+SMALL_ERROR_SHARE = 1e-3
 """Of the largest |x_m|: what counts as close to zero at the end."""
 ONE_OVER_T = 1 / 3
 """The start of the second quarter over that of the last."""
@@ -36,17 +36,17 @@ def sums_of_sines(rng: np.random.Generator, _: float) -> Signal:
     """Two to six of them, over two decades of frequency."""
     count = int(rng.integers(2, 7))
     shares = rng.dirichlet(np.ones(count))
-    return Sines(tuple(LARGEST * shares), tuple(10 ** rng.uniform(-1, 1, count)), tuple(rng.uniform(0, 2 * np.pi, count)))
+    return Sines(tuple(LARGEST_COMMAND * shares), tuple(10 ** rng.uniform(-1, 1, count)), tuple(rng.uniform(0, 2 * np.pi, count)))
 
 
 def square_wave(rng: np.random.Generator, _: float) -> Signal:
     """Half periods of 1.5 s to 30 s."""
-    return Square(LARGEST, float(10 ** rng.uniform(-1, 0.3)), phase=float(rng.uniform(0, 2 * np.pi)))
+    return Square(LARGEST_COMMAND, float(10 ** rng.uniform(-1, 0.3)), phase=float(rng.uniform(0, 2 * np.pi)))
 
 
 def chirp(rng: np.random.Generator, t_end: float) -> Signal:
     """Over the whole run, up to 1 to 100 rad/s."""
-    return Chirp(LARGEST, float(rng.uniform(0.02, 0.5)), float(10 ** rng.uniform(0, 2)), t_end)
+    return Chirp(LARGEST_COMMAND, float(rng.uniform(0.02, 0.5)), float(10 ** rng.uniform(0, 2)), t_end)
 
 
 def filtered_noise(rng: np.random.Generator, t_end: float) -> Signal:
@@ -55,13 +55,13 @@ def filtered_noise(rng: np.random.Generator, t_end: float) -> Signal:
 
     count, pole = round(t_end / NOISE_STEP) + 1, np.exp(-NOISE_STEP * 10 ** rng.uniform(-1, 0.5))
     values = lfilter([1 - pole], [1, -pole], rng.standard_normal(count))
-    return Recorded(NOISE_STEP * np.arange(count), LARGEST * values / np.abs(values).max())
+    return Recorded(NOISE_STEP * np.arange(count), LARGEST_COMMAND * values / np.abs(values).max())
 
 
 def train_of_steps(rng: np.random.Generator, t_end: float) -> Signal:
     """Levels drawn evenly, held for 1 s to 15 s."""
     times = np.cumsum(rng.uniform(1, 15, round(t_end / 8) + 1))
-    return Steps(tuple(times.tolist()), tuple(rng.uniform(-LARGEST, LARGEST, len(times)).tolist()))
+    return Steps(tuple(times.tolist()), tuple(rng.uniform(-LARGEST_COMMAND, LARGEST_COMMAND, len(times)).tolist()))
 
 
 def jumps_ever_rarer(rng: np.random.Generator, t_end: float) -> Signal:
@@ -69,12 +69,12 @@ def jumps_ever_rarer(rng: np.random.Generator, t_end: float) -> Signal:
     ratio, times = float(rng.uniform(1.5, 2.0)), [1.0]
     while times[-1] * ratio < t_end:
         times.append(times[-1] * ratio)
-    return Steps(tuple(times), tuple(LARGEST * (-1.0) ** i for i in range(len(times))))
+    return Steps(tuple(times), tuple(LARGEST_COMMAND * (-1.0) ** i for i in range(len(times))))
 
 
 def held(rng: np.random.Generator, _: float) -> Signal:
     """A constant, of any size up to the bound."""
-    return Constant(float(rng.uniform(-LARGEST, LARGEST)))
+    return Constant(float(rng.uniform(-LARGEST_COMMAND, LARGEST_COMMAND)))
 
 
 KINDS: dict[str, Callable[[np.random.Generator, float], Signal]] = {
@@ -116,7 +116,7 @@ def claim(*, full: bool = False) -> Claim:
         f"{len(tried)} commands of {len(KINDS)} kinds: max |e| in the last quarter of {t_end:g} s is at most {late[worst]:.2g} of the largest |x_m| ({tried[worst][0]}), "
         f"median {np.median(late):.1g}. Since the second quarter it fell to "
         f"{(late / early).min():.1g} to {(late / early).max():.2g} of what it was, slowest: {tried[slowest][0]}; 1/t makes {ONE_OVER_T:.2g}, the paper names no rate",
-        f"Section V, tau = 0.5 s, sign of (14) corrected, RK4, h = {H:g} s, |r| <= {LARGEST:g}, seed {SEED}. 'Any' can't be run: tested were "
+        f"Section V, tau = 0.5 s, sign of (14) corrected, RK4, h = {H:g} s, |r| <= {LARGEST_COMMAND:g}, seed {SEED}. 'Any' can't be run: tested were "
         f"{', '.join(KINDS)}, {len(tried) // len(KINDS)} each. Not tested: commands without a bound",
         listings=(_listing(tried, found, t_end),),
         number=f"largest final |e| over the largest |x_m|, of {len(tried)} commands: {late[worst]:.2g}",
@@ -136,8 +136,8 @@ def _readings(early: Array, late: Array, slowest: str) -> tuple[Reading, ...]:
         ),
         Reading(
             "it is small at the end",
-            verdict(holds=bool((late < SMALL).all())),
-            f"at most {late.max():.2g} of the largest |x_m|; small: below {SMALL:g}",
+            verdict(holds=bool((late < SMALL_ERROR_SHARE).all())),
+            f"at most {late.max():.2g} of the largest |x_m|; small: below {SMALL_ERROR_SHARE:g}",
         ),
     )  # fmt: skip
 

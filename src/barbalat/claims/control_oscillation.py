@@ -28,7 +28,7 @@ MORE_NUMERICAL = {2e-4: (1e3, 3e3, 1e4, 1e5), 1e-4: (3e3, 1e4, 1e5, 1e6), 5e-5: 
 RESOLVED, MORE_RESOLVED = {1e-5: (100.0,)}, {1e-5: (10.0, 100.0, 1000.0)}
 """At which h omega_a stays below 0.1: the ringing is that of the equations."""
 FIGURE_3 = (section_v.COARSE, 1e4)
-SAME = 0.1
+EQUAL_FREQUENCY_SHARE = 0.1
 """Two mean frequencies within a tenth count as equal: they differ by as much from one quarter of a run to the next."""
 
 
@@ -91,7 +91,7 @@ def claim(*, full: bool = False) -> Claim:
     """Numerical oscillations at and around Figure 3's setting, and the ringing of the equations."""
     numerical, resolved = measured(MORE_NUMERICAL if full else NUMERICAL), measured(MORE_RESOLVED if full else RESOLVED)
     shown = next(pair for pair in numerical if (pair.h, pair.gamma) == FIGURE_3)
-    falls = [pair for pair in (*numerical, *resolved) if pair.frequency < 1 - SAME]
+    falls = [pair for pair in (*numerical, *resolved) if pair.frequency < 1 - EQUAL_FREQUENCY_SHARE]
     count, readings = len(numerical) + len(resolved), _readings(shown, numerical, resolved)
     return Claim(
         "filter-control-frequency", "Abstract", "The filter reduces the frequency of the oscillations in the control law",
@@ -99,7 +99,7 @@ def claim(*, full: bool = False) -> Claim:
         f"at Figure 3's gain and step the mean frequency of u above {SLOWEST_OSCILLATION:g} rad/s goes from {shown.without.mean:.3g} to {shown.filtered.mean:.3g} rad/s with the filter, a factor {shown.frequency:.2f}; it falls by more than a "
         f"tenth in {len(falls)} of {count} settings. Their RMS value there: {shown.without.rms:.3g} without the filter, {shown.filtered.rms:.3g} with it",
         f"Section V, MRAC and L1-AC at the same Gamma, RK4, u at {INSTANTS} instants, second half of the run, Welch's method; h and Gamma as listed. Condition: well inside the numerically unstable "
-        f"region; a difference below {SAME:.0%} counts as none",
+        f"region; a difference below {EQUAL_FREQUENCY_SHARE:.0%} counts as none",
         listings=_listings(numerical, resolved),
         number=f"mean frequency of the oscillations in u with C over that without, Figure 3's setting: {shown.frequency:.2f}",
         readings=readings,
@@ -116,23 +116,23 @@ def _readings(shown: Pair, numerical: list[Pair], resolved: list[Pair]) -> tuple
     return (
         Reading(
             "the mean frequency of the numerical oscillations falls at Figure 3's gain and step",
-            verdict(holds=shown.frequency < 1 - SAME),
+            verdict(holds=shown.frequency < 1 - EQUAL_FREQUENCY_SHARE),
             f"from {shown.without.mean:.3g} to {shown.filtered.mean:.3g} rad/s, a factor {shown.frequency:.2f}",
         ),
         Reading(
             "... at every gain at which there are some",
-            verdict(holds=all(pair.frequency < 1 - SAME for pair in numerical)),
+            verdict(holds=all(pair.frequency < 1 - EQUAL_FREQUENCY_SHARE for pair in numerical)),
             f"by the factors {span([pair.frequency for pair in numerical])}, in {len(numerical)} settings",
         ),
         Reading(
             "so does the frequency where they are strongest",
-            verdict(holds=all(peak < 1 - SAME for peak in peaks)),
+            verdict(holds=all(peak < 1 - EQUAL_FREQUENCY_SHARE for peak in peaks)),
             f"by the factors {span(peaks)}; without the filter it is "
             f"{span([pair.without.peak * pair.h / (2 * np.pi) for pair in numerical])} cycles in a step of the solver",
         ),
         Reading(
             "the ringing of the equations, resolved by the step, gets slower",
-            verdict(holds=all(ratio < 1 - SAME for ratio in ringing)),
+            verdict(holds=all(ratio < 1 - EQUAL_FREQUENCY_SHARE for ratio in ringing)),
             f"mean times {span(ringing)}, strongest times {span(ringing_peak)}: it rings at sqrt(Gamma b'P b) |x|, on which C has no influence",
         ),
         Reading(

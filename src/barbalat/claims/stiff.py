@@ -31,10 +31,10 @@ CONVERGED_STEPS = (1e-6, 5e-7)
 PAPER = Gain(1e4, T_END, CONVERGED_STEPS[1], TAIL)
 FIGURE_5 = Gain(1e6, AUTOMATIC_END, 2e-7, LATE_WINDOW)
 """The converged step is 1e-7 s within 0.2 % of the ringing."""
-FURTHER = (Gain(3e3, T_END, 1e-6, TAIL), Gain(1e5, T_END, 2.5e-7, TAIL), Gain(1e6, 10.0, 1e-7, (9.9, 10.0)))
+FURTHER_GAINS = (Gain(3e3, T_END, 1e-6, TAIL), Gain(1e5, T_END, 2.5e-7, TAIL), Gain(1e6, 10.0, 1e-7, (9.9, 10.0)))
 """Of ``reproduce --full``; the last is as long as its converged step allows within a quarter of a minute."""
 SHARPENED = (
-    f"Gamma = {', '.join(f'{each.gamma:g}' for each in FURTHER)} at h = 1e-4 and 1e-5 s over {FURTHER[0].t_end:g} s ({FURTHER[-1].t_end:g} s at "
+    f"Gamma = {', '.join(f'{each.gamma:g}' for each in FURTHER_GAINS)} at h = 1e-4 and 1e-5 s over {FURTHER_GAINS[0].t_end:g} s ({FURTHER_GAINS[-1].t_end:g} s at "
     f"the largest); all four codes to {AUTOMATIC_END:g} s at tolerances of {LOOSE_TOLERANCES[0]:g} and {LOOSE_TOLERANCES[1]:g}, two to "
     f"{LONG_AUTOMATIC_END:g} s at {TOLERANCE:g}"
 )
@@ -118,7 +118,7 @@ def stiff_solvers() -> Claim:
 def stiff_solvers_further() -> Claim:
     """The same, more gains, longer runs of the codes with automatic steps."""
     listings, right, followed = [], PAPER.right, []
-    for gain in FURTHER:
+    for gain in FURTHER_GAINS:
         steps = (section_v.COARSE, section_v.FINE)
         rows = [gain.explicit(h) for h in steps] + [gain.implicit(h, midpoint=m) for h in steps for m in (True, False)]
         listings.append(listing(rows, gain.right, gain.gamma))

@@ -36,7 +36,7 @@ DELAYS = np.round(np.geomspace(0.02, 1.0, 14), 3)
 """[s]; Delta_m = e^(-s d) - 1, of which the paper's -mu s is the first term."""
 T_END, H = 120.0, 1e-3
 """Ten periods of the command: a growth of 15 % in each second passes the bound below in that time."""
-UNBOUNDED = 100.0
+UNBOUNDED_RATIO = 100.0
 """Times the largest |x_m|, in the last quarter; what stays bounded stays below 20 times, as the listing shows."""
 PROVEN_DELAY = 0.1
 """For which the small-gain theorem is asked [s]."""
@@ -64,7 +64,7 @@ def lost(members: Sequence[tuple[tuple[float, ...], float, float]], scheme: str,
     pairs = [(variant(theta=theta, input=PlantInput(delay=delay)), SCHEMES[scheme](gain)) for theta, gain, delay in members]
     largest = Motion.of(section_v.problem(), Simulation(t_end=T_END, dt=H)).largest
     tail = figures(pairs, T_END, h).tail_max_abs_e.max(axis=1) / largest
-    return np.isnan(tail) | (tail > UNBOUNDED), tail
+    return np.isnan(tail) | (tail > UNBOUNDED_RATIO), tail
 
 
 def search(scheme: str, gains: tuple[float, ...], h: float = H) -> Loss:
@@ -114,7 +114,7 @@ def claim(*, full: bool = False) -> Claim:
         f"that does it, {firsts.min():g} s to {firsts.max():g} s, is one that the same loop bears with theta known; theta = 0: {_of_the_centre(found, ideal)}",
         f"Section V, theta over its known set, Gamma = {numbers(gains)}, {len(DELAYS)} exact delays from {DELAYS[0]:g} to "
         f"{DELAYS[-1]:g} s, RK4, h = {H / 4 if full else H:g} s, {T_END:g} s. Unbounded: diverged, or |e| in the last "
-        f"quarter beyond {UNBOUNDED:g} times the largest |x_m|; what is counted as bounded stays below {max(float(each.tail.max()) for each in found.values()):.2g} times. Condition: a known set with estimates that do not stabilise the plant",
+        f"quarter beyond {UNBOUNDED_RATIO:g} times the largest |x_m|; what is counted as bounded stays below {max(float(each.tail.max()) for each in found.values()):.2g} times. Condition: a known set with estimates that do not stabilise the plant",
         listings=(*_listings(found, ideal, gains), at_rohrs_plant),
         number=f"smallest delay with unbounded growth that the loop with theta known bears: {firsts.min():g} s",
         readings=readings,

@@ -61,7 +61,7 @@ def execute(options: argparse.Namespace) -> int:
     return 0
 
 
-CERTIFYING, SIMULATING = 0.5, 20.0
+CERTIFYING_SECONDS, SIMULATING_SECONDS = 0.5, 20.0
 """Seconds for each controller, about, until its own pace is known."""
 
 
@@ -70,8 +70,8 @@ def _certified(case: Case, options: argparse.Namespace) -> dict[str, Certificate
     from barbalat.certificates.certify import certify
 
     count = len(case.controllers)
-    simulating = {"simulating": SIMULATING * count} if options.simulate else {}
-    with work({"certifying": CERTIFYING * count} | simulating) as running:
+    simulating = {"simulating": SIMULATING_SECONDS * count} if options.simulate else {}
+    with work({"certifying": CERTIFYING_SECONDS * count} | simulating) as running:
         with running.part("certifying") as progress:
             certificates = certify(case.problem, case.controllers, case.simulation, progress=progress)
         if options.simulate:

@@ -30,7 +30,7 @@ def add(commands: Commands) -> None:
 
 SECONDS, QUICK_SECONDS, FULL_SECONDS = 40.0, 9.0, 130.0
 """In all, until the ledger is there to say it."""
-START, RUNS, PICTURES, MAPS = 3.0, 6.0, 3.0, 4.0
+START_SECONDS, RUNS_SECONDS, PICTURES_SECONDS, MAPS_SECONDS = 3.0, 6.0, 3.0, 4.0
 """Seconds of a core: until the first row is begun, and what is done beside the rows."""
 
 
@@ -68,7 +68,7 @@ def _reproduced(
         seconds["simulations"] = time.perf_counter() - started - sum(seconds.values())
         figures = paper.paper_figures(runs)
         pictures = write.draw_reproduction(folder, figures)
-        pace.drawn(PICTURES)
+        pace.drawn(PICTURES_SECONDS)
         seconds["pictures"] = time.perf_counter() - started - sum(seconds.values())
         claims = ledger.measure(
             runs,
@@ -98,7 +98,7 @@ class Pace:
         from barbalat.report.terminal.layout import Screen
 
         self.cores = min(os.cpu_count() or 1, processes + 1)
-        self.running, self.whole, self.done = running, START + RUNS + PICTURES + MAPS + rows, 0.0
+        self.running, self.whole, self.done = running, START_SECONDS + RUNS_SECONDS + PICTURES_SECONDS + MAPS_SECONDS + rows, 0.0
         self.started, self.runs_done = time.perf_counter(), 0.0
         self.screen = Screen(running.console) if shown and running.console.is_terminal else None
         self._add(0.0)
@@ -114,7 +114,7 @@ class Pace:
 
     def running_section_v(self, fraction: float) -> None:
         """So much of the runs is done."""
-        self._add(RUNS * (fraction - self.runs_done) + START * (self.runs_done == 0))
+        self._add(RUNS_SECONDS * (fraction - self.runs_done) + START_SECONDS * (self.runs_done == 0))
         self.runs_done = fraction
 
     def drawn(self, seconds: float) -> None:

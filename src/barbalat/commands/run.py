@@ -58,18 +58,18 @@ def execute(options: argparse.Namespace) -> int:
     return 0
 
 
-CERTIFYING, DRAWING = 0.5, 0.4
+CERTIFYING_SECONDS, DRAWING_SECONDS = 0.5, 0.4
 """Seconds for each controller, about; drawing takes a second more."""
 STEPS_EACH_SECOND = 5e6
-"""Of a small loop, about; a controller's code takes ``COMPILING`` seconds before."""
-COMPILING = 0.2
+"""Of a small loop, about; a controller's code takes ``COMPILING_SECONDS`` seconds before."""
+COMPILING_SECONDS = 0.2
 
 
 def _expected(case: Case, *, plots: bool) -> dict[str, float]:
     """Seconds for each part of the work."""
     count = len(case.controllers)
-    simulating = {"simulating": count * (COMPILING + case.simulation.steps / STEPS_EACH_SECOND)}
-    return simulating | ({"certifying": CERTIFYING * count, "drawing": 1.0 + DRAWING * count} if plots else {})
+    simulating = {"simulating": count * (COMPILING_SECONDS + case.simulation.steps / STEPS_EACH_SECOND)}
+    return simulating | ({"certifying": CERTIFYING_SECONDS * count, "drawing": 1.0 + DRAWING_SECONDS * count} if plots else {})
 
 
 def _simulated(case: Case, running: Work) -> list[Result]:

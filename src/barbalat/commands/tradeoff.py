@@ -49,7 +49,7 @@ def execute(options: argparse.Namespace) -> int:
     validate.whole("--density", options.density, least=2)
     validate.whole("--plants", options.plants, least=1)
     default = None if options.json else "barbalat-tradeoff"
-    with folder_of(options.out, default) as folder, work({"simulating": SIMULATING, "drawing": DRAWING}) as running:
+    with folder_of(options.out, default) as folder, work(EXPECTED_SECONDS) as running:
         found = _found(case, options, running)
         from barbalat.report import tradeoff, write
 
@@ -70,8 +70,8 @@ def execute(options: argparse.Namespace) -> int:
     return 0
 
 
-SIMULATING, DRAWING = 60.0, 3.0
-"""Seconds: of the first until it is measured."""
+EXPECTED_SECONDS = {"simulating": 60.0, "drawing": 3.0}
+"""Of the first until it is measured."""
 
 
 def _found(case: Case, options: argparse.Namespace, running: Work) -> TradeOff:

@@ -41,6 +41,14 @@ class Enclosure:
         return (self.upper - self.lower) / self.upper if self.upper > 0.0 else 0.0
 
 
+def power(value: arb, exponent: int) -> arb:
+    """value**exponent. Of a ball around zero itself python-flint's own is no number, whatever its radius."""
+    if exponent <= 0 or value.mid() != 0:
+        return value**exponent
+    end = value.abs_upper() ** exponent
+    return (arb(0) if exponent % 2 == 0 else -end).union(end)
+
+
 def float_above(value: arb) -> float:
     """Return the float nearest above every point of the ball; ArithmeticError for an indeterminate ball."""
     return 0.0 - float_below(-value)  # 0.0 - 0.0 is +0.0, where a mere sign change would give -0.0

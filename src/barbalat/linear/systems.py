@@ -220,7 +220,7 @@ def open_loop(field: str, system: Any) -> tuple[Array, Array]:
     return found[0], found[1]
 
 
-BESIDE_A_POLE = 1e-13
+POLE_OFFSET_SHARE = 1e-13
 """By how much, relatively, a frequency is moved off a pole that it hits exactly: a few hundred roundings."""
 
 
@@ -235,7 +235,7 @@ def states_response(A: Array, b: Array, w: Array) -> Array:
     try:
         return solved(w)
     except np.linalg.LinAlgError:  # a frequency is a pole: next to it the response is as large as floats allow
-        return solved(w * (1 + BESIDE_A_POLE) + BESIDE_A_POLE * float(np.abs(A).max(initial=0.0)))
+        return solved(w * (1 + POLE_OFFSET_SHARE) + POLE_OFFSET_SHARE * float(np.abs(A).max(initial=0.0)))
 
 
 def input_filter(kappa: float) -> TransferFunction:

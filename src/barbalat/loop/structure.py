@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-DEEPEST = 12
+DEEPEST_NESTING = 12
 """Objects within objects: what lies deeper is compared as a whole, which ends objects that contain themselves."""
 
 _WHOLE = {
@@ -72,7 +72,7 @@ def structure(part: Any, depth: int = 0) -> Iterator[Any]:
         return
     if isinstance(part, float):
         return
-    parts = parts_of(part) if depth < DEEPEST else None
+    parts = parts_of(part) if depth < DEEPEST_NESTING else None
     if parts is None:
         yield part if isinstance(part, Hashable) else id(part)
         return
@@ -118,7 +118,7 @@ def identical(part: Any, other: Any, depth: int = 0) -> bool:
         return bool(part.shape == other.shape and part.dtype == other.dtype and part.tobytes() == other.tobytes())
     if isinstance(part, float):
         return bool(part.hex() == other.hex())
-    if depth >= DEEPEST or parts_of(part) is None:
+    if depth >= DEEPEST_NESTING or parts_of(part) is None:
         return same_whole(part, other)
     return same_names(part, other) and all(
         one is two or identical(one, two, depth + 1) for one, two in zip(values_of(part), values_of(other), strict=True)
@@ -130,7 +130,7 @@ def comes_from_outside(part: Any, depth: int = 0) -> bool:
     kind = type(part)
     if kind is FunctionType:
         return not (part.__module__ or "").startswith(_PACKAGE)
-    parts = parts_of(part) if kind not in _WHOLE and depth < DEEPEST else None
+    parts = parts_of(part) if kind not in _WHOLE and depth < DEEPEST_NESTING else None
     if parts is None:
         return False
     if kind not in (tuple, list, dict) and not kind.__module__.startswith(_PACKAGE):

@@ -57,7 +57,7 @@ class Level:
     of: int | None = None
 
 
-COVERED = 0.15
+OVERLAP_SHARE = 0.15
 """Share of the time in which two envelopes may lie over one another before each series gets axes of its own."""
 MOST_APART = 4
 """Axes in the place of one panel."""
@@ -181,7 +181,7 @@ def _apart(axes: Axes, panel: Panel, outlines: Sequence[Outline], t_end: float) 
     """Axes for each series where envelopes would cover one another; else the one pair of axes."""
     bands = [_covered(found, t_end) for found in outlines]
     over = [((a[0] < b[1]) & (b[0] < a[1])).mean() for a, b in combinations(bands, 2)]  # false for NaN
-    if not panel.may_part or len(outlines) > MOST_APART or max(over, default=0.0) < COVERED:
+    if not panel.may_part or len(outlines) > MOST_APART or max(over, default=0.0) < OVERLAP_SHARE:
         return [axes]
     axes.set_axis_off()
     height = 1 / len(outlines)

@@ -10,15 +10,15 @@ from barbalat.validate import Array
 
 COLUMNS_PER_INCH = 55
 """Of a panel's width: some two pixels each, on a page and on a phone."""
-FAST = 1.7
+FASTEST_SWING_COLUMNS = 1.7
 """Columns that a swing from a least to a greatest value takes at most where it oscillates too fast: seven pixels for a period."""
-SWINGS = 6
+FEWEST_FAST_SWINGS = 6
 """In a row, three periods: fewer are a transient, which a line shows."""
-SEEN = 0.02
+VISIBLE_SWING_SHARE = 0.02
 """Part of the whole height below which a swing is hardly more than the line's own width."""
-BENT = 1e-3
+LEVEL_SHARE = 1e-3
 """Part of the whole height below which two points of an envelope count as level."""
-FINEST = 8
+PIECES_PER_COLUMN = 8
 """Pieces of a column that are looked at; a longer series is taken together."""
 
 
@@ -47,12 +47,12 @@ def outline(
     if len(t) < 3:
         return Outline(np.array([t, value]), ())
     columns = max(int(COLUMNS_PER_INCH * inches), 1)
-    path = _path(t, value, low, high, FINEST * columns)
+    path = _path(t, value, low, high, PIECES_PER_COLUMN * columns)
     duration = float(t[-1] - t[0])
     height = float(np.ptp(path[1])) if height is None else height
-    turns = turning_points(path[1], SEEN * height)
-    runs = [turns[a:b] for a, b in _runs(np.diff(path[0, turns]) / (FAST * duration / columns))]
-    bands = tuple(_envelope(path, run, 2 * FAST * duration / columns, BENT * height) for run in runs)
+    turns = turning_points(path[1], VISIBLE_SWING_SHARE * height)
+    runs = [turns[a:b] for a, b in _runs(np.diff(path[0, turns]) / (FASTEST_SWING_COLUMNS * duration / columns))]
+    bands = tuple(_envelope(path, run, 2 * FASTEST_SWING_COLUMNS * duration / columns, LEVEL_SHARE * height) for run in runs)
     inside = np.zeros(path.shape[1], dtype=bool)
     for run in runs:
         inside[run[0] + 1 : run[-1]] = True
@@ -102,7 +102,7 @@ def _runs(swings: Array) -> list[tuple[int, int]]:
     """
     marked = np.concatenate([[False], swings <= 1.5, [False]])
     changes = np.flatnonzero(np.diff(marked.astype(int))).reshape(-1, 2)
-    return [(int(a) + 1, int(b)) for a, b in changes if (swings[a:b] <= 1).sum() >= SWINGS]
+    return [(int(a) + 1, int(b)) for a, b in changes if (swings[a:b] <= 1).sum() >= FEWEST_FAST_SWINGS]
 
 
 def _envelope(path: Array, turns: Array, width: float, level: float) -> Array:

@@ -25,7 +25,8 @@ RADIUS = 0.16
 WIDTH, INCHES = 14.8, 10.0
 POINTS = 0.97 * 72 * INCHES / WIDTH
 """Of a unit of length on paper, less the margins."""
-LARGEST = 13.0
+LARGEST_FONT_POINTS = 13.0
+"""Of a block's text, however much room it has."""
 
 Point = tuple[float, float]
 
@@ -108,7 +109,7 @@ class Drawing:
         x, y = centre
         self.axes.add_patch(Rectangle((x - width / 2, y - 0.55), width, 1.1, fill=False, edgecolor=colour, linewidth=1.2))
         room = 0.92 * width * POINTS / TextPath((0, 0), text, size=1).get_extents().width
-        self.axes.text(x, y, text, ha="center", va="center", fontsize=min(LARGEST, room), color=colour)
+        self.axes.text(x, y, text, ha="center", va="center", fontsize=min(LARGEST_FONT_POINTS, room), color=colour)
 
     def sum(self, centre: Point, colour: str = INK) -> None:
         self.axes.add_patch(Circle(centre, RADIUS, fill=False, edgecolor=colour, linewidth=1.2))

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from barbalat.loop.structure import DEEPEST, parts_of, same_names, same_whole, values_of
+from barbalat.loop.structure import DEEPEST_NESTING, parts_of, same_names, same_whole, values_of
 from barbalat.validate import Array
 
 _BYTES = struct.Struct("d").pack
@@ -45,7 +45,7 @@ class Columns:
         begin, inner = len(self._leaves), None
         if isinstance(part, (np.ndarray, float)):
             self._leaves.append(np.asarray(part, dtype=float))
-        elif depth < DEEPEST and (parts := parts_of(part)) is not None:
+        elif depth < DEEPEST_NESTING and (parts := parts_of(part)) is not None:
             inner = tuple(self._read(value, depth + 1) for value in parts.values())
         return _Part(part, begin, len(self._leaves), inner)
 

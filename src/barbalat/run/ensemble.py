@@ -22,7 +22,7 @@ from barbalat.run.progress import Progress, part_of
 from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array, InputError
 
-AT_ONCE = 2**16
+MEMBERS_AT_ONCE = 2**16
 """Members that run side by side: enough for every core, and few enough that what each needs during its run fits into memory."""
 READING_STEPS = 1000
 """Steps of a member's run that take about as long as reading it does."""
@@ -101,11 +101,11 @@ def simulate_ensemble(
     read = Members.read(_checked(members), simulation, first="member 1: ", taken=taken)
     if numbers is not None:
         read = replace(read, numbers=_numbers_of(read, numbers))
-    delay.require_memory(read.longest_delay, read.loop.inputs, min(len(read), AT_ONCE), simulation.dt)
+    delay.require_memory(read.longest_delay, read.loop.inputs, min(len(read), MEMBERS_AT_ONCE), simulation.dt)
     blocks = replace(simulation, record_points=_points(simulation)) if quarters else simulation
     found = []
-    for first in range(0, len(read), AT_ONCE):
-        which = slice(first, min(first + AT_ONCE, len(read)))
+    for first in range(0, len(read), MEMBERS_AT_ONCE):
+        which = slice(first, min(first + MEMBERS_AT_ONCE, len(read)))
         batch = Batch.part(read, which, record=quarters, lanes=lanes)
         done, width = (reading + (1 - reading) * first / len(read), (1 - reading) * (which.stop - first) / len(read))
         run([batch], read.signals, blocks, threads=threads, progress=part_of(progress, done, width))

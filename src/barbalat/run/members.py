@@ -16,7 +16,7 @@ from barbalat.protocols import Controller, Signal
 from barbalat.run import breaks, delay
 from barbalat.run.columns import Columns, StructureError
 from barbalat.run.grid import window_of
-from barbalat.run.step import LARGEST_WATCHED, Rhythm, StepProgram, step_program
+from barbalat.run.step import LARGEST_WATCHED_STATE, Rhythm, StepProgram, step_program
 from barbalat.run.template import Member, Template
 from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array, InputError
@@ -169,7 +169,7 @@ class _Reader:
 
     def members(self, windows: int) -> Members:
         """What was read."""
-        windows = windows if self.loop.size <= LARGEST_WATCHED else 0
+        windows = windows if self.loop.size <= LARGEST_WATCHED_STATE else 0
         simulation, signals = self.simulation, self.problem.signals
         lags = np.array(self.lags) if self.loop.delayed else None
         template = Template.of(self.columns)

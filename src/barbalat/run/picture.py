@@ -9,7 +9,7 @@ import numpy as np
 
 from barbalat.pictures.panels import Level, Panel, Series, around, draw, span_of, text_of
 from barbalat.problem.command_gain import FOLLOWS_TO, commanded, gains_at_rest
-from barbalat.problem.known_set import UNBOUNDED, EstimateSet, ParameterProduct, Projecting
+from barbalat.problem.known_set import UNREACHED_BOUND, EstimateSet, ParameterProduct, Projecting
 from barbalat.problem.output_feedback import OutputProblem
 from barbalat.problem.state_feedback import Problem
 from barbalat.protocols import DiscretizedEquations
@@ -255,11 +255,11 @@ def _set_of(result: Result) -> EstimateSet | None:
 def _reachable(ends: Sequence[float], needed: tuple[float, float]) -> tuple[list[float], bool]:
     """Those ends that can be drawn without pressing flat what must be seen, and whether others are left out."""
     room = WITHIN_REACH * ((needed[1] - needed[0]) or abs(needed[1]) or 1.0)
-    real = sorted({end for end in ends if abs(end) < UNBOUNDED})
+    real = sorted({end for end in ends if abs(end) < UNREACHED_BOUND})
     drawn = [end for end in real if needed[0] - room <= end <= needed[1] + room]
     return drawn, len(drawn) < len(real)
 
 
 def _interval_text(bounds: Sequence[tuple[float, float]]) -> str:
-    several = [f"{low:g} … {high:g}" if max(-low, high) < UNBOUNDED else "open" for low, high in dict.fromkeys(bounds)]
+    several = [f"{low:g} … {high:g}" if max(-low, high) < UNREACHED_BOUND else "open" for low, high in dict.fromkeys(bounds)]
     return ", ".join(several) if len(several) <= 3 else f"{', '.join(several[:3])}, …"

@@ -18,7 +18,7 @@ from barbalat.lowering.shape import TAPS, LoopShape
 from barbalat.problem.measurement import Noise
 from barbalat.protocols import Value
 from barbalat.run.coupling import coupling_function
-from barbalat.run.delay import PER_INPUT
+from barbalat.run.delay import TAPS_PER_INPUT
 from barbalat.run.grid import WHOLE_STEP, Piece
 from barbalat.run.metrics import Accumulators
 from barbalat.solvers import Tableau
@@ -33,7 +33,7 @@ LONG_PROGRAM = 8000
 """Operations that LLVM takes about a second to translate, at 0.14 ms each; Section V's loops have some hundreds."""
 STEPS_WORTH_OPTIMISING = 350_000
 """Optimised code of an operation takes 0.15 ms longer to make and 0.45 ns less to run: measured with 16,000 and 34,000."""
-LARGEST_WATCHED = 150
+LARGEST_WATCHED_STATE = 150
 """States of a loop that is watched while it runs: what is watched has terms for each pair of them."""
 
 
@@ -117,10 +117,10 @@ def step_function(
     signal_column, table_row = symbols("signals", _row_length(loop, solver, in_pieces))
     piece = Piece(*table_row[-len(WHOLE_STEP) :]) if in_pieces else WHOLE_STEP
     noise_column, noise = symbols("noise", loop.noise)
-    past_column, past = symbols("past", PER_INPUT * TAPS * loop.delayed_inputs)
+    past_column, past = symbols("past", TAPS_PER_INPUT * TAPS * loop.delayed_inputs)
     signals = {}
     for i, node in enumerate(solver.nodes):
-        delayed = [(past.reshape(loop.inputs, PER_INPUT * TAPS) @ delay_weights[i]).reshape(-1)] if loop.delayed else []
+        delayed = [(past.reshape(loop.inputs, TAPS_PER_INPUT * TAPS) @ delay_weights[i]).reshape(-1)] if loop.delayed else []
         signals[node] = np.concatenate([table_row[i * loop.timed : (i + 1) * loop.timed], noise, *delayed])
 
     def derivative(state: Value, signals: Value) -> Value:
@@ -210,7 +210,7 @@ def step_program(
         accumulated,
         varied,
         signals,
-        delayed=PER_INPUT * loop.delayed_inputs,
+        delayed=TAPS_PER_INPUT * loop.delayed_inputs,
         lag_per_member=lag_per_member,
         noise=loop.noise,
         noise_hold=None if adjustable and loop.noise else rhythm.noise_hold,

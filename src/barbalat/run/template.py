@@ -11,7 +11,7 @@ import numpy as np
 from barbalat.loop.checking import Ports, check_varied
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.loop.packing import symbols
-from barbalat.loop.structure import DEEPEST, comes_from_outside, parts_of, with_parts
+from barbalat.loop.structure import DEEPEST_NESTING, comes_from_outside, parts_of, with_parts
 from barbalat.protocols import Value
 from barbalat.run.columns import Columns
 from barbalat.validate import Array
@@ -79,7 +79,7 @@ def _replace(part: Any, values: Iterator[Any], depth: int = 0) -> Any:
     if isinstance(part, float):
         symbol = next(values)
         return part if symbol is None else symbol
-    parts = parts_of(part) if depth < DEEPEST else None
+    parts = parts_of(part) if depth < DEEPEST_NESTING else None
     return part if parts is None else with_parts(part, [_replace(inner, values, depth + 1) for inner in parts.values()])
 
 

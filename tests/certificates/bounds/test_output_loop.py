@@ -113,6 +113,7 @@ def test_the_linear_loop_against_python_control():
         ("sqrt(y + 2)", 1.0, 0.5, np.sqrt(2)),
         ("2 - 1/(4*y*y)", 0.0, np.inf, np.inf),
         ("5", 3.0, 0.0, 5.0),
+        ("(3*sin(t)**2 - sin(t)**3)*y", 1.0, 4.0, 0.0),  # powers of a ball around zero itself
     ],
 )
 def test_slopes_of_formulas(formula, radius, slope, at_zero):

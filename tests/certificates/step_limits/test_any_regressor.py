@@ -61,6 +61,8 @@ def test_the_bound_holds_and_is_tight(name):
     ("regressor", "low", "high", "exact"),
     [
         (Terms(terms=("sin(x1)",)), [-10.0], [10.0], 1.0),
+        (Terms(terms=("sin(x1)",)), [-1e12], [1e12], 1.0),  # a ball around zero itself, however the box is cut
+        (Terms(terms=("sin(x1)**3",)), [-1e12], [1e12], 1.0),
         (Terms(terms=("x1*x1", "x1")), [-2.0], [1.0], 20.0),
         (GaussianRBF(centers=[[3.0, 0.0]], width=1.0), [-2.0, -1.0], [2.0, 1.0], np.exp(-1.0)),
         (Terms(terms=("x1*x2",)), [-1.0, -3.0], [2.0, 1.0], 36.0),

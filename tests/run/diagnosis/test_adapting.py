@@ -23,7 +23,7 @@ from barbalat import (
     simulate,
 )
 from barbalat.problem.known_set import ParameterBall
-from barbalat.run.diagnosis.adapting import UNEXCITED, share_text
+from barbalat.run.diagnosis.adapting import UNEXCITED_RATIO, share_text
 from barbalat.run.diagnosis.excitation import excitation
 
 CHATTERING = L1Adaptive(gamma=1e4, filter=input_filter(0.02))
@@ -126,9 +126,9 @@ def test_what_never_adapts_is_said(section_v):
 
 def test_a_constant_command_excites_one_direction(section_v):
     found = run(replace(section_v, reference=Constant(1.0)), Mrac(gamma=10.0), t_end=200.0).adapting
-    assert found.excitation.conditioning < UNEXCITED
+    assert found.excitation.conditioning < UNEXCITED_RATIO
     assert any("does not excite every direction" in warning for warning in found.warnings)
-    assert not run(section_v, Mrac(gamma=10.0), dt=1e-4).adapting.excitation.conditioning < UNEXCITED
+    assert not run(section_v, Mrac(gamma=10.0), dt=1e-4).adapting.excitation.conditioning < UNEXCITED_RATIO
 
 
 def test_a_regressor_that_dies_out_is_said(section_v):

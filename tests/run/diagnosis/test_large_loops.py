@@ -7,7 +7,7 @@ from barbalat import LeastSquares, NormalizedMrac, Plant, Problem, ReferenceMode
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.run import step
 from barbalat.run.batch import Batch
-from barbalat.run.step import LARGEST_WATCHED, step_program
+from barbalat.run.step import LARGEST_WATCHED_STATE, step_program
 
 
 def large(n=10):
@@ -61,7 +61,7 @@ def test_the_label_of_a_large_loop(dt, stable):
     problem = Problem(plant=plant, reference_model=ReferenceModel(k_0=1.0), reference=Sine(amplitude=1.0, frequency=0.5))
     controller = NormalizedMrac(law=LeastSquares(covariance0=100.0), c_0=np.eye(n)[-1])
     (result,) = simulate(problem, [controller], Simulation(t_end=2.0, dt=dt)).values()
-    assert ClosedLoop.of(problem, controller).size > LARGEST_WATCHED
+    assert ClosedLoop.of(problem, controller).size > LARGEST_WATCHED_STATE
     found = result.stiffness
     assert found.looks < 100 and found.h_lambda_max == pytest.approx(30.0 * dt, rel=0.02)
     assert (found.unstable_from is None) == stable

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from barbalat.linear.enclosure import float_above
+from barbalat.linear.enclosure import float_above, power
 from barbalat.problem.regressors import Linear, Regressor
 from barbalat.validate import Array
 
@@ -67,7 +67,7 @@ class Ball:
         whole = float(exponent).is_integer()
         if whole and exponent > 0 and exponent % 2 == 0:  # not negative: from the ends of |value|
             return Ball((self.value.abs_lower() ** int(exponent)).union(self.value.abs_upper() ** int(exponent)))
-        return Ball(self.value ** (int(exponent) if whole else _arb(exponent)))
+        return Ball(power(self.value, int(exponent)) if whole else self.value ** _arb(exponent))
 
     def __abs__(self) -> Ball:
         return Ball(self.value.abs_lower().union(self.value.abs_upper()))
@@ -120,7 +120,7 @@ def _above(regressor: Regressor, low: Array, high: Array) -> float:
         x[i] = Ball(arb(a).union(arb(b)))
     total = arb(0)
     for entry in regressor(x):
-        total += _arb(entry) ** 2
+        total += power(_arb(entry), 2)
     return float_above(total) if total.is_finite() else float("inf")
 
 

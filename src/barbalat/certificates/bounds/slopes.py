@@ -8,7 +8,7 @@ from typing import Any
 
 from flint import arb
 
-from barbalat.linear.enclosure import float_above, float_below
+from barbalat.linear.enclosure import float_above, float_below, power
 from barbalat.problem.output_plant import Nonlinearity
 
 SLOPE_PIECES = 256
@@ -49,11 +49,11 @@ class Slope:
     def __rtruediv__(self, other: Any) -> Slope:
         return _as_slope(other).__truediv__(self)
 
-    def __pow__(self, power: float) -> Slope:
-        exponent: Any = int(power) if float(power).is_integer() else arb(power)
-        if exponent == 0:
-            return Slope(arb(1), arb(0))
-        return self._chain(self.value**exponent, exponent * self.value ** (exponent - 1))
+    def __pow__(self, exponent: float) -> Slope:
+        if not float(exponent).is_integer():
+            return self._chain(self.value ** arb(exponent), exponent * self.value ** arb(exponent - 1))
+        whole = int(exponent)
+        return self._chain(power(self.value, whole), whole * power(self.value, whole - 1)) if whole else Slope(arb(1), arb(0))
 
     __radd__, __rmul__ = __add__, __mul__
 

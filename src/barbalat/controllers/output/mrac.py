@@ -17,7 +17,7 @@ from barbalat.controllers.output import mrac_normalized, mrac_unnormalized
 from barbalat.controllers.output.matching import filter_polynomial, input_filter, is_strictly_positive_real, refuse_contradiction
 from barbalat.controllers.robust_mrac import auxiliary_filter
 from barbalat.controllers.windup import limits_of_predictor
-from barbalat.problem.known_set import UNBOUNDED, ParameterBox
+from barbalat.problem.known_set import UNREACHED_BOUND, ParameterBox
 from barbalat.problem.output_feedback import OutputKnown
 from barbalat.validate import Array, InputError, Vector
 
@@ -132,8 +132,8 @@ class MracOutput:
             if self.unnormalized:
                 return None
             raise InputError("give c_0_min, or lower and upper: projection must keep c_0 from zero")
-        lower = np.full(2 * self.order, -UNBOUNDED) if self.lower is None else self.lower.copy()
-        upper = np.full(2 * self.order, UNBOUNDED) if self.upper is None else self.upper.copy()
+        lower = np.full(2 * self.order, -UNREACHED_BOUND) if self.lower is None else self.lower.copy()
+        upper = np.full(2 * self.order, UNREACHED_BOUND) if self.upper is None else self.upper.copy()
         if self.c_0_min is not None:
             if sign > 0:
                 lower[-1] = max(lower[-1], self.c_0_min)

@@ -16,13 +16,13 @@ from typing import Protocol, TypeAlias, runtime_checkable
 import numpy as np
 
 from barbalat.problem.known_set.ball import ParameterBall
-from barbalat.problem.known_set.box import UNBOUNDED, ParameterBox
+from barbalat.problem.known_set.box import UNREACHED_BOUND, ParameterBox
 from barbalat.problem.known_set.gain import ONE, Gain
 from barbalat.problem.known_set.product import ParameterProduct
 from barbalat.protocols import Value
 
 __all__ = [
-    "UNBOUNDED", "EstimateSet", "Gain", "KnownSet", "ParameterBall", "ParameterBox", "ParameterProduct", "Projecting",
+    "UNREACHED_BOUND", "EstimateSet", "Gain", "KnownSet", "ParameterBall", "ParameterBox", "ParameterProduct", "Projecting",
     "limit", "project", "with_gains",
 ]  # fmt: skip
 

@@ -17,7 +17,7 @@ from barbalat.validate import Array, InputError
 if TYPE_CHECKING:
     from barbalat.problem.known_set.ball import ParameterBall
 
-UNBOUNDED = 1e150
+UNREACHED_BOUND = 1e150
 """A bound that no run reaches: it has diverged long before."""
 
 MOST_GUESSES = 4
@@ -55,7 +55,7 @@ class ParameterBox:
             )
         validate.freeze(self, lower=lower)
         validate.freeze(self, upper=upper)
-        reached = np.minimum(np.abs(lower), np.abs(upper)) < UNBOUNDED
+        reached = np.minimum(np.abs(lower), np.abs(upper)) < UNREACHED_BOUND
         object.__setattr__(self, "faces", tuple(np.flatnonzero(reached).tolist()))
 
     def __str__(self) -> str:

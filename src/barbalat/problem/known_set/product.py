@@ -9,7 +9,7 @@ import numpy as np
 
 from barbalat.problem.known_set import cone
 from barbalat.problem.known_set.ball import ParameterBall
-from barbalat.problem.known_set.box import UNBOUNDED, ParameterBox
+from barbalat.problem.known_set.box import UNREACHED_BOUND, ParameterBox
 from barbalat.problem.known_set.gain import ONE, Gain
 from barbalat.protocols import Value
 from barbalat.validate import Array
@@ -101,6 +101,6 @@ class ParameterProduct:
 
     def kept_by_steps(self, size: int, *, leaking: bool) -> ParameterBox:
         """What an implicit step of ``size`` estimates keeps to: the intervals of the input gains."""
-        lower, upper = (np.full(size, -UNBOUNDED), np.full(size, UNBOUNDED))
+        lower, upper = (np.full(size, -UNREACHED_BOUND), np.full(size, UNREACHED_BOUND))
         lower[-self.gains.size :], upper[-self.gains.size :] = self.gains.extent
         return ParameterBox(lower=lower, upper=upper).kept_by_steps(size, leaking=leaking)

@@ -23,7 +23,7 @@ GROUPS = {
 }
 """How the values of a kind are headed, in the order in which they are shown; what was searched for stands together."""
 STYLES = {"guaranteed": "green", "exact": "green", "does not apply": "red"}
-ROOM = 12
+LABEL_COLUMNS = 12
 """Columns of the five lines' labels."""
 LEGEND = (
     "bound of |e|: of every component. delay margin: of linear loops, at the case's theta, the least found in the known set, and "
@@ -50,7 +50,7 @@ def show(screen: Screen, case: str, certificates: Mapping[str, Certificate], tab
     if common:
         screen.title("All of them", "")
     for note in common:
-        screen.fact("note", note, ROOM, "yellow")
+        screen.fact("note", note, LABEL_COLUMNS, "yellow")
     screen.title(LEGEND, "dim")
 
 
@@ -79,9 +79,9 @@ def _controller(
 ) -> None:
     screen.title(f"{screen.name(column.name)}: {column.scheme}")
     for line in five(column, certificate, dt):
-        screen.fact(line.label, line.text, ROOM, STYLES.get(line.kind, ""))
+        screen.fact(line.label, line.text, LABEL_COLUMNS, STYLES.get(line.kind, ""))
     for note in (note for note in certificate.notes if note not in elsewhere):
-        screen.fact("note", note, ROOM, "yellow")
+        screen.fact("note", note, LABEL_COLUMNS, "yellow")
 
 
 def five(column: Column, certificate: Certificate, dt: float | None) -> tuple[Line, ...]:

@@ -10,7 +10,7 @@ from barbalat.claims.rows import RUNS_OF_SECTION_V, Measurement
 from barbalat.report.terminal.layout import Screen, held
 
 STYLES = {"confirmed": "green", "confirmed with conditions": "yellow", "not confirmed": "red", "erratum": "red"}
-ROOM = 26
+NAME_COLUMNS = 26
 """Columns of a row's name: as many as the longest one has."""
 
 
@@ -34,7 +34,7 @@ def by_verdict(screen: Screen, claims: Sequence[Claim]) -> None:
         if mine:
             screen.title(f"{verdict[0].upper()}{verdict[1:]}: {len(mine)}", STYLES[verdict])
         for claim in mine:
-            screen.fact(claim.id, claim.number, ROOM)
+            screen.fact(claim.id, claim.number, NAME_COLUMNS)
 
 
 def streamed(screen: Screen, claim: Claim) -> None:
@@ -79,5 +79,5 @@ def names(screen: Screen, ledger: Sequence[Measurement]) -> None:
     for part in ledger:
         seconds = part.seconds + RUNS_OF_SECTION_V * part.judges_runs
         for name, about in part.names.items():
-            screen.fact(name, about if seconds < 1 else f"{about} ({held(f'{seconds:.0f} s')})", ROOM)
+            screen.fact(name, about if seconds < 1 else f"{about} ({held(f'{seconds:.0f} s')})", NAME_COLUMNS)
     screen.line("In brackets how long it takes, about, where that is a second or more.", "dim")

@@ -9,7 +9,7 @@ from barbalat.report.terminal.layout import Screen, grouped
 from barbalat.run.diagnosis.adapting import Adapting
 from barbalat.run.result import Result
 
-ROOM = 24
+LABEL_COLUMNS = 24
 """Columns of a label beside a paragraph."""
 
 
@@ -93,7 +93,7 @@ def _findings(screen: Screen, results: Sequence[Result]) -> None:
         "dim",
     )
     labels = [screen.name(result.name) for result in results]
-    room = min(max(map(len, labels)), ROOM)
+    room = min(max(map(len, labels)), LABEL_COLUMNS)
     for label, result in zip(labels, results, strict=True):
         screen.fact(label, numerics(result), room, "red" if result.label else "")
     if any(result.adapting is not None and result.adapting.warnings for result in results):

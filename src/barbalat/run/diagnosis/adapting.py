@@ -24,7 +24,7 @@ STILL_SHARE = 0.01
 LONG_SHARE = 0.5
 SWEPT_SHARE = 0.1
 """Of the time within recorded intervals in which an estimate met both of its bounds."""
-UNEXCITED = 1e-6
+UNEXCITED_RATIO = 1e-6
 """Of the windowed correlation matrix' least eigenvalue, 1 for orthogonal components, and of a mean square relative to before:
 an amplitude of a thousandth, below which a direction is not seen."""
 COARSE_SAMPLING = 0.1
@@ -191,9 +191,9 @@ def _warnings(path: Array, error: float, bounds: OnBounds | None, sphere: float 
                 warnings.append(f"theta_hat_{i} sits on its projection bounds, {share_text(least, most)} of the time")
     if sphere is not None and sphere > LONG_SHARE:
         warnings.append(f"the estimates sit on the surface of the known set at {100 * sphere:.0f} % of the recorded instants")
-    if found is not None and found.fading < UNEXCITED:
+    if found is not None and found.fading < UNEXCITED_RATIO:
         warnings.append(f"the regressor has died out: in the tail its mean square is {found.fading:.1g} of its largest")
-    elif found is not None and found.conditioning < UNEXCITED:
+    elif found is not None and found.conditioning < UNEXCITED_RATIO:
         warnings.append(
             f"in the tail the regressor does not excite every direction (scaled level {found.conditioning:.1g}): "
             "there the estimates need not converge to the true values"
