@@ -25,10 +25,13 @@ PARAMETERS = 2
 """The argument of a step function that holds the parameters, which stay the same from step to step."""
 
 
-def optimize(program: Program) -> Program:
-    """Recover selections, share reciprocals, associate sums and products by availability, fuse multiply-adds, drop the dead."""
+def optimize(program: Program, *, fused: bool = True) -> Program:
+    """Recover selections, share reciprocals, associate sums and products by availability, fuse multiply-adds, drop the dead.
+
+    Without ``fused`` every product is rounded before it is added: for targets that have no fused multiply-add.
+    """
     prepared = _drop_dead(_share_reciprocals(_order_extrema(_recover_selections(program))))
-    return _drop_dead(_Associator(prepared).run())
+    return _drop_dead(_Associator(prepared, fused=fused).run())
 
 
 def _drop_dead(program: Program) -> Program:
@@ -99,7 +102,8 @@ def _share_reciprocals(program: Program) -> Program:
 class _Associator:
     """Rebuilds the list front to back; ``ready[i]`` is the cycle at which new operation i is available."""
 
-    def __init__(self, program: Program) -> None:
+    def __init__(self, program: Program, *, fused: bool) -> None:
+        self.fused = fused
         self.old = program.operations
         self.outputs = program.outputs
         self.uses = [0] * len(self.old)
@@ -190,12 +194,13 @@ class _Associator:
         return a, b
 
     def _sum(self, terms: list[tuple[int, int]]) -> int:
-        """Add the terms, the earliest first; a product that is a term is fused with the addition that takes it up."""
+        """Add the terms, the earliest first; a product that is a term may be fused with the addition that takes it up."""
         queue: list[tuple[int, int, int, tuple[int, ...]]] = []  # (ready, tie-break, sign, one value or two factors)
         for order, (sign, i) in enumerate(terms):
             if self.old[i].name == "mul" and self._is_part_of_larger(i):
                 pair = self._two_factors(self._factors(i))
-                queue.append((max(self.ready[j] for j in pair), order, sign, pair))
+                term = pair if self.fused else (self._emit("mul", *pair),)
+                queue.append((max(self.ready[j] for j in term), order, sign, term))
             else:
                 queue.append((self.ready[self.place[i]], order, sign, (self.place[i],)))
         heapq.heapify(queue)

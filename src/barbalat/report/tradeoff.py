@@ -19,7 +19,7 @@ def as_document(found: TradeOff) -> dict[str, Any]:
     onset, lost = found.criteria
     return {
         "case": found.problem.name,
-        "simulation": {"t_end": found.simulation.t_end, "dt": found.simulation.dt, "solver": found.simulation.solver.name},
+        "simulation": found.simulation.as_json(),
         "thetas": found.thetas.tolist(),
         "runs": found.runs,
         "notes": list(found.notes),

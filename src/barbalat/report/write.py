@@ -64,10 +64,9 @@ def reproduction_document(
 
 def run_document(case: str, results: Sequence[Result], certified: Certified | None) -> dict[str, Any]:
     """The contract's document of ``run --json``; numerics, and certificates where they were made, stand beside its keys."""
-    simulation = results[0].simulation
     return {
         "case": case,
-        "simulation": {"t_end": simulation.t_end, "dt": simulation.dt, "solver": simulation.solver.name},
+        "simulation": results[0].simulation.as_json(),
         "controllers": {r.name: run_block(r) for r in results},
         **({} if certified is None else certified.as_json()),
     }

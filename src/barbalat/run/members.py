@@ -186,6 +186,7 @@ class _Reader:
             adjustable=self.adjustable,
             watch=windows > 0,
             in_pieces=not self.loop.delayed and breaks.can_be_split(signals, simulation),
+            fused=simulation.fused,
         )
         return Members(
             self.loop,

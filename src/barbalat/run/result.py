@@ -111,7 +111,8 @@ class Result:
         found = self.stiffness
         limit = f"{s.solver.imaginary_limit:.3g} on the imaginary axis, {s.solver.real_limit:.3g} on the real one"
         seen = f"h |lambda| up to {found.h_lambda_max:.3g} at the {found.looks} instants looked at"
-        parts = [f"{s.solver.name}, h = {s.dt:g} s, {seen}; the solver's limit is {limit}"]
+        how = "" if s.fused else ", without fused multiply-adds"
+        parts = [f"{s.solver.name}, h = {s.dt:g} s{how}, {seen}; the solver's limit is {limit}"]
         if found.radius_max is not None:
             parts.append(f"the sampled law's map from sample to sample has spectral radius up to {found.radius_max:.4g}")
         sentences = [found.sentence for found in (self.lost, self.check) if found is not None]

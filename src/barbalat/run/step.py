@@ -196,10 +196,12 @@ def step_program(
     figures: bool = True,
     watch: bool = False,
     in_pieces: bool = False,
+    fused: bool = True,
 ) -> StepProgram:
     """Trace, optimise: see ``step_function``; with ``watch`` ``coupling_function`` is watched.
 
-    ``adjustable``: the rhythm is no part of the program, but an argument of every call of its kernel.
+    ``adjustable``: the rhythm is no part of the program, but an argument of every call of its kernel. ``fused``: see
+    ``optimize``.
     """
     function, accumulators = step_function(
         loop, solver, dt, parameters, delay_weights=delay_weights, figures=figures, in_pieces=in_pieces
@@ -217,9 +219,13 @@ def step_program(
         sample_every=None if adjustable and loop.sampled else rhythm.sample_every,
         in_pieces=in_pieces,
     )
-    sample = optimize(read(sample_function(loop, solver, parameters, in_pieces=in_pieces))) if loop.sampled else None
-    watched = optimize(read(coupling_function(loop, function, dt))) if watch else None
-    return StepProgram(optimize(read(function)), shape, accumulators, sample, watched)
+
+    def lowered(traced: ca.Function) -> Program:
+        return optimize(read(traced), fused=fused)
+
+    sample = lowered(sample_function(loop, solver, parameters, in_pieces=in_pieces)) if loop.sampled else None
+    watched = lowered(coupling_function(loop, function, dt)) if watch else None
+    return StepProgram(lowered(function), shape, accumulators, sample, watched)
 
 
 def output_function(loop: ClosedLoop) -> ca.Function:

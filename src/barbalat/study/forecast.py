@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -60,7 +60,7 @@ def _timed(members: Sequence[Member], simulation: Simulation, steps: int) -> flo
     """Seconds, with delays from two steps up to what the later rounds use."""
     delays = np.geomspace(4, max(steps, 5), len(members)) * simulation.dt
     delayed = [(with_delay(problem, float(d)), controller) for (problem, controller), d in zip(members, delays, strict=True)]
-    part = Simulation(t_end=steps * simulation.dt, dt=simulation.dt, solver=simulation.solver)
+    part = replace(simulation, t_end=steps * simulation.dt)
     taken = []
     for _ in range(2):  # the machine may be busy with something else for a moment
         started = time.perf_counter()
