@@ -118,7 +118,7 @@ def claim(*, full: bool = False) -> Claim:
         f"a delay; with Section V's alpha_0 = 0 and with (16), alpha_0 = {ALPHA_0:g}, delta_0 = {DELTA_0:g}; every step, tail: the last quarter. Condition: Delta well below the size "
         "that the loop bears, for the peak of the transient",
         listings=_listings(found, nu),
-        number=f"exponent of the steady |e| in mu at fixed tau: {exponents.min():.3f} to {exponents.max():.3f}",
+        number=f"exponent of |e| in mu at fixed tau: {exponents.min():.3f} to {exponents.max():.3f}",
         readings=readings,
         would_change="confirmed: a peak that grows in proportion up to the largest Delta; not confirmed: a steady error that does not, or a nu that grows as tau falls",
         sharpened=f"runs of {LONGER:g} s, in which learning has removed more of the rest",

@@ -108,7 +108,7 @@ def delays() -> Claim:
         how=f"T = {SAMPLE_TIME:g} s, h = T/2, RK4, 20 s, kappa = {section_v.KAPPA:g} s; quiet: a variation of the estimates of at most "
         f"{CHATTER_FACTOR:g} times that without delay",
         listings=(_listing(found, quiet),),
-        number=f"delay borne in samples: {borne:g} without the filter, {borne_by_l1:g} with it",
+        number=f"samples of delay borne: {borne:g} without filter, {borne_by_l1:g} with it",
         readings=readings,
         would_change="an unfiltered fast sampled law that stays quiet under two samples of delay, or a filter that does not help there",
     )

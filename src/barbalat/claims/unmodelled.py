@@ -125,8 +125,16 @@ def claim(*, full: bool = False) -> Claim:
 
 def _of_section_v(found: dict[str, Loss], ideal: dict[str, Array]) -> str:
     parts = [f"{name} {each.loses[0].min():g} s" for name, each in found.items()]
-    known = ", ".join(f"{values[0]:.3g}" for values in ideal.values())
-    return f"Section V's theta, {', '.join(parts)} (with theta known the loops bear {known} s)"
+    known = ", ".join(_borne(values[0]) for values in ideal.values())
+    return f"Section V's theta, {', '.join(parts)} (with theta known the loops bear {known})"
+
+
+def _lost_at(delay: float) -> str:
+    return f"lost at {delay:g} s" if np.isfinite(delay) else f"not lost up to {DELAYS[-1]:g} s"
+
+
+def _borne(delay: float) -> str:
+    return f"{delay:.3g} s" if np.isfinite(delay) else "any delay"
 
 
 def _of_the_centre(found: dict[str, Loss], ideal: dict[str, Array]) -> str:
@@ -140,7 +148,7 @@ def _readings(
 ) -> tuple[Reading, ...]:
     def shown(i: int) -> str:
         return "; ".join(
-            f"{name} lost at {each.loses[i].max():g} s, theta known: {ideal[name][i]:.3g} s" for name, each in found.items()
+            f"{name} {_lost_at(each.loses[i].max())}, theta known: bears {_borne(ideal[name][i])}" for name, each in found.items()
         )
 
     same = all(bool((each.loses == each.loses[:, :1]).all()) for each in found.values())
@@ -193,7 +201,7 @@ def _listings(found: dict[str, Loss], ideal: dict[str, Array], gains: tuple[floa
                 "Gamma": gains * len(THETAS),
                 "bounded": each.bears.ravel(),
                 "unbounded": each.loses.ravel(),
-                "theta known": np.repeat(ideal[name], len(gains)),
+                "theta known": [_borne(delay) for delay in ideal[name] for _ in gains],
                 "|e|/|x_m|": each.tail.ravel(),
             },
         )

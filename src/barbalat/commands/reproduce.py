@@ -133,8 +133,6 @@ def _show(figures: list[PaperFigure], claims: list[Claim], folder: Folder, secon
     from barbalat.report.terminal.layout import Screen
 
     screen = Screen()
-    ledger.by_verdict(screen, claims)
-    ledger.figures(screen, figures)
-    screen.title(f"{sum(f.reproduced for f in figures)} of {len(figures)} figures reproduced in {seconds:.1f} s", "")
-    screen.line("One claim in full: barbalat claims NAME")
+    ledger.overview(screen, figures, claims)
+    screen.line(f"All of one row: barbalat claims NAME. Measured in {seconds:.1f} s.")
     screen.whole(f"page: {folder.path / write.PAGE}")

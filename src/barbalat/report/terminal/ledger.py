@@ -14,27 +14,36 @@ NAME_COLUMNS = 26
 """Columns of a row's name: as many as the longest one has."""
 
 
-def figures(screen: Screen, shown: Sequence[PaperFigure]) -> None:
-    """A line for each figure, and what of its description was not reproduced."""
-    screen.title("Figures of Section V")
-    for figure in shown:
-        count = sum(check.holds for check in figure.checks)
-        said = f"{count} of {len(figure.checks)} statements hold"
-        label = "Added" if figure.key == "added" else f"Figure {figure.key}"
-        screen.fact(label, f"{figure.title.partition(': ')[2]}: {said}", 8, "green" if figure.reproduced else "red")
-        for check in figure.checks:
-            if not check.holds:
-                screen.line(f"not so: {check.statement} ({check.measured})", "red", "    ")
-
-
-def by_verdict(screen: Screen, claims: Sequence[Claim]) -> None:
-    """Every claim in a line: its name, and the number that decides it."""
-    for verdict in get_args(Verdict):
+def overview(screen: Screen, shown: Sequence[PaperFigure], claims: Sequence[Claim]) -> None:
+    """One screen, what asks for a second look last: a paragraph of what is confirmed, a line for each other row, the figures."""
+    plain, *others = get_args(Verdict)
+    confirmed = [claim for claim in claims if claim.verdict == plain]
+    if confirmed:
+        screen.line(_heading(plain, confirmed), STYLES[plain])
+        screen.line(", ".join(held(claim.id) for claim in confirmed), indent="  ", start="  ")
+    room = max((len(claim.id) for claim in claims if claim.verdict != plain), default=0)
+    for verdict in others:
         mine = [claim for claim in claims if claim.verdict == verdict]
         if mine:
-            screen.title(f"{verdict[0].upper()}{verdict[1:]}: {len(mine)}", STYLES[verdict])
+            screen.line(_heading(verdict, mine), STYLES[verdict])
         for claim in mine:
-            screen.fact(claim.id, claim.number, NAME_COLUMNS)
+            screen.fact(claim.id, claim.number, room)
+    _figures(screen, shown)
+
+
+def _heading(verdict: str, claims: Sequence[Claim]) -> str:
+    return f"{verdict[0].upper()}{verdict[1:]}: {len(claims)}"
+
+
+def _figures(screen: Screen, shown: Sequence[PaperFigure]) -> None:
+    """How many of their descriptions' statements hold, and those that don't."""
+    checks = [check for figure in shown for check in figure.checks]
+    missed = [check for check in checks if not check.holds]
+    said = f"{len(checks) - len(missed)} of {len(checks)} statements of their descriptions hold"
+    reproduced = sum(figure.reproduced for figure in shown)
+    screen.line(f"Figures: {reproduced} of {len(shown)} reproduced, {said}", "red" if missed else "green")
+    for check in missed:
+        screen.line(f"not so: {check.statement} ({check.measured})", "red", "    ", "  ")
 
 
 def streamed(screen: Screen, claim: Claim) -> None:
