@@ -28,7 +28,6 @@ from barbalat.claims.variants import variant
 from barbalat.cli import main
 from barbalat.linear.interconnections import series
 from barbalat.linear.margins import margins
-from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.report.certificates import rows
 from barbalat.solvers.simulation import Simulation
 
@@ -92,7 +91,7 @@ def test_the_adapting_loop_gets_the_input_dynamics_once():
     actuator = TransferFunction([2500.0], [1.0, 100.0, 2500.0])
     given = variant(input=PlantInput(actuator=actuator), reference=Constant(0.02))
     found = certify(given, (Mrac(gamma=1.0),), SIMULATION)["MRAC"].values["delay_margin_adapting"]
-    plain = around_equilibrium(ClosedLoop.of(variant(), Mrac(gamma=1.0)), 0.02)
+    plain = around_equilibrium(variant(), Mrac(gamma=1.0), 0.02)
     assert found == pytest.approx(margins(series(actuator.realise(), plain)).delay, rel=1e-9)
 
 
