@@ -17,9 +17,7 @@ from matplotlib.figure import Figure
 
 from barbalat.certificates.overview import Certified
 from barbalat.claims.claim import Claim, Map, PaperFigure
-from barbalat.controllers.output.l1 import L1Output
 from barbalat.pictures.render import render
-from barbalat.problem.output_feedback import OutputProblem
 from barbalat.report import charts, diagrams, maps, page
 from barbalat.report.files import Folder
 from barbalat.run.picture import figure_of
@@ -105,16 +103,12 @@ def draw_maps(folder: Folder, claims: Sequence[Claim]) -> dict[str, page.Picture
 
 
 def write_comparison(folder: Folder, case: str, results: Sequence[Result], certified: Certified) -> None:
-    """The picture of the runs, a block diagram for each L1 output-feedback controller, and the page."""
+    """The picture of the runs, a block diagram of each controller that has one, and the page."""
     picture = _draw_runs(folder, PICTURE, results)
     names = _diagram_names([result.name for result in results])
-    drawn = [_diagram(folder, *pair) for pair in zip(names, results, strict=True) if isinstance(pair[1].controller, L1Output)]
+    figures = [diagrams.of_controller(result.controller, result.problem) for result in results]
+    drawn = [_draw(folder, name, figure) for name, figure in zip(names, figures, strict=True) if figure is not None]
     folder.write(PAGE, page.comparison(case, results, certified, picture, drawn))
-
-
-def _diagram(folder: Folder, name: str, result: Result) -> page.Picture:
-    assert isinstance(result.controller, L1Output) and isinstance(result.problem, OutputProblem)
-    return _draw(folder, name, diagrams.l1_output(result.controller, result.problem.plant))
 
 
 def files_of_run(folder: Path) -> set[str]:
