@@ -37,10 +37,14 @@ Told: TypeAlias = Callable[[Measured], None]
 
 @dataclass(frozen=True)
 class UnderWay:
-    """What other processes are at: rows by their place in ``LEDGER``, and the certificates of Section V."""
+    """What other processes are at: rows by their place in ``LEDGER``, and the certificates of Section V.
+
+    pool  the processes: what is submitted to them comes after all that
+    """
 
     rows: dict[int, Future[Measured]]
     certified: Future[Certified]
+    pool: ProcessPoolExecutor
 
 
 @contextmanager
@@ -61,7 +65,7 @@ def under_way(processes: int, *, quick: bool = False, full: bool = False, told: 
             certified = pool.submit(certified_paper)
             longest_first = sorted(set(alone) - set(first), key=lambda i: -LEDGER[i].duration(full=full))
             ahead |= {i: _submitted(pool, i, full, told) for i in longest_first}
-        yield UnderWay(ahead, certified)
+        yield UnderWay(ahead, certified, pool)
     except BaseException:
         for child in active_children():
             if child not in others:

@@ -67,6 +67,7 @@ def _reproduced(
         runs = section_v.run(pace.running_section_v)
         seconds["simulations"] = time.perf_counter() - started - sum(seconds.values())
         figures = paper.paper_figures(runs)
+        narrow = ahead.pool.submit(write.narrow_pictures, figures)
         pictures = write.draw_reproduction(folder, figures)
         pace.drawn(PICTURES_SECONDS)
         seconds["pictures"] = time.perf_counter() - started - sum(seconds.values())
@@ -79,6 +80,8 @@ def _reproduced(
             taken=lambda rows: maps.update(write.draw_maps(folder, rows)),
         )
         certified = ahead.certified.result()
+        for file, drawn in narrow.result().items():
+            folder.write(file, drawn)
         seconds["claims, maps, certificates"] = time.perf_counter() - started - sum(seconds.values())
     seconds["total"] = time.perf_counter() - started
     document = write.as_json(write.reproduction_document(figures, claims, certified, seconds))

@@ -38,7 +38,7 @@ def _png(pixels: bytes, size: tuple[int, int]) -> bytes:
 
     buffer = io.BytesIO()
     image = Image.frombytes("RGBA", size, pixels).convert("RGB").quantize(PNG_COLOURS, dither=Image.Dither.NONE)
-    image.save(buffer, "PNG", optimize=True, dpi=(PIXELS_PER_INCH, PIXELS_PER_INCH))
+    image.save(buffer, "PNG", dpi=(PIXELS_PER_INCH, PIXELS_PER_INCH))
     return buffer.getvalue()
 
 

@@ -86,11 +86,17 @@ def run_block(result: Result) -> dict[str, Any]:
 
 
 def draw_reproduction(folder: Folder, figures: Sequence[PaperFigure]) -> dict[str, page.Picture]:
-    """Draw every figure into the folder."""
+    """Draw every figure into the folder, but for those for phones."""
     pictures = {}
     for figure in figures:
-        pictures[figure.key] = _draw_runs(folder, f"figure-{figure.key}", figure.shown)
+        name = f"figure-{figure.key}"
+        pictures[figure.key] = replace(_draw(folder, name, figure_of(figure.shown)), narrow=f"{name}{NARROW}")
     return pictures
+
+
+def narrow_pictures(figures: Sequence[PaperFigure]) -> dict[str, bytes]:
+    """The files of the figures for phones, which another process may draw meanwhile."""
+    return {f"figure-{figure.key}{NARROW}.svg": _narrow(figure.shown) for figure in figures}
 
 
 def draw_maps(folder: Folder, claims: Sequence[Claim]) -> dict[str, page.Picture]:
@@ -149,8 +155,12 @@ def _draw_runs(folder: Folder, name: str, results: Sequence[Result]) -> page.Pic
     """The picture of runs as it is on a page, and as it is on a phone."""
     wide = _draw(folder, name, figure_of(results))
     narrow = f"{name}{NARROW}"
-    folder.write(f"{narrow}.svg", render(figure_of(results, narrow=True), "svg"))
+    folder.write(f"{narrow}.svg", _narrow(results))
     return replace(wide, narrow=narrow)
+
+
+def _narrow(results: Sequence[Result]) -> bytes:
+    return render(figure_of(results, narrow=True), "svg")
 
 
 def _draw(folder: Folder, name: str, drawing: Figure) -> page.Picture:

@@ -96,11 +96,26 @@ def _findings(screen: Screen, results: Sequence[Result]) -> None:
     room = min(max(map(len, labels)), LABEL_COLUMNS)
     for label, result in zip(labels, results, strict=True):
         screen.fact(label, numerics(result), room, "red" if result.label else "")
-    if any(result.adapting is not None and result.adapting.warnings for result in results):
+    _warnings(screen, results, labels, room)
+
+
+def _warnings(screen: Screen, results: Sequence[Result], labels: Sequence[str], room: int) -> None:
+    """What all runs have in common once, as the problem's; then each one's own."""
+    found = [result.warnings for result in results]
+    if any(found):
         screen.title("Warnings")
-    for label, result in zip(labels, results, strict=True):
-        for warning in () if result.adapting is None else result.adapting.warnings:
-            screen.fact(label, warning, room, "yellow")
+    common = [warning for warning in found[0] if all(warning in others for others in found)]
+    for warning in common:
+        screen.line(_sentence(warning), "yellow", "    ", "  ")
+    for label, warnings in zip(labels, found, strict=True):
+        for warning in warnings:
+            if warning not in common:
+                screen.fact(label, _sentence(warning), room, "yellow")
+
+
+def _sentence(text: str) -> str:
+    """With a capital, where it does not begin with a symbol."""
+    return f"{text[0].upper()}{text[1:]}." if text.partition(" ")[0].isalpha() else f"{text}."
 
 
 def numerics(result: Result) -> str:
