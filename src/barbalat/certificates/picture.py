@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -17,6 +17,7 @@ from barbalat.validate import Array
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from barbalat.certificates.certificate import Certificate
     from barbalat.pictures.frequency import Response
 
 POINTS = 1500
@@ -43,6 +44,18 @@ def figure_of(loops: Sequence[MarginLoop], title: str, *, narrow: bool = False) 
     found = [Marked.of(loop) for loop in loops]
     span = min(one.span[0] for one in found), max(one.span[1] for one in found)
     return draw([one.response(*span) for one in found], title, narrow=narrow, shown=True)
+
+
+def distinct(certificates: Mapping[str, Certificate]) -> list[MarginLoop]:
+    """Every loop of the certificates once, under the names of all that have it."""
+    owners: dict[tuple[StateSpace, float], tuple[list[str], str]] = {}
+    for name, certificate in certificates.items():
+        for loop in certificate.loops:
+            owners.setdefault((loop.system, loop.delay), ([], loop.name))[0].append(name)
+    return [
+        MarginLoop(f"{'; '.join(dict.fromkeys(names))}: {said}", system, delay)
+        for (system, delay), (names, said) in owners.items()
+    ]
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,7 +96,7 @@ class Marked:
         own = frequency_grid(self.loop.system)
         within = own[(own > low) & (own < high)]
         w = np.unique(np.concatenate([np.geomspace(low, high, POINTS), within, self.marks]))
-        caption = f"{self.loop.name}: {_caption(self.margins)}"
+        caption = f"{self.loop.name.replace('theta', 'θ')}: {_caption(self.margins)}"
         return Response(w=w, L=self.loop.at(w), caption=caption, at_phase=self.at_phase, at_gain=self.at_gain)
 
 
