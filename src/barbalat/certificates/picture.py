@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from textwrap import shorten
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -20,6 +21,8 @@ if TYPE_CHECKING:
     from barbalat.certificates.certificate import Certificate
     from barbalat.pictures.frequency import Response
 
+LONGEST_NAME = 60
+"""Characters of a certificate's name in a caption."""
 POINTS = 1500
 """Frequencies of a drawn response, evenly apart in logarithm; resonances and crossings are added."""
 
@@ -50,8 +53,9 @@ def distinct(certificates: Mapping[str, Certificate]) -> list[MarginLoop]:
     """Every loop of the certificates once, under the names of all that have it."""
     owners: dict[tuple[StateSpace, float], tuple[list[str], str]] = {}
     for name, certificate in certificates.items():
+        short = shorten(name, LONGEST_NAME, placeholder="…")
         for loop in certificate.loops:
-            owners.setdefault((loop.system, loop.delay), ([], loop.name))[0].append(name)
+            owners.setdefault((loop.system, loop.delay), ([], loop.name))[0].append(short)
     return [
         MarginLoop(f"{'; '.join(dict.fromkeys(names))}: {said}", system, delay)
         for (system, delay), (names, said) in owners.items()
