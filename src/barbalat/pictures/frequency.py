@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Circle
 
+from barbalat.pictures.panels import as_typed
 from barbalat.pictures.theme import DASHES, NARROW, WIDE, Theme, new_figure
 from barbalat.validate import Array
 
@@ -76,7 +77,9 @@ def draw(responses: Sequence[Response], title: str, *, narrow: bool = False, sho
     peaks.set_ylim(bottom=1e-3)
     _around_minus_one(nyquist, theme)
     width = 60 if narrow else 150
-    lines = [Line2D([], [], color=theme.colour(k), label=textwrap.fill(r.caption, width)) for k, r in enumerate(responses)]
+    lines = [
+        Line2D([], [], color=theme.colour(k), label=as_typed(textwrap.fill(r.caption, width))) for k, r in enumerate(responses)
+    ]
     marks = [Line2D([], [], color=theme.quiet, marker=m, linestyle="", label=t) for m, t in MARKS.items()]
     small = 7.5 if narrow else 8.5
     figure.legend(handles=[*lines, *marks], loc="outside lower left", frameon=False, fontsize=small, alignment="left")

@@ -143,7 +143,12 @@ def draw(panels: Sequence[Panel], t_end: float, *, narrow: bool = False, shown: 
 def text_of(name: str) -> str:
     """A name as Matplotlib shows it as it is: no mathematics, no label that legends leave out, none that pushes the axes away."""
     short = name if len(name) <= LONGEST_LABEL else name[: LONGEST_LABEL - 1] + "…"
-    return ("\u200b" if short.startswith("_") else "") + short.replace("$", r"\$")
+    return as_typed(short)
+
+
+def as_typed(text: str) -> str:
+    """The same without a limit of its length."""
+    return ("\u200b" if text.startswith("_") else "") + text.replace("$", r"\$")
 
 
 def _rows(panels: Sequence[Panel], *, narrow: bool) -> list[list[Panel]]:

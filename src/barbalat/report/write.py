@@ -7,7 +7,7 @@ import io
 import json
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -15,9 +15,13 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
+from barbalat.certificates.certificate import Certificate
 from barbalat.certificates.overview import Certified
+from barbalat.certificates.picture import MarginLoop, distinct
+from barbalat.certificates.picture import figure_of as loops_figure
 from barbalat.claims.claim import Claim, Map, PaperFigure
 from barbalat.pictures.render import render
+from barbalat.pictures.theme import COLOURS
 from barbalat.report import charts, diagrams, maps, page
 from barbalat.report.files import Folder
 from barbalat.run.picture import figure_of
@@ -25,7 +29,7 @@ from barbalat.run.result import Result
 from barbalat.study.tradeoff import TradeOff
 from barbalat.study.tradeoff_picture import draw as draw_trade_off
 
-RUN, PAGE, PICTURE = "run.json", "report.html", "comparison"
+RUN, PAGE, PICTURE, LOOPS = "run.json", "report.html", "comparison", "loops"
 """Names of files; of the picture without its two suffixes."""
 NARROW = "-narrow"
 """After the name of a picture for a phone."""
@@ -89,14 +93,26 @@ def draw_reproduction(folder: Folder, figures: Sequence[PaperFigure]) -> dict[st
     """Draw every figure into the folder, but for those for phones."""
     pictures = {}
     for figure in figures:
-        name = f"figure-{figure.key}"
-        pictures[figure.key] = replace(_draw(folder, name, figure_of(figure.shown)), narrow=f"{name}{NARROW}")
+        pictures[figure.key] = _draw(folder, f"figure-{figure.key}", figure_of(figure.shown))
     return pictures
 
 
-def narrow_pictures(figures: Sequence[PaperFigure]) -> dict[str, bytes]:
-    """The files of the figures for phones, which another process may draw meanwhile."""
-    return {f"figure-{figure.key}{NARROW}.svg": _narrow(figure.shown) for figure in figures}
+def narrow_pictures(figures: Sequence[PaperFigure]) -> dict[str, page.Drawing]:
+    """The figures for phones by their keys, which another process may draw meanwhile."""
+    return {figure.key: _narrow(f"figure-{figure.key}", figure.shown) for figure in figures}
+
+
+def with_narrow(pictures: Mapping[str, page.Picture], narrow: Mapping[str, page.Drawing]) -> dict[str, page.Picture]:
+    """Both as one, by key."""
+    return {key: replace(picture, narrow=narrow[key]) for key, picture in pictures.items()}
+
+
+def keep(folder: Folder, pictures: Sequence[page.Picture]) -> None:
+    """Write the SVGs of pictures that were drawn elsewhere."""
+    for picture in pictures:
+        for drawing in (picture.wide, picture.narrow):
+            if drawing is not None:
+                folder.write(drawing.file, drawing.svg)
 
 
 def draw_maps(folder: Folder, claims: Sequence[Claim]) -> dict[str, page.Picture]:
@@ -108,13 +124,31 @@ def draw_maps(folder: Folder, claims: Sequence[Claim]) -> dict[str, page.Picture
     }
 
 
+def loop_pictures(certificates: Mapping[str, Certificate]) -> list[page.Picture]:
+    """The loops whose margins the certificates give, so many in a picture as there are colours."""
+    found = distinct(certificates)
+    groups = [found[i : i + len(COLOURS)] for i in range(0, len(found), len(COLOURS))]
+    return [_loops(name, group) for name, group in zip(_loop_names(len(groups)), groups, strict=True)]
+
+
+def _loops(name: str, loops: Sequence[MarginLoop]) -> page.Picture:
+    wide, narrow = (loops_figure(loops, "", narrow=narrow) for narrow in (False, True))
+    return page.Picture(_svg(name, wide), _svg(f"{name}{NARROW}", narrow))
+
+
+def _loop_names(count: int) -> list[str]:
+    return [f"{LOOPS}{f'-{i}' if i > 1 else ''}" for i in range(1, count + 1)]
+
+
 def write_comparison(folder: Folder, case: str, results: Sequence[Result], certified: Certified) -> None:
-    """The picture of the runs, a block diagram of each controller that has one, and the page."""
+    """The picture of the runs, those of their loops, a block diagram of each controller that has one, and the page."""
     picture = _draw_runs(folder, PICTURE, results)
     names = _diagram_names([result.name for result in results])
     figures = [diagrams.of_controller(result.controller, result.problem) for result in results]
     drawn = [_draw(folder, name, figure) for name, figure in zip(names, figures, strict=True) if figure is not None]
-    folder.write(PAGE, page.comparison(case, results, certified, picture, drawn))
+    loops = loop_pictures(certified.certificates)
+    keep(folder, [picture, *loops])
+    folder.write(PAGE, page.comparison(case, results, certified, picture, drawn, loops))
 
 
 def files_of_run(folder: Path) -> set[str]:
@@ -125,6 +159,7 @@ def files_of_run(folder: Path) -> set[str]:
         return set()
     drawn = {f"{name}.{kind}" for name in (PICTURE, *_diagram_names(names)) for kind in ("png", "svg")}
     drawn.add(f"{PICTURE}{NARROW}.svg")
+    drawn |= {f"{name}{variant}.svg" for name in _loop_names(len(names)) for variant in ("", NARROW)}
     return {RUN, PAGE, *_table_names(names)} | drawn
 
 
@@ -153,21 +188,23 @@ def write_trajectories(folder: Folder, results: Sequence[Result], *, whole: bool
 
 def _draw_runs(folder: Folder, name: str, results: Sequence[Result]) -> page.Picture:
     """The picture of runs as it is on a page, and as it is on a phone."""
-    wide = _draw(folder, name, figure_of(results))
-    narrow = f"{name}{NARROW}"
-    folder.write(f"{narrow}.svg", _narrow(results))
-    return replace(wide, narrow=narrow)
+    return replace(_draw(folder, name, figure_of(results)), narrow=_narrow(name, results))
 
 
-def _narrow(results: Sequence[Result]) -> bytes:
-    return render(figure_of(results, narrow=True), "svg")
+def _narrow(name: str, results: Sequence[Result]) -> page.Drawing:
+    return _svg(f"{name}{NARROW}", figure_of(results, narrow=True))
 
 
 def _draw(folder: Folder, name: str, drawing: Figure) -> page.Picture:
     folder.write(f"{name}.png", render(drawing, "png"))
     drawing.set_layout_engine("none")  # what the first rendering has laid out stays where it is
-    folder.write(f"{name}.svg", render(drawing, "svg"))
-    return page.Picture(name)
+    wide = _svg(name, drawing)
+    folder.write(wide.file, wide.svg)
+    return page.Picture(wide)
+
+
+def _svg(name: str, drawing: Figure) -> page.Drawing:
+    return page.Drawing(f"{name}.svg", render(drawing, "svg").decode())
 
 
 def _table_names(names: Sequence[str]) -> list[str]:
