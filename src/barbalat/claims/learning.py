@@ -10,6 +10,7 @@ from barbalat.claims.claim import Claim, Reading, of_readings, verdict
 from barbalat.claims.section_v import Runs
 from barbalat.claims.variants import table, variant
 from barbalat.controllers import Mrac, NormalizedMrac
+from barbalat.problem.state_feedback import Problem
 from barbalat.protocols import Controller
 from barbalat.run.result import Result
 from barbalat.run.simulate import simulate
@@ -21,10 +22,8 @@ from barbalat.validate import Array
 def loss_of_learning(runs: Runs) -> Claim:
     """The estimates of L1-AC at both steps beside the robust MRAC's, on the same exciting signals."""
     coarse, fine, robust = runs.coarse["L1"], runs.fine["L1, gamma 1e4"], runs.coarse["Robust MRAC"]
-    distances = [
-        float(np.linalg.norm(r.theta_hat - r.problem.plant.theta, axis=1)[r.t > 45].min()) for r in (coarse, fine, robust)
-    ]
-    spread = [float(np.linalg.norm(r.theta_hat - r.problem.plant.theta, axis=1)[r.t > 45].max()) for r in (coarse, fine, robust)]
+    distances = [float(_distance(r)[r.t > 45].min()) for r in (coarse, fine, robust)]
+    spread = [float(_distance(r)[r.t > 45].max()) for r in (coarse, fine, robust)]
     readings = (
         Reading(
             "at Figure 3's step the estimates of L1-AC are not learnt, those of the robust MRAC are",
@@ -109,4 +108,5 @@ def exponential() -> Claim:
 
 
 def _distance(result: Result) -> Array:
+    assert isinstance(result.problem, Problem)
     return np.linalg.norm(result.theta_hat - result.problem.plant.theta, axis=1)
