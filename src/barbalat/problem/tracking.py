@@ -67,20 +67,30 @@ class TrackingProblem:
     plant: Actuated
     reference: Signal | tuple[Signal, ...]
     disturbance: Signal | None
-    unmatched: tuple[Disturbance, ...]
     sensor: Sensor | None
     name: str
     feedback: ClassVar[str]
     """What is measured: "state" or "output"."""
-    output_disturbance: ClassVar[Signal | None] = None
-    """What is added to the output, where one is fed back."""
-    depends_on_time: ClassVar[bool] = False
-    """Whether the plant's equations contain t."""
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         """After ``copy.deepcopy`` and unpickling."""
         vars(self).update(state)
         validate.read_only(self)
+
+    @property
+    def unmatched(self) -> tuple[Disturbance, ...]:
+        """Disturbances elsewhere than at the input."""
+        return ()
+
+    @property
+    def output_disturbance(self) -> Signal | None:
+        """What is added to the output, where one is fed back."""
+        return None
+
+    @property
+    def depends_on_time(self) -> bool:
+        """Whether the plant's equations contain t."""
+        return False
 
     @property
     def known(self) -> object:
