@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Sequence
 
 from barbalat.certificates.certificate import Certificate, reason
 from barbalat.certificates.schemes import scheme_file, stranger
-from barbalat.loop.binding import is_sampled, numbered
+from barbalat.loop.binding import bound, is_sampled, numbered
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller
 from barbalat.solvers.simulation import Simulation
@@ -50,8 +50,9 @@ def certify_where_possible(
 def _computed(problem: TrackingProblem, controller: Controller, simulation: Simulation) -> Certificate:
     """Overflows, matrices that are singular or not finite, norms beyond the limit of precision are findings of the case."""
     try:
+        sampled = is_sampled(bound(problem, controller))  # refuses what does not fit
         found = (scheme_file(controller) or stranger).certificate(problem, controller, simulation)
-        return found if is_sampled(controller.bind(problem.known)) else _beside_its_runs(found, simulation)
+        return found if sampled else _beside_its_runs(found, simulation)
     except InputError:
         raise
     except (ArithmeticError, ValueError) as error:  # NumPy's LinAlgError is a ValueError
