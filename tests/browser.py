@@ -41,10 +41,10 @@ UNSCROLLABLE = """
 """
 """What sticks out of the window and lies in nothing that scrolls."""
 SCROLLING = """
-() => [...document.querySelectorAll('.wide')]
+() => [...document.querySelectorAll('.wide:not(.diagram)')]
     .filter(one => one.scrollWidth > one.clientWidth + 1).slice(0, 3).map(one => one.textContent.trim().slice(0, 60))
 """
-"""Tables of which one must scroll to see all columns."""
+"""Tables of which one must scroll to see all columns; block diagrams may."""
 OPENED = "() => document.querySelectorAll('details').forEach(one => { one.open = true })"
 """What is folded away is looked at too."""
 
