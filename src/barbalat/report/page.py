@@ -124,7 +124,7 @@ def linked(text: Markup, names: Sequence[str]) -> Markup:
     """Where other claims are named, a link to them; a name that is a word of English is none."""
     told = sorted((name for name in names if "-" in name), key=len, reverse=True)
     pattern = rf"(?<![\w#-])({'|'.join(map(re.escape, told))})(?![\w-])"
-    return Markup(re.sub(pattern, r'<a href="#claim-\1"><code>\1</code></a>', text)) if told else text
+    return Markup(re.sub(pattern, r'<a href="#claim-\1"><code>\1</code></a>', str(text))) if told else text
 
 
 @cache
