@@ -1,6 +1,6 @@
 """WebAssembly beside the kernel: bytes of the module and ns for a step with all figures, in wasmtime.
 
-``python -m benchmarks.wasm [CASE ...]`` prints a line for each controller of the bundled cases. Browsers have engines of their own.
+``python -m benchmarks.wasm [CASE ...]`` prints a line for each controller of the bundled cases; browsers have other engines.
 """
 
 from __future__ import annotations
@@ -9,6 +9,7 @@ import sys
 import time
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import wasmtime
@@ -39,7 +40,7 @@ def main() -> None:
             fused = Batch.of([(given.problem, controller)], replace(simulation, fused=True))
             table = signal_table(given.problem.signals, simulation, 0, STEPS, in_pieces=batch.program.shape.in_pieces)
             wasm = seconds(running(module, batch, table))
-            native, with_fma = (seconds(lambda b=one: kernel_call(b, table)) for one in (batch, fused))
+            native, with_fma = (seconds(partial(kernel_call, one, table)) for one in (batch, fused))
             ns = [t / STEPS * 1e9 for t in (wasm, native, with_fma)]
             name = f"{case}, {controller.name}"
             print(f"{name:44}{len(module) / 1e3:8.1f}{made:12.0f}" + "".join(f"{t:8.1f}" for t in ns) + f"{ns[0] / ns[2]:8.2f}")
