@@ -65,9 +65,8 @@ def running(module: bytes, batch: Batch, table: np.ndarray) -> Callable[[], None
     exports = wasmtime.Instance(store, wasmtime.Module(engine, module), []).exports(store)
     (group,) = batch.groups
     memory, at, end = exports["memory"], [], -(-exports["free"](store) // 8) * 8
-    lags, ring, mask = (
-        (np.zeros(0), np.zeros(0), 0) if group.past is None else (group.past.lags, group.past.ring, group.past.mask)
-    )
+    past, nothing = group.past, np.zeros(0)
+    lags, ring, mask = (nothing, nothing, 0) if past is None else (past.lags, past.ring, past.mask)
     size = batch.program.shape.states + batch.program.shape.accumulators
     for array in (group.state, group.parameters, table, np.zeros(size), lags, ring):
         at.append(end)
@@ -75,8 +74,8 @@ def running(module: bytes, batch: Batch, table: np.ndarray) -> Callable[[], None
     memory.grow(store, -(-end // PAGE_BYTES))
     for array, address in zip((group.state, group.parameters, table, np.zeros(size), lags, ring), at, strict=True):
         memory.write(store, array.tobytes(), address)
-    state, parameters, signals, out, past, remembered = at
-    arguments = (1, STEPS, state, parameters, signals, out, 0, past, remembered, mask, 0, 0, 0, 1, 0, 0)
+    state, *_ = at
+    arguments = (1, STEPS, *at[:4], 0, *at[4:], mask, 0, 0, 0, 1, 0, 0)
 
     def call() -> None:
         memory.write(store, group.state.tobytes(), state)

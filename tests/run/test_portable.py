@@ -13,8 +13,8 @@ from barbalat.lowering.llvm.elementwise import evaluate
 from barbalat.run.grid import final_row, signal_table
 from barbalat.run.portable import LISTS, Portable
 from barbalat.signals import Chirp, Sine, Sines
+from lowering.functions.test_functions import evaluated
 from lowering.test_c99 import same_bits
-from lowering.test_functions import evaluated
 
 SIMULATION = Simulation(t_end=20.0, dt=1e-3, fused=False)
 

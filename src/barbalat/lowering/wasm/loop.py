@@ -92,9 +92,7 @@ class _Loop:
         stepping, sampling, watching = printers
         assert stepping is not None
         self._blocks(stepping, sampling, watching, past)
-        for i, place in enumerate(self.x):
-            c.get(AT["state"], place)
-            c.store(i)
+        self._store(AT["state"], self.x)
         return c
 
     def _blocks(self, stepping: Printer, sampling: Printer | None, watching: Printer | None, past: Past) -> None:
@@ -106,9 +104,7 @@ class _Loop:
             self._divided(AT["start"], shape.noise_hold, "noise_hold", Do.I64_DIV_U)
             c.set(first_noise)
         c.begin_loop()
-        for i, place in enumerate(self.x):
-            c.get(AT["out"], place)
-            c.store(i)
+        self._store(AT["out"], self.x)
         for place, reset in zip(self.a, self.resets, strict=True):
             c.f64(reset)
             c.set(place)
@@ -125,9 +121,7 @@ class _Loop:
         c.do(Do.I64_EQZ, Do.I32_EQZ)
         c.again_if()
         c.end()
-        for i, place in enumerate(self.a):
-            c.get(AT["out"], place)
-            c.store(shape.states + i)
+        self._store(AT["out"], self.a, first=shape.states)
         self._forward(AT["out"], size)
         c.get(AT["blocks"])
         c.i64(1)
@@ -202,9 +196,7 @@ class _Loop:
         c.load()
         c.do(Do.F64_GT)
         c.begin_if()
-        for i, place in enumerate([quantity, *self.x]):
-            c.get(row, place)
-            c.store(i)
+        self._store(row, [quantity, *self.x])
         c.get(row, now)
         c.do(Do.F64_CONVERT_I64_S)
         c.store(self.shape.states + 1)
@@ -215,6 +207,11 @@ class _Loop:
             self.code.get(address)
             self.code.load(i)
             self.code.set(place)
+
+    def _store(self, address: int, places: Sequence[int], first: int = 0) -> None:
+        for i, place in enumerate(places, start=first):
+            self.code.get(address, place)
+            self.code.store(i)
 
     def _forward(self, address: int, doubles: int) -> None:
         self.code.get(address)

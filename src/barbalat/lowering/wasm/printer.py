@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from barbalat.lowering.functions import FUNCTIONS
-from barbalat.lowering.operations import COMPARISONS, Operation, Program
+from barbalat.lowering.operations import ALIGNED, COMPARISONS, EXPONENT_BIAS, FRACTION_BITS, Operation, Program
 from barbalat.lowering.optimize import PARAMETERS
 from barbalat.lowering.wasm.encode import DOUBLE_BYTES, Code, Do, Kind
 
@@ -16,10 +16,6 @@ _PLAIN = {
 }  # fmt: skip
 DEEPEST = 100
 """Operations within operations that stand in one expression: Python calls itself for each of them."""
-EXPONENT_BIAS = 1023
-FRACTION_BITS = 52
-ALIGNED = 2.0**FRACTION_BITS + EXPONENT_BIAS
-"""A whole number added to it stands, with the bias, in the last bits of the sum."""
 
 
 class Printer:
@@ -53,7 +49,7 @@ class Printer:
     def before_the_loop(self) -> None:
         """Constants used more than once, and what follows from parameters alone: computed once."""
         fixed: list[bool] = []
-        for i, op in enumerate(self.operations):
+        for op in self.operations:
             is_parameter = op.name == "input" and op.source[0] == PARAMETERS
             fixed.append(op.name == "constant" or is_parameter or (op.name != "input" and all(fixed[j] for j in op.operands)))
         last_of_fixed = {j for i, op in enumerate(self.operations) if not fixed[i] for j in op.operands if fixed[j]}

@@ -16,12 +16,12 @@ from barbalat.lowering.shape import LoopShape
 from barbalat.run.batch import Batch
 from barbalat.run.engine import run
 from barbalat.run.step import StepProgram
+from lowering.functions.test_functions import evaluated, points
 from lowering.test_c99 import same_bits
-from lowering.test_functions import evaluated, points
 
 pytest.importorskip("wasmtime", reason="wasmtime is not installed")
 
-from lowering.wasm_kernel import WasmKernel
+from lowering.wasm.wasm_kernel import WasmKernel
 
 EVERY_LOOP = [(case, controller.name) for case in bundled() for controller in load_case(case).controllers]
 SHORT = 8.0
@@ -137,8 +137,9 @@ def test_functions_have_the_kernel_s_bits(name) -> None:
 
 
 @pytest.mark.parametrize(("name", "count"), [
-    ("fmin", 2), ("fmax", 2), ("lt", 2), ("le", 2), ("eq", 2), ("ne", 2), ("and", 2), ("or", 2), ("not", 1), ("neg", 1), ("fabs", 1),
-    ("sqrt", 1), ("floor", 1), ("ceil", 1), ("copysign", 2), ("select", 3), ("if_else_zero", 2), ("div", 2), ("sub", 2),
+    ("fmin", 2), ("fmax", 2), ("lt", 2), ("le", 2), ("eq", 2), ("ne", 2), ("and", 2), ("or", 2), ("not", 1), ("neg", 1),
+    ("fabs", 1), ("sqrt", 1), ("floor", 1),
+    ("ceil", 1), ("copysign", 2), ("select", 3), ("if_else_zero", 2), ("div", 2), ("sub", 2),
 ])  # fmt: skip
 def test_single_operations_have_the_kernel_s_bits(name, count) -> None:
     """Among them the minimum and maximum of zeros with signs and of NaNs, which f64.min and f64.max order otherwise."""
