@@ -166,13 +166,19 @@ def _lines(lines: list[str], indent: int) -> str:
     return "".join(f"{' ' * indent}{line}\n" for line in lines)
 
 
+NOTICE = """\
+/* Coefficients: fdlibm. Copyright (C) 1993, 2004 by Sun Microsystems, Inc. All rights reserved. Permission to use, copy,
+ * modify, and distribute this software is freely granted, provided that this notice is preserved. */
+"""
+
+
 def definitions(programs: Iterable[Program]) -> str:
     """C source of the functions that these lists call, each with what it needs itself."""
     called = {op.name for program in programs for op in program.operations} & FUNCTIONS
     lists = {name: [part for part in (function(name).usual, function(name).rare) if part is not None] for name in sorted(called)}
     used = {op.name for parts in lists.values() for part in parts for op in part.operations}
     text = [source for name, source in OF_BITS.items() if name in used]
-    return "\n".join([*text, *(_definition(name) for name in lists), ""]) if lists else ""
+    return "\n".join([NOTICE, *text, *(_definition(name) for name in lists), ""]) if lists else ""
 
 
 def _definition(name: str) -> str:

@@ -32,6 +32,12 @@ class Program:
     outputs: tuple[tuple[int, ...], ...]
 
 
+EXPONENT_BIAS = 1023
+FRACTION_BITS = 52
+"""Of a double, for the operations on its bits, which stand in the lists of elementary functions alone: "exponent" and
+"significand" of a normal number, and "pow2" of a whole number, see ``functions.trace``."""
+ALIGNED = 2.0**FRACTION_BITS + EXPONENT_BIAS
+"""A whole number added to it stands, with the bias, in the last bits of the sum: no conversion, which is undefined for NaN."""
 COMPARISONS = frozenset({"lt", "le", "eq", "ne", "not", "and", "or"})
 """Operations whose result is a truth value; CasADi writes them as the numbers 0 and 1."""
 

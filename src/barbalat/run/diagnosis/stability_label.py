@@ -20,6 +20,7 @@ from barbalat.run.batch import Batch, Group
 from barbalat.run.diagnosis.spectrum import Looks, Spectrum, Stiffness
 from barbalat.run.grid import CHUNK_STEPS, signal_table, window_of
 from barbalat.run.noise import standard_normal
+from barbalat.run.portable import instants
 from barbalat.run.step import sampled_states
 from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array
@@ -181,7 +182,7 @@ class Run:
         problem, loop = self.problem, self.batch.loop
         signals = np.zeros((loop.signal_count, len(steps)))
         for i, signal in enumerate(problem.signals):
-            signals[i] = signal(self.simulation.time(steps))
+            signals[i] = signal(instants(self.simulation, steps))
         if problem.noise is not None and len(steps):
             rows = steps // self.batch.rhythm.noise_hold
             drawn = [standard_normal(problem.noise.seed, 0, int(row), 1, loop.noise) for row in rows]
