@@ -119,8 +119,7 @@ def rohrs() -> Claim:
         "adapting at all "
         f"{resting.figures['max_abs_y']:.3g}. The dead zone bears it by not adapting: of {len(ZONES)} more, g_0 = {span(ZONES)}, "
         f"{len(lost)} diverge" + (f", those of {span(lost)}" if lost else ""),
-        how="Rohrs' plant and command 0.3 + 1.85 sin 16.1 t, RK4, h = 1e-4 s; dead zones at h = 1e-3 s; condition: the dead zone is "
-        "wider than the error that the initial estimates leave",
+        how="Rohrs' plant and command 0.3 + 1.85 sin 16.1 t, RK4, h = 1e-4 s; dead zones at h = 1e-3 s",
         listings=(
             table(
                 f"What the modified laws do over {case.simulation.t_end:g} s: the largest |y|, and how far their estimates moved "
@@ -134,6 +133,7 @@ def rohrs() -> Claim:
         ),
         number=f"the classical law {falls}; {len(bounded)} of {len(runs)} modified laws do not",
         readings=readings,
+        condition="the dead zone is wider than the error that the initial estimates leave",
         would_change="a run of the classical law that stays bounded, or of sigma-modification, normalisation or the robust law that does not",
     )
 

@@ -23,6 +23,7 @@ from barbalat.claims import (
     numerics,
     onset,
     output_feedback,
+    own_oscillation,
     robustness,
     sampled,
     stiff,
@@ -102,7 +103,7 @@ LEDGER = (
     ),
     Measurement(numerics.smaller_gain, 0.2, {"smaller-gain": "a smaller gain removes the oscillations"}),
     Measurement(numerics.small_tau, 0.4, {"small-tau-numerics": "a very small tau fails numerically"}),
-    Measurement(stiff.own_oscillation, 5.7, {"own-oscillation": "at h = 1e-5 s the oscillation is gone"}),
+    Measurement(own_oscillation.own_oscillation, 5.7, {"own-oscillation": "at h = 1e-5 s the oscillation is gone"}),
     Measurement(
         stiff.stiff_solvers, 12.0, {"stiff-solvers": "solvers for stiff problems"},
         sharper=stiff.stiff_solvers_further, sharper_seconds=120.0,
