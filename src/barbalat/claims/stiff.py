@@ -68,7 +68,8 @@ class Tried:
             at_figure_5=[FIGURE_5.explicit(section_v.FINE)]
             + [FIGURE_5.implicit(section_v.FINE, midpoint=midpoint) for midpoint in (True, False)],
             at_neighbours=tuple(
-                [gain.explicit(section_v.COARSE)] + [gain.implicit(section_v.COARSE, midpoint=midpoint) for midpoint in (True, False)]
+                [gain.explicit(section_v.COARSE)]
+                + [gain.implicit(section_v.COARSE, midpoint=midpoint) for midpoint in (True, False)]
                 for gain in NEIGHBOURS
             ),
         )

@@ -13,6 +13,7 @@ from barbalat.protocols import Controller
 from barbalat.run import delay
 from barbalat.run.batch import Batch
 from barbalat.run.breaks import lost_order
+from barbalat.run.delay import brings_bends
 from barbalat.run.diagnosis.stability_label import MOST_WINDOWS, Run, stiffness_along
 from barbalat.run.engine import run
 from barbalat.run.progress import Progress
@@ -80,5 +81,5 @@ def _result(problem: TrackingProblem, controller: Controller, simulation: Simula
         envelope=envelope,
         metrics=metrics,
         stiffness=stiffness_along(made),
-        lost=lost_order(problem.signals, simulation, delayed=loop.delayed),
+        lost=lost_order(problem.signals, simulation, delayed=loop.delayed, bends=brings_bends(loop)),
     )
