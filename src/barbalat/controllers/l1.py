@@ -130,7 +130,8 @@ class L1Adaptive:
     def bind(self, known: Known) -> Equations:
         gamma = Gain(self.gamma)
         gamma.require_size("gamma", known.parameters)
-        self._modifications().require_fit(known.inputs)
+        modifications = self._modifications()
+        modifications.require_fit(known.inputs)
         box = projection_box(self.projection, known)
         return Equations(
             A_m=known.A_m,
@@ -143,7 +144,7 @@ class L1Adaptive:
             theta_hat0=initial_estimate(self.theta_hat0, box, known),
             x0=known.x0,
             box=box,
-            modifications=self._modifications(),
+            modifications=modifications,
             limits=limits_of_predictor(self.saturated_predictor, known),
         )
 
