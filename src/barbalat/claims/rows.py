@@ -24,6 +24,7 @@ from barbalat.claims import (
     onset,
     output_feedback,
     own_oscillation,
+    relative_degree,
     robustness,
     sampled,
     stiff,
@@ -166,6 +167,6 @@ LEDGER = (
     Measurement(output_feedback.l1_is_linear, 0.6, {"l1-output-is-lti": "the L1 output-feedback controller is linear"}),
     Measurement(output_feedback.rohrs, 1.0, {"rohrs": "Rohrs' example"}),
     Measurement(
-        output_feedback.any_relative_degree, 2.0, {"siso-any-relative-degree": "the robust MRAC for any relative degree"}
+        relative_degree.any_relative_degree, 4.0, {"siso-any-relative-degree": "the robust MRAC for any relative degree"}
     ),
 )  # fmt: skip
