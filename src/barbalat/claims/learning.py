@@ -45,6 +45,7 @@ def loss_of_learning(runs: Runs) -> Claim:
         "recorded instants of Figures 2, 3, 4",
         number=f"largest |theta_hat - theta*| at the end: {spread[0]:.2g} at h = 1e-4 s, {spread[1]:.2g} at h = 1e-5 s",
         readings=readings,
+        condition="the step is Figure 3's, and lost learning is not laid at the instability alone: resolved, the gain keeps the estimates from converging too",
         would_change="estimates that converge in 60 s where the step resolves the gain, or at Figure 3's step",
     )  # fmt: skip
 
@@ -103,6 +104,7 @@ def exponential() -> Claim:
         ),
         number=f"pure least squares goes as t^{power:.2f}, the gradient law as exp(-{rate:.3f} t)",
         readings=readings,
+        condition="the covariance does not vanish: the gradient law, or least squares with forgetting or resetting, not (15) as printed",
         would_change="for (15): a covariance kept from zero, by forgetting or resetting; for the gradient law: too little excitation",
     )  # fmt: skip
 

@@ -8,11 +8,13 @@ import numpy as np
 
 from barbalat import validate
 from barbalat.loop.binding import numbered
+from barbalat.loop.blame import named
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller
 from barbalat.run import delay
 from barbalat.run.batch import Batch
 from barbalat.run.breaks import lost_order
+from barbalat.run.delay import brings_bends
 from barbalat.run.diagnosis.stability_label import MOST_WINDOWS, Run, stiffness_along
 from barbalat.run.engine import run
 from barbalat.run.progress import Progress
@@ -34,14 +36,16 @@ def simulate(
     threads   all cores by default; results do not depend on it
     progress  called with the fraction done
 
-    Raises InputError for controllers that don't fit the problem. A run that diverges is a result.
+    Raises InputError, with its name, for a controller that doesn't fit the problem. A run that diverges is a result.
     """
     validate.instance("problem", problem, TrackingProblem)
     validate.instance("simulation", simulation, Simulation)
-    validate.instance("problem", problem, TrackingProblem)
     controllers = numbered(controllers)
     delay.require_memory(problem.delay, len(problem.history), len(controllers), simulation.dt)
-    batches = [Batch.of([(problem, controller)], simulation, record=True, windows=MOST_WINDOWS) for controller in controllers]
+    batches = []
+    for controller in controllers:
+        with named(controller.name):
+            batches.append(Batch.of([(problem, controller)], simulation, record=True, windows=MOST_WINDOWS))
     run(batches, problem.signals, simulation, threads=threads, progress=progress)
     return {c.name: _result(problem, c, simulation, batch) for c, batch in zip(controllers, batches, strict=True)}
 
@@ -80,5 +84,5 @@ def _result(problem: TrackingProblem, controller: Controller, simulation: Simula
         envelope=envelope,
         metrics=metrics,
         stiffness=stiffness_along(made),
-        lost=lost_order(problem.signals, simulation, delayed=loop.delayed),
+        lost=lost_order(problem.signals, simulation, delayed=loop.delayed, bends=brings_bends(loop)),
     )
