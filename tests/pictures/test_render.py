@@ -9,7 +9,8 @@ from matplotlib import rc_context
 from matplotlib.colors import to_rgb
 from PIL import Image
 
-from barbalat.pictures.panels import Panel, Series, draw, text_of
+from barbalat.pictures.panel_drawing import draw
+from barbalat.pictures.panels import Panel, Series, text_of
 from barbalat.pictures.render import on_dark, render
 from barbalat.pictures.theme import COLOURS, DARK_GROUND, DARK_INK, GROUND, INK, ON_DARK, QUIET, new_figure
 

@@ -38,7 +38,7 @@ def execute(options: argparse.Namespace) -> int:
     """Run the command; returns the exit code."""
     started = time.perf_counter()
     expected = {"reproducing": QUICK_SECONDS if options.quick else FULL_SECONDS if options.full else SECONDS}
-    with folder_of(options.out, None) as folder, work(expected) as running, running.part("reproducing"):
+    with folder_of(options.out, None) as folder, work(expected) as running, running.part("reproducing", here=False):
         assert folder is not None  # --out has a default
         figures, claims, document, seconds = _reproduced(
             folder, started, running, quick=options.quick, full=options.full, shown=not options.json
