@@ -76,6 +76,11 @@ def comparison(
     return _render("comparison.html", name=name, results=results, certified=certified, picture=picture, diagrams=diagrams)
 
 
+def certificates(name: str, certified: Certified, pictures: dict[str, Picture]) -> str:
+    """The page of ``barbalat certify``; ``pictures`` show the loops by their controllers' names."""
+    return _render("certified.html", name=name, certified=certified, pictures=pictures)
+
+
 def trade_off(found: TradeOff, picture: Picture) -> str:
     """The page of ``barbalat tradeoff``."""
     titles = {which: TITLES[which] for which in panels(found)}

@@ -16,8 +16,11 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from barbalat.certificates.overview import Certified
+from barbalat.certificates.picture import MarginLoop
+from barbalat.certificates.picture import figure_of as loops_of
 from barbalat.claims.claim import Claim, Map, PaperFigure
 from barbalat.controllers.output.l1 import L1Output
+from barbalat.pictures.panels import text_of
 from barbalat.pictures.render import render
 from barbalat.problem.output_feedback import OutputProblem
 from barbalat.report import charts, diagrams, maps, page
@@ -27,7 +30,7 @@ from barbalat.run.result import Result
 from barbalat.study.tradeoff import TradeOff
 from barbalat.study.tradeoff_picture import draw as draw_trade_off
 
-RUN, PAGE, PICTURE = "run.json", "report.html", "comparison"
+RUN, CERTIFICATES, PAGE, PICTURE = "run.json", "certify.json", "report.html", "comparison"
 """Names of files; of the picture without its two suffixes."""
 NARROW = "-narrow"
 """After the name of a picture for a phone."""
@@ -113,9 +116,28 @@ def draw_maps(folder: Folder, claims: Sequence[Claim]) -> dict[str, page.Picture
 def write_comparison(folder: Folder, case: str, results: Sequence[Result], certified: Certified) -> None:
     """The picture of the runs, a block diagram for each L1 output-feedback controller, and the page."""
     picture = _draw_runs(folder, PICTURE, results)
-    names = _diagram_names([result.name for result in results])
+    names = _own_names("diagram", [result.name for result in results])
     drawn = [_diagram(folder, *pair) for pair in zip(names, results, strict=True) if isinstance(pair[1].controller, L1Output)]
     folder.write(PAGE, page.comparison(case, results, certified, picture, drawn))
+
+
+def write_certificates(folder: Folder, case: str, certified: Certified, document: str) -> None:
+    """The picture of each controller's loops whose margins are given, the page, the JSON document."""
+    names = _own_names("loops", list(certified.certificates))
+    pictures = {
+        name: _draw_loops(folder, file, name, certificate.loops)
+        for file, (name, certificate) in zip(names, certified.certificates.items(), strict=True)
+        if certificate.loops
+    }
+    folder.write(CERTIFICATES, document)
+    folder.write(PAGE, page.certificates(case, certified, pictures))
+
+
+def _draw_loops(folder: Folder, file: str, name: str, loops: Sequence[MarginLoop]) -> page.Picture:
+    title, narrow = f"{text_of(name)}: loops broken at the plant's input", f"{file}{NARROW}"
+    wide = _draw(folder, file, loops_of(loops, title, shown=False))
+    folder.write(f"{narrow}.svg", render(loops_of(loops, title, narrow=True, shown=False), "svg"))
+    return replace(wide, narrow=narrow)
 
 
 def _diagram(folder: Folder, name: str, result: Result) -> page.Picture:
@@ -129,7 +151,7 @@ def files_of_run(folder: Path) -> set[str]:
         names = [str(name) for name in json.loads((folder / RUN).read_bytes())["controllers"]]
     except (OSError, ValueError, LookupError, TypeError):
         return set()
-    drawn = {f"{name}.{kind}" for name in (PICTURE, *_diagram_names(names)) for kind in ("png", "svg")}
+    drawn = {f"{name}.{kind}" for name in (PICTURE, *_own_names("diagram", names)) for kind in ("png", "svg")}
     drawn.add(f"{PICTURE}{NARROW}.svg")
     return {RUN, PAGE, *_table_names(names)} | drawn
 
@@ -181,11 +203,11 @@ def _table_names(names: Sequence[str]) -> list[str]:
     return [f"{i}-{_file_name(name)}.csv" for i, name in enumerate(names, start=1)]
 
 
-def _diagram_names(names: Sequence[str]) -> list[str]:
-    """For each controller one of its own."""
+def _own_names(kind: str, names: Sequence[str]) -> list[str]:
+    """Of each controller's picture of a kind."""
     chosen: list[str] = []
     for name in names:
-        plain = f"diagram-{_file_name(name)}"
+        plain = f"{kind}-{_file_name(name)}"
         numbered = (f"{plain}-{i}" for i in range(2, len(names) + 1))
         chosen.append(next(new for new in (plain, *numbered) if new not in chosen))
     return chosen
