@@ -37,7 +37,7 @@ def execute(options: argparse.Namespace) -> int:
     from barbalat.cases.load import load_case
     from barbalat.certificates.overview import Certified
     from barbalat.certificates.table_1 import table_1
-    from barbalat.report.write import as_json, write_certificates
+    from barbalat.report.documents import as_json
     from barbalat.validate import InputError
 
     if options.share is not None and not options.simulate:
@@ -49,6 +49,8 @@ def execute(options: argparse.Namespace) -> int:
         document = as_json(found.as_document(case.name))
         if folder is not None:
             with running.part("drawing"):
+                from barbalat.report.write import write_certificates
+
                 write_certificates(folder, case.name, found, document)
                 folder.commit()
     if options.json:
@@ -59,9 +61,9 @@ def execute(options: argparse.Namespace) -> int:
 
 
 def _show(case: Case, found: Certified, options: argparse.Namespace) -> None:
+    from barbalat.report.page import PAGE
     from barbalat.report.terminal import certificates as terminal
     from barbalat.report.terminal.layout import Screen
-    from barbalat.report.write import PAGE
 
     screen, dt = Screen(), case.simulation.dt
     if options.full:

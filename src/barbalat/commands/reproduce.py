@@ -58,7 +58,7 @@ def _reproduced(
     from barbalat.claims import figures as paper
     from barbalat.claims import ledger, section_v
     from barbalat.claims.rows import LEDGER
-    from barbalat.report import page, write
+    from barbalat.report import documents, page, write
 
     processes = 1 if quick else os.cpu_count() or 1
     pace = Pace(running, sum(part.duration(full=full) for part in LEDGER if part.quick or not quick), processes, shown=shown)
@@ -84,7 +84,7 @@ def _reproduced(
             folder.write(file, drawn)
         seconds["claims, maps, certificates"] = time.perf_counter() - started - sum(seconds.values())
     seconds["total"] = time.perf_counter() - started
-    document = write.as_json(write.reproduction_document(figures, claims, certified, seconds))
+    document = documents.as_json(documents.reproduction_document(figures, claims, certified, seconds))
     for file, text in page.reproduction(figures, claims, pictures, maps, certified, seconds).items():
         folder.write(file, text)
     folder.write("report.json", document)
@@ -131,11 +131,11 @@ class Pace:
 
 
 def _show(figures: list[PaperFigure], claims: list[Claim], folder: Folder, seconds: float) -> None:
-    from barbalat.report import write
+    from barbalat.report.page import PAGE
     from barbalat.report.terminal import ledger
     from barbalat.report.terminal.layout import Screen
 
     screen = Screen()
     ledger.overview(screen, figures, claims)
     screen.line(f"All of one row: barbalat claims NAME. Measured in {seconds:.1f} s.")
-    screen.whole(f"page: {folder.path / write.PAGE}")
+    screen.whole(f"page: {folder.path / PAGE}")

@@ -41,7 +41,9 @@ class Picture:
     narrow: str | None = None
 
 
-REPRODUCTION = {"report.html": "Figures", "claims.html": "Claims", "guarantees.html": "Guarantees"}
+PAGE = "report.html"
+"""What a command's first page is called."""
+REPRODUCTION = {PAGE: "Figures", "claims.html": "Claims", "guarantees.html": "Guarantees"}
 """The pages of ``barbalat reproduce``: file -> what the others call it."""
 
 

@@ -10,7 +10,6 @@ import re
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -30,7 +29,7 @@ from barbalat.run.result import Result
 from barbalat.study.tradeoff import TradeOff
 from barbalat.study.tradeoff_picture import draw as draw_trade_off
 
-RUN, CERTIFICATES, PAGE, PICTURE = "run.json", "certify.json", "report.html", "comparison"
+RUN, CERTIFICATES, PICTURE = "run.json", "certify.json", "comparison"
 """Names of files; of the picture without its two suffixes."""
 NARROW = "-narrow"
 """After the name of a picture for a phone."""
@@ -38,56 +37,6 @@ MOST_NUMBERS = 44_000
 """In all CSVs of a folder: some 450 kB. Results in Python have all that was recorded."""
 LONGEST_NAME = 80
 """Characters of a controller's name in a file's; file systems take 255 bytes, and people read fewer."""
-
-
-def as_json(document: dict[str, Any]) -> str:
-    """JSON text, with null for what has no finite value."""
-    return json.dumps(_finite(document), indent=2, allow_nan=False, ensure_ascii=False)
-
-
-def _finite(part: Any) -> Any:
-    if isinstance(part, dict):
-        return {key: _finite(value) for key, value in part.items()}
-    if isinstance(part, (list, tuple)):
-        return [_finite(value) for value in part]
-    return None if isinstance(part, float) and not math.isfinite(part) else part
-
-
-def reproduction_document(
-    figures: Sequence[PaperFigure], claims: Sequence[Claim], certified: Certified, seconds: dict[str, float]
-) -> dict[str, Any]:
-    """The contract's document of ``reproduce --json``."""
-    return {
-        "figures": {figure.key: figure.as_json() for figure in figures},
-        "claims": [claim.as_json() for claim in claims],
-        "seconds": seconds,
-        **certified.as_json(),
-    }
-
-
-def run_document(case: str, results: Sequence[Result], certified: Certified | None) -> dict[str, Any]:
-    """The contract's document of ``run --json``; numerics, and certificates where they were made, stand beside its keys."""
-    return {
-        "case": case,
-        "simulation": results[0].simulation.as_json(),
-        "controllers": {r.name: run_block(r) for r in results},
-        **({} if certified is None else certified.as_json()),
-    }
-
-
-def run_block(result: Result) -> dict[str, Any]:
-    """The contract's block for a controller, and the numerics beside its keys."""
-    found = result.stiffness
-    check = None if result.check is None else result.check.as_json()
-    lost = {} if result.lost is None else {"lost_order": result.lost.as_json()}
-    return {
-        **result.figures,
-        "h_lambda_max": found.h_lambda_max,
-        "numerically_unstable_at": found.unstable_from,
-        "finer_step": check,
-        **lost,
-        "adapting": None if result.adapting is None else result.adapting.as_json(),
-    }
 
 
 def draw_reproduction(folder: Folder, figures: Sequence[PaperFigure]) -> dict[str, page.Picture]:
@@ -118,7 +67,7 @@ def write_comparison(folder: Folder, case: str, results: Sequence[Result], certi
     picture = _draw_runs(folder, PICTURE, results)
     names = _own_names("diagram", [result.name for result in results])
     drawn = [_diagram(folder, *pair) for pair in zip(names, results, strict=True) if isinstance(pair[1].controller, L1Output)]
-    folder.write(PAGE, page.comparison(case, results, certified, picture, drawn))
+    folder.write(page.PAGE, page.comparison(case, results, certified, picture, drawn))
 
 
 def write_certificates(folder: Folder, case: str, certified: Certified, document: str) -> None:
@@ -130,7 +79,7 @@ def write_certificates(folder: Folder, case: str, certified: Certified, document
         if certificate.loops
     }
     folder.write(CERTIFICATES, document)
-    folder.write(PAGE, page.certificates(case, certified, pictures))
+    folder.write(page.PAGE, page.certificates(case, certified, pictures))
 
 
 def _draw_loops(folder: Folder, file: str, name: str, loops: Sequence[MarginLoop]) -> page.Picture:
@@ -153,13 +102,13 @@ def files_of_run(folder: Path) -> set[str]:
         return set()
     drawn = {f"{name}.{kind}" for name in (PICTURE, *_own_names("diagram", names)) for kind in ("png", "svg")}
     drawn.add(f"{PICTURE}{NARROW}.svg")
-    return {RUN, PAGE, *_table_names(names)} | drawn
+    return {RUN, page.PAGE, *_table_names(names)} | drawn
 
 
 def write_tradeoff(folder: Folder, found: TradeOff) -> None:
     """Picture and page of a trade-off."""
     picture = _draw(folder, "tradeoff", draw_trade_off(found))
-    folder.write(PAGE, page.trade_off(found, picture))
+    folder.write(page.PAGE, page.trade_off(found, picture))
 
 
 def write_trajectories(folder: Folder, results: Sequence[Result], *, whole: bool = False) -> None:

@@ -31,7 +31,8 @@ def estimates_panel(result: Result, title: str) -> Panel | None:
     near, beyond = reachable([level.value for level in levels], moved)
     needed = span_of([np.array([*moved, *near])])
     marks, far = _edges_of_known_set(bounds, needed, p)
-    away = ", ".join(rf"$\theta_{{{i + 1}}}$ = {level.value:.4g}" for i, level in enumerate(levels) if level.value not in near)
+    outside = [(i, level.value) for i, level in enumerate(levels, start=1) if level.value not in near]
+    away = ", ".join(_held(f"$\\theta_{{{i}}}$ = {value:.4g}") for i, value in outside)
     said = [f"true values outside: {away}"] if beyond else []
     said += [f"known set: {_interval_text(bounds)}"] if far else []
     shown = span_of([np.array([*needed, *(mark.value for mark in marks)])])
@@ -114,5 +115,10 @@ def reachable(ends: Sequence[float], needed: tuple[float, float]) -> tuple[list[
 
 
 def _interval_text(bounds: Sequence[tuple[float, float]]) -> str:
-    several = [f"{low:g} … {high:g}" if max(-low, high) < UNREACHED_BOUND else "open" for low, high in dict.fromkeys(bounds)]
+    several = [_held(f"{a:g} … {b:g}") if max(-a, b) < UNREACHED_BOUND else "open" for a, b in dict.fromkeys(bounds)]
     return ", ".join(several) if len(several) <= 3 else f"{', '.join(several[:3])}, …"
+
+
+def _held(text: str) -> str:
+    """With blanks at which no line ends."""
+    return text.replace(" ", "\N{NO-BREAK SPACE}")
