@@ -35,7 +35,7 @@ class Work:
     def __init__(self, expected: Mapping[str, float], console: Console) -> None:
         self.to_come, self.console = dict(expected), console
         self.started = self.begun = self.updated = time.perf_counter()
-        self.computing: float | None = None
+        self.computed, self.here = time.process_time(), True
         self.name, self.fraction, self.told, self.expected = "", 0.0, 0.0, 0.0
 
     @contextlib.contextmanager
@@ -46,7 +46,7 @@ class Work:
         """
         self.expected, self.name, self.fraction = self.to_come.pop(name, 1.0), name, 0.0
         self.begun = self.updated = time.perf_counter()
-        self.computing = time.process_time() if here else None
+        self.here = here
         yield self._advanced
         self.name = ""
 
@@ -62,19 +62,19 @@ class Work:
     def left(self) -> float:
         """Seconds that are expected to be left."""
         if not self.name:
-            return sum(self.to_come.values())
-        now, rest = time.perf_counter(), self.expected * self._shared
+            return sum(self.to_come.values()) * self._stretch
+        now, rest = time.perf_counter(), self.expected * self._stretch
         if self.fraction >= TOLD_FRACTION:
             rest = (1 - self.fraction) / self.fraction * (self.updated - self.begun)
         behind = now - (self.updated if self.fraction >= TOLD_FRACTION else self.begun)
-        return sum(self.to_come.values()) + max(rest - behind, OVERDUE_SHARE * behind)
+        return sum(self.to_come.values()) * self._stretch + max(rest - behind, OVERDUE_SHARE * behind)
 
     @property
-    def _shared(self) -> float:
-        """By how much the part takes longer than on a machine of its own: seconds that go by for one of computing."""
-        if self.computing is None:
+    def _stretch(self) -> float:
+        """By how much all takes longer than on a machine of its own: seconds that go by for one of computing."""
+        if not self.here:
             return 1.0
-        computed, gone = time.process_time() - self.computing, time.perf_counter() - self.begun
+        computed, gone = time.process_time() - self.computed, time.perf_counter() - self.started
         return max((gone + CERTAIN_AFTER) / (computed + CERTAIN_AFTER), 1.0)
 
     @property

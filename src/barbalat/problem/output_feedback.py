@@ -47,6 +47,7 @@ class OutputProblem(TrackingProblem):
     name: str = "problem"
 
     feedback: ClassVar[str] = "output"
+    __repr__ = validate.one_line
     unmatched: ClassVar[tuple[Disturbance, ...]] = ()  # type: ignore[misc]
     """Disturbances elsewhere than at the input: none."""
     uncertainty: ClassVar[None] = None
