@@ -59,7 +59,10 @@ def parse_case(text: str, folder: Path = Path(), source: str = "the case", own: 
     try:
         data = tomllib.loads(text)
     except (tomllib.TOMLDecodeError, ValueError, RecursionError) as error:
-        raise InputError(f"{source} is not valid TOML: {error}") from None
+        meant = (
+            "; each controller stands under [[controller]], with two brackets" if "('controller',) twice" in str(error) else ""
+        )
+        raise InputError(f"{source} is not valid TOML: {error}{meant}") from None
     problem = problem_posed(data)
     further = outside.schemes(outside.named_in(data) - CASES[problem].keys(), own)
     joining = () if own is None else own.controllers(named=further)
