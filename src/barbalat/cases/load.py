@@ -59,9 +59,8 @@ def parse_case(text: str, folder: Path = Path(), source: str = "the case", own: 
     try:
         data = tomllib.loads(text)
     except (tomllib.TOMLDecodeError, ValueError, RecursionError) as error:
-        meant = (
-            "; each controller stands under [[controller]], with two brackets" if "('controller',) twice" in str(error) else ""
-        )
+        twice = "('controller',) twice" in str(error)
+        meant = "; each controller stands under [[controller]], with two brackets" if twice else ""
         raise InputError(f"{source} is not valid TOML: {error}{meant}") from None
     problem = problem_posed(data)
     further = outside.schemes(outside.named_in(data) - CASES[problem].keys(), own)
