@@ -36,6 +36,13 @@ UNSCROLLABLE = """
     .slice(0, 3).map(one => `${one.tagName.toLowerCase()} ${one.className} ${one.textContent.slice(0, 40)}`)
 """
 """What sticks out of the window and lies in nothing that scrolls."""
+SCROLLING = """
+() => [...document.querySelectorAll('.wide')]
+    .filter(one => one.scrollWidth > one.clientWidth + 1).slice(0, 3).map(one => one.textContent.trim().slice(0, 60))
+"""
+"""Tables of which one must scroll to see all columns."""
+OPENED = "() => document.querySelectorAll('details').forEach(one => { one.open = true })"
+"""What is folded away is looked at too."""
 
 
 def main(pages: list[Path]) -> int:
@@ -71,6 +78,8 @@ def _findings(browser: Browser, page: Path) -> Iterator[str]:
         tab.on("pageerror", lambda error, said=said: said.append(f"error: {error}"))
         tab.on("request", lambda request, said=said: said.append(f"asks for {request.url}") if _is_outside(request.url) else None)
         tab.goto(page.resolve().as_uri())
+        tab.evaluate(OPENED)
+        said += [f"scrolls: {one}" for one in tab.evaluate(SCROLLING)]
         if tab.evaluate("document.scrollingElement.scrollWidth > innerWidth"):
             said += [f"sticks out: {one}" for one in tab.evaluate(UNSCROLLABLE)] or ["overflows"]
         for rule in Axe().run(tab).response["violations"]:

@@ -6,6 +6,8 @@ so of a link to outside only its form is looked at.
 
 from __future__ import annotations
 
+import os
+import shutil
 from dataclasses import dataclass, field
 from html.parser import HTMLParser
 from pathlib import Path
@@ -51,6 +53,12 @@ FOR_READERS_ALOUD = {
     "<th></th>": "<td></td>",  # the corner of a table
 }
 """What Sphinx and pandas write without what screen readers and keyboards need."""
+
+
+def keep_reproduction(app: Sphinx, exception: Exception | None) -> None:
+    """Put the pages of ``barbalat reproduce``, which the ledger's page has made, beside the site's."""
+    if exception is None and app.builder.format == "html":
+        shutil.copytree(os.environ["BARBALAT_REPRODUCTION"], Path(app.outdir) / "reproduction", dirs_exist_ok=True)
 
 
 def mend(app: Sphinx, exception: Exception | None) -> None:
@@ -111,6 +119,7 @@ def _read(path: Path) -> Page:
 
 def setup(app: Sphinx) -> dict[str, bool]:
     """Look at the pages when all are written."""
+    app.connect("build-finished", keep_reproduction)
     app.connect("build-finished", mend)
     app.connect("build-finished", check)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -10,7 +10,6 @@ from barbalat.claims import adapting_margins, section_v
 from barbalat.linear.interconnections import series
 from barbalat.linear.margins import margins
 from barbalat.linear.systems import TransferFunction
-from barbalat.loop.closed_loop import ClosedLoop
 
 
 @pytest.fixture(scope="module")
@@ -20,7 +19,7 @@ def effect():
 
 def linearised(gamma, r, kappa):
     controller = Mrac(gamma=gamma) if kappa is None else section_v.l1("L1", gamma, kappa)
-    return around_equilibrium(ClosedLoop.of(section_v.problem(), controller), r)
+    return around_equilibrium(section_v.problem(), controller, r)
 
 
 @pytest.mark.parametrize("kappa", [None, 0.005, 0.3])

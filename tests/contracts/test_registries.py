@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, is_dataclass
+from importlib import import_module
+from inspect import isabstract
 from pathlib import Path
+from pkgutil import walk_packages
 
 import numpy as np
 import pytest
@@ -16,16 +19,16 @@ from barbalat.cases.build import made
 from barbalat.cases.keys import Context, Differences, keys_of
 from barbalat.cases.load import parse_case
 from barbalat.cases.schema import CASES, case_table, table_of
-from barbalat.cases.tables import Table
+from barbalat.cases.table_models import Table
 from barbalat.certificates.schemes import scheme_file
-from barbalat.controllers import SCHEMES, Mrac
+from barbalat.controllers import SCHEMES, Mrac, Sampled
 from barbalat.controllers.output import OUTPUT_SCHEMES
 from barbalat.problem.regressors import REGRESSORS, Regressor
 from barbalat.protocols import BoundedSignal, BreakingSignal
 from barbalat.signals import SIGNALS
 from barbalat.signals.recorded import MatFile, Recorded
-from barbalat.signals.smooth import Continuous
-from barbalat.solvers import SOLVERS
+from barbalat.signals.smooth import Clock, Continuous
+from barbalat.solvers import SOLVERS, Tableau
 from contracts import case_examples
 from independent import example_controllers, example_output_controllers, refusal
 
@@ -61,10 +64,35 @@ def test_every_scheme_has_a_certificate():
         assert callable(file.certificate) and callable(file.column), name
 
 
-@pytest.mark.parametrize("registry", [SCHEMES, OUTPUT_SCHEMES, OUTPUT_LAWS, SIGNALS, REGRESSORS])
-def test_everything_registered_is_a_public_name(registry):
-    lacking = [kind.__name__ for kind in registry.values() if kind.__name__ not in barbalat.__all__]
+REGISTRIES = (SCHEMES, OUTPUT_SCHEMES, OUTPUT_LAWS, SIGNALS, REGRESSORS)
+PUBLIC = {kind.__name__: kind for registry in REGISTRIES for kind in registry.values()}
+PUBLIC |= {name.upper(): tableau for name, tableau in SOLVERS.items()}
+
+
+def test_everything_registered_is_a_public_name():
+    lacking = [name for name, kind in PUBLIC.items() if getattr(barbalat, name, None) is not kind]
     assert not lacking, "add them to src/barbalat/__init__.pyi"
+
+
+ROOMS = {
+    "controllers": lambda kind: is_dataclass(kind) and hasattr(kind, "bind"),
+    "adaptation.laws": lambda kind: is_dataclass(kind) and hasattr(kind, "rates") and not isabstract(kind),
+    "signals": lambda kind: is_dataclass(kind) and hasattr(kind, "before"),
+    "solvers": lambda value: isinstance(value, Tableau),
+}
+NO_CHOICE_OF_A_CASE = (Sampled, Clock)
+"""Sampling is two keys of every controller, and t is what a plant's formula asks for."""
+
+
+@pytest.mark.parametrize("room", ROOMS)
+def test_everything_written_is_registered(room):
+    """A class or tableau of one of these rooms that no registry names."""
+    package = import_module(f"barbalat.{room}")
+    modules = [import_module(found.name) for found in walk_packages(package.__path__, f"{package.__name__}.")]
+    written = {name: value for module in modules for name, value in vars(module).items() if ROOMS[room](value)}
+    known = (*PUBLIC.values(), *NO_CHOICE_OF_A_CASE)
+    assert written
+    assert not [name for name, value in written.items() if not any(value is each for each in known)]
 
 
 def test_the_docs_hold_what_the_registries_make():

@@ -108,7 +108,7 @@ def test_fast_adaptation_is_the_limit_of_the_adaptive_loop():
     w = np.array([0.3, 1.0, 5.0, 20.0])
     distances = []
     for gamma in (1e4, 1e6, 1e8):
-        loop = around_equilibrium(ClosedLoop.of(problem, L1Adaptive(gamma=gamma, filter=C)), 1.0)
+        loop = around_equilibrium(problem, L1Adaptive(gamma=gamma, filter=C), 1.0)
         distances.append(np.abs(loop.response(w) / limit.response(w) - 1).max())
     assert distances[0] < 0.05
     assert distances[2] < distances[0] / 100
@@ -123,15 +123,16 @@ def test_mrac_around_a_constant_command_by_hand():
     """theta_hat'x* integrates Gamma |x*|^2 b'P e: L = theta'G + (Gamma |x*|^2/s) b'P G."""
     problem = load_case("paper").problem
     plant, gamma, r = problem.plant, 2.0, 3.0
-    loop = ClosedLoop.of(problem, Mrac(gamma=gamma))
+    controller = Mrac(gamma=gamma)
+    loop = ClosedLoop.of(problem, controller)
     x = -np.linalg.solve(plant.A_m, plant.b * 4 * r)
-    found = around_equilibrium(loop, r)
+    found = around_equilibrium(problem, controller, r)
     A = plant.A_m + np.outer(plant.b, plant.theta)
     for w in (0.5, 3.0, 40.0):
         G = np.linalg.solve(1j * w * np.eye(2) - A, plant.b)
         by_hand = plant.theta @ G + gamma * (x @ x) / (1j * w) * (plant.b @ problem.known.P @ G)
         assert found.response(np.array([w]))[0] == pytest.approx(by_hand, rel=1e-9)
-    rest, _ = equilibrium(loop, r)
+    rest, _ = equilibrium(problem, loop, r)
     assert np.abs(loop.derivative(rest, np.array([r]))).max() < 1e-9
 
 

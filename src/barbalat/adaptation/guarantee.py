@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from enum import Enum
 
@@ -46,6 +47,21 @@ CORNERS = "nothing is guaranteed where the projection cuts corners"
 def nothing(why: str, *, leaks: bool = False) -> Guarantee:
     """No guarantee."""
     return Guarantee(bounded=False, error_to_zero=False, estimates=Estimates.UNKNOWN, leaks=leaks, why=why)
+
+
+class ModifiedLaw(ABC):
+    """A law whose V' is not positive without its modifications."""
+
+    leakage: Leakage | None
+    dead_zone: DeadZone | None
+
+    @property
+    @abstractmethod
+    def metric(self) -> Gain:
+        """Gamma of V; of a covariance only that it is a matrix is meant."""
+
+    def guarantee(self, known_set: EstimateSet | None) -> Guarantee:
+        return with_modifications(self.metric, known_set, self.leakage, self.dead_zone)
 
 
 def with_modifications(

@@ -9,7 +9,6 @@ from barbalat import validate
 from barbalat.adaptation.learning import CompositeLearning
 from barbalat.adaptation.modifications import dead_zone as zone
 from barbalat.adaptation.modifications import leakage as leak
-from barbalat.adaptation.modifications.epsilon_modification import EpsilonModification
 from barbalat.problem.known_set import EstimateSet, Gain, project
 from barbalat.protocols import Value
 from barbalat.validate import Array, InputError
@@ -34,7 +33,7 @@ class Modifications:
             leak.accept(self.leakage, "the Lyapunov law")
             return
         validate.instance("learning", self.learning, CompositeLearning)
-        leak.accept(self.leakage, "composite learning", leak.SIGMA_LEAKAGES, "its V' is not proportional to the present error")
+        leak.accept(self.leakage, "composite learning", leak.Borne.BOUNDED, "its V' is not proportional to the present error")
         if self.dead_zone is not None:
             raise InputError(
                 "a dead zone can't go with composite learning: the memory keeps adapting inside the zone, on data that hold "
@@ -55,8 +54,9 @@ class Modifications:
 
     def require_fit(self, inputs: int) -> None:
         """InputError for a modification that is known for one input only."""
-        for part in (self.learning, self.leakage):
-            if inputs > 1 and isinstance(part, (CompositeLearning, EpsilonModification)):
+        leakage = self.leakage if self.leakage is not None and self.leakage.one_input_only else None
+        for part in (self.learning, leakage):
+            if inputs > 1 and part is not None:
                 raise InputError(f"{type(part).__name__} takes plants with one input, got {inputs}")
 
     def rate(

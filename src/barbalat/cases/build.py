@@ -12,7 +12,7 @@ from typing import Any
 from barbalat.cases.findings import several
 from barbalat.cases.keys import Context, Given
 from barbalat.cases.scheme_keys import SAMPLING
-from barbalat.cases.tables import Table
+from barbalat.cases.table_models import Table
 from barbalat.controllers import Sampled
 from barbalat.loop.binding import bound, require_controllers
 from barbalat.loop.closed_loop import ClosedLoop

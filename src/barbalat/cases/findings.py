@@ -10,7 +10,7 @@ from typing import Any, get_args
 
 from pydantic import ValidationError
 
-from barbalat.cases.tables import TAGS, Table
+from barbalat.cases.table_models import TAGS, Table
 from barbalat.validate import InputError
 
 SHOWN_AT_ONCE = 3

@@ -18,7 +18,7 @@ from barbalat.cases.modifications import Modification, choices_of, joined, modif
 from barbalat.cases.problem_keys import DIFFERENCES as PROBLEM_DIFFERENCES
 from barbalat.cases.scheme_keys import DIFFERENCES as SCHEME_DIFFERENCES
 from barbalat.cases.scheme_keys import SAMPLING
-from barbalat.cases.tables import Recipe, Table, numbers, one_or_several
+from barbalat.cases.table_models import Recipe, Table, numbers, one_or_several
 from barbalat.controllers import SCHEMES
 from barbalat.controllers.output import OUTPUT_SCHEMES
 from barbalat.problem.output_feedback import OutputProblem

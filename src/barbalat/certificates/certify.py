@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 
 from barbalat.certificates.certificate import Certificate, reason
-from barbalat.certificates.schemes import sampled, scheme_file, stranger
-from barbalat.controllers import Sampled
-from barbalat.loop.binding import numbered
+from barbalat.certificates.schemes import scheme_file, stranger
+from barbalat.loop.binding import is_sampled, numbered
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller
 from barbalat.solvers.simulation import Simulation
@@ -51,8 +50,8 @@ def certify_where_possible(
 def _computed(problem: TrackingProblem, controller: Controller, simulation: Simulation) -> Certificate:
     """Overflows, matrices that are singular or not finite, norms beyond the limit of precision are findings of the case."""
     try:
-        found = _certificate(problem, controller, simulation)
-        return found if isinstance(controller, Sampled) else _beside_its_runs(found, simulation)
+        found = (scheme_file(controller) or stranger).certificate(problem, controller, simulation)
+        return found if is_sampled(controller.bind(problem.known)) else _beside_its_runs(found, simulation)
     except InputError:
         raise
     except (ArithmeticError, ValueError) as error:  # NumPy's LinAlgError is a ValueError
@@ -73,13 +72,3 @@ def _beside_its_runs(certificate: Certificate, simulation: Simulation) -> Certif
         "What is guaranteed is so of their solution, and a run at this step may leave it"
     )
     return certificate.with_entries(certificate.entries, note)
-
-
-def _certificate(problem: TrackingProblem, controller: Controller, simulation: Simulation) -> Certificate:
-    if isinstance(controller, Sampled):
-        controller.bind(problem.known)  # refuses what has no sampled form
-        judged = sampled.judged_at(controller, simulation)
-        return sampled.certificate(problem, _certificate(problem, controller.controller, judged), controller, judged)
-    scheme = scheme_file(controller)
-    certificate = stranger.certificate if scheme is None else scheme.certificate
-    return certificate(problem, controller, simulation)

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from textwrap import shorten
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -17,8 +18,11 @@ from barbalat.validate import Array
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from barbalat.certificates.certificate import Certificate
     from barbalat.pictures.frequency import Response
 
+LONGEST_NAME = 60
+"""Characters of a certificate's name in a caption."""
 POINTS = 1500
 """Frequencies of a drawn response, evenly apart in logarithm; resonances and crossings are added."""
 
@@ -43,6 +47,19 @@ def figure_of(loops: Sequence[MarginLoop], title: str, *, narrow: bool = False, 
     found = [Marked.of(loop) for loop in loops]
     span = min(one.span[0] for one in found), max(one.span[1] for one in found)
     return draw([one.response(*span) for one in found], title, narrow=narrow, shown=shown)
+
+
+def distinct(certificates: Mapping[str, Certificate]) -> list[MarginLoop]:
+    """Every loop of the certificates once, under the names of all that have it."""
+    owners: dict[tuple[StateSpace, float], tuple[list[str], str]] = {}
+    for name, certificate in certificates.items():
+        short = shorten(name, LONGEST_NAME, placeholder="…")
+        for loop in certificate.loops:
+            owners.setdefault((loop.system, loop.delay), ([], loop.name))[0].append(short)
+    return [
+        MarginLoop(f"{'; '.join(dict.fromkeys(names))}: {said}", system, delay)
+        for (system, delay), (names, said) in owners.items()
+    ]
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,7 +100,7 @@ class Marked:
         own = frequency_grid(self.loop.system)
         within = own[(own > low) & (own < high)]
         w = np.unique(np.concatenate([np.geomspace(low, high, POINTS), within, self.marks]))
-        caption = f"{self.loop.name}: {_caption(self.margins)}"
+        caption = f"{self.loop.name.replace('theta', 'θ')}: {_caption(self.margins)}"
         return Response(w=w, L=self.loop.at(w), caption=caption, at_phase=self.at_phase, at_gain=self.at_gain)
 
 

@@ -12,8 +12,7 @@ from typing import Any
 
 from barbalat.certificates.cells import PROPERTIES, Column, nothing
 from barbalat.certificates.certificate import Certificate, reason
-from barbalat.certificates.schemes import sampled, scheme_file, stranger
-from barbalat.controllers import Sampled
+from barbalat.certificates.schemes import scheme_file, stranger
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller
 
@@ -35,12 +34,8 @@ def table_1(problem: TrackingProblem, controllers: Sequence[Controller], certifi
 
 
 def _column(problem: TrackingProblem, controller: Controller, certificate: Certificate) -> Column:
-    continuous = controller.controller if isinstance(controller, Sampled) else controller
-    scheme = scheme_file(continuous)
-    column_of = stranger.column if scheme is None else scheme.column
+    file = scheme_file(controller) or stranger
     try:
-        name, cells = column_of(problem, continuous, certificate)
-        column = Column(controller.name, name, cells)
-        return sampled.column(problem, column, controller) if isinstance(controller, Sampled) else column
+        return Column(controller.name, *file.column(problem, controller, certificate))
     except Exception as error:  # noqa: BLE001 (one column; the others stand)
-        return Column(controller.name, type(continuous).__name__, {key: nothing(key, reason(error)) for key in PROPERTIES})
+        return Column(controller.name, type(controller).__name__, {key: nothing(key, reason(error)) for key in PROPERTIES})

@@ -16,11 +16,9 @@ from barbalat.certificates.linear_loops.around_equilibrium import around_equilib
 from barbalat.certificates.linear_loops.ideal import fast_adaptation
 from barbalat.claims import section_v
 from barbalat.claims.claim import Axis, Chart, Claim, Curve, Map, Reading, of_readings, verdict
-from barbalat.controllers import Mrac
+from barbalat.controllers import L1Adaptive, Mrac
 from barbalat.linear.margins import Margins, margins
 from barbalat.linear.systems import StateSpace, input_filter
-from barbalat.loop.closed_loop import ClosedLoop
-from barbalat.protocols import Controller
 from barbalat.validate import Array, InputError
 
 GAINS = np.geomspace(1e-6, 1e8, 43)
@@ -169,11 +167,11 @@ def loop(kappa: float | None) -> Callable[[float], StateSpace]:
 
     Gamma is a factor of the law alone, so the loop's matrix is affine in it: two exact linearisations give all.
     """
-    one, two = (around_equilibrium(ClosedLoop.of(section_v.problem(), _controller(gamma, kappa)), 1.0) for gamma in (1.0, 2.0))
+    one, two = (around_equilibrium(section_v.problem(), _controller(gamma, kappa), 1.0) for gamma in (1.0, 2.0))
     return lambda gamma: StateSpace(one.A + (gamma - 1) * (two.A - one.A), one.B, one.C, one.D)
 
 
-def _controller(gamma: float, kappa: float | None) -> Controller:
+def _controller(gamma: float, kappa: float | None) -> Mrac | L1Adaptive:
     return Mrac(gamma=gamma) if kappa is None else section_v.l1("L1", gamma, kappa)
 
 

@@ -15,10 +15,9 @@ from barbalat.claims.adapting_margins import GAINS, KAPPAS, filter_effect
 from barbalat.claims.adapting_margins import HOW as EXACT
 from barbalat.claims.claim import Claim, Listing, Reading, of_readings, verdict
 from barbalat.claims.variants import variant
-from barbalat.controllers import Mrac
+from barbalat.controllers import L1Adaptive, Mrac
 from barbalat.linear.margins import margins
 from barbalat.linear.systems import TransferFunction, input_filter
-from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.problem.actuation import PlantInput
 from barbalat.problem.state_feedback import Problem
 from barbalat.protocols import Controller, Signal
@@ -149,9 +148,9 @@ def _change(pair: list[float]) -> str:
     return f"{without:.3g} to {with_filter:.3g} s ({'up' if with_filter > without else 'down'})"
 
 
-def adapting_delay_margin(controller: Controller, r: float) -> float:
+def adapting_delay_margin(controller: Mrac | L1Adaptive, r: float) -> float:
     """Exact, of the loop linearised with its law at the constant command r [s]."""
-    return margins(around_equilibrium(ClosedLoop.of(section_v.problem(), controller), r)).delay
+    return margins(around_equilibrium(section_v.problem(), controller, r)).delay
 
 
 def _simulated(command: str, signal: Signal) -> list[Simulated]:

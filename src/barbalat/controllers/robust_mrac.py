@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import lru_cache
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -170,6 +170,8 @@ class NormalizedMrac:
     projection: bool | None = None
     saturated_predictor: bool = False
     name: str = "Normalised MRAC"
+
+    tau: ClassVar[None] = None  # no auxiliary input
 
     def __post_init__(self) -> None:
         _check_model_and_law(self)

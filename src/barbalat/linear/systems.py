@@ -10,6 +10,7 @@ import numpy as np
 
 from barbalat import validate
 from barbalat.linear.conditions import balance
+from barbalat.linear.foreign_systems import foreign_coefficients, foreign_state_space, is_scipy
 from barbalat.protocols import Value
 from barbalat.validate import Array, InputError, Vector
 
@@ -113,30 +114,11 @@ class TransferFunction:
             return system
         if isinstance(system, StateSpace):
             return system.transfer_function()
-        matrices = foreign_state_space(system) if _is_scipy(system) else None
+        matrices = foreign_state_space(system) if is_scipy(system) else None
         if matrices is not None and matrices[3].shape == (1, 1):
             A, B, C, D = matrices
             return StateSpace(A, B[:, 0], C[0], float(D[0, 0])).transfer_function()
-        if _is_scipy(system):
-            found = system.to_tf()
-            num, den = np.squeeze(found.num), found.den
-            if np.ndim(num) > 1:
-                raise InputError(f"{field} must have one input and one output, got {validate.show(system)}")
-            return cls(np.atleast_1d(num), den)
-        if all(hasattr(system, name) for name in ("ninputs", "noutputs", "dt")):
-            import control
-
-            if (system.ninputs, system.noutputs) != (1, 1):
-                raise InputError(f"{field} must have one input and one output, got {system.ninputs} and {system.noutputs}")
-            if system.dt not in (0, None):
-                raise InputError(f"{field} must be a continuous-time system, got one with the sample time {system.dt}")
-            if not isinstance(system, (control.TransferFunction, control.StateSpace)):
-                raise InputError(f"{field} must be a transfer function or state space, got {type(system).__name__}")
-            converted = control.tf(system)
-            return cls(np.asarray(converted.num[0][0], float), np.asarray(converted.den[0][0], float))
-        raise InputError(
-            f"{field} must be a TransferFunction, or a system of python-control or SciPy, got {validate.show(system)}"
-        )
+        return cls(*foreign_coefficients(field, system))
 
     def __mul__(self, other: TransferFunction) -> TransferFunction:
         return TransferFunction(np.polymul(self.num, other.num), np.polymul(self.den, other.den))
@@ -192,23 +174,6 @@ class TransferFunction:
         if not all(np.isfinite(part).all() for part in (A, B, C, D)):
             raise InputError(f"the system's coefficients are too far apart to be realised: num {self.num}, den {self.den}")
         return StateSpace(A, B, C, D)
-
-
-def _is_scipy(system: Any) -> bool:
-    """Whether it is a continuous system of SciPy's; discrete ones are not taken."""
-    if not type(system).__module__.startswith("scipy."):
-        return False
-    from scipy.signal import lti
-
-    return isinstance(system, lti)
-
-
-def foreign_state_space(system: Any) -> tuple[Array, Array, Array, Array] | None:
-    """A, B, C, D of a continuous state space of another package; ``None`` for anything else."""
-    if not all(hasattr(system, name) for name in ("A", "B", "C", "D")) or getattr(system, "dt", None) not in (0, None):
-        return None
-    A, B, C, D = (np.asarray(getattr(system, name), dtype=float) for name in "ABCD")
-    return A, B, C, D
 
 
 def open_loop(field: str, system: Any) -> tuple[Array, Array]:

@@ -8,21 +8,23 @@ is infinite or NaN, but accumulators start at infinity, and a run that diverges 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 
+from barbalat.lowering.c99_bits import OF_BITS
+from barbalat.lowering.functions import FUNCTIONS, function
 from barbalat.lowering.operations import COMPARISONS, Operation, Program
 from barbalat.lowering.shape import ENTRY, LoopShape
 
 _INFIX = {"add": "+", "sub": "-", "mul": "*", "div": "/", "lt": "<", "le": "<=", "eq": "==", "ne": "!="}
-_FUNCTIONS = {
-    "sqrt": 1, "fabs": 1, "floor": 1, "ceil": 1, "exp": 1, "log": 1, "sin": 1, "cos": 1, "tan": 1, "tanh": 1,
-    "pow": 2, "copysign": 2, "fma": 3,
-}  # fmt: skip
+_LIBRARY = {"sqrt": 1, "fabs": 1, "floor": 1, "ceil": 1, "copysign": 2, "fma": 3}
+"""Functions of math.h whose result is exact or correctly rounded everywhere, and their arguments."""
 
 _LOOP = """\
 #include <math.h>
 #include <stdint.h>
+#include <string.h>
 
-void {name}(int64_t blocks, int64_t steps, double *restrict state, const double *restrict parameters,
+{functions}void {name}(int64_t blocks, int64_t steps, double *restrict state, const double *restrict parameters,
 {indent}const double *restrict signals, double *restrict out)
 {{
 {declarations}{load}    for (int64_t block = 0; block < blocks; ++block) {{
@@ -93,8 +95,12 @@ class _Printer:
             return f"-{x[0]}"
         if name == "fnma":
             return f"fma(-{x[0]}, {x[1]}, {x[2]})"
-        if _FUNCTIONS.get(name) == len(x):
+        if _LIBRARY.get(name) == len(x):
             return f"{name}({', '.join(x)})"
+        if name in FUNCTIONS or name in OF_BITS:
+            return f"barbalat_{name}({', '.join(x)})"
+        if name == "lookup":
+            return f"table[(int){x[0]}]"
         raise ValueError(f"the operation {name} has no C translation")
 
     def extremum(self, name: str, x: list[str]) -> str:
@@ -120,6 +126,7 @@ def loop(step: Program, shape: LoopShape, resets: tuple[float, ...], lanes: int 
     begin += [f"{local} = {constant(reset)};" for local, reset in zip(a, resets, strict=True)]
     body = statements(step, inputs) + [f"{local} = {value};" for local, value in zip(x + a, following, strict=True)]
     return _LOOP.format(
+        functions=definitions([step]),
         name=name,
         indent=" " * len(f"void {name}("),
         declarations=_lines(_declarations(n, m, lanes), 4),
@@ -157,3 +164,32 @@ def _each_lane(lines: list[str], lanes: int) -> list[str]:
 
 def _lines(lines: list[str], indent: int) -> str:
     return "".join(f"{' ' * indent}{line}\n" for line in lines)
+
+
+def definitions(programs: Iterable[Program]) -> str:
+    """C source of the functions that these lists call, each with what it needs itself."""
+    called = {op.name for program in programs for op in program.operations} & FUNCTIONS
+    lists = {name: [part for part in (function(name).usual, function(name).rare) if part is not None] for name in sorted(called)}
+    used = {op.name for parts in lists.values() for part in parts for op in part.operations}
+    text = [source for name, source in OF_BITS.items() if name in used]
+    return "\n".join([*text, *(_definition(name) for name in lists), ""]) if lists else ""
+
+
+def _definition(name: str) -> str:
+    made = function(name)
+    arguments = ", ".join(f"double x{i}" for i in range(made.arguments))
+    passed = ", ".join(f"x{i}" for i in range(made.arguments))
+    if made.rare is None:
+        return _function(f"barbalat_{name}", arguments, made.usual, "")
+    rare = f"barbalat_{name}_rare"
+    otherwise = f"    if (t{made.usual.outputs[1][0]}) {{\n        return {rare}({passed});\n    }}\n"
+    usual = _function(f"barbalat_{name}", arguments, made.usual, otherwise)
+    return _function(rare, arguments, made.rare, "") + "\n" + usual
+
+
+def _function(name: str, arguments: str, program: Program, otherwise: str) -> str:
+    tables = dict.fromkeys(op.table for op in program.operations if op.name == "lookup")
+    lines = [f"static const double table[] = {{{', '.join(map(constant, table))}}};" for table in tables]
+    lines += statements(program, {(i, 0): f"x{i}" for i in range(len(program.operations))})
+    body = "".join(f"    {line}\n" for line in lines)
+    return f"static double {name}({arguments})\n{{\n{body}{otherwise}    return t{program.outputs[0][0]};\n}}\n"

@@ -21,6 +21,7 @@ class Operation:
     operands: tuple[int, ...] = ()
     value: float = 0.0  # of a "constant"
     source: tuple[int, int] = (0, 0)  # of an "input": (argument, component)
+    table: tuple[float, ...] = ()  # of a "lookup": its operand is one of the places
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,7 +41,7 @@ def _names() -> dict[int, str]:
     import casadi as ca
 
     binary = "ADD SUB MUL DIV LT LE EQ NE AND OR FMIN FMAX POW CONSTPOW COPYSIGN IF_ELSE_ZERO"
-    unary = "NEG INV SQRT FABS NOT EXP LOG SIN COS TAN TANH FLOOR CEIL SQ TWICE SIGN"
+    unary = "NEG INV SQRT FABS NOT EXP LOG SIN COS TAN TANH ATAN FLOOR CEIL SQ TWICE SIGN"
     return {getattr(ca, f"OP_{name}"): name.lower() for name in f"{binary} {unary}".split()}
 
 

@@ -30,11 +30,12 @@ def optimize(program: Program, *, fused: bool = True) -> Program:
 
     Without ``fused`` every product is rounded before it is added: for targets that have no fused multiply-add.
     """
-    prepared = _drop_dead(_share_reciprocals(_order_extrema(_recover_selections(program))))
-    return _drop_dead(_Associator(prepared, fused=fused).run())
+    prepared = drop_dead(_share_reciprocals(_order_extrema(_recover_selections(program))))
+    return drop_dead(_Associator(prepared, fused=fused).run())
 
 
-def _drop_dead(program: Program) -> Program:
+def drop_dead(program: Program) -> Program:
+    """The list without what no output needs."""
     alive = {i for row in program.outputs for i in row}
     for i in range(len(program.operations) - 1, -1, -1):
         if i in alive:
@@ -44,7 +45,7 @@ def _drop_dead(program: Program) -> Program:
     for i, op in enumerate(program.operations):
         if i in alive:
             place[i] = len(kept)
-            kept.append(Operation(op.name, tuple(place[j] for j in op.operands), op.value, op.source))
+            kept.append(Operation(op.name, tuple(place[j] for j in op.operands), op.value, op.source, op.table))
     return Program(tuple(kept), tuple(tuple(place[i] for i in row) for row in program.outputs))
 
 
@@ -94,7 +95,7 @@ def _share_reciprocals(program: Program) -> Program:
                 reciprocals[divisor] = len(ops) - 1
             ops.append(Operation("mul", (numerator, reciprocals[divisor])))
         else:
-            ops.append(Operation(op.name, operands, op.value, op.source))
+            ops.append(Operation(op.name, operands, op.value, op.source, op.table))
         place.append(len(ops) - 1)
     return Program(tuple(ops), tuple(tuple(place[i] for i in row) for row in program.outputs))
 

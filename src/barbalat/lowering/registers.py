@@ -81,5 +81,5 @@ def _reordered(program: Program, order: list[int]) -> Program:
     operations = []
     for i in order:
         op = program.operations[i]
-        operations.append(Operation(op.name, tuple(place[j] for j in op.operands), op.value, op.source))
+        operations.append(Operation(op.name, tuple(place[j] for j in op.operands), op.value, op.source, op.table))
     return Program(tuple(operations), tuple(tuple(place[i] for i in row) for row in program.outputs))

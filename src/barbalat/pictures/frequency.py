@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Circle
 
+from barbalat.pictures.panels import as_typed
 from barbalat.pictures.theme import DASHES, NARROW, WIDE, Theme, new_figure
 from barbalat.validate import Array
 
@@ -85,7 +86,8 @@ MARKS = {"o": "where the phase margin is measured: |L| = 1", "s": "where the gai
 
 def _legend(figure: Figure, responses: Sequence[Response], theme: Theme, *, narrow: bool) -> None:
     width = 60 if narrow else 150
-    lines = [Line2D([], [], color=theme.colour(k), label=textwrap.fill(r.caption, width)) for k, r in enumerate(responses)]
+    captions = [as_typed(textwrap.fill(response.caption, width)) for response in responses]
+    lines = [Line2D([], [], color=theme.colour(k), label=caption) for k, caption in enumerate(captions)]
     marks = [Line2D([], [], color=theme.quiet, marker=m, linestyle="", label=t) for m, t in MARKS.items()]
     small = 7.5 if narrow else 8.5
     figure.legend(handles=[*lines, *marks], loc="outside lower left", frameon=False, fontsize=small, alignment="left")

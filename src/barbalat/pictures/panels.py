@@ -71,7 +71,12 @@ class Panel:
 def text_of(name: str) -> str:
     """A name as Matplotlib shows it as it is: no mathematics, no label that legends leave out, none that pushes the axes away."""
     short = name if len(name) <= LONGEST_LABEL else name[: LONGEST_LABEL - 1] + "…"
-    return ("\u200b" if short.startswith("_") else "") + short.replace("$", r"\$")
+    return as_typed(short)
+
+
+def as_typed(text: str) -> str:
+    """The same without a limit of its length."""
+    return ("\u200b" if text.startswith("_") else "") + text.replace("$", r"\$")
 
 
 def span_of(values: Sequence[Array]) -> tuple[float, float]:

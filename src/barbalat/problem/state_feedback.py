@@ -110,8 +110,8 @@ class Problem(TrackingProblem):
             validate.instance("uncertainty", self.uncertainty, (ParameterBox, ParameterBall))
             size, wanted = self.uncertainty.size, len(self.plant.theta)
             if size != wanted:
-                first = "lower" if isinstance(self.uncertainty, ParameterBox) else "center"
-                raise InputError(f"uncertainty.{first} must have {wanted} entries, one for each parameter, got {size}")
+                field = f"uncertainty.{self.uncertainty.first_field}"
+                raise InputError(f"{field} must have {wanted} entries, one for each parameter, got {size}")
         if self.input_gain is not None:
             self._check_input_gain()
         self._check_commands()

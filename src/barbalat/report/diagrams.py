@@ -14,7 +14,10 @@ from matplotlib.textpath import TextPath
 from barbalat.controllers.output.l1 import L1Output, LinearEquivalent, fast_limit, linear_equivalent
 from barbalat.linear.systems import TransferFunction
 from barbalat.pictures.panels import text_of
+from barbalat.problem.output_feedback import OutputProblem
 from barbalat.problem.output_plant import OutputPlant
+from barbalat.problem.tracking import TrackingProblem
+from barbalat.protocols import Controller
 from barbalat.report.numbers import number_text
 from barbalat.validate import Array
 
@@ -29,6 +32,13 @@ LARGEST_FONT_POINTS = 13.0
 """Of a block's text, however much room it has."""
 
 Point = tuple[float, float]
+
+
+def of_controller(controller: Controller, problem: TrackingProblem) -> Figure | None:
+    """The block diagram of a scheme that has one: of L1 output feedback."""
+    if isinstance(controller, L1Output) and isinstance(problem, OutputProblem):
+        return l1_output(controller, problem.plant)
+    return None
 
 
 def l1_output(controller: L1Output, plant: OutputPlant) -> Figure:

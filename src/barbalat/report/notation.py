@@ -1,4 +1,7 @@
-"""The notation of terminals as mathematics on a page: letters with accents, sub- and superscripts for theta_hat'Gamma^-1."""
+"""The notation of terminals as mathematics on a page: letters with accents, sub- and superscripts for theta_hat'Gamma^-1.
+
+What stays as it is written, error_bound or step_max, are names of values in Python and in the JSON, and set as code.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +22,9 @@ LETTERS = (
     "Gamma Delta Theta Lambda Xi Sigma Phi Psi Omega"
 )
 """By their names; pi, the number, is written out nowhere."""
-SIGNS = {"<=": "≤", ">=": "≥", "+-": "±", "->": "→"}
+SIGNS = {"<=": "≤", ">=": "≥", "+-": "±", "->": "→", "inf": "∞", " - ": " − "}
+UNITS = "s|ms|rad/s|rad|Hz|dB|%"
+"""They stay on their number's line."""
 
 _GREEK = {
     name: unicodedata.lookup(
@@ -29,15 +34,19 @@ _GREEK = {
 }
 _TOKEN = re.compile(
     r"(?P<power>\^(?:-?\w+(?:\.\d+)?|\([^()]*\)))"
-    r"|(?P<norm>\|\|(?:_\w+)?)"
+    r"|(?P<norm>\|\|(?:_\w+)?|\|_\d)"
     r"|(?P<root>\bsqrt\()"
-    rf"|(?P<name>(?<![\w.])(?:{'|'.join(sorted(_GREEK, key=len, reverse=True))}|[A-Za-z](?=_))(?:_[A-Za-z0-9]+)*\d*(?![\w]))"
-    r"|(?P<sign><=|>=|\+-|->)"
+    rf"|(?P<number>(?<![\w.^)-])(?P<digits>-?\d+(?:\.\d+)?)(?:e(?P<ten>[-+]?\d+))?(?![\w.]*\w)(?P<unit> (?:{UNITS})(?!\w))?)"
+    rf"|(?P<name>(?:(?<![\w.])|(?<=\bs))(?:{'|'.join(sorted(_GREEK, key=len, reverse=True))}|[A-Za-z](?=_))"
+    r"(?:_[A-Za-z0-9]+)*\d*(?![\w])(?P<prime>'(?!s\b))?)"
+    r"|(?P<signal>(?<=\|)[a-zA-Z](?=\|)|\b[a-zA-Z](?= (?:=|<|<=|>|>=) |\())"
+    r"|(?P<code>\b[a-z]{2,}(?:_[a-z0-9]+)+\b)"
+    r"|(?P<sign><=|>=|\+-|->|\binf\b|(?<=\S) - (?=\S))"
 )
 
 
 def mathematics(text: str) -> Markup:
-    """Text of a page: its names, powers, roots and signs as mathematics, everything else escaped."""
+    """Text of a page: its names, numbers, powers, roots and signs as mathematics, everything else escaped."""
     parts: list[Markup] = []
     end = 0
     for token in _TOKEN.finditer(text):
@@ -52,18 +61,44 @@ def _typeset(token: re.Match[str]) -> Markup:
             exponent = token[0][1:].removeprefix("(").removesuffix(")").replace("-", "−")
             return Markup("<sup>{}</sup>").format(exponent)
         case "norm":
-            return Markup("‖<sub>{}</sub>").format(token[0][3:]) if token[0][2:] else Markup("‖")
+            bars = "‖" if token[0].startswith("||") else "|"
+            below = token[0].lstrip("|").removeprefix("_")
+            return Markup("{}<sub>{}</sub>").format(bars, below) if below else Markup(bars)
         case "root":
             return Markup("√(")
+        case "number":
+            return _number(token)
+        case "signal":
+            return Markup("<var>{}</var>").format(token[0])
+        case "code":
+            return _code(token[0])
         case "sign":
             return Markup(SIGNS[token[0]])
-    return _name(token[0])
+    name = token[0]
+    return _name(name.removesuffix("'")) + ("′" if name.endswith("'") else "")
+
+
+def _number(token: re.Match[str]) -> Markup:
+    """1e-4 s as ten to its power, on one line."""
+    digits, ten = token["digits"].replace("-", "−"), token["ten"]
+    unit = (token["unit"] or "").replace(" ", "\u00a0")
+    if ten is None:
+        return escape(digits + unit)
+    mantissa = {"1": "", "−1": "−"}.get(digits, f"{digits}·")
+    return Markup("{}10<sup>{}</sup>{}").format(mantissa, str(int(ten)).replace("-", "−"), unit)
 
 
 def _name(name: str) -> Markup:
-    """A letter with its accents and its subscripts."""
+    """A letter with its accents and its subscripts; with more than two of these it is no symbol."""
     base, *parts = re.sub(rf"({'|'.join(ACCENTS)})(\d+)$", r"\1_\2", name).split("_")
     accents = [unicodedata.lookup(ACCENTS[part]) for part in parts if part in ACCENTS]
     below = [_GREEK.get(part, part) for part in parts if part not in ACCENTS]
+    if len(below) > 2:
+        return _code(name)
     letter = Markup("<var>{}</var>").format("".join((_GREEK.get(base, base), *accents)))
     return letter + (Markup("<sub>{}</sub>").format(", ".join(below)) if below else Markup())
+
+
+def _code(name: str) -> Markup:
+    """A name of Python's, which may go on in the next line after an underscore."""
+    return Markup("<code>{}</code>").format(Markup("_<wbr>").join(name.split("_")))

@@ -1,4 +1,8 @@
-"""HTML pages; their pictures lie beside them, and nothing is asked for elsewhere."""
+"""HTML pages; nothing is asked for elsewhere.
+
+A page holds its pictures itself, so that it can be sent alone, as long as it is no larger than a page may be. A larger one, such
+as the claims with their dozen maps, has them as files beside it and says so in its last line.
+"""
 
 from __future__ import annotations
 
@@ -8,6 +12,7 @@ from dataclasses import dataclass
 from functools import cache
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
+from markupsafe import Markup
 
 import barbalat
 from barbalat.certificates.cells import PROPERTIES
@@ -15,6 +20,7 @@ from barbalat.certificates.overview import Certified
 from barbalat.claims.claim import Claim, PaperFigure
 from barbalat.report import tradeoff
 from barbalat.report.certificates import rows
+from barbalat.report.narrow import fits_a_phone
 from barbalat.report.notation import mathematics
 from barbalat.report.numbers import number_text
 from barbalat.run.result import Result
@@ -33,12 +39,34 @@ FIGURE_COLUMNS = {
 }
 
 
+LARGEST = 500_000
+"""Bytes of a page with its pictures: mail programs show and phones load that at once."""
+PICTURES_BESIDE = " Its pictures are files in the same folder: send them along."
+
+
+@dataclass(frozen=True)
+class Drawing:
+    """An SVG and the file that it is in."""
+
+    file: str
+    svg: str
+
+    def address(self, alone: bool) -> str:
+        """Its file's, or one that holds all of it; what would end that or its attribute is replaced."""
+        if not alone:
+            return self.file
+        text = self.svg
+        for letter, replaced in (("%", "%25"), ("#", "%23"), ("\n", " "), ("&", "&amp;"), ('"', "'"), ("://", "%3A//")):
+            text = text.replace(letter, replaced)
+        return Markup("data:image/svg+xml,{}").format(Markup(text))
+
+
 @dataclass(frozen=True)
 class Picture:
-    """A drawn figure: its SVG lies beside the page under ``name``, and one for phones under ``narrow`` where there is one."""
+    """A drawn figure, and how it is drawn for phones where that differs."""
 
-    name: str
-    narrow: str | None = None
+    wide: Drawing
+    narrow: Drawing | None = None
 
 
 PAGE = "report.html"
@@ -53,6 +81,7 @@ def reproduction(
     pictures: dict[str, Picture],
     maps: dict[str, Picture],
     certified: Certified,
+    loops: Sequence[Picture],
     seconds: dict[str, float],
 ) -> dict[str, str]:
     """The pages of ``barbalat reproduce`` by their files; ``pictures`` and ``maps`` are by key, ``seconds`` by part."""
@@ -65,6 +94,7 @@ def reproduction(
         "pictures": pictures,
         "maps": maps,
         "certified": certified,
+        "loops": loops,
         "seconds": seconds,
     }
     templates = dict(zip(REPRODUCTION, ("reproduction.html", "claims.html", "guarantees.html"), strict=True))
@@ -72,15 +102,21 @@ def reproduction(
 
 
 def comparison(
-    name: str, results: Sequence[Result], certified: Certified, picture: Picture, diagrams: Sequence[Picture] = ()
+    name: str,
+    results: Sequence[Result],
+    certified: Certified,
+    picture: Picture,
+    diagrams: Sequence[Picture] = (),
+    loops: Sequence[Picture] = (),
 ) -> str:
-    """The page of ``barbalat run``; ``diagrams`` show what controllers are."""
-    return _render("comparison.html", name=name, results=results, certified=certified, picture=picture, diagrams=diagrams)
+    """The page of ``barbalat run``; ``diagrams`` show what controllers are, ``loops`` the loops whose margins are given."""
+    shown = {"picture": picture, "diagrams": diagrams, "loops": loops}
+    return _render("comparison.html", name=name, results=results, certified=certified, **shown)
 
 
-def certificates(name: str, certified: Certified, pictures: dict[str, Picture]) -> str:
-    """The page of ``barbalat certify``; ``pictures`` show the loops by their controllers' names."""
-    return _render("certified.html", name=name, certified=certified, pictures=pictures)
+def certificates(name: str, certified: Certified, loops: Sequence[Picture]) -> str:
+    """The page of ``barbalat certify``; ``loops`` are those whose margins are given."""
+    return _render("certified.html", name=name, certified=certified, loops=loops)
 
 
 def trade_off(found: TradeOff, picture: Picture) -> str:
@@ -97,8 +133,13 @@ def _templates() -> Environment:
     )
     environment.filters |= {"number": number_text, "rows": rows, "mathematics": mathematics}
     environment.globals |= {"version": barbalat.__version__, "columns": FIGURE_COLUMNS, "properties": PROPERTIES}
+    environment.globals["fits_a_phone"] = fits_a_phone
     return environment
 
 
 def _render(template: str, **values: object) -> str:
-    return _templates().get_template(template).render(**values)
+    found = _templates().get_template(template)
+    complete = found.render(alone=True, of_pictures="", **values)
+    if len(complete.encode()) <= LARGEST:
+        return complete
+    return found.render(alone=False, of_pictures=PICTURES_BESIDE, **values)

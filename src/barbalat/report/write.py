@@ -7,21 +7,20 @@ import io
 import json
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 from matplotlib.figure import Figure
 
+from barbalat.certificates.certificate import Certificate
 from barbalat.certificates.overview import Certified
-from barbalat.certificates.picture import MarginLoop
-from barbalat.certificates.picture import figure_of as loops_of
+from barbalat.certificates.picture import MarginLoop, distinct
+from barbalat.certificates.picture import figure_of as loops_figure
 from barbalat.claims.claim import Claim, Map, PaperFigure
-from barbalat.controllers.output.l1 import L1Output
-from barbalat.pictures.panels import text_of
 from barbalat.pictures.render import render
-from barbalat.problem.output_feedback import OutputProblem
+from barbalat.pictures.theme import COLOURS
 from barbalat.report import charts, diagrams, maps, page
 from barbalat.report.files import Folder
 from barbalat.run.picture import figure_of
@@ -29,7 +28,7 @@ from barbalat.run.result import Result
 from barbalat.study.tradeoff import TradeOff
 from barbalat.study.tradeoff_picture import draw as draw_trade_off
 
-RUN, CERTIFICATES, PICTURE = "run.json", "certify.json", "comparison"
+RUN, CERTIFICATES, PICTURE, LOOPS = "run.json", "certify.json", "comparison", "loops"
 """Names of files; of the picture without its two suffixes."""
 NARROW = "-narrow"
 """After the name of a picture for a phone."""
@@ -43,14 +42,26 @@ def draw_reproduction(folder: Folder, figures: Sequence[PaperFigure]) -> dict[st
     """Draw every figure into the folder, but for those for phones."""
     pictures = {}
     for figure in figures:
-        name = f"figure-{figure.key}"
-        pictures[figure.key] = replace(_draw(folder, name, figure_of(figure.shown)), narrow=f"{name}{NARROW}")
+        pictures[figure.key] = _draw(folder, f"figure-{figure.key}", figure_of(figure.shown))
     return pictures
 
 
-def narrow_pictures(figures: Sequence[PaperFigure]) -> dict[str, bytes]:
-    """The files of the figures for phones, which another process may draw meanwhile."""
-    return {f"figure-{figure.key}{NARROW}.svg": _narrow(figure.shown) for figure in figures}
+def narrow_pictures(figures: Sequence[PaperFigure]) -> dict[str, page.Drawing]:
+    """The figures for phones by their keys, which another process may draw meanwhile."""
+    return {figure.key: _narrow(f"figure-{figure.key}", figure.shown) for figure in figures}
+
+
+def with_narrow(pictures: Mapping[str, page.Picture], narrow: Mapping[str, page.Drawing]) -> dict[str, page.Picture]:
+    """Both as one, by key."""
+    return {key: replace(picture, narrow=narrow[key]) for key, picture in pictures.items()}
+
+
+def keep(folder: Folder, pictures: Sequence[page.Picture]) -> None:
+    """Write the SVGs of pictures that were drawn elsewhere."""
+    for picture in pictures:
+        for drawing in (picture.wide, picture.narrow):
+            if drawing is not None:
+                folder.write(drawing.file, drawing.svg)
 
 
 def draw_maps(folder: Folder, claims: Sequence[Claim]) -> dict[str, page.Picture]:
@@ -62,36 +73,39 @@ def draw_maps(folder: Folder, claims: Sequence[Claim]) -> dict[str, page.Picture
     }
 
 
+def loop_pictures(certificates: Mapping[str, Certificate]) -> list[page.Picture]:
+    """The loops whose margins the certificates give, so many in a picture as there are colours."""
+    found = distinct(certificates)
+    groups = [found[i : i + len(COLOURS)] for i in range(0, len(found), len(COLOURS))]
+    return [_loops(name, group) for name, group in zip(_loop_names(len(groups)), groups, strict=True)]
+
+
+def _loops(name: str, loops: Sequence[MarginLoop]) -> page.Picture:
+    wide, narrow = (loops_figure(loops, "", narrow=narrow, shown=False) for narrow in (False, True))
+    return page.Picture(_svg(name, wide), _svg(f"{name}{NARROW}", narrow))
+
+
+def _loop_names(count: int) -> list[str]:
+    return [f"{LOOPS}{f'-{i}' if i > 1 else ''}" for i in range(1, count + 1)]
+
+
 def write_comparison(folder: Folder, case: str, results: Sequence[Result], certified: Certified) -> None:
-    """The picture of the runs, a block diagram for each L1 output-feedback controller, and the page."""
+    """The picture of the runs, those of their loops, a block diagram of each controller that has one, and the page."""
     picture = _draw_runs(folder, PICTURE, results)
-    names = _own_names("diagram", [result.name for result in results])
-    drawn = [_diagram(folder, *pair) for pair in zip(names, results, strict=True) if isinstance(pair[1].controller, L1Output)]
-    folder.write(page.PAGE, page.comparison(case, results, certified, picture, drawn))
+    names = _diagram_names([result.name for result in results])
+    figures = [diagrams.of_controller(result.controller, result.problem) for result in results]
+    drawn = [_draw(folder, name, figure) for name, figure in zip(names, figures, strict=True) if figure is not None]
+    loops = loop_pictures(certified.certificates)
+    keep(folder, [picture, *loops])
+    folder.write(page.PAGE, page.comparison(case, results, certified, picture, drawn, loops))
 
 
 def write_certificates(folder: Folder, case: str, certified: Certified, document: str) -> None:
-    """The picture of each controller's loops whose margins are given, the page, the JSON document."""
-    names = _own_names("loops", list(certified.certificates))
-    pictures = {
-        name: _draw_loops(folder, file, name, certificate.loops)
-        for file, (name, certificate) in zip(names, certified.certificates.items(), strict=True)
-        if certificate.loops
-    }
+    """The pictures of the loops whose margins are given, the page, the JSON document."""
+    loops = loop_pictures(certified.certificates)
+    keep(folder, loops)
     folder.write(CERTIFICATES, document)
-    folder.write(page.PAGE, page.certificates(case, certified, pictures))
-
-
-def _draw_loops(folder: Folder, file: str, name: str, loops: Sequence[MarginLoop]) -> page.Picture:
-    title, narrow = f"{text_of(name)}: loops broken at the plant's input", f"{file}{NARROW}"
-    wide = _draw(folder, file, loops_of(loops, title, shown=False))
-    folder.write(f"{narrow}.svg", render(loops_of(loops, title, narrow=True, shown=False), "svg"))
-    return replace(wide, narrow=narrow)
-
-
-def _diagram(folder: Folder, name: str, result: Result) -> page.Picture:
-    assert isinstance(result.controller, L1Output) and isinstance(result.problem, OutputProblem)
-    return _draw(folder, name, diagrams.l1_output(result.controller, result.problem.plant))
+    folder.write(page.PAGE, page.certificates(case, certified, loops))
 
 
 def files_of_run(folder: Path) -> set[str]:
@@ -100,8 +114,9 @@ def files_of_run(folder: Path) -> set[str]:
         names = [str(name) for name in json.loads((folder / RUN).read_bytes())["controllers"]]
     except (OSError, ValueError, LookupError, TypeError):
         return set()
-    drawn = {f"{name}.{kind}" for name in (PICTURE, *_own_names("diagram", names)) for kind in ("png", "svg")}
+    drawn = {f"{name}.{kind}" for name in (PICTURE, *_diagram_names(names)) for kind in ("png", "svg")}
     drawn.add(f"{PICTURE}{NARROW}.svg")
+    drawn |= {f"{name}{variant}.svg" for name in _loop_names(len(names)) for variant in ("", NARROW)}
     return {RUN, page.PAGE, *_table_names(names)} | drawn
 
 
@@ -130,21 +145,23 @@ def write_trajectories(folder: Folder, results: Sequence[Result], *, whole: bool
 
 def _draw_runs(folder: Folder, name: str, results: Sequence[Result]) -> page.Picture:
     """The picture of runs as it is on a page, and as it is on a phone."""
-    wide = _draw(folder, name, figure_of(results))
-    narrow = f"{name}{NARROW}"
-    folder.write(f"{narrow}.svg", _narrow(results))
-    return replace(wide, narrow=narrow)
+    return replace(_draw(folder, name, figure_of(results)), narrow=_narrow(name, results))
 
 
-def _narrow(results: Sequence[Result]) -> bytes:
-    return render(figure_of(results, narrow=True), "svg")
+def _narrow(name: str, results: Sequence[Result]) -> page.Drawing:
+    return _svg(f"{name}{NARROW}", figure_of(results, narrow=True))
 
 
 def _draw(folder: Folder, name: str, drawing: Figure) -> page.Picture:
     folder.write(f"{name}.png", render(drawing, "png"))
     drawing.set_layout_engine("none")  # what the first rendering has laid out stays where it is
-    folder.write(f"{name}.svg", render(drawing, "svg"))
-    return page.Picture(name)
+    wide = _svg(name, drawing)
+    folder.write(wide.file, wide.svg)
+    return page.Picture(wide)
+
+
+def _svg(name: str, drawing: Figure) -> page.Drawing:
+    return page.Drawing(f"{name}.svg", render(drawing, "svg").decode())
 
 
 def _table_names(names: Sequence[str]) -> list[str]:
@@ -152,11 +169,11 @@ def _table_names(names: Sequence[str]) -> list[str]:
     return [f"{i}-{_file_name(name)}.csv" for i, name in enumerate(names, start=1)]
 
 
-def _own_names(kind: str, names: Sequence[str]) -> list[str]:
-    """Of each controller's picture of a kind."""
+def _diagram_names(names: Sequence[str]) -> list[str]:
+    """For each controller one of its own."""
     chosen: list[str] = []
     for name in names:
-        plain = f"{kind}-{_file_name(name)}"
+        plain = f"diagram-{_file_name(name)}"
         numbered = (f"{plain}-{i}" for i in range(2, len(names) + 1))
         chosen.append(next(new for new in (plain, *numbered) if new not in chosen))
     return chosen

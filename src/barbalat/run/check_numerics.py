@@ -9,7 +9,7 @@ import numpy as np
 
 from barbalat import validate
 from barbalat.protocols import Controller, Stepping
-from barbalat.run.diagnosis.finer_step import FinerStep, Seen, compare
+from barbalat.run.diagnosis.step_comparison import FinerStep, Seen, compare
 from barbalat.run.progress import Progress, part_of
 from barbalat.run.result import Result
 from barbalat.run.simulate import simulate

@@ -15,8 +15,8 @@ from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller
 from barbalat.run.breaks import LostOrder
 from barbalat.run.diagnosis.adapting import Adapting, adapting, regressor_along
-from barbalat.run.diagnosis.finer_step import FinerStep
 from barbalat.run.diagnosis.spectrum import Stiffness
+from barbalat.run.diagnosis.step_comparison import FinerStep
 from barbalat.run.metrics import Metrics
 from barbalat.run.outcome import outcome
 from barbalat.solvers.simulation import Simulation

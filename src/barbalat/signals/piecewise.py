@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from barbalat import validate
-from barbalat.signals.smooth import outward, store_numbers
+from barbalat.signals.smooth import Swinging, outward, store_numbers
 from barbalat.validate import Array, InputError
 
 MOST_BREAKS = 10_000_000
@@ -95,7 +95,7 @@ class Steps:
 
 
 @dataclass(frozen=True)
-class Square:
+class Square(Swinging):
     """constant + amplitude for the first half of each period 2 pi / frequency, constant - amplitude for the second.
 
     amplitude  of the swing
@@ -127,10 +127,6 @@ class Square:
             return np.zeros(0)  # no number either: the value says so
         halves = np.floor(first) + np.arange(min(last - first + 3, MOST_BREAKS))
         return between(start, stop, (halves * np.pi - self.phase) / self.frequency)
-
-    @property
-    def bound(self) -> float:
-        return outward(abs(self.constant) + abs(self.amplitude))
 
     def _half_periods(self, t: Array) -> Array:
         """Half periods since phase zero; a jump that lies within rounding of t is taken to lie at t."""

@@ -33,6 +33,17 @@ class Continuous(ABC):
         return self(t)
 
 
+class Swinging:
+    """A signal that swings by its amplitude around its constant."""
+
+    amplitude: float
+    constant: float
+
+    @property
+    def bound(self) -> float:
+        return outward(abs(self.constant) + abs(self.amplitude))
+
+
 @dataclass(frozen=True)
 class Clock(Continuous):
     """t itself, for equations that contain it. It has no bound."""
@@ -59,7 +70,7 @@ class Constant(Continuous):
 
 
 @dataclass(frozen=True)
-class Sine(Continuous):
+class Sine(Swinging, Continuous):
     """constant + amplitude sin(frequency t + phase).
 
     amplitude  of the swing
@@ -79,10 +90,6 @@ class Sine(Continuous):
 
     def __call__(self, t: Array) -> Array:
         return self.constant + self.amplitude * np.sin(self.frequency * t + self.phase)
-
-    @property
-    def bound(self) -> float:
-        return outward(abs(self.constant) + abs(self.amplitude))
 
 
 @dataclass(frozen=True)
@@ -123,7 +130,7 @@ class Sines(Continuous):
 
 
 @dataclass(frozen=True)
-class Chirp(Continuous):
+class Chirp(Swinging, Continuous):
     """A sine whose frequency runs linearly from ``frequency_start`` to ``frequency_end`` in ``duration``, then stays.
 
     amplitude        of the swing
@@ -154,7 +161,3 @@ class Chirp(Continuous):
     def breaks(self, start: float, stop: float) -> Array:
         bends = start < self.duration < stop and self.frequency_start != self.frequency_end
         return np.array([self.duration] if bends else [])
-
-    @property
-    def bound(self) -> float:
-        return outward(abs(self.constant) + abs(self.amplitude))

@@ -152,9 +152,10 @@ def test_the_adapting_loop_with_a_matrix_gain(problems):
     from barbalat.loop.packing import column, flatten, symbols
 
     problem = replace(problems[2], uncertainty=None)
-    loop = ClosedLoop.of(problem, Mrac(gamma=MATRIX))
-    reduced = around_equilibrium(loop, 1.0)
-    rest, _ = equilibrium(loop, 1.0)
+    controller = Mrac(gamma=MATRIX)
+    loop = ClosedLoop.of(problem, controller)
+    reduced = around_equilibrium(problem, controller, 1.0)
+    rest, _ = equilibrium(problem, loop, 1.0)
     flat, state = symbols("state", loop.size)
     push, v = symbols("v", 1)
     parts = loop.unpack(state)

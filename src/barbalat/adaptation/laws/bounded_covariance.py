@@ -6,20 +6,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from barbalat import validate
 from barbalat.adaptation import implicit
 from barbalat.adaptation.law import Moved, SampleData
 from barbalat.adaptation.laws import covariance
-from barbalat.adaptation.laws.covariance import CovarianceLaw, Memory
-from barbalat.adaptation.modifications import dead_zone as zone
+from barbalat.adaptation.laws.covariance import BoundedCovarianceLaw, Memory
 from barbalat.adaptation.modifications import leakage as leak
-from barbalat.problem.known_set import EstimateSet, Gain, gain
+from barbalat.problem.known_set import EstimateSet, Gain
 from barbalat.protocols import Value
-from barbalat.validate import Array
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class LeastSquaresBounded(CovarianceLaw):
+class LeastSquaresBounded(BoundedCovarianceLaw):
     """theta_hat' = proj(P (epsilon phi - w theta_hat)), P' = beta P - P phi phi'P/m_s^2, but P' = 0 where |P|_F = R_0 would grow.
 
     covariance0       P(0), |P(0)|_F <= R_0: a number (times I), a diagonal (n,) or an s.p.d. matrix (n, n)
@@ -37,21 +34,8 @@ class LeastSquaresBounded(CovarianceLaw):
     Source: Ioannou and Sun, section 4.3.6; Ioannou and Fidan, section 3.7.3.
     """
 
-    covariance0: float | Array
-    forgetting: float
-    covariance_bound: float
-    leakage: leak.Leakage | None = None
-    dead_zone: zone.DeadZone | None = None
-
-    def __post_init__(self) -> None:
-        validate.freeze(self, covariance0=gain.accept("law.covariance0", self.covariance0))
-        validate.freeze(self, forgetting=validate.positive("law.forgetting", self.forgetting))
-        validate.freeze(self, covariance_bound=validate.positive("law.covariance_bound", self.covariance_bound))
-        leak.accept(self.leakage, "least squares", leak.SIGMA_LEAKAGES, covariance.NOT_PROPORTIONAL)
-        zone.accept(self.dead_zone)
-
-    def initial(self, n: int) -> Memory:
-        return covariance.initial(self.covariance0, n, self.covariance_bound)
+    def accept_leakage(self) -> None:
+        leak.accept(self.leakage, "least squares", leak.Borne.BOUNDED, covariance.NOT_PROPORTIONAL)
 
     def covariance_rate(self, P: Value, taken: Value) -> Value:
         return covariance.held(P, self.forgetting * P - taken, self.covariance_bound)
@@ -67,7 +51,3 @@ class LeastSquaresBounded(CovarianceLaw):
         at_bound, _ = implicit.correct(Gain(given), T, theta_hat, data, self.leakage, self.dead_zone)
         theta_next, P = np.where(grown, at_bound, theta_next), np.where(grown, given, P)
         return Moved(implicit.into(theta_next, known_set, Gain(P)), self.limit(Memory(P)))
-
-    @property
-    def fastest_rate(self) -> float | None:
-        return None if self.leakage is not None else 2 * self.covariance_bound + self.forgetting

@@ -6,19 +6,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from barbalat import validate
 from barbalat.adaptation import implicit
 from barbalat.adaptation.laws import covariance
-from barbalat.adaptation.laws.covariance import CovarianceLaw, Memory
-from barbalat.adaptation.modifications import dead_zone as zone
+from barbalat.adaptation.laws.covariance import BoundedCovarianceLaw
 from barbalat.adaptation.modifications import leakage as leak
-from barbalat.problem.known_set import gain
 from barbalat.protocols import Value
-from barbalat.validate import Array
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class LeastSquaresBoundedGain(CovarianceLaw):
+class LeastSquaresBoundedGain(BoundedCovarianceLaw):
     """theta_hat' = proj(P epsilon phi), P' = beta(t) P - P phi phi'P/m_s^2, beta(t) = beta_0 (1 - |P|_F/k_0).
 
     covariance0       P(0), |P(0)|_F <= k_0: a number (times I), a diagonal (n,) or an s.p.d. matrix (n, n)
@@ -36,21 +32,8 @@ class LeastSquaresBoundedGain(CovarianceLaw):
     Source: Slotine and Li, Applied Nonlinear Control, section 8.7.5.
     """
 
-    covariance0: float | Array
-    forgetting: float
-    covariance_bound: float
-    leakage: leak.Leakage | None = None
-    dead_zone: zone.DeadZone | None = None
-
-    def __post_init__(self) -> None:
-        validate.freeze(self, covariance0=gain.accept("law.covariance0", self.covariance0))
-        validate.freeze(self, forgetting=validate.positive("law.forgetting", self.forgetting))
-        validate.freeze(self, covariance_bound=validate.positive("law.covariance_bound", self.covariance_bound))
-        leak.accept(self.leakage, "bounded-gain forgetting", leak.SWITCHING_LEAKAGES, covariance.NO_LOWER_BOUND)
-        zone.accept(self.dead_zone)
-
-    def initial(self, n: int) -> Memory:
-        return covariance.initial(self.covariance0, n, self.covariance_bound)
+    def accept_leakage(self) -> None:
+        leak.accept(self.leakage, "bounded-gain forgetting", leak.Borne.HARMLESS, covariance.NO_LOWER_BOUND)
 
     def covariance_rate(self, P: Value, taken: Value) -> Value:
         beta = self.forgetting * (1 - np.sqrt(np.sum(P * P)) / self.covariance_bound)
@@ -60,7 +43,3 @@ class LeastSquaresBoundedGain(CovarianceLaw):
         full = np.sqrt(np.sum(P * P)) / self.covariance_bound
         kept = P / (full + (1 - full) * np.exp(-self.forgetting * T))  # |P|_F follows the logistic equation
         return kept, implicit.forgotten(self.forgetting, T)[1]
-
-    @property
-    def fastest_rate(self) -> float | None:
-        return None if self.leakage is not None else 2 * self.covariance_bound + self.forgetting

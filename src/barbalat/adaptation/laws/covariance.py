@@ -8,18 +8,20 @@ Source: Ioannou and Sun, section 4.3.6.
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
 from barbalat import validate
 from barbalat.adaptation import implicit
-from barbalat.adaptation.guarantee import Guarantee, with_modifications
+from barbalat.adaptation.guarantee import ModifiedLaw
 from barbalat.adaptation.law import Estimation, Moved, Rates, SampleData
+from barbalat.adaptation.modifications import dead_zone as zone
 from barbalat.adaptation.modifications import leakage as leak
 from barbalat.adaptation.modifications.dead_zone import DeadZone
-from barbalat.problem.known_set import EstimateSet, Gain, project
+from barbalat.problem.known_set import EstimateSet, Gain, gain, project
 from barbalat.protocols import Value
 from barbalat.validate import Array, InputError
 
@@ -39,11 +41,8 @@ class Memory(NamedTuple):
     covariance: Value  # (n, n) P(t)
 
 
-class CovarianceLaw(ABC):
+class CovarianceLaw(ModifiedLaw):
     """A least-squares law: what all of them do alike. Its fields are the law's own."""
-
-    leakage: leak.Leakage | None
-    dead_zone: DeadZone | None
 
     @abstractmethod
     def covariance_rate(self, P: Value, taken: Value) -> Value:
@@ -70,8 +69,34 @@ class CovarianceLaw(ABC):
         theta_next, P = correct(theta_hat, P, weight, data, self.leakage, self.dead_zone)
         return Moved(implicit.into(theta_next, known_set, Gain(P)), self.limit(Memory(P)))  # in the metric of the new P
 
-    def guarantee(self, known_set: EstimateSet | None) -> Guarantee:
-        return with_modifications(self.metric, known_set, self.leakage, self.dead_zone)
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class BoundedCovarianceLaw(CovarianceLaw):
+    """One that forgets, and keeps |P|_F below a bound."""
+
+    covariance0: float | Array
+    forgetting: float
+    covariance_bound: float
+    leakage: leak.Leakage | None = None
+    dead_zone: DeadZone | None = None
+
+    def __post_init__(self) -> None:
+        validate.freeze(self, covariance0=gain.accept("law.covariance0", self.covariance0))
+        validate.freeze(self, forgetting=validate.positive("law.forgetting", self.forgetting))
+        validate.freeze(self, covariance_bound=validate.positive("law.covariance_bound", self.covariance_bound))
+        self.accept_leakage()
+        zone.accept(self.dead_zone)
+
+    @abstractmethod
+    def accept_leakage(self) -> None:
+        """InputError for a leakage that the law does not bear."""
+
+    def initial(self, n: int) -> Memory:
+        return initial(self.covariance0, n, self.covariance_bound)
+
+    @property
+    def fastest_rate(self) -> float | None:
+        return None if self.leakage is not None else 2 * self.covariance_bound + self.forgetting
 
 
 def initial(covariance0: float | Array, n: int, bound: float | None = None) -> Memory:

@@ -42,7 +42,7 @@ class LeastSquaresForgetting(CovarianceLaw):
     def __post_init__(self) -> None:
         validate.freeze(self, covariance0=gain.accept("law.covariance0", self.covariance0))
         validate.freeze(self, forgetting=validate.positive("law.forgetting", self.forgetting))
-        leak.accept(self.leakage, "least squares with forgetting", leak.SWITCHING_LEAKAGES, "its covariance has no bounds")
+        leak.accept(self.leakage, "least squares with forgetting", leak.Borne.HARMLESS, "its covariance has no bounds")
         if self.dead_zone is not None:
             raise InputError(
                 "a dead zone can't go with unbounded forgetting: inside the zone nothing is learnt and the covariance grows like "

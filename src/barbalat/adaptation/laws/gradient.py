@@ -8,7 +8,7 @@ import numpy as np
 
 from barbalat import validate
 from barbalat.adaptation import implicit
-from barbalat.adaptation.guarantee import Guarantee, with_modifications
+from barbalat.adaptation.guarantee import ModifiedLaw
 from barbalat.adaptation.law import Estimation, Moved, Rates, SampleData
 from barbalat.adaptation.modifications import dead_zone as zone
 from barbalat.adaptation.modifications import leakage as leak
@@ -18,7 +18,7 @@ from barbalat.validate import Array
 
 
 @dataclass(frozen=True, eq=False)
-class Gradient:
+class Gradient(ModifiedLaw):
     """theta_hat' = proj(Gamma (epsilon phi - w theta_hat)): steepest descent of (z - theta_hat'phi)^2/(2 m_s^2).
 
     gamma      Gamma > 0: a number, a diagonal (n,) or an s.p.d. matrix (n, n)
@@ -72,6 +72,3 @@ class Gradient:
 
     def gain_of_rate(self, rate: float) -> float | None:
         return None if self.leakage is not None or self.metric.dimensions else rate
-
-    def guarantee(self, known_set: EstimateSet | None) -> Guarantee:
-        return with_modifications(self.metric, known_set, self.leakage, self.dead_zone)

@@ -11,7 +11,7 @@ from barbalat import validate
 from barbalat.adaptation import implicit
 from barbalat.adaptation.guarantee import Guarantee, with_modifications
 from barbalat.adaptation.law import Estimation, Moved, Rates, SampleData
-from barbalat.adaptation.modifications.leakage import SIGMA_LEAKAGES, Leakage, accept
+from barbalat.adaptation.modifications.leakage import Borne, Leakage, accept
 from barbalat.problem.known_set import EstimateSet, Gain, gain, project
 from barbalat.protocols import Value
 from barbalat.validate import Array
@@ -51,7 +51,7 @@ class IntegralCost:
     def __post_init__(self) -> None:
         validate.freeze(self, gamma=gain.accept("law.gamma", self.gamma))
         validate.freeze(self, forgetting=validate.positive("law.forgetting", self.forgetting))
-        accept(self.leakage, "the integral-cost law", SIGMA_LEAKAGES, "its V' is not proportional to the present error")
+        accept(self.leakage, "the integral-cost law", Borne.BOUNDED, "its V' is not proportional to the present error")
 
     @property
     def metric(self) -> Gain:

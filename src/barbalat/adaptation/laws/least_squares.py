@@ -36,7 +36,7 @@ class LeastSquares(CovarianceLaw):
 
     def __post_init__(self) -> None:
         validate.freeze(self, covariance0=gain.accept("law.covariance0", self.covariance0))
-        leak.accept(self.leakage, "pure least squares", leak.SWITCHING_LEAKAGES, covariance.NO_LOWER_BOUND)
+        leak.accept(self.leakage, "pure least squares", leak.Borne.HARMLESS, covariance.NO_LOWER_BOUND)
         zone.accept(self.dead_zone)
 
     def initial(self, n: int) -> Memory:

@@ -42,7 +42,7 @@ class LeastSquaresResetting(CovarianceLaw):
     def __post_init__(self) -> None:
         for name in ("rho_0", "rho_1"):
             validate.freeze(self, **{name: validate.positive(f"law.{name}", getattr(self, name))})
-        leak.accept(self.leakage, "least squares", leak.SIGMA_LEAKAGES, covariance.NOT_PROPORTIONAL)
+        leak.accept(self.leakage, "least squares", leak.Borne.BOUNDED, covariance.NOT_PROPORTIONAL)
         if not self.rho_1 < self.rho_0:
             raise InputError(f"law.rho_1 must be below law.rho_0 = {self.rho_0:g}, got {self.rho_1:g}")
         zone.accept(self.dead_zone)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -24,6 +25,8 @@ class EpsilonModification:
     """
 
     nu: float
+
+    one_input_only: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         validate.freeze(self, nu=validate.positive("nu", self.nu))

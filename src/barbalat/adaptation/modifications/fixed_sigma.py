@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import ClassVar
 
 from barbalat import validate
 from barbalat.protocols import Value
@@ -22,6 +23,8 @@ class FixedSigma:
     """
 
     sigma: float
+
+    one_input_only: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
         validate.freeze(self, sigma=validate.positive("sigma", self.sigma))

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
-from typing import Protocol
+from enum import Enum
+from typing import Protocol, runtime_checkable
 
 from barbalat.adaptation.modifications.epsilon_modification import EpsilonModification
 from barbalat.adaptation.modifications.fixed_sigma import FixedSigma
@@ -12,10 +14,10 @@ from barbalat.protocols import Value
 from barbalat.validate import InputError, show
 
 LEAKAGES = (FixedSigma, SwitchingSigma, EpsilonModification)
-SIGMA_LEAKAGES = (FixedSigma, SwitchingSigma)
-SWITCHING_LEAKAGES = (SwitchingSigma,)
+"""What case files choose from."""
 
 
+@runtime_checkable
 class Leakage(Protocol):
     """A leakage w >= 0; the law becomes theta_hat' = proj(Gamma (epsilon phi - w theta_hat))."""
 
@@ -33,16 +35,33 @@ class Leakage(Protocol):
         """The bound of |theta|_2 up to which V decreases as without it; None where it takes convergence to zero."""
         ...
 
+    @property
+    def one_input_only(self) -> bool:
+        """Whether the error must be a scalar."""
+        ...
+
     def over_sample(self, theta_hat: Value, error: Value, solve: Callable[[Value], Value]) -> Value:
         """w for one sample, held; ``error`` is that before the estimates move, ``solve(w)`` the estimate at the end."""
         ...
 
 
-def accept(leakage: Leakage | None, law: str, kinds: tuple[type, ...] = LEAKAGES, reason: str = "") -> None:
+class Borne(Enum):
+    """Which leakages a law bears, with the package's own that are of the kind."""
+
+    ALL = "FixedSigma, SwitchingSigma or EpsilonModification"
+    BOUNDED = "FixedSigma or SwitchingSigma"
+    HARMLESS = "SwitchingSigma"
+
+    def includes(self, leakage: Leakage) -> bool:
+        bounded, harmless = math.isfinite(leakage.largest), leakage.harmless_within is not None
+        return {Borne.ALL: True, Borne.BOUNDED: bounded, Borne.HARMLESS: bounded and harmless}[self]
+
+
+def accept(leakage: Leakage | None, law: str, borne: Borne = Borne.ALL, reason: str = "") -> None:
     """InputError for what is no leakage, and, with the reason, for one that the law does not bear."""
-    if leakage is None or isinstance(leakage, kinds):
+    if leakage is None:
         return
-    if isinstance(leakage, LEAKAGES):
-        borne = " or ".join(kind.__name__ for kind in kinds)
-        raise InputError(f"{type(leakage).__name__} can't go with {law}: {reason}; {borne} can")
-    raise InputError(f"leakage must be a FixedSigma, SwitchingSigma or EpsilonModification, got {show(leakage)}")
+    if not isinstance(leakage, Leakage) or isinstance(leakage, type):
+        raise InputError(f"leakage must be a {Borne.ALL.value}, got {show(leakage)}")
+    if not borne.includes(leakage):
+        raise InputError(f"{type(leakage).__name__} can't go with {law}: {reason}; {borne.value} can")

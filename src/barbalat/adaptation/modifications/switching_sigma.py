@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -26,6 +27,8 @@ class SwitchingSigma:
 
     sigma: float
     M_0: float
+
+    one_input_only: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
         validate.freeze(self, sigma=validate.positive("sigma", self.sigma))

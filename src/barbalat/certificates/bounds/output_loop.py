@@ -12,8 +12,8 @@ the bound stays below that of sigma. Source: small-gain theorem, Desoer and Vidy
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
@@ -54,10 +54,9 @@ class OutputBounds:
 
 def output_bounds(problem: OutputProblem, controller: Controller, t_end: float) -> OutputBounds | NotApplicable:
     """The bounds with a controller that is linear: an L1 controller without bounds of sigma."""
-    drivers: list[Any] = [problem.reference, problem.disturbance, problem.output_disturbance]
-    obstacle = _obstacle(problem, drivers)
-    if obstacle is not None:
-        return NotApplicable(obstacle)
+    drivers = _bounded_drivers(problem)
+    if isinstance(drivers, NotApplicable):
+        return drivers
     r, d, d_y = (0.0 if signal is None else signal.bound for signal in drivers)
     A, B, C, D = linear_loop(problem, controller)
     try:
@@ -78,18 +77,18 @@ def output_bounds(problem: OutputProblem, controller: Controller, t_end: float) 
     return OutputBounds(y, e, sigma[0] if sigma else 0.0, slope, y_w, (float(at_rest[1, 0]), float(at_rest[1, 1])))
 
 
-def _obstacle(problem: OutputProblem, drivers: list[Any]) -> str | None:
-    """What takes the loop out of reach of these bounds."""
+def _bounded_drivers(problem: OutputProblem) -> list[BoundedSignal | None] | NotApplicable:
+    """Command and disturbances at input and output; or what takes the loop out of reach of these bounds."""
     if not problem.plant.paths[0].is_linear or problem.delay > 0:
-        return "limits or a delay at the plant's input are not covered"
+        return NotApplicable("limits or a delay at the plant's input are not covered")
     if problem.noise is not None:
-        return "Gaussian noise has no bound"
-    if not all(signal is None or isinstance(signal, BoundedSignal) for signal in drivers):
-        return "a signal of the case has no known bound"
-    return None
+        return NotApplicable("Gaussian noise has no bound")
+    drivers = (problem.reference, problem.disturbance, problem.output_disturbance)
+    bounded = [signal for signal in drivers if signal is None or isinstance(signal, BoundedSignal)]
+    return bounded if len(bounded) == len(drivers) else NotApplicable("a signal of the case has no known bound")
 
 
-def _self_consistent(slope_within: Any, gain: float, forced: float) -> tuple[float, float] | NotApplicable:
+def _self_consistent(slope_within: Callable[[float], float], gain: float, forced: float) -> tuple[float, float] | NotApplicable:
     """(bound of |y_G|, slope of f within it)."""
     if not np.isfinite(forced):
         return NotApplicable("f(t, 0) has no bound that could be found")

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from fractions import Fraction
 from typing import Any
 
 import numpy as np
@@ -18,7 +17,7 @@ from barbalat.linear.enclosure import OUTWARD, Enclosure
 from barbalat.linear.l1_norms import l1_norm
 from barbalat.linear.largest import largest_from
 from barbalat.linear.systems import StateSpace, TransferFunction, input_filter
-from barbalat.problem.known_set import KnownSet, ParameterBox
+from barbalat.problem.known_set import KnownSet
 from barbalat.problem.state_feedback import Known
 from barbalat.validate import Array
 
@@ -77,21 +76,11 @@ def kappa_admissible(known: Known, theta_max: float, relative: float = 1e-6) -> 
     return largest_from(holds, start, within=relative)
 
 
-def theta_max_above(known_set: KnownSet) -> float:
-    """The largest 1-norm in the known set, rounded up; a box's sum itself where it is a float."""
-    if not isinstance(known_set, ParameterBox):
-        return known_set.theta_max * OUTWARD
-    largest = np.maximum(np.abs(known_set.lower), np.abs(known_set.upper))
-    exact = sum((Fraction(value) for value in largest.tolist()), Fraction(0))
-    nearest = float(exact)
-    return nearest if Fraction(nearest) >= exact else math.nextafter(nearest, math.inf)
-
-
 def ingredients(known: Known, known_set: KnownSet | None, model: ModelBounds) -> dict[str, Any]:
     """What (9) and (10) are computed from, by the certificate's keys: P, its lambda_min, theta_max, the bounds of r and x_m."""
     values: dict[str, Any] = {"P": known.P.tolist(), "lambda_min": smallest_eigenvalue(known.P)}
     if known_set is not None:
-        values["theta_max"] = theta_max_above(known_set)
+        values["theta_max"] = known_set.theta_max
     return values | {"bounds": {"r": model.r, "x_m": model.x_m}}
 
 

@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 
 from barbalat import validate
-from barbalat.certificates.linear_loops.worst_case import extreme_points, points_inside
+from barbalat.certificates.linear_loops.worst_case import MOST_EXTREMES, points_inside
 from barbalat.controllers import NormalizedMrac, RobustMrac
 from barbalat.linear.crossings import frequency_grid
 from barbalat.linear.interconnections import complementary_sensitivity, sensitivity, series
@@ -96,7 +96,7 @@ class FrozenLoops:
             return None
         rng = np.random.default_rng(0)
         thetas = np.concatenate(
-            [extreme_points(known_set, rng), points_inside(known_set, rng, known_set.middle, 1.0, POINTS_INSIDE)]
+            [known_set.extreme_points(rng, MOST_EXTREMES), points_inside(known_set, rng, known_set.middle, 1.0, POINTS_INSIDE)]
         )
         origin, units = self.at(np.zeros(n)), [self.at(unit) for unit in np.eye(n)]
         w = np.unique(frequency_grid(complementary_sensitivity(self.at_theta)))[::FREQUENCY_STRIDE]

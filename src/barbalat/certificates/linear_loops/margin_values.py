@@ -7,17 +7,19 @@ from typing import Any
 import numpy as np
 
 from barbalat.certificates.assumptions import LINEAR_LOOP_ONLY
+from barbalat.certificates.bounds.laws import is_modified
 from barbalat.certificates.certificate import Draft
 from barbalat.certificates.linear_loops.around_equilibrium import around_equilibrium
 from barbalat.certificates.picture import MarginLoop
+from barbalat.controllers import L1Adaptive, Mrac
 from barbalat.linear.delayed_peaks import delayed_peaks
 from barbalat.linear.interconnections import complementary_sensitivity, sensitivity, series
 from barbalat.linear.margins import margins
 from barbalat.linear.peaks import peak_gain
 from barbalat.linear.systems import StateSpace
-from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.problem.state_feedback import Problem
 from barbalat.problem.tracking import TrackingProblem
+from barbalat.protocols import BoundedSignal
 from barbalat.validate import InputError
 
 KEYS_OF_MARGINS = {
@@ -74,19 +76,20 @@ def _peaks(loop: StateSpace, delay: float, which: str, notes: list[str]) -> dict
     return {"sensitivity_peak": S, "complementary_sensitivity_peak": T}
 
 
-def add_adapting_margins(draft: Draft, problem: Problem, loop: ClosedLoop) -> None:
+def add_adapting_margins(draft: Draft, problem: Problem, controller: Mrac | L1Adaptive) -> None:
     """The delay margin of the adaptive loop linearised at the constant command sup |r|."""
-    level = problem.commands[0].bound  # type: ignore[attr-defined]  # model_bounds has checked that it is there
+    command = problem.commands[0]
+    assert isinstance(command, BoundedSignal)  # ``model_bounds`` has refused others
+    level = command.bound
     if level == 0:
         return
-    equations: Any = loop.equations
-    if not equations.modifications.is_off:
+    if is_modified(controller):
         draft.missing(
             "delay_margin_adapting", "it is given for the plain law only: with the modification the loop rests elsewhere"
         )
         return
     at = f"linearised at the constant command {level:g}"
-    add_delay_margin_adapting(draft, problem, around_equilibrium(loop, level), at)
+    add_delay_margin_adapting(draft, problem, around_equilibrium(problem, controller, level), at)
 
 
 def add_delay_margin_adapting(draft: Draft, problem: TrackingProblem, loop: StateSpace, at: str) -> None:

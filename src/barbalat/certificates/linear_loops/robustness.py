@@ -8,7 +8,7 @@ import numpy as np
 
 from barbalat.linear.robust_stability import MatchedFamily, RobustStability, robust_stability
 from barbalat.linear.systems import StateSpace, TransferFunction
-from barbalat.problem.known_set import KnownSet, ParameterBox
+from barbalat.problem.known_set import KnownSet
 from barbalat.validate import Array, InputError
 
 
@@ -31,7 +31,7 @@ def robustness(
             values |= {"mu_parameters": found.peak, "parameter_scale": found.scale if found.peak > 0 else None}
             if found.delta is not None:
                 values["theta_destabilising"] = (known_set.middle + width * found.delta).tolist()
-            if not isinstance(known_set, ParameterBox):
+            if not known_set.fills_its_extent:
                 findings.append("mu is that of the box around the known set: more than the set's own")
         if weight is not None:
             values["mu_dynamics"] = measure(0 * width, weight).peak

@@ -6,7 +6,6 @@ computed exactly, and the least of these is kept. A local minimum between the po
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
@@ -16,7 +15,7 @@ from barbalat.linear.interconnections import sensitivity, series
 from barbalat.linear.margins import margins
 from barbalat.linear.screening import screen
 from barbalat.linear.systems import StateSpace, states_response
-from barbalat.problem.known_set import KnownSet, ParameterBox
+from barbalat.problem.known_set import KnownSet
 from barbalat.problem.plant import Plant
 from barbalat.validate import Array, InputError
 
@@ -112,7 +111,7 @@ class WorstCase:
 def worst_case(family: Family, known_set: KnownSet) -> WorstCase:
     """Search the set for the least margins beside the plant's delay, and for the greatest gain reduction margin."""
     rng = np.random.default_rng(0)
-    extremes = extreme_points(known_set, rng)
+    extremes = known_set.extreme_points(rng, MOST_EXTREMES)
     center = np.mean(known_set.extent, axis=0)
     own = np.reshape([family.plant.theta] if known_set.contains(family.plant.theta) else [], (-1, family.plant.n))
     points = np.concatenate([extremes, points_inside(known_set, rng, center, 1.0, POINTS_INSIDE), own])
@@ -177,25 +176,7 @@ class _WorstCaseSearch:
                     self.least[name] = (value, theta)
 
 
-def extreme_points(known_set: KnownSet, rng: np.random.Generator) -> Array:
-    """A box's vertices, or as many of them drawn at random; a ball's ends along the axes and as many points of its surface."""
-    n = known_set.size
-    if isinstance(known_set, ParameterBox):
-        if 2**n <= MOST_EXTREMES:
-            signs = np.array(list(itertools.product((0.0, 1.0), repeat=n)))
-        else:
-            signs = rng.integers(0, 2, (MOST_EXTREMES, n)).astype(float)
-        return np.asarray(known_set.lower + signs * (known_set.upper - known_set.lower))
-    directions = rng.standard_normal((MOST_EXTREMES - 2 * n, n))
-    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
-    return np.asarray(known_set.center + known_set.radius * np.concatenate([np.eye(n), -np.eye(n), directions]))
-
-
 def points_inside(known_set: KnownSet, rng: np.random.Generator, around: Array, share: float, count: int) -> Array:
     """Points of the set in a box around a point, ``share`` of the set's extent wide; what falls outside is brought back."""
     lower, upper = known_set.extent
-    points = around + share * (upper - lower) * rng.uniform(-0.5, 0.5, (count, known_set.size))
-    if isinstance(known_set, ParameterBox):
-        return np.clip(points, lower, upper)
-    away = points - known_set.center
-    return np.asarray(known_set.center + away * np.minimum(1, known_set.radius / np.linalg.norm(away, axis=1, keepdims=True)))
+    return known_set.drawn_into(around + share * (upper - lower) * rng.uniform(-0.5, 0.5, (count, known_set.size)))

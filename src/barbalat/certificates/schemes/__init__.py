@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from importlib import import_module
 from importlib.util import find_spec
-from typing import Any, Protocol, runtime_checkable
+from typing import Any, Protocol, cast, runtime_checkable
 
 from barbalat.certificates.certificate import Certificate
 from barbalat.certificates.entry import Entry
+from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller
 from barbalat.solvers.simulation import Simulation
 
@@ -15,13 +16,13 @@ CONTROLLERS = "barbalat.controllers."
 
 
 class SchemeFile(Protocol):
-    """What the file of a scheme has; each takes the scheme's own problem, whatever its plant, and controller."""
+    """What the file of a scheme has; it is asked about controllers of its scheme, on the problems that these take, alone."""
 
-    def certificate(self, problem: Any, controller: Any, simulation: Simulation) -> Certificate:
+    def certificate(self, problem: TrackingProblem, controller: Controller, simulation: Simulation) -> Certificate:
         """What is known before any run."""
         ...
 
-    def column(self, problem: Any, controller: Any, certificate: Certificate) -> tuple[str, dict[str, Entry]]:
+    def column(self, problem: TrackingProblem, controller: Controller, certificate: Certificate) -> tuple[str, dict[str, Entry]]:
         """The scheme's name in Table 1, and its cells by the keys of PROPERTIES."""
         ...
 
@@ -30,7 +31,9 @@ class SchemeFile(Protocol):
 class HeldFile(SchemeFile, Protocol):
     """The file of a scheme that integrates nothing but its law, so that the plant's motion between Euler steps is exact."""
 
-    def held_limits(self, problem: Any, controller: Any, simulation: Simulation, nu_0: float) -> dict[str, Any]:
+    def held_limits(
+        self, problem: TrackingProblem, controller: Controller, simulation: Simulation, nu_0: float
+    ) -> dict[str, Any]:
         """gamma_max and step_max from sample to sample; a sample is the simulation's step."""
         ...
 
@@ -44,7 +47,5 @@ def scheme_file(controller: Controller) -> SchemeFile | None:
     for kind in type(controller).__mro__:
         name = f"{__name__}.{kind.__module__.removeprefix(CONTROLLERS)}"
         if kind.__module__.startswith(CONTROLLERS) and vars(kind).get("bind") is bind and find_spec(name) is not None:
-            found: Any = import_module(name)
-            file: SchemeFile = found
-            return file
+            return cast("SchemeFile", import_module(name))
     return None

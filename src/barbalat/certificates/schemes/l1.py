@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -33,10 +33,10 @@ from barbalat.certificates.schemes.state_feedback import (
     unproven_robustness,
 )
 from barbalat.certificates.step_limits import any_regressor, frozen_laws
-from barbalat.controllers import L1Adaptive, Sampled
+from barbalat.controllers import L1Adaptive
+from barbalat.controllers.l1 import Equations
 from barbalat.linear.enclosure import Enclosure
 from barbalat.linear.systems import StateSpace
-from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.problem.state_feedback import Problem
 from barbalat.solvers.simulation import Simulation
 
@@ -65,10 +65,8 @@ def certificate(problem: Problem, controller: L1Adaptive, simulation: Simulation
     """The condition on C(s), the bound (10), the limits of gain and step, the margins of the linear loops."""
     if beyond_the_paper(problem):
         return _beyond_the_paper(problem, controller, simulation)
-    loop, draft = ClosedLoop.of(problem, controller), Draft(own=OWN_QUANTITIES)
-    equations: Any = loop.equations
-    C: StateSpace = equations.C
-    model = model_bounds(problem)
+    equations, draft = controller.bind(problem.known), Draft(own=OWN_QUANTITIES)
+    C, model = equations.C, model_bounds(problem)
     add_parameter_errors(draft, problem, equations)
     add_ingredients(draft, problem, equations.box, model)
     reach: Reach | None = None
@@ -90,7 +88,7 @@ def certificate(problem: Problem, controller: L1Adaptive, simulation: Simulation
         add_margins_at_rest(draft, problem)
     else:
         _add_margins_of_the_limit(draft, problem, equations)
-    add_adapting_margins(draft, problem, loop)
+    add_adapting_margins(draft, problem, controller)
     return draft.finish()
 
 
@@ -102,10 +100,10 @@ def _beyond_the_paper(problem: Problem, controller: L1Adaptive, simulation: Simu
     return of_lyapunov_law_beyond(excited, simulation, poles, no_bound="no bound is known for this scheme on this plant")
 
 
-def midpoint_form(problem: Problem, sampled: Sampled) -> midpoint.MidpointForm:
+def midpoint_form(problem: Problem, controller: L1Adaptive, sample_time: float) -> midpoint.MidpointForm:
     """The predictor's; with C = 1 the MRAC's."""
-    scheme: Any = sampled.controller
-    return mrac.midpoint_form(problem, sampled) if scheme.filter is None else midpoint.of_predictor(problem, scheme)
+    delayed = () if controller.filter is not None else (mrac.one_sample_of_delay(sample_time),)
+    return midpoint.of_predictor(problem, controller, *delayed)
 
 
 def _without_projection(draft: Draft, problem: Problem, controller: L1Adaptive) -> None:
@@ -158,9 +156,9 @@ def _add_bound_10(draft: Draft, problem: Problem, controller: L1Adaptive, C: Sta
     return Reach(model.x_m_euclidean + root_n * (bound - level / remaining), root_n * nu_0 / remaining)
 
 
-def _add_margins_of_the_limit(draft: Draft, problem: Problem, equations: Any) -> None:
+def _add_margins_of_the_limit(draft: Draft, problem: Problem, equations: Equations) -> None:
     """Margins and mu of what L1-AC tends to for fast adaptation: a linear controller with S = 1 - C at theta = 0."""
-    plant, C, known_set = problem.plant, equations.C, equations.box
+    plant, C, known_set = problem.plant, equations.C, None if equations.box is None else problem.known.theta_set
     add_margins(draft, problem, fast_adaptation(plant, C), over_known_set.LOOP_OF_FAST_ADAPTATION)
     over_known_set.add_filtered(draft, problem, C)
     if known_set is not None:

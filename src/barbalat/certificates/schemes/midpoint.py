@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple, Protocol, runtime_checkable
+from typing import NamedTuple, Protocol, runtime_checkable
 
-from barbalat.adaptation.law import AdaptiveLaw, SampledLaw
+from barbalat.adaptation.law import AdaptiveLaw, OutputErrorLaw, SampledLaw
 from barbalat.certificates.bounds import laws
 from barbalat.certificates.entry import Assumption
 from barbalat.certificates.schemes import SchemeFile
 from barbalat.certificates.schemes.state_feedback import of_the_case
-from barbalat.controllers import Sampled
 from barbalat.problem.known_set import EstimateSet, Gain
 from barbalat.problem.state_feedback import Problem
+from barbalat.problem.tracking import TrackingProblem
+from barbalat.protocols import Controller
 
 PREDICTOR_BESIDE_PROJECTION = (
     "with a gain matrix or learning the predictor is fed with the estimate before its projection: while the projection acts, "
@@ -46,8 +47,8 @@ class MidpointForm(NamedTuple):
 class MidpointFile(SchemeFile, Protocol):
     """A scheme's file that knows its midpoint form."""
 
-    def midpoint_form(self, problem: Any, sampled: Sampled) -> MidpointForm:
-        """Of the scheme's own problem and the sampled controller."""
+    def midpoint_form(self, problem: TrackingProblem, controller: Controller, sample_time: float) -> MidpointForm:
+        """Of the continuous controller, sampled."""
         ...
 
 
@@ -60,8 +61,8 @@ def of_predictor(problem: Problem, controller: laws.ModifiedScheme, *findings: s
     return MidpointForm(metric, box, kept, None if kept else of_the_case(problem, box), findings)
 
 
-def of_law(law: AdaptiveLaw, box: EstimateSet | None) -> MidpointForm:
-    """Of a scheme with a law on the parametric model."""
+def of_law(law: AdaptiveLaw | OutputErrorLaw, box: EstimateSet | None) -> MidpointForm:
+    """Of a scheme with a law on the parametric model, whose own implicit step keeps its V."""
     assert isinstance(law, SampledLaw)  # any other law is refused: ``adaptation.implicit``
     found = laws.guarantee_of(law, box)
     return MidpointForm(law.metric, box, kept=not found.leaks or found.M_0 is not None)

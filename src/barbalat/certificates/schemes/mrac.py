@@ -26,8 +26,7 @@ from barbalat.certificates.schemes.state_feedback import (
 )
 from barbalat.certificates.step_limits import any_regressor, frozen_laws
 from barbalat.certificates.step_limits.held_oscillator import HeldOscillator
-from barbalat.controllers import Mrac, Sampled
-from barbalat.loop.closed_loop import ClosedLoop
+from barbalat.controllers import Mrac
 from barbalat.problem.state_feedback import Problem
 from barbalat.solvers.simulation import Simulation
 
@@ -38,8 +37,7 @@ def certificate(problem: Problem, controller: Mrac, simulation: Simulation) -> C
     """The bound (9), the limits of gain and step, the margins of the linear loops."""
     if beyond_the_paper(problem):
         return of_lyapunov_law_beyond(_excited(problem, controller), simulation)
-    loop, draft = ClosedLoop.of(problem, controller), Draft()
-    equations: Any = loop.equations
+    equations, draft = controller.bind(problem.known), Draft()
     model = model_bounds(problem)
     add_parameter_errors(draft, problem, equations)
     rests_on, void = of_the_case(problem, equations.box), laws.why_no_bound(controller, problem)
@@ -57,7 +55,7 @@ def certificate(problem: Problem, controller: Mrac, simulation: Simulation) -> C
     if not laws.is_modified(controller):
         draft.estimate(frozen_laws.of_the_motion(problem, controller.gamma, simulation), FROZEN_LAW)
     add_margins_at_rest(draft, problem)
-    add_adapting_margins(draft, problem, loop)
+    add_adapting_margins(draft, problem, controller)
     return draft.finish()
 
 
@@ -75,14 +73,17 @@ def held_limits(problem: Problem, controller: Mrac, simulation: Simulation, nu_0
     return frozen_laws.with_modifications(values, controller, simulation)
 
 
-def midpoint_form(problem: Problem, sampled: Sampled) -> midpoint.MidpointForm:
+def midpoint_form(problem: Problem, controller: Mrac, sample_time: float) -> midpoint.MidpointForm:
     """Of the MRAC, which has no filter between fast estimates and the input."""
-    delayed = (
-        f"for a high gain and short samples its loop inside the known set bears a delay of one sample, {sampled.sample_time:g} "
+    return midpoint.of_predictor(problem, controller, one_sample_of_delay(sample_time))
+
+
+def one_sample_of_delay(sample_time: float) -> str:
+    """What is known of the delay that such a controller bears."""
+    return (
+        f"for a high gain and short samples its loop inside the known set bears a delay of one sample, {sample_time:g} "
         "s, at the plant's input; beyond that the estimates run between their bounds, and no bound of e is proven"
     )
-    scheme: Any = sampled.controller
-    return midpoint.of_predictor(problem, scheme, delayed)
 
 
 def column(problem: Problem, controller: Mrac, certificate: Certificate) -> tuple[str, dict[str, Entry]]:

@@ -5,8 +5,6 @@ What is guaranteed is Lemma 1's boundedness and convergence; its constants are n
 
 from __future__ import annotations
 
-from typing import Any
-
 from barbalat.adaptation.guarantee import Estimates, Guarantee
 from barbalat.certificates.assumptions import BEYOND_ONE_LINEAR_INPUT, FROZEN_LAW, beyond_the_paper, bounded_command, departures
 from barbalat.certificates.bounds import laws, theorem_1
@@ -18,7 +16,7 @@ from barbalat.certificates.rounding import down
 from barbalat.certificates.schemes import midpoint
 from barbalat.certificates.schemes.state_feedback import add_margins_at_rest, inside, of_the_case, projected
 from barbalat.certificates.step_limits import frozen_laws
-from barbalat.controllers import NormalizedMrac, RobustMrac, Sampled
+from barbalat.controllers import NormalizedMrac, RobustMrac
 from barbalat.controllers.robust_mrac import minimum_phase_model
 from barbalat.problem.state_feedback import Problem
 from barbalat.solvers.simulation import Simulation
@@ -42,18 +40,17 @@ def certificate(problem: Problem, controller: RobustMrac | NormalizedMrac, simul
     draft.missing("error_bound", "no number bounds e: Lemma 1's constants can't be computed from the case")
     draft.estimate(frozen_laws.of_parametric_model(problem, equations, simulation), FROZEN_LAW)
     add_margins_at_rest(draft, problem)
-    if isinstance(controller, RobustMrac):
+    if controller.tau is not None:
         draft.advise({"tau_below": 1 / controller.normalization.delta_0})
-        below = _below_the_ceiling(controller)
+        below = _below_the_ceiling(controller, controller.tau)
         if below.broken:
             draft.note(f"{below.sentence}, but {below.broken}")
     return draft.finish()
 
 
-def midpoint_form(problem: Problem, sampled: Sampled) -> midpoint.MidpointForm:
-    """The law's own implicit step keeps its V."""
-    scheme: Any = sampled.controller
-    return midpoint.of_law(scheme.law, scheme.bind(problem.known).box)
+def midpoint_form(problem: Problem, controller: NormalizedMrac | RobustMrac, _: float) -> midpoint.MidpointForm:
+    """That of its law."""
+    return midpoint.of_law(controller.law, controller.bind(problem.known).box)
 
 
 def column(problem: Problem, controller: NormalizedMrac | RobustMrac, certificate: Certificate) -> tuple[str, dict[str, Entry]]:
@@ -75,33 +72,34 @@ def column(problem: Problem, controller: NormalizedMrac | RobustMrac, certificat
         "tuning": estimate("tuning", limits_text(certificate.values)),
         "margins": margins_cell(certificate),
     }
-    if isinstance(controller, RobustMrac):
-        cells["transient"] = _transient(problem, controller, rests_on) if found.bounded else nothing("transient", why)
-        cells["tuning"] = estimate("tuning", f"{_window(controller)}; {limits_text(certificate.values)}")
+    if controller.tau is not None:
+        below = _below_the_ceiling(controller, controller.tau)
+        cells["transient"] = _transient(problem, controller, *rests_on, below) if found.bounded else nothing("transient", why)
+        cells["tuning"] = estimate("tuning", f"{_window(controller, controller.tau)}; {limits_text(certificate.values)}")
     if not problem.plant.is_linear:  # the proof of boundedness needs |phi(x)| <= c |x|
         cells |= {key: nothing(key, NONLINEAR) for key in ("stability", "tracking", "modelling_error", "transient")}
-    return "robust MRAC (14)-(16)" if isinstance(controller, RobustMrac) else "normalised MRAC", cells
+    return "normalised MRAC" if controller.tau is None else "robust MRAC (14)-(16)", cells
 
 
-def _below_the_ceiling(controller: RobustMrac) -> Assumption:
+def _below_the_ceiling(controller: NormalizedMrac | RobustMrac, tau: float) -> Assumption:
     ceiling = 1 / controller.normalization.delta_0  # Theorem 2: tau in (tau_min, 1/delta_0)
-    broken = "" if controller.tau < ceiling else f"tau is {controller.tau:.4g} s"
+    broken = "" if tau < ceiling else f"tau is {tau:.4g} s"
     return Assumption(f"Theorem 2 asks for tau < 1/delta_0 = {ceiling:.4g} s", broken)
 
 
-def _window(controller: RobustMrac) -> str:
+def _window(controller: NormalizedMrac | RobustMrac, tau: float) -> str:
     ceiling = down(1 / controller.normalization.delta_0)
-    if _below_the_ceiling(controller).broken:
-        return f"tau = {controller.tau:g} s is not below 1/delta_0 = {ceiling} s, as Theorem 2 asks"
-    asked = f"tau = {controller.tau:g} s is below 1/delta_0 = {ceiling} s, as Theorem 2 asks"
+    if _below_the_ceiling(controller, tau).broken:
+        return f"tau = {tau:g} s is not below 1/delta_0 = {ceiling} s, as Theorem 2 asks"
+    asked = f"tau = {tau:g} s is below 1/delta_0 = {ceiling} s, as Theorem 2 asks"
     return f"{asked}; tau_min, which grows with Delta, isn't computed"
 
 
-def _transient(problem: Problem, controller: RobustMrac, rests_on: tuple[Assumption, ...]) -> Entry:
+def _transient(problem: Problem, controller: NormalizedMrac | RobustMrac, *rests_on: Assumption) -> Entry:
     degree = minimum_phase_model(controller.bind(problem.known).c_0, problem.known).relative_degree
     power = "" if degree == 1 else f"^{degree}"
     kept = f"the auxiliary input leaves 1 - 1/(tau s + 1){power} of c_0'e, of the order of tau; no number bounds it"
-    return statement("transient", kept, *rests_on, _below_the_ceiling(controller))
+    return statement("transient", kept, *rests_on)
 
 
 def _estimates(found: Guarantee, linear: bool) -> str:
@@ -125,7 +123,7 @@ def _robustness(problem: Problem, controller: NormalizedMrac | RobustMrac, found
         "the case's own modelling error is small enough",
         f"{present}: whether that is small enough is not known" if present else "",
     )
-    ceiling = (_below_the_ceiling(controller),) if isinstance(controller, RobustMrac) else ()
+    ceiling = () if controller.tau is None else (_below_the_ceiling(controller, controller.tau),)
     enough = laws.bounds_the_parameters(found, problem.parameters)
     rests_on = (small, bounded_command(problem), *inside(problem, box), MINIMUM_PHASE, enough, *ceiling)
     return statement("modelling_error", text, *rests_on)

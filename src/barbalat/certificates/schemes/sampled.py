@@ -6,10 +6,10 @@ import math
 from dataclasses import replace
 
 from barbalat.certificates.assumptions import ACTS_CONTINUOUSLY, CONTINUOUS_ONLY
-from barbalat.certificates.cells import Column, statement
+from barbalat.certificates.cells import statement
 from barbalat.certificates.certificate import Certificate, Draft
 from barbalat.certificates.entry import Entry
-from barbalat.certificates.schemes import HeldFile, scheme_file
+from barbalat.certificates.schemes import HeldFile, scheme_file, stranger
 from barbalat.certificates.schemes.midpoint import MidpointFile
 from barbalat.controllers import Sampled
 from barbalat.loop.closed_loop import ClosedLoop
@@ -33,18 +33,20 @@ def judged_at(controller: Sampled, simulation: Simulation) -> Simulation:
     return Simulation(t_end=T * math.ceil(simulation.t_end / T * (1 - 1e-9)), dt=T, solver=EULER)
 
 
-def certificate(problem: TrackingProblem, continuous: Certificate, controller: Sampled, judged: Simulation) -> Certificate:
+def certificate(problem: TrackingProblem, controller: Sampled, simulation: Simulation) -> Certificate:
     """From the continuous controller's certificate at ``judged_at``."""
-    scheme, T = controller.controller, controller.sample_time
+    controller.bind(problem.known)  # refuses what has no sampled form
+    scheme, T, judged = controller.controller, controller.sample_time, judged_at(controller, simulation)
+    file = scheme_file(scheme)
+    continuous = (file or stranger).certificate(problem, scheme, judged)
     entries = [_sampled(entry, controller) for entry in continuous.entries if entry.key not in LIMIT_KEYS_AT_MODEL]
     notes = [f"the controller runs sampled every {T:g} s ({controller.discretization})"]
-    file = scheme_file(scheme)
     if controller.discretization == "midpoint":
         entries = [entry for entry in entries if entry.key not in ("gamma_max", "step_max")]
         if ClosedLoop.of(problem, scheme).parameters > 0:
             notes.append(NO_MIDPOINT_LIMITS)
         if isinstance(file, MidpointFile):
-            notes.extend(file.midpoint_form(problem, controller).findings)
+            notes.extend(file.midpoint_form(problem, scheme, T).findings)
         return continuous.with_entries(tuple(entries), *notes)
     draft = Draft({entry.key: entry for entry in entries}, notes)
     if isinstance(file, HeldFile):
@@ -71,16 +73,17 @@ def _sampled(entry: Entry, controller: Sampled) -> Entry:
     return entry
 
 
-def column(problem: TrackingProblem, column: Column, controller: Sampled) -> Column:
+def column(problem: TrackingProblem, controller: Sampled, certificate: Certificate) -> tuple[str, dict[str, Entry]]:
     """What holds in continuous time is not claimed of a sampled controller, but what the midpoint rule keeps of V is."""
+    name, continuous = (scheme_file(controller.controller) or stranger).column(problem, controller.controller, certificate)
     why = f"sampled every {controller.sample_time:g} s"
     cells = {
         key: replace(cell, value=None, kind="does not apply", why=why) if cell.kind == "guaranteed" else cell
-        for key, cell in column.cells.items()
+        for key, cell in continuous.items()
     }
     if controller.discretization == "midpoint":
-        cells["estimates"] = _estimates(problem, column.cells["estimates"], controller, cells["estimates"])
-    return replace(column, scheme=f"{column.scheme}, sampled ({controller.discretization})", cells=cells)
+        cells["estimates"] = _estimates(problem, continuous["estimates"], controller, cells["estimates"])
+    return f"{name}, sampled ({controller.discretization})", cells
 
 
 def _estimates(problem: TrackingProblem, continuous: Entry, controller: Sampled, otherwise: Entry) -> Entry:
@@ -88,7 +91,7 @@ def _estimates(problem: TrackingProblem, continuous: Entry, controller: Sampled,
     file = scheme_file(controller.controller)
     if not isinstance(file, MidpointFile):
         return otherwise
-    form = file.midpoint_form(problem, controller)
+    form = file.midpoint_form(problem, controller.controller, controller.sample_time)
     rests_on = form.rests_on
     if continuous.kind == "guaranteed":
         rests_on = continuous.rests_on

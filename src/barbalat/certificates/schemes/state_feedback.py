@@ -23,7 +23,7 @@ from barbalat.certificates.linear_loops import over_known_set
 from barbalat.certificates.linear_loops.ideal import known_parameters
 from barbalat.certificates.linear_loops.margin_values import add_margins
 from barbalat.certificates.step_limits import any_regressor
-from barbalat.problem.known_set import EstimateSet, KnownSet
+from barbalat.problem.known_set import EstimateSet
 from barbalat.problem.state_feedback import Known, Problem
 from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array
@@ -110,9 +110,9 @@ def add_parameter_errors(draft: Draft, problem: Problem, equations: laws.Bound, 
         draft.guarantee("nu_0_worst", theorem_1.nu_0(worst, known), theta_in_the_set(problem))
 
 
-def add_ingredients(draft: Draft, problem: Problem, box: KnownSet | None, model: ModelBounds) -> None:
+def add_ingredients(draft: Draft, problem: Problem, box: EstimateSet | None, model: ModelBounds) -> None:
     """What (9) and (10) are computed from, which no controller and no theta changes."""
-    values = theorem_1.ingredients(problem.known, box, model)
+    values = theorem_1.ingredients(problem.known, None if box is None else problem.known.theta_set, model)
     draft.advise({"P": values.pop("P")})
     for key, value in values.items():
         draft.guarantee(key, value, NUMBERS_ALONE)

@@ -13,7 +13,7 @@ from barbalat.certificates.certificate import Draft
 from barbalat.certificates.entry import NotApplicable
 from barbalat.certificates.step_limits.frozen_laws import STEP_TOO_LONG, input_poles, of_decay
 from barbalat.certificates.step_limits.modes import amplifies, largest_step
-from barbalat.controllers.output import mrac_normalized
+from barbalat.controllers.output import mrac_normalized, mrac_unnormalized
 from barbalat.controllers.output.matching import filter_polynomial
 from barbalat.controllers.output.mrac import MracOutput
 from barbalat.linear.l1_norms import l1_norm
@@ -124,7 +124,8 @@ def _frozen(
         return NotApplicable("the delay is not in the frozen loop")
     if not isinstance(problem.reference, BoundedSignal):
         return NotApplicable(f"the reference has no bound: {problem.reference!r}")
-    equations: Any = loop.equations
+    equations = plain.bind(problem.known)
+    assert isinstance(equations, mrac_unnormalized.Equations)
     state, rows = np.zeros(loop.size), np.arange(loop.size)[loop.theta_hat_rows]
     state[rows] = equations.theta_hat0 if theta is None else theta
     at_rest, commanded = np.zeros(loop.signal_count), np.zeros(loop.signal_count)

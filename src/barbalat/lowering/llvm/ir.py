@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from barbalat.lowering.llvm.functions import definitions
 from barbalat.lowering.llvm.loads import count, due, noise_loads, row_number, signal_loads
 from barbalat.lowering.llvm.past import lag_loads, past_loads, remember
 from barbalat.lowering.llvm.printer import Printer
@@ -63,6 +64,7 @@ def loop(
     sampling = _sampling(sample, shape, lanes, inputs)
     watching = _watching(watch, shape, lanes, inputs)
     last = watching.last or sampling.last or "step"  # without either the step is one block
+    functions, declared = definitions(printer.functions | sampling.functions | watching.functions, lanes)
     lines = [
         HEAD,
         *body.entry(watching.room, lanes),
@@ -77,7 +79,8 @@ def loop(
         *remember(shape, printer.vector, new[shape.states + shape.accumulators :]),
         *body.end(),
         *watching.apart,
-        *sorted(printer.intrinsics | sampling.intrinsics | watching.intrinsics),
+        *functions,
+        *sorted(declared | printer.intrinsics | sampling.intrinsics | watching.intrinsics),
     ]
     return "\n".join(lines)
 
@@ -102,6 +105,7 @@ class _Part:
     last        its last block; empty where there is no such part
     apart       a function beside the loop, and room for it on the loop's stack
     intrinsics  declarations that it needs
+    functions   elementary functions that it calls
     """
 
     lines: tuple[str, ...] = ()
@@ -109,6 +113,7 @@ class _Part:
     apart: tuple[str, ...] = ()
     room: tuple[str, ...] = ()
     intrinsics: frozenset[str] = frozenset()
+    functions: frozenset[str] = frozenset()
 
 
 def _sampling(sample: Program | None, shape: LoopShape, lanes: int, inputs: dict[tuple[int, int], str]) -> _Part:
@@ -128,7 +133,7 @@ def _sampling(sample: Program | None, shape: LoopShape, lanes: int, inputs: dict
         "go:",
         *(f"  %x{i} = phi {sampler.vector} [ %x{i}.held, %step ], [ {sampled[i]}, %sample ]" for i in range(n)),
     )
-    return _Part(lines, last="go", intrinsics=frozenset(sampler.intrinsics))
+    return _Part(lines, last="go", intrinsics=frozenset(sampler.intrinsics), functions=frozenset(sampler.functions))
 
 
 def _watching(watch: Program | None, shape: LoopShape, lanes: int, inputs: dict[tuple[int, int], str]) -> _Part:
@@ -145,7 +150,7 @@ def _watching(watch: Program | None, shape: LoopShape, lanes: int, inputs: dict[
         apart, room, looked = called(looked, quantity, used)
         quantity = "%looked"
     lines = keep_largest(shape.states, looked, quantity, due(shape, "watch.due", "%watch.phase"))
-    return _Part(tuple(lines), LAST_BLOCK, tuple(apart), tuple(room), frozenset(watcher.intrinsics))
+    return _Part(tuple(lines), LAST_BLOCK, tuple(apart), tuple(room), frozenset(watcher.intrinsics), frozenset(watcher.functions))
 
 
 @dataclass(frozen=True)

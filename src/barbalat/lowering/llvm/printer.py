@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import struct
 
-from barbalat.lowering.operations import COMPARISONS, Program
+from barbalat.lowering.functions import FUNCTIONS
+from barbalat.lowering.operations import COMPARISONS, Operation, Program
 
 _ARITHMETIC = {"add": "fadd", "sub": "fsub", "mul": "fmul", "div": "fdiv"}
 _COMPARE = {"lt": "olt", "le": "ole", "eq": "oeq", "ne": "une"}
-_INTRINSICS = {
-    "sqrt": 1, "fabs": 1, "floor": 1, "ceil": 1, "exp": 1, "log": 1, "sin": 1, "cos": 1, "tan": 1, "tanh": 1,
-    "pow": 2, "copysign": 2,
-}  # fmt: skip
+_INTRINSICS = {"sqrt": 1, "fabs": 1, "floor": 1, "ceil": 1, "copysign": 2}
+EXPONENT_BIAS = 1023
+FRACTION_BITS = 52
+ALIGNED = 2.0**FRACTION_BITS + EXPONENT_BIAS
+"""A whole number k added to it stands, with the bias, in the last bits of the sum."""
 
 
 def constant(value: float) -> str:
@@ -30,8 +32,11 @@ class Printer:
         self.vector = "double" if lanes == 1 else f"<{lanes} x double>"
         self.mask = "i1" if lanes == 1 else f"<{lanes} x i1>"
         self.suffix = "f64" if lanes == 1 else f"v{lanes}f64"
+        self.bits = "i64" if lanes == 1 else f"<{lanes} x i64>"
         self.lines: list[str] = []
         self.intrinsics: set[str] = set()
+        self.functions: set[str] = set()
+        self.tables: dict[str, str] = {}
         self.values: list[str] = []
         self.truth: list[bool] = []
         self.temporaries = 0
@@ -76,12 +81,13 @@ class Printer:
             elif op.name == "input":
                 value = self.inputs[op.source]
             else:
-                value = self.operation(op.name, op.operands)
+                value = self.operation(op)
             self.values.append(value)
             self.truth.append(op.name in COMPARISONS)
         return [self.number(i) for row in self.program.outputs for i in row]
 
-    def operation(self, name: str, operands: tuple[int, ...]) -> str:
+    def operation(self, op: Operation) -> str:
+        name, operands = op.name, op.operands
         if name in ("not", "and", "or"):
             c = [self.condition(i) for i in operands]
             ones = "true" if self.lanes == 1 else "splat (i1 true)"
@@ -104,9 +110,59 @@ class Printer:
             return self.intrinsic("fma", self.assign(f"fneg {self.vector} {x[0]}"), x[1], x[2])
         if _INTRINSICS.get(name) == len(x):
             return self.intrinsic(name, *x)
+        if name in FUNCTIONS:
+            self.functions.add(name)
+            return self.assign(f"call {self.vector} @barbalat.{name}({', '.join(f'{self.vector} {operand}' for operand in x)})")
+        if name in ("exponent", "significand", "pow2"):
+            return self.of_bits(name, x[0])
+        if name == "lookup":
+            return self.lookup(op.table, x[0])
         raise ValueError(f"the operation {name} has no LLVM translation")
 
     def extremum(self, name: str, x: list[str]) -> str:
         """Minimum or maximum that lets the first operand's NaN through instead of the bound: a blow-up must stay visible."""
         relation = "olt" if name == "fmax" else "ogt"
         return self.select(self.assign(f"fcmp {relation} {self.vector} {x[0]}, {x[1]}"), x[1], x[0])
+
+    def of_bits(self, name: str, x: str) -> str:
+        """A number's exponent and significand, or the power of two with an exponent, by way of the bits."""
+        if name == "pow2":
+            aligned = self.assign(f"fadd {self.vector} {x}, {self.splat(ALIGNED)}")
+            whole = self.assign(f"bitcast {self.vector} {aligned} to {self.bits}")
+            return self.as_number(self.assign(f"shl {self.bits} {whole}, {self.whole(FRACTION_BITS)}"))
+        bits = self.assign(f"bitcast {self.vector} {x} to {self.bits}")
+        if name == "significand":
+            fraction = self.assign(f"and {self.bits} {bits}, {self.whole(2**FRACTION_BITS - 1)}")
+            return self.as_number(self.assign(f"or {self.bits} {fraction}, {self.whole(EXPONENT_BIAS << FRACTION_BITS)}"))
+        shifted = self.assign(f"lshr {self.bits} {bits}, {self.whole(FRACTION_BITS)}")
+        exponent = self.assign(f"and {self.bits} {shifted}, {self.whole(2 * EXPONENT_BIAS + 1)}")
+        # sets the number behind 2^52, where a whole number's bits are its last ones: processors convert 64 bits one by one
+        behind = self.as_number(
+            self.assign(f"or {self.bits} {exponent}, {self.whole((EXPONENT_BIAS + FRACTION_BITS) << FRACTION_BITS)}")
+        )
+        return self.assign(f"fsub {self.vector} {behind}, {self.splat(ALIGNED)}")
+
+    def as_number(self, bits: str) -> str:
+        return self.assign(f"bitcast {self.bits} {bits} to {self.vector}")
+
+    def whole(self, value: int) -> str:
+        return str(value) if self.lanes == 1 else "<" + ", ".join([f"i64 {value}"] * self.lanes) + ">"
+
+    def lookup(self, table: tuple[float, ...], place: str) -> str:
+        """One entry for each lane; the table is written where it is used first, in the module's constants."""
+        kind = f"[{len(table)} x double]"
+        name = f"@table.{len(table)}.{abs(hash(table))}"
+        self.tables[name] = (
+            f"{name} = internal unnamed_addr constant {kind} [{', '.join(f'double {constant(v)}' for v in table)}]"
+        )
+        index = self.assign(f"fptosi {self.vector} {place} to {self.bits}")
+        if self.lanes == 1:
+            at = self.assign(f"getelementptr double, ptr {name}, i64 {index}")
+            return self.assign(f"load double, ptr {at}, align 8")
+        found = "poison"
+        for lane in range(self.lanes):
+            one = self.assign(f"extractelement {self.bits} {index}, i64 {lane}")
+            at = self.assign(f"getelementptr double, ptr {name}, i64 {one}")
+            value = self.assign(f"load double, ptr {at}, align 8")
+            found = self.assign(f"insertelement {self.vector} {found}, double {value}, i64 {lane}")
+        return found

@@ -13,8 +13,6 @@ from __future__ import annotations
 
 from typing import Protocol, TypeAlias, runtime_checkable
 
-import numpy as np
-
 from barbalat.problem.known_set.ball import ParameterBall
 from barbalat.problem.known_set.box import UNREACHED_BOUND, ParameterBox
 from barbalat.problem.known_set.gain import ONE, Gain
@@ -37,9 +35,7 @@ def with_gains(theta: KnownSet | None, gains: ParameterBox | None) -> EstimateSe
     """The set of all that is estimated; ``None`` for no set and no unknown gains."""
     if gains is None:
         return theta
-    if isinstance(theta, ParameterBox):
-        return ParameterBox(lower=np.concatenate([theta.lower, gains.lower]), upper=np.concatenate([theta.upper, gains.upper]))
-    return ParameterProduct(theta, gains)
+    return ParameterProduct(None, gains) if theta is None else theta.with_gains(gains)
 
 
 @runtime_checkable

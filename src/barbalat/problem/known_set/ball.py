@@ -16,6 +16,10 @@ from barbalat.validate import Array
 
 if TYPE_CHECKING:
     from barbalat.problem.known_set.box import ParameterBox
+    from barbalat.problem.known_set.product import ParameterProduct
+
+ROUNDED_UP = 1 + 1e-12
+"""Room for the roundings of a sum of fewer than thousands of numbers."""
 
 ON_THE_SPHERE = 2.0**-46
 """An estimate this near to the sphere counts as on it: a few dozen roundings, relative to |center| + radius."""
@@ -44,6 +48,8 @@ class ParameterBall:
     center: Array
     radius: float
 
+    first_field: ClassVar[str] = "center"
+    fills_its_extent: ClassVar[bool] = False
     intervals: ClassVar[ParameterBox | None] = None  # no estimate has one of its own
     bounds_theta: ClassVar[bool] = True
     cuts_corners: ClassVar[bool] = False  # there are none
@@ -76,8 +82,8 @@ class ParameterBall:
 
     @property
     def theta_max(self) -> float:
-        """The largest 1-norm in the set: |center|_1 + radius sqrt(n), where every component moves outward alike."""
-        return self.farthest_1(np.zeros(self.size))
+        """The largest 1-norm in the set, rounded up: |center|_1 + radius sqrt(n), where every component moves outward alike."""
+        return self.farthest_1(np.zeros(self.size)) * ROUNDED_UP
 
     @property
     def middle(self) -> Array:
@@ -91,6 +97,24 @@ class ParameterBall:
     def farthest(self, theta: Array) -> float:
         """The largest Euclidean distance from ``theta`` to a point of the set."""
         return math.hypot(*(theta - self.center)) + self.radius
+
+    def extreme_points(self, rng: np.random.Generator, most: int) -> Array:
+        """The ends along the axes, and points of the surface drawn at random: ``most`` in all."""
+        n = self.size
+        directions = rng.standard_normal((most - 2 * n, n))
+        directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+        return np.asarray(self.center + self.radius * np.concatenate([np.eye(n), -np.eye(n), directions]))
+
+    def drawn_into(self, points: Array) -> Array:
+        """Points (M, n), with the nearest of the set in the place of those outside."""
+        away = points - self.center
+        return np.asarray(self.center + away * np.minimum(1, self.radius / np.linalg.norm(away, axis=1, keepdims=True)))
+
+    def with_gains(self, gains: ParameterBox) -> ParameterProduct:
+        """Of these parameters and, after them, the input gains."""
+        from barbalat.problem.known_set.product import ParameterProduct
+
+        return ParameterProduct(self, gains)
 
     @property
     def sphere(self) -> ParameterBall:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+import math
 from dataclasses import KW_ONLY, dataclass, field
 from fractions import Fraction
 from typing import TYPE_CHECKING, ClassVar
@@ -40,6 +42,8 @@ class ParameterBox:
     faces: tuple[int, ...] = field(init=False, repr=False)
     """The components with a bound that a run can reach."""
 
+    first_field: ClassVar[str] = "lower"
+    fills_its_extent: ClassVar[bool] = True
     sphere: ClassVar[ParameterBall | None] = None
     bounds_theta: ClassVar[bool] = True
 
@@ -81,8 +85,11 @@ class ParameterBox:
 
     @property
     def theta_max(self) -> float:
-        """The largest 1-norm in the set."""
-        return self.farthest_1(np.zeros(self.size))
+        """The largest 1-norm in the set, rounded up: the sum itself where it is a float."""
+        largest = np.maximum(np.abs(self.lower), np.abs(self.upper))
+        exact = sum((Fraction(value) for value in largest.tolist()), Fraction(0))
+        nearest = float(exact)
+        return nearest if Fraction(nearest) >= exact else math.nextafter(nearest, math.inf)
 
     @property
     def middle(self) -> Array:
@@ -96,6 +103,22 @@ class ParameterBox:
     def farthest(self, theta: Array) -> float:
         """The largest Euclidean distance from ``theta`` to a point of the set."""
         return float(np.linalg.norm(np.maximum(np.abs(theta - self.lower), np.abs(self.upper - theta))))
+
+    def extreme_points(self, rng: np.random.Generator, most: int) -> Array:
+        """The vertices, or as many as ``most`` of them, drawn at random."""
+        if 2**self.size <= most:
+            signs = np.array(list(itertools.product((0.0, 1.0), repeat=self.size)))
+        else:
+            signs = rng.integers(0, 2, (most, self.size)).astype(float)
+        return np.asarray(self.lower + signs * (self.upper - self.lower))
+
+    def drawn_into(self, points: Array) -> Array:
+        """Points (M, n), with the nearest of the set in the place of those outside."""
+        return np.clip(points, self.lower, self.upper)
+
+    def with_gains(self, gains: ParameterBox) -> ParameterBox:
+        """Of these parameters and, after them, the input gains."""
+        return ParameterBox(lower=np.concatenate([self.lower, gains.lower]), upper=np.concatenate([self.upper, gains.upper]))
 
     @property
     def intervals(self) -> ParameterBox:

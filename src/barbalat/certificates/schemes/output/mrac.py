@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from barbalat.adaptation.guarantee import Estimates, Guarantee
@@ -18,7 +16,6 @@ from barbalat.certificates.quantities import Quantity
 from barbalat.certificates.schemes import midpoint
 from barbalat.certificates.schemes.output_feedback import LINEAR_LOOP, START_AT_REST
 from barbalat.certificates.step_limits import output_mrac
-from barbalat.controllers import Sampled
 from barbalat.controllers.output.matching import filter_polynomial, matching_parameters
 from barbalat.controllers.output.mrac import MracOutput
 from barbalat.linear.systems import TransferFunction
@@ -77,10 +74,9 @@ def certificate(problem: OutputProblem, controller: MracOutput, simulation: Simu
     return draft.finish()
 
 
-def midpoint_form(problem: OutputProblem, sampled: Sampled) -> midpoint.MidpointForm:
-    """The law's own implicit step keeps its V."""
-    scheme: Any = sampled.controller
-    return midpoint.of_law(scheme.law, scheme.bind(problem.known).box)
+def midpoint_form(problem: OutputProblem, controller: MracOutput, _: float) -> midpoint.MidpointForm:
+    """That of its law."""
+    return midpoint.of_law(controller.law, controller.bind(problem.known).box)
 
 
 def rests_on(problem: OutputProblem, controller: MracOutput) -> tuple[Assumption, ...]:

@@ -5,10 +5,18 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from barbalat import DeadZone, EpsilonModification, FixedSigma, Gradient, LeastSquares, SwitchingSigma
+from barbalat import (
+    DeadZone,
+    EpsilonModification,
+    FixedSigma,
+    Gradient,
+    LeastSquares,
+    LeastSquaresResetting,
+    SwitchingSigma,
+)
 from barbalat.adaptation.laws import Estimation
 from barbalat.adaptation.laws.covariance import Memory
-from independent import integrate
+from independent import integrate, refusal
 
 
 def estimate(law, theta, t_end, phi=lambda t: 1.0, eta=lambda t: 0.0, theta_hat0=0.0):
@@ -87,3 +95,26 @@ def test_the_dead_zone_stops_the_covariance_as_well():
     outside = law.rates(np.zeros(1), Memory(np.array([[2.0]])), given._replace(epsilon=1 / np.sqrt(2)), None)  # = 1: weight 1/2
     np.testing.assert_allclose(outside.memory.covariance, [[-0.5 * 4 / 2]], rtol=1e-14)
     np.testing.assert_allclose(outside.theta_hat, [0.5 * 2 / np.sqrt(2)], rtol=1e-14)
+
+
+class Twice(FixedSigma):
+    """A leakage from outside the package: twice another's."""
+
+    def coefficient(self, theta_hat, error):
+        return 2 * super().coefficient(theta_hat, error)
+
+
+class Unbounded(Twice):
+    """Another, of which no largest value is known."""
+
+    largest = np.inf
+
+
+def test_a_leakage_from_outside_is_borne_for_what_it_answers():
+    assert Gradient(1.0, leakage=Unbounded(0.1)).leakage is not None
+    assert LeastSquaresResetting(rho_0=2.0, rho_1=1.0, leakage=Twice(0.1)).leakage is not None
+    assert "FixedSigma or SwitchingSigma can" in refusal(
+        lambda: LeastSquaresResetting(rho_0=2.0, rho_1=1.0, leakage=Unbounded(0.1))
+    )
+    assert "SwitchingSigma can" in refusal(lambda: LeastSquares(1.0, leakage=Twice(0.1)))
+    assert "leakage must be" in refusal(lambda: Gradient(1.0, leakage=FixedSigma))

@@ -1,0 +1,41 @@
+"""The elementary functions as operation lists, which all targets print: no target's library can change a bit of a result."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+
+from barbalat.lowering.functions import arctangent, exponential, power, trigonometric
+from barbalat.lowering.functions.trace import traced
+from barbalat.lowering.operations import Program
+
+
+@dataclass(frozen=True)
+class Function:
+    """One function of ``arguments`` numbers, inputs (0, 0), (1, 0), ... of its lists.
+
+    usual  gives the value and, where there is a rare list, whether the arguments need that one
+    rare   gives the value where ``usual`` says so, and is not computed elsewhere
+    """
+
+    arguments: int
+    usual: Program
+    rare: Program | None = None
+
+
+FUNCTIONS = frozenset({"exp", "log", "sin", "cos", "tan", "tanh", "atan", "pow"})
+"""The operations that are functions of this kind."""
+
+
+@cache
+def function(name: str) -> Function:
+    """One of FUNCTIONS, its lists made when they are first asked for."""
+    match name:
+        case "sin" | "cos" | "tan":
+            value = {"sin": trigonometric.sin, "cos": trigonometric.cos, "tan": trigonometric.tan}[name]
+            return Function(1, traced(trigonometric.usual_of(value), 1), traced(trigonometric.large_of(value), 1))
+        case "pow":
+            return Function(2, traced(power.power, 2))
+        case _:
+            formula = {"exp": exponential.exp, "log": exponential.log, "tanh": exponential.tanh, "atan": arctangent.atan}[name]
+            return Function(1, traced(formula, 1))

@@ -1,0 +1,111 @@
+"""x^y = 2^(y log2 x), the logarithm in two doubles.
+
+Coefficients: fdlibm's e_pow.c (Copyright (C) 2004 by Sun Microsystems, Inc.); see docs/licences.md.
+"""
+
+from __future__ import annotations
+
+import math
+
+from barbalat.lowering.functions.exact import Double, rounded, split
+from barbalat.lowering.functions.exponential import SMALLEST_NORMAL, TWO_TO_54
+from barbalat.lowering.functions.exponential import P as EXP
+from barbalat.lowering.functions.trace import Number
+
+L = (
+    5.99999999999994648725e-01, 4.28571428578550184252e-01, 3.33333329818377432918e-01,
+    2.72728123808534006489e-01, 2.30660745775561754067e-01, 2.06975017800338417784e-01,
+)  # fmt: skip
+TWO_OVER_3_LN_2 = 9.61796693925975554329e-01
+TWO_OVER_3_LN_2_HIGH, TWO_OVER_3_LN_2_LOW = 9.61796700954437255859e-01, -7.02846165095275826516e-09
+LOG2_3_2_HIGH, LOG2_3_2_LOW = 5.84962487220764160156e-01, 1.35003920212974897128e-08
+"""log2(3/2)."""
+LN_2 = 6.93147180559945286227e-01
+LN_2_HIGH, LN_2_LOW = 6.93147182464599609375e-01, -1.90465429995776804525e-09
+LARGEST_POWER = 2000.0
+"""2^2000 overflows, 2^-2000 rounds to zero."""
+LARGEST_EXPONENT = 2.0**64
+"""With a larger one every x but 1 overflows, or rounds to zero: |log2 x| is at least 2^-53."""
+ALL_EVEN = 2.0**53
+"""From here on every double is an even number."""
+
+
+def power(x: Number, y: Number) -> tuple[Number]:
+    """x^y; where that is nothing real, not a number."""
+    a = abs(x)
+    exponent = (y > LARGEST_EXPONENT).then(LARGEST_EXPONENT, y)
+    exponent = (exponent < -LARGEST_EXPONENT).then(-LARGEST_EXPONENT, exponent)
+    value = _two_to(_times(_log2(a), exponent))
+    return (_special(x, y, a, value),)
+
+
+def _log2(a: Number) -> Double:
+    """log2 a for a > 0, with 26 bits in the first number."""
+    tiny = a < SMALLEST_NORMAL
+    normal = tiny.then(a * TWO_TO_54, a)
+    m, e = normal.significand(), normal.exponent()
+    middle, upper = m >= math.sqrt(1.5), m >= math.sqrt(3)
+    middle = middle & ~upper
+    m = upper.then(0.5 * m, m)
+    n = e + upper.then(1.0, 0.0) + tiny.then(-54.0, 0.0)
+    base, base_high, base_low = middle.then(1.5, 1.0), middle.then(LOG2_3_2_HIGH, 0.0), middle.then(LOG2_3_2_LOW, 0.0)
+    u, v = m - base, 1.0 / (m + base)
+    s = u * v
+    s_high, _ = split(s)
+    t_high, _ = split(m + base)
+    t_low = m - (t_high - base)
+    s_low = v * ((u - s_high * t_high) - s_high * t_low)
+    z = s * s
+    r = z * z * (L[0] + z * (L[1] + z * (L[2] + z * (L[3] + z * (L[4] + z * L[5]))))) + s_low * (s_high + s)
+    square = s_high * s_high  # exact
+    t_high, _ = split(3.0 + square + r)
+    t_low = r - ((t_high - 3.0) - square)
+    u, v = s_high * t_high, s_low * t_high + t_low * s
+    p_high, _ = split(u + v)
+    p_low = v - (p_high - u)
+    z_high = TWO_OVER_3_LN_2_HIGH * p_high
+    z_low = TWO_OVER_3_LN_2_LOW * p_high + p_low * TWO_OVER_3_LN_2 + base_low
+    high, _ = split(((z_high + z_low) + base_high) + n)
+    return Double(high, z_low - (((high - n) - base_high) - z_high))
+
+
+def _times(log: Double, y: Number) -> Double:
+    high, low = split(y)
+    return Double(high * log.high, low * log.high + y * log.low)
+
+
+def _two_to(power: Double) -> Number:
+    high, low = power
+    total = high + low
+    outside_above, outside_below = total > LARGEST_POWER, total < -LARGEST_POWER
+    outside = outside_above | outside_below
+    high, low = outside.then(outside_above.then(LARGEST_POWER, -LARGEST_POWER), high), outside.then(0.0, low)
+    n = rounded(high + low)
+    high = high - n
+    t, _ = split(high + low)
+    u, v = t * LN_2_HIGH, (low - (t - high)) * LN_2 + t * LN_2_LOW
+    z = u + v
+    w = v - (z - u)
+    squared = z * z
+    c = z - squared * (EXP[0] + squared * (EXP[1] + squared * (EXP[2] + squared * (EXP[3] + squared * EXP[4]))))
+    r = (z * c) / (c - 2.0) - (w + z * w)
+    half = rounded(n * 0.5)
+    return ((1.0 - (r - z)) * half.two_to_this()) * (n - half).two_to_this()
+
+
+def _special(x: Number, y: Number, a: Number, value: Number) -> Number:
+    """IEEE 754's values at zeros, infinities, negative x and NaN."""
+    size = abs(y)
+    near = (size < ALL_EVEN).then(y, 0.0)
+    half = near * 0.5
+    whole = ((near - near.floor()).equals(0.0)) & (size <= math.inf)
+    odd = whole & ~(half - half.floor()).equals(0.0)
+    grows = (y > 0.0).then(math.inf, 0.0)  # of an infinite x
+    shrinks = (y < 0.0).then(math.inf, 0.0)
+    value = a.equals(0.0).then(shrinks, a.equals(math.inf).then(grows, value))
+    value = (x < 0.0).then(whole.then(value, math.nan), value)
+    value = (x < 0.0).then(a.equals(math.inf).then(grows, value), value)
+    value = odd.then(value.with_sign_of(x), value)
+    value = (a.equals(1.0) & size.equals(math.inf)).then(1.0, value)
+    value = ((a <= math.inf) & (size <= math.inf)).then(value, math.nan)
+    return (x.equals(1.0) | y.equals(0.0)).then(1.0, value)

@@ -1,0 +1,137 @@
+"""Operation lists written as formulas: every operator on a ``Number`` appends one operation, in the order of writing.
+
+What is written is what is computed. Nothing is simplified or reordered, as that would cost a function its last bits.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+from barbalat.lowering.operations import Operation, Program
+from barbalat.lowering.optimize import drop_dead
+
+
+@dataclass(eq=False)
+class Trace:
+    """The operations so far; equal constants are one operation."""
+
+    operations: list[Operation] = field(default_factory=list)
+    constants: dict[str, int] = field(default_factory=dict)
+
+    def append(self, name: str, *operands: Number | float, table: tuple[float, ...] = ()) -> Number:
+        places = tuple(self.number(operand).place for operand in operands)
+        self.operations.append(Operation(name, places, table=table))
+        return Number(self, len(self.operations) - 1)
+
+    def number(self, value: Number | float) -> Number:
+        if isinstance(value, Number):
+            return value
+        key = float(value).hex()  # -0.0 == 0.0 and NaN != NaN as keys
+        if key not in self.constants:
+            self.operations.append(Operation("constant", (), float(value)))
+            self.constants[key] = len(self.operations) - 1
+        return Number(self, self.constants[key])
+
+    def argument(self, i: int) -> Number:
+        self.operations.append(Operation("input", source=(i, 0)))
+        return Number(self, len(self.operations) - 1)
+
+
+@dataclass(frozen=True, eq=False)
+class Number:
+    """The value of one operation: a number, or a truth value where it comes from a comparison."""
+
+    trace: Trace
+    place: int
+
+    def constant(self, value: float) -> Number:
+        """A number of the same list."""
+        return self.trace.number(value)
+
+    def __add__(self, other: Number | float) -> Number:
+        return self.trace.append("add", self, other)
+
+    def __radd__(self, other: float) -> Number:
+        return self.trace.append("add", other, self)
+
+    def __sub__(self, other: Number | float) -> Number:
+        return self.trace.append("sub", self, other)
+
+    def __rsub__(self, other: float) -> Number:
+        return self.trace.append("sub", other, self)
+
+    def __mul__(self, other: Number | float) -> Number:
+        return self.trace.append("mul", self, other)
+
+    def __rmul__(self, other: float) -> Number:
+        return self.trace.append("mul", other, self)
+
+    def __truediv__(self, other: Number | float) -> Number:
+        return self.trace.append("div", self, other)
+
+    def __rtruediv__(self, other: float) -> Number:
+        return self.trace.append("div", other, self)
+
+    def __neg__(self) -> Number:
+        return self.trace.append("neg", self)
+
+    def __abs__(self) -> Number:
+        return self.trace.append("fabs", self)
+
+    def __lt__(self, other: Number | float) -> Number:
+        return self.trace.append("lt", self, other)
+
+    def __le__(self, other: Number | float) -> Number:
+        return self.trace.append("le", self, other)
+
+    def __gt__(self, other: Number | float) -> Number:
+        return self.trace.append("lt", other, self)
+
+    def __ge__(self, other: Number | float) -> Number:
+        return self.trace.append("le", other, self)
+
+    def __and__(self, other: Number) -> Number:
+        return self.trace.append("and", self, other)
+
+    def __or__(self, other: Number) -> Number:
+        return self.trace.append("or", self, other)
+
+    def __invert__(self) -> Number:
+        return self.trace.append("not", self)
+
+    def equals(self, other: Number | float) -> Number:
+        return self.trace.append("eq", self, other)
+
+    def then(self, yes: Number | float, no: Number | float) -> Number:
+        """``yes`` where this is true, else ``no``; both are computed."""
+        return self.trace.append("select", self, yes, no)
+
+    def with_sign_of(self, other: Number) -> Number:
+        return self.trace.append("copysign", self, other)
+
+    def floor(self) -> Number:
+        return self.trace.append("floor", self)
+
+    def exponent(self) -> Number:
+        """e of |x| = s 2^e with 1 <= s < 2, for a normal number."""
+        return self.trace.append("exponent", self)
+
+    def significand(self) -> Number:
+        """s of |x| = s 2^e with 1 <= s < 2, for a normal number."""
+        return self.trace.append("significand", self)
+
+    def two_to_this(self) -> Number:
+        """2^k for a whole number k from -1022 to 1023."""
+        return self.trace.append("pow2", self)
+
+    def entry_of(self, table: tuple[float, ...]) -> Number:
+        """The table's entry at this whole number, which is one of its places."""
+        return self.trace.append("lookup", self, table=table)
+
+
+def traced(formula: Callable[..., tuple[Number, ...]], arguments: int) -> Program:
+    """The list of a formula: each of its results is one output, each argument an input with one component."""
+    trace = Trace()
+    results = formula(*(trace.argument(i) for i in range(arguments)))
+    return drop_dead(Program(tuple(trace.operations), tuple((result.place,) for result in results)))

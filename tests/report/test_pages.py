@@ -1,0 +1,69 @@
+"""Pages: what they hold themselves, what lies beside them, and what a phone is shown of a table."""
+
+import re
+import xml.etree.ElementTree as ET
+from html import unescape
+from urllib.parse import unquote
+
+import pytest
+
+from barbalat import Mrac, Simulation, certify, simulate
+from barbalat.cases.load import load_case
+from barbalat.certificates.overview import Certified
+from barbalat.certificates.picture import distinct
+from barbalat.certificates.table_1 import Table
+from barbalat.report import page, write
+from barbalat.report.files import Folder
+from barbalat.report.narrow import fits_a_phone
+
+
+@pytest.fixture(scope="module")
+def results():
+    return simulate(load_case("first-order").problem, [Mrac(gamma=5)], Simulation(t_end=1, dt=1e-2))
+
+
+SVG = '<svg xmlns="http://www.w3.org/2000/svg">\n<style>a { fill: #102030; width: 50% }</style><g id="a&lt;b"/></svg>'
+
+
+def shown(results, svg):
+    picture = page.Picture(page.Drawing("wide.svg", svg), page.Drawing("narrow.svg", svg))
+    return page.comparison("a case", list(results.values()), Certified({}, Table(())), picture)
+
+
+def test_a_small_page_holds_its_pictures(results):
+    """What a browser reads from the address is the picture: the same tags, colours and texts."""
+    found = shown(results, SVG)
+    addresses = [unescape(one) for one in re.findall(r'src="([^"]*)"', found)]
+    assert len(addresses) == 2 and "srcset" not in found and "://" not in found
+    for address in addresses:
+        kind, _, text = address.partition(",")
+        assert kind == "data:image/svg+xml" and "#" not in text
+        read, meant = (ET.canonicalize(one).replace("\n", " ") for one in (unquote(text), SVG))
+        assert read == meant
+
+
+def test_a_large_page_has_them_beside_it(results):
+    found = shown(results, SVG.replace("<g", f"<!--{'x' * page.LARGEST}--><g"))
+    assert len(found) < page.LARGEST
+    assert 'src="wide.svg"' in found and 'srcset="narrow.svg"' in found and page.PICTURES_BESIDE in found
+
+
+def test_loops_are_drawn_once(tmp_path):
+    """Two gains have the same loop at rest, and loops of their own with the law included."""
+    problem, simulation = load_case("paper").problem, Simulation(t_end=1, dt=1e-4)
+    certificates = certify(problem, [Mrac(name="slow", gamma=5), Mrac(name="fast", gamma=50)], simulation)
+    found = distinct(certificates)
+    assert [loop.name.partition(":")[0] for loop in found].count("slow; fast") == 1
+    assert len(found) == sum(len(one.loops) for one in certificates.values()) - 1
+    folder = Folder(tmp_path)
+    (picture,) = write.loop_pictures(certificates)
+    write.keep(folder, [picture])
+    folder.commit()
+    assert {path.name for path in tmp_path.iterdir()} == {"loops.svg", "loops-narrow.svg"}
+    assert picture.narrow is not None and picture.narrow.svg != picture.wide.svg
+
+
+def test_what_fits_a_phone():
+    assert fits_a_phone(("tau [s]", "error", "delay"), [("0.1", "2.02", "84.7")])
+    assert not fits_a_phone(("tau [s]",) * 8, [("0.0001234",) * 8])
+    assert fits_a_phone(("reading", "measured"), [("many short words in a cell " * 5, "1")])
