@@ -126,7 +126,7 @@ def test_what_stayed_empty_goes_again(tmp_path, case_file, monkeypatch):
 
 
 def test_json_of_what_is_not_finite():
-    from barbalat.report.write import as_json
+    from barbalat.report.documents import as_json
 
     assert json.loads(as_json({"a": [float("nan"), 1.0], "b": (float("inf"), {"c": -float("inf")})})) == {
         "a": [None, 1.0],

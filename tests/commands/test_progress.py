@@ -10,8 +10,10 @@ from barbalat.commands.screen import Work
 
 @pytest.fixture
 def clock(monkeypatch):
-    now = [100.0]
+    """Seconds, and how much of a core this process has had of them since."""
+    now = [100.0, 1.0]
     monkeypatch.setattr(time, "perf_counter", lambda: now[0])
+    monkeypatch.setattr(time, "process_time", lambda: 100.0 + now[1] * (now[0] - 100.0))
     return now
 
 
@@ -51,3 +53,13 @@ def test_what_is_overdue_still_takes_a_moment(clock):
         clock[0] += 20
         assert 0 < work.left <= 2
     assert work.left == 0
+
+
+def test_on_a_busy_machine_all_takes_as_much_longer(clock):
+    """A quarter of a core: 20 s of work take 80 s, of which so many are over; what others do is not judged by it."""
+    clock[1] = 0.25
+    for here, whole in ((True, 80.0), (False, 20.0)):
+        work = Work({"certifying": 12.0, "drawing": 8.0}, Console())
+        with work.part("certifying", here=here):
+            clock[0] += 10.0
+            assert (whole - 10.0) / 1.5 <= work.left <= 1.5 * (whole - 10.0)

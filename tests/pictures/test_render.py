@@ -5,11 +5,13 @@ import re
 import xml.etree.ElementTree as ET
 
 import numpy as np
+import pytest
 from matplotlib import rc_context
 from matplotlib.colors import to_rgb
 from PIL import Image
 
-from barbalat.pictures.panels import Panel, Series, draw, text_of
+from barbalat.pictures.panel_drawing import draw
+from barbalat.pictures.panels import Panel, Series, text_of
 from barbalat.pictures.render import on_dark, render
 from barbalat.pictures.theme import COLOURS, DARK_GROUND, DARK_INK, GROUND, INK, ON_DARK, QUIET, new_figure
 
@@ -77,3 +79,12 @@ def test_names_are_shown_as_they_are():
     assert text_of("a $ b") == r"a \$ b"
     assert len(text_of("x" * 100)) == 40
     assert text_of("_hidden").startswith("\u200b_")
+
+
+@pytest.mark.parametrize("narrow", [False, True])
+def test_the_rows_of_a_png_are_not_sheared(narrow):
+    """The axis of values is one column of dark pixels from end to end."""
+    t = np.linspace(0, 1, 50)
+    figure = draw([Panel(title="x", series=[Series(t=t, value=t, label="x")])], 1.0, narrow=narrow)
+    pixels = np.asarray(Image.open(io.BytesIO(render(figure, "png"))).convert("L"))
+    assert (pixels < 100).sum(axis=0).max() > 0.4 * len(pixels)

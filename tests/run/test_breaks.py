@@ -19,7 +19,7 @@ from barbalat.problem.plant import Plant, ReferenceModel
 from barbalat.problem.regressors import Terms
 from barbalat.problem.state_feedback import Problem
 from barbalat.protocols import BreakingSignal
-from barbalat.report.write import run_block
+from barbalat.report.documents import run_block
 from barbalat.run.breaks import breaks_inside, can_be_split, lost_order
 from barbalat.run.ensemble import simulate_ensemble
 from barbalat.run.grid import signal_table

@@ -5,6 +5,7 @@ import pytest
 from matplotlib.figure import Figure
 
 from barbalat import (
+    EULER,
     Constant,
     Mrac,
     Plant,
@@ -12,8 +13,10 @@ from barbalat import (
     ReferenceModel,
     Sampled,
     Simulation,
+    Sine,
     Step,
     certify,
+    delay_margins,
     load_case,
     plot,
     simulate,
@@ -21,6 +24,7 @@ from barbalat import (
 )  # fmt: skip
 from barbalat.problem.command_gain import command_warning, gains_at_rest
 from barbalat.run.picture import panels
+from barbalat.study.tau_limit import TauLimits
 from independent import refusal
 
 SHORT = Simulation(2.0, 1e-2)
@@ -129,3 +133,33 @@ def test_an_ensemble_on_one_line_and_as_a_picture():
     x, share = figure.axes[0].lines[0].get_data()
     np.testing.assert_allclose(x, np.sort(found.metrics.max_abs_e[:, 0]))
     np.testing.assert_allclose(share, [1 / 3, 2 / 3, 1])
+
+
+def test_studies_and_ensembles_show_themselves_in_a_notebook():
+    found = simulate_ensemble([(problem(), Mrac(float(gamma))) for gamma in (1.0, 3.0)], SHORT)
+    margins = delay_margins(problem(reference=Sine(1.0, 2.0)), Mrac(5), SHORT, scan=4)["MRAC"]
+    limits = TauLimits(
+        sizes=np.array([0.01, 0.1]), taus=np.array([0.1, 1.0]), tail=np.array([[0.1, 1.0], [np.nan, 1.0]]),
+        bears=np.array([0.1, 0.5]), loses=np.array([0.0, 0.4]), at_bears=np.array([0.1, 0.6]), runs=7,
+    )  # fmt: skip
+    for shown in (found, margins, limits):
+        html = shown._repr_html_()
+        assert repr(shown).strip("<>") in html and "data:image/svg+xml;base64," in html
+    assert "tau from 0.1 to 0.5" in repr(limits)
+    borne, lost = limits.plot().axes[0].lines
+    np.testing.assert_array_equal(borne.get_xydata(), [[0.01, 0.1], [0.1, 0.5]])
+    np.testing.assert_array_equal(lost.get_xydata(), [[0.1, 0.4]])  # of the first size no smaller tau was tried
+
+
+def test_a_panel_that_stands_alone_has_its_whole_row(results):
+    """Error and control beside one another, the estimates below them."""
+    figure = plot(results["MRAC"])
+    widths = sorted(axes.get_position().width for axes in figure.axes)
+    assert len(widths) == 4 and widths[1] < 0.5 < widths[2] == widths[3]
+
+
+def test_what_a_problem_is_made_of_is_one_line_at_a_prompt():
+    shown = repr(problem())
+    assert "\n" not in shown and "theta=[ 1., -1.]" in shown and "regressor" not in shown
+    assert repr(Simulation(2.0, 1e-2)) == "Simulation(t_end=2.0, dt=0.01)"
+    assert repr(Simulation(2.0, 1e-2, solver=EULER)) == "Simulation(t_end=2.0, dt=0.01, solver=<Tableau 'euler' of order 1>)"

@@ -16,7 +16,7 @@ from barbalat.certificates.step_limits.oscillator import Oscillator
 from barbalat.controllers import Mrac
 from barbalat.pictures.labels import Labels
 from barbalat.problem.state_feedback import Known
-from barbalat.report import tradeoff, write
+from barbalat.report import documents, tradeoff, write
 from barbalat.report.files import Folder
 from barbalat.solvers import RK4
 from barbalat.solvers.simulation import Simulation
@@ -65,7 +65,7 @@ def test_trade_off_of_one_scheme_and_its_page(section_v, tmp_path):
     np.testing.assert_array_equal(found.thetas[0], section_v.plant.theta)
     assert all(section_v.uncertainty.contains(theta) for theta in found.thetas)
     np.testing.assert_array_equal(cloud.at("worst", "loss")[1], cloud.loss.min(axis=1))
-    document = json.loads(write.as_json(tradeoff.as_document(found)))
+    document = json.loads(documents.as_json(tradeoff.as_document(found)))
     assert document["schemes"]["MRAC"]["tunings"] == [{"gamma": 1e-3}, {"gamma": 1e-1}]
     assert document["schemes"]["MRAC"]["onset"] == cloud.onset.tolist()
     folder = Folder(tmp_path)

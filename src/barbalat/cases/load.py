@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tomllib
+from difflib import get_close_matches
 from importlib import resources
 from pathlib import Path
 
@@ -44,7 +45,9 @@ def load_case(case: str | Path, controllers: str | Path | None = None) -> Case:
         text = path.read_bytes().decode("utf-8")
     except FileNotFoundError:
         names = ", ".join(bundled())
-        raise InputError(f"the case {str(case)!r} is neither a file nor a bundled case ({names})") from None
+        near = get_close_matches(str(case), bundled(), n=1)
+        meant = f"; did you mean {near[0]!r}?" if near else ""
+        raise InputError(f"the case {str(case)!r} is neither a file nor a bundled case ({names}){meant}") from None
     except (OSError, ValueError) as error:
         reason = "it is not UTF-8 text" if isinstance(error, UnicodeDecodeError) else getattr(error, "strerror", None) or error
         raise InputError(f"the case file {str(path)!r} cannot be read: {reason}") from None
@@ -56,7 +59,9 @@ def parse_case(text: str, folder: Path = Path(), source: str = "the case", own: 
     try:
         data = tomllib.loads(text)
     except (tomllib.TOMLDecodeError, ValueError, RecursionError) as error:
-        raise InputError(f"{source} is not valid TOML: {error}") from None
+        twice = "('controller',) twice" in str(error)
+        meant = "; each controller stands under [[controller]], with two brackets" if twice else ""
+        raise InputError(f"{source} is not valid TOML: {error}{meant}") from None
     problem = problem_posed(data)
     further = outside.schemes(outside.named_in(data) - CASES[problem].keys(), own)
     joining = () if own is None else own.controllers(named=further)

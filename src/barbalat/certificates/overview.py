@@ -19,6 +19,11 @@ class Certified(NamedTuple):
     certificates: dict[str, Certificate]
     table: Table
 
+    def as_document(self, case: str) -> dict[str, Any]:
+        """The contract's document of ``certify --json``."""
+        controllers = {name: certificate.as_json() for name, certificate in self.certificates.items()}
+        return {"case": case, "controllers": controllers, "table_1": self.table.as_json()}
+
     def as_json(self) -> dict[str, Any]:
         return {"certificates": {n: c.as_json() for n, c in self.certificates.items()}, "table_1": self.table.as_json()}
 

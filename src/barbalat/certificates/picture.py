@@ -40,13 +40,13 @@ class MarginLoop:
         return np.asarray(self.system.response(w) * np.exp(-1j * w * self.delay))
 
 
-def figure_of(loops: Sequence[MarginLoop], title: str, *, narrow: bool = False) -> Figure:
-    """Bode, Nyquist and sensitivity pictures of the loops."""
+def figure_of(loops: Sequence[MarginLoop], title: str, *, narrow: bool = False, shown: bool = True) -> Figure:
+    """Bode, Nyquist and sensitivity pictures of the loops; ``shown`` to a person at once, by pyplot where that is in use."""
     from barbalat.pictures.frequency import draw
 
     found = [Marked.of(loop) for loop in loops]
     span = min(one.span[0] for one in found), max(one.span[1] for one in found)
-    return draw([one.response(*span) for one in found], title, narrow=narrow, shown=True)
+    return draw([one.response(*span) for one in found], title, narrow=narrow, shown=shown)
 
 
 def distinct(certificates: Mapping[str, Certificate]) -> list[MarginLoop]:

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import argparse
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from barbalat.commands.options import add_controllers
-from barbalat.commands.output import print_json
-from barbalat.commands.screen import work
+from barbalat.commands.output import folder_of, print_json
+from barbalat.commands.screen import Work, work
 
 if TYPE_CHECKING:
     from barbalat.cases.build import Case
     from barbalat.certificates.certificate import Certificate
+    from barbalat.certificates.overview import Certified
     from barbalat.commands import Commands
 
 
@@ -24,6 +26,7 @@ def add(commands: Commands) -> None:
     parser.add_argument(
         "--share", type=float, metavar="S", help="with --simulate: added error, in motions, that is lost; default 1"
     )
+    parser.add_argument("--out", metavar="DIR", help="Bode, Nyquist and sensitivity pictures of the loops, page and JSON")
     parser.add_argument("--full", action="store_true", help="every value with its kind, all assumptions, and Table 1")
     parser.add_argument("--json", action="store_true", help="one JSON document on standard output")
     parser.set_defaults(execute=execute)
@@ -32,55 +35,72 @@ def add(commands: Commands) -> None:
 def execute(options: argparse.Namespace) -> int:
     """Run the command; returns the exit code."""
     from barbalat.cases.load import load_case
+    from barbalat.certificates.overview import Certified
     from barbalat.certificates.table_1 import table_1
-    from barbalat.report.terminal import certificates as terminal
-    from barbalat.report.terminal.layout import Screen
-    from barbalat.report.write import as_json
+    from barbalat.report.documents import as_json
     from barbalat.validate import InputError
 
     if options.share is not None and not options.simulate:
         raise InputError("--share needs --simulate: without it no loop is simulated")
     case = load_case(options.case, options.controllers)
-    certificates = _certified(case, options)
-    table = table_1(case.problem, case.controllers, certificates)
+    with folder_of(options.out, None) as folder, work(_expected(case, options)) as running:
+        certificates = _certified(case, options, running)
+        found = Certified(certificates, table_1(case.problem, case.controllers, certificates))
+        document = as_json(found.as_document(case.name))
+        if folder is not None:
+            with running.part("drawing"):
+                from barbalat.report.write import write_certificates
+
+                write_certificates(folder, case.name, found, document)
+                folder.commit()
     if options.json:
-        document = {
-            "case": case.name,
-            "controllers": {name: c.as_json() for name, c in certificates.items()},
-            "table_1": table.as_json(),
-        }
-        print_json(as_json(document))
-        return 0
-    screen, dt = Screen(), case.simulation.dt
-    if options.full:
-        terminal.show_full(screen, case.name, certificates, table, dt)
-        return 0
-    terminal.show(screen, case.name, certificates, table, dt)
-    screen.title("Every value with its kind, all assumptions, Table 1:", "")
-    screen.whole(f"  barbalat certify {options.case} --full")
+        print_json(document)
+    else:
+        _show(case, found, options)
     return 0
 
 
-CERTIFYING_SECONDS, SIMULATING_SECONDS = 0.5, 20.0
-"""Seconds for each controller, about, until its own pace is known."""
+def _show(case: Case, found: Certified, options: argparse.Namespace) -> None:
+    from barbalat.report.page import PAGE
+    from barbalat.report.terminal import certificates as terminal
+    from barbalat.report.terminal.layout import Screen
+
+    screen, dt = Screen(), case.simulation.dt
+    if options.full:
+        terminal.show_full(screen, case.name, found.certificates, found.table, dt)
+    else:
+        terminal.show(screen, case.name, found.certificates, found.table, dt)
+        screen.title("Every value with its kind, all assumptions, Table 1:", "")
+        screen.whole(f"  barbalat certify {options.case} --full")
+    if options.out is not None:
+        screen.whole(f"page: {Path(options.out) / PAGE}")
 
 
-def _certified(case: Case, options: argparse.Namespace) -> dict[str, Certificate]:
+CERTIFYING_SECONDS, SIMULATING_SECONDS, DRAWING_SECONDS = 0.5, 20.0, 1.2
+"""For each controller, about, until its own pace is known."""
+
+
+def _expected(case: Case, options: argparse.Namespace) -> dict[str, float]:
+    """Seconds for each part of the work."""
+    parts = {"certifying": CERTIFYING_SECONDS}
+    parts |= {"simulating": SIMULATING_SECONDS} if options.simulate else {}
+    parts |= {"drawing": DRAWING_SECONDS} if options.out is not None else {}
+    return {part: seconds * len(case.controllers) for part, seconds in parts.items()}
+
+
+def _certified(case: Case, options: argparse.Namespace, running: Work) -> dict[str, Certificate]:
     """All controllers' certificates, with simulated margins where those are asked for."""
     from barbalat.certificates.certify import certify
 
-    count = len(case.controllers)
-    simulating = {"simulating": SIMULATING_SECONDS * count} if options.simulate else {}
-    with work({"certifying": CERTIFYING_SECONDS * count} | simulating) as running:
-        with running.part("certifying") as progress:
-            certificates = certify(case.problem, case.controllers, case.simulation, progress=progress)
-        if options.simulate:
-            from barbalat.study.criteria import Lost
-            from barbalat.study.simulated_margins import with_simulated_margins
+    with running.part("certifying") as progress:
+        certificates = certify(case.problem, case.controllers, case.simulation, progress=progress)
+    if options.simulate:
+        from barbalat.study.criteria import Lost
+        from barbalat.study.simulated_margins import with_simulated_margins
 
-            lost = Lost() if options.share is None else Lost(share=options.share)
-            with running.part("simulating") as progress:
-                certificates = with_simulated_margins(
-                    certificates, case.problem, case.controllers, case.simulation, lost=lost, progress=progress
-                )
+        lost = Lost() if options.share is None else Lost(share=options.share)
+        with running.part("simulating") as progress:
+            certificates = with_simulated_margins(
+                certificates, case.problem, case.controllers, case.simulation, lost=lost, progress=progress
+            )
     return certificates

@@ -24,9 +24,9 @@ def execute(options: argparse.Namespace) -> int:
     """Run the command; returns the exit code: 0 whatever the verdict."""
     from barbalat.claims import ledger
     from barbalat.claims.rows import LEDGER, RUNS_OF_SECTION_V
+    from barbalat.report.documents import as_json
     from barbalat.report.terminal import ledger as terminal
     from barbalat.report.terminal.layout import Screen
-    from barbalat.report.write import as_json
 
     if options.name is None:
         if options.json:

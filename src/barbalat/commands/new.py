@@ -27,8 +27,8 @@ def execute(options: argparse.Namespace) -> int:
     """Run the command; returns the exit code."""
     from barbalat.cases.load import text_to_start_from
     from barbalat.cases.schema import json_schema
+    from barbalat.report.documents import as_json
     from barbalat.report.files import output_folder
-    from barbalat.report.write import as_json
     from barbalat.validate import InputError
 
     file = Path(options.file)

@@ -38,7 +38,7 @@ def execute(options: argparse.Namespace) -> int:
     """Run the command; returns the exit code."""
     started = time.perf_counter()
     expected = {"reproducing": QUICK_SECONDS if options.quick else FULL_SECONDS if options.full else SECONDS}
-    with folder_of(options.out, None) as folder, work(expected) as running, running.part("reproducing"):
+    with folder_of(options.out, None) as folder, work(expected) as running, running.part("reproducing", here=False):
         assert folder is not None  # --out has a default
         figures, claims, document, seconds = _reproduced(
             folder, started, running, quick=options.quick, full=options.full, shown=not options.json
@@ -58,7 +58,7 @@ def _reproduced(
     from barbalat.claims import figures as paper
     from barbalat.claims import ledger, section_v
     from barbalat.claims.rows import LEDGER
-    from barbalat.report import page, write
+    from barbalat.report import documents, page, write
 
     processes = 1 if quick else os.cpu_count() or 1
     pace = Pace(running, sum(part.duration(full=full) for part in LEDGER if part.quick or not quick), processes, shown=shown)
@@ -85,7 +85,7 @@ def _reproduced(
         write.keep(folder, [*pictures.values(), *loops])
         seconds["claims, maps, certificates"] = time.perf_counter() - started - sum(seconds.values())
     seconds["total"] = time.perf_counter() - started
-    document = write.as_json(write.reproduction_document(figures, claims, certified, seconds))
+    document = documents.as_json(documents.reproduction_document(figures, claims, certified, seconds))
     for file, text in page.reproduction(figures, claims, pictures, maps, certified, loops, seconds).items():
         folder.write(file, text)
     folder.write("report.json", document)
@@ -132,11 +132,11 @@ class Pace:
 
 
 def _show(figures: list[PaperFigure], claims: list[Claim], folder: Folder, seconds: float) -> None:
-    from barbalat.report import write
+    from barbalat.report.page import PAGE
     from barbalat.report.terminal import ledger
     from barbalat.report.terminal.layout import Screen
 
     screen = Screen()
     ledger.overview(screen, figures, claims)
     screen.line(f"All of one row: barbalat claims NAME. Measured in {seconds:.1f} s.")
-    screen.whole(f"page: {folder.path / write.PAGE}")
+    screen.whole(f"page: {folder.path / PAGE}")

@@ -42,13 +42,11 @@ def execute(options: argparse.Namespace) -> int:
         plots = folder is not None and not options.no_plots
         with work(_expected(case, plots=plots)) as running:
             results = _simulated(case, running)
-            from barbalat.report import write
+            from barbalat.report import documents
 
-            document = write.as_json(write.run_document(case.name, results, None))
+            document = documents.as_json(documents.run_document(case.name, results, None))
             if folder is not None:
-                folder.write(write.RUN, document)
-                write.write_trajectories(folder, results, whole=options.full_record)
-                folder.commit(gone=write.files_of_run(folder.path))  # whatever becomes of the certificates, the runs are safe
+                _write_runs(folder, results, document, whole=options.full_record)
                 if plots:
                     document = _with_page(folder, case, results, running)
         if options.json:
@@ -87,15 +85,24 @@ def _simulated(case: Case, running: Work) -> list[Result]:
     return list(found.values())
 
 
+def _write_runs(folder: Folder, results: Sequence[Result], document: str, *, whole: bool) -> None:
+    """JSON and trajectories: whatever becomes of the certificates, the runs are safe."""
+    from barbalat.report import write
+
+    folder.write(write.RUN, document)
+    write.write_trajectories(folder, results, whole=whole)
+    folder.commit(gone=write.files_of_run(folder.path))
+
+
 def _with_page(folder: Folder, case: Case, results: Sequence[Result], running: Work) -> str:
     """Certify and write the page; the JSON document with what was found."""
     from barbalat.certificates.overview import certified_case
-    from barbalat.report import write
+    from barbalat.report import documents, write
 
     with running.part("certifying"):
         certified = certified_case(case.problem, case.controllers, case.simulation)
     with running.part("drawing"):
-        document = write.as_json(write.run_document(case.name, results, certified))
+        document = documents.as_json(documents.run_document(case.name, results, certified))
         folder.write(write.RUN, document)
         write.write_comparison(folder, case.name, results, certified)
         folder.commit()
@@ -103,7 +110,7 @@ def _with_page(folder: Folder, case: Case, results: Sequence[Result], running: W
 
 
 def _show(case: str, results: Sequence[Result], folder: Folder | None, *, plots: bool) -> None:
-    from barbalat.report import write
+    from barbalat.report.page import PAGE
     from barbalat.report.terminal import runs
     from barbalat.report.terminal.layout import Screen
 
@@ -112,4 +119,4 @@ def _show(case: str, results: Sequence[Result], folder: Folder | None, *, plots:
     if folder is not None:
         screen.title(f"written to {folder.path}", "")
         if plots:
-            screen.whole(f"page: {folder.path / write.PAGE}")
+            screen.whole(f"page: {folder.path / PAGE}")

@@ -20,7 +20,7 @@ def add(commands: Commands) -> None:
 def execute(_: argparse.Namespace) -> int:
     """Run the command; returns the exit code."""
     from barbalat.cases.schema import json_schema
-    from barbalat.report.write import as_json
+    from barbalat.report.documents import as_json
 
     print_json(as_json(json_schema()))
     return 0

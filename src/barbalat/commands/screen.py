@@ -22,6 +22,10 @@ OVERDUE_SHARE = 0.05
 """Of the time since the last news: what should be over by now takes so much longer at least."""
 
 
+CERTAIN_AFTER = 1.0
+"""Seconds until what a process gets of a core is believed."""
+
+
 class Work:
     """How much of a command's work is over, and how many seconds are left: of parts that are expected to take so many each.
 
@@ -31,13 +35,18 @@ class Work:
     def __init__(self, expected: Mapping[str, float], console: Console) -> None:
         self.to_come, self.console = dict(expected), console
         self.started = self.begun = self.updated = time.perf_counter()
+        self.computed, self.here = time.process_time(), True
         self.name, self.fraction, self.told, self.expected = "", 0.0, 0.0, 0.0
 
     @contextlib.contextmanager
-    def part(self, name: str) -> Iterator[Progress]:
-        """One of the parts is under way; yields what is to be called with the fraction of it that is done."""
+    def part(self, name: str, *, here: bool = True) -> Iterator[Progress]:
+        """One of the parts is under way; yields what is to be called with the fraction of it that is done.
+
+        here  whether this process does the work: how much of a core it gets then says by how much longer all takes
+        """
         self.expected, self.name, self.fraction = self.to_come.pop(name, 1.0), name, 0.0
         self.begun = self.updated = time.perf_counter()
+        self.here = here
         yield self._advanced
         self.name = ""
 
@@ -53,12 +62,20 @@ class Work:
     def left(self) -> float:
         """Seconds that are expected to be left."""
         if not self.name:
-            return sum(self.to_come.values())
-        now, rest = time.perf_counter(), self.expected
+            return sum(self.to_come.values()) * self._stretch
+        now, rest = time.perf_counter(), self.expected * self._stretch
         if self.fraction >= TOLD_FRACTION:
             rest = (1 - self.fraction) / self.fraction * (self.updated - self.begun)
         behind = now - (self.updated if self.fraction >= TOLD_FRACTION else self.begun)
-        return sum(self.to_come.values()) + max(rest - behind, OVERDUE_SHARE * behind)
+        return sum(self.to_come.values()) * self._stretch + max(rest - behind, OVERDUE_SHARE * behind)
+
+    @property
+    def _stretch(self) -> float:
+        """By how much all takes longer than on a machine of its own: seconds that go by for one of computing."""
+        if not self.here:
+            return 1.0
+        computed, gone = time.process_time() - self.computed, time.perf_counter() - self.started
+        return max((gone + CERTAIN_AFTER) / (computed + CERTAIN_AFTER), 1.0)
 
     @property
     def over(self) -> float:

@@ -51,10 +51,10 @@ def execute(options: argparse.Namespace) -> int:
     default = None if options.json else "barbalat-tradeoff"
     with folder_of(options.out, default) as folder, work(EXPECTED_SECONDS) as running:
         found = _found(case, options, running)
-        from barbalat.report import tradeoff, write
+        from barbalat.report import documents, tradeoff, write
 
         found = replace(found, seconds=time.perf_counter() - started)
-        document = write.as_json(tradeoff.as_document(found))
+        document = documents.as_json(tradeoff.as_document(found))
         if folder is not None:
             with running.part("drawing"):
                 folder.write("tradeoff.json", document)
@@ -100,7 +100,7 @@ def _found(case: Case, options: argparse.Namespace, running: Work) -> TradeOff:
 
 
 def _show(found: TradeOff, folder: Folder | None, effort: str) -> None:
-    from barbalat.report import write
+    from barbalat.report.page import PAGE
     from barbalat.report.terminal import tradeoff
     from barbalat.report.terminal.layout import Screen
 
@@ -108,4 +108,4 @@ def _show(found: TradeOff, folder: Folder | None, effort: str) -> None:
     tradeoff.show(screen, found)
     screen.line(effort)
     if folder is not None:
-        screen.whole(f"page: {folder.path / write.PAGE}")
+        screen.whole(f"page: {folder.path / PAGE}")

@@ -27,6 +27,8 @@ class StateSpace:
     C: Array
     D: float
 
+    __repr__ = validate.one_line
+
     def __eq__(self, other: object) -> bool:
         return isinstance(other, StateSpace) and self._numbers() == other._numbers()
 
@@ -91,6 +93,8 @@ class TransferFunction:
 
     num: Vector
     den: Vector
+
+    __repr__ = validate.one_line
 
     def __post_init__(self) -> None:
         num, den = (np.trim_zeros(validate.vector(name, getattr(self, name)), "f") for name in ("num", "den"))

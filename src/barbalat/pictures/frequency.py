@@ -76,18 +76,21 @@ def draw(responses: Sequence[Response], title: str, *, narrow: bool = False, sho
     phase.set_ylim(max(lowest, -720) - 15, min(highest, 360) + 15)
     peaks.set_ylim(bottom=1e-3)
     _around_minus_one(nyquist, theme)
-    width = 60 if narrow else 150
-    lines = [
-        Line2D([], [], color=theme.colour(k), label=as_typed(textwrap.fill(r.caption, width))) for k, r in enumerate(responses)
-    ]
-    marks = [Line2D([], [], color=theme.quiet, marker=m, linestyle="", label=t) for m, t in MARKS.items()]
-    small = 7.5 if narrow else 8.5
-    figure.legend(handles=[*lines, *marks], loc="outside lower left", frameon=False, fontsize=small, alignment="left")
+    _legend(figure, responses, theme, narrow=narrow)
     figure.suptitle(title, fontsize=9.5 if narrow else 11, x=0.01, ha="left")
     return figure
 
 
 MARKS = {"o": "where the phase margin is measured: |L| = 1", "s": "where the gain margin is measured: L real and negative"}
+
+
+def _legend(figure: Figure, responses: Sequence[Response], theme: Theme, *, narrow: bool) -> None:
+    width = 60 if narrow else 150
+    captions = [as_typed(textwrap.fill(response.caption, width)) for response in responses]
+    lines = [Line2D([], [], color=theme.colour(k), label=caption) for k, caption in enumerate(captions)]
+    marks = [Line2D([], [], color=theme.quiet, marker=m, linestyle="", label=t) for m, t in MARKS.items()]
+    small = 7.5 if narrow else 8.5
+    figure.legend(handles=[*lines, *marks], loc="outside lower left", frameon=False, fontsize=small, alignment="left")
 
 
 def _axes(axes: Axes, title: str, x: str, y: str, *, log: str) -> None:

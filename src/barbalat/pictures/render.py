@@ -28,16 +28,16 @@ def render(figure: Figure, kind: str) -> bytes:
             with mpl.rc_context({"svg.hashsalt": "barbalat", "svg.fonttype": "path", "path.simplify_threshold": 0.25}):
                 figure.savefig(buffer, format="svg", metadata={"Date": None})
             return adaptive(buffer.getvalue().decode()).encode()
-        figure.savefig(buffer, format="rgba", dpi=PIXELS_PER_INCH)
-    width, height = (int(side * PIXELS_PER_INCH) for side in figure.get_size_inches())  # whole pixels, as Matplotlib has it
-    return _png(buffer.getvalue(), (width, height))
+        figure.savefig(buffer, format="png", dpi=PIXELS_PER_INCH, pil_kwargs={"compress_level": 0})
+    return _packed(buffer)
 
 
-def _png(pixels: bytes, size: tuple[int, int]) -> bytes:
+def _packed(png: io.BytesIO) -> bytes:
+    """The same picture with fewer colours."""
     from PIL import Image
 
     buffer = io.BytesIO()
-    image = Image.frombytes("RGBA", size, pixels).convert("RGB").quantize(PNG_COLOURS, dither=Image.Dither.NONE)
+    image = Image.open(png).convert("RGB").quantize(PNG_COLOURS, dither=Image.Dither.NONE)
     image.save(buffer, "PNG", dpi=(PIXELS_PER_INCH, PIXELS_PER_INCH))
     return buffer.getvalue()
 

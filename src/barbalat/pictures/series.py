@@ -52,14 +52,24 @@ def outline(
     height = float(np.ptp(path[1])) if height is None else height
     turns = turning_points(path[1], VISIBLE_SWING_SHARE * height)
     runs = [turns[a:b] for a, b in _runs(np.diff(path[0, turns]) / (FASTEST_SWING_COLUMNS * duration / columns))]
-    bands = tuple(_envelope(path, run, 2 * FASTEST_SWING_COLUMNS * duration / columns, LEVEL_SHARE * height) for run in runs)
+    period = 2 * FASTEST_SWING_COLUMNS * duration / columns
+    bands, middles = [], []
     inside = np.zeros(path.shape[1], dtype=bool)
     for run in runs:
-        inside[run[0] + 1 : run[-1]] = True
-    line = [_thinned(path[:, ~inside], columns, duration)]
-    line += [np.array([band[0], (band[1] + band[2]) / 2])[:, 1:-1] for band in bands]
-    joined = np.concatenate(line, axis=1)
-    return Outline(joined[:, np.argsort(joined[0], kind="stable")], bands)
+        band = _envelope(path, run, period, LEVEL_SHARE * height)
+        until = run[-1]
+        if _stays_in(path[:, until:], band[1:, -1], period):  # the end of the series is in the envelope too
+            band, until = np.column_stack([band, [path[0, -1], *band[1:, -1]]]), path.shape[1]
+        inside[run[0] + 1 : until] = True
+        bands.append(band)
+        middles.append(np.array([band[0], (band[1] + band[2]) / 2])[:, 1 : None if until == path.shape[1] else -1])
+    joined = np.concatenate([_thinned(path[:, ~inside], columns, duration), *middles], axis=1)
+    return Outline(joined[:, np.argsort(joined[0], kind="stable")], tuple(bands))
+
+
+def _stays_in(rest: Array, sides: Array, period: float) -> bool:
+    """Whether what is left of a series is shorter than two periods, and never leaves the envelope."""
+    return bool(np.ptp(rest[0]) <= 2 * period and sides[0] <= rest[1].min() and rest[1].max() <= sides[1])
 
 
 def _path(t: Array, value: Array, low: Array | None, high: Array | None, most: int) -> Array:

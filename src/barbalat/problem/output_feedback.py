@@ -47,6 +47,7 @@ class OutputProblem(TrackingProblem):
     name: str = "problem"
 
     feedback: ClassVar[str] = "output"
+    __repr__ = validate.one_line
     uncertainty: ClassVar[None] = None
     """The known set is the controller's: it depends on the parametrisation."""
 

@@ -91,6 +91,8 @@ class OutputPlant:
     nonlinear: str | None = None
     input: PlantInput | None = None
 
+    __repr__ = validate.one_line
+
     def __post_init__(self) -> None:
         freeze(self, transfer_function=strictly_proper("plant.transfer_function", self.transfer_function))
         if self.input is not None:

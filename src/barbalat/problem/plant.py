@@ -44,6 +44,7 @@ class Plant:
     x0: Vector | None = None
     input: PlantInput | tuple[PlantInput, ...] | None = None
     regressor: Regressor = field(default_factory=Linear)
+    __repr__ = validate.one_line
 
     def __init__(
         self,

@@ -100,6 +100,7 @@ class Problem(TrackingProblem):
     name: str = "problem"
 
     feedback: ClassVar[str] = "state"
+    __repr__ = validate.one_line
 
     def __post_init__(self) -> None:
         validate.line("name", self.name)

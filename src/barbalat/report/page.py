@@ -70,7 +70,9 @@ class Picture:
     narrow: Drawing | None = None
 
 
-REPRODUCTION = {"report.html": "Figures", "claims.html": "Claims", "guarantees.html": "Guarantees"}
+PAGE = "report.html"
+"""What a command's first page is called."""
+REPRODUCTION = {PAGE: "Figures", "claims.html": "Claims", "guarantees.html": "Guarantees"}
 """The pages of ``barbalat reproduce``: file -> what the others call it."""
 
 
@@ -111,6 +113,11 @@ def comparison(
     """The page of ``barbalat run``; ``diagrams`` show what controllers are, ``loops`` the loops whose margins are given."""
     shown = {"picture": picture, "diagrams": diagrams, "loops": loops}
     return _render("comparison.html", name=name, results=results, certified=certified, **shown)
+
+
+def certificates(name: str, certified: Certified, loops: Sequence[Picture]) -> str:
+    """The page of ``barbalat certify``; ``loops`` are those whose margins are given."""
+    return _render("certified.html", name=name, certified=certified, loops=loops)
 
 
 def trade_off(found: TradeOff, picture: Picture) -> str:

@@ -10,7 +10,6 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -29,7 +28,7 @@ from barbalat.run.result import Result
 from barbalat.study.tradeoff import TradeOff
 from barbalat.study.tradeoff_picture import draw as draw_trade_off
 
-RUN, PAGE, PICTURE, LOOPS = "run.json", "report.html", "comparison", "loops"
+RUN, CERTIFICATES, PICTURE, LOOPS = "run.json", "certify.json", "comparison", "loops"
 """Names of files; of the picture without its two suffixes."""
 NARROW = "-narrow"
 """After the name of a picture for a phone."""
@@ -37,56 +36,6 @@ MOST_NUMBERS = 44_000
 """In all CSVs of a folder: some 450 kB. Results in Python have all that was recorded."""
 LONGEST_NAME = 80
 """Characters of a controller's name in a file's; file systems take 255 bytes, and people read fewer."""
-
-
-def as_json(document: dict[str, Any]) -> str:
-    """JSON text, with null for what has no finite value."""
-    return json.dumps(_finite(document), indent=2, allow_nan=False, ensure_ascii=False)
-
-
-def _finite(part: Any) -> Any:
-    if isinstance(part, dict):
-        return {key: _finite(value) for key, value in part.items()}
-    if isinstance(part, (list, tuple)):
-        return [_finite(value) for value in part]
-    return None if isinstance(part, float) and not math.isfinite(part) else part
-
-
-def reproduction_document(
-    figures: Sequence[PaperFigure], claims: Sequence[Claim], certified: Certified, seconds: dict[str, float]
-) -> dict[str, Any]:
-    """The contract's document of ``reproduce --json``."""
-    return {
-        "figures": {figure.key: figure.as_json() for figure in figures},
-        "claims": [claim.as_json() for claim in claims],
-        "seconds": seconds,
-        **certified.as_json(),
-    }
-
-
-def run_document(case: str, results: Sequence[Result], certified: Certified | None) -> dict[str, Any]:
-    """The contract's document of ``run --json``; numerics, and certificates where they were made, stand beside its keys."""
-    return {
-        "case": case,
-        "simulation": results[0].simulation.as_json(),
-        "controllers": {r.name: run_block(r) for r in results},
-        **({} if certified is None else certified.as_json()),
-    }
-
-
-def run_block(result: Result) -> dict[str, Any]:
-    """The contract's block for a controller, and the numerics beside its keys."""
-    found = result.stiffness
-    check = None if result.check is None else result.check.as_json()
-    lost = {} if result.lost is None else {"lost_order": result.lost.as_json()}
-    return {
-        **result.figures,
-        "h_lambda_max": found.h_lambda_max,
-        "numerically_unstable_at": found.unstable_from,
-        "finer_step": check,
-        **lost,
-        "adapting": None if result.adapting is None else result.adapting.as_json(),
-    }
 
 
 def draw_reproduction(folder: Folder, figures: Sequence[PaperFigure]) -> dict[str, page.Picture]:
@@ -132,7 +81,7 @@ def loop_pictures(certificates: Mapping[str, Certificate]) -> list[page.Picture]
 
 
 def _loops(name: str, loops: Sequence[MarginLoop]) -> page.Picture:
-    wide, narrow = (loops_figure(loops, "", narrow=narrow) for narrow in (False, True))
+    wide, narrow = (loops_figure(loops, "", narrow=narrow, shown=False) for narrow in (False, True))
     return page.Picture(_svg(name, wide), _svg(f"{name}{NARROW}", narrow))
 
 
@@ -148,7 +97,15 @@ def write_comparison(folder: Folder, case: str, results: Sequence[Result], certi
     drawn = [_draw(folder, name, figure) for name, figure in zip(names, figures, strict=True) if figure is not None]
     loops = loop_pictures(certified.certificates)
     keep(folder, [picture, *loops])
-    folder.write(PAGE, page.comparison(case, results, certified, picture, drawn, loops))
+    folder.write(page.PAGE, page.comparison(case, results, certified, picture, drawn, loops))
+
+
+def write_certificates(folder: Folder, case: str, certified: Certified, document: str) -> None:
+    """The pictures of the loops whose margins are given, the page, the JSON document."""
+    loops = loop_pictures(certified.certificates)
+    keep(folder, loops)
+    folder.write(CERTIFICATES, document)
+    folder.write(page.PAGE, page.certificates(case, certified, loops))
 
 
 def files_of_run(folder: Path) -> set[str]:
@@ -160,13 +117,13 @@ def files_of_run(folder: Path) -> set[str]:
     drawn = {f"{name}.{kind}" for name in (PICTURE, *_diagram_names(names)) for kind in ("png", "svg")}
     drawn.add(f"{PICTURE}{NARROW}.svg")
     drawn |= {f"{name}{variant}.svg" for name in _loop_names(len(names)) for variant in ("", NARROW)}
-    return {RUN, PAGE, *_table_names(names)} | drawn
+    return {RUN, page.PAGE, *_table_names(names)} | drawn
 
 
 def write_tradeoff(folder: Folder, found: TradeOff) -> None:
     """Picture and page of a trade-off."""
     picture = _draw(folder, "tradeoff", draw_trade_off(found))
-    folder.write(PAGE, page.trade_off(found, picture))
+    folder.write(page.PAGE, page.trade_off(found, picture))
 
 
 def write_trajectories(folder: Folder, results: Sequence[Result], *, whole: bool = False) -> None:

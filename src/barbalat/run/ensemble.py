@@ -52,8 +52,17 @@ class EnsembleResult:
         worst = ", ".join(f"{value:.4g}" for value in np.nanmax(e, axis=0)) if diverged < M else "-"
         return f"<EnsembleResult: {M} members, {self.varied} numbers varied, {diverged} diverged; worst |e| in the tail {worst}>"
 
-    def plot(self) -> Figure:
-        """Which share of the members has at most an error, in all and in the tail, as a Matplotlib figure."""
+    def _repr_html_(self) -> str:
+        """For notebooks: the same line, and the plot."""
+        from barbalat.pictures.notebook import html_of
+
+        return html_of(self, self.plot(shown=False))
+
+    def plot(self, *, shown: bool = True) -> Figure:
+        """Which share of the members has at most an error, in all and in the tail, as a Matplotlib figure.
+
+        shown  to a person at once, by pyplot where that is in use
+        """
         from barbalat.pictures.shares import Shares, draw
 
         found, M = self.metrics, len(self)
@@ -63,7 +72,7 @@ class EnsembleResult:
         ]
         diverged = int(np.isfinite(found.diverged_at).sum())
         note = f"{M} runs" + (f"; {diverged} diverged and have no error, so that the share stays below 1" if diverged else "")
-        return draw(panels, note, shown=True)
+        return draw(panels, note, shown=shown)
 
     def __len__(self) -> int:
         return len(self.metrics.diverged_at)

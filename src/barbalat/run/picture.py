@@ -7,12 +7,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from barbalat.pictures.panels import Level, Panel, Series, around, draw, span_of, text_of
+from barbalat.pictures.panel_drawing import draw
+from barbalat.pictures.panels import Level, Panel, Series, around, span_of, text_of
 from barbalat.problem.command_gain import FOLLOWS_TO, commanded, gains_at_rest
-from barbalat.problem.known_set import UNREACHED_BOUND, EstimateSet, ParameterProduct, Projecting
 from barbalat.problem.output_feedback import OutputProblem
-from barbalat.problem.state_feedback import Problem
-from barbalat.protocols import DiscretizedEquations
+from barbalat.run.estimates_panel import estimates_panel, reachable, scale_of
 from barbalat.validate import Array
 
 if TYPE_CHECKING:
@@ -22,10 +21,6 @@ if TYPE_CHECKING:
 
 WINDOWS = 150
 """Of the run: the largest error in each makes a line that can be followed on a logarithmic axis."""
-WITHIN_REACH = 1.5
-"""Heights of what must be seen: a limit or a bound of the known set that is farther away is said, not drawn."""
-MOST_BOUNDED = 3
-"""Estimates with bounds of their own that can be told apart in one panel."""
 
 
 def figure_of(results: Sequence[Result], *, narrow: bool = False, shown: bool = False) -> Figure:
@@ -42,12 +37,12 @@ def panels(results: Sequence[Result]) -> list[Panel]:
     """First what all have in common, then each one's error and estimates."""
     if len(results) == 1:
         (result,) = results
-        estimates = _estimates(result, "Estimates")
+        estimates = estimates_panel(result, "Estimates")
         return [*_tracking(results), _error(result, "Tracking error"), _control(results), *([estimates] if estimates else [])]
     found = [*_tracking(results), _largest_error(results), _control(results)]
     for result in results:
         name = text_of(result.name)
-        error, estimates = _error(result, f"{name}: tracking error"), _estimates(result, f"{name}: estimates")
+        error, estimates = _error(result, f"{name}: tracking error"), estimates_panel(result, f"{name}: estimates")
         found += [error] if estimates is None else [error, estimates]
     return found
 
@@ -129,7 +124,7 @@ def _control(results: Sequence[Result]) -> Panel:
     ends = sorted({float(end) for path in paths if path.saturation is not None for end in path.saturation})
     of_each = [np.concatenate([s.low, s.high]) if s.low is not None and s.high is not None else s.value for s in series]
     limits = _limits_beside_diverged([r for r in results for _ in range(len(series) // len(results))], of_each, [])
-    drawn, far = _reachable(ends, limits or span_of(of_each))
+    drawn, far = reachable(ends, limits or span_of(of_each))
     note = f"limits of the actuator: {', '.join(f'{end:g}' for end in ends)}" if far else ""
     levels = [Level(value=end, label="limit of the actuator") for end in drawn]
     limits = around(*span_of([np.array([*(limits or span_of(of_each)), *drawn])])) if drawn else limits
@@ -172,94 +167,8 @@ def _error(result: Result, title: str) -> Panel:
         for i in range(n)
     ]  # fmt: skip
     meaning = "$e = x - x_m$" if result.y is None else "$e = y - y_m$"
-    return Panel(title=f"{title} {meaning}", series=series, scale=_scale(result), note=_diverged(result))
-
-
-def _scale(result: Result) -> str:
-    return "linear" if result.diverged_at is None else "symlog"  # the burst would hide what led to it
+    return Panel(title=f"{title} {meaning}", series=series, scale=scale_of(result), note=_diverged(result))
 
 
 def _diverged(result: Result) -> str:
     return "" if result.diverged_at is None else f"diverged at t = {result.diverged_at:.4g} s; logarithmic beyond 1"
-
-
-def _estimates(result: Result, title: str) -> Panel | None:
-    """With the true values, and the known set where it is near enough; ``None`` where nothing is estimated."""
-    p = result.theta_hat.shape[1]
-    if p == 0:
-        return None
-    envelope = result.envelope
-    series = [
-        Series(
-            t=result.t, value=result.theta_hat[:, i], label=rf"$\hat\theta_{{{i + 1}}}$", colour=i, dash=i // 6,
-            low=envelope.theta_hat_min[:, i], high=envelope.theta_hat_max[:, i],
-        )
-        for i in range(p)
-    ]  # fmt: skip
-    true = result.problem.parameters
-    levels = (
-        []
-        if true is None or len(true) != p
-        else [Level(value=float(v), colour=i, dash=1, label="true values", of=i) for i, v in enumerate(true)]
-    )
-    moved = span_of([np.concatenate([s.value, s.low, s.high]) for s in series if s.low is not None and s.high is not None])
-    near, beyond = _reachable([level.value for level in levels], moved)
-    needed = span_of([np.array([*moved, *near])])
-    bounds = _bounds(result, p)
-    common = len(set(bounds)) == 1
-    drawn, far = _reachable([bound for pair in bounds for bound in pair], needed)
-    if not common and p > MOST_BOUNDED:
-        drawn, far = [], bool(bounds)
-    marks = [
-        Level(value=bound, colour="quiet" if common else i, dash=2, label="known set", of=None if common else i)
-        for i, pair in enumerate(bounds[:1] if common else bounds)
-        for bound in pair
-        if bound in drawn
-    ]
-    away = ", ".join(rf"$\theta_{{{i + 1}}}$ = {level.value:.4g}" for i, level in enumerate(levels) if level.value not in near)
-    said = [f"true values outside: {away}"] if beyond else []
-    said += [f"known set: {_interval_text(bounds)}"] if far else []
-    limits = around(*span_of([np.array([*needed, *drawn])])) if result.diverged_at is None else None
-    return Panel(
-        title=title,
-        series=series,
-        levels=[*levels, *marks],
-        limits=limits,
-        scale=_scale(result),
-        note="; ".join(said),
-        may_part=True,
-    )
-
-
-def _bounds(result: Result, p: int) -> list[tuple[float, float]]:
-    """The known set's extent for each estimate; nothing where there is none."""
-    found = _set_of(result)
-    if found is None:
-        return []
-    parts = [found.theta, found.gains] if isinstance(found, ParameterProduct) else [found]
-    extents = [part.extent for part in parts if part is not None]
-    lower, upper = (np.concatenate(side) for side in zip(*extents, strict=True))
-    return [(float(a), float(b)) for a, b in zip(lower, upper, strict=True)] if len(lower) == p else []
-
-
-def _set_of(result: Result) -> EstimateSet | None:
-    """What the scheme projects onto, else what is known."""
-    equations = result.loop.equations
-    if isinstance(equations, DiscretizedEquations):
-        equations = equations.continuous
-    if isinstance(equations, Projecting) and equations.box is not None:
-        return equations.box
-    return result.problem.known.box if isinstance(result.problem, Problem) else None
-
-
-def _reachable(ends: Sequence[float], needed: tuple[float, float]) -> tuple[list[float], bool]:
-    """Those ends that can be drawn without pressing flat what must be seen, and whether others are left out."""
-    room = WITHIN_REACH * ((needed[1] - needed[0]) or abs(needed[1]) or 1.0)
-    real = sorted({end for end in ends if abs(end) < UNREACHED_BOUND})
-    drawn = [end for end in real if needed[0] - room <= end <= needed[1] + room]
-    return drawn, len(drawn) < len(real)
-
-
-def _interval_text(bounds: Sequence[tuple[float, float]]) -> str:
-    several = [f"{low:g} … {high:g}" if max(-low, high) < UNREACHED_BOUND else "open" for low, high in dict.fromkeys(bounds)]
-    return ", ".join(several) if len(several) <= 3 else f"{', '.join(several[:3])}, …"

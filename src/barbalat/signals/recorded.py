@@ -23,6 +23,8 @@ class Recorded(Continuous):
     times: Array
     values: Array
 
+    __repr__ = validate.one_line
+
     def __post_init__(self) -> None:
         times = validate.vector("times", self.times)
         values = validate.vector("values", self.values, len(times))

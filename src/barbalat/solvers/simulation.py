@@ -35,6 +35,8 @@ class Simulation:
     fused: bool = True
     steps: int = field(init=False)
 
+    __repr__ = validate.one_line
+
     def __post_init__(self) -> None:
         t_end = validate.positive("simulation.t_end", self.t_end)
         dt = validate.positive("simulation.dt", self.dt)

@@ -24,6 +24,9 @@ class Tableau:
     b: tuple[float, ...]
     c: tuple[float, ...]
 
+    def __repr__(self) -> str:
+        return f"<Tableau {self.name!r} of order {self.order}>"
+
     @property
     def nodes(self) -> tuple[float, ...]:
         """The distinct fractions of a step at which the signals are needed, in order."""

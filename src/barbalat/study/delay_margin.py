@@ -70,13 +70,22 @@ class DelayMargins:
         )
         return f"<DelayMargins of {len(self.tracks)} loops: {least}; {self.runs} runs>"
 
-    def plot(self) -> Figure:
-        """Which share of the loops bears at least a delay, by both criteria, as a Matplotlib figure."""
+    def _repr_html_(self) -> str:
+        """For notebooks: the same line, and the plot."""
+        from barbalat.pictures.notebook import html_of
+
+        return html_of(self, self.plot(shown=False))
+
+    def plot(self, *, shown: bool = True) -> Figure:
+        """Which share of the loops bears at least a delay, by both criteria, as a Matplotlib figure.
+
+        shown  to a person at once, by pyplot where that is in use
+        """
         from barbalat.pictures.shares import Shares, draw
 
         values = {"until it oscillates": self.onset.bears, "until it is lost": self.loss.bears}
         panel = Shares(title="Delay borne", axis="delay at the plant's input [s]", values=values, at_least=True)
-        return draw([panel], "", shown=True)
+        return draw([panel], "", shown=shown)
 
 
 def delay_margins(

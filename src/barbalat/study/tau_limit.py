@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -22,6 +22,9 @@ from barbalat.run.progress import Progress, part_of
 from barbalat.solvers.simulation import Simulation
 from barbalat.study.motion import Motion
 from barbalat.validate import Array, InputError
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 ROUNDING_SHARE = 1e-9
 """Of the model's motion: an error below this may grow as rounding does."""
@@ -54,7 +57,7 @@ class Grown:
         return np.asarray(~borne)
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False, kw_only=True, repr=False)
 class TauLimits:
     """For S sizes of the modelling error and K values of tau.
 
@@ -72,6 +75,27 @@ class TauLimits:
     loses: Array
     at_bears: Array
     runs: int
+
+    def __repr__(self) -> str:
+        borne = self.bears[np.isfinite(self.bears)]
+        least = f"tau from {borne.min():.4g} to {borne.max():.4g} borne" if len(borne) else "no tau borne"
+        sizes = f"{len(self.sizes)} sizes of the modelling error, {len(self.taus)} of tau"
+        return f"<TauLimits for {sizes}: {least}; {self.runs} runs>"
+
+    def _repr_html_(self) -> str:
+        """For notebooks: the same line, and the plot."""
+        from barbalat.pictures.notebook import html_of
+
+        return html_of(self, self.plot(shown=False))
+
+    def plot(self, *, shown: bool = True) -> Figure:
+        """The smallest tau that is borne over the modelling error, and the error over tau, as a Matplotlib figure.
+
+        shown  to a person at once, by pyplot where that is in use
+        """
+        from barbalat.study.tau_picture import draw
+
+        return draw(self, shown=shown)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -84,11 +84,20 @@ class TradeOff:
         schemes = ", ".join(f"{len(cloud.tunings)} of {cloud.scheme}" for cloud in self.clouds)
         return f"<TradeOff of {self.problem.name!r}: {schemes} on {len(self.thetas)} plants, {self.runs} runs>"
 
-    def plot(self) -> Figure:
-        """The clouds and the front of each scheme, by both criteria, as a Matplotlib figure."""
+    def _repr_html_(self) -> str:
+        """For notebooks: the same line, and the plot."""
+        from barbalat.pictures.notebook import html_of
+
+        return html_of(self, self.plot(shown=False))
+
+    def plot(self, *, shown: bool = True) -> Figure:
+        """The clouds and the front of each scheme, by both criteria, as a Matplotlib figure.
+
+        shown  to a person at once, by pyplot where that is in use
+        """
         from barbalat.study.tradeoff_picture import draw
 
-        return draw(self, shown=True)
+        return draw(self, shown=shown)
 
 
 def pareto_front(error: Array, margin: Array) -> Array:

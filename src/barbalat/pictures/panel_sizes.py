@@ -1,0 +1,64 @@
+"""How large everything in a picture of panels is, on a page or on a phone, and what stands above each panel."""
+
+from __future__ import annotations
+
+import re
+import textwrap
+from dataclasses import dataclass
+
+from barbalat.pictures.panels import Panel
+from barbalat.pictures.theme import NARROW, WIDE
+
+
+@dataclass(frozen=True)
+class Sizes:
+    """Of everything on a page or on a phone [in], [points]; fixed, for Matplotlib's own layouts take longer than the drawing."""
+
+    width: float
+    left: float
+    right: float
+    axes: float
+    below: float
+    font: float
+    columns: int
+
+    def across(self, panel: Panel) -> float:
+        """Width of a panel's axes [in]."""
+        return self.width / (1 if panel.whole_row else self.columns) - self.left - self.right
+
+    def characters(self, panel: Panel) -> int:
+        """About as many fit above a panel."""
+        return int(self.across(panel) * 72 / (0.56 * self.font))  # DejaVu Sans is 0.56 of its size wide on average
+
+    def above(self, panel: Panel) -> float:
+        """Height of title, note and legend [in]."""
+        lines = len(heading(panel, self).splitlines()) + -(-len(entries(panel)) // legend_columns(panel, self))
+        return 1.42 * self.font * lines / 72 + 0.12
+
+
+PAGE = Sizes(WIDE, left=0.72, right=0.12, axes=1.75, below=0.5, font=9.0, columns=2)
+PHONE = Sizes(NARROW, left=0.62, right=0.1, axes=1.8, below=0.48, font=8.0, columns=1)
+
+
+def heading(panel: Panel, sizes: Sizes) -> str:
+    """Title and note, in lines that fit above the panel."""
+    lines = [panel.title, *([panel.note] if panel.note else [])]
+    return "\n".join(textwrap.fill(line, sizes.characters(panel)) for line in lines)
+
+
+def entries(panel: Panel) -> list[tuple[str, int | str, int]]:
+    """Of the legend: text, colour, dash."""
+    levels = {level.label: level.dash for level in panel.levels if level.label}
+    return [*((one.label, one.colour, one.dash) for one in panel.series), *((text, "quiet", k) for text, k in levels.items())]
+
+
+def legend_columns(panel: Panel, sizes: Sizes) -> int:
+    """As many as fit above the panel."""
+    labels = [text for text, _, _ in entries(panel)]
+    longest = max(map(_length, labels), default=1)
+    return max(min(sizes.characters(panel) // (longest + 7), len(labels)), 1)  # 7: the line before it, the gap behind
+
+
+def _length(label: str) -> int:
+    """Characters that are seen of a label with mathematics in it."""
+    return len(re.sub(r"\\hat|[{}$_]", "", re.sub(r"\\[a-gi-z]\w*", "x", label)))

@@ -1,0 +1,62 @@
+"""The JSON documents of the commands, by the contract; nothing here draws."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Sequence
+from typing import Any
+
+from barbalat.certificates.overview import Certified
+from barbalat.claims.claim import Claim, PaperFigure
+from barbalat.run.result import Result
+
+
+def as_json(document: dict[str, Any]) -> str:
+    """JSON text, with null for what has no finite value."""
+    return json.dumps(_finite(document), indent=2, allow_nan=False, ensure_ascii=False)
+
+
+def _finite(part: Any) -> Any:
+    if isinstance(part, dict):
+        return {key: _finite(value) for key, value in part.items()}
+    if isinstance(part, (list, tuple)):
+        return [_finite(value) for value in part]
+    return None if isinstance(part, float) and not math.isfinite(part) else part
+
+
+def reproduction_document(
+    figures: Sequence[PaperFigure], claims: Sequence[Claim], certified: Certified, seconds: dict[str, float]
+) -> dict[str, Any]:
+    """The contract's document of ``reproduce --json``."""
+    return {
+        "figures": {figure.key: figure.as_json() for figure in figures},
+        "claims": [claim.as_json() for claim in claims],
+        "seconds": seconds,
+        **certified.as_json(),
+    }
+
+
+def run_document(case: str, results: Sequence[Result], certified: Certified | None) -> dict[str, Any]:
+    """The contract's document of ``run --json``; numerics, and certificates where they were made, stand beside its keys."""
+    return {
+        "case": case,
+        "simulation": results[0].simulation.as_json(),
+        "controllers": {r.name: run_block(r) for r in results},
+        **({} if certified is None else certified.as_json()),
+    }
+
+
+def run_block(result: Result) -> dict[str, Any]:
+    """The contract's block for a controller, and the numerics beside its keys."""
+    found = result.stiffness
+    check = None if result.check is None else result.check.as_json()
+    lost = {} if result.lost is None else {"lost_order": result.lost.as_json()}
+    return {
+        **result.figures,
+        "h_lambda_max": found.h_lambda_max,
+        "numerically_unstable_at": found.unstable_from,
+        "finer_step": check,
+        **lost,
+        "adapting": None if result.adapting is None else result.adapting.as_json(),
+    }

@@ -1,0 +1,124 @@
+"""The panel of a run's estimates: with the true values, and the known set where it is near enough to be drawn."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from barbalat.pictures.panels import Level, Panel, Series, around, span_of
+from barbalat.problem.known_set import UNREACHED_BOUND, EstimateSet, ParameterProduct, Projecting
+from barbalat.problem.state_feedback import Problem
+from barbalat.protocols import DiscretizedEquations
+
+if TYPE_CHECKING:
+    from barbalat.run.result import Result
+
+WITHIN_REACH = 1.5
+"""Heights of what must be seen: a limit or a bound of the known set that is farther away is said, not drawn."""
+MOST_BOUNDED = 3
+"""Estimates with bounds of their own that can be told apart in one panel."""
+
+
+def estimates_panel(result: Result, title: str) -> Panel | None:
+    """``None`` where nothing is estimated."""
+    p = result.theta_hat.shape[1]
+    if p == 0:
+        return None
+    series, levels, bounds = _estimates(result), _true_values(result, p), _bounds(result, p)
+    moved = span_of([np.concatenate([s.value, s.low, s.high]) for s in series if s.low is not None and s.high is not None])
+    near, beyond = reachable([level.value for level in levels], moved)
+    needed = span_of([np.array([*moved, *near])])
+    marks, far = _edges_of_known_set(bounds, needed, p)
+    outside = [(i, level.value) for i, level in enumerate(levels, start=1) if level.value not in near]
+    away = ", ".join(_held(f"$\\theta_{{{i}}}$ = {value:.4g}") for i, value in outside)
+    said = [f"true values outside: {away}"] if beyond else []
+    said += [f"known set: {_interval_text(bounds)}"] if far else []
+    shown = span_of([np.array([*needed, *(mark.value for mark in marks)])])
+    return Panel(
+        title=title,
+        series=series,
+        levels=[*levels, *marks],
+        limits=around(*shown) if result.diverged_at is None else None,
+        scale=scale_of(result),
+        note="; ".join(said),
+        may_part=True,
+    )
+
+
+def scale_of(result: Result) -> str:
+    """Of the axes for a run that may have diverged: the burst would hide what led to it."""
+    return "linear" if result.diverged_at is None else "symlog"
+
+
+def _estimates(result: Result) -> list[Series]:
+    envelope = result.envelope
+    return [
+        Series(
+            t=result.t, value=result.theta_hat[:, i], label=rf"$\hat\theta_{{{i + 1}}}$", colour=i, dash=i // 6,
+            low=envelope.theta_hat_min[:, i], high=envelope.theta_hat_max[:, i],
+        )
+        for i in range(result.theta_hat.shape[1])
+    ]  # fmt: skip
+
+
+def _true_values(result: Result, p: int) -> list[Level]:
+    true = result.problem.parameters
+    if true is None or len(true) != p:
+        return []
+    return [Level(value=float(value), colour=i, dash=1, label="true values", of=i) for i, value in enumerate(true)]
+
+
+def _edges_of_known_set(bounds: Sequence[tuple[float, float]], needed: tuple[float, float], p: int) -> tuple[list[Level], bool]:
+    """Those that can be drawn beside what must be seen, and whether others are left out."""
+    common = len(set(bounds)) == 1
+    drawn, far = reachable([bound for pair in bounds for bound in pair], needed)
+    if not common and p > MOST_BOUNDED:
+        drawn, far = [], bool(bounds)
+    marks = [
+        Level(value=bound, colour="quiet" if common else i, dash=2, label="known set", of=None if common else i)
+        for i, pair in enumerate(bounds[:1] if common else bounds)
+        for bound in pair
+        if bound in drawn
+    ]
+    return marks, far
+
+
+def _bounds(result: Result, p: int) -> list[tuple[float, float]]:
+    """The known set's extent for each estimate; nothing where there is none."""
+    found = _set_of(result)
+    if found is None:
+        return []
+    parts = [found.theta, found.gains] if isinstance(found, ParameterProduct) else [found]
+    extents = [part.extent for part in parts if part is not None]
+    lower, upper = (np.concatenate(side) for side in zip(*extents, strict=True))
+    return [(float(a), float(b)) for a, b in zip(lower, upper, strict=True)] if len(lower) == p else []
+
+
+def _set_of(result: Result) -> EstimateSet | None:
+    """What the scheme projects onto, else what is known."""
+    equations = result.loop.equations
+    if isinstance(equations, DiscretizedEquations):
+        equations = equations.continuous
+    if isinstance(equations, Projecting) and equations.box is not None:
+        return equations.box
+    return result.problem.known.box if isinstance(result.problem, Problem) else None
+
+
+def reachable(ends: Sequence[float], needed: tuple[float, float]) -> tuple[list[float], bool]:
+    """Those ends that can be drawn without pressing flat what must be seen, and whether others are left out."""
+    room = WITHIN_REACH * ((needed[1] - needed[0]) or abs(needed[1]) or 1.0)
+    real = sorted({end for end in ends if abs(end) < UNREACHED_BOUND})
+    drawn = [end for end in real if needed[0] - room <= end <= needed[1] + room]
+    return drawn, len(drawn) < len(real)
+
+
+def _interval_text(bounds: Sequence[tuple[float, float]]) -> str:
+    several = [_held(f"{a:g} … {b:g}") if max(-a, b) < UNREACHED_BOUND else "open" for a, b in dict.fromkeys(bounds)]
+    return ", ".join(several) if len(several) <= 3 else f"{', '.join(several[:3])}, …"
+
+
+def _held(text: str) -> str:
+    """With blanks at which no line ends."""
+    return text.replace(" ", "\N{NO-BREAK SPACE}")
