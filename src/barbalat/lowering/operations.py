@@ -5,6 +5,7 @@ Everything that a target needs (LLVM, C) is printed from this list; this module 
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
 from typing import TYPE_CHECKING
@@ -87,3 +88,18 @@ def read(function: casadi.Function) -> Program:
             known = next((n for n in dir(ca) if n.startswith("OP_") and getattr(ca, n) == code), str(code))
             raise ValueError(f"the operation {known} has no translation to machine code; rewrite the expression without it")
     return Program(tuple(operations), tuple(tuple(row) for row in outputs))
+
+
+def following(first: tuple[Operation, ...], program: Program, inputs: Mapping[tuple[int, int], int]) -> Program:
+    """``program`` after the operations ``first``, whose values at the positions ``inputs`` take the places of its inputs.
+
+    Inputs that are not named stay inputs. The program's own operations keep their order and their operands: all bits stay.
+    """
+    operations, place = list(first), []
+    for op in program.operations:
+        if op.name == "input" and op.source in inputs:
+            place.append(inputs[op.source])
+            continue
+        operations.append(Operation(op.name, tuple(place[j] for j in op.operands), op.value, op.source))
+        place.append(len(operations) - 1)
+    return Program(tuple(operations), tuple(tuple(place[i] for i in row) for row in program.outputs))
