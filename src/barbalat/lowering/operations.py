@@ -5,8 +5,8 @@ Everything that a target needs (LLVM, C) is printed from this list; this module 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import cache
 from typing import TYPE_CHECKING
 
@@ -100,6 +100,24 @@ def following(first: tuple[Operation, ...], program: Program, inputs: Mapping[tu
         if op.name == "input" and op.source in inputs:
             place.append(inputs[op.source])
             continue
-        operations.append(Operation(op.name, tuple(place[j] for j in op.operands), op.value, op.source))
+        operations.append(replace(op, operands=tuple(place[j] for j in op.operands)))
         place.append(len(operations) - 1)
     return Program(tuple(operations), tuple(tuple(place[i] for i in row) for row in program.outputs))
+
+
+def sliced(program: Program, keep: Sequence[int]) -> Program:
+    """What these components of the first output need, in the order of the whole list; they are the one output."""
+    row = tuple(program.outputs[0][i] for i in keep)
+    alive = set(row)
+    for i in range(len(program.operations) - 1, -1, -1):
+        if i in alive:
+            alive.update(program.operations[i].operands)
+    place = {old: new for new, old in enumerate(sorted(alive))}
+    kept = (program.operations[i] for i in sorted(alive))
+    operations = tuple(replace(op, operands=tuple(place[j] for j in op.operands)) for op in kept)
+    return Program(operations, (tuple(place[i] for i in row),))
+
+
+def sources(program: Program) -> set[tuple[int, int]]:
+    """The inputs that the list reads, as (argument, component)."""
+    return {op.source for op in program.operations if op.name == "input"}

@@ -1,0 +1,252 @@
+"""controller.c: the operations of the simulated list, and around them what a flight computer needs."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from barbalat.export.layout import Part
+from barbalat.export.meanings import meaning
+from barbalat.export.texts import Printed, indented
+from barbalat.lowering import c99
+from barbalat.lowering.operations import Program
+from barbalat.run.sampled_part import COMMAND, FREEZE, MEASURED, STATE
+
+CLOCK = 1e-6
+"""By how much, relatively, a sample time or an estimate may be off: above a float's rounding, below any clock's error."""
+
+_SOURCE = """\
+/*
+ * {origin}
+ * See controller.h and README.md.
+ */
+#include "controller.h"
+{include}
+{guard}
+/* Whether every number is one, and in range; NaN compares false. */
+static int in_range(const {real} *values, int count)
+{{
+    int i;
+    for (i = 0; i < count; ++i) {{
+        if (!(values[i] >= -{macro}_RANGE && values[i] <= {macro}_RANGE)) {{
+            return 0;
+        }}
+    }}
+    return 1;
+}}
+
+static int state_is_usable(const {name}_controller *c)
+{{
+    return {usable};
+}}
+
+{model}/* One sample of the whole controller: the operations of the simulation, in their order. */
+static void advance({name}_controller *c, const {name}_input *in)
+{{
+{advance}}}
+
+/* A start without a bump: u begins where the actuator is, and the difference fades out. */
+static void fade({name}_controller *c)
+{{
+    int i;
+    for (i = 0; i < {macro}_INPUTS; ++i) {{
+        if (c->matching != 0) {{
+            c->bump[i] = c->bump[i] - c->{u}[i];
+        }}
+        if (c->fade_left > 0L) {{
+            c->{u}[i] = c->{u}[i] + c->bump[i] * (({real})c->fade_left / ({real})c->fade);
+        }}
+    }}
+    c->matching = 0;
+    if (c->fade_left > 0L) {{
+        --c->fade_left;
+    }}
+}}
+
+/* A sample that is missed: time goes by for the model alone. */
+static void miss({name}_controller *c)
+{{
+{miss}    c->{started}[0] = {zero};
+    c->waiting = 1;
+}}
+
+static void give(const {name}_controller *c, {name}_output *out, unsigned status)
+{{
+{give}    out->status = status;
+}}
+
+void {name}_reset({name}_controller *c)
+{{
+{reset}    c->sample_time = {macro}_SAMPLE_TIME;
+    c->fade = 0L;
+    c->fade_left = 0L;
+    c->matching = 0;
+    c->waiting = 0;
+}}
+
+void {name}_init({name}_controller *c)
+{{
+    int i;
+    {name}_reset(c);
+    for (i = 0; i < {macro}_INPUTS; ++i) {{
+        c->last_u[i] = {zero};
+        c->bump[i] = {zero};
+    }}
+}}
+
+void {name}_start({name}_controller *c, {start_argument}const {real} u_now[{macro}_INPUTS], long samples,
+    int keep_estimates)
+{{
+    int i;
+{start}    c->sample_time = {macro}_SAMPLE_TIME;
+    for (i = 0; i < {macro}_INPUTS; ++i) {{
+        c->bump[i] = u_now[i];
+        c->last_u[i] = u_now[i];
+    }}
+    c->fade = samples > 0L ? samples : 0L;
+    c->fade_left = c->fade;
+    c->matching = 1;
+    c->waiting = 0;
+}}
+
+unsigned {name}_step({name}_controller *c, const {name}_input *in, {name}_output *out)
+{{
+    unsigned status = {macro}_OK;
+    int i;
+    {name}_controller next = *c;
+    const {real} apart = in->sample_time - c->sample_time;
+    if (!(apart <= {clock} && apart >= -{clock})) {{
+        status |= {macro}_WRONG_SAMPLE_TIME;
+    }}
+    if (!state_is_usable(c)) {{
+        give(c, out, status | {macro}_STATE_REFUSED);
+        return out->status;
+    }}
+    if (!(in_range(in->{measured}, {macro}_MEASURED) && in_range(in->r, {macro}_COMMANDS))) {{
+        miss(c);
+        give(c, out, status | {macro}_INPUT_REFUSED);
+        return out->status;
+    }}
+{resume}    next.waiting = 0;
+    advance(&next, in);
+    fade(&next);
+    if (!state_is_usable(&next)) {{
+        miss(c);
+        give(c, out, status | {macro}_RESULT_REFUSED);
+        return out->status;
+    }}
+    *c = next;
+    for (i = 0; i < {macro}_INPUTS; ++i) {{
+        c->last_u[i] = c->{u}[i];
+    }}
+    give(c, out, status);
+    return out->status;
+}}
+"""
+
+_MODEL = """\
+/* The reference model (2) alone, exact for a held r: slice of the same operations. */
+static void advance_model({name}_controller *c)
+{{
+{body}}}
+
+"""
+
+
+def source(printed: Printed) -> str:
+    """The text of controller.c."""
+    contents = printed.contents
+    x_m, started = contents.layout.part("held.x_m"), contents.layout.part("held.started")
+    assert started is not None, "every sampled controller knows its first sample"
+    whole = (contents.step, *([] if contents.model is None else [contents.model]))
+    state = contents.measures_state
+    model = "" if contents.model is None or x_m is None else _MODEL.format(
+        name=printed.name, body=_operations(printed, contents.model, [x_m], {started.start: c99.constant(1.0, contents.real)})
+    )  # fmt: skip
+    return _SOURCE.format(
+        origin=printed.origin,
+        include="#include <math.h>\n" if any(map(c99.calls_functions, whole)) else "",
+        guard=printed.guard,
+        name=printed.name,
+        macro=printed.macro,
+        real=printed.real,
+        zero=f"0.0{contents.real.suffix}",
+        clock=c99.constant(CLOCK * contents.sample_time, contents.real),
+        measured=printed.measured,
+        u=contents.layout.u.name,
+        started=started.name,
+        usable=_usable(printed),
+        model=model,
+        advance=_operations(printed, contents.step, list(contents.layout.parts), {}),
+        miss=indented([f"if (c->waiting != 0 || c->{started.name}[0] > 0) {{", "    advance_model(c);", "}"]) if model else "",
+        resume=indented(["if (next.waiting != 0) {", "    advance_model(&next);", "}"]) if model else "",
+        give=indented(_given(printed)),
+        reset=indented(f"{text} = {printed.number(contents.initial[row])};" for row, text in contents.layout.entries().items()),
+        start=_start(printed),
+        start_argument=f"const {printed.real} x[{printed.macro}_MEASURED], " if state else "",
+    )
+
+
+def _operations(printed: Printed, program: Program, parts: list[Part], fixed: dict[int, str]) -> str:
+    """One constant for each operation, then the assignments; ``fixed`` has C text in the place of entries of the state."""
+    contents = printed.contents
+    y, q, _, _ = contents.sizes
+    inputs = {(STATE, row): text for row, text in (contents.layout.entries() | fixed).items()}
+    inputs |= {(MEASURED, i): f"in->{printed.measured}[{i}]" for i in range(y)} | {(COMMAND, i): f"in->r[{i}]" for i in range(q)}
+    one, zero = (c99.constant(value, contents.real) for value in (1.0, 0.0))
+    inputs[FREEZE, 0] = f"in->freeze != 0 ? {one} : {zero}"
+    printer = c99.Printer(program, contents.real)
+    lines = c99.statements(program, inputs, contents.real)
+    results = iter(program.outputs[0])
+    for part in parts:
+        lines.append(f"/* {meaning(part.path)} */")
+        lines += [f"{part.entry(row)} = {printer.number(next(results))};" for row in part.rows]
+    return indented(lines)
+
+
+def _usable(printed: Printed) -> str:
+    """Every number in range, the estimates in their set but for rounding, and a control to hold."""
+    contents = printed.contents
+    tests = [f"in_range(c->{part.name}, {part.size})" for part in contents.layout.parts]
+    tests += [f"in_range(c->last_u, {printed.macro}_INPUTS)", f"in_range(c->bump, {printed.macro}_INPUTS)"]
+    if contents.limits is not None:
+        for i, (low, high) in enumerate(zip(*contents.limits, strict=True)):
+            text = contents.layout.theta_hat.entry(contents.layout.theta_hat.start + i)
+            for bound, sign, relation in ((low, -1.0, ">="), (high, 1.0, "<=")):
+                if np.isfinite(bound):
+                    tests.append(f"{text} {relation} {c99.constant(bound + sign * CLOCK * (1 + abs(bound)), contents.real)}")
+    return "\n        && ".join(tests)
+
+
+def _given(printed: Printed) -> list[str]:
+    contents = printed.contents
+    zero = f"0.0{contents.real.suffix}"
+    lines = ["int i;", f"const int held = in_range(c->last_u, {printed.macro}_INPUTS); /* else not even that is left */"]
+    lines += [f"for (i = 0; i < {printed.macro}_INPUTS; ++i) {{", f"    out->u[i] = held != 0 ? c->last_u[i] : {zero};"]
+    lines += ["    out->u_limited[i] = out->u[i];", "}"]
+    if contents.saturation is not None:
+        for i, (low, high) in enumerate(contents.saturation.T):
+            for bound, relation in ((low, "<"), (high, ">")):
+                text = printed.number(bound)
+                lines += [f"if (out->u[{i}] {relation} {text}) {{", f"    out->u_limited[{i}] = {text};", "}"]
+    if contents.sizes[3]:
+        name = contents.layout.theta_hat.name
+        lines += [f"for (i = 0; i < {printed.macro}_ESTIMATES; ++i) {{", f"    out->theta_hat[i] = c->{name}[i];", "}"]
+    return lines
+
+
+def _start(printed: Printed) -> str:
+    """Everything as at t = 0 with the measured state in the place of the case's; what was learnt only if it is not kept."""
+    contents = printed.contents
+    kept: list[str] = []
+    others: list[str] = []
+    rest, of_x = contents.at_start
+    for row, text in contents.layout.entries().items():
+        terms = [
+            f"x[{i}]" if factor == 1 else f"{printed.number(factor)} * x[{i}]" for i, factor in enumerate(of_x[row]) if factor
+        ]
+        value = " + ".join(terms if terms and not rest[row] else [printed.number(rest[row]), *terms])
+        (kept if row in contents.learnt else others).append(f"{text} = {value};")
+    lines = others + (
+        ["if (keep_estimates == 0) {", *(f"    {line}" for line in kept), "}"] if kept else ["(void)keep_estimates;"]
+    )
+    return indented(lines)
