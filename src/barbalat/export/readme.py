@@ -23,9 +23,9 @@ _README = """\
     cc -std=c99 -ffp-contract=off -O2 controller.c selftest.c -o selftest{library} && ./selftest
 
 The operations are those of `barbalat run`, in the same order, without fused multiply-adds. They give the same bits wherever
-+ - * / and sqrt are those of IEEE 754 and nothing is contracted: `-std=c99 -ffp-contract=off`. GNU mode (`-std=gnu99`, the default
-of gcc) fuses on aarch64 and riscv64, x87 computes with more digits, `-ffast-math` with any: the self-test sees each of them. It
-also compiles as C++17.
++ - * / and sqrt are those of IEEE 754 and nothing is contracted: `-std=c99 -ffp-contract=off`. GNU mode (`-std=gnu99`, which is
+what gcc takes by itself) fuses on aarch64 and riscv64, x87 computes with more digits, `-ffast-math` with any: the self-test sees
+each of them. It also compiles as C++17.
 
 ## Call it
 
@@ -47,15 +47,16 @@ also compiles as C++17.
   what lies between is not advanced.
 - *Freeze*: with `in.freeze` not 0 the estimates, and what was learnt for them, keep their values; control, model and filters go
   on.{freeze}
-- *Refused*: an input or a state that is no number, is beyond {range}{set}. The last good u is held and the status says why. After
-  a bad input the next good sample goes on by itself, from where the controller stood, with a model that went on meanwhile; after
-  a bad state `{name}_reset` or `{name}_start` is the way back.
+- *Refused*: an input or a state that is no number, or is beyond {range}{set}. The last good u is
+  held and the status says why. After a bad input the next good sample goes on by itself, from where the controller stood, with a
+  model that went on meanwhile; after a bad state `{name}_reset` or `{name}_start` is the way back.
 - *Another sample time* than {sample_time} s is flagged, and the step made as if it were right: a wrong rate is better than no
   control.
 
 In MATLAB/Simulink a *C Caller* block takes `controller.c` and `controller.h` (Simulation Target: custom code); wrap
 `{name}_step` in a function of plain arguments that keeps the struct. On Arduino put both files into the sketch's folder, rename
-`controller.c` to `controller.cpp`, and call `{name}_step` from a timer; on boards whose double has 32 bits export with `--float32`.
+`controller.c` to `controller.cpp`, and call `{name}_step` from a timer; on boards whose double has 32 bits export with
+`--float32`.
 
 ## State
 
@@ -63,8 +64,8 @@ In MATLAB/Simulink a *C Caller* block takes `controller.c` and `controller.h` (S
 |---|---|---|
 {members}
 
-Quantities are in the units of the case. What the identifiers begin with, `{name}`, is the controller's name, {title}, in small
-letters, with `_` for whatever C does not take.
+Quantities are in the units of the case. What the identifiers begin with, `{name}`, is the controller's name ({title}) in
+small letters, with `_` for whatever C does not take.
 """
 
 

@@ -57,11 +57,11 @@ class Printed:
     @property
     def origin(self) -> str:
         """Who made the files, of what."""
-        loop = self.contents.loop
+        equations = type(self.contents.loop.equations)
+        case, each = comment(self.contents.problem.name), f"every {self.contents.sample_time!r} s"
         return (
-            f"{comment(self.contents.controller.name)}: {type(loop.continuous).__module__.removeprefix('barbalat.')}, sampled "
-            f"every {self.contents.sample_time!r} s,\n * for the case {comment(self.contents.problem.name)}. "
-            f"Made by barbalat {__version__} from the operations of its simulation."
+            f"{comment(self.contents.controller.name)}: {equations.__name__} of {equations.__module__}, {each},\n * for the case "
+            f"{case}. Made by barbalat {__version__} from the operations of its simulation."
         )
 
     @property

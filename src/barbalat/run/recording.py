@@ -48,10 +48,5 @@ def recorded(problem: TrackingProblem, controller: Controller, simulation: Simul
     # a block begins before its sample: what a sample made of the state stands at the next one's beginning
     flat = np.vstack([*kept, group.state.T])[1:]
     own = len(flatten(initial_acting(batch.loop)))
-    held = [batch.loop.unpack(state).held for state in flat]
-    return Recording(
-        batch.loop,
-        np.array([one.measured.reshape(-1) for one in held]),
-        np.array([one.r.reshape(-1) for one in held]),
-        flat[:, -own:],
-    )
+    held = batch.loop.unpack(np.arange(batch.loop.size)).held
+    return Recording(batch.loop, flat[:, held.measured.reshape(-1)], flat[:, held.r.reshape(-1)], flat[:, -own:])

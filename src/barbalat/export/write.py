@@ -1,10 +1,11 @@
-"""``export``: a controller of a problem as source, into a folder."""
+"""``export_controller``: a controller of a problem as source, into a folder."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
 from barbalat import validate
+from barbalat.export import TARGETS
 from barbalat.export.contents import Contents
 from barbalat.export.header import header
 from barbalat.export.readme import readme
@@ -18,11 +19,9 @@ from barbalat.report.files import output_folder
 from barbalat.solvers.simulation import Simulation
 from barbalat.validate import InputError
 
-TARGETS = ("c99",)
-
 
 def files(problem: TrackingProblem, controller: Controller, simulation: Simulation, *, float32: bool = False) -> dict[str, str]:
-    """The files of an export by their names, in C99; InputError as of ``export``."""
+    """The files of an export by their names, in C99; InputError as of ``export_controller``."""
     validate.instance("problem", problem, TrackingProblem)
     validate.instance("simulation", simulation, Simulation)
     printed = Printed(Contents.of(problem, controller, simulation, FLOAT if float32 else DOUBLE))
@@ -34,7 +33,7 @@ def files(problem: TrackingProblem, controller: Controller, simulation: Simulati
     }
 
 
-def export(
+def export_controller(
     problem: TrackingProblem,
     controller: Controller,
     simulation: Simulation,
