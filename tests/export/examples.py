@@ -33,7 +33,7 @@ from barbalat import (
     input_filter,
 )
 from barbalat.controllers import L1Adaptive, Mrac, NormalizedMrac, RobustMrac
-from barbalat.controllers.output import MracOutput
+from barbalat.controllers.output import LinearOutput, MracOutput
 from barbalat.controllers.windup import ModifiedError
 from barbalat.validate import InputError
 from independent import example_controllers, example_output_controllers
@@ -93,7 +93,7 @@ def _lyapunov():
             yield FREE, L1Adaptive(gamma=gamma, filter=input_filter(0.05), **law)
     for problem in (STATE, BALL, FREE, GAIN):
         yield problem, Mrac(gamma=20.0)
-        yield problem, L1Adaptive(gamma=1e4, filter=L1_FILTER, saturated_predictor=True)
+        yield problem, L1Adaptive(gamma=100.0, filter=L1_FILTER, saturated_predictor=problem is not FREE)
     yield STATE, Mrac(gamma=20.0, modified_error=ModifiedError(mu=0.5, margin=0.1))
     for problem in (POLYNOMIAL, SEVERAL):
         yield problem, Mrac(gamma=20.0)
@@ -104,8 +104,10 @@ def _examples():
     yield from _lyapunov()
     for n_controllers in example_controllers(2).values():
         yield from ((STATE, controller) for controller in n_controllers)
-    for n_controllers in example_output_controllers(1).values():
-        yield from ((OUTPUT, controller) for controller in n_controllers)
+    for scheme, n_controllers in example_output_controllers(1).items():
+        # the second linear one is an L1-AC of a high gain written out, which no sample time of this size bears
+        yield from ((OUTPUT, controller) for controller in n_controllers[: 1 if scheme == "linear" else None])
+    yield OUTPUT, LinearOutput(loop=TransferFunction([2.0], [1.0, 0.0]), feedforward=TransferFunction([1.0], [0.1, 1.0]))
     for _, law in laws(2):
         for problem in (STATE, BALL):
             yield problem, NormalizedMrac(law=law)

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-STRICT = "-Wall -Wextra -pedantic -Wconversion -Werror".split()
+STRICT = ["-Wall", "-Wextra", "-pedantic", "-Wconversion", "-Werror"]
 ISO = ["-std=c99", "-ffp-contract=off"]
 
 needs_gcc = pytest.mark.skipif(shutil.which("gcc") is None, reason="gcc is not installed: exports can't be compiled here")

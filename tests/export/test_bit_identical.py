@@ -8,9 +8,9 @@ import pytest
 from barbalat.controllers import SCHEMES, Sampled
 from barbalat.controllers.output import OUTPUT_SCHEMES
 from barbalat.export.contents import Contents
-from barbalat.export.texts import Printed
 from barbalat.export.header import header
 from barbalat.export.source import source
+from barbalat.export.texts import Printed
 from barbalat.loop.packing import flatten, unflatten
 from barbalat.lowering.c99 import DOUBLE
 from barbalat.run.recording import recorded
@@ -89,8 +89,8 @@ def test_c_against_the_equations_evaluated_on_numbers(name, tmp_path) -> None:
     computer, template = contents.loop.computer, initial_acting(contents.loop)
     acting, estimates, u = template, [], []
     for y, r, frozen in zip(run.measured, run.commands, freeze, strict=True):
-        r = r if contents.loop.commands else r[0]
-        acting = computer.act(acting, y.reshape(template.held.measured.shape), r, np.float64(frozen))
+        command = r if contents.loop.commands else r[0]
+        acting = computer.act(acting, y.reshape(template.held.measured.shape), command, np.float64(frozen))
         acting, _ = unflatten(template, np.asarray(flatten(acting), dtype=float), 0)
         estimates.append(acting.controller.theta_hat.reshape(-1))
         u.append(acting.held.u.reshape(-1))
@@ -108,7 +108,7 @@ def test_the_model_from_sample_to_sample_is_the_continuous_one_under_a_held_comm
         found = next(key for key in EXAMPLES if key.startswith(name))
         run = recorded(*EXAMPLES[found], SIMULATION, 200)
         A, B, _ = problem.model.matrices
-        T, n = run.loop.sample_time, len(A)
+        T = run.loop.sample_time
         x_m = np.array([run.loop.computer.initial(np.zeros(run.measured.shape[1])).held.x_m])
         rows = [unflatten(initial_acting(run.loop), state, 0)[0].held.x_m for state in run.states]
         np.testing.assert_array_equal(rows[0], x_m[0])
@@ -117,4 +117,6 @@ def test_the_model_from_sample_to_sample_is_the_continuous_one_under_a_held_comm
         s = (T / steps) * (np.arange(steps)[:, None] + (nodes + 1) / 2)
         integral = sum(w * T / steps / 2 * expm(A * float(t)) @ B[:, 0] for row in s for t, w in zip(row, weights, strict=True))
         for k in range(1, 200):
-            np.testing.assert_allclose(rows[k], expm(A * T) @ rows[k - 1] + integral * run.commands[k - 1, 0], rtol=1e-12, atol=1e-14)
+            np.testing.assert_allclose(
+                rows[k], expm(A * T) @ rows[k - 1] + integral * run.commands[k - 1, 0], rtol=1e-12, atol=1e-14
+            )

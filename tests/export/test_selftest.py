@@ -122,23 +122,14 @@ def _unsaved(text: str, drawn: random.Random) -> str:
     return text[: found.start()] + text[found.end() :]
 
 
-def swapped(old: str, new: str):
-    def plant(text: str, drawn: random.Random) -> str:
-        assert old in text, old
-        return text.replace(old, new, 1)
-
-    return plant
-
-
-NAME = "c{number}"
 FAULTS = [
     *[_other_sign] * 4, *[_other_operand] * 4, *[_last_bit] * 3, *[_unsaved] * 3,
-    swapped("in->freeze != 0 ?", "in->freeze == 0 ?"),
-    swapped("status |= {macro}_WRONG_SAMPLE_TIME", "status |= {macro}_OK"),
-    swapped("if (!(in_range(in->x, {macro}_MEASURED)", "if ((0 && in_range(in->x, {macro}_MEASURED)"),
-    swapped("    if (!state_is_usable(c)) {", "    if (0) {"),
-    swapped("        miss(c);\n        give(c, out, status | {macro}_INPUT", "        give(c, out, status | {macro}_INPUT"),
-    swapped("    next.waiting = 0;\n", ""),
+    ("in->freeze != 0 ?", "in->freeze == 0 ?"),
+    ("status |= {macro}_WRONG_SAMPLE_TIME", "status |= {macro}_OK"),
+    ("if (!(in_range(in->x, {macro}_MEASURED)", "if ((0 && in_range(in->x, {macro}_MEASURED)"),
+    ("    if (!state_is_usable(c)) {", "    if (0) {"),
+    ("        miss(c);\n        give(c, out, status | {macro}_INPUT", "        give(c, out, status | {macro}_INPUT"),
+    ("    next.waiting = 0;\n", ""),
 ]  # fmt: skip
 
 
@@ -154,10 +145,10 @@ def test_it_finds_planted_faults(name, tmp_path) -> None:
     macro = EXAMPLES[name][1].name.upper()
     found = []
     for number, fault in enumerate(FAULTS):
-        if fault.__name__ == "plant":
-            cells = fault.__closure__
-            fault = swapped(*(cell.cell_contents.replace("{macro}", macro) for cell in reversed(cells)))
-        wrong = fault(right, random.Random(number))
+        if isinstance(fault, tuple):
+            wrong = right.replace(*(text.replace("{macro}", macro) for text in fault), 1)
+        else:
+            wrong = fault(right, random.Random(number))
         assert wrong != right
         (tmp_path / "controller.c").write_text(wrong)
         done = run_selftest(tmp_path, "gcc", *ISO, "-O1", "-w")

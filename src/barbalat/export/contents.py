@@ -14,7 +14,7 @@ from barbalat.loop.packing import flatten, unflatten
 from barbalat.loop.sampling import Acting
 from barbalat.lowering.c99 import DOUBLE, Real
 from barbalat.lowering.operations import Program, sliced
-from barbalat.problem.known_set import UNBOUNDED, Projecting
+from barbalat.problem.known_set import UNREACHED_BOUND, Projecting
 from barbalat.problem.state_feedback import Problem
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller, DiscretizedEquations, SampledEquations
@@ -120,7 +120,7 @@ class Contents:
         if box.intervals is not None:
             last = slice(len(low) - box.intervals.size, len(low))
             low[last], high[last] = box.intervals.extent
-        return np.where(low <= -UNBOUNDED, -np.inf, low), np.where(high >= UNBOUNDED, np.inf, high)
+        return np.where(low <= -UNREACHED_BOUND, -np.inf, low), np.where(high >= UNREACHED_BOUND, np.inf, high)
 
     @property
     def saturation(self) -> Array | None:

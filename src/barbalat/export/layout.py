@@ -50,25 +50,27 @@ class Part:
 
 @dataclass(frozen=True, eq=False)
 class Layout:
-    """The arrays that are kept, and the rows of the control and of the estimates in the flat state."""
+    """The arrays that are kept, and among them the control, the estimates, and what tells the first sample from the others."""
 
     parts: tuple[Part, ...]
     u: Part
     theta_hat: Part
+    started: Part
 
     @classmethod
     def of(cls, program: Program, initial: Acting) -> Layout:
         """``program`` is the controller's whole list; what nothing depends on is left out."""
         every = tuple(_parts(initial))
-        u, theta_hat = (next(part for part in every if part.path == path) for path in ("held.u", "controller.theta_hat"))
-        needed = {u.path: u, theta_hat.path: theta_hat}
+        paths = ("held.u", "controller.theta_hat", "held.started")
+        u, theta_hat, started = (next(part for part in every if part.path == path) for path in paths)
+        needed = {part.path: part for part in (u, theta_hat, started)}
         while True:
             rows = [row for part in needed.values() for row in part.rows]
             read = {row for argument, row in sources(sliced(program, rows)) if argument == STATE}
             found = {part.path: part for part in every if not read.isdisjoint(part.rows)}
             if found.keys() <= needed.keys():
                 kept = tuple(part for part in every if part.path in needed and part.size)
-                return cls(kept, u, theta_hat)
+                return cls(kept, u, theta_hat, started)
             needed |= found
 
     @property

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from barbalat.export.texts import Printed, indented
 from barbalat.lowering import c99
 from barbalat.validate import Array
@@ -202,7 +204,7 @@ static void test_start(void)
     {name}_start(&c, {fixed_start}u_now, 4L, 1);
     require({name}_step(&c, &in, &out) == {macro}_INPUT_REFUSED && same(out.u, u_now, {macro}_INPUTS),
         "a refused first sample does not hold the actuator where it is");
-}}
+{fresh_tests}}}
 
 int main(void)
 {{
@@ -227,8 +229,6 @@ def selftest(printed: Printed) -> str:
     """The text of selftest.c."""
     contents = printed.contents
     vectors, layout = contents.vectors, contents.layout
-    started = layout.part("held.started")
-    assert started is not None
     state = contents.measures_state
     estimates = vectors.states[:, list(layout.theta_hat.rows)]
     table = f"static const {printed.real} estimates[SAMPLES][{printed.macro}_ESTIMATES] = {{\n{_rows(printed, estimates)}}};\n"
@@ -250,8 +250,9 @@ def selftest(printed: Printed) -> str:
         refused_tests=indented(_refused(printed)),
         frozen_tests=indented(_frozen(printed), 8),
         limit_tests=indented(_limits(printed)),
+        fresh_tests=indented(_fresh(printed)),
         saturated=_saturated(printed),
-        started=started.name,
+        started=layout.started.name,
         u=layout.u.name,
         start_argument=f"in.{printed.measured}, " if state else "",
         fixed_start="measured[0], " if state else "",
@@ -317,6 +318,22 @@ def _frozen(printed: Printed) -> list[str]:
             both = f"&c.{part.name}[{i}], &before.{part.name}[{i}]"
             lines.append(f'require(same({both}, 1), "frozen, and {part.name} moves");')
     return lines
+
+
+def _fresh(printed: Printed) -> list[str]:
+    """Enabled after it was disabled, whatever happened before: as from a fresh start, where that state is a copy of x."""
+    contents = printed.contents
+    _, of_x = contents.at_start
+    if not np.isin(of_x, (0.0, 1.0)).all() or (of_x.sum(axis=1) > 1).any():
+        return []
+    x0 = contents.problem.dynamics.x0
+    values = ", ".join(c99.constant(value, contents.real) for value in x0)
+    started = f"{printed.name}_start(&c, {'x0, ' if contents.measures_state else ''}controls[0], 0L, 0);"
+    given = f"const {printed.real} x0[] = {{ {values} }};" if contents.measures_state else ""
+    return [
+        f"{{ {given} {started}",
+        '  require(replay(&c, SAMPLES) == SAMPLES, "enabled again, it is not as from a fresh start"); }',
+    ]
 
 
 def _limits(printed: Printed) -> list[str]:

@@ -155,8 +155,7 @@ static void advance_model({name}_controller *c)
 def source(printed: Printed) -> str:
     """The text of controller.c."""
     contents = printed.contents
-    x_m, started = contents.layout.part("held.x_m"), contents.layout.part("held.started")
-    assert started is not None, "every sampled controller knows its first sample"
+    x_m, started = contents.layout.part("held.x_m"), contents.layout.started
     whole = (contents.step, *([] if contents.model is None else [contents.model]))
     state = contents.measures_state
     model = "" if contents.model is None or x_m is None else _MODEL.format(
@@ -246,7 +245,6 @@ def _start(printed: Printed) -> str:
         ]
         value = " + ".join(terms if terms and not rest[row] else [printed.number(rest[row]), *terms])
         (kept if row in contents.learnt else others).append(f"{text} = {value};")
-    lines = others + (
-        ["if (keep_estimates == 0) {", *(f"    {line}" for line in kept), "}"] if kept else ["(void)keep_estimates;"]
-    )
-    return indented(lines)
+    last = ["if (keep_estimates == 0) {", *(f"    {line}" for line in kept), "}"] if kept else ["(void)keep_estimates;"]
+    unused = ["(void)x;"] if contents.measures_state and not of_x[contents.layout.rows].any() else []
+    return indented([*others, *last, *unused])
