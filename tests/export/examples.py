@@ -29,6 +29,7 @@ from barbalat import (
     Simulation,
     Sine,
     SwitchingSigma,
+    Terms,
     TransferFunction,
     input_filter,
 )
@@ -70,6 +71,11 @@ POLYNOMIAL = Problem(
     sensor=SENSOR,
     name="polynomial",
 )
+TERMS = replace(
+    STATE,
+    plant=replace(STATE.plant, regressor=Terms(terms=["sin(3*x1)", "exp(-x2**2)"]), theta=[0.5, -0.4]),
+    name="terms",
+)
 SEVERAL = Problem(
     plant=Plant(
         A_m=[[-2.0, 0.0], [0.0, -3.0]], b=[[1.0, 0.2], [0.0, 1.0]], theta=[0.5, -0.3, 0.2, 0.4], x0=[0.3, -0.2], input=INPUT
@@ -95,7 +101,7 @@ def _lyapunov():
         yield problem, Mrac(gamma=20.0)
         yield problem, L1Adaptive(gamma=100.0, filter=L1_FILTER, saturated_predictor=problem is not FREE)
     yield STATE, Mrac(gamma=20.0, modified_error=ModifiedError(mu=0.5, margin=0.1))
-    for problem in (POLYNOMIAL, SEVERAL):
+    for problem in (POLYNOMIAL, TERMS, SEVERAL):
         yield problem, Mrac(gamma=20.0)
         yield problem, L1Adaptive(gamma=1e4, filter=input_filter(0.05))
 

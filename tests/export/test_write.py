@@ -12,7 +12,7 @@ from barbalat import L1Adaptive, Mrac, PlantInput, Sampled, Simulation, export_c
 from barbalat.cli import main
 from barbalat.export.names import distinct, identifier, prefix_of
 from barbalat.export.write import files
-from export.examples import SIMULATION, STATE, T
+from export.examples import SIMULATION, STATE, TERMS, T
 from export.targets import ISO, needs_gcc, run_selftest
 from independent import refusal
 
@@ -77,6 +77,8 @@ def test_refusals(tmp_path) -> None:
     unbounded = replace(STATE, plant=replace(STATE.plant, input=PlantInput()), uncertainty=None)
     chattering = Sampled(controller=Mrac(gamma=1e9), sample_time=T, discretization="euler")
     assert "diverges" in refusal(lambda: export_controller(unbounded, chattering, SIMULATION, out=tmp_path / "none"))
+    with_sine = refusal(lambda: export_controller(TERMS, MRAC, SIMULATION, out=tmp_path / "none", float32=True))
+    assert "float64" in with_sine and ("sin" in with_sine or "exp" in with_sine)
     assert not list(tmp_path.iterdir())
     (tmp_path / "file").write_text("here")
     assert "is a file" in refused(out=tmp_path / "file")

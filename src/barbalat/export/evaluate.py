@@ -24,7 +24,7 @@ _NUMBERS: dict[str, Callable[..., object]] = {
 
 
 def evaluate(program: Program, inputs: Mapping[tuple[int, int], object], numbers: type[np.floating]) -> Array:
-    """The first output; every operation is rounded to ``numbers``. InputError for a function that rounds as its library does."""
+    """The first output; every operation is rounded to ``numbers``. InputError for a function of lists that have 64 bits."""
     values: list[object] = []
     with np.errstate(all="ignore"):
         for op in program.operations:
@@ -44,8 +44,8 @@ def _value(op: Operation, values: list[object], inputs: Mapping[tuple[int, int],
         return x[1] if x[0] else numbers(0.0)
     if op.name not in _NUMBERS:
         raise InputError(
-            f"float32 takes controllers of + - * /, sqrt and comparisons, and this one calls {op.name}, which every library "
-            "rounds in its own way; export it in float64"
+            f"float32 takes controllers of + - * /, sqrt and comparisons, and this one calls {op.name}, which has no list of its "
+            "own in 32 bits; export it in float64"
         )
     first = 1 if op.name == "select" else 0
     return _NUMBERS[op.name](*x[:first], *(numbers(one) for one in x[first:]))  # type: ignore[arg-type]

@@ -6,142 +6,13 @@ import numpy as np
 
 from barbalat.export.layout import Part
 from barbalat.export.meanings import meaning
-from barbalat.export.texts import Printed, indented
+from barbalat.export.texts import Printed, filled, indented
 from barbalat.lowering import c99
 from barbalat.lowering.operations import Program
 from barbalat.run.sampled_part import COMMAND, FREEZE, MEASURED, STATE
 
 CLOCK = 1e-6
 """By how much, relatively, a sample time or an estimate may be off: above a float's rounding, below any clock's error."""
-
-_SOURCE = """\
-/*
- * {origin}
- * See controller.h and README.md.
- */
-#include "controller.h"
-{include}
-{guard}
-/* Whether every number is one, and in range; NaN compares false. */
-static int in_range(const {real} *values, int count)
-{{
-    int i;
-    for (i = 0; i < count; ++i) {{
-        if (!(values[i] >= -{macro}_RANGE && values[i] <= {macro}_RANGE)) {{
-            return 0;
-        }}
-    }}
-    return 1;
-}}
-
-static int state_is_usable(const {name}_controller *c)
-{{
-    return {usable};
-}}
-
-{model}/* One sample of the whole controller: the operations of the simulation, in their order. */
-static void advance({name}_controller *c, const {name}_input *in)
-{{
-{advance}}}
-
-/* A start without a bump: u begins where the actuator is, and the difference fades out. */
-static void fade({name}_controller *c)
-{{
-    int i;
-    for (i = 0; i < {macro}_INPUTS; ++i) {{
-        if (c->matching != 0) {{
-            c->bump[i] = c->bump[i] - c->{u}[i];
-        }}
-        if (c->fade_left > 0L) {{
-            c->{u}[i] = c->{u}[i] + c->bump[i] * (({real})c->fade_left / ({real})c->fade);
-        }}
-    }}
-    c->matching = 0;
-    if (c->fade_left > 0L) {{
-        --c->fade_left;
-    }}
-}}
-
-/* A sample that is missed: time goes by for the model alone. */
-static void miss({name}_controller *c)
-{{
-{miss}    c->{started}[0] = {zero};
-    c->waiting = 1;
-}}
-
-static void give(const {name}_controller *c, {name}_output *out, unsigned status)
-{{
-{give}    out->status = status;
-}}
-
-void {name}_reset({name}_controller *c)
-{{
-{reset}    c->sample_time = {macro}_SAMPLE_TIME;
-    c->fade = 0L;
-    c->fade_left = 0L;
-    c->matching = 0;
-    c->waiting = 0;
-}}
-
-void {name}_init({name}_controller *c)
-{{
-    int i;
-    {name}_reset(c);
-    for (i = 0; i < {macro}_INPUTS; ++i) {{
-        c->last_u[i] = {zero};
-        c->bump[i] = {zero};
-    }}
-}}
-
-void {name}_start({name}_controller *c, {start_argument}const {real} u_now[{macro}_INPUTS], long samples,
-    int keep_estimates)
-{{
-    int i;
-{start}    c->sample_time = {macro}_SAMPLE_TIME;
-    for (i = 0; i < {macro}_INPUTS; ++i) {{
-        c->bump[i] = u_now[i];
-        c->last_u[i] = u_now[i];
-    }}
-    c->fade = samples > 0L ? samples : 0L;
-    c->fade_left = c->fade;
-    c->matching = 1;
-    c->waiting = 0;
-}}
-
-unsigned {name}_step({name}_controller *c, const {name}_input *in, {name}_output *out)
-{{
-    unsigned status = {macro}_OK;
-    int i;
-    {name}_controller next = *c;
-    const {real} apart = in->sample_time - c->sample_time;
-    if (!(apart <= {clock} && apart >= -{clock})) {{
-        status |= {macro}_WRONG_SAMPLE_TIME;
-    }}
-    if (!state_is_usable(c)) {{
-        give(c, out, status | {macro}_STATE_REFUSED);
-        return out->status;
-    }}
-    if (!(in_range(in->{measured}, {macro}_MEASURED) && in_range(in->r, {macro}_COMMANDS))) {{
-        miss(c);
-        give(c, out, status | {macro}_INPUT_REFUSED);
-        return out->status;
-    }}
-{resume}    next.waiting = 0;
-    advance(&next, in);
-    fade(&next);
-    if (!state_is_usable(&next)) {{
-        miss(c);
-        give(c, out, status | {macro}_RESULT_REFUSED);
-        return out->status;
-    }}
-    *c = next;
-    for (i = 0; i < {macro}_INPUTS; ++i) {{
-        c->last_u[i] = c->{u}[i];
-    }}
-    give(c, out, status);
-    return out->status;
-}}
-"""
 
 _MODEL = """\
 /* The reference model (2) alone, exact for a held r: slice of the same operations. */
@@ -152,18 +23,25 @@ static void advance_model({name}_controller *c)
 """
 
 
+BITS = ("stdint", "string")
+"""What the project's own sin, exp, ... take of the library: the bits of a number, by memcpy."""
+
+
 def source(printed: Printed) -> str:
     """The text of controller.c."""
     contents = printed.contents
     x_m, started = contents.layout.part("held.x_m"), contents.layout.started
     whole = (contents.step, *([] if contents.model is None else [contents.model]))
-    state = contents.measures_state
+    state, functions = contents.measures_state, c99.definitions(whole)
+    needs_math = any(map(c99.calls_functions, whole))
     model = "" if contents.model is None or x_m is None else _MODEL.format(
         name=printed.name, body=_operations(printed, contents.model, [x_m], {started.start: c99.constant(1.0, contents.real)})
     )  # fmt: skip
-    return _SOURCE.format(
+    return filled(
+        "controller.c",
         origin=printed.origin,
-        include="#include <math.h>\n" if any(map(c99.calls_functions, whole)) else "",
+        include="".join(f"#include <{name}.h>\n" for name in (*(["math"] if needs_math else []), *(BITS if functions else []))),
+        functions=f"{functions}\n" if functions else "",
         guard=printed.guard,
         name=printed.name,
         macro=printed.macro,

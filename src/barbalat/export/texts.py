@@ -6,6 +6,8 @@ import hashlib
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
+from importlib import resources
+from string import Template
 
 from barbalat import __version__
 from barbalat.export.contents import Contents
@@ -71,6 +73,12 @@ class Printed:
             f"#if {self.macro}_EXPORT != {self.mark}\n"
             '#error "this file and controller.h are of two exports: write the export once more"\n#endif\n'
         )
+
+
+def filled(template: str, /, **given: object) -> str:
+    """A file of the folder ``templates`` with what is given in the places that are named in it, ``${like_this}``."""
+    text = (resources.files("barbalat.export") / "templates" / template).read_text("utf-8")
+    return Template(text).substitute(given)
 
 
 def comment(text: str) -> str:
