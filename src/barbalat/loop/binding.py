@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from dataclasses import fields, is_dataclass, replace
 from itertools import chain, count
-from typing import Any
+from typing import Any, TypeGuard
 
 from barbalat import validate
 from barbalat.loop.blame import blamed
@@ -18,7 +18,7 @@ from barbalat.validate import InputError
 _sampled: dict[type, bool] = {}
 
 
-def is_sampled(equations: Equations | SampledEquations) -> bool:
+def is_sampled(equations: Equations | SampledEquations) -> TypeGuard[SampledEquations]:
     """Whether equations act at instants of their own; asked of a class once, for it takes long, and of every member's."""
     kind = type(equations)
     if kind not in _sampled:
