@@ -125,8 +125,9 @@ class Contents:
     @property
     def saturation(self) -> Array | None:
         """(2, m) lower and upper limits of the actuators; None where one of them has none."""
-        given = self.problem.known.saturation
-        return None if given is None else np.asarray(given).reshape(2, -1)
+        given = [path.saturation for path in self.problem.plant.paths]
+        limits = [limit for limit in given if limit is not None]
+        return np.array(limits).T if len(limits) == len(given) else None
 
     @cached_property
     def learnt(self) -> frozenset[int]:
