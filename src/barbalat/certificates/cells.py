@@ -81,9 +81,9 @@ def margins_cell(certificate: Certificate) -> Entry:
         parts.append(f"delay margin {value} ({margin.of})")
     for loop in () if over_set is None else over_set.value:
         if "unstable_at" in loop:
-            parts.append(f"over the known set unstable somewhere ({loop['of']})")
+            parts.append(f"over the known set unstable somewhere ({loop['loop']})")
         elif "delay_margin" in loop:
-            parts.append(f"over the known set {loop['delay_margin']['value']:.4g} s at the least found ({loop['of']})")
+            parts.append(f"over the known set {loop['delay_margin']['value']:.4g} s at the least found ({loop['loop']})")
     if adapting is not None and adapting.value is not None:
         parts.append(f"linearised with its law at the largest command {adapting.value:.3g} s")
     if not parts:
