@@ -8,10 +8,12 @@ import numpy as np
 import pytest
 
 from barbalat import Simulation, load_case, simulate
+from barbalat.lowering.compiled import tabulated
 from barbalat.lowering.functions import FUNCTIONS, function
 from barbalat.lowering.llvm.elementwise import evaluate
 from barbalat.run.grid import final_row, signal_table
 from barbalat.run.portable import LISTS, Portable
+from barbalat.run.step import output_function
 from barbalat.signals import Chirp, Sine, Sines
 from lowering.functions.test_functions import evaluated
 from lowering.test_c99 import same_bits
@@ -70,3 +72,40 @@ def test_a_run_uses_them() -> None:
     simulation = replace(case.simulation, t_end=2.0, fused=False)
     (run, *_) = simulate(case.problem, case.controllers, simulation).values()
     assert same_bits(run.r, 50.0 * evaluated("sin", 0.5 * run.t))
+
+
+@pytest.mark.parametrize(
+    ("case", "name"), [("l1-output", "L1 output"), ("first-order", "MRAC, sampled"), ("paper", "Robust MRAC")]
+)
+def test_outputs_are_those_of_the_equations_but_for_roundings(case, name) -> None:
+    """Against CasADi's evaluation of the same function at the recorded states, as fused runs have it."""
+    given = load_case(case)
+    (controller,) = (c for c in given.controllers if c.name == name)
+    simulation = replace(given.simulation, t_end=2.0, fused=False)
+    (run,) = simulate(given.problem, [controller], simulation).values()
+    command = run.r if run.r.ndim > 1 else run.r[:, None]
+    loop = run.loop
+    signals = np.zeros((loop.signal_count, len(run.t)))
+    for i, signal in enumerate(given.problem.signals):
+        signals[i] = signal(run.t)
+    assert np.allclose(signals[: command.shape[1]].T, command, rtol=0, atol=1e-13)
+    e, u, theta_hat, x, x_m, _ = (np.asarray(value).T for value in output_function(loop)(run.states.T, signals))
+    for found, expected in ((run.e, e), (run.u[:, None], u), (run.theta_hat, theta_hat), (run.x, x), (run.x_m, x_m)):
+        assert found.shape == expected.shape
+        # a few roundings of terms that may cancel; the largest stand in u
+        assert np.allclose(found, expected, rtol=0, atol=1e-13 * (1 + np.abs(u).max()))
+
+
+def test_the_outputs_functions_are_the_lists() -> None:
+    import casadi as ca
+
+    x, s = ca.SX.sym("x", 2), ca.SX.sym("s", 1)
+    function = ca.Function("f", [x, s], [ca.sin(x), x[0] * s + x[1] * s, ca.SX(0, 1), ca.vertcat(0, ca.exp(s))])
+    rng = np.random.default_rng(8)
+    states, signals = rng.uniform(-9, 9, (2, 50)), rng.uniform(-9, 9, (1, 50))
+    sines, total, nothing, exponentials = tabulated(function, states, signals)
+    assert same_bits(sines, np.array([evaluated("sin", row) for row in states]))
+    assert same_bits(total, states[:1] * signals + states[1:] * signals)
+    assert nothing.shape == (0, 50)
+    assert same_bits(exponentials, np.array([np.zeros(50), evaluated("exp", signals[0])]))
+    assert [part.shape for part in tabulated(function, np.zeros((2, 0)), np.zeros((1, 0)))] == [(2, 0), (1, 0), (0, 0), (2, 0)]

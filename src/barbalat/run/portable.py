@@ -1,17 +1,21 @@
-"""Times whose sine is the same on every computer: NumPy's functions of them are the lists that kernels have.
+"""What of a run is not the kernel's, the same on every computer: signals and outputs by the lists that kernels have.
 
 NumPy's own sine, like the C library's, depends in its last bits on the library and on the processor's instructions.
 """
 
 from __future__ import annotations
 
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
+from barbalat.lowering.compiled import tabulated
 from barbalat.lowering.llvm.elementwise import evaluate
 from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array
+
+if TYPE_CHECKING:
+    import casadi
 
 LISTS: dict[np.ufunc, str] = {
     np.sin: "sin", np.cos: "cos", np.tan: "tan", np.exp: "exp", np.log: "log", np.tanh: "tanh", np.arctan: "atan",
@@ -28,6 +32,13 @@ def instants(simulation: Simulation, step: Array | float) -> Array:
 def run_times(simulation: Simulation, t: Array) -> Array:
     """Times [s] as a run's signals are given them."""
     return t if simulation.fused else t.view(Portable)
+
+
+def at_instants(function: casadi.Function, simulation: Simulation, *columns: Array) -> list[Array]:
+    """The results (rows, K) of a function of columns, at K instants of a run."""
+    if simulation.fused:
+        return [np.asarray(value) for value in function.call(list(columns))]
+    return tabulated(function, *columns)
 
 
 class Portable(np.ndarray):

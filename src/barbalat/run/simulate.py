@@ -17,6 +17,7 @@ from barbalat.run.breaks import lost_order
 from barbalat.run.delay import brings_bends
 from barbalat.run.diagnosis.stability_label import MOST_WINDOWS, Run, stiffness_along
 from barbalat.run.engine import run
+from barbalat.run.portable import at_instants
 from barbalat.run.progress import Progress
 from barbalat.run.result import Envelope, Result
 from barbalat.run.step import output_function
@@ -61,7 +62,7 @@ def _result(problem: TrackingProblem, controller: Controller, simulation: Simula
         steps, states = steps[:kept], states[:kept]
     made = Run(problem, simulation, batch, steps, states, stop)
     t, signals, states = simulation.time(steps), made.signals(steps), made.acted(steps, states)
-    e, u, theta_hat, x, x_m, y = (np.asarray(value).T for value in output_function(loop)(states.T, signals))
+    e, u, theta_hat, x, x_m, y = (value.T for value in at_instants(output_function(loop), simulation, states.T, signals))
     between = slice(0, max(len(steps) - 1, 0))
     extrema = [(quantity, side) for quantity in ("e", "u", "theta_hat") for side in ("min", "max")]
     envelope = Envelope(

@@ -20,7 +20,7 @@ from barbalat.run.batch import Batch, Group
 from barbalat.run.diagnosis.spectrum import Looks, Spectrum, Stiffness
 from barbalat.run.grid import CHUNK_STEPS, signal_table, window_of
 from barbalat.run.noise import standard_normal
-from barbalat.run.portable import instants
+from barbalat.run.portable import at_instants, instants
 from barbalat.run.step import sampled_states
 from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array
@@ -174,7 +174,8 @@ class Run:
             return states
         due = steps % self.batch.rhythm.sample_every == 0
         after = states.copy()
-        after[due] = np.asarray(sampled_states(loop)(states[due].T, self.signals(steps[due]))).T
+        (acted,) = at_instants(sampled_states(loop), self.simulation, states[due].T, self.signals(steps[due]))
+        after[due] = acted.T
         return after
 
     def signals(self, steps: Array) -> Array:
