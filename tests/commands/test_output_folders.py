@@ -132,3 +132,11 @@ def test_json_of_what_is_not_finite():
         "a": [None, 1.0],
         "b": [None, {"c": None}],
     }
+
+
+def test_certify_leaves_page_pictures_and_json(case_file, tmp_path):
+    done = command("certify", case_file, "--out", tmp_path / "out", "--json", stdout=subprocess.PIPE)
+    assert done.returncode == 0, done.stderr
+    left = {path.name for path in (tmp_path / "out").iterdir()}
+    assert left == {"certify.json", "report.html", "loops.svg", "loops-narrow.svg"}
+    assert json.loads((tmp_path / "out" / "certify.json").read_text("utf-8")) == json.loads(done.stdout)

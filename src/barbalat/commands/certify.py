@@ -76,16 +76,18 @@ def _show(case: Case, found: Certified, options: argparse.Namespace) -> None:
         screen.whole(f"page: {Path(options.out) / PAGE}")
 
 
-CERTIFYING_SECONDS, SIMULATING_SECONDS, DRAWING_SECONDS = 0.5, 20.0, 1.2
+CERTIFYING_SECONDS, SIMULATING_SECONDS = 0.5, 20.0
 """For each controller, about, until its own pace is known."""
+DRAWING_SECONDS = 2.0
+"""For the loops of all."""
 
 
 def _expected(case: Case, options: argparse.Namespace) -> dict[str, float]:
     """Seconds for each part of the work."""
-    parts = {"certifying": CERTIFYING_SECONDS}
-    parts |= {"simulating": SIMULATING_SECONDS} if options.simulate else {}
-    parts |= {"drawing": DRAWING_SECONDS} if options.out is not None else {}
-    return {part: seconds * len(case.controllers) for part, seconds in parts.items()}
+    count = len(case.controllers)
+    simulating = {"simulating": SIMULATING_SECONDS * count} if options.simulate else {}
+    drawing = {"drawing": DRAWING_SECONDS} if options.out is not None else {}
+    return {"certifying": CERTIFYING_SECONDS * count} | simulating | drawing
 
 
 def _certified(case: Case, options: argparse.Namespace, running: Work) -> dict[str, Certificate]:

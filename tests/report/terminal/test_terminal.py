@@ -195,3 +195,14 @@ def test_a_unit_stays_with_its_number(text):
     number_and_unit = re.search(r"\d[\d.e-]* (rad/s|s|%)", text)[0]
     for width in range(len(number_and_unit), len(text) + 1):
         assert any(number_and_unit in line.replace(HELD, " ") for line in fold(text, width))
+
+
+def test_a_run_prints_every_warning_once():
+    """What is the problem's belongs to all of its runs: here x_m settles at 40/3 r, for -A_m^-1 b = (10/3, 0)."""
+    text = " ".join(shown(80, SCREENS["run paper"]).split()).lower()
+    warnings = {(result.name, warning) for result in results("paper") for warning in result.warnings}
+    assert any("13.33 times" in warning for _, warning in warnings)
+    for _, warning in warnings:
+        said = f"{' '.join(warning.split())}.".lower()
+        owners = [name for name, other in warnings if other == warning]
+        assert text.count(said) == (1 if len(owners) == len(results("paper")) else len(owners))
