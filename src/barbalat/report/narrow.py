@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 PHONE = 326
 """Pixels of 390 that are left inside a card."""
-CHARACTER, PADDING = 7.6, 11.2
-"""Pixels: of DejaVu Sans at a table's 14.4 on average, and of a cell to both sides."""
+CHARACTER, PADDING = 9.2, 11.2
+"""Pixels: of a digit of DejaVu Sans at a table's 14.4, and of a cell to both sides."""
 
 
 def fits_a_phone(columns: Sequence[str], rows: Sequence[Sequence[str]]) -> bool:
