@@ -104,7 +104,7 @@ class Sample(NamedTuple):
     """What a sampled controller measures at one instant."""
 
     x: Value  # (n,), or the output y
-    x_m: Value  # the model's
+    x_m: Value  # its own reference model's, from sample to sample under a held command
     r: Value
 
 

@@ -310,3 +310,19 @@ def test_the_normalising_signal_of_a_sampled_controller(problems):
     expected = [((end[k, :k] - start[k, :k]) / delta_0 * run.u[:k] ** 2).sum() for k in range(len(run.t))]
     assert max(expected) > 0.1
     np.testing.assert_allclose(n_d, expected, rtol=1e-10, atol=1e-12)
+
+
+def test_the_own_reference_model_varies_over_an_ensemble(section_v):
+    """k_0 and A_m of the members differ, and so do Phi and Gamma of their own models; each agrees with a run of its own."""
+    controller = Sampled(controller=Mrac(gamma=2.0, name="c"), sample_time=2e-3, discretization="euler")
+    problems = [
+        replace(section_v, reference_model=replace(section_v.reference_model, k_0=k_0), plant=replace(section_v.plant, A_m=A_m))
+        for k_0, A_m in ((4.0, [[0.0, 1.0], [-0.3, -1.0]]), (3.0, [[0.0, 1.0], [-0.5, -1.5]]))
+    ]
+    simulation = Simulation(t_end=1.0, dt=1e-3)
+    together = simulate_ensemble([(problem, controller) for problem in problems], simulation).metrics
+    for i, problem in enumerate(problems):
+        alone = simulate(problem, [controller], simulation)["c"].metrics
+        np.testing.assert_allclose(together.max_abs_e[i], alone.max_abs_e[0], rtol=1e-12)
+        np.testing.assert_allclose(together.theta_hat_final[i], alone.theta_hat_final[0], rtol=1e-9, atol=1e-12)
+    assert together.max_abs_e[0, 0] != together.max_abs_e[1, 0]

@@ -9,9 +9,11 @@ from pathlib import Path
 
 import pytest
 
+from barbalat import Sampled
 from barbalat.export.write import files
-from export.examples import SIMULATION, sampled_examples
+from export.examples import FREE, SIMULATION, T, sampled_examples
 from export.targets import ISO, STRICT, needs, needs_gcc, needs_gxx, run_selftest, write
+from foreign import Plain
 
 EXAMPLES = {name: (problem, controller) for name, problem, controller in sampled_examples()}
 
@@ -55,6 +57,16 @@ def test_it_passes(name, float32, tmp_path) -> None:
         shown = subprocess.run(["objdump", "-d", "controller.o"], cwd=tmp_path, check=True, capture_output=True, text=True).stdout
         assert re.search(r"\b(mul|add|sub|div)ss\b", shown)
         assert not re.search(r"\b\w+sd\b|cvtss2sd", shown)
+
+
+@needs_gcc
+def test_a_scheme_from_outside_the_package(tmp_path) -> None:
+    """A class of a user's own, by hand, is exported like a built-in one: its model, its freeze, its names."""
+    controller = Sampled(controller=Plain(gamma=2.0, name="my own"), sample_time=T, discretization="euler")
+    write(tmp_path, files(FREE, controller, SIMULATION))
+    done = run_selftest(tmp_path, "gcc", *ISO, "-O2", *STRICT)
+    assert done.stdout == "my_own: 1000 samples agree in every bit\n"
+    assert "held_x_m[2]" in (tmp_path / "controller.h").read_text()
 
 
 @needs_gxx
