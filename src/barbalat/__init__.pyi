@@ -87,6 +87,8 @@ from .study.knobs import Knobs as Knobs
 from .study.knobs import default_knobs as default_knobs
 from .study.tradeoff import TradeOff as TradeOff
 from .study.tradeoff import trade_off as trade_off
+from .sweeps.result import SweepResult as SweepResult
+from .sweeps.sweep import sweep as sweep
 from .validate import InputError as InputError
 
 __version__: str

@@ -25,7 +25,7 @@ def required(requirement, found):
 def test_every_package_stands_on_the_page():
     found = set()
     extras = PROJECT["optional-dependencies"]
-    for requirement in PROJECT["dependencies"] + extras["tables"] + extras["control"] + extras["robust"]:
+    for requirement in PROJECT["dependencies"] + extras["tables"] + extras["control"] + extras["robust"] + extras["study"]:
         required(requirement, found)
     assert len(found) > 20
     for name in found:

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import copy
 import tomllib
+from dataclasses import dataclass
 from difflib import get_close_matches
 from importlib import resources
 from pathlib import Path
+from typing import Any
 
 from pydantic import ValidationError
 
@@ -32,6 +35,64 @@ def text_to_start_from(name: str | None = None) -> str:
     return bundled()[name].read_text("utf-8")
 
 
+@dataclass(frozen=True, eq=False)
+class CaseText:
+    """The text of a case file with what is needed to make the case of it, as it stands or with other numbers.
+
+    folder  where relative paths in it start
+    source  what it is called in messages
+    own     a file with the user's controllers
+    """
+
+    text: str
+    folder: Path = Path()
+    source: str = "the case"
+    own: OwnFile | None = None
+
+    @classmethod
+    def read(cls, case: str | Path, controllers: str | Path | None = None) -> CaseText:
+        """A case file, or a bundled case by its name; InputError for one that can't be read."""
+        path = bundled().get(str(case), Path(case))
+        try:
+            text = path.read_bytes().decode("utf-8")
+        except FileNotFoundError:
+            names = ", ".join(bundled())
+            near = get_close_matches(str(case), bundled(), n=1)
+            meant = f"; did you mean {near[0]!r}?" if near else ""
+            raise InputError(f"the case {str(case)!r} is neither a file nor a bundled case ({names}){meant}") from None
+        except (OSError, ValueError) as error:
+            reason = (
+                "it is not UTF-8 text" if isinstance(error, UnicodeDecodeError) else getattr(error, "strerror", None) or error
+            )
+            raise InputError(f"the case file {str(path)!r} cannot be read: {reason}") from None
+        own = None if controllers is None else outside.run(controllers)
+        return cls(text, folder=path.parent, source=str(path), own=own)
+
+    def data(self) -> dict[str, Any]:
+        """The tables as TOML has them, a new copy each time; InputError for text that is not TOML."""
+        try:
+            return tomllib.loads(self.text)
+        except (tomllib.TOMLDecodeError, ValueError, RecursionError) as error:
+            twice = "('controller',) twice" in str(error)
+            meant = "; each controller stands under [[controller]], with two brackets" if twice else ""
+            raise InputError(f"{self.source} is not valid TOML: {error}{meant}") from None
+
+    def case(self, data: dict[str, Any] | None = None) -> Case:
+        """The case, or the one that the text would be with these tables instead of its own."""
+        changed = data is not None
+        data = self.data() if data is None else data
+        problem = problem_posed(data)
+        further = outside.schemes(outside.named_in(data) - CASES[problem].keys(), self.own)
+        joining = () if self.own is None else self.own.controllers(named=further)
+        root = case_table(problem, tuple(further.items()), alone=not joining)
+        try:
+            table = root.model_validate(data)
+        except ValidationError:
+            as_typed = copy.deepcopy(data) if changed else tomllib.loads(self.text, parse_float=Typed)
+            raise several(findings(root, data, as_typed)) from None
+        return build(table, self.folder, joining)
+
+
 def load_case(case: str | Path, controllers: str | Path | None = None) -> Case:
     """Load a case file, or a bundled case by its name.
 
@@ -40,34 +101,9 @@ def load_case(case: str | Path, controllers: str | Path | None = None) -> Case:
     Raises InputError, with one sentence, for a missing or unreadable file, text that is not TOML, unknown keys (with the
     nearest known one), and everything that the objects' constructors refuse.
     """
-    path = bundled().get(str(case), Path(case))
-    try:
-        text = path.read_bytes().decode("utf-8")
-    except FileNotFoundError:
-        names = ", ".join(bundled())
-        near = get_close_matches(str(case), bundled(), n=1)
-        meant = f"; did you mean {near[0]!r}?" if near else ""
-        raise InputError(f"the case {str(case)!r} is neither a file nor a bundled case ({names}){meant}") from None
-    except (OSError, ValueError) as error:
-        reason = "it is not UTF-8 text" if isinstance(error, UnicodeDecodeError) else getattr(error, "strerror", None) or error
-        raise InputError(f"the case file {str(path)!r} cannot be read: {reason}") from None
-    return parse_case(text, folder=path.parent, source=str(path), own=None if controllers is None else outside.run(controllers))
+    return CaseText.read(case, controllers).case()
 
 
 def parse_case(text: str, folder: Path = Path(), source: str = "the case", own: OwnFile | None = None) -> Case:
     """The same from TOML text; relative paths in it start at ``folder``, and ``own`` is a file with the user's controllers."""
-    try:
-        data = tomllib.loads(text)
-    except (tomllib.TOMLDecodeError, ValueError, RecursionError) as error:
-        twice = "('controller',) twice" in str(error)
-        meant = "; each controller stands under [[controller]], with two brackets" if twice else ""
-        raise InputError(f"{source} is not valid TOML: {error}{meant}") from None
-    problem = problem_posed(data)
-    further = outside.schemes(outside.named_in(data) - CASES[problem].keys(), own)
-    joining = () if own is None else own.controllers(named=further)
-    root = case_table(problem, tuple(further.items()), alone=not joining)
-    try:
-        table = root.model_validate(data)
-    except ValidationError:
-        raise several(findings(root, data, tomllib.loads(text, parse_float=Typed))) from None
-    return build(table, folder, joining)
+    return CaseText(text, folder, source, own).case()

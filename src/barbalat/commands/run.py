@@ -48,11 +48,11 @@ def execute(options: argparse.Namespace) -> int:
             if folder is not None:
                 _write_runs(folder, results, document, whole=options.full_record)
                 if plots:
-                    document = _with_page(folder, case, results, running)
+                    document = with_page(folder, case, results, running)
         if options.json:
             print_json(document)
         else:
-            _show(case.name, results, folder, plots=plots)
+            show(case.name, results, folder, plots=plots)
     return 0
 
 
@@ -94,7 +94,7 @@ def _write_runs(folder: Folder, results: Sequence[Result], document: str, *, who
     folder.commit(gone=write.files_of_run(folder.path))
 
 
-def _with_page(folder: Folder, case: Case, results: Sequence[Result], running: Work) -> str:
+def with_page(folder: Folder, case: Case, results: Sequence[Result], running: Work) -> str:
     """Certify and write the page; the JSON document with what was found."""
     from barbalat.certificates.overview import certified_case
     from barbalat.report import documents, write
@@ -109,7 +109,8 @@ def _with_page(folder: Folder, case: Case, results: Sequence[Result], running: W
     return document
 
 
-def _show(case: str, results: Sequence[Result], folder: Folder | None, *, plots: bool) -> None:
+def show(case: str, results: Sequence[Result], folder: Folder | None, *, plots: bool) -> None:
+    """On the terminal."""
     from barbalat.report.page import PAGE
     from barbalat.report.terminal import runs
     from barbalat.report.terminal.layout import Screen

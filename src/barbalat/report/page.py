@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 
@@ -24,9 +24,11 @@ from barbalat.report.certificates import rows
 from barbalat.report.narrow import fits_a_phone
 from barbalat.report.notation import mathematics
 from barbalat.report.numbers import number_text
+from barbalat.report.sweep import extremes, shares
 from barbalat.run.result import Result
 from barbalat.study.tradeoff import TradeOff
 from barbalat.study.tradeoff_picture import TITLES, panels
+from barbalat.sweeps.result import SweepResult
 
 FIGURE_COLUMNS = {
     "max_abs_e": "max |e|",
@@ -132,6 +134,11 @@ def linked(text: Markup, names: Sequence[str]) -> Markup:
     told = sorted((name for name in names if "-" in name), key=len, reverse=True)
     pattern = rf"(?<![\w#-])({'|'.join(map(re.escape, told))})(?![\w-])"
     return Markup(re.sub(pattern, r'<a href="#claim-\1"><code>\1</code></a>', str(text))) if told else text
+
+
+def sweep(found: SweepResult, pictures: Mapping[str, Picture]) -> str:
+    """The page of ``barbalat sweep``."""
+    return _render("sweep.html", found=found, pictures=pictures, shares=shares(found), extremes=extremes(found))
 
 
 @cache

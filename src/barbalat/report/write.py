@@ -27,6 +27,8 @@ from barbalat.run.picture import figure_of
 from barbalat.run.result import Result
 from barbalat.study.tradeoff import TradeOff
 from barbalat.study.tradeoff_picture import draw as draw_trade_off
+from barbalat.sweeps import picture as of_sweep
+from barbalat.sweeps.result import SweepResult
 
 RUN, CERTIFICATES, PICTURE, LOOPS = "run.json", "certify.json", "comparison", "loops"
 """Names of files; of the picture without its two suffixes."""
@@ -124,6 +126,21 @@ def write_tradeoff(folder: Folder, found: TradeOff) -> None:
     """Picture and page of a trade-off."""
     picture = _draw(folder, "tradeoff", draw_trade_off(found))
     folder.write(page.PAGE, page.trade_off(found, picture))
+
+
+def write_sweep(folder: Folder, found: SweepResult) -> None:
+    """Histograms, a map over two axes, what each varied number accounts for, and the page."""
+    pictures = {"histograms": _draw(folder, "histograms", of_sweep.histograms(found))}
+    figures = [name for name in found.evidence.metrics if name.startswith("max_abs_e[")]
+    for name in figures[:1]:
+        heat = of_sweep.heat_of(found, name)
+        if heat is not None:
+            logarithmic = [axis.logarithmic for axis in found.plan.axes.values()]
+            pictures["map"] = _draw(folder, "map", of_sweep.heat_map(heat, f"median of {name}", (logarithmic[0], logarithmic[1])))
+        own = [one for one in found.evidence.sensitivities if one.figure == name]
+        if own:
+            pictures["tornado"] = _draw(folder, "tornado", of_sweep.tornado(own, found.controllers, name))
+    folder.write(page.PAGE, page.sweep(found, pictures))
 
 
 def write_trajectories(folder: Folder, results: Sequence[Result], *, whole: bool = False) -> None:

@@ -101,6 +101,18 @@ class Columns:
                 rows.append(values[found])
         return np.concatenate([*differs, np.zeros(0, dtype=bool)]), np.concatenate([*rows, np.zeros((0, self.count))])
 
+    def chosen(self, which: Array) -> Array:
+        """(p, M) those of all numbers that ``which``, (N,) truth values, chooses; StructureError where others differ too."""
+        ends = np.cumsum([leaf.size for leaf in self._leaves])
+        rows = [np.zeros((0, self.count))]
+        for i, (leaf, wanted) in enumerate(zip(self._leaves, np.split(which, ends[:-1]) if len(ends) else [], strict=True)):
+            values = self._values(i)
+            if (values[~wanted] != leaf.reshape(-1, 1)[~wanted]).any():
+                raise StructureError
+            if wanted.any():
+                rows.append(np.broadcast_to(values[wanted], (int(wanted.sum()), self.count)))
+        return np.concatenate(rows)
+
     def _values(self, leaf: int) -> Array:
         """(entries, M), or (entries, 1) where all members have the same."""
         if leaf not in self._kept:

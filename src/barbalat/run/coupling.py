@@ -16,16 +16,19 @@ if TYPE_CHECKING:
     import casadi as ca
 
 
-def coupling_function(loop: ClosedLoop, step: ca.Function, dt: Value = None) -> ca.Function:
+def coupling_function(loop: ClosedLoop, step: ca.Function, dt: Value = None, parameters: ca.SX | None = None) -> ca.Function:
     """|sum of J_ij J_ji over i != j| + sum of J_ii^2, less what is constant of it; J is the Jacobian of the right-hand side.
 
     Without the bars that is the sum of the squares of the eigenvalues, tr J^2; for the frozen oscillator of adaptation it is
-    2 omega_a^2. The arguments are those of ``step``, see ``step_function``; ``dt`` [s] is its length. Minus infinity where the
+    2 omega_a^2. The arguments are those of ``step``, see ``step_function``; ``dt`` [s] is its length, ``parameters`` the
+    symbols in the loop. Minus infinity where the
     run has diverged.
     """
     import casadi as ca
 
     given = [ca.SX.sym(step.name_in(i), step.nnz_in(i)) for i in range(step.n_in())]
+    if parameters is not None:
+        given[2] = parameters
     state, table_row, noise = (ca.array(given[i]).reshape(-1) for i in (0, 3, 5))
     signals = np.concatenate([table_row[: loop.timed], noise, np.zeros(loop.delayed_inputs)])  # of the step's start
     twin = continuous_twin(loop)

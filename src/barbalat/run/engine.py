@@ -41,10 +41,20 @@ def run(
             if len(groups) == 1:
                 groups[0].advance(segment, current)
             else:
-                for done in [pool.submit(group.advance, segment, current) for group in groups]:
-                    done.result()
+                _finish([pool.submit(group.advance, segment, current) for group in groups])
             if progress is not None:
                 progress((segment.start + segment.steps) / simulation.steps)
     last = final_row(signals, simulation, in_pieces=in_pieces)
     for group in groups:
         group.finish(simulation.steps, last)
+
+
+def _finish(pending: list[Future[None]]) -> None:
+    """Wait for all of them; what interrupts that, an error or Ctrl-C, does not wait for those that have not begun."""
+    try:
+        for one in pending:
+            one.result()
+    except BaseException:
+        for one in pending:
+            one.cancel()
+        raise

@@ -69,7 +69,7 @@ class Members:
         given = iter(members)
         one = next(given)
         try:
-            reader = _Reader.of(one, simulation, adjustable=adjustable)
+            reader = Reader.of(one, simulation, adjustable=adjustable)
         except InputError as error:
             if not first:
                 raise
@@ -97,17 +97,22 @@ class Members:
         return Watch(self.loop.size, 0, steps + 1, window_of(steps, self.windows)) if self.windows else None
 
 
+class _OtherRhythmError(InputError):
+    """A member that acts at other instants."""
+
+
 TOLD_EVERY = 1000
 """Members read between two words on the progress: some hundredths of a second."""
 
 
 @dataclass(eq=False)
-class _Reader:
+class Reader:
     """Takes up members that are like the first in all but numbers."""
 
     simulation: Simulation
     adjustable: bool
-    problem: TrackingProblem  # the first member's, and its loop
+    problem: TrackingProblem  # the first member's, with its controller and its loop
+    controller: Controller
     loop: ClosedLoop
     rhythm: Rhythm
     bind: Bindings
@@ -120,12 +125,12 @@ class _Reader:
     known_delays: dict[float, tuple[int, Array]] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, first: tuple[TrackingProblem, Controller], simulation: Simulation, *, adjustable: bool) -> _Reader:
+    def of(cls, first: tuple[TrackingProblem, Controller], simulation: Simulation, *, adjustable: bool) -> Reader:
         problem, controller = first
         bind = Bindings()
         loop = ClosedLoop.of(problem, controller, bind=bind)
         rhythm = Rhythm.of(loop, problem.noise, simulation)
-        reader = cls(simulation, adjustable, problem, loop, rhythm, bind, Columns(()), Columns(loop.initial()))
+        reader = cls(simulation, adjustable, problem, controller, loop, rhythm, bind, Columns(()), Columns(loop.initial()))
         weights = reader._apart(problem)
         reader.columns = Columns(Member(loop, None if adjustable else weights))
         reader.weights = None if weights is None else Columns(weights)
@@ -135,12 +140,15 @@ class _Reader:
         """InputError or StructureError for a member that can't be read beside the first."""
         if problem.signals != self.problem.signals:
             raise InputError(f"all members must share their signals, this one has {validate.show(problem.signals)}")
+        self.take(problem, controller)
+
+    def take(self, problem: TrackingProblem, controller: Controller) -> None:
         loop = ClosedLoop.of(problem, controller, bind=self.bind)
         noise, first_noise = problem.noise, self.problem.noise
         if noise is not None and first_noise is not None and noise.sample_time != first_noise.sample_time:
-            raise InputError("all members must share the noise's sample time")
+            raise _OtherRhythmError("all members must share the noise's sample time")
         if loop.sampled and loop.sample_time != self.loop.sample_time:
-            raise InputError("all members must share the controller's sample time")
+            raise _OtherRhythmError("all members must share the controller's sample time")
         if loop.delayed != self.loop.delayed:
             raise StructureError
         weights = self._apart(problem)
@@ -148,6 +156,15 @@ class _Reader:
         self.initial.add(loop.initial())
         if self.weights is not None:
             self.weights.add(weights)
+
+    def like(self, problem: TrackingProblem, controller: Controller) -> bool:
+        """Whether such a member differs from the first in no more than numbers of the kernel; of signals, see ``add``."""
+        fresh = Reader.of((self.problem, self.controller), self.simulation, adjustable=self.adjustable)
+        try:
+            fresh.take(problem, controller)
+        except (StructureError, _OtherRhythmError):
+            return False
+        return True
 
     def _apart(self, problem: TrackingProblem) -> Array | None:
         """Keep what is no part of the loop; the weights of the delay."""
@@ -167,8 +184,8 @@ class _Reader:
             self.known_delays[time] = delay.lag(time, dt), delay.weights(time, dt, solver)
         return self.known_delays[time]
 
-    def members(self, windows: int) -> Members:
-        """What was read."""
+    def members(self, windows: int, *, many_delays: bool = False) -> Members:
+        """What was read; with ``many_delays`` the kernel takes each member's own, whatever those were that were read."""
         windows = windows if self.loop.size <= LARGEST_WATCHED_STATE else 0
         simulation, signals = self.simulation, self.problem.signals
         lags = np.array(self.lags) if self.loop.delayed else None
@@ -181,7 +198,7 @@ class _Reader:
             simulation.dt if template.dt is None else template.dt,
             template.column,
             delay_weights=template.delay_weights,
-            lag_per_member=lags is not None and bool((lags != lags[0]).any()),
+            lag_per_member=lags is not None and (many_delays or bool((lags != lags[0]).any())),
             rhythm=self.rhythm,
             adjustable=self.adjustable,
             watch=windows > 0,

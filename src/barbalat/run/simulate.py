@@ -48,10 +48,11 @@ def simulate(
         with named(controller.name):
             batches.append(Batch.of([(problem, controller)], simulation, record=True, windows=MOST_WINDOWS))
     run(batches, problem.signals, simulation, threads=threads, progress=progress)
-    return {c.name: _result(problem, c, simulation, batch) for c, batch in zip(controllers, batches, strict=True)}
+    return {c.name: result_of(problem, c, simulation, batch) for c, batch in zip(controllers, batches, strict=True)}
 
 
-def _result(problem: TrackingProblem, controller: Controller, simulation: Simulation, batch: Batch) -> Result:
+def result_of(problem: TrackingProblem, controller: Controller, simulation: Simulation, batch: Batch) -> Result:
+    """Of a recorded batch of one member after its run."""
     loop, blocks, stop = batch.loop, batch.blocks(simulation), np.inf
     steps = np.append(blocks.starts, simulation.steps)
     states = np.vstack([blocks.states[:, :, 0], batch.final_states.T])

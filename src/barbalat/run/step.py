@@ -201,7 +201,7 @@ def step_program(
         return optimize(read(traced), fused=fused)
 
     sample = sample_program(loop, function, parameters) if loop.sampled else None
-    watched = lowered(coupling_function(loop, function, dt)) if watch else None
+    watched = lowered(coupling_function(loop, function, dt, parameters)) if watch else None
     return StepProgram(lowered(function), shape, accumulators, sample, watched)
 
 

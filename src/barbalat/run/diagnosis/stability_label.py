@@ -186,7 +186,8 @@ class Run:
             signals[i] = signal(instants(self.simulation, steps))
         if problem.noise is not None and len(steps):
             rows = steps // self.batch.rhythm.noise_hold
-            drawn = [standard_normal(problem.noise.seed, 0, int(row), 1, loop.noise) for row in rows]
+            number = 0 if self.batch.numbers is None else int(self.batch.numbers[0])
+            drawn = [standard_normal(problem.noise.seed, number, int(row), 1, loop.noise) for row in rows]
             signals[loop.timed : loop.timed + loop.noise] = np.concatenate(drawn).T
         return signals
 

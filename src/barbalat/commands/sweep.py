@@ -1,0 +1,204 @@
+"""``barbalat sweep``: many runs of a case over a grid, over draws, or over both, and what they are evidence of."""
+
+from __future__ import annotations
+
+import argparse
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from barbalat.commands.options import add_controllers
+from barbalat.commands.output import folder_of, print_json
+from barbalat.commands.screen import Work, say, work
+
+if TYPE_CHECKING:
+    from barbalat.commands import Commands
+    from barbalat.run.progress import Progress
+    from barbalat.sweeps.requirement import Requirement
+    from barbalat.sweeps.result import SweepResult
+    from barbalat.sweeps.study import Study
+
+
+def add(commands: Commands) -> None:
+    """Register the command and its options."""
+    parser = commands.add_parser("sweep", help="many runs: a grid, a Monte Carlo study, or both, that may be resumed")
+    parser.add_argument("case", metavar="CASE", help="a case file, or a bundled case's name")
+    add_controllers(parser)
+    parser.add_argument(
+        "--vary", action="append", default=[], metavar="PATH=START:STOP:COUNT[:log]",
+        help="values of a number of the case file, such as controller[0].gamma=1:1e6:13:log; several make a grid",
+    )  # fmt: skip
+    parser.add_argument(
+        "--sample", action="append", default=[], metavar="PATH=DISTRIBUTION",
+        help="uniform:A:B, normal:MEAN:DEVIATION or loguniform:A:B; known-set for a vector that is uniform over the known box",
+    )  # fmt: skip
+    parser.add_argument("--members", type=int, metavar="N", help="draws at each point of the grid; default 1000 with --sample")
+    parser.add_argument(
+        "--design", choices=("latin", "sobol", "random", "saltelli"), default="latin",
+        help="of the draws: Latin hypercubes (default), a Sobol sequence, independent ones (exact intervals), Saltelli's",
+    )  # fmt: skip
+    parser.add_argument("--seed", type=int, default=0, metavar="S", help="of the draws; default 0")
+    parser.add_argument(
+        "--require", action="append", default=[], metavar="REQUIREMENT", help='counted where broken, such as "max_abs_e[0] < 2"'
+    )
+    parser.add_argument("--no-bounds", action="store_true", help="certify nothing: the guaranteed bounds are not compared")
+    parser.add_argument("--store", metavar="DIR", help="keep every member's row there, as Parquet; the same command goes on")
+    parser.add_argument(
+        "--member", type=int, metavar="K", help="run this one alone, recorded and plotted, bit for bit as in the sweep"
+    )
+    parser.add_argument(
+        "--out", metavar="DIR", help="where the page goes, or a single member's; default: barbalat-sweep, none with --json"
+    )
+    parser.add_argument("--json", action="store_true", help="one JSON document on standard output")
+    parser.set_defaults(execute=execute)
+
+
+def execute(options: argparse.Namespace) -> int:
+    """Run the command; returns the exit code."""
+    from barbalat.sweeps.requirement import Requirement
+
+    requirements = [Requirement.parse(text) for text in options.require]
+    study = _study(options)
+    if options.member is not None:
+        return _replayed(study, options)
+    with folder_of(options.out, None if options.json else "barbalat-sweep") as folder:
+        result = _run(study, requirements, options)
+        from barbalat.report import documents
+
+        document = documents.as_json(result.as_json())
+        if folder is not None:
+            from barbalat.report import write
+
+            folder.write("sweep.json", document)
+            write.write_sweep(folder, result)
+            folder.commit()
+    if options.json:
+        print_json(document)
+        return 0
+    from barbalat.report.terminal import sweep
+    from barbalat.report.terminal.layout import Screen
+
+    screen = Screen()
+    sweep.show(screen, result)
+    if folder is not None:
+        from barbalat.report.page import PAGE
+
+        screen.whole(f"page: {folder.path / PAGE}")
+    return 0
+
+
+def _replayed(study: Study, options: argparse.Namespace) -> int:
+    """One member alone; the exit code says 1 where its figures are not those that the store has."""
+    from barbalat.commands import run
+    from barbalat.report import documents
+    from barbalat.sweeps.replay import replay
+    from barbalat.sweeps.stored import require_parquet, row_of
+
+    if options.store is not None:
+        require_parquet()
+    stored = None if options.store is None else row_of(_folder(options.store), study.identity(), options.member)
+    default = None if options.json else f"barbalat-member-{options.member}"
+    parts = {"simulating": 3.0, "certifying": 2.0, "drawing": 3.0}
+    with folder_of(options.out, default) as folder, work(parts) as running:
+        with running.part("simulating") as progress:
+            found = replay(study, options.member, progress=progress)
+        results = list(found.results)
+        document = documents.run_document(found.case.name, results, None)
+        if folder is not None:
+            from barbalat.report import write
+
+            write.write_trajectories(folder, results)
+            folder.commit(gone=write.files_of_run(folder.path))
+            run.with_page(folder, found.case, results, running)
+    if options.json:
+        varied = {str(path): float(found.columns[str(path)][0]) for path in study.plan.paths}
+        print_json(documents.as_json({"member": found.number, "varied": varied, **document}))
+    else:
+        run.show(f"{found.case.name}, member {found.number}", results, folder, plots=True)
+    if stored is None or not (different := found.differing(stored)):
+        return 0
+    say(f"other bits than the store's, which another processor or other versions made: {', '.join(different)}")
+    return 1
+
+
+def _study(options: argparse.Namespace) -> Study:
+    from barbalat.cases.load import CaseText
+    from barbalat.sweeps.paths import FieldPath
+    from barbalat.sweeps.plan import DEFAULT_MEMBERS, Design, Plan
+    from barbalat.sweeps.spread import Axis
+    from barbalat.sweeps.study import Study
+    from barbalat.sweeps.varied_case import VariedCase, sampled
+    from barbalat.validate import InputError
+
+    text = CaseText.read(options.case, options.controllers)
+    axes = {}
+    for place, spread in map(_pair, options.vary):
+        path = FieldPath.parse(place)
+        if path in axes:
+            raise InputError(f"{path} is varied twice")
+        try:
+            axes[path] = Axis.parse(spread)
+        except InputError as error:
+            raise InputError(f"{path}: {error}") from None
+    draws = sampled(text, [_pair(given) for given in options.sample])
+    members = options.members if options.members is not None else DEFAULT_MEMBERS if draws else 1
+    text.case()  # what is wrong with the file itself is said first
+    plan = Plan(axes, draws, members, Design(options.design), options.seed)
+    return Study(VariedCase(text, plan.paths), plan)
+
+
+def _pair(given: str) -> tuple[str, str]:
+    from barbalat.validate import InputError, show
+
+    path, sign, spread = given.partition("=")
+    if not sign:
+        raise InputError(f"--vary and --sample take PATH=VALUES, such as plant.theta[0]=uniform:-5:5, got {show(given)}")
+    return path.strip(), spread.strip()
+
+
+SECONDS_EACH_STEP = 10e-9
+"""Of a small loop, on one core."""
+
+
+def _run(study: Study, requirements: list[Requirement], options: argparse.Namespace) -> SweepResult:
+    from barbalat.sweeps.sweep import run_study
+
+    store = None if options.store is None else _folder(options.store)
+    steps = len(study) * study.steps
+    say(f"{len(study)} members, {steps:.3g} solver steps")
+    try:
+        with work({"simulating": max(steps * SECONDS_EACH_STEP, 1.0)}) as running, running.part("simulating") as progress:
+            return run_study(
+                study,
+                requirements=requirements,
+                store=store,
+                bounds=not options.no_bounds,
+                progress=_with_rate(running, progress, len(study)),
+                told=say,
+            )
+    except KeyboardInterrupt:
+        if store is not None:
+            say(f"what is complete is stored in {store}; the same command goes on")
+        raise
+
+
+def _folder(name: str) -> Path:
+    from barbalat.validate import InputError
+
+    if not name:
+        raise InputError("--store must name a folder, got ''; the current one is '.'")
+    return Path(name)
+
+
+def _with_rate(running: Work, progress: Progress, members: int) -> Progress:
+    """Progress that also says how fast it is."""
+    begun, start = time.perf_counter(), None
+
+    def advanced(fraction: float) -> None:
+        nonlocal start
+        start = fraction if start is None else start
+        seconds = time.perf_counter() - begun
+        running.name = f"simulating, {(fraction - start) * members / max(seconds, 1e-9):.3g} members/s"
+        progress(fraction)
+
+    return advanced

@@ -1,0 +1,33 @@
+"""A sweep as rows of tables, for the page and for the terminal."""
+
+from __future__ import annotations
+
+from barbalat.report.numbers import number_text
+from barbalat.sweeps.result import SweepResult
+
+SHOWN = ("max_abs_e", "rms_e", "tail_max_abs_e", "max_abs_u", "max_abs_y", "diverged_at")
+"""Figures, without their components; the others are in the JSON and in a store."""
+
+
+def shares(found: SweepResult) -> list[list[str]]:
+    """What is judged, the controller, how many members, their share, the ends of its interval."""
+    return [
+        [name, controller, f"{share.count} of {share.judged}", *map(percent, (share.share, *share.interval))]
+        for name, by in found.evidence.shares.items()
+        for controller, share in by.items()
+    ]
+
+
+def extremes(found: SweepResult) -> list[list[str]]:
+    """Figure, controller, least, median, largest, worst member."""
+    return [
+        [name, controller, *map(number_text, (one.min, one.median, one.max)), str(one.worst_member)]
+        for name, by in found.evidence.metrics.items()
+        if name.split("[")[0] in SHOWN
+        for controller, one in by.items()
+    ]
+
+
+def percent(share: float) -> str:
+    """Three digits."""
+    return f"{100 * share:.3g} %"

@@ -1,0 +1,39 @@
+"""What ``barbalat sweep`` shows: who failed, then what the others reached."""
+
+from __future__ import annotations
+
+from barbalat.report import sweep
+from barbalat.report.sweep import percent
+from barbalat.report.terminal.layout import Screen, grouped
+from barbalat.sweeps.result import SweepResult
+
+
+def show(screen: Screen, found: SweepResult) -> None:
+    """Shares with their intervals, extremes with the member to look at, how the numbers came about."""
+    screen.line(f"{found.case}: {len(found)} members over {', '.join(map(str, found.plan.paths))}", "bold")
+    shares = [[name, screen.name(who), *cells, f"{low} to {high}"] for name, who, *cells, low, high in sweep.shares(found)]
+    screen.table(("", "controller", "members", "share", "95 % interval"), grouped(shares), leads=2)
+    screen.line("")
+    extremes = [[name, screen.name(who), *cells] for name, who, *cells in sweep.extremes(found)]
+    screen.table(("figure", "controller", "least", "median", "largest", "worst member"), grouped(extremes), leads=2)
+    for controller, part in found.evidence.filled.items():
+        screen.line(
+            f"{controller}: of the guaranteed bound the largest |e| of a member fills {percent(part.median)} in the middle, "
+            f"{percent(part.max)} at most"
+        )
+    explained = [
+        [one.figure, screen.name(one.controller), str(one.path), percent(one.first), f"{percent(one.low)} to {percent(one.high)}"]
+        for one in found.evidence.sensitivities
+        if one.figure.startswith("max_abs_e")
+    ]
+    screen.line("")
+    screen.table(("variance of", "controller", "due to", "share", "95 % interval"), grouped(explained), leads=3)
+    for how in dict.fromkeys(one.estimator for one in found.evidence.sensitivities):
+        screen.line(f"Shares of the variance: {how}.")
+    for note in found.evidence.notes:
+        screen.line(f"Note: {note}.", "yellow")
+    screen.line(f"Intervals: {found.evidence.intervals}.")
+    if found.resumed:
+        screen.line(f"{found.resumed} members were in the store.")
+    rate = found.member_steps / max(found.seconds, 1e-9)
+    screen.line(f"{found.seconds:.1f} s, {rate:.3g} solver steps/s in all.")

@@ -1,0 +1,81 @@
+"""What is guaranteed of members before they run: a certificate's bound on the error, where one holds for all of them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from barbalat.certificates.certify import certify
+from barbalat.problem.known_set import ParameterBox
+from barbalat.problem.state_feedback import Problem
+from barbalat.sweeps.study import Study
+from barbalat.validate import Array
+
+MOST_CERTIFIED = 64
+"""Combinations of what varies besides theta that are certified, each in about a second."""
+ERROR_BOUND = "error_bound"
+"""A controller's column: the guaranteed bound of every |e|; NaN where none is guaranteed of that member."""
+
+
+@dataclass(eq=False)
+class Bounds:
+    """Of each member the guaranteed ``error_bound``, over all of the known set where theta varies.
+
+    A member whose theta lies outside of the known box has none, nor has any where more than MOST_CERTIFIED combinations of
+    other numbers would have to be certified.
+    """
+
+    study: Study
+    thetas: list[int] = field(init=False)
+    others: list[int] = field(init=False)
+    found: dict[bytes, dict[str, float]] = field(init=False, default_factory=dict)
+    given_up: bool = False
+
+    def __post_init__(self) -> None:
+        paths = self.study.plan.paths
+        self.thetas = [i for i, path in enumerate(paths) if path.keys[:2] == ("plant", "theta")]
+        self.others = [i for i in range(len(paths)) if i not in self.thetas]
+
+    def of(self, rows: Array) -> dict[str, Array]:
+        """(M,) by controllers; rows (M, d)."""
+        none = {name: np.full(len(rows), np.nan) for name in self.study.controllers}
+        unique, which = np.unique(rows[:, self.others], axis=0, return_inverse=True)
+        new = {one.tobytes() for one in unique} - self.found.keys()
+        self.given_up = self.given_up or len(self.found) + len(new) > MOST_CERTIFIED
+        if self.given_up:
+            return none
+        for one in unique:
+            if one.tobytes() not in self.found:
+                self.found[one.tobytes()] = self._certified(one)
+        inside = self._inside(rows)
+        for name, values in none.items():
+            bound = np.array([self.found[one.tobytes()].get(name, np.nan) for one in unique])[which.reshape(-1)]
+            values[inside] = bound[inside]
+        return none
+
+    def _certified(self, others: Array) -> dict[str, float]:
+        row = self.study.tried.middle.copy()
+        row[self.others] = others
+        case = self.study.varied.at(row)
+        key = "error_bound_worst" if self.thetas else "error_bound"
+        certificates = certify(case.problem, case.controllers, case.simulation)
+        found = {name: one.entry(key) for name, one in certificates.items()}
+        return {
+            name: float(entry.value)
+            for name, entry in found.items()
+            if entry is not None and entry.kind == "guaranteed" and isinstance(entry.value, float)
+        }
+
+    def _inside(self, rows: Array) -> Array:
+        """Whether each member's theta lies in the known set."""
+        if not self.thetas:
+            return np.ones(len(rows), dtype=bool)
+        problem = self.study.example.problem
+        if not isinstance(problem, Problem) or not isinstance(problem.uncertainty, ParameterBox):
+            return np.zeros(len(rows), dtype=bool)
+        box, theta = problem.uncertainty, problem.plant.theta
+        thetas = np.tile(theta, (len(rows), 1))
+        for column in self.thetas:
+            thetas[:, int(self.study.plan.paths[column].keys[2])] = rows[:, column]
+        return np.asarray(((thetas >= box.lower) & (thetas <= box.upper)).all(axis=1))

@@ -1,0 +1,89 @@
+"""What a number of the case file does to a run: found by trying it, so that no list of fields has to be kept."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import Enum
+
+import numpy as np
+
+from barbalat.cases.build import Case
+from barbalat.run.breaks import can_be_split
+from barbalat.run.kernel_numbers import Family
+from barbalat.run.members import Reader
+from barbalat.sweeps.plan import Plan
+from barbalat.sweeps.spread import Axis, Distribution
+from barbalat.sweeps.varied import Varied
+from barbalat.validate import Array, InputError
+
+TRIED_SHARES = (0.03, 0.4, 0.97)
+"""Of a distribution, from one end to the other without its far tails, which may lie beyond what a constructor takes."""
+
+
+class Kind(Enum):
+    """STRUCTURE: another kernel or other steps; SIGNAL: another command or disturbance; NUMBER: an argument of one kernel."""
+
+    STRUCTURE = "structure"
+    SIGNAL = "signal"
+    NUMBER = "number"
+
+
+@dataclass(frozen=True, eq=False)
+class Tried:
+    """Values of what varies: ``middle`` (d,) of all, and of each some others, ``around``."""
+
+    middle: Array
+    around: tuple[Array, ...]
+
+    @classmethod
+    def of(cls, plan: Plan) -> Tried:
+        spreads: tuple[Axis | Distribution, ...] = (*plan.axes.values(), *plan.draws.values())
+        found = [s.values if isinstance(s, Axis) else s.at(np.array(TRIED_SHARES)) for s in spreads]
+        middle = np.array([values[len(values) // 2] for values in found])
+        ends = [values[[0, len(values) // 3, -1]] for values in found]
+        return cls(middle, tuple(np.unique(v[v != m]) for v, m in zip(ends, middle, strict=True)))
+
+    def rows(self, column: int, base: Array) -> Array:
+        """(K, d) the base with each of the other values of one column."""
+        rows = np.repeat(base[None], len(self.around[column]), axis=0)
+        rows[:, column] = self.around[column]
+        return rows
+
+
+def kinds_of(varied: Varied, tried: Tried) -> tuple[Kind, ...]:
+    """Of each path; InputError where a value that was tried makes no case."""
+    base = varied.at(tried.middle)
+    found = []
+    for column in range(len(varied.paths)):
+        cases = [varied.at(row) for row in tried.rows(column, tried.middle)]
+        found.append(_kind(base, cases))
+    return tuple(found)
+
+
+def _kind(base: Case, cases: Sequence[Case]) -> Kind:
+    if any(case.simulation != base.simulation for case in cases):
+        return Kind.STRUCTURE
+    if any(len(case.controllers) != len(base.controllers) for case in cases):
+        raise InputError("a sweep can't vary which controllers a case has")
+    readers = [Reader.of((base.problem, one), base.simulation, adjustable=False) for one in base.controllers]
+    alike = all(reader.like(case.problem, one) for case in cases for reader, one in zip(readers, case.controllers, strict=True))
+    if not alike:
+        return Kind.STRUCTURE
+    if all(case.problem.signals == base.problem.signals for case in cases):
+        return Kind.NUMBER
+    split = {can_be_split(case.problem.signals, case.simulation) for case in (base, *cases)}
+    return Kind.SIGNAL if len(split) == 1 and _same_numbers(base, cases) else Kind.STRUCTURE
+
+
+def _same_numbers(base: Case, cases: Sequence[Case]) -> bool:
+    """Whether no kernel is handed anything else."""
+    for i, controller in enumerate(base.controllers):
+        family = Family.of([(base.problem, controller)], base.simulation)
+        try:
+            numbers = family.read([(case.problem, case.controllers[i]) for case in (base, *cases)])
+        except InputError:
+            return False
+        if not all(numbers.of(np.array([k])).identical(numbers.of(np.array([0]))) for k in range(1, len(cases) + 1)):
+            return False
+    return True

@@ -1,0 +1,159 @@
+"""Pictures of a sweep: how the members' errors are spread, a map over two axes, what each varied number accounts for."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from barbalat.pictures.theme import DASHES, NARROW, WIDE, Theme, new_figure
+from barbalat.sweeps.bounds import ERROR_BOUND
+from barbalat.sweeps.paths import FieldPath
+from barbalat.sweeps.sensitivity import Sensitivity
+from barbalat.validate import Array
+
+if TYPE_CHECKING:
+    from barbalat.sweeps.result import SweepResult
+
+BINS = 60
+"""Of a histogram."""
+DECADES_FOR_LOG = 1.3
+"""From a factor of 20 between the smallest and the largest value on, an axis is logarithmic."""
+
+
+def histograms(found: SweepResult, *, shown: bool = False) -> Figure:
+    """The largest |e| of every member, a row for each component; the guaranteed bounds as lines."""
+    figures = [name for name in found.evidence.metrics if name.startswith("max_abs_e[")]
+    figure = new_figure(WIDE, 2.6 * max(len(figures), 1) + 0.6, shown=shown, layout="constrained")
+    theme = Theme.current()
+    for i, name in enumerate(figures):
+        axes = figure.add_subplot(len(figures), 1, i + 1)
+        _histogram(axes, found, name, theme)
+        axes.set_xlabel(f"largest |e{_subscript(name)}| of a member's run", fontsize=9)
+        axes.set_ylabel("members", fontsize=9)
+        if i == 0:
+            axes.legend(loc="lower left", bbox_to_anchor=(-0.01, 1.0), ncols=3, frameon=False, fontsize=9)
+    return figure
+
+
+def _subscript(name: str) -> str:
+    return f"$_{{{int(name.split('[')[1][:-1]) + 1}}}$"
+
+
+def _histogram(axes: Axes, found: SweepResult, name: str, theme: Theme) -> None:
+    known = found.evidence.metrics[name]
+    low, high = min(one.min for one in known.values()), max(one.max for one in known.values())
+    logarithmic = low > 0 and np.log10(high / low) > DECADES_FOR_LOG
+    spaced = np.geomspace if logarithmic else np.linspace
+    edges = spaced(low, high if high > low else low + 1, BINS + 1)
+    for k, controller in enumerate(known):
+        one = found.column(f"{controller}/{name}")
+        gone = len(one) - known[controller].finite
+        one = one[np.isfinite(one)]
+        label = f"{controller} ({gone} of {len(found)} diverged)" if gone else controller
+        axes.stairs(
+            np.histogram(one, edges)[0], edges, color=theme.colour(k), linestyle=DASHES[k // 6], linewidth=1.3, label=label
+        )
+        bound = _largest_bound(found, controller)
+        if bound is not None:
+            text = f"guaranteed of {controller}: {bound:.4g}"
+            axes.axvline(bound, color=theme.colour(k), linestyle=":", linewidth=1.3, label=text)
+    if logarithmic:
+        axes.set_xscale("log")
+    _plain(axes)
+
+
+def _largest_bound(found: SweepResult, controller: str) -> float | None:
+    """Of all members, where each of them has one."""
+    name = f"{controller}/{ERROR_BOUND}"
+    if name not in found.rows.names:
+        return None
+    bounds = found.column(name)
+    return float(bounds.max()) if np.isfinite(bounds).all() else None
+
+
+@dataclass(frozen=True, eq=False)
+class Heat:
+    """A figure over two axes of the grid: the median of the draws at each point, NaN where a member diverged there."""
+
+    x: tuple[FieldPath, Array]
+    y: tuple[FieldPath, Array]
+    values: dict[str, Array]
+
+
+def heat_of(found: SweepResult, figure: str) -> Heat | None:
+    """None for a grid of other than two axes."""
+    axes = [(path, axis.values) for path, axis in found.plan.axes.items() if axis.count > 1]
+    if len(axes) != 2 or len(found.plan.axes) != 2:
+        return None
+    (y, x) = axes
+    shape = len(y[1]), len(x[1]), found.plan.draws_each
+    values = {c: np.median(found.column(f"{c}/{figure}").reshape(shape), axis=2) for c in found.evidence.metrics.get(figure, {})}
+    return Heat(x, y, values)
+
+
+def heat_map(heat: Heat, title: str, logarithmic: tuple[bool, bool]) -> Figure:
+    """A panel for each controller; grey where members diverged."""
+    from matplotlib.colors import LogNorm, Normalize
+
+    count = len(heat.values)
+    figure = new_figure(min(WIDE, 1.0 + 3.2 * count), 3.6, shown=False, layout="constrained")
+    finite = np.concatenate([one[np.isfinite(one)] for one in heat.values.values()])
+    scale = (LogNorm if finite.min() > 0 and finite.max() > 20 * finite.min() else Normalize)(finite.min(), finite.max())
+    drawn = []
+    for i, (controller, values) in enumerate(heat.values.items()):
+        axes = figure.add_subplot(1, count, i + 1)
+        axes.set_facecolor("0.85")
+        x, y = _edges(heat.x[1], logarithmic=logarithmic[1]), _edges(heat.y[1], logarithmic=logarithmic[0])
+        mesh = axes.pcolormesh(x, y, np.ma.masked_invalid(values), cmap="viridis", norm=scale)
+        mesh.set_rasterized(True)  # as vectors, the cells show hairlines between them
+        axes.set_title(controller, fontsize="medium")
+        axes.set_xlabel(str(heat.x[0]), fontsize=9)
+        if i == 0:
+            axes.set_ylabel(str(heat.y[0]), fontsize=9)
+        for side, wanted in zip("xy", (logarithmic[1], logarithmic[0]), strict=True):
+            axes.set(**{f"{side}scale": "log" if wanted else "linear"})
+        drawn.append(axes)
+    figure.colorbar(mesh, ax=drawn, label=title)
+    return figure
+
+
+def _edges(values: Array, *, logarithmic: bool) -> Array:
+    """The borders of the cells around an axis' values."""
+    places = np.log(values) if logarithmic else values
+    middle = (places[1:] + places[:-1]) / 2
+    edges = np.concatenate([[2 * places[0] - middle[0]], middle, [2 * places[-1] - middle[-1]]])
+    return np.exp(edges) if logarithmic else edges
+
+
+def tornado(sensitivities: Sequence[Sensitivity], controllers: Sequence[str], figure_name: str) -> Figure:
+    """A bar for each varied number and controller: the share of the figure's variance, with its interval."""
+    paths = [str(path) for path in dict.fromkeys(one.path for one in sensitivities)]
+    theme = Theme.current()
+    height = 0.8 + 0.32 * len(paths) * max(len(controllers), 1)
+    figure = new_figure(max(WIDE * 0.75, 2 * NARROW), height, shown=False, layout="constrained")
+    axes = figure.add_subplot()
+    width = 0.8 / max(len(controllers), 1)
+    for k, controller in enumerate(controllers):
+        own = {str(one.path): one for one in sensitivities if one.controller == controller}
+        places = [i + (k - (len(controllers) - 1) / 2) * width for i, path in enumerate(paths) if path in own]
+        bars = [own[path] for path in paths if path in own]
+        spread = np.array([[max(b.first - b.low, 0) for b in bars], [max(b.high - b.first, 0) for b in bars]])
+        values = [b.first for b in bars]
+        axes.barh(places, values, width * 0.9, color=theme.colour(k), label=controller, xerr=spread, ecolor=theme.quiet)
+    axes.set_yticks(range(len(paths)), paths, fontsize=9)
+    axes.invert_yaxis()
+    axes.set_xlabel(f"first-order share of the variance of {figure_name}", fontsize=9)
+    axes.legend(loc="lower left", bbox_to_anchor=(-0.01, 1.0), ncols=3, frameon=False, fontsize=9)
+    _plain(axes)
+    return figure
+
+
+def _plain(axes: Axes) -> None:
+    axes.tick_params(labelsize=9)
+    axes.grid(visible=True, linewidth=0.3)
+    axes.spines[["top", "right"]].set_visible(False)

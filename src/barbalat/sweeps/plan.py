@@ -1,0 +1,166 @@
+"""Which numbers each member has: a grid, draws, or every draw at every point of a grid. Its own number tells them all."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import Enum
+
+import numpy as np
+
+from barbalat import validate
+from barbalat.sweeps.paths import FieldPath
+from barbalat.sweeps.spread import LARGEST_SHARE, SMALLEST_SHARE, Axis, Distribution
+from barbalat.validate import Array, InputError
+
+BLOCK = 2**16
+"""Draws that are made together: each block is a Latin hypercube of its own, so that one member costs a block and not all."""
+MOST_SOBOL = 2**30
+"""Points of SciPy's Sobol sequence with its 30 bits."""
+
+
+class Design(Enum):
+    """How draws fill their space."""
+
+    LATIN = "latin"
+    SOBOL = "sobol"
+    RANDOM = "random"
+    SALTELLI = "saltelli"
+
+
+DEFAULT_MEMBERS = 1000
+"""Draws: a share of a few percent then has an interval of about one."""
+
+
+def design_of(name: str | Design) -> Design:
+    """By its name; InputError for one that is not known."""
+    try:
+        return Design(name)
+    except ValueError:
+        known = ", ".join(one.value for one in Design)
+        raise InputError(f"design must be one of {known}, got {validate.show(name)}") from None
+
+
+@dataclass(frozen=True)
+class Plan:
+    """axes and draws by the paths of what they vary; both together give every draw at every point of the grid.
+
+    members  draws; of Saltelli's design those of its first matrix, a power of two, and d + 2 times as many are made of d numbers
+    seed     of the draws
+    """
+
+    axes: Mapping[FieldPath, Axis] = field(default_factory=dict)
+    draws: Mapping[FieldPath, Distribution] = field(default_factory=dict)
+    members: int = 1
+    design: Design = Design.LATIN
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        validate.whole("members", self.members, least=1)
+        validate.whole("seed", self.seed, least=0)
+        if not self.axes and not self.draws:
+            raise InputError(
+                "a sweep needs something that varies: give --vary PATH=START:STOP:COUNT or --sample PATH=uniform:A:B"
+            )
+        if twice := [str(path) for path in self.axes if path in self.draws]:
+            raise InputError(f"{twice[0]} is both varied and sampled; choose one of them")
+        if not self.draws and self.members != 1:
+            raise InputError(f"members = {self.members} needs something to draw: give --sample PATH=uniform:A:B, or leave it out")
+        if self.design is Design.SALTELLI and self.axes:
+            raise InputError("Saltelli's design goes without a grid: leave --vary out")
+        if self.design is Design.SALTELLI and (not self.draws or self.members & (self.members - 1)):
+            raise InputError(f"Saltelli's design needs something to draw and a power of two of members, got {self.members}")
+        if self.design in (Design.SOBOL, Design.SALTELLI) and self.members > MOST_SOBOL:
+            raise InputError(f"a Sobol sequence has at most {MOST_SOBOL} points, got members = {self.members}")
+
+    @property
+    def paths(self) -> tuple[FieldPath, ...]:
+        """Of the columns of ``values``."""
+        return (*self.axes, *self.draws)
+
+    @property
+    def points(self) -> int:
+        """Of the grid."""
+        count = 1
+        for axis in self.axes.values():
+            count *= axis.count
+        return count
+
+    @property
+    def draws_each(self) -> int:
+        """At each point of the grid."""
+        return self.members * (len(self.draws) + 2) if self.design is Design.SALTELLI else self.members
+
+    def __len__(self) -> int:
+        return self.points * self.draws_each
+
+    def values(self, first: int, count: int) -> Array:
+        """(count, paths) of the members from number ``first`` on."""
+        numbers = np.arange(first, first + count)
+        point, draw = np.divmod(numbers, self.draws_each)
+        columns = []
+        for axis in reversed(list(self.axes.values())):
+            point, place = np.divmod(point, axis.count)
+            columns.append(axis.values[place])
+        columns.reverse()
+        if self.draws:
+            shares = np.clip(self._shares(draw), SMALLEST_SHARE, LARGEST_SHARE)
+            columns += [one.at(shares[:, i]) for i, one in enumerate(self.draws.values())]
+        return np.column_stack(columns)
+
+    def streams(self, first: int, count: int) -> Array:
+        """(count,) numbers of the members' noise: of its draw, so that one draw has the same noise all over the grid."""
+        return np.arange(first, first + count) % self.draws_each
+
+    def _shares(self, draw: Array) -> Array:
+        """(K, draws) for these numbers of draws, which may begin anew where the grid goes on."""
+        found, dimensions = np.empty((len(draw), len(self.draws))), len(self.draws)
+        if self.design is Design.SALTELLI:
+            return self._saltelli(draw, dimensions)
+        for block in np.unique(draw // BLOCK):
+            within = draw // BLOCK == block
+            found[within] = self._block(int(block), dimensions)[draw[within] - block * BLOCK]
+        return found
+
+    def _block(self, block: int, dimensions: int) -> Array:
+        from scipy.stats import qmc
+
+        count = min(BLOCK, self.members - block * BLOCK)
+        if self.design is Design.SOBOL:
+            return self._sobol(block * BLOCK, count, dimensions)
+        generator = np.random.default_rng([self.seed, block])
+        if self.design is Design.RANDOM:
+            return generator.random((count, dimensions))
+        return np.asarray(qmc.LatinHypercube(dimensions, rng=generator).random(count))
+
+    def _sobol(self, first: int, count: int, dimensions: int) -> Array:
+        from scipy.stats import qmc
+
+        sequence = qmc.Sobol(dimensions, rng=np.random.default_rng(self.seed))
+        if first:
+            sequence.fast_forward(first)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", UserWarning)  # that the balance needs a power of two: the documentation says so
+            return np.asarray(sequence.random(count))
+
+    def _saltelli(self, draw: Array, dimensions: int) -> Array:
+        """Rows of A, of B, then of A with one column of B, for each of the numbers that are drawn."""
+        matrix, row = np.divmod(draw, self.members)
+        both = np.empty((len(draw), 2 * dimensions))
+        for block in np.unique(row // BLOCK):
+            within = row // BLOCK == block
+            made = self._sobol(int(block) * BLOCK, min(BLOCK, self.members - int(block) * BLOCK), 2 * dimensions)
+            both[within] = made[row[within] - block * BLOCK]
+        from_b = (matrix == 1)[:, None] | (matrix[:, None] - 2 == np.arange(dimensions))
+        return np.where(from_b, both[:, dimensions:], both[:, :dimensions])
+
+    def as_json(self) -> dict[str, object]:
+        """All that the members follow from."""
+        return {
+            "vary": {str(path): str(axis) for path, axis in self.axes.items()},
+            "sample": {str(path): str(one) for path, one in self.draws.items()},
+            "members": self.members,
+            "design": self.design.value,
+            "seed": self.seed,
+        }

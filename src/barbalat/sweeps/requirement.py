@@ -1,0 +1,69 @@
+"""What is asked of every member, as ``max_abs_e[0] < 2``: a figure, a comparison, a number, and nothing else."""
+
+from __future__ import annotations
+
+import operator
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from barbalat import validate
+from barbalat.validate import Array, InputError
+
+COMPARISONS: dict[str, Callable[[Array, float], Array]] = {
+    "<=": operator.le,
+    ">=": operator.ge,
+    "<": operator.lt,
+    ">": operator.gt,
+}
+_FORM = re.compile(r"\s*(?P<figure>[^<>=]*?)\s*(?P<sign><=|>=|<|>)\s*(?P<limit>[^<>=]+?)\s*$")
+
+
+@dataclass(frozen=True)
+class Requirement:
+    """``figure`` may be one controller's, as ``L1/max_abs_e[0]``, else it is every one's; without brackets all components."""
+
+    figure: str
+    sign: str
+    limit: float
+
+    @classmethod
+    def parse(cls, text: str) -> Requirement:
+        """InputError for what can't be parsed."""
+        found = _FORM.match(text)
+        limit = None if found is None else _number(found["limit"])
+        if found is None or not found["figure"] or limit is None:
+            raise InputError(f'a requirement must be FIGURE, one of < <= > >=, NUMBER, such as "max_abs_e[0] < 2"; got {text!r}')
+        return cls(found["figure"], found["sign"], limit)
+
+    def __str__(self) -> str:
+        return f"{self.figure} {self.sign} {self.limit:g}"
+
+    def columns(self, names: list[str], controller: str) -> list[str]:
+        """Those of a controller's columns that are judged; none where the requirement is another controller's."""
+        own = [name for name in names if name.startswith(f"{controller}/")]
+        figure = self.figure.removeprefix(f"{controller}/")
+        return [name for name in own if name.removeprefix(f"{controller}/").split("[")[0] == figure] or [
+            name for name in own if name == f"{controller}/{figure}"
+        ]
+
+    def require_known(self, names: list[str], controllers: tuple[str, ...]) -> None:
+        """InputError where no controller has the figure."""
+        if not any(self.columns(names, controller) for controller in controllers):
+            figures = sorted({name.split("/", 1)[1] for name in names if "/" in name})
+            raise InputError(f"the requirement {validate.show(str(self))} names no figure; known are {', '.join(figures)}")
+
+    def broken(self, values: Array) -> Array:
+        """(M,) where a column does not meet it; a figure that a run does not have, since it diverged, does not."""
+        with np.errstate(invalid="ignore"):
+            return np.asarray(~COMPARISONS[self.sign](values, self.limit))
+
+
+def _number(text: str) -> float | None:
+    try:
+        value = float(text)
+    except ValueError:
+        return None
+    return value if np.isfinite(value) else None

@@ -1,0 +1,76 @@
+"""A finished sweep: its columns, and what they are evidence of."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from barbalat import validate
+from barbalat.sweeps.evidence import Evidence
+from barbalat.sweeps.plan import Plan
+from barbalat.sweeps.rows import Rows
+from barbalat.validate import Array
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.figure import Figure
+
+
+@dataclass(frozen=True, eq=False, kw_only=True, repr=False)
+class SweepResult:
+    """Figures of all members, and their evidence.
+
+    resumed     members that were found in the store
+    seconds     of all that was simulated now
+    member_steps  solver steps of all members that were simulated now, those of every controller
+    """
+
+    case: str
+    controllers: tuple[str, ...]
+    plan: Plan
+    rows: Rows
+    evidence: Evidence
+    resumed: int
+    seconds: float
+    member_steps: float
+
+    def __len__(self) -> int:
+        return len(self.plan)
+
+    def __repr__(self) -> str:
+        diverged = ", ".join(f"{name} {share.count}" for name, share in self.evidence.shares["diverged"].items())
+        varied = ", ".join(map(str, self.plan.paths))
+        return f"<SweepResult {self.case!r}: {len(self)} members over {varied}; diverged: {diverged}>"
+
+    def column(self, name: str) -> Array:
+        """(M,) by the members' numbers, under its name in a store: ``plant.theta[0]``, ``L1/max_abs_e[0]``."""
+        return self.rows.column(name)
+
+    def to_pandas(self) -> pd.DataFrame:
+        """A row for each member; NaN for a figure that a run does not have."""
+        validate.require_extra("pandas", "tables", "to_pandas")
+        import pandas as pd
+
+        return pd.DataFrame({name: self.rows.column(name) for name in self.rows.names}).set_index("member")
+
+    def plot(self) -> Figure:
+        """Histograms of the largest errors with the guaranteed bounds, as a Matplotlib figure."""
+        from barbalat.sweeps.picture import histograms
+
+        return histograms(self, shown=True)
+
+    def as_json(self) -> dict[str, Any]:
+        """The contract's document of ``sweep --json``."""
+        found = self.evidence
+        return {
+            "case": self.case,
+            "members": len(self),
+            "resumed": self.resumed,
+            "design": self.plan.as_json(),
+            "metrics": {name: {c: one.as_json() for c, one in by.items()} for name, by in found.metrics.items()},
+            "shares": {name: {c: one.as_json() for c, one in by.items()} for name, by in found.shares.items()},
+            "sensitivity": [one.as_json() for one in found.sensitivities],
+            "notes": found.notes,
+            "intervals": found.intervals,
+            "bound_filled": {c: one.as_json() for c, one in found.filled.items()},
+        }

@@ -1,0 +1,141 @@
+"""How much of a figure's variance over the members each varied number accounts for by itself: first-order Sobol indices."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from importlib.util import find_spec
+
+import numpy as np
+
+from barbalat.sweeps.paths import FieldPath
+from barbalat.sweeps.plan import Design, Plan
+from barbalat.sweeps.rows import Rows
+from barbalat.validate import Array
+
+MOST_DRAWS = 2**14
+"""Draws that an estimate is made of: its interval is then about a hundredth wide, and it takes a tenth of a second."""
+FEWEST_DRAWS = 128
+"""Below them RBD-FAST's spectrum has too few points for its ten harmonics."""
+RESAMPLES, CONFIDENCE = 50, 0.95
+"""Of the bootstrap."""
+FIGURES = ("max_abs_e", "rms_e", "tail_max_abs_e", "max_abs_u", "max_abs_y")
+"""Figures, without their components, that are looked at."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sensitivity:
+    """Of one figure of one controller to one number.
+
+    first      share of the variance, with its interval ``low`` to ``high``; both ends equal it where it is exact for the grid
+    total      with what it accounts for together with others; of Saltelli's design only, else None
+    estimator  how it was obtained
+    """
+
+    controller: str
+    figure: str
+    path: FieldPath
+    first: float
+    low: float
+    high: float
+    total: float | None
+    estimator: str
+
+    def as_json(self) -> dict[str, object]:
+        return {**vars(self), "path": str(self.path)}
+
+
+SALTELLI, RBD_FAST, FACTORIAL = (
+    "Saltelli 2010 by SciPy, bootstrap",
+    "RBD-FAST by SALib, bootstrap",
+    "main effect on the grid, exact",
+)
+
+
+def sensitivities(rows: Rows, controllers: Sequence[str], plan: Plan) -> tuple[list[Sensitivity], list[str]]:
+    """Of the figures that all members have; and sentences on what has none."""
+    found: list[Sensitivity] = []
+    notes: list[str] = []
+    if plan.draws and plan.design is not Design.SALTELLI:
+        if plan.members < FEWEST_DRAWS:
+            notes.append(f"sensitivity to what is drawn needs {FEWEST_DRAWS} draws at least, and there are {plan.members}")
+        elif find_spec("SALib") is None:
+            notes.append("sensitivity to what is drawn needs the package SALib: pip install 'barbalat[study]'")
+    for controller in controllers:
+        for name in rows.names:
+            figure = name.removeprefix(f"{controller}/")
+            if name == figure or figure.split("[")[0] not in FIGURES:
+                continue
+            lacking, indices = _figure(rows, name, plan)
+            if lacking:
+                notes.append(f"{name}: {lacking} members have none, so that its variance is unknown")
+            else:
+                found += [
+                    Sensitivity(
+                        controller=controller,
+                        figure=figure,
+                        path=path,
+                        first=first,
+                        low=low,
+                        high=high,
+                        total=total,
+                        estimator=how,
+                    )
+                    for path, first, low, high, total, how in indices
+                ]
+    return found, notes
+
+
+Index = tuple[FieldPath, float, float, float, float | None, str]
+
+
+def _figure(rows: Rows, name: str, plan: Plan) -> tuple[int, list[Index]]:
+    """How many members lack it, and its indices where none does and where it varies at all."""
+    values = rows.column(name)
+    lacking = int((~np.isfinite(values)).sum())
+    return lacking, list(_of(rows, values, plan)) if not lacking and values.min() < values.max() else []
+
+
+def _of(rows: Rows, values: Array, plan: Plan) -> Iterator[Index]:
+    if plan.design is Design.SALTELLI:
+        yield from _saltelli(values, plan)
+        return
+    by_point = values.reshape(*(axis.count for axis in plan.axes.values()), plan.draws_each)
+    total = float(values.var())
+    for i, path in enumerate(plan.axes):
+        others = tuple(k for k in range(by_point.ndim) if k != i)
+        share = float(by_point.mean(axis=others).var()) / total
+        yield path, share, share, share, None, FACTORIAL
+    if plan.members >= FEWEST_DRAWS and find_spec("SALib") is not None:
+        yield from _drawn(rows, by_point, plan, total)
+
+
+def _drawn(rows: Rows, by_point: Array, plan: Plan, total: float) -> Iterator[Index]:
+    """Of what is drawn: of the mean over the grid, whose variance is a part of the whole."""
+    from SALib.analyze import rbd_fast
+
+    mean = by_point.mean(axis=tuple(range(len(plan.axes)))) if plan.axes else by_point
+    part = float(mean.var()) / total if plan.axes else 1.0
+    count = min(plan.members, MOST_DRAWS)
+    if mean[:count].min() == mean[:count].max():
+        return
+    given = np.column_stack([rows.column(str(path))[:count].copy() for path in plan.draws])
+    names = [str(path) for path in plan.draws]
+    problem = {"num_vars": len(names), "names": names, "bounds": [[0.0, 1.0]] * len(names)}
+    found = rbd_fast.analyze(problem, given, mean[:count], num_resamples=RESAMPLES, conf_level=CONFIDENCE, seed=plan.seed)
+    for path, first, half in zip(plan.draws, found["S1"], found["S1_conf"], strict=True):
+        yield path, float(part * first), float(part * (first - half)), float(part * (first + half)), None, RBD_FAST
+
+
+def _saltelli(values: Array, plan: Plan) -> Iterator[Index]:
+    from scipy.stats import sobol_indices
+
+    n, d = plan.members, len(plan.draws)
+    a, b, ab = values[:n], values[n : 2 * n], values[2 * n :].reshape(d, 1, n)
+    generator = np.random.default_rng(plan.seed)
+    found = sobol_indices(func={"f_A": a[None], "f_B": b[None], "f_AB": ab}, n=n, rng=generator)
+    spread = found.bootstrap(confidence_level=CONFIDENCE, n_resamples=RESAMPLES).first_order.confidence_interval
+    first, whole = np.atleast_2d(found.first_order)[0], np.atleast_2d(found.total_order)[0]
+    low, high = np.atleast_2d(spread.low)[0], np.atleast_2d(spread.high)[0]
+    for i, path in enumerate(plan.draws):
+        yield path, float(first[i]), float(low[i]), float(high[i]), float(whole[i]), SALTELLI

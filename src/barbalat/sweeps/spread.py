@@ -1,0 +1,149 @@
+"""How a number is spread: over the values of a grid's axis, or as a distribution to draw from."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from barbalat import validate
+from barbalat.validate import Array, InputError
+
+SMALLEST_SHARE, LARGEST_SHARE = 2.0**-54, 1 - 2.0**-53
+"""Of what lies below a drawn value: 0 and 1 themselves would be the infinite ends of a normal distribution."""
+
+
+@dataclass(frozen=True)
+class Axis:
+    """``count`` values from ``start`` to ``stop``, equally far apart, in the logarithm where asked."""
+
+    start: float
+    stop: float
+    count: int
+    logarithmic: bool = False
+
+    def __post_init__(self) -> None:
+        validate.number("START", self.start)
+        validate.number("STOP", self.stop)
+        validate.whole("COUNT", self.count, least=1)
+        if self.logarithmic and (self.start <= 0 or self.stop <= 0):
+            raise InputError(f"START and STOP must be positive for log, got {self.start:g} and {self.stop:g}")
+        if self.count > 1 and self.start == self.stop:
+            raise InputError(f"START and STOP must differ for {self.count} values, both are {self.start:g}")
+
+    @classmethod
+    def parse(cls, text: str) -> Axis:
+        """START:STOP:COUNT[:log]."""
+        parts = text.split(":")
+        if len(parts) not in (3, 4) or (len(parts) == 4 and parts[3] != "log"):
+            raise InputError(f"a range must be START:STOP:COUNT or START:STOP:COUNT:log, got {validate.show(text)}")
+        try:
+            start, stop, count = float(parts[0]), float(parts[1]), int(parts[2])
+        except ValueError:
+            raise InputError(f"START and STOP must be numbers and COUNT a whole one, got {validate.show(text)}") from None
+        return cls(start, stop, count, len(parts) == 4)
+
+    @property
+    def values(self) -> Array:
+        """(count,), both ends exact."""
+        spaced = np.geomspace if self.logarithmic else np.linspace
+        return np.asarray(spaced(self.start, self.stop, self.count))
+
+    def __str__(self) -> str:
+        return f"{self.start!r}:{self.stop!r}:{self.count}{':log' if self.logarithmic else ''}"
+
+
+class Distribution(Protocol):
+    """What a number is drawn from."""
+
+    def at(self, share: Array) -> Array:
+        """The values below which these shares of all draws lie."""
+        ...
+
+
+@dataclass(frozen=True)
+class Uniform:
+    """From ``low`` to ``high``."""
+
+    low: float
+    high: float
+
+    def __post_init__(self) -> None:
+        _require_range("uniform", self.low, self.high)
+
+    def at(self, share: Array) -> Array:
+        return np.clip(self.low + (self.high - self.low) * share, self.low, self.high)  # rounding leaves no range
+
+    def __str__(self) -> str:
+        return f"uniform:{self.low!r}:{self.high!r}"
+
+
+@dataclass(frozen=True)
+class LogUniform:
+    """From ``low`` to ``high``, uniform in the logarithm."""
+
+    low: float
+    high: float
+
+    def __post_init__(self) -> None:
+        _require_range("loguniform", self.low, self.high)
+        if self.low <= 0:
+            raise InputError(f"loguniform needs positive limits, got {self.low:g}")
+
+    def at(self, share: Array) -> Array:
+        low, high = math.log(self.low), math.log(self.high)
+        return np.clip(np.exp(low + (high - low) * share), self.low, self.high)
+
+    def __str__(self) -> str:
+        return f"loguniform:{self.low!r}:{self.high!r}"
+
+
+@dataclass(frozen=True)
+class Normal:
+    """Gaussian."""
+
+    mean: float
+    deviation: float
+
+    def __post_init__(self) -> None:
+        validate.number("normal's mean", self.mean)
+        validate.positive("normal's standard deviation", self.deviation)
+
+    def at(self, share: Array) -> Array:
+        from scipy.special import ndtri
+
+        return np.asarray(self.mean + self.deviation * ndtri(share))
+
+    def __str__(self) -> str:
+        return f"normal:{self.mean!r}:{self.deviation!r}"
+
+
+DISTRIBUTIONS: dict[str, type[Uniform] | type[LogUniform] | type[Normal]] = {
+    "uniform": Uniform,
+    "normal": Normal,
+    "loguniform": LogUniform,
+}
+
+
+def parse_distribution(text: str) -> Distribution:
+    """uniform:A:B, normal:MEAN:DEVIATION or loguniform:A:B."""
+    name, *numbers = text.split(":")
+    if name not in DISTRIBUTIONS or len(numbers) != 2:
+        raise InputError(
+            "a distribution must be uniform:A:B, normal:MEAN:DEVIATION or loguniform:A:B, or for a vector of estimated "
+            f"parameters known-set, got {validate.show(text)}"
+        )
+    try:
+        first, second = map(float, numbers)
+    except ValueError:
+        raise InputError(f"a distribution's parameters must be numbers, got {validate.show(text)}") from None
+    return DISTRIBUTIONS[name](first, second)
+
+
+def _require_range(name: str, low: float, high: float) -> None:
+    validate.number(f"{name}'s lower limit", low)
+    validate.number(f"{name}'s upper limit", high)
+    if low >= high:
+        raise InputError(f"{name}'s lower limit must be below its upper one, got {low:g} and {high:g}")

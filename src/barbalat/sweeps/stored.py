@@ -1,0 +1,143 @@
+"""What a sweep's folder on disk holds, and how it is read, also while another process writes it."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import sys
+from dataclasses import dataclass
+from importlib import metadata
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+import barbalat
+from barbalat import validate
+from barbalat.sweeps.chunks import Chunk
+from barbalat.validate import Array, InputError
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+INDEX = "_index.parquet"
+KEY = b"barbalat"
+"""Of the index in its file's metadata; its SHA-256 stands under ``KEY + b".sha256"``."""
+READ_AT_ONCE = 2**27
+"""Bytes of columns that are read together."""
+NAMED = {
+    "case": "another case file",
+    "plan": "other --vary, --sample, --members, --design or --seed",
+    "equations": "other equations",
+}
+"""What differs, by the keys of ``Study.identity``."""
+
+
+@dataclass(frozen=True)
+class Index:
+    """What is stored: ``files`` by their names, each with its first member, how many, and its SHA-256."""
+
+    identity: dict[str, Any]
+    members: int
+    chunk: int
+    versions: dict[str, str]
+    files: dict[str, dict[str, Any]]
+
+    @classmethod
+    def new(cls, identity: dict[str, Any], members: int, chunk: int) -> Index:
+        packages = ("numpy", "scipy", "casadi", "llvmlite", "pyarrow")
+        versions = {"barbalat": barbalat.__version__, "python": sys.version.split()[0]}
+        return cls(identity, members, chunk, versions | {name: metadata.version(name) for name in packages}, {})
+
+    def as_text(self) -> str:
+        return json.dumps(vars(self))
+
+
+def name_of(chunk: Chunk) -> str:
+    """Of a chunk's file."""
+    return f"members-{chunk.first:012}.parquet"
+
+
+def require_parquet(purpose: str = "a store") -> None:
+    """InputError where what reads and writes it is missing."""
+    for module in ("pyarrow", "filelock"):
+        validate.require_extra(module, "study", purpose)
+
+
+def read_index(folder: Path) -> Index | None:
+    """None where there is none; InputError where it can't be read."""
+    from pyarrow import ArrowException, parquet
+
+    if not (folder / INDEX).exists():
+        return None
+    try:
+        found = parquet.read_schema(folder / INDEX).metadata or {}
+        text = found[KEY]
+        if hashlib.sha256(text).hexdigest().encode() != found[KEY + b".sha256"]:
+            raise ValueError("its checksum differs")
+        return Index(**json.loads(text))
+    except (ArrowException, OSError, ValueError, LookupError, TypeError) as error:
+        if isinstance(error, PermissionError):
+            raise InputError(f"the store {str(folder)!r} cannot be read: {error.strerror}") from None
+        raise InputError(
+            f"the index of the store {str(folder)!r} is damaged: delete {INDEX} there; the same command then begins anew"
+        ) from None
+
+
+def row_of(folder: Path, identity: dict[str, Any], member: int) -> dict[str, float]:
+    """A member's row, also of a store that is being written; InputError where it is another sweep's or lacks the member."""
+    index = read_index(folder)
+    if index is None:
+        raise InputError(f"the store {str(folder)!r} holds no sweep")
+    require_same(folder, index, identity)
+    return StoredRows(folder, index).row(member)
+
+
+def require_same(folder: Path, index: Index, identity: dict[str, Any]) -> None:
+    """InputError where the store is another sweep's, with what differs."""
+    for key, what in NAMED.items():
+        if index.identity.get(key) != identity[key]:
+            by = f" (made by barbalat {index.versions.get('barbalat')})" if key == "equations" else ""
+            raise InputError(f"the store {str(folder)!r} is of {what}{by}: choose another folder, or the command that made it")
+
+
+class StoredRows:
+    """The columns of a store's files, some of them read together."""
+
+    def __init__(self, folder: Path, index: Index) -> None:
+        from pyarrow import parquet
+
+        self.folder, self.index = folder, index
+        self.files = sorted(index.files)
+        self.names = list(parquet.read_schema(folder / INDEX).names)
+        self._read: dict[str, Array] = {}
+
+    def column(self, name: str) -> Array:
+        from pyarrow import parquet
+
+        if name not in self._read:
+            self._read.clear()
+            at_once = max(READ_AT_ONCE // (8 * self.index.members), 1)
+            start = self.names.index(name)
+            names = self.names[start : start + at_once]
+            tables = [parquet.read_table(self.folder / file, columns=names) for file in self.files]
+            for one in names:
+                self._read[one] = np.concatenate([_numbers(table, one) for table in tables])
+        return self._read[name]
+
+    def row(self, member: int) -> dict[str, float]:
+        from pyarrow import parquet
+
+        for file in self.files:
+            place = member - self.index.files[file]["first"]
+            if 0 <= place < self.index.files[file]["count"]:
+                table = parquet.read_table(self.folder / file).slice(place, 1)
+                return {name: float(_numbers(table, name)[0]) for name in table.column_names}
+        raise InputError(f"the store {str(self.folder)!r} does not hold member {member}")
+
+
+def _numbers(table: pa.Table, name: str) -> Array:
+    found = table.column(name)
+    if str(found.type) == "int64":
+        return found.to_numpy()
+    return np.asarray(found.cast("float64").to_numpy(), dtype=float)

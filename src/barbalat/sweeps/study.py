@@ -1,0 +1,188 @@
+"""A sweep ready to run: any of its members are simulated by their numbers alone, alike whoever else is with them."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from barbalat.cases.build import Case
+from barbalat.run import delay
+from barbalat.run.batch import Batch
+from barbalat.run.breaks import can_be_split
+from barbalat.run.engine import run
+from barbalat.run.metrics import Metrics
+from barbalat.run.progress import Progress, part_of
+from barbalat.study.criteria import Expected, Onset, tail_error
+from barbalat.study.ideal_benchmark import known_width
+from barbalat.sweeps.kinds import Kind, Tried, kinds_of
+from barbalat.sweeps.plan import Plan
+from barbalat.sweeps.setting import RefusedError, Setting
+from barbalat.sweeps.varied import Varied
+from barbalat.validate import Array, InputError
+
+Columns = dict[str, Array]
+"""(M,) values by the names of a store's columns."""
+
+OSCILLATED = "oscillated"
+"""A controller's column: whether its estimates swing, by ``Onset``; NaN where the width of what is known of them is not."""
+MOST_SETTINGS = 64
+"""Kernels that are kept for members to come."""
+
+
+@dataclass(eq=False)
+class Study:
+    """The members of a plan on a case.
+
+    varied  the case, with other numbers at the plan's paths
+    """
+
+    varied: Varied
+    plan: Plan
+    tried: Tried = field(init=False)
+    kinds: tuple[Kind, ...] = field(init=False)
+    example: Case = field(init=False)
+    settings: dict[bytes, Setting] = field(init=False, default_factory=dict)
+
+    def __post_init__(self) -> None:
+        self.tried = Tried.of(self.plan)
+        self.kinds = kinds_of(self.varied, self.tried)
+        self.example = self.varied.at(self.tried.middle)
+
+    def __len__(self) -> int:
+        return len(self.plan)
+
+    @property
+    def controllers(self) -> tuple[str, ...]:
+        return tuple(controller.name for controller in self.example.controllers)
+
+    @property
+    def steps(self) -> int:
+        """Of a member's run, the most that any has among the ends of what varies; all controllers counted."""
+        found = [self.example]
+        for column, kind in enumerate(self.kinds):
+            if kind is Kind.STRUCTURE:
+                found += [self.varied.at(row) for row in self.tried.rows(column, self.tried.middle)]
+        return max(case.simulation.steps for case in found) * len(self.example.controllers)
+
+    def values(self, first: int, count: int) -> Array:
+        """(count, paths) what varies, of the members from number ``first`` on."""
+        return self.plan.values(first, count)
+
+    def run(self, first: int, count: int, *, threads: int | None = None, progress: Progress | None = None) -> Columns:
+        """All columns of these members: number, what varies, figures. InputError, with its number, for one that makes no case."""
+        rows, streams = self.values(first, count), self.plan.streams(first, count)
+        found: Columns = {"member": np.arange(first, first + count)}
+        found |= {str(path): rows[:, i] for i, path in enumerate(self.plan.paths)}
+        done = 0
+        for which in self._groups(rows):
+            setting = self.setting(rows[which[0]])
+            part = part_of(progress, done / count, len(which) / count)
+            try:
+                metrics = self._simulated(setting, rows[which], streams[which], threads, part)
+            except RefusedError as error:
+                raise InputError(f"member {first + int(which[error.place])}: {error}") from None
+            judged = self._oscillated(setting, metrics)
+            for controller, one, oscillated in zip(self.controllers, metrics, judged, strict=True):
+                for name, values in (columns_of(one) | {OSCILLATED: oscillated}).items():
+                    column = found.setdefault(f"{controller}/{name}", np.full(count, np.nan))
+                    column[which] = values
+            done += len(which)
+        return found
+
+    def simulated(self, member: int) -> list[Metrics]:
+        """Figures of one member, for each controller."""
+        row = self.values(member, 1)
+        return self._simulated(self.setting(row[0]), row, self.plan.streams(member, 1), None, None)
+
+    def _groups(self, rows: Array) -> Iterator[Array]:
+        """The rows that run together: those of one structure with one set of signals."""
+        shared = [column for column, kind in enumerate(self.kinds) if kind is not Kind.NUMBER]
+        if not shared:
+            yield np.arange(len(rows))
+            return
+        _, group = np.unique(rows[:, shared], axis=0, return_inverse=True)
+        order = np.argsort(group.reshape(-1), kind="stable")
+        yield from np.split(order, np.flatnonzero(np.diff(group.reshape(-1)[order])) + 1)
+
+    def setting(self, row: Array, *, windows: int = 0) -> Setting:
+        """The one to which a member belongs; ``windows`` as of ``Members``."""
+        base = self.tried.middle.copy()
+        structural = [column for column, kind in enumerate(self.kinds) if kind is Kind.STRUCTURE]
+        driven = [column for column, kind in enumerate(self.kinds) if kind is Kind.SIGNAL]
+        base[structural] = row[structural]
+        key = base.tobytes()
+        if driven:
+            base[driven] = row[driven]
+            case = self.varied.at(base)
+            key += bytes([can_be_split(case.problem.signals, case.simulation)])
+        key += windows.to_bytes(4)
+        if key not in self.settings:
+            if len(self.settings) >= MOST_SETTINGS:
+                self.settings.clear()
+            self.settings[key] = Setting.of(self.varied, self.kinds, self.tried, base, windows=windows)
+        found = self.settings[key]
+        return found.driven_by(base) if driven else found
+
+    def _simulated(
+        self, setting: Setting, rows: Array, streams: Array, threads: int | None, progress: Progress | None
+    ) -> list[Metrics]:
+        members = setting.members(rows, streams)
+        simulation, signals = setting.simulation, setting.signals
+        for one in members:
+            delay.require_memory(one.longest_delay, one.loop.inputs, len(rows) * len(members), simulation.dt)
+        batches = [Batch.part(one, slice(0, len(rows))) for one in members]
+        run(batches, signals, simulation, threads=threads, progress=progress)
+        return [batch.metrics(simulation) for batch in batches]
+
+    def _oscillated(self, setting: Setting, metrics: list[Metrics]) -> list[Array]:
+        """Of each controller (M,): 1 where its estimates swing, NaN where nothing says what is much."""
+        problem, motion = setting.example.problem, setting.motion
+        found = []
+        for controller, one in zip(setting.example.controllers, metrics, strict=True):
+            width, count = known_width(problem, controller), len(one.diverged_at)
+            expected = Expected(
+                error=tail_error(one),
+                rate=one.theta_hat_variation_rate,
+                motion=np.full(count, motion.largest),
+                width=np.tile(width, (count, 1)),
+                crossings=np.full(count, motion.crossings),
+                explained=np.zeros(count),
+            )
+            swings = Onset().undelayed(one, expected).astype(float)
+            found.append(np.where(np.isfinite(one.diverged_at) | (not np.isfinite(width).all()), np.nan, swings))
+        return found
+
+    def equations(self) -> str:
+        """SHA-256 of the operation lists, numbers and signals of the middle member: the version of the equations."""
+        digest = hashlib.sha256()
+        setting = self.setting(self.tried.middle)
+        for family in setting.families:
+            program = family.members.program
+            digest.update(repr((program.program, program.sample, program.shape)).encode())
+        for numbers in setting.numbers(self.tried.middle[None]):
+            digest.update(numbers.parameters.tobytes() + numbers.states.tobytes())
+        simulation = setting.simulation
+        t = simulation.time(np.linspace(0, simulation.steps, 1001).astype(int))
+        for signal in setting.signals:
+            digest.update(np.asarray(signal(t), dtype=float).tobytes())
+        return digest.hexdigest()
+
+    def identity(self) -> dict[str, object]:
+        """What a store must have been made with to be gone on with."""
+        return {"case": self.varied.source, "plan": self.plan.as_json(), "equations": self.equations()}
+
+
+def columns_of(metrics: Metrics) -> Columns:
+    """Figures under the names of ``run --json``, a component in brackets."""
+    found: Columns = {}
+    for name, values in vars(metrics).items():
+        if values is None:
+            continue
+        if values.ndim == 1:
+            found[name] = values
+        else:
+            found |= {f"{name}[{i}]": values[:, i] for i in range(values.shape[1])}
+    return found

@@ -1,0 +1,151 @@
+"""Run a sweep from its first member to its last, and say what it is evidence of."""
+
+from __future__ import annotations
+
+import contextlib
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from pathlib import Path
+
+from barbalat.cases.build import Case
+from barbalat.cases.load import CaseText
+from barbalat.run.progress import Progress
+from barbalat.sweeps.bounds import ERROR_BOUND, Bounds
+from barbalat.sweeps.chunks import Chunk, chunk_size, chunks_of
+from barbalat.sweeps.evidence import evidence
+from barbalat.sweeps.paths import FieldPath
+from barbalat.sweeps.plan import DEFAULT_MEMBERS, Design, Plan, design_of
+from barbalat.sweeps.requirement import Requirement
+from barbalat.sweeps.result import SweepResult
+from barbalat.sweeps.rows import Kept, Rows
+from barbalat.sweeps.spread import Axis, Distribution
+from barbalat.sweeps.store import Store, opened
+from barbalat.sweeps.stored import require_parquet
+from barbalat.sweeps.study import Columns, Study
+from barbalat.sweeps.varied import VariedObjects
+from barbalat.sweeps.varied_case import VariedCase, sampled
+
+Told = Callable[[str], None]
+"""Takes a sentence for the person who waits."""
+
+
+def sweep(
+    case: str | Path | Case,
+    *,
+    vary: Mapping[str, str | Axis] | None = None,
+    sample: Mapping[str, str | Distribution] | None = None,
+    members: int | None = None,
+    design: str | Design = Design.LATIN,
+    seed: int = 0,
+    require: Sequence[str] = (),
+    store: str | Path | None = None,
+    bounds: bool = True,
+    threads: int | None = None,
+    progress: Progress | None = None,
+) -> SweepResult:
+    """Run a case many times, over a grid, over draws, or with every draw at every point of a grid.
+
+    case     a case file or a bundled case's name, whose keys ``vary`` and ``sample`` name; or a ``Case`` with a problem,
+             controllers and a simulation, whose fields they name: ``plant.theta[0]``, ``controller[0].gamma``, ``simulation.dt``
+    vary     by paths "START:STOP:COUNT" or "START:STOP:COUNT:log"
+    sample   by paths "uniform:A:B", "normal:MEAN:DEVIATION", "loguniform:A:B"; "known-set" for a vector of a case file
+    members  draws at each point of the grid, by default 1000 where something is drawn
+    design   of the draws: "latin", "sobol", "random" (exact intervals), "saltelli" (Sobol indices)
+    require  such as "max_abs_e[0] < 2"; counted where broken
+    store    a folder that keeps every row and from which the same call goes on
+    bounds   certify what can be certified and hold the errors against it
+    Raises InputError.
+    """
+    requirements = [Requirement.parse(text) for text in require]
+    axes = {FieldPath.parse(path): one if isinstance(one, Axis) else Axis.parse(one) for path, one in (vary or {}).items()}
+    text = None if isinstance(case, Case) else CaseText.read(case)
+    draws = sampled(text, list((sample or {}).items()))
+    chosen = members if members is not None else DEFAULT_MEMBERS if draws else 1
+    plan = Plan(axes, draws, chosen, design_of(design), seed)
+    varied = VariedObjects(case, plan.paths) if isinstance(case, Case) else VariedCase(CaseText.read(case), plan.paths)
+    return run_study(
+        Study(varied, plan),
+        requirements=requirements,
+        store=None if store is None else Path(store),
+        bounds=bounds,
+        threads=threads,
+        progress=progress,
+    )
+
+
+def run_study(
+    study: Study,
+    *,
+    requirements: Sequence[Requirement] = (),
+    store: Path | None = None,
+    chunk: int | None = None,
+    bounds: bool = True,
+    threads: int | None = None,
+    progress: Progress | None = None,
+    told: Told | None = None,
+) -> SweepResult:
+    """All members; with a store those that it lacks.
+
+    chunk   members of a new store's files, by default as many as take about a second; no bit depends on it
+    bounds  certify what can be certified, a second for each controller, and hold the errors against it
+    told    what happened to the store
+    Raises InputError for a member that makes no case, with its number; what was stored before stays.
+    """
+    if store is not None:
+        require_parquet()
+    judged = Bounds(study) if bounds else None
+    first = _columns(study, judged, Chunk(0, 1), threads)
+    for requirement in requirements:
+        requirement.require_known(list(first), study.controllers)
+    started = time.perf_counter()
+    with _sink(study, store, chunk, len(first)) as sink:
+        if isinstance(sink, Store) and told is not None and sink.damaged:
+            told(f"damaged in the store and made again: {', '.join(sink.damaged)}")
+        resumed = sink.stored if isinstance(sink, Store) else 0
+        done = resumed
+        for one in _open_chunks(study, sink):
+            part = _part(progress, done, one.size, len(study))
+            columns = _columns(study, judged, one, threads, part)
+            if isinstance(sink, Store):
+                sink.add(one, columns)
+            else:
+                sink.add(columns)
+            done += one.size
+        rows: Rows = sink.rows() if isinstance(sink, Store) else sink
+    return SweepResult(
+        case=study.example.name,
+        controllers=study.controllers,
+        plan=study.plan,
+        rows=rows,
+        evidence=evidence(rows, study.controllers, requirements, study.plan),
+        resumed=resumed,
+        seconds=time.perf_counter() - started,
+        member_steps=float(study.steps) * (len(study) - resumed),
+    )
+
+
+@contextlib.contextmanager
+def _sink(study: Study, store: Path | None, chunk: int | None, columns: int) -> Iterator[Store | Kept]:
+    if store is None:
+        yield Kept.room_for(len(study), columns)
+        return
+    with opened(store, study.identity(), len(study), chunk or chunk_size(len(study), study.steps)) as found:
+        yield found
+
+
+def _open_chunks(study: Study, sink: Store | Kept) -> list[Chunk]:
+    if isinstance(sink, Store):
+        return [chunk for chunk in sink.chunks if not sink.holds(chunk)]
+    return list(chunks_of(len(study), chunk_size(len(study), study.steps)))
+
+
+def _columns(study: Study, bounds: Bounds | None, chunk: Chunk, threads: int | None, progress: Progress | None = None) -> Columns:
+    """A chunk's, with what is guaranteed of each member."""
+    found = study.run(*chunk, threads=threads, progress=progress)
+    if bounds is not None:
+        found |= {f"{name}/{ERROR_BOUND}": values for name, values in bounds.of(study.values(*chunk)).items()}
+    return found
+
+
+def _part(progress: Progress | None, done: int, count: int, members: int) -> Progress | None:
+    return None if progress is None else lambda fraction: progress((done + fraction * count) / members)

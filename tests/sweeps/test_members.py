@@ -1,0 +1,181 @@
+"""A member follows from its number alone: its values, and every bit of its figures, whoever else is simulated with it."""
+
+import numpy as np
+import pytest
+from scipy.stats import kstest, norm
+
+from barbalat import InputError, load_case, simulate
+from barbalat.cases.load import CaseText
+from barbalat.sweeps.kinds import Kind
+from barbalat.sweeps.paths import FieldPath
+from barbalat.sweeps.plan import BLOCK, Design, Plan
+from barbalat.sweeps.replay import replay
+from barbalat.sweeps.spread import Axis, LogUniform, Normal, Uniform
+from barbalat.sweeps.study import Study
+from barbalat.sweeps.varied import VariedObjects
+from barbalat.sweeps.varied_case import VariedCase, sampled
+
+SHORT = CaseText.read("paper").text.replace("t_end = 60.0", "t_end = 1.0").replace("dt = 1e-4", "dt = 1e-3")
+DELAYED = SHORT.replace("x0 = [1.0, 1.0]", "x0 = [1.0, 1.0]\ninput = { delay = 0.02 }").replace(
+    "[reference_model]", "[sensor]\nnoise = { std = 0.01, sample_time = 0.01 }\n[reference_model]"
+)
+
+
+def study(text, plan):
+    return Study(VariedCase(CaseText(text), plan.paths), plan)
+
+
+A, B, C = (FieldPath.parse(name) for name in ("plant.theta[0]", "plant.theta[1]", "controller[0].gamma"))
+
+
+@pytest.mark.parametrize("design", list(Design))
+def test_members_are_made_alone_as_they_are_made_together(design):
+    axes = {} if design is Design.SALTELLI else {C: Axis(1.0, 100.0, 3, True)}
+    plan = Plan(axes, {A: Uniform(-1.0, 2.0), B: Normal(0.0, 1.0)}, 16, design, seed=3)
+    together = plan.values(0, len(plan))
+    for k in (0, 7, 15, 16, 33, len(plan) - 1):
+        np.testing.assert_array_equal(plan.values(k, 1)[0], together[k])
+    assert len(plan) == (16 * 4 if design is Design.SALTELLI else 48)
+
+
+def test_every_block_is_a_latin_hypercube(monkeypatch):
+    monkeypatch.setattr("barbalat.sweeps.plan.BLOCK", 50)
+    plan = Plan({}, {A: Uniform(0.0, 1.0), B: Uniform(0.0, 1.0)}, 120)
+    values = plan.values(0, 120)
+    for first, count in ((0, 50), (50, 50), (100, 20)):
+        strata = np.sort((values[first : first + count] * count).astype(int), axis=0)
+        np.testing.assert_array_equal(strata, np.tile(np.arange(count)[:, None], 2))  # one in each, in each dimension
+    assert BLOCK == 2**16
+
+
+@pytest.mark.parametrize(
+    ("spread", "law"),
+    [
+        (Uniform(-2.0, 3.0), lambda x: (x + 2) / 5),
+        (LogUniform(1.0, 100.0), lambda x: np.log(x) / np.log(100)),
+        (Normal(1.0, 2.0), lambda x: norm.cdf(x, 1, 2)),
+    ],
+)
+def test_draws_have_their_distribution(spread, law):
+    values = Plan({}, {A: spread}, 2000, Design.RANDOM, 1).values(0, 2000)[:, 0]
+    assert kstest(law(values), "uniform").pvalue > 1e-3
+
+
+def test_saltellis_matrices_differ_in_one_column():
+    plan = Plan({}, {A: Uniform(0.0, 1.0), B: Uniform(0.0, 1.0), C: Uniform(0.0, 1.0)}, 8, Design.SALTELLI)
+    matrices = plan.values(0, len(plan)).reshape(5, 8, 3)
+    for i, one in enumerate(matrices[2:]):
+        for column in range(3):
+            np.testing.assert_array_equal(one[:, column], matrices[1 if column == i else 0][:, column])
+    assert not (matrices[0] == matrices[1]).any()
+
+
+def test_kinds_are_found_by_trying():
+    given = {
+        "plant.theta[0]": "uniform:-1:1", "controller[1].filter.kappa": "uniform:0.01:0.05", "reference.amplitude": "uniform:1:9",
+    }  # fmt: skip
+    draws = sampled(None, list(given.items()))
+    found = study(SHORT, Plan({FieldPath.parse("simulation.dt"): Axis(1e-3, 5e-4, 2)}, draws, 4))
+    assert found.kinds == (Kind.STRUCTURE, Kind.NUMBER, Kind.NUMBER, Kind.SIGNAL)
+
+
+def test_what_is_copied_equals_what_the_objects_give():
+    """kappa and A_m go by way of objects, theta, gamma and x0 are copied: bit by bit what cases of all members give."""
+    text = CaseText(SHORT)
+    draws = sampled(
+        text, [("plant.theta", "known-set"), ("controller[1].gamma", "loguniform:1:1e4"), ("plant.x0[0]", "normal:0:1")]
+    )
+    axes = {
+        FieldPath.parse("controller[1].filter.kappa"): Axis(0.01, 0.05, 3),
+        FieldPath.parse("plant.A_m[1][0]"): Axis(-0.5, -0.2, 2),
+    }
+    found = study(SHORT, Plan(axes, draws, 40))
+    setting = found.setting(found.tried.middle)
+    rows = found.values(0, len(found))
+    assert sorted(setting.copied) == [2, 3, 4, 5]
+    for copied, made in zip(setting.numbers(rows), setting._all_made(rows), strict=True):
+        assert copied.identical(made)
+
+
+def test_no_bit_depends_on_who_else_is_simulated_and_a_member_alone_is_the_same():
+    text = CaseText(DELAYED)
+    draws = sampled(text, [("plant.theta", "known-set"), ("plant.input.delay", "uniform:0.005:0.03")])
+    axes = {FieldPath.parse("reference.amplitude"): Axis(1.0, 40.0, 2), FieldPath.parse("simulation.dt"): Axis(1e-3, 5e-4, 2)}
+    found = study(DELAYED, Plan(axes, draws, 9))
+    together = found.run(0, len(found))
+    fresh = study(DELAYED, found.plan)
+    part = fresh.run(13, 11)
+    for name, values in part.items():
+        np.testing.assert_array_equal(values, together[name][13:24])
+    again = replay(found, 20)
+    assert again.differing({name: float(values[20]) for name, values in together.items()}) == []
+    assert again.differing({"L1/rms_e[0]": 1.0}) == ["L1/rms_e[0]"]
+    for result in again.results:  # the recorded run is the run whose figures these are
+        assert np.abs(result.e).max(axis=0) == pytest.approx(result.metrics.max_abs_e[0], rel=1e-2)
+
+
+def test_a_member_is_the_run_of_its_case():
+    """``simulate`` compiles its numbers in: roundings differ, which a thousand smooth steps hardly amplify."""
+    found = study(SHORT, Plan({}, sampled(CaseText(SHORT), [("plant.theta", "known-set")]), 5))
+    columns = found.run(0, 5)
+    case = found.varied.at(found.values(3, 1)[0])
+    for name, result in simulate(case.problem, case.controllers, case.simulation).items():
+        for figure in ("max_abs_e", "rms_e", "theta_hat_final"):
+            got = [columns[f"{name}/{figure}[{i}]"][3] for i in range(2)]
+            np.testing.assert_allclose(got, result.figures[figure], rtol=1e-8, atol=1e-10)
+
+
+def test_objects_and_case_files_give_the_same():
+    text = CaseText(SHORT)
+    plan = Plan({FieldPath.parse("controller[2].gamma"): Axis(1.0, 2.0, 2)}, {A: Uniform(-1.0, 1.0)}, 3)
+    by_objects = Study(VariedObjects(text.case(), plan.paths), plan).run(0, 6)
+    for name, values in study(SHORT, plan).run(0, 6).items():
+        np.testing.assert_array_equal(values, by_objects[name])
+
+
+def test_a_refused_member_is_named():
+    plan = Plan({}, {FieldPath.parse("controller[1].gamma"): Normal(1.0, 0.5)}, 300)
+    found = study(SHORT, plan)
+    member = int((found.values(0, 300)[:, 0] <= 0).argmax())
+    with pytest.raises(InputError, match=f"member {member}: .*gamma must be positive"):
+        found.run(0, 300)
+
+
+@pytest.mark.parametrize(
+    ("path", "message"),
+    [
+        ("plant.theta[7]", "has 2 entries"),
+        ("plant.theta", "name one entry, as plant.theta\\[0\\]"),
+        ("controller[0].gama", "unknown key"),
+        ("controller[9].gamma", "has 3 entries"),
+        ("name", "not a number"),
+        ("plant..theta", "keys and indices"),
+        ("simulation.dt[0]", "not a list"),
+    ],
+)
+def test_paths_that_name_no_number(path, message):
+    with pytest.raises(InputError, match=message):
+        study(SHORT, Plan({FieldPath.parse(path): Axis(1.0, 2.0, 2)}))
+
+
+@pytest.mark.parametrize(
+    ("path", "message"), [("plant.thet[0]", "has no 'thet'"), ("controller[5].gamma", "3 entries"), ("name", "not one")]
+)
+def test_fields_that_are_no_number(path, message):
+    plan = Plan({FieldPath.parse(path): Axis(1.0, 2.0, 2)})
+    with pytest.raises(InputError, match=message):
+        Study(VariedObjects(load_case("paper"), plan.paths), plan)
+
+
+@pytest.mark.parametrize(
+    "text", ["1:2", "1:2:0", "1:2:x", "a:2:3", "0:1:3:log", "1:2:3:lin", "1:1:3", "nan:1:2", "1:inf:2"],
+)  # fmt: skip
+def test_bad_ranges(text):
+    with pytest.raises(InputError):
+        Axis.parse(text)
+
+
+@pytest.mark.parametrize("text", ["uniform:1", "uniform:2:1", "loguniform:0:1", "normal:0:0", "gauss:0:1", "uniform:a:1", ""])
+def test_bad_distributions(text):
+    with pytest.raises(InputError, match="theta"):
+        sampled(None, [("plant.theta[0]", text)])

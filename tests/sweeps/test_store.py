@@ -1,0 +1,197 @@
+"""A store keeps whole rows, goes on where it was, and refuses what is not its own; the faults proper are ./dev store-faults."""
+
+import json
+import os
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from barbalat import InputError, sweep
+from barbalat.cases.load import CaseText
+from barbalat.sweeps.paths import FieldPath
+from barbalat.sweeps.plan import Plan
+from barbalat.sweeps.spread import Axis, Uniform
+from barbalat.sweeps.store import opened
+from barbalat.sweeps.stored import INDEX, KEY
+from barbalat.sweeps.study import Study
+from barbalat.sweeps.sweep import run_study
+from barbalat.sweeps.varied_case import VariedCase
+
+parquet = pytest.importorskip("pyarrow.parquet")
+TEXT = CaseText.read("first-order").text
+THETA = FieldPath.parse("plant.theta[0]")
+
+
+def study(members=20, text=TEXT, **options):
+    plan = Plan({}, {THETA: Uniform(-1.0, 1.0)}, members, **options)
+    return Study(VariedCase(CaseText(text), plan.paths), plan)
+
+
+def run(folder, prepared=None, **options):
+    return run_study(prepared or study(), store=folder, chunk=6, bounds=False, **options)
+
+
+def test_a_store_is_one_table_and_goes_on(tmp_path):
+    import pandas as pd
+
+    folder = tmp_path / "deep" / "store"
+    whole = run_study(study(), bounds=False)
+    found = run(folder)
+    assert found.resumed == 0 and sorted(file.name for file in folder.iterdir()) == [
+        INDEX, *(f"members-{first:012}.parquet" for first in (0, 6, 12, 18)),
+    ]  # fmt: skip
+    table = pd.read_parquet(folder).sort_values("member")
+    assert table["member"].tolist() == list(range(20)) and list(table) == whole.rows.names
+    for name in whole.rows.names:
+        np.testing.assert_array_equal(table[name].to_numpy(dtype=float), whole.column(name).astype(float))
+        np.testing.assert_array_equal(found.column(name), whole.column(name).astype(float))
+    (folder / "members-000000000006.parquet").unlink()
+    again = run(folder)
+    assert again.resumed == 14 and again.as_json() | {"resumed": 0} == found.as_json()
+    index = json.loads(parquet.read_schema(folder / INDEX).metadata[KEY])
+    assert index["members"] == 20 and {"barbalat", "numpy", "pyarrow"} <= index["versions"].keys()
+    assert index["identity"]["case"] == TEXT and index["identity"]["plan"]["seed"] == 0
+
+
+def test_a_stored_row_is_a_members_own(tmp_path):
+    found = run(tmp_path / "store")
+    row = found.rows.row(13)
+    assert row == {name: pytest.approx(float(found.column(name)[13]), abs=0, nan_ok=True) for name in found.rows.names}
+
+
+@pytest.mark.parametrize("place", ["rows", "truncated"])
+def test_a_damaged_chunk_is_found_and_made_again(place, tmp_path):
+    folder, told = tmp_path / "store", []
+    expected = run(folder).as_json()
+    file = folder / "members-000000000012.parquet"
+    content = bytearray(file.read_bytes())
+    content[len(content) // 2] ^= 4
+    file.write_bytes(content if place == "rows" else content[:100])
+    again = run(folder, told=told.append)
+    assert again.resumed == 14 and again.as_json() | {"resumed": 0} == expected
+    assert told == ["damaged in the store and made again: members-000000000012.parquet"]
+
+
+@pytest.mark.parametrize(
+    ("other", "what"),
+    [
+        (lambda: study(text=TEXT + "\n# a remark\n"), "another case file"),
+        (lambda: study(seed=1), "other --vary, --sample"),
+        (lambda: study(21), "other --vary, --sample"),
+    ],
+)
+def test_another_sweeps_store_is_refused_by_name(other, what, tmp_path):
+    folder = tmp_path / "store"
+    run(folder)
+    before = {file.name: file.read_bytes() for file in folder.iterdir()}
+    with pytest.raises(InputError, match=f"is of {what}"):
+        run(folder, other())
+    assert {file.name: file.read_bytes() for file in folder.iterdir()} == before
+
+
+def test_other_equations_are_refused(tmp_path, monkeypatch):
+    folder = tmp_path / "store"
+    run(folder)
+    monkeypatch.setattr(Study, "equations", lambda self: "0" * 64)
+    with pytest.raises(InputError, match="is of other equations"):
+        run(folder)
+
+
+def test_equations_are_told_apart():
+    plan = Plan({}, {THETA: Uniform(-1.0, 1.0)}, 4)
+    versions = {
+        Study(VariedCase(CaseText(text), plan.paths), plan).equations()
+        for text in (
+            TEXT,
+            TEXT,
+            TEXT.replace("gamma = 2.0", "gamma = 2.5"),
+            TEXT.replace("gamma = 2.0", "gamma = 2.0\nprojection = false"),
+        )
+    }
+    assert len(versions) == 3
+
+
+def test_a_damaged_index_is_said(tmp_path):
+    folder = tmp_path / "store"
+    run(folder)
+    (folder / INDEX).write_bytes(b"no Parquet")
+    with pytest.raises(InputError, match=r"index of the store .* is damaged"):
+        run(folder)
+
+
+def test_folders_that_are_no_store(tmp_path):
+    (tmp_path / "notes.txt").write_text("mine")
+    with pytest.raises(InputError, match=r"holds other files, such as 'notes.txt'"):
+        run(tmp_path)
+    with pytest.raises(InputError, match="is a file"):
+        run(tmp_path / "notes.txt")
+    assert [file.name for file in tmp_path.iterdir()] == ["notes.txt"]
+
+
+def test_a_second_writer_is_refused(tmp_path):
+    folder, prepared = tmp_path / "store", study()
+    script = "import sys, filelock as f; lock = f.FileLock(sys.argv[1]); lock.acquire(); print(flush=True); sys.stdin.read()"
+    folder.mkdir()
+    arguments = [sys.executable, "-c", script, str(folder / ".lock")]
+    with subprocess.Popen(arguments, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as other:
+        other.stdout.readline()
+        with pytest.raises(InputError, match="is being written by another process"):
+            run(folder, prepared)
+        other.stdin.close()
+        other.wait()
+    assert run(folder, prepared).resumed == 0
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no limits of resources")
+def test_a_full_disk_keeps_what_is_stored(tmp_path):
+    """A limit on the size of files stands for the disk: ./dev store-faults fills a tmpfs."""
+    import resource
+
+    folder, prepared = tmp_path / "store", study()
+    with opened(folder, prepared.identity(), 20, 6) as store:
+        store.add(store.chunks[0], prepared.run(*store.chunks[0]))
+    before = {file.name: file.read_bytes() for file in folder.iterdir()}
+    given = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (2000, given[1]))
+    try:
+        with pytest.raises(OSError, match="too large"):
+            run(folder, prepared)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, given)
+    assert {file.name: file.read_bytes() for file in folder.iterdir()} == before
+    assert run(folder, prepared).resumed == 6
+
+
+def test_what_interrupts_a_chunk_leaves_the_others(tmp_path, monkeypatch):
+    folder, prepared, simulated = tmp_path / "store", study(), Study.run
+
+    def stopping(self, first, *others, **options):
+        if first == 12:
+            raise KeyboardInterrupt
+        return simulated(self, first, *others, **options)
+
+    monkeypatch.setattr(Study, "run", stopping)
+    with pytest.raises(KeyboardInterrupt):
+        run(folder, prepared)
+    monkeypatch.undo()
+    assert not (folder / ".writing").exists() and run(folder, prepared).resumed == 12
+
+
+@pytest.mark.skipif(os.name == "nt" or os.geteuid() == 0, reason="root may write everywhere")
+def test_a_folder_that_is_read_only(tmp_path):
+    tmp_path.chmod(0o500)
+    with pytest.raises(InputError, match="cannot be written"):
+        run(tmp_path / "store")
+
+
+def test_python_says_what_the_command_says(tmp_path):
+    gains = Axis(1.0, 10.0, 3, True)
+    found = sweep(
+        "first-order", vary={"controller[0].gamma": gains}, sample={"plant.theta[0]": "uniform:-1:1"}, members=4,
+        require=["max_abs_e < 100"], store=tmp_path / "store",
+    )  # fmt: skip
+    assert len(found) == 12 and "12 members" in repr(found) and len(found.to_pandas()) == 12
+    assert found.as_json()["shares"]["max_abs_e < 100"].keys() == set(found.controllers)
+    assert found.plot().axes
