@@ -1,10 +1,10 @@
 """The program's pages in a real browser: nothing overflows, nothing is asked for outside, nothing is inaccessible.
 
-    python tests/browser.py [PAGE.html ...]
+    python tests/browser.py [PAGE.html | FOLDER ...]
 
-Without pages it makes those of the quick ``reproduce`` and of two bundled cases. Each is opened at the width of a desk and of
-a phone. What is wrong is printed, a line each, and the exit code is 1. The browser is the system's: ``chromium``, or what
-BROWSER names.
+Without pages it makes those of the quick ``reproduce`` and of two bundled cases. A folder is a site: all of its pages are read as
+from a server. Each page is opened at the width of a desk and of a phone, there in the dark. What is wrong is printed, a line
+each, and the exit code is 1. The browser is the system's: ``chromium``, or what BROWSER names.
 """
 
 from __future__ import annotations
@@ -14,7 +14,11 @@ import shutil
 import subprocess
 import sys
 import tempfile
+import threading
 from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import partial
+from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 
 from axe_playwright_python.sync_playwright import Axe
@@ -37,10 +41,10 @@ UNSCROLLABLE = """
 """
 """What sticks out of the window and lies in nothing that scrolls."""
 SCROLLING = """
-() => [...document.querySelectorAll('.wide')]
+() => [...document.querySelectorAll('.wide:not(.diagram)')]
     .filter(one => one.scrollWidth > one.clientWidth + 1).slice(0, 3).map(one => one.textContent.trim().slice(0, 60))
 """
-"""Tables of which one must scroll to see all columns."""
+"""Tables of which one must scroll to see all columns; block diagrams may."""
 OPENED = "() => document.querySelectorAll('details').forEach(one => { one.open = true })"
 """What is folded away is looked at too."""
 
@@ -53,7 +57,9 @@ def main(pages: list[Path]) -> int:
         return 1
     with tempfile.TemporaryDirectory() as made, sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=executable, args=["--no-sandbox"])
-        found = [finding for page in pages or _made_in(Path(made)) for finding in _findings(browser, page)]
+        found = []
+        for page in pages or _made_in(Path(made)):
+            found += _of_site(browser, page) if page.is_dir() else _findings(browser, page, page.resolve().as_uri())
         browser.close()
     print("\n".join(dict.fromkeys(found)) or "no findings")  # noqa: T201
     return int(bool(found))
@@ -67,29 +73,58 @@ def _made_in(folder: Path) -> list[Path]:
     return sorted(folder.rglob("*.html"))
 
 
-def _findings(browser: Browser, page: Path) -> Iterator[str]:
-    """What is wrong with a page, at both widths."""
+def _of_site(browser: Browser, folder: Path) -> Iterator[str]:
+    """What is wrong with the pages of a site but for those of ``barbalat reproduce``, which is kept there as it is."""
+    with _served(folder) as address:
+        for page in sorted(folder.rglob("*.html")):
+            place = page.relative_to(folder)
+            if place.parts[0] not in ("_static", "reproduction"):
+                yield from _at_both_widths(browser, f"{folder.name}/{place}", f"{address}/{place.as_posix()}")
+
+
+@contextmanager
+def _served(folder: Path) -> Iterator[str]:
+    """The address at which this machine serves a folder to itself; axe reads style sheets again, which files don't allow."""
+    with ThreadingHTTPServer(("127.0.0.1", 0), partial(Quiet, directory=str(folder))) as server:
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        yield f"http://127.0.0.1:{server.server_port}"
+        server.shutdown()
+
+
+class Quiet(SimpleHTTPRequestHandler):
+    """Says nothing of what it serves."""
+
+    def log_message(self, *_: object) -> None:
+        """Nothing."""
+
+
+def _findings(browser: Browser, page: Path, address: str) -> Iterator[str]:
+    """What is wrong with a page of the program's."""
     if page.stat().st_size > LARGEST_PAGE:
         yield f"{page.parent.name}/{page.name}: {page.stat().st_size} bytes, more than {LARGEST_PAGE}"
+    yield from _at_both_widths(browser, f"{page.parent.name}/{page.name}", address)
+
+
+def _at_both_widths(browser: Browser, page: str, address: str) -> Iterator[str]:
     for name, width in WIDTHS.items():
-        tab = browser.new_page(viewport={"width": width, "height": 900})
+        tab = browser.new_page(viewport={"width": width, "height": 900}, color_scheme="dark" if name == "phone" else "light")
         said: list[str] = []
-        tab.on("console", lambda message, said=said: said.append(f"console: {message.text}"))
+        tab.on("console", lambda message, said=said: said.append(f"console: {message.text} {message.location['url']}"))
         tab.on("pageerror", lambda error, said=said: said.append(f"error: {error}"))
         tab.on("request", lambda request, said=said: said.append(f"asks for {request.url}") if _is_outside(request.url) else None)
-        tab.goto(page.resolve().as_uri())
+        tab.goto(address)
         tab.evaluate(OPENED)
         said += [f"scrolls: {one}" for one in tab.evaluate(SCROLLING)]
         if tab.evaluate("document.scrollingElement.scrollWidth > innerWidth"):
             said += [f"sticks out: {one}" for one in tab.evaluate(UNSCROLLABLE)] or ["overflows"]
         for rule in Axe().run(tab).response["violations"]:
             said += [f"{rule['id']}: {node['html'][:100]}" for node in rule["nodes"][:3]]
-        yield from (f"{page.parent.name}/{page.name} on a {name}: {one}" for one in said)
+        yield from (f"{page} on a {name}: {one}" for one in said if "favicon" not in one)
         tab.close()
 
 
 def _is_outside(address: str) -> bool:
-    return not address.startswith(("file:", "data:", "blob:"))
+    return not address.startswith(("file:", "data:", "blob:", "http://127.0.0.1:"))
 
 
 if __name__ == "__main__":

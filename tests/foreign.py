@@ -135,6 +135,7 @@ WRONG = {
     "remembers": (wrong(control=_forgetful), "control", "remembers"),
     "vector u": (wrong(control=lambda self, s, x, x_m, r: x * r), "control", "(2,)"),
     "None": (wrong(limit=lambda self, s: None), "limit", "None"),
+    "other fields": (wrong(derivative=lambda self, s, x, x_m, r, u: NoEstimate(x)), "derivative", "with the fields theta_hat"),
     "list": (wrong(derivative=lambda self, s, x, x_m, r, u: Listed([x[0], x[1]])), "derivative", "a list"),
     "array": (wrong(derivative=lambda self, s, x, x_m, r, u: x), "derivative", "PlainState"),
     "size": (wrong(derivative=lambda self, s, x, x_m, r, u: PlainState(np.concatenate([x, x]))), "derivative", "(4,)"),

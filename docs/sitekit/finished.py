@@ -7,6 +7,7 @@ so of a link to outside only its form is looked at.
 from __future__ import annotations
 
 import os
+import re
 import shutil
 from dataclasses import dataclass, field
 from html.parser import HTMLParser
@@ -47,12 +48,21 @@ class Page(HTMLParser):
         self.unnamed += tag == "img" and "alt" not in given  # an empty text is one: of a picture beside its title
 
 
-FOR_READERS_ALOUD = {
-    'role="heading">': 'role="heading" aria-level="2">',  # captions of the contents
-    "<pre>": '<pre tabindex="0">',  # scrolls on a phone, so the keyboard must reach it
-    "<th></th>": "<td></td>",  # the corner of a table
-}
-"""What Sphinx and pandas write without what screen readers and keyboards need."""
+FOR_READERS_ALOUD = (
+    (r'role="heading">', 'role="heading" aria-level="2">'),  # captions of the contents
+    (r"<pre>", '<pre tabindex="0">'),  # scrolls on a phone, so the keyboard must reach it
+    (r'<div class="(table-wrapper[^"]*|math)"', r'<div class="\1" tabindex="0"'),  # likewise
+    (r'<th class="head">(?:<p>)?(?:</p>)?</th>|<th></th>', "<td></td>"),  # the corner of a table
+    (r'<aside class="sidebar-drawer"', '<aside class="sidebar-drawer" aria-label="Site"'),
+    (r'<aside class="toc-drawer', '<aside aria-label="On this page" class="toc-drawer'),
+    (
+        r'(<a class="reference internal" href="plot_[^"]*")(><span class="doc">([^<]*)</span>)',
+        r'\1 aria-label="\3"\2',
+    ),  # thumbnails
+    (r'<dl>(?=\s*<dd><em class="sig-param)', '<dl role="none">'),  # a signature on several lines defines nothing
+    (r'(<article role="main"[^>]*>)(?=\s*<noscript>)', r"\1<h1>Search</h1>"),  # the theme's page of results has no title
+)
+"""What Sphinx, its theme, its gallery and pandas write, and what screen readers and keyboards need in its place."""
 
 
 def keep_reproduction(app: Sphinx, exception: Exception | None) -> None:
@@ -66,9 +76,11 @@ def mend(app: Sphinx, exception: Exception | None) -> None:
     if exception is not None or app.builder.format != "html":
         return
     for path in Path(app.outdir).rglob("*.html"):
+        if "reproduction" in path.parts:  # the program's own pages, looked at by ./dev browser
+            continue
         text = path.read_text(encoding="utf-8")
-        for written, meant in FOR_READERS_ALOUD.items():
-            text = text.replace(written, meant)
+        for written, meant in FOR_READERS_ALOUD:
+            text = re.sub(written, meant, text)
         path.write_text(text, encoding="utf-8")
 
 

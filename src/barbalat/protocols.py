@@ -10,6 +10,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, runtime_checkable
 
+import numpy as np
+
 if TYPE_CHECKING:
     from barbalat.validate import Array
 
@@ -126,6 +128,25 @@ class SampledEquations(Protocol):
     def advance(self, state: Any, before: Sample, u: Value, now: Sample) -> NamedTuple:
         """The state at this sample, from that at the one before, since when u was held."""
         ...
+
+
+@runtime_checkable
+class Freezable(Protocol):
+    """Sampled equations that know what goes on while their estimates rest; of others only theta_hat and memory are kept."""
+
+    def freezing(self, frozen: Value) -> SampledEquations:
+        """The same equations, whose estimates and what was learnt for them keep their values where ``frozen`` holds."""
+        ...
+
+
+def kept(frozen: Value, old: Any, new: Any) -> Any:
+    """``old`` where ``frozen`` holds, else ``new``, through nested NamedTuples; ``new`` where it is None."""
+    if frozen is None:
+        return new
+    if isinstance(new, tuple):
+        parts = [kept(frozen, one, other) for one, other in zip(old, new, strict=True)]
+        return tuple(parts) if type(new) is tuple else type(new)(*parts)
+    return np.where(frozen, old, new)
 
 
 @runtime_checkable

@@ -30,6 +30,7 @@ from barbalat.linear.interconnections import series
 from barbalat.linear.margins import margins
 from barbalat.report.certificates import rows
 from barbalat.solvers.simulation import Simulation
+from independent import refusal
 
 SIMULATION = Simulation(t_end=60.0, dt=1e-4)
 
@@ -196,3 +197,9 @@ def test_a_theta_outside_the_set_leaves_what_the_problem_alone_decides():
     shown = {row.quantity: row for row in rows(found)}
     assert shown["sup |r|"].kind == "guaranteed" and shown["P"].kind == ""
     assert float(shown["lambda_min"].value) <= found.values["lambda_min"]
+
+
+def test_a_controller_of_another_measurement_is_refused():
+    output, state = load_case("l1-output"), load_case("first-order")
+    assert "output" in refusal(lambda: certify(output.problem, [Mrac(gamma=1.0)], output.simulation))
+    assert "output" in refusal(lambda: certify(state.problem, [output.controllers[0]], state.simulation))

@@ -9,7 +9,16 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 import pytest
 
-from barbalat import check_controller
+from barbalat import (
+    LinearFeedback,
+    Mrac,
+    Plant,
+    Problem,
+    Terms,
+    TransferFunction,
+    check_controller,
+    delay_margins,
+)
 from barbalat.cases.bundled import bundled
 from barbalat.cases.load import load_case
 from barbalat.certificates.certify import certify
@@ -25,6 +34,15 @@ from foreign import WRONG, Bare, Plain, PlainEquations, Proportional, wrong
 from independent import example_controllers, refusal
 
 SIMULATION = Simulation(t_end=0.5, dt=1e-2)
+
+
+def test_of_several_the_one_that_does_not_fit_is_named():
+    """No run of it is possible, so that there is nothing to certify: an error, not a finding."""
+    squared = Plant(A_m=[[-1.0]], b=[1.0], theta=[0.5], regressor=Terms(terms=("x1**2",)))
+    given, linear = Problem(plant=squared), LinearFeedback(controller=TransferFunction([1.0], [1.0, 0.0]), name="old PI")
+    for use in (simulate, certify, delay_margins):
+        message = refusal(lambda use=use: use(given, [Mrac(gamma=1.0), linear], SIMULATION))
+        assert message == "controller 'old PI': linear takes plants with the regressor phi(x) = x"
 
 
 @pytest.mark.parametrize("name", WRONG)

@@ -75,7 +75,7 @@ def test_files_page_and_link(tmp_path):
     assert '<img src="data:image/svg+xml,' in card and "map-gain-step.svg" not in card  # the page holds its only picture
     contract, beside = (
         {"id", "where", "statement", "verdict", "measured", "how"},
-        {"number", "readings", "would_change", "sharpened", "listings"},
+        {"number", "condition", "readings", "would_change", "sharpened", "listings"},
     )
     assert set(claim.as_json()) == contract | beside
 

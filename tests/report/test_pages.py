@@ -15,6 +15,7 @@ from barbalat.certificates.table_1 import Table
 from barbalat.report import page, write
 from barbalat.report.files import Folder
 from barbalat.report.narrow import fits_a_phone
+from barbalat.report.notation import mathematics
 
 
 @pytest.fixture(scope="module")
@@ -67,3 +68,8 @@ def test_what_fits_a_phone():
     assert fits_a_phone(("tau [s]", "error", "delay"), [("0.1", "2.02", "84.7")])
     assert not fits_a_phone(("tau [s]",) * 8, [("0.0001234",) * 8])
     assert fits_a_phone(("reading", "measured"), [("many short words in a cell " * 5, "1")])
+
+
+def test_claims_lead_to_one_another():
+    found = page.linked(mathematics("as in best-filter, <b> not-there, the rohrs plant"), ["best-filter", "best", "rohrs"])
+    assert found == 'as in <a href="#claim-best-filter"><code>best-filter</code></a>, &lt;b&gt; not-there, the rohrs plant'

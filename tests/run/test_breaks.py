@@ -11,7 +11,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from barbalat.controllers import L1Adaptive, Mrac, Sampled
-from barbalat.linear.systems import input_filter
+from barbalat.linear.systems import TransferFunction, input_filter
 from barbalat.problem.actuation import PlantInput
 from barbalat.problem.known_set import ParameterBox
 from barbalat.problem.measurement import Noise, Sensor
@@ -344,8 +344,16 @@ def test_the_label_resumes_what_ran(part):
         (EULER, SQUARE, None),
         (RK4, DATA, "bends inside 4 of the 100 steps of a delayed loop, which can't be split: second order there"),
         (HEUN, DATA, None),
-        (RK4, Sine(1.0, 2.0), None),
-        (RK4, Step(1.0, start=0.7), None),
+        (
+            RK4,
+            Sine(1.0, 2.0),
+            "behind the delay the control's bends, at t = 0 and a delay after each jump, are interpolated: second order there",
+        ),
+        (
+            RK4,
+            Step(1.0, start=0.7),
+            "behind the delay the control's bends, at t = 0 and a delay after each jump, are interpolated: second order there",
+        ),
     ],
 )
 def test_a_delayed_loop_says_what_it_loses(solver, signal, said):
@@ -374,6 +382,32 @@ def test_the_loss_that_is_said_is_the_loss():
             errors.append(np.abs(run.x[-1] - fine).max())
         slope = np.polyfit(np.arange(8), -np.log2(errors), 1)[0]
         assert slope == pytest.approx(order, abs=0.4)  # the fraction of a step at which the break lies differs from step to step
+
+
+@pytest.mark.parametrize("delay", [0.04, 1 / 30.7])
+@pytest.mark.parametrize("sampled", [False, True])
+def test_bends_of_the_control_behind_a_delay(delay, sampled):
+    """A smooth command: u bends where its history ends, at t = 0, and the plant sees that one delay later. What is held jumps."""
+    controller = Mrac(gamma=2.0, name="c")
+    controller = Sampled(controller=controller, sample_time=0.04, discretization="euler") if sampled else controller
+    given = problem(Sine(2.0, 3.0), input=PlantInput(delay=delay))
+    steps = 50 * 2 ** np.arange(1, 5)
+    runs = [simulate(given, [controller], Simulation(t_end=T_END, dt=T_END / n))["c"] for n in (*steps, 12800)]
+    ends = [np.concatenate([run.x[-1], run.theta_hat[-1]]) for run in runs]
+    errors = [np.abs(end - ends[-1]).max() for end in ends[:-1]]
+    slope = -np.polyfit(np.log2(steps), np.log2(errors), 1)[0]
+    ensemble = simulate_ensemble([(given, controller)] * 2, Simulation(t_end=T_END, dt=T_END / steps[0]))
+    assert ensemble.lost == runs[0].lost
+    if not sampled:
+        assert slope == pytest.approx(2, abs=0.3)
+        assert runs[0].lost.order == 2
+        assert runs[0].lost.bends
+        assert "second order there" in json.loads(json.dumps(run_block(runs[0])))["lost_order"]["sentence"]
+        return
+    assert slope == pytest.approx(4, abs=0.3)
+    assert runs[0].lost is None
+    behind = problem(Sine(2.0, 3.0), input=PlantInput(delay=delay, actuator=TransferFunction([20.0], [1.0, 20.0])))
+    assert simulate(behind, [controller], Simulation(t_end=T_END, dt=0.01))["c"].lost.bends  # of the actuator, at every sample
 
 
 def test_of_millions_of_jumps_in_a_step_none_is_looked_at(monkeypatch):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol
 
 from barbalat import validate
 from barbalat.adaptation.learning import CompositeLearning
@@ -12,6 +12,19 @@ from barbalat.adaptation.modifications import leakage as leak
 from barbalat.problem.known_set import EstimateSet, Gain, project
 from barbalat.protocols import Value
 from barbalat.validate import Array, InputError
+
+
+class ModifiedSettings(Protocol):
+    """Settings of a scheme whose law may be modified."""
+
+    @property
+    def leakage(self) -> leak.Leakage | None: ...
+
+    @property
+    def dead_zone(self) -> zone.DeadZone | None: ...
+
+    @property
+    def learning(self) -> CompositeLearning | None: ...
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -40,9 +53,10 @@ class Modifications:
                 "what the zone is to keep out"
             )
 
-    @property
-    def is_off(self) -> bool:
-        return self.leakage is None and self.dead_zone is None and self.learning is None
+    @classmethod
+    def of(cls, settings: ModifiedSettings) -> Modifications:
+        """InputError for what can't go together."""
+        return cls(leakage=settings.leakage, dead_zone=settings.dead_zone, learning=settings.learning)
 
     def initial(self, b: Array, x0: Array, parameters: int) -> Any:
         """The memory at t = 0: () without learning."""

@@ -6,7 +6,8 @@ from collections.abc import Callable, Iterable, Sequence
 
 from barbalat.certificates.certificate import Certificate, reason
 from barbalat.certificates.schemes import scheme_file, stranger
-from barbalat.loop.binding import is_sampled, numbered
+from barbalat.loop.binding import bound, is_sampled, numbered
+from barbalat.loop.blame import named
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller
 from barbalat.solvers.simulation import Simulation
@@ -23,12 +24,13 @@ def certify(
     """Certificates by the controllers' names; nothing is simulated, the solver and its step are what is judged.
 
     Of a class from outside the package what needs no proof is given; the rest is said to be unknown. A certificate whose
-    computation fails on the case's numbers has that as its finding. Raises InputError for a controller that does not fit the
-    problem. ``progress`` is called with the fraction done.
+    computation fails on the case's numbers has that as its finding. Raises InputError, with its name, for a controller that
+    does not fit the problem: no run of it is possible either. ``progress`` is called with the fraction done.
     """
     found, told = {}, numbered(controllers)
     for i, controller in enumerate(told, start=1):
-        found[controller.name] = _computed(problem, controller, simulation)
+        with named(controller.name):
+            found[controller.name] = _computed(problem, controller, simulation)
         if progress is not None:
             progress(i / len(told))
     return found
@@ -50,8 +52,9 @@ def certify_where_possible(
 def _computed(problem: TrackingProblem, controller: Controller, simulation: Simulation) -> Certificate:
     """Overflows, matrices that are singular or not finite, norms beyond the limit of precision are findings of the case."""
     try:
+        sampled = is_sampled(bound(problem, controller))  # refuses what does not fit
         found = (scheme_file(controller) or stranger).certificate(problem, controller, simulation)
-        return found if is_sampled(controller.bind(problem.known)) else _beside_its_runs(found, simulation)
+        return found if sampled else _beside_its_runs(found, simulation)
     except InputError:
         raise
     except (ArithmeticError, ValueError) as error:  # NumPy's LinAlgError is a ValueError

@@ -111,6 +111,7 @@ def gain_reduces_margins() -> Claim:
         maps=(chart,),
         number=f"delay margin of MRAC as Gamma^{slope:.2f}; of L1-AC {filtered[lowest]:.2g} s at its least, {limit:.3g} s in the limit",
         readings=readings,
+        condition="no filter is at the input; with one, not beyond the gain at which the margin is least",
         would_change="an MRAC whose margin does not fall with the gain, or an L1-AC whose margin falls at all gains",
     )  # fmt: skip
 

@@ -179,6 +179,7 @@ class Claim:
     how           the plant, the solver, the step, what was compared
     number        the one number that decides the verdict, with its unit and what it is, in a few words
     readings      where the sentence can be read in several ways, each with a verdict of its own; the row's is then ``of_readings``
+    condition     under which it is confirmed, where the verdict is "confirmed with conditions"; see ``holds_if``
     would_change  what would have to be measured, shown or assumed for another verdict
     sharpened     what ``reproduce --full`` measures beyond the plain command; empty where that is nothing
     """
@@ -193,14 +194,23 @@ class Claim:
     listings: tuple[Listing, ...] = ()
     number: str = field(kw_only=True)
     readings: tuple[Reading, ...] = field(default=(), kw_only=True)
+    condition: str = field(default="", kw_only=True)
     would_change: str = field(kw_only=True)
     sharpened: str = field(default="", kw_only=True)
+
+    @property
+    def holds_if(self) -> str:
+        """The condition of a verdict with conditions, the readings that hold where no other is named; empty for other verdicts."""
+        if self.verdict != "confirmed with conditions":
+            return ""
+        return self.condition or "; or ".join(one.says for one in self.readings if one.verdict != "not confirmed")
 
     def as_json(self) -> dict[str, Any]:
         """The JSON contract's block for a claim; what goes beyond it stands beside the contract's keys."""
         contract = ("id", "where", "statement", "verdict", "measured", "how")
         beside = ("number", "would_change", "sharpened")
         return {name: getattr(self, name) for name in contract + beside} | {
+            "condition": self.holds_if,
             "readings": [asdict(one) for one in self.readings],
             "listings": [asdict(one) for one in self.listings],
         }

@@ -41,6 +41,7 @@ def condition() -> Claim:
         "k1 < k2, N(k) = ||W_b (C - 1)||_1, and N(k) <= k ||s W_b||_1 near zero",
         number=f"the condition flips at kappa = {proved:.6f} s",
         readings=readings,
+        condition="0.05 is read with its two decimals, as a rounded limit",
         would_change="nothing that is simulated: the range is proved on both sides",
     )  # fmt: skip
 

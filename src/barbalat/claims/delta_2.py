@@ -115,11 +115,11 @@ def claim(*, full: bool = False) -> Claim:
         f"With Section V's own command, one sine, {_one_frequency()}",
         f"Section V with r = 30 sin 0.5t + 20 sin 1.7t, robust MRAC, RK4, h = {H:g} s, {t_end:g} s, tau = {span(TAUS)} s, mu = "
         f"{span(SIZES)} s, as Delta_m = -mu s and as "
-        f"a delay; with Section V's alpha_0 = 0 and with (16), alpha_0 = {ALPHA_0:g}, delta_0 = {DELTA_0:g}; every step, tail: the last quarter. Condition: Delta well below the size "
-        "that the loop bears, for the peak of the transient",
+        f"a delay; with Section V's alpha_0 = 0 and with (16), alpha_0 = {ALPHA_0:g}, delta_0 = {DELTA_0:g}; every step, tail: the last quarter",
         listings=_listings(found, nu),
         number=f"exponent of |e| in mu at fixed tau: {exponents.min():.3f} to {exponents.max():.3f}",
         readings=readings,
+        condition="for the peak of the transient, Delta is well below the size that the loop bears; the error that stays needs no such condition",
         would_change="confirmed: a peak that grows in proportion up to the largest Delta; not confirmed: a steady error that does not, or a nu that grows as tau falls",
         sharpened=f"runs of {LONGER:g} s, in which learning has removed more of the rest",
     )  # fmt: skip

@@ -94,11 +94,11 @@ def claim(*, full: bool = False) -> Claim:
         of_readings(readings),
         f"Figure 2's settings against Figure 3's: better in {holds} of the {len(named)} respects that the paper names, and in {sum(r.holds for r in respects) - holds} of {len(respects) - len(named)} others; "
         f"worse: {'; '.join(worse) or 'none'}. With tau = kappa = {EQUAL:g} s worse: {'; '.join(lost_when_equal) or 'none'}",
-        f"Section V, RK4, 60 s; L1-AC with Gamma = {GAMMA:g} at h = 1e-5 s (nominal plant), {MODERATE_GAMMA:g} at h = 2e-4 s and below for the rest, at which it tracks equally. Condition: no disturbance acts while the robust MRAC "
-        "learns, which its large initial covariance takes for the plant's",
+        f"Section V, RK4, 60 s; L1-AC with Gamma = {GAMMA:g} at h = 1e-5 s (nominal plant), {MODERATE_GAMMA:g} at h = 2e-4 s and below for the rest, at which it tracks equally",
         listings=(_listing(respects),),
         number=f"in which the robust MRAC is better: {holds} of {len(named)} respects",
         readings=readings,
+        condition="no disturbance acts while the robust MRAC learns, which its large initial covariance takes for the plant's",
         would_change="confirmed: settings with which the robust MRAC's peak beside a disturbance is the smaller too, and no respect is lost for it",
         sharpened="delays searched over 60 s",
     )  # fmt: skip

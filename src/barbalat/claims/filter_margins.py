@@ -89,6 +89,7 @@ def claim() -> Claim:
         listings=(_listing(found),),
         number=f"gain margin {effect.gain_margins[0]:.4g} to {effect.gain_margins[1]:.4g}, delay margin {adapting[0]:.2g} to {adapting[1]:.2g} s at Gamma = 100",
         readings=readings,
+        condition="robustness is the gain margin, or the delay margin with the estimates at rest on theta; at gains like Figure 3's not the delay margin of the loop that adapts",
         would_change="for the gain margin: a moderate filter that raises it at some gain; for the delay margin: one that lowers it at high gain",
     )  # fmt: skip
 

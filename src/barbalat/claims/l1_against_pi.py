@@ -48,6 +48,7 @@ def claim(l1: Array, pi: Array) -> Claim:
         f"as adaptive-against-linear, without a delay; all with a delay margin of {1e3 * margin:.0f} ms at Section V's theta",
         number=f"tail error over the PI's at size 1: {at_one(l1 / pi):.2g} with (6), {at_one(second / pi):.2g} with C'(0) = 0",
         readings=readings,
+        condition="1 - C has two slopes, C'(0) = 0; with the first-order filter (6), the paper's, the PI tracks better",
         would_change="another C, as the readings show; another design of the PI, another delay margin or command",
     )  # fmt: skip
 

@@ -115,10 +115,11 @@ def claim(*, full: bool = False) -> Claim:
         f"itself stays up to {found.model:.3g} away from the model x_m, whatever Gamma is",
         f"Section V, kappa = {section_v.KAPPA:g} s, RK4, h = {span(list(steps.values()))} s, {T_END:g} s, {INSTANTS} instants; "
         "certified L1 norms. Assumptions checked: the condition, theta in the known set, C and the "
-        "predictor at rest, no modelling error, no disturbance. Condition: a step that resolves the ringing",
+        "predictor at rest, no modelling error, no disturbance",
         listings=_listings(found, bound, steps),
         number=f"largest |x - x_ref| over gamma_1/sqrt(Gamma): {share.max():.2g}",
         readings=readings,
+        condition="the solver's step resolves the ringing",
         would_change="confirmed: a numerically unstable run that stays within the bound too; not confirmed: a resolved run that leaves it, or an assumption that fails",
         sharpened=f"Gamma up to {max(MORE_STEPS):g}, at steps down to {min(MORE_STEPS.values()):g} s",
     )  # fmt: skip

@@ -121,6 +121,7 @@ def with_error(runs: dict[float, Along]) -> Claim:
         number=f"least nu for epsilon m_s: {by_definition['error'].max():.2g} along runs, "
         f"{scalar_lemma.constants(scalar_lemma.ScalarLeastSquares()).max():.3g} for the worst signals tried",
         readings=readings,
+        condition="along the loop's own runs with these sizes of mu; not one nu for any signals of (13), with pure least squares",
         would_change="a law whose gain is kept from zero: with the gradient law both readings hold for any signals",
     )  # fmt: skip
 

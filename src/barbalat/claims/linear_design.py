@@ -133,8 +133,16 @@ def _adaptive_against_linear(contestants: list[Contestant], measured: dict[str, 
         (_table(contestants, measured),),
         number=f"least tail error at the corner: adaptive {least[0]:.2g}, linear {best[0]:.2g}; with the delay {least[1]:.2g} and {best[1]:.2g}",
         readings=readings,
+        condition=_condition(readings),
         would_change="a linear design told more of the family, settings tuned to each size, another command or delay: all settings are fixed here",
     )  # fmt: skip
+
+
+def _condition(readings: tuple[Reading, ...]) -> str:
+    """Which scheme it is, and where, from the readings as they came out."""
+    always = [reading.says for reading in readings if reading.verdict == "confirmed"]
+    partly = [reading.says for reading in readings if reading.verdict == "confirmed with conditions"]
+    return f"it is {'; '.join(always) or 'none at every size'}" + (f"; at some sizes also {'; '.join(partly)}" if partly else "")
 
 
 def _best_linear(contestants: list[Contestant], measured: dict[str, Measured], part: str) -> Array:

@@ -61,7 +61,7 @@ def boundary(runs: Runs) -> Claim:
 
 def _predicted_gain(smooth: Result, h: Array) -> Array:
     """(beta/h)^2/(max |x|^2 b'P b); |x| from a run without oscillation, on which neither gain nor step has an influence."""
-    known = smooth.problem.known
+    known = section_v.problem().known
     return (RK4.imaginary_limit / h) ** 2 / (np.linalg.norm(smooth.x, axis=1).max() ** 2 * float(known.b @ known.P @ known.b))
 
 

@@ -23,6 +23,8 @@ from barbalat.claims import (
     numerics,
     onset,
     output_feedback,
+    own_oscillation,
+    relative_degree,
     robustness,
     sampled,
     stiff,
@@ -102,7 +104,7 @@ LEDGER = (
     ),
     Measurement(numerics.smaller_gain, 0.2, {"smaller-gain": "a smaller gain removes the oscillations"}),
     Measurement(numerics.small_tau, 0.4, {"small-tau-numerics": "a very small tau fails numerically"}),
-    Measurement(stiff.own_oscillation, 5.7, {"own-oscillation": "at h = 1e-5 s the oscillation is gone"}),
+    Measurement(own_oscillation.own_oscillation, 5.7, {"own-oscillation": "at h = 1e-5 s the oscillation is gone"}),
     Measurement(
         stiff.stiff_solvers, 12.0, {"stiff-solvers": "solvers for stiff problems"},
         sharper=stiff.stiff_solvers_further, sharper_seconds=120.0,
@@ -165,6 +167,6 @@ LEDGER = (
     Measurement(output_feedback.l1_is_linear, 0.6, {"l1-output-is-lti": "the L1 output-feedback controller is linear"}),
     Measurement(output_feedback.rohrs, 1.0, {"rohrs": "Rohrs' example"}),
     Measurement(
-        output_feedback.any_relative_degree, 2.0, {"siso-any-relative-degree": "the robust MRAC for any relative degree"}
+        relative_degree.any_relative_degree, 4.0, {"siso-any-relative-degree": "the robust MRAC for any relative degree"}
     ),
 )  # fmt: skip

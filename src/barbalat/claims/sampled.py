@@ -110,6 +110,7 @@ def delays() -> Claim:
         listings=(_listing(found, quiet),),
         number=f"samples of delay borne: {borne:g} without filter, {borne_by_l1:g} with it",
         readings=readings,
+        condition="robustness is that the estimates stay quiet; by the tracking error it depends on the delay",
         would_change="an unfiltered fast sampled law that stays quiet under two samples of delay, or a filter that does not help there",
     )
 

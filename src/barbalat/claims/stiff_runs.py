@@ -130,6 +130,11 @@ def agrees(path: Path, right: Path, span: tuple[float, float]) -> bool:
     )
 
 
+def rings_too_much(path: Path, right: Path, span: tuple[float, float]) -> bool:
+    """Whether it got there and swings more than the converged solution does."""
+    return not path.lost and path.reached >= span[1] * (1 - 1e-9) and ratio(path, right, span) >= AGREEMENT_FACTOR
+
+
 def cell(row: Row, which: int, right: tuple[Path, Path]) -> str:
     """The ratio and what it means, or why there is none."""
     path = (row.free, row.boxed)[which]

@@ -196,5 +196,6 @@ def is_mrac() -> Claim:
         ),
         number=f"difference with C = 1: {difference:.1g}; tail errors of the two filtered schemes {apart:.0%} apart",
         readings=readings,
+        condition="read of the predictor's form (5)-(8): the filter stands in front of an input of which the predictor knows",
         would_change="errors of the two that differ with C = 1, or a filtered error-driven MRAC that moves as (5)-(8) does",
     )  # fmt: skip

@@ -114,10 +114,11 @@ def claim(*, full: bool = False) -> Claim:
         f"that does it, {firsts.min():g} s to {firsts.max():g} s, is one that the same loop bears with theta known; theta = 0: {_of_the_centre(found, ideal)}",
         f"Section V, theta over its known set, Gamma = {numbers(gains)}, {len(DELAYS)} exact delays from {DELAYS[0]:g} to "
         f"{DELAYS[-1]:g} s, RK4, h = {H / 4 if full else H:g} s, {T_END:g} s. Unbounded: diverged, or |e| in the last "
-        f"quarter beyond {UNBOUNDED_RATIO:g} times the largest |x_m|; what is counted as bounded stays below {max(float(each.tail.max()) for each in found.values()):.2g} times. Condition: a known set with estimates that do not stabilise the plant",
+        f"quarter beyond {UNBOUNDED_RATIO:g} times the largest |x_m|; what is counted as bounded stays below {max(float(each.tail.max()) for each in found.values()):.2g} times",
         listings=(*_listings(found, ideal, gains), at_rohrs_plant),
         number=f"smallest delay with unbounded growth that the loop with theta known bears: {firsts.min():g} s",
         readings=readings,
+        condition="the known set holds estimates that do not stabilise the plant",
         would_change="confirmed: unbounded runs with every filter; not confirmed: a bound on x beside Delta_m for Section V's known set, with (4) and (7) as they stand",
         sharpened=f"{len(MORE_GAINS)} gains, Gamma = {span(MORE_GAINS)}, all of it at a quarter of the step",
     )  # fmt: skip

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any, ClassVar, NamedTuple, Protocol
+from dataclasses import dataclass, field, replace
+from typing import Any, ClassVar, NamedTuple, Protocol, Self
 
 import numpy as np
 
@@ -11,7 +11,7 @@ from barbalat.adaptation.law import SampleData, SampledLaw
 from barbalat.adaptation.normalization import Normalization
 from barbalat.controllers.steps import Filter, LinearStep
 from barbalat.problem.known_set import EstimateSet
-from barbalat.protocols import Equations, Sample, Value
+from barbalat.protocols import Equations, Sample, Value, kept
 
 
 class ParametricEquations(Equations, Protocol):
@@ -49,6 +49,7 @@ class Estimator:
     law: SampledLaw
     model: LinearStep
     filter: Filter | None
+    frozen: Value = field(default=None, kw_only=True)  # where it holds, estimates and memory rest; None: it never does
 
     explicit: ClassVar[bool] = False
 
@@ -64,7 +65,11 @@ class Estimator:
         decay = np.exp(-c.normalization.delta_0 * T)
         n_d = decay * state.n_d + (1 - decay) / c.normalization.delta_0 * driven  # (16), exact for what was held
         data = SampleData(T, z, phi, c.normalization.m_s_squared(phi, (state.n_d + n_d) / 2))
-        return Learnt(*self.law.sampled_step(state.theta_hat, state.memory, data, c.box), n_d)
+        moved = self.law.sampled_step(state.theta_hat, state.memory, data, c.box)
+        return Learnt(kept(self.frozen, state.theta_hat, moved.theta_hat), kept(self.frozen, state.memory, moved.memory), n_d)
+
+    def freezing(self, frozen: Value) -> Self:
+        return replace(self, frozen=frozen)
 
     def swapped(self, state: Any, following: Any, Xi_mid: Value) -> Value:
         """The swapping term's state at the sample's end, which exists with an auxiliary input alone."""

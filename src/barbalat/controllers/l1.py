@@ -120,17 +120,15 @@ class L1Adaptive:
     def __post_init__(self) -> None:
         check_common(self)
         object.__setattr__(self, "gamma", gain.accept("gamma", self.gamma))
-        self._modifications()  # refuses what can't go together
+        Modifications.of(self)  # refuses what can't go together
         if self.filter is not None:
             object.__setattr__(self, "filter", require_low_pass(TransferFunction.accept("filter", self.filter)))
-
-    def _modifications(self) -> Modifications:
-        return Modifications(leakage=self.leakage, dead_zone=self.dead_zone, learning=self.learning)
 
     def bind(self, known: Known) -> Equations:
         gamma = Gain(self.gamma)
         gamma.require_size("gamma", known.parameters)
-        self._modifications().require_fit(known.inputs)
+        modifications = Modifications.of(self)
+        modifications.require_fit(known.inputs)
         box = projection_box(self.projection, known)
         return Equations(
             A_m=known.A_m,
@@ -143,7 +141,7 @@ class L1Adaptive:
             theta_hat0=initial_estimate(self.theta_hat0, box, known),
             x0=known.x0,
             box=box,
-            modifications=self._modifications(),
+            modifications=modifications,
             limits=limits_of_predictor(self.saturated_predictor, known),
         )
 

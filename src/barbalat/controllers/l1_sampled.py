@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
@@ -11,7 +11,7 @@ from barbalat.adaptation import implicit
 from barbalat.controllers.steps import Filter, Unmoved, half_step
 from barbalat.controllers.windup import ModifiedError
 from barbalat.problem.known_set import KnownSet
-from barbalat.protocols import Sample, Value
+from barbalat.protocols import Sample, Value, kept
 from barbalat.validate import Array, InputError
 
 if TYPE_CHECKING:
@@ -33,6 +33,7 @@ class Predictor:
     filter: Filter
     coupling: Array | float  # T b'P (I - T A_m)^-1 b > 0; (m, m) with m inputs
     windup: ModifiedError | None = None
+    frozen: Value = None  # where it holds, the estimates rest and nothing is remembered; None: it never does
 
     explicit: ClassVar[bool] = False
 
@@ -68,13 +69,24 @@ class Predictor:
         c, T, u = self.continuous, self.sample_time, self.continuous.applied(u)
         unmoved = self._unmoved(state, before, u, now)
         memory = self._memory(state, before, u, now)
-        theta_hat = implicit.with_leakage(
+        moved = implicit.with_leakage(
             c.modifications.leakage, state.theta_hat, unmoved.error, lambda w: self._moved(state, memory, unmoved, w)
         )
+        theta_hat, memory = kept(self.frozen, state.theta_hat, moved), self._remembered(state.memory, memory)
         x_hat = unmoved.x_hat + T * (self.end @ np.dot(c.b, unmoved.phi.T @ theta_hat))
-        following = state._replace(theta_hat=implicit.into(theta_hat, c.box, c.gamma), x_hat=x_hat, memory=memory)
+        inside = kept(self.frozen, theta_hat, implicit.into(theta_hat, c.box, c.gamma))
+        following = state._replace(theta_hat=inside, x_hat=x_hat, memory=memory)
         wanted = c.filter_input(state, before.x, before.r), c.filter_input(following, now.x, now.r)
         return following._replace(filter=self.filter.end(state.filter, *wanted))
+
+    def freezing(self, frozen: Value) -> Predictor:
+        return replace(self, frozen=frozen)
+
+    def _remembered(self, before: Any, memory: Any) -> Any:
+        """What was learnt; the filters of what is measured go on while it rests."""
+        if self.continuous.modifications.learning is None:
+            return memory
+        return memory._replace(R=kept(self.frozen, before.R, memory.R), Q=kept(self.frozen, before.Q, memory.Q))
 
     def _unmoved(self, state: l1.State, before: Sample, u: Value, now: Sample) -> Unmoved:
         c, T = self.continuous, self.sample_time

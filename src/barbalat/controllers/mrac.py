@@ -134,15 +134,13 @@ class Mrac:
                     "modified_error can't go with composite learning, whose memory takes u as what reaches the plant"
                 )
         object.__setattr__(self, "gamma", gain.accept("gamma", self.gamma))
-        self._modifications()  # refuses what can't go together
-
-    def _modifications(self) -> Modifications:
-        return Modifications(leakage=self.leakage, dead_zone=self.dead_zone, learning=self.learning)
+        Modifications.of(self)  # refuses what can't go together
 
     def bind(self, known: Known) -> Equations:
         gamma = Gain(self.gamma)
         gamma.require_size("gamma", known.parameters)
-        self._modifications().require_fit(known.inputs)
+        modifications = Modifications.of(self)
+        modifications.require_fit(known.inputs)
         box = projection_box(self.projection, known)
         return Equations(
             A_m=known.A_m,
@@ -154,7 +152,7 @@ class Mrac:
             theta_hat0=initial_estimate(self.theta_hat0, box, known),
             x0=known.x0,
             box=box,
-            modifications=self._modifications(),
+            modifications=modifications,
             windup=self.modified_error,
             limits=None if self.modified_error is None else known_limits("modified_error", known),
         )

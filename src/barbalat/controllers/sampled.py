@@ -6,7 +6,6 @@ from dataclasses import KW_ONLY, dataclass, replace
 from typing import Any, ClassVar, NamedTuple
 
 from barbalat import validate
-from barbalat.problem.state_feedback import Known
 from barbalat.protocols import Controller, Discretizable, Equations, Sample, SampledEquations, Value, feedback_of
 from barbalat.validate import InputError
 
@@ -74,7 +73,7 @@ class Sampled:
         """What is fed back: "state" or "output"."""
         return feedback_of(self.controller)
 
-    def bind(self, known: Known) -> SampledEquations:
+    def bind(self, known: object) -> SampledEquations:
         equations, T = self.controller.bind(known), self.sample_time
         if isinstance(equations, SampledEquations):
             raise InputError(f"controller must be a continuous controller, but {self.name} is sampled itself")

@@ -37,7 +37,8 @@ def initial_estimate(theta_hat0: Array | None, box: EstimateSet | None, known: K
         default[-gains:] = np.clip(1.0, *known.gains.extent)
     if theta_hat0 is not None and gains and len(theta_hat0) == known.parameters - gains:
         theta_hat0 = np.concatenate([theta_hat0, default[-gains:]])
-    estimate = validate.vector("theta_hat0", default if theta_hat0 is None else theta_hat0, known.parameters)
+    estimate = default if theta_hat0 is None else validate.vector("theta_hat0", theta_hat0, known.parameters)
+    estimate.flags.writeable = False
     if box is not None and not box.contains(estimate):
         given = "the default, " if theta_hat0 is None else ""
         raise InputError(f"theta_hat0 must lie in the known set, {box}, got {given}{validate.show(estimate)}")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from dataclasses import fields, is_dataclass, replace
 from itertools import chain, count
-from typing import Any
+from typing import Any, TypeGuard
 
 from barbalat import validate
 from barbalat.loop.blame import blamed
@@ -18,7 +18,7 @@ from barbalat.validate import InputError
 _sampled: dict[type, bool] = {}
 
 
-def is_sampled(equations: Equations | SampledEquations) -> bool:
+def is_sampled(equations: Equations | SampledEquations) -> TypeGuard[SampledEquations]:
     """Whether equations act at instants of their own; asked of a class once, for it takes long, and of every member's."""
     kind = type(equations)
     if kind not in _sampled:
@@ -59,14 +59,16 @@ class Bindings:
 
     def __init__(self) -> None:
         self._last: tuple[Controller, Any, Equations | SampledEquations] | None = None
+        self._outside = False  # whether a class from outside takes part in the first, and with it in all
 
     def __call__(self, problem: TrackingProblem, controller: Controller) -> Equations | SampledEquations:
         known = problem.known
         if self._last is None:
             found = bound(problem, controller)
+            self._outside = comes_from_outside(controller)
         elif identical(controller, self._last[0]) and identical(known, self._last[1]):
             return self._last[2]
-        elif type(controller) is type(self._last[0]) and not comes_from_outside(controller):
+        elif type(controller) is type(self._last[0]) and not self._outside:
             found = controller.bind(known)
         else:
             found = _equations(problem, controller)

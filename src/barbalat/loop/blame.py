@@ -77,6 +77,12 @@ def require_like(found: Any, state: Any, what: str) -> None:
     expected, given = list(leaves(state)), list(leaves(found))
     if len(expected) != len(given):
         raise InputError(f"{what}: it must return {len(expected)} arrays, as initial does, got {len(given)}")
+    places = [place for place, _ in given]
+    if type(found) is not tuple and places != [place for place, _ in expected]:
+        raise InputError(
+            f"{what}: it must return a {type(state).__name__} with the fields {', '.join(place for place, _ in expected)}, "
+            f"got a {type(found).__name__} with {', '.join(places)}"
+        )
     for (place, array), (_, value) in zip(expected, given, strict=True):
         shape = shape_of(value)
         if shape != array.shape:
@@ -114,6 +120,17 @@ def blamed(what: str) -> Iterator[None]:
         raise
     except Exception as error:
         raise InputError(f"{what} fails{_line(error)}: {_reason(error)}") from error
+
+
+@contextmanager
+def named(controller: str) -> Iterator[None]:
+    """A controller that does not fit its problem is told apart from those that stand beside it."""
+    try:
+        yield
+    except InputError as error:
+        if validate.show(controller) in str(error) or str(error).startswith(f"{controller} "):
+            raise  # it is named
+        raise InputError(f"controller {validate.show(controller)}: {error}") from error
 
 
 def _reason(error: Exception) -> str:

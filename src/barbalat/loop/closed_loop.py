@@ -3,27 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 
 from barbalat import validate
+from barbalat.linear.zero_order_hold import HeldSystem
 from barbalat.loop.binding import Bind, bound, is_sampled
 from barbalat.loop.packing import as_array, flatten, map_arrays, unflatten
-from barbalat.loop.parts import Held, LoopState, Outputs, Signals
+from barbalat.loop.parts import LoopState, Outputs, Signals
+from barbalat.loop.sampling import Acting, SampledController, held_model
 from barbalat.problem.actuation import InputPath
 from barbalat.problem.measurement import Sensor
 from barbalat.problem.tracking import TrackingProblem
-from barbalat.protocols import (
-    Controller,
-    DiscretizedEquations,
-    Dynamics,
-    Equations,
-    Sample,
-    SampledEquations,
-    Value,
-)
+from barbalat.protocols import Controller, DiscretizedEquations, Dynamics, Equations, SampledEquations, Value
 from barbalat.validate import Array
 
 
@@ -43,6 +37,7 @@ class ClosedLoop:
     output_disturbed: bool = False
     clocked: bool = False
     delayed: bool = False
+    discrete_model: HeldSystem | None = None  # of a sampled controller
 
     @classmethod
     def of(cls, problem: TrackingProblem, controller: Controller, *, bind: Bind = bound) -> ClosedLoop:
@@ -50,12 +45,13 @@ class ClosedLoop:
         validate.instance("problem", problem, TrackingProblem)
         equations = bind(problem, controller)
         sensor, noise = problem.sensor, problem.noise
+        commands = len(problem.commands) if isinstance(problem.reference, tuple) else None
         return cls(
             problem.dynamics,
             problem.model,
             equations,
             paths=tuple(path.path for path in problem.plant.paths),
-            commands=len(problem.commands) if isinstance(problem.reference, tuple) else None,
+            commands=commands,
             lag=sensor if sensor is not None and sensor.lag > 0 else None,
             noise_std=None if noise is None else noise.std * np.ones(problem.dynamics.outputs),
             disturbed=problem.disturbance is not None,
@@ -63,6 +59,7 @@ class ClosedLoop:
             output_disturbed=problem.output_disturbance is not None,
             clocked=problem.depends_on_time,
             delayed=problem.delay > 0,
+            discrete_model=held_model(problem.model, equations.sample_time, commands) if is_sampled(equations) else None,
         )
 
     def initial(self) -> Array:
@@ -71,23 +68,23 @@ class ClosedLoop:
 
     @property
     def _initial(self) -> LoopState:
-        y, y_m = self.plant.output(self.plant.x0), self.model.output(self.model.x0)
-        controller: Any = self.equations.initial()
+        y = self.plant.output(self.plant.x0)
+        acting = None if self.computer is None else self.computer.initial(y)
         return LoopState(
             x=self.plant.x0,
             x_m=self.model.x0,
             input=tuple(() if path is None else path.initial() for path in self.paths),
             sensor=np.zeros(0) if self.lag is None else y,
-            controller=controller,
-            held=Held(
-                np.zeros(() if self.inputs == 1 else self.inputs),
-                Sample(0 * y, 0 * y_m, np.zeros(() if self.commands is None else self.commands)),
-                np.zeros(()),
-                controller.theta_hat,
-            )
-            if self.sampled
-            else (),
+            controller=self.equations.initial() if acting is None else acting.controller,
+            held=() if acting is None else acting.held,
         )
+
+    @cached_property
+    def computer(self) -> SampledController | None:
+        """A sampled controller with its own reference model."""
+        if not is_sampled(self.equations) or self.discrete_model is None:
+            return None
+        return SampledController(self.equations, self.model, self.discrete_model, self.inputs, self.commands)
 
     @property
     def sampled(self) -> bool:
@@ -200,18 +197,17 @@ class ClosedLoop:
             held=held,
         )
 
+    def sampled_at(self, flat: Value, signals: Value) -> tuple[Value, Value]:
+        """What a sampled controller is handed: the measurement and the command."""
+        state, given = self.unpack(flat), self._signals(signals)
+        return self._measured(state, given), given.r
+
     def sample(self, flat: Value, signals: Value) -> Value:
         """The flat state after a sampled controller has acted: it advances from the last sample to this one and sets u."""
-        assert isinstance(self.equations, SampledEquations)
-        state, given = self.unpack(flat), self._signals(signals)
-        now = Sample(self._measured(state, given), self.model.output(state.x_m), given.r)
-        advanced = self.equations.advance(state.controller, state.held.before, state.held.u, now)
-        old = flatten(state.controller)
-        chosen = np.where(state.held.started > 0, flatten(advanced), old)
-        controller, _ = unflatten(self._initial.controller, chosen, 0)
-        u = self.equations.control(controller, *now)
-        held = Held(u, now, 0 * state.held.started + 1, state.controller.theta_hat)
-        return flatten(state._replace(controller=controller, held=held))
+        assert self.computer is not None
+        state = self.unpack(flat)
+        acted = self.computer.act(Acting(state.controller, state.held), *self.sampled_at(flat, signals))
+        return flatten(state._replace(**acted._asdict()))
 
     def undelayed_input(self, flat: Value, signals: Value) -> Value:
         """What enters the delay."""

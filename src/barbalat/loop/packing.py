@@ -32,9 +32,13 @@ def _like(template: Any, parts: list[Any]) -> Any:
 
 
 def _leaves(state: Any) -> list[Value]:
-    if isinstance(state, tuple):
-        return [leaf for part in state for leaf in _leaves(part)]
-    return [as_array(state)]
+    found: list[Value] = []
+    for part in state if isinstance(state, tuple) else (state,):
+        if isinstance(part, tuple):
+            found += _leaves(part)
+        else:
+            found.append(as_array(part))
+    return found
 
 
 def as_array(value: Value) -> Value:

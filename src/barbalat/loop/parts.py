@@ -4,14 +4,16 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from barbalat.protocols import Sample, Value
+from barbalat.protocols import Value
 
 
 class Held(NamedTuple):
     """What a sampled controller keeps from one sample to the next."""
 
     u: Value  # the control
-    before: Sample  # what was sampled
+    measured: Value  # what was sampled: the state, or y
+    x_m: Value  # the state of its own reference model, from sample to sample
+    r: Value  # the command that was sampled
     started: Value  # 0 before the first sample, then 1
     theta_hat: Value  # the estimates as they were before this step's sample, if it has one
 

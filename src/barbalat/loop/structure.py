@@ -85,10 +85,11 @@ def structure(part: Any, depth: int = 0) -> Iterator[Any]:
 def values_of(part: Any) -> tuple[Any, ...]:
     """The values of ``parts_of``, of what has parts."""
     kind = type(part)
+    if (found := _VALUES.get(kind)) is not None:
+        return found(part)
     if (names := _field_names(kind)) is None:
-        return tuple((parts_of(part) or {}).values())
-    if kind not in _VALUES:
-        _VALUES[kind] = attrgetter(*names) if len(names) > 1 else lambda part: tuple(getattr(part, name) for name in names)
+        return part if isinstance(part, tuple) else tuple((parts_of(part) or {}).values())
+    _VALUES[kind] = attrgetter(*names) if len(names) > 1 else lambda part: tuple(getattr(part, name) for name in names)
     return _VALUES[kind](part)
 
 

@@ -9,6 +9,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
 
 from barbalat.lowering.c99_bits import OF_BITS
 from barbalat.lowering.functions import FUNCTIONS, function
@@ -37,26 +40,40 @@ _LOOP = """\
 """
 
 
-def constant(value: float) -> str:
-    """A double as C99 reads it exactly: a hexadecimal constant (section 6.4.4.2), or a macro of math.h."""
+@dataclass(frozen=True, slots=True)
+class Real:
+    """A type of C for numbers: its name, the end of its constants and of math.h's functions, and the numbers that it has."""
+
+    name: str
+    suffix: str
+    numbers: type[np.floating]
+
+
+DOUBLE, FLOAT = Real("double", "", np.float64), Real("float", "f", np.float32)
+
+
+def constant(value: float, real: Real = DOUBLE) -> str:
+    """A number as C99 reads it exactly: a hexadecimal constant (section 6.4.4.2), or a macro of math.h."""
+    with np.errstate(over="ignore"):
+        value = float(real.numbers(value))
     if math.isnan(value):
         return "NAN"
     if math.isinf(value):
         return "INFINITY" if value > 0 else "-INFINITY"
-    return value.hex()
+    return f"{value.hex()}{real.suffix}"
 
 
-def statements(program: Program, inputs: dict[tuple[int, int], str]) -> list[str]:
+def statements(program: Program, inputs: dict[tuple[int, int], str], real: Real = DOUBLE) -> list[str]:
     """One declaration for each operation; the value of operation i is called t<i>.
 
     ``inputs`` gives the C text of each input by (argument, component). Raises ValueError for an operation without translation.
     """
-    printer = _Printer(program)
+    printer = Printer(program, real)
     lines = []
     for i, op in enumerate(program.operations):
-        kind, remark = "int" if op.name in COMPARISONS else "double", ""
+        kind, remark = "int" if op.name in COMPARISONS else real.name, ""
         if op.name == "constant":
-            text = constant(op.value)
+            text = constant(op.value, real)
             remark = f" /* {op.value!r} */" if math.isfinite(op.value) else ""
         else:
             text = inputs[op.source] if op.name == "input" else printer.expression(op)
@@ -64,8 +81,19 @@ def statements(program: Program, inputs: dict[tuple[int, int], str]) -> list[str
     return lines
 
 
-class _Printer:
-    def __init__(self, program: Program) -> None:
+def calls_functions(program: Program) -> bool:
+    """Whether the C text of the operations needs math.h."""
+    names = {op.name for op in program.operations}
+    constants = {op.value for op in program.operations if op.name == "constant"}
+    return bool(names & {*_LIBRARY, *FUNCTIONS, "fnma"}) or not all(map(math.isfinite, constants))
+
+
+class Printer:
+    """The C text of operations whose values are called t<i>."""
+
+    def __init__(self, program: Program, real: Real = DOUBLE) -> None:
+        self.real = real
+        self.zero = f"0.0{real.suffix}"
         self.operations = program.operations
 
     def is_truth(self, i: int) -> bool:
@@ -73,10 +101,10 @@ class _Printer:
 
     def number(self, i: int) -> str:
         """Value i as a number; a truth value becomes 0 or 1, and then has a sign."""
-        return f"(double)t{i}" if self.is_truth(i) else f"t{i}"
+        return f"({self.real.name})t{i}" if self.is_truth(i) else f"t{i}"
 
     def condition(self, i: int) -> str:
-        return f"t{i}" if self.is_truth(i) else f"(t{i} != 0.0)"
+        return f"t{i}" if self.is_truth(i) else f"(t{i} != {self.zero})"
 
     def expression(self, op: Operation) -> str:
         name, operands = op.name, op.operands
@@ -84,7 +112,7 @@ class _Printer:
             c = [self.condition(i) for i in operands]
             return f"!{c[0]}" if name == "not" else f"{c[0]} {'&' if name == 'and' else '|'} {c[1]}"
         if name in ("select", "if_else_zero"):
-            other = self.number(operands[2]) if name == "select" else "0.0"
+            other = self.number(operands[2]) if name == "select" else self.zero
             return f"{self.condition(operands[0])} ? {self.number(operands[1])} : {other}"
         x = [self.number(i) for i in operands]
         if name in _INFIX:
@@ -94,9 +122,9 @@ class _Printer:
         if name == "neg":
             return f"-{x[0]}"
         if name == "fnma":
-            return f"fma(-{x[0]}, {x[1]}, {x[2]})"
+            return f"fma{self.real.suffix}(-{x[0]}, {x[1]}, {x[2]})"
         if _LIBRARY.get(name) == len(x):
-            return f"{name}({', '.join(x)})"
+            return f"{name}{self.real.suffix}({', '.join(x)})"
         if name in FUNCTIONS or name in OF_BITS:
             return f"barbalat_{name}({', '.join(x)})"
         if name == "lookup":
@@ -120,7 +148,7 @@ def loop(step: Program, shape: LoopShape, resets: tuple[float, ...], lanes: int 
     inputs = {(0, i): local for i, local in enumerate(x)} | {(1, i): local for i, local in enumerate(a)}
     inputs |= {(2, i): _entry("parameters", i, lanes) for i in range(shape.parameters)}
     inputs |= {(3, i): f"signals[{i}]" for i in range(shape.signals)}
-    printer = _Printer(step)
+    printer = Printer(step)
     following = [printer.number(i) for row in step.outputs for i in row]
     begin = [f"{_entry('out', i, lanes)} = {local};" for i, local in enumerate(x)]
     begin += [f"{local} = {constant(reset)};" for local, reset in zip(a, resets, strict=True)]
@@ -166,13 +194,19 @@ def _lines(lines: list[str], indent: int) -> str:
     return "".join(f"{' ' * indent}{line}\n" for line in lines)
 
 
+NOTICE = """\
+/* Coefficients: fdlibm. Copyright (C) 1993, 2004 by Sun Microsystems, Inc. All rights reserved. Permission to use, copy,
+ * modify, and distribute this software is freely granted, provided that this notice is preserved. */
+"""
+
+
 def definitions(programs: Iterable[Program]) -> str:
     """C source of the functions that these lists call, each with what it needs itself."""
     called = {op.name for program in programs for op in program.operations} & FUNCTIONS
     lists = {name: [part for part in (function(name).usual, function(name).rare) if part is not None] for name in sorted(called)}
     used = {op.name for parts in lists.values() for part in parts for op in part.operations}
     text = [source for name, source in OF_BITS.items() if name in used]
-    return "\n".join([*text, *(_definition(name) for name in lists), ""]) if lists else ""
+    return "\n".join([NOTICE, *text, *(_definition(name) for name in lists), ""]) if lists else ""
 
 
 def _definition(name: str) -> str:

@@ -43,3 +43,23 @@ class Compiled:
         self._run()
         values = self._result.copy()
         return values if self.shape[1] == 1 else values.reshape(self.shape, order="F")
+
+
+def tabulated(function: casadi.Function, *columns: np.ndarray) -> list[np.ndarray]:
+    """Every result (rows, K) of an SX function of columns, given K of each side by side: from its list, not fused.
+
+    CasADi's own evaluation has the C library's functions, whose last bits are not the same everywhere.
+    """
+    import casadi as ca
+
+    together = ca.SX.sym("together", sum(len(column) for column in columns))
+    ends = np.cumsum([len(column) for column in columns])
+    results = function.call([together[end - len(column) : end] for end, column in zip(ends.tolist(), columns, strict=True)])
+    flat, nothing = ca.densify(ca.vertcat(*results)), ca.SX(0, 1)
+    step = ca.Function("step", [nothing, nothing, nothing, together], [nothing, flat, nothing], {"cse": True})
+    rows, count = flat.numel(), columns[0].shape[1]
+    kernel = Kernel(optimize(read(step), fused=False), LoopShape(0, rows, 0, together.numel()), (0.0,) * rows, lanes=1)
+    out = np.empty((count, rows))
+    if count:
+        kernel(count, 1, np.empty(0), np.empty(0), np.ascontiguousarray(np.vstack(columns).T), out)
+    return np.split(out.T, np.cumsum([result.numel() for result in results])[:-1])

@@ -5,7 +5,8 @@ Everything that a target needs (LLVM, C) is printed from this list; this module 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import cache
 from typing import TYPE_CHECKING
 
@@ -32,6 +33,12 @@ class Program:
     outputs: tuple[tuple[int, ...], ...]
 
 
+EXPONENT_BIAS = 1023
+FRACTION_BITS = 52
+"""Of a double, for the operations on its bits, which stand in the lists of elementary functions alone: "exponent" and
+"significand" of a normal number, and "pow2" of a whole number, see ``functions.trace``."""
+ALIGNED = 2.0**FRACTION_BITS + EXPONENT_BIAS
+"""A whole number added to it stands, with the bias, in the last bits of the sum: no conversion, which is undefined for NaN."""
 COMPARISONS = frozenset({"lt", "le", "eq", "ne", "not", "and", "or"})
 """Operations whose result is a truth value; CasADi writes them as the numbers 0 and 1."""
 
@@ -87,3 +94,36 @@ def read(function: casadi.Function) -> Program:
             known = next((n for n in dir(ca) if n.startswith("OP_") and getattr(ca, n) == code), str(code))
             raise ValueError(f"the operation {known} has no translation to machine code; rewrite the expression without it")
     return Program(tuple(operations), tuple(tuple(row) for row in outputs))
+
+
+def following(first: tuple[Operation, ...], program: Program, inputs: Mapping[tuple[int, int], int]) -> Program:
+    """``program`` after the operations ``first``, whose values at the positions ``inputs`` take the places of its inputs.
+
+    Inputs that are not named stay inputs. The program's own operations keep their order and their operands: all bits stay.
+    """
+    operations, place = list(first), []
+    for op in program.operations:
+        if op.name == "input" and op.source in inputs:
+            place.append(inputs[op.source])
+            continue
+        operations.append(replace(op, operands=tuple(place[j] for j in op.operands)))
+        place.append(len(operations) - 1)
+    return Program(tuple(operations), tuple(tuple(place[i] for i in row) for row in program.outputs))
+
+
+def sliced(program: Program, keep: Sequence[int]) -> Program:
+    """What these components of the first output need, in the order of the whole list; they are the one output."""
+    row = tuple(program.outputs[0][i] for i in keep)
+    alive = set(row)
+    for i in range(len(program.operations) - 1, -1, -1):
+        if i in alive:
+            alive.update(program.operations[i].operands)
+    place = {old: new for new, old in enumerate(sorted(alive))}
+    kept = (program.operations[i] for i in sorted(alive))
+    operations = tuple(replace(op, operands=tuple(place[j] for j in op.operands)) for op in kept)
+    return Program(operations, (tuple(place[i] for i in row),))
+
+
+def sources(program: Program) -> set[tuple[int, int]]:
+    """The inputs that the list reads, as (argument, component)."""
+    return {op.source for op in program.operations if op.name == "input"}

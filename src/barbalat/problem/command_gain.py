@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from barbalat.problem.output_plant import OutputDynamics
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.validate import Array
 
@@ -14,12 +13,8 @@ FOLLOWS_TO = 1e-3
 
 def gains_at_rest(problem: TrackingProblem) -> Array:
     """What the model's states, or its output, settle at for commands of 1, (n, q) or (1, 1): the model's gain at s = 0."""
-    model = problem.model
-    if isinstance(model, OutputDynamics):
-        A, B, C, D = model.system.A, model.system.B, model.system.C, model.system.D
-        return np.array([[D - C @ np.linalg.solve(A, B)]])
-    reached = np.asarray(np.dot(model.b, model.k_0)).reshape(len(model.x0), -1)
-    return np.asarray(-np.linalg.solve(model.A_m, reached))
+    A, B, C = problem.model.matrices
+    return np.asarray(0.0 - C @ np.linalg.solve(A, B))  # no minus sign before a zero in a sentence
 
 
 def commanded(problem: TrackingProblem) -> list[tuple[int, list[int]]]:
@@ -45,11 +40,7 @@ def command_warning(problem: TrackingProblem) -> str | None:
     if gains.shape[1] > 1 or (np.abs(gains - 1) <= FOLLOWS_TO).any():
         return None
     state = commanded(problem)[0][0]
-    gain, output = float(gains[state, 0]), isinstance(problem.model, OutputDynamics)
-    sentence = f"the reference model's {'y_m' if output else f'x_{state + 1}'} settles at {gain:.4g} times a constant command r"
-    if output:
-        return f"{sentence}, not at r, where W_m(0) = 1 would take it"
-    k_0 = problem.model.k_0
-    if gain == 0 or np.ndim(k_0) > 0:
-        return f"{sentence}, not at r"
-    return f"{sentence}, not at r, where k_0 = {k_0 / gain:.6g} would take it"
+    gain, moved = float(gains[state, 0]), "y_m" if problem.feedback == "output" else f"x_{state + 1}"
+    remedy = problem.model.remedy(gain)
+    instead = "" if remedy is None else f", where {remedy} would take it"
+    return f"the reference model's {moved} settles at {gain:.4g} times a constant command r, not at r{instead}"

@@ -9,7 +9,7 @@ from barbalat import validate
 from barbalat.linear.systems import TransferFunction
 from barbalat.problem.measurement import Sensor
 from barbalat.problem.output_plant import OutputDynamics, OutputPlant, OutputReferenceModel
-from barbalat.problem.tracking import Disturbance, TrackingProblem, require_signal
+from barbalat.problem.tracking import TrackingProblem, require_signal
 from barbalat.protocols import Signal
 from barbalat.signals import Constant
 from barbalat.validate import Array
@@ -42,14 +42,12 @@ class OutputProblem(TrackingProblem):
     reference: Signal = field(default_factory=Constant)
     _: KW_ONLY
     disturbance: Signal | None = None
-    output_disturbance: Signal | None = None  # type: ignore[misc]
+    output_disturbance: Signal | None = None
     sensor: Sensor | None = None
     name: str = "problem"
 
     feedback: ClassVar[str] = "output"
     __repr__ = validate.one_line
-    unmatched: ClassVar[tuple[Disturbance, ...]] = ()  # type: ignore[misc]
-    """Disturbances elsewhere than at the input: none."""
     uncertainty: ClassVar[None] = None
     """The known set is the controller's: it depends on the parametrisation."""
 
@@ -75,7 +73,7 @@ class OutputProblem(TrackingProblem):
         return self.reference_model.dynamics
 
     @property
-    def depends_on_time(self) -> bool:  # type: ignore[override]
+    def depends_on_time(self) -> bool:
         f = self.plant.f
         return f is not None and f.depends_on_time
 

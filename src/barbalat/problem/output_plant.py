@@ -64,6 +64,10 @@ class OutputDynamics:
         """y, a scalar."""
         return self.system.C @ x
 
+    def remedy(self, _: float) -> str:
+        """What a model needs to settle at its command."""
+        return "W_m(0) = 1"
+
     @property
     def matrices(self) -> tuple[Array, Array, Array]:
         """A, B, C of the linear part."""

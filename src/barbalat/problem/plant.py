@@ -227,6 +227,10 @@ class Model:
         """What the plant's output is to follow."""
         return x_m
 
+    def remedy(self, gain: float) -> str | None:
+        """The k_0 with which it would settle at a command of which it settles at ``gain`` times."""
+        return None if gain == 0 or np.ndim(self.k_0) > 0 else f"k_0 = {self.k_0 / gain:.6g}"
+
     @property
     def matrices(self) -> tuple[Array, Array, Array]:
         """A, B, C with x_m' = A x_m + B r and the output C x_m."""

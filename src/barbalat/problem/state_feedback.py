@@ -140,8 +140,9 @@ class Problem(TrackingProblem):
         freeze(self, input_gain=given if several else given[0])
 
     def _check_commands(self) -> None:
-        several = isinstance(self.reference, (list, tuple))
-        commands = tuple(self.reference) if several else (self.reference,)  # type: ignore[arg-type]
+        given = self.reference
+        commands = tuple(given) if isinstance(given, (list, tuple)) else (given,)
+        several = isinstance(given, (list, tuple))
         for command in commands:
             require_signal("reference", command)
         shape = np.shape(self.reference_model.k_0)

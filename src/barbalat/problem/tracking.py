@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Protocol
 
 import numpy as np
 
 from barbalat import validate
 from barbalat.linear.systems import StateSpace, TransferFunction
+from barbalat.problem.actuation import PlantInput
 from barbalat.problem.measurement import Noise, Sensor
-from barbalat.protocols import Signal
+from barbalat.protocols import Dynamics, Signal
 from barbalat.signals import Clock
 from barbalat.validate import Array, InputError, Vector, freeze
 
@@ -31,21 +32,45 @@ class Disturbance:
         require_signal("unmatched.signal", self.signal)
 
 
+class Actuated(Protocol):
+    """A plant, by what lies before its inputs."""
+
+    @property
+    def paths(self) -> tuple[PlantInput, ...]: ...
+
+
+class MeasuredDynamics(Dynamics, Protocol):
+    """A plant as a loop integrates it."""
+
+    @property
+    def outputs(self) -> int:
+        """Measured quantities."""
+        ...
+
+
+class ModelDynamics(Dynamics, Protocol):
+    """A reference model as a loop integrates it."""
+
+    @property
+    def matrices(self) -> tuple[Array, Array, Array]:
+        """A, B, C from the commands to what the plant's output is to follow."""
+        ...
+
+    def remedy(self, gain: float) -> str | None:
+        """What would make it settle at a command of which it settles at ``gain`` times; None where nothing is known to."""
+        ...
+
+
 class TrackingProblem:
     """What a loop, a simulation and an ensemble read of a problem, whatever is measured."""
 
-    plant: Any
+    plant: Actuated
     reference: Signal | tuple[Signal, ...]
     disturbance: Signal | None
-    unmatched: tuple[Disturbance, ...]
     sensor: Sensor | None
     name: str
     feedback: ClassVar[str]
     """What is measured: "state" or "output"."""
-    output_disturbance: ClassVar[Signal | None] = None
-    """What is added to the output, where one is fed back."""
-    depends_on_time: ClassVar[bool] = False
-    """Whether the plant's equations contain t."""
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         """After ``copy.deepcopy`` and unpickling."""
@@ -53,17 +78,32 @@ class TrackingProblem:
         validate.read_only(self)
 
     @property
-    def known(self) -> Any:
+    def unmatched(self) -> tuple[Disturbance, ...]:
+        """Disturbances elsewhere than at the input."""
+        return ()
+
+    @property
+    def output_disturbance(self) -> Signal | None:
+        """What is added to the output, where one is fed back."""
+        return None
+
+    @property
+    def depends_on_time(self) -> bool:
+        """Whether the plant's equations contain t."""
+        return False
+
+    @property
+    def known(self) -> object:
         """What the designer has."""
         raise AssertionError("a problem says what is known of it")
 
     @property
-    def dynamics(self) -> Any:
-        """The plant as a loop integrates it: x0, outputs, derivative, output."""
+    def dynamics(self) -> MeasuredDynamics:
+        """The plant as a loop integrates it."""
         raise AssertionError("a problem has a plant")
 
     @property
-    def model(self) -> Any:
+    def model(self) -> ModelDynamics:
         """The reference model as a loop integrates it."""
         raise AssertionError("a problem has a model")
 

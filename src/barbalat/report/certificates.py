@@ -102,7 +102,7 @@ def _coefficients(quantity: str, system: dict[str, list[float]], meaning: str) -
 
 def _worst_case(loop: dict[str, Any]) -> list[Row]:
     """The margins of one linear loop over the known set."""
-    found = [Row("over the known set", loop["of"], f"searched: {loop['searched']}", "")]
+    found = [Row("over the known set", f"the linear loop {loop['loop']}", f"searched: {loop['searched']}", "")]
     for key, value in loop.items():
         if isinstance(value, dict):
             text = f"{value['value']:.6g} at theta = [{number_text(value['theta'])}]"

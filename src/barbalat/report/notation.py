@@ -39,7 +39,7 @@ _TOKEN = re.compile(
     rf"|(?P<number>(?<![\w.^)-])(?P<digits>-?\d+(?:\.\d+)?)(?:e(?P<ten>[-+]?\d+))?(?![\w.]*\w)(?P<unit> (?:{UNITS})(?!\w))?)"
     rf"|(?P<name>(?:(?<![\w.])|(?<=\bs))(?:{'|'.join(sorted(_GREEK, key=len, reverse=True))}|[A-Za-z](?=_))"
     r"(?:_[A-Za-z0-9]+)*\d*(?![\w])(?P<prime>'(?!s\b))?)"
-    r"|(?P<signal>(?<=\|)[a-zA-Z](?=\|)|\b[a-zA-Z](?= (?:=|<|<=|>|>=) |\())"
+    r"|(?P<signal>(?<=\|)[a-zA-Z](?=\|)|\bh(?= \|)|\b[a-zA-Z](?= (?:=|<|<=|>|>=) |\())"
     r"|(?P<code>\b[a-z]{2,}(?:_[a-z0-9]+)+\b)"
     r"|(?P<sign><=|>=|\+-|->|\binf\b|(?<=\S) - (?=\S))"
 )

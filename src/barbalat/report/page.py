@@ -6,6 +6,7 @@ as the claims with their dozen maps, has them as files beside it and says so in 
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -126,12 +127,19 @@ def trade_off(found: TradeOff, picture: Picture) -> str:
     return _render("tradeoff.html", found=found, picture=picture, titles=titles, **tables)
 
 
+def linked(text: Markup, names: Sequence[str]) -> Markup:
+    """Where other claims are named, a link to them; a name that is a word of English is none."""
+    told = sorted((name for name in names if "-" in name), key=len, reverse=True)
+    pattern = rf"(?<![\w#-])({'|'.join(map(re.escape, told))})(?![\w-])"
+    return Markup(re.sub(pattern, r'<a href="#claim-\1"><code>\1</code></a>', str(text))) if told else text
+
+
 @cache
 def _templates() -> Environment:
     environment = Environment(
         loader=PackageLoader("barbalat.report"), autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
-    environment.filters |= {"number": number_text, "rows": rows, "mathematics": mathematics}
+    environment.filters |= {"number": number_text, "rows": rows, "mathematics": mathematics, "linked": linked}
     environment.globals |= {"version": barbalat.__version__, "columns": FIGURE_COLUMNS, "properties": PROPERTIES}
     environment.globals["fits_a_phone"] = fits_a_phone
     return environment

@@ -24,6 +24,8 @@ MOST_PIECES = 100
 """Of one step. What breaks more often in the first one is not cut: the tables of a call of the kernel would take gigabytes."""
 LONGEST_WINDOW = 1 << 16
 """Steps whose breaks are looked at together: up to 50 MB with so many pieces of each."""
+BEND_ORDER = 2
+"""Of the error that a corner leaves."""
 _ORDERS = {1: "first", 2: "second", 3: "third", 4: "fourth"}
 
 
@@ -35,12 +37,14 @@ class LostOrder:
     corners   steps with no jump, but a corner
     order     in the step, that is left to the method at worst
     sentence  the same for people
+    bends     whether the plant sees bends of the control through a delay, which are interpolated wherever they come
     """
 
     jumps: int | None
     corners: int | None
     order: int
     sentence: str
+    bends: bool = False
 
     def as_json(self) -> dict[str, Any]:
         return asdict(self)
@@ -59,8 +63,11 @@ def can_be_split(signals: tuple[Signal, ...], simulation: Simulation) -> bool:
     return any(len(breaks_inside(signals, simulation, *window)) for window in _windows(simulation))
 
 
-def lost_order(signals: tuple[Signal, ...], simulation: Simulation, *, delayed: bool) -> LostOrder | None:
-    """What a run loses, if anything: only a ``delayed`` loop's steps are not cut, and those that would be cut too often."""
+def lost_order(signals: tuple[Signal, ...], simulation: Simulation, *, delayed: bool, bends: bool = False) -> LostOrder | None:
+    """What a run loses, if anything: only a ``delayed`` loop's steps are not cut, and those that would be cut too often.
+
+    bends  whether the control that the plant sees through a delay has bends, see ``delay.brings_bends``
+    """
     order = simulation.solver.order
     if _too_dense(signals, simulation):
         often = f"{MOST_PIECES} times or more in a step, too often to split it"
@@ -68,13 +75,20 @@ def lost_order(signals: tuple[Signal, ...], simulation: Simulation, *, delayed: 
     if not delayed:
         return None
     jumps, corners = _counted(signals, simulation)
-    left = 1 if jumps else 2
-    if jumps + corners == 0 or order <= left:
+    left = 1 if jumps else BEND_ORDER
+    if not (jumps or corners or bends) or order <= left:
         return None
-    what = "jumps" if jumps else "bends"
-    where = f"inside {jumps or corners} of the {simulation.steps} steps of a delayed loop, which can't be split"
-    sentence = f"the command or a disturbance {what} {where}: {_ORDERS[left]} order there"
-    return LostOrder(jumps, corners, left, sentence)
+    sentences = []
+    if jumps or corners:
+        what = "jumps" if jumps else "bends"
+        where = f"inside {jumps or corners} of the {simulation.steps} steps of a delayed loop, which can't be split"
+        sentences.append(f"the command or a disturbance {what} {where}: {_ORDERS[left]} order there")
+    if bends and order > BEND_ORDER:
+        sentences.append(
+            "behind the delay the control's bends, at t = 0 and a delay after each jump, are interpolated: "
+            f"{_ORDERS[BEND_ORDER]} order there"
+        )
+    return LostOrder(jumps, corners, left, "; ".join(sentences), bends and order > BEND_ORDER)
 
 
 def _inside(signal: BreakingSignal, simulation: Simulation, start: int, stop: int) -> tuple[Array, Array]:

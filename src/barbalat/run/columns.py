@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import struct
+from dataclasses import is_dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -21,16 +22,16 @@ class _Part(NamedTuple):
     """A part of the first member, and where its leaves stand among all of them."""
 
     first: Any
-    begin: int
-    end: int
+    leaf: int  # its place, of a leaf; else where the first leaf in it stands
     inner: tuple[_Part, ...] | None  # None for a leaf, and for what has no parts
+    named: bool = False  # whether the class alone says which parts there are
 
 
 class Columns:
     """Leaves are the arrays and numbers of a member, in the order of its parts.
 
-    A leaf of which every member has the first's bits takes no memory; any other one an entry for each member. A part that is
-    the first member's own object is not looked into.
+    A leaf of which every member has the first's bits takes no memory; any other one an entry for each member up to the last that
+    differs: the rest has the first's. A part that is the first member's own object is not looked into.
     """
 
     def __init__(self, first: Any) -> None:
@@ -42,12 +43,13 @@ class Columns:
         self._kept: dict[int, bytearray] = {}
 
     def _read(self, part: Any, depth: int) -> _Part:
-        begin, inner = len(self._leaves), None
+        begin = len(self._leaves)
         if isinstance(part, (np.ndarray, float)):
             self._leaves.append(np.asarray(part, dtype=float))
         elif depth < DEEPEST_NESTING and (parts := parts_of(part)) is not None:
             inner = tuple(self._read(value, depth + 1) for value in parts.values())
-        return _Part(part, begin, len(self._leaves), inner)
+            return _Part(part, begin, inner, is_dataclass(part))
+        return _Part(part, begin, None)
 
     def add(self, member: Any) -> None:
         """Take up the next member; StructureError where it differs by more than numbers."""
@@ -55,38 +57,38 @@ class Columns:
         self.count += 1
 
     def _take(self, part: Any, place: _Part) -> None:
-        first, begin, end, inner = place
+        first, leaf, inner, named = place
         if part is first:
-            if self._kept and begin < end:
-                self._keep_first(begin, end)
-        elif inner is not None:
-            if type(part) is not type(first) or not same_names(part, first):
+            return
+        if inner is not None:
+            if type(part) is not type(first) or not (named or same_names(part, first)):
                 raise StructureError
             for value, within in zip(values_of(part), inner, strict=True):
-                if value is not within.first or (self._kept and within.begin < within.end):
+                if value is not within.first:
                     self._take(value, within)
-        elif isinstance(first, np.ndarray):
+            return
+        if isinstance(first, np.ndarray):
             if not isinstance(part, np.ndarray) or part.shape != first.shape:
                 raise StructureError
-            self._keep(begin, part.tobytes() if part.dtype == float else np.asarray(part, dtype=float).tobytes())
+            given = part.tobytes() if part.dtype == float else np.asarray(part, dtype=float).tobytes()
         elif isinstance(first, float):
             if not isinstance(part, float):
                 raise StructureError
-            self._keep(begin, _BYTES(part))
-        elif not same_whole(part, first):
+            given = _BYTES(part)
+        elif same_whole(part, first):
+            return
+        else:
             raise StructureError
+        if given != self._bytes[leaf]:
+            self._filled(leaf).extend(given)
 
-    def _keep(self, leaf: int, given: bytes) -> None:
-        kept = self._kept.get(leaf)
-        if kept is not None:
-            kept += given
-        elif given != self._bytes[leaf]:
-            self._kept[leaf] = bytearray(self._bytes[leaf] * self.count) + given
-
-    def _keep_first(self, begin: int, end: int) -> None:
-        for leaf, kept in self._kept.items():
-            if begin <= leaf < end:
-                kept.extend(self._bytes[leaf])
+    def _filled(self, leaf: int) -> bytearray:
+        """What is kept of a leaf, with the first's bits for all members since the last that differed."""
+        kept, same = self._kept.setdefault(leaf, bytearray()), self._bytes[leaf]
+        missing = self.count - len(kept) // len(same) if same else 0
+        if missing:
+            kept += same * missing
+        return kept
 
     def differing(self) -> tuple[Array, Array]:
         """Which of all numbers differ between members, (N,), and those, (p, M)."""
@@ -103,7 +105,7 @@ class Columns:
         """(entries, M), or (entries, 1) where all members have the same."""
         if leaf not in self._kept:
             return self._leaves[leaf].reshape(-1, 1)
-        return np.frombuffer(self._kept[leaf]).reshape(self.count, -1).T
+        return np.frombuffer(self._filled(leaf)).reshape(self.count, -1).T
 
     def everything(self) -> Array:
         """(N, M) all numbers of all members; those that don't differ take no memory of their own where none does."""

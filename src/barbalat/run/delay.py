@@ -15,6 +15,8 @@ from pathlib import Path
 
 import numpy as np
 
+from barbalat.loop.closed_loop import ClosedLoop
+from barbalat.loop.packing import flatten
 from barbalat.lowering.llvm.machine import remembered
 from barbalat.lowering.shape import TAPS
 from barbalat.solvers import Tableau
@@ -76,6 +78,15 @@ def whole_steps(delay: float, dt: float) -> int:
     steps = delay / dt
     nearest = round(steps)
     return nearest if abs(steps - nearest) <= 1e-9 * max(1.0, steps) else int(np.floor(steps))
+
+
+def brings_bends(loop: ClosedLoop) -> bool:
+    """Whether a delayed loop's past has bends, across which ``weights`` interpolate: u bends where it begins, at t = 0.
+
+    What a sampled controller holds has jumps alone, which the weights carry, as long as nothing behind it has a memory.
+    """
+    held = loop.sampled and all(not flatten(path.initial()).size for path in loop.paths if path is not None)
+    return loop.delayed and not held
 
 
 def weights(delay: float, dt: float, solver: Tableau) -> Array:

@@ -125,7 +125,7 @@ def simulate_ensemble(
         metrics=Metrics.together(metrics),
         varied=len(read.parameters),
         quarters=np.concatenate(by_quarters) if quarters else None,
-        lost=lost_order(read.signals, simulation, delayed=read.loop.delayed),
+        lost=lost_order(read.signals, simulation, delayed=read.loop.delayed, bends=delay.brings_bends(read.loop)),
     )
 
 

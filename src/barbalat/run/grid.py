@@ -12,6 +12,7 @@ from barbalat import validate
 from barbalat.lowering.shape import WATCH_EVERY
 from barbalat.protocols import Signal, Value
 from barbalat.run.breaks import breaks_inside
+from barbalat.run.portable import instants, run_times
 from barbalat.signals.smooth import Continuous
 from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array
@@ -82,6 +83,7 @@ def signal_table(
     t, pieces = simulation.time(k), None
     if in_pieces:
         t, k, pieces = _cut(breaks_inside(signals, simulation, start, start + steps), t, k)
+    t = run_times(simulation, t)
     table = np.empty((len(t) - 1, len(nodes), len(signals)))
     for column, signal in enumerate(signals):
         values = validate.signal_values(signal, t)
@@ -92,7 +94,7 @@ def signal_table(
                 right = values if isinstance(signal, Continuous) else validate.signal_values(signal.before, t)
                 table[:, row, column] = right[1:]
             else:
-                table[:, row, column] = validate.signal_values(signal, simulation.time(k[:-1] + node * np.diff(k)))
+                table[:, row, column] = validate.signal_values(signal, instants(simulation, k[:-1] + node * np.diff(k)))
     rows = table.reshape(len(table), -1)
     return rows if pieces is None else np.column_stack([rows, *pieces])
 
@@ -108,6 +110,6 @@ def _cut(breaks: Array, t: Array, k: Array) -> tuple[Array, Array, Piece]:
 
 def final_row(signals: tuple[Signal, ...], simulation: Simulation, *, in_pieces: bool = False) -> Array:
     """A table row that holds the signals at t_end for every node, to evaluate the outputs there."""
-    t_end = np.array([simulation.t_end])
+    t_end = run_times(simulation, np.array([simulation.t_end]))
     values = [float(validate.signal_values(signal, t_end)[0]) for signal in signals]
     return np.array([values * len(simulation.solver.nodes) + (list(WHOLE_STEP) if in_pieces else [])])

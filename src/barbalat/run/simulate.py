@@ -8,13 +8,16 @@ import numpy as np
 
 from barbalat import validate
 from barbalat.loop.binding import numbered
+from barbalat.loop.blame import named
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller
 from barbalat.run import delay
 from barbalat.run.batch import Batch
 from barbalat.run.breaks import lost_order
+from barbalat.run.delay import brings_bends
 from barbalat.run.diagnosis.stability_label import MOST_WINDOWS, Run, stiffness_along
 from barbalat.run.engine import run
+from barbalat.run.portable import at_instants
 from barbalat.run.progress import Progress
 from barbalat.run.result import Envelope, Result
 from barbalat.run.step import output_function
@@ -34,14 +37,16 @@ def simulate(
     threads   all cores by default; results do not depend on it
     progress  called with the fraction done
 
-    Raises InputError for controllers that don't fit the problem. A run that diverges is a result.
+    Raises InputError, with its name, for a controller that doesn't fit the problem. A run that diverges is a result.
     """
     validate.instance("problem", problem, TrackingProblem)
     validate.instance("simulation", simulation, Simulation)
-    validate.instance("problem", problem, TrackingProblem)
     controllers = numbered(controllers)
     delay.require_memory(problem.delay, len(problem.history), len(controllers), simulation.dt)
-    batches = [Batch.of([(problem, controller)], simulation, record=True, windows=MOST_WINDOWS) for controller in controllers]
+    batches = []
+    for controller in controllers:
+        with named(controller.name):
+            batches.append(Batch.of([(problem, controller)], simulation, record=True, windows=MOST_WINDOWS))
     run(batches, problem.signals, simulation, threads=threads, progress=progress)
     return {c.name: _result(problem, c, simulation, batch) for c, batch in zip(controllers, batches, strict=True)}
 
@@ -57,7 +62,7 @@ def _result(problem: TrackingProblem, controller: Controller, simulation: Simula
         steps, states = steps[:kept], states[:kept]
     made = Run(problem, simulation, batch, steps, states, stop)
     t, signals, states = simulation.time(steps), made.signals(steps), made.acted(steps, states)
-    e, u, theta_hat, x, x_m, y = (np.asarray(value).T for value in output_function(loop)(states.T, signals))
+    e, u, theta_hat, x, x_m, y = (value.T for value in at_instants(output_function(loop), simulation, states.T, signals))
     between = slice(0, max(len(steps) - 1, 0))
     extrema = [(quantity, side) for quantity in ("e", "u", "theta_hat") for side in ("min", "max")]
     envelope = Envelope(
@@ -80,5 +85,5 @@ def _result(problem: TrackingProblem, controller: Controller, simulation: Simula
         envelope=envelope,
         metrics=metrics,
         stiffness=stiffness_along(made),
-        lost=lost_order(problem.signals, simulation, delayed=loop.delayed),
+        lost=lost_order(problem.signals, simulation, delayed=loop.delayed, bends=brings_bends(loop)),
     )

@@ -21,6 +21,7 @@ from barbalat.run.coupling import coupling_function
 from barbalat.run.delay import TAPS_PER_INPUT
 from barbalat.run.grid import WHOLE_STEP, Piece
 from barbalat.run.metrics import Accumulators
+from barbalat.run.sampled_part import parameters_column, sample_program
 from barbalat.solvers import Tableau
 from barbalat.solvers.simulation import Simulation
 from barbalat.validate import InputError
@@ -114,7 +115,8 @@ def step_function(
     import casadi as ca
 
     state_column, state = symbols("state", loop.size)
-    signal_column, table_row = symbols("signals", _row_length(loop, solver, in_pieces))
+    row_length = len(solver.nodes) * loop.timed + (len(WHOLE_STEP) if in_pieces else 0)
+    signal_column, table_row = symbols("signals", row_length)
     piece = Piece(*table_row[-len(WHOLE_STEP) :]) if in_pieces else WHOLE_STEP
     noise_column, noise = symbols("noise", loop.noise)
     past_column, past = symbols("past", TAPS_PER_INPUT * TAPS * loop.delayed_inputs)
@@ -141,27 +143,8 @@ def step_function(
         old_column, old = symbols("accumulators", len(accumulators.resets))
         moved = loop.estimates_moved(state, following)
         new = column(accumulators.update(old, outputs, after, following, moved, begins=piece.begins, ends=piece.ends))
-    inputs = [state_column, old_column, _column(parameters), signal_column, past_column, noise_column]
+    inputs = [state_column, old_column, parameters_column(parameters), signal_column, past_column, noise_column]
     return ca.Function("step", inputs, [column(following), new, remembered], {"cse": True}), accumulators
-
-
-def _row_length(loop: ClosedLoop, solver: Tableau, in_pieces: bool) -> int:
-    return len(solver.nodes) * loop.timed + (len(WHOLE_STEP) if in_pieces else 0)
-
-
-def sample_function(
-    loop: ClosedLoop, solver: Tableau, parameters: ca.SX | None = None, *, in_pieces: bool = False
-) -> ca.Function:
-    """What a sampled controller does before a step, with the arguments of ``step_function``, -> state."""
-    import casadi as ca
-
-    state_column, state = symbols("state", loop.size)
-    signal_column, table_row = symbols("signals", _row_length(loop, solver, in_pieces))
-    noise_column, noise = symbols("noise", loop.noise)
-    first = np.concatenate([table_row[: loop.timed], noise, np.zeros(loop.delayed_inputs)])
-    sampled = column(loop.sample(state, first))
-    inputs = [state_column, ca.SX(0, 1), _column(parameters), signal_column, ca.SX(0, 1), noise_column]
-    return ca.Function("sample", inputs, [sampled], {"cse": True})
 
 
 def sampled_states(loop: ClosedLoop) -> ca.Function:
@@ -171,12 +154,6 @@ def sampled_states(loop: ClosedLoop) -> ca.Function:
     state_column, state = symbols("state", loop.size)
     signal_column, signals = symbols("signals", loop.signal_count)
     return ca.Function("sampled", [state_column, signal_column], [column(loop.sample(state, signals))], {"cse": True})
-
-
-def _column(parameters: ca.SX | None) -> ca.SX:
-    import casadi as ca
-
-    return ca.SX(0, 1) if parameters is None else parameters
 
 
 PLAIN = Rhythm()
@@ -223,7 +200,7 @@ def step_program(
     def lowered(traced: ca.Function) -> Program:
         return optimize(read(traced), fused=fused)
 
-    sample = lowered(sample_function(loop, solver, parameters, in_pieces=in_pieces)) if loop.sampled else None
+    sample = sample_program(loop, function, parameters) if loop.sampled else None
     watched = lowered(coupling_function(loop, function, dt)) if watch else None
     return StepProgram(lowered(function), shape, accumulators, sample, watched)
 

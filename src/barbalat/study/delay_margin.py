@@ -14,7 +14,8 @@ import numpy as np
 
 from barbalat import validate
 from barbalat.linear.largest import halvings
-from barbalat.loop.binding import numbered
+from barbalat.loop.binding import bound, numbered
+from barbalat.loop.blame import named
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller
 from barbalat.run.ensemble import simulate_ensemble
@@ -106,6 +107,8 @@ def delay_margins(
     """
     controllers, found = numbered(controllers), {}
     for i, controller in enumerate(controllers):
+        with named(controller.name):
+            bound(problem, controller)
         found[controller.name] = delay_margins_ensemble(
             [(problem, controller)], simulation, longest=longest, scan=scan, resolution=resolution, onset=onset, lost=lost,
             threads=threads, progress=part_of(progress, i / len(controllers), 1 / len(controllers)),

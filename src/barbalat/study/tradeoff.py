@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from barbalat import validate
-from barbalat.problem.known_set import ParameterBox
+from barbalat.problem.known_set import KnownSet
 from barbalat.problem.state_feedback import Problem
 from barbalat.run.progress import Progress
 from barbalat.solvers.simulation import Simulation
@@ -131,11 +131,11 @@ def trade_off(
     longest   largest delay tried [s]
     estimate  called once with the seconds that are expected in all, measured on a part of the work
     progress  its fractions are of the time, by a forecast that is refined with every round
-    Raises InputError for a problem without a box as known set.
+    Raises InputError for a problem without a known set.
     """
     started = time.perf_counter()
-    if not isinstance(problem.uncertainty, ParameterBox):
-        raise InputError("the trade-off needs the known set: give uncertainty.lower and uncertainty.upper")
+    if problem.uncertainty is None:
+        raise InputError("the trade-off needs the known set: give uncertainty.lower and .upper, or .center and .radius")
     validate.whole("plants", plants, least=1)
     chosen, left_out = default_knobs(problem, simulation, density=density) if knobs is None else (knobs, ())
     family = _family(problem, problem.uncertainty, plants, seed)
@@ -169,9 +169,9 @@ def trade_off(
     )
 
 
-def _family(problem: Problem, box: ParameterBox, plants: int, seed: int) -> list[Problem]:
+def _family(problem: Problem, known_set: KnownSet, plants: int, seed: int) -> list[Problem]:
     """The case's plant, and others of its known set."""
-    thetas = np.random.default_rng(seed).uniform(box.lower, box.upper, (plants - 1, box.size))
+    thetas = known_set.drawn(np.random.default_rng(seed), plants - 1)
     return [problem, *(replace(problem, plant=replace(problem.plant, theta=theta)) for theta in thetas)]
 
 

@@ -35,3 +35,19 @@ def test_the_farthest_point_of_a_ball_is_on_its_surface(n):
         assert np.abs(points - theta).sum(axis=1).max() <= ball.farthest_1(theta) * (1 + 1e-12)
         assert ball.farthest(theta) == pytest.approx(np.linalg.norm(attained[0]), rel=1e-12)
         assert ball.farthest_1(theta) == pytest.approx(np.abs(attained[1]).sum(), rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("known_set", "shares"),
+    [
+        (ParameterBox(lower=[-1.0, 2.0], upper=[3.0, 4.0]), lambda points: (points - [-1.0, 2.0]) / [4.0, 2.0]),
+        (ParameterBall(center=[1.0, -2.0], radius=1.5), lambda points: ((points - [1.0, -2.0]) ** 2).sum(axis=1) / 1.5**2),
+    ],
+    ids=["box", "ball"],
+)
+def test_points_are_drawn_evenly(known_set, shares):
+    """Each coordinate's share of a box, and the share of a disc's area within a point's radius, are uniform in [0, 1]."""
+    points = known_set.drawn(np.random.default_rng(3), 4000)
+    assert all(known_set.contains(point) for point in points)
+    quarters = np.quantile(shares(points), [0.25, 0.5, 0.75], axis=0).T
+    np.testing.assert_allclose(quarters, np.broadcast_to([0.25, 0.5, 0.75], quarters.shape), atol=0.03)  # 4 sigma of a quartile

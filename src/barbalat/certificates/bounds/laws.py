@@ -9,9 +9,7 @@ import numpy as np
 
 from barbalat.adaptation.guarantee import Guarantee, nothing
 from barbalat.adaptation.law import AdaptiveLaw, GuaranteedLaw, OutputErrorLaw
-from barbalat.adaptation.learning import CompositeLearning
-from barbalat.adaptation.modifications.dead_zone import DeadZone
-from barbalat.adaptation.modifications.leakage import Leakage
+from barbalat.adaptation.lyapunov import ModifiedSettings
 from barbalat.certificates.bounds.theorem_1 import mrac_bound, nu_0
 from barbalat.certificates.entry import Assumption
 from barbalat.linear.definite import smallest_eigenvalue
@@ -41,17 +39,8 @@ class LyapunovScheme(Protocol):
     def bind(self, known: Known) -> Bound: ...
 
 
-class ModifiedScheme(LyapunovScheme, Protocol):
+class ModifiedScheme(LyapunovScheme, ModifiedSettings, Protocol):
     """One whose law may be modified."""
-
-    @property
-    def leakage(self) -> Leakage | None: ...
-
-    @property
-    def dead_zone(self) -> DeadZone | None: ...
-
-    @property
-    def learning(self) -> CompositeLearning | None: ...
 
 
 def least_gain(gamma: float | Array) -> float:

@@ -65,7 +65,7 @@ def _add(draft: Draft, found: list[tuple[str, WorstCase]]) -> None:
 def _of_one_loop(draft: Draft, which: str, worst: WorstCase) -> dict[str, Any]:
     """JSON for one loop: each finite margin with its theta, beside the delay that the plant has."""
     entry: dict[str, Any] = {
-        "of": f"the linear loop {which}",
+        "loop": which,
         "searched": worst.searched,
         "unlimited": [],
     }

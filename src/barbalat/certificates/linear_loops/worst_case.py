@@ -179,4 +179,4 @@ class _WorstCaseSearch:
 def points_inside(known_set: KnownSet, rng: np.random.Generator, around: Array, share: float, count: int) -> Array:
     """Points of the set in a box around a point, ``share`` of the set's extent wide; what falls outside is brought back."""
     lower, upper = known_set.extent
-    return known_set.drawn_into(around + share * (upper - lower) * rng.uniform(-0.5, 0.5, (count, known_set.size)))
+    return known_set.brought_in(around + share * (upper - lower) * rng.uniform(-0.5, 0.5, (count, known_set.size)))

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, ClassVar
 
 from barbalat.controllers.steps import Filter
 from barbalat.problem.known_set import limit
-from barbalat.protocols import Sample, Value
+from barbalat.protocols import Sample, Value, kept
 
 if TYPE_CHECKING:
     from barbalat.controllers.output import l1
@@ -24,6 +24,7 @@ class OutputPredictor:
     continuous: l1.Equations
     sample_time: float
     filter: Filter
+    frozen: Value = None  # where it holds, sigma rests; None: it never does
 
     explicit: ClassVar[bool] = False
 
@@ -37,12 +38,15 @@ class OutputPredictor:
     def control(self, state: l1.State, y: Value, y_m: Value, r: Value) -> Value:
         return self.continuous.control(state, y, y_m, r)
 
+    def freezing(self, frozen: Value) -> OutputPredictor:
+        return replace(self, frozen=frozen)
+
     def advance(self, state: l1.State, before: Sample, u: Value, now: Sample) -> l1.State:
         c, T, m = self.continuous, self.sample_time, self.continuous.m
         end = 1 / (1 + m * T)
         at_rest = end * (state.y_hat + T * m * ((now.x - before.x) / 2 + u + state.theta_hat))  # y_hat, were sigma to rest
         moved = T * c.gamma * (now.x - at_rest) / (1 + T**2 * m * c.gamma * end)
-        sigma = limit(state.theta_hat + moved, c.box)
+        sigma = kept(self.frozen, state.theta_hat, limit(state.theta_hat + moved, c.box))
         y_hat = at_rest + end * T * m * (sigma - state.theta_hat)
         wanted = before.r - state.theta_hat[0], now.r - sigma[0]
         return state._replace(theta_hat=sigma, y_hat=y_hat, filter=self.filter.end(state.filter, *wanted))

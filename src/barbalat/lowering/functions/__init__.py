@@ -1,4 +1,8 @@
-"""The elementary functions as operation lists, which all targets print: no target's library can change a bit of a result."""
+"""The elementary functions as operation lists, which all targets print: no target's library can change a bit of a result.
+
+Their coefficients are fdlibm's. Copyright (C) 1993, 2004 by Sun Microsystems, Inc. All rights reserved. Permission to use,
+copy, modify, and distribute this software is freely granted, provided that this notice is preserved.
+"""
 
 from __future__ import annotations
 

@@ -5,15 +5,11 @@ from __future__ import annotations
 import struct
 
 from barbalat.lowering.functions import FUNCTIONS
-from barbalat.lowering.operations import COMPARISONS, Operation, Program
+from barbalat.lowering.operations import ALIGNED, COMPARISONS, EXPONENT_BIAS, FRACTION_BITS, Operation, Program
 
 _ARITHMETIC = {"add": "fadd", "sub": "fsub", "mul": "fmul", "div": "fdiv"}
 _COMPARE = {"lt": "olt", "le": "ole", "eq": "oeq", "ne": "une"}
 _INTRINSICS = {"sqrt": 1, "fabs": 1, "floor": 1, "ceil": 1, "copysign": 2}
-EXPONENT_BIAS = 1023
-FRACTION_BITS = 52
-ALIGNED = 2.0**FRACTION_BITS + EXPONENT_BIAS
-"""A whole number k added to it stands, with the bias, in the last bits of the sum."""
 
 
 def constant(value: float) -> str:

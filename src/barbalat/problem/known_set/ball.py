@@ -105,7 +105,13 @@ class ParameterBall:
         directions /= np.linalg.norm(directions, axis=1, keepdims=True)
         return np.asarray(self.center + self.radius * np.concatenate([np.eye(n), -np.eye(n), directions]))
 
-    def drawn_into(self, points: Array) -> Array:
+    def drawn(self, rng: np.random.Generator, count: int) -> Array:
+        """Points of the set, evenly at random, (count, n): the volume within a radius goes as its n-th power."""
+        directions = rng.standard_normal((count, self.size))
+        directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+        return np.asarray(self.center + self.radius * rng.uniform(size=(count, 1)) ** (1 / self.size) * directions)
+
+    def brought_in(self, points: Array) -> Array:
         """Points (M, n), with the nearest of the set in the place of those outside."""
         away = points - self.center
         return np.asarray(self.center + away * np.minimum(1, self.radius / np.linalg.norm(away, axis=1, keepdims=True)))

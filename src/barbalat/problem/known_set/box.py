@@ -112,7 +112,11 @@ class ParameterBox:
             signs = rng.integers(0, 2, (most, self.size)).astype(float)
         return np.asarray(self.lower + signs * (self.upper - self.lower))
 
-    def drawn_into(self, points: Array) -> Array:
+    def drawn(self, rng: np.random.Generator, count: int) -> Array:
+        """Points of the set, evenly at random, (count, n)."""
+        return rng.uniform(self.lower, self.upper, (count, self.size))
+
+    def brought_in(self, points: Array) -> Array:
         """Points (M, n), with the nearest of the set in the place of those outside."""
         return np.clip(points, self.lower, self.upper)
 

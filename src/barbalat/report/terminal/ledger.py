@@ -58,6 +58,7 @@ def in_full(screen: Screen, claim: Claim) -> None:
         ("says", claim.statement),
         ("where", claim.where),
         ("number", claim.number),
+        ("condition", claim.holds_if),
         ("measured", claim.measured),
         ("how", claim.how),
         *((held(f"reading {i}"), _reading(one.verdict, one.says, one.measured)) for i, one in enumerate(claim.readings, start=1)),

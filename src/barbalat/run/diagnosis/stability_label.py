@@ -20,6 +20,7 @@ from barbalat.run.batch import Batch, Group
 from barbalat.run.diagnosis.spectrum import Looks, Spectrum, Stiffness
 from barbalat.run.grid import CHUNK_STEPS, signal_table, window_of
 from barbalat.run.noise import standard_normal
+from barbalat.run.portable import at_instants, instants
 from barbalat.run.step import sampled_states
 from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array
@@ -173,7 +174,8 @@ class Run:
             return states
         due = steps % self.batch.rhythm.sample_every == 0
         after = states.copy()
-        after[due] = np.asarray(sampled_states(loop)(states[due].T, self.signals(steps[due]))).T
+        (acted,) = at_instants(sampled_states(loop), self.simulation, states[due].T, self.signals(steps[due]))
+        after[due] = acted.T
         return after
 
     def signals(self, steps: Array) -> Array:
@@ -181,7 +183,7 @@ class Run:
         problem, loop = self.problem, self.batch.loop
         signals = np.zeros((loop.signal_count, len(steps)))
         for i, signal in enumerate(problem.signals):
-            signals[i] = signal(self.simulation.time(steps))
+            signals[i] = signal(instants(self.simulation, steps))
         if problem.noise is not None and len(steps):
             rows = steps // self.batch.rhythm.noise_hold
             drawn = [standard_normal(problem.noise.seed, 0, int(row), 1, loop.noise) for row in rows]

@@ -1,0 +1,47 @@
+"""``barbalat export``: a case's controller as source for a flight computer."""
+
+from __future__ import annotations
+
+import argparse
+from typing import TYPE_CHECKING
+
+from barbalat.commands.options import add_controllers
+from barbalat.commands.screen import say
+from barbalat.export import TARGETS
+
+if TYPE_CHECKING:
+    from barbalat.commands import Commands
+
+
+def add(commands: Commands) -> None:
+    """Register the command and its options."""
+    parser = commands.add_parser("export", help="a controller as C that computes what was simulated, bit for bit")
+    parser.add_argument("case", metavar="CASE", help="a case file, or a bundled case's name")
+    parser.add_argument("--controller", required=True, metavar="NAME", help="one of the case's, which runs sampled")
+    parser.add_argument(
+        "--target", choices=TARGETS, default=TARGETS[0], help="c99: controller.h, controller.c, selftest.c, README.md"
+    )
+    parser.add_argument("--out", required=True, metavar="DIR", help="the folder; an export that is there is replaced as a whole")
+    parser.add_argument("--float32", action="store_true", help="numbers of 32 bits instead of 64")
+    add_controllers(parser)
+    parser.set_defaults(execute=execute)
+
+
+def execute(options: argparse.Namespace) -> int:
+    """Run the command; returns the exit code."""
+    from barbalat.cases.load import load_case
+    from barbalat.export.write import export_controller
+    from barbalat.validate import InputError, show
+
+    case = load_case(options.case, options.controllers)
+    found = {controller.name: controller for controller in case.controllers}
+    if options.controller not in found:
+        raise InputError(f"--controller must be one of {', '.join(map(show, found))}, got {show(options.controller)}")
+    if not options.out:
+        raise InputError("--out must name a folder, got ''; the current one is '.'")
+    controller = found[options.controller]
+    folder = export_controller(
+        case.problem, controller, case.simulation, out=options.out, target=options.target, float32=options.float32
+    )
+    say(f"written: {folder}; check it with: cd {folder} && cc -std=c99 -ffp-contract=off controller.c selftest.c -lm && ./a.out")
+    return 0

@@ -1,0 +1,4 @@
+"""Simulated controllers as source for a flight computer: a slice of the operations that were simulated, printed."""
+
+TARGETS = ("c99",)
+"""What can be exported to."""

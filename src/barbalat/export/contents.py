@@ -1,0 +1,187 @@
+"""Everything that an exported controller is made of, before it is printed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from barbalat.export.evaluate import evaluate
+from barbalat.export.layout import Layout
+from barbalat.loop.closed_loop import ClosedLoop
+from barbalat.loop.packing import flatten, unflatten
+from barbalat.loop.sampling import Acting
+from barbalat.lowering.c99 import DOUBLE, Real
+from barbalat.lowering.operations import Program, sliced
+from barbalat.problem.known_set import UNREACHED_BOUND, Projecting
+from barbalat.problem.state_feedback import Problem
+from barbalat.problem.tracking import TrackingProblem
+from barbalat.protocols import Controller, DiscretizedEquations, SampledEquations
+from barbalat.run.recording import Recording, recorded
+from barbalat.run.sampled_part import COMMAND, FREEZE, MEASURED, STATE, controller_program, initial_acting
+from barbalat.solvers.simulation import Simulation
+from barbalat.validate import Array, InputError
+
+VECTORS = 1000
+"""Samples that an export's self-test replays: some 100 kB of C for a small controller."""
+LEAST_RANGE = 1e6
+"""What a state or an input may be in size where the simulation gives no reason for more."""
+ROOM = 10.0
+"""How often the simulation's largest number fits into the range that is stated."""
+
+
+@dataclass(frozen=True, eq=False)
+class Contents:
+    """One sampled controller of one problem, as it is exported.
+
+    program  the whole of the controller's list, as the simulation runs it
+    layout   what is kept of its state
+    vectors  samples of the simulation, to be met in every bit
+    """
+
+    problem: TrackingProblem
+    controller: Controller
+    loop: ClosedLoop
+    program: Program
+    layout: Layout
+    vectors: Recording
+    real: Real = DOUBLE
+
+    @classmethod
+    def of(cls, problem: TrackingProblem, controller: Controller, simulation: Simulation, real: Real) -> Contents:
+        """InputError for a continuous controller, and for one that diverges before the vectors end."""
+        loop = ClosedLoop.of(problem, controller)
+        if not loop.sampled:
+            raise InputError(
+                f"{controller.name} is continuous, and a flight computer runs from sample to sample: give it a sample_time in "
+                "the case file, or wrap it as Sampled(controller=..., sample_time=...)"
+            )
+        program = controller_program(loop)
+        vectors = recorded(problem, controller, simulation, VECTORS)
+        if not all(np.isfinite(part).all() for part in (vectors.measured, vectors.commands, vectors.states)):
+            raise InputError(
+                f"{controller.name} diverges on this case within {len(vectors.states)} samples: an export would have no test "
+                "vectors, and nobody should fly it"
+            )
+        made = cls(problem, controller, loop, program, Layout.of(program, initial_acting(loop)), vectors, real)
+        return made if real is DOUBLE else replace(made, vectors=made._rounded())
+
+    @cached_property
+    def step(self) -> Program:
+        """All that is kept, one sample later: a slice of the list that is simulated."""
+        return sliced(self.program, self.layout.rows)
+
+    @cached_property
+    def model(self) -> Program | None:
+        """The reference model alone, one sample later; None where nothing depends on it."""
+        part = self.layout.part("held.x_m")
+        return None if part is None else sliced(self.program, list(part.rows))
+
+    @property
+    def sample_time(self) -> float:
+        """[s]."""
+        assert self.loop.sample_time is not None
+        return self.loop.sample_time
+
+    @property
+    def measures_state(self) -> bool:
+        return self.loop.measured_outputs == 0
+
+    @property
+    def sizes(self) -> tuple[int, int, int, int]:
+        """Entries of what is measured, of the command, of the control, of the estimates."""
+        y = self.vectors.measured.shape[1]
+        return y, self.vectors.commands.shape[1], self.layout.u.size, self.layout.theta_hat.size
+
+    @cached_property
+    def initial(self) -> Array:
+        """The flat state before the first sample."""
+        return np.asarray(flatten(initial_acting(self.loop)), dtype=float)
+
+    @cached_property
+    def range(self) -> float:
+        """Beyond which no entry of the state, of the measurement or of the command is taken for one: a power of ten."""
+        kept = self.vectors.states[:, self.layout.rows], self.vectors.measured, self.vectors.commands, self.initial
+        largest = max(float(np.abs(part).max(initial=0.0)) for part in kept)
+        return float(max(LEAST_RANGE, 10.0 ** np.ceil(np.log10(max(ROOM * largest, 1.0)))))
+
+    @cached_property
+    def limits(self) -> tuple[Array, Array] | None:
+        """The least and the largest value of each estimate in the set that it is projected onto; infinite where it has none."""
+        equations = self.loop.continuous
+        box = equations.box if isinstance(equations, Projecting) else None
+        if box is None:
+            return None
+        low, high = np.full((2, self.layout.theta_hat.size), np.inf) * [[-1.0], [1.0]]
+        if box.sphere is not None:
+            first = slice(0, box.sphere.size)
+            low[first], high[first] = box.sphere.extent
+        if box.intervals is not None:
+            last = slice(len(low) - box.intervals.size, len(low))
+            low[last], high[last] = box.intervals.extent
+        return np.where(low <= -UNREACHED_BOUND, -np.inf, low), np.where(high >= UNREACHED_BOUND, np.inf, high)
+
+    @property
+    def saturation(self) -> Array | None:
+        """(2, m) lower and upper limits of the actuators; None where one of them has none."""
+        given = [path.saturation for path in self.problem.plant.paths]
+        limits = [limit for limit in given if limit is not None]
+        return np.array(limits).T if len(limits) == len(given) else None
+
+    @cached_property
+    def learnt(self) -> frozenset[int]:
+        """Rows of the flat state that keep their values while the freeze switch is on, whatever is measured."""
+        computer, random = self.loop.computer, np.random.default_rng(0)
+        assert computer is not None
+        template, resting = initial_acting(self.loop), np.ones(len(self.initial), dtype=bool)
+        for _ in range(PROBES):
+            moved = self.initial + random.uniform(0.1, 1.0, len(self.initial))
+            acting: Acting = unflatten(template, moved, 0)[0]
+            y, r = acting.held.measured + random.uniform(0.1, 1.0), acting.held.r + random.uniform(0.1, 1.0)
+            with np.errstate(all="ignore"):
+                after = np.asarray(flatten(computer.act(acting, y, r, np.ones(()))), dtype=float)
+            resting &= after == moved
+        own = len(flatten(template.controller))
+        return frozenset(np.flatnonzero(resting[:own]).tolist())
+
+    @cached_property
+    def at_start(self) -> tuple[Array, Array]:
+        """(S,) and (S, n): the initial state is the first and the second times the measured state; zero for what is no state."""
+        own = np.zeros((len(self.initial), self.sizes[0]))
+        if not isinstance(self.problem, Problem):
+            return self.initial, own
+        rest = self._starting_at(np.zeros(self.sizes[0]))
+        for i, unit in enumerate(np.eye(self.sizes[0])):
+            own[:, i] = self._starting_at(unit) - rest
+        return rest, own
+
+    def _starting_at(self, x0: Array) -> Array:
+        assert isinstance(self.problem, Problem)
+        there = replace(self.problem, plant=replace(self.problem.plant, x0=x0))
+        return np.asarray(flatten(initial_acting(ClosedLoop.of(there, self.controller))), dtype=float)
+
+    def _rounded(self) -> Recording:
+        """The vectors of a target with other numbers: its own run on what the simulation measured."""
+        numbers, rows = self.real.numbers, self.layout.rows
+        state = {(STATE, row): numbers(self.initial[row]) for row in rows}
+        states = np.zeros_like(self.vectors.states)
+        for k, (y, r) in enumerate(zip(self.vectors.measured, self.vectors.commands, strict=True)):
+            given = {(MEASURED, i): numbers(value) for i, value in enumerate(y)} | {(FREEZE, 0): numbers(0)}
+            given |= {(COMMAND, i): numbers(value) for i, value in enumerate(r)}
+            after = evaluate(self.step, state | given, numbers)
+            state = {(STATE, row): value for row, value in zip(rows, after, strict=True)}
+            states[k, rows] = after
+        if not np.isfinite(states).all():
+            raise InputError(f"{self.controller.name} leaves the numbers of float32 on this case; export it in float64")
+        return replace(self.vectors, states=states)
+
+
+PROBES = 4
+"""States at which it is seen what rests; an entry that stands still by chance at all of them is not to be expected."""
+
+
+def is_explicit(contents: Contents) -> bool:
+    """Whether the controller takes explicit steps."""
+    equations: SampledEquations | object = contents.loop.equations
+    return isinstance(equations, DiscretizedEquations) and equations.explicit

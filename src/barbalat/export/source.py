@@ -1,0 +1,128 @@
+"""controller.c: the operations of the simulated list, and around them what a flight computer needs."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from barbalat.export.layout import Part
+from barbalat.export.meanings import meaning
+from barbalat.export.texts import Printed, filled, indented
+from barbalat.lowering import c99
+from barbalat.lowering.operations import Program
+from barbalat.run.sampled_part import COMMAND, FREEZE, MEASURED, STATE
+
+CLOCK = 1e-6
+"""By how much, relatively, a sample time or an estimate may be off: above a float's rounding, below any clock's error."""
+
+_MODEL = """\
+/* The reference model (2) alone, exact for a held r: slice of the same operations. */
+static void advance_model({name}_controller *c)
+{{
+{body}}}
+
+"""
+
+
+BITS = ("stdint", "string")
+"""What the project's own sin, exp, ... take of the library: the bits of a number, by memcpy."""
+
+
+def source(printed: Printed) -> str:
+    """The text of controller.c."""
+    contents = printed.contents
+    x_m, started = contents.layout.part("held.x_m"), contents.layout.started
+    whole = (contents.step, *([] if contents.model is None else [contents.model]))
+    state, functions = contents.measures_state, c99.definitions(whole)
+    needs_math = any(map(c99.calls_functions, whole))
+    model = "" if contents.model is None or x_m is None else _MODEL.format(
+        name=printed.name, body=_operations(printed, contents.model, [x_m], {started.start: c99.constant(1.0, contents.real)})
+    )  # fmt: skip
+    return filled(
+        "controller.c",
+        origin=printed.origin,
+        include="".join(f"#include <{name}.h>\n" for name in (*(["math"] if needs_math else []), *(BITS if functions else []))),
+        functions=f"{functions}\n" if functions else "",
+        guard=printed.guard,
+        name=printed.name,
+        macro=printed.macro,
+        real=printed.real,
+        zero=f"0.0{contents.real.suffix}",
+        clock=c99.constant(CLOCK * contents.sample_time, contents.real),
+        measured=printed.measured,
+        u=contents.layout.u.name,
+        started=started.name,
+        usable=_usable(printed),
+        model=model,
+        advance=_operations(printed, contents.step, list(contents.layout.parts), {}),
+        miss=indented([f"if (c->waiting != 0 || c->{started.name}[0] > 0) {{", "    advance_model(c);", "}"]) if model else "",
+        resume=indented(["if (next.waiting != 0) {", "    advance_model(&next);", "}"]) if model else "",
+        give=indented(_given(printed)),
+        reset=indented(f"{text} = {printed.number(contents.initial[row])};" for row, text in contents.layout.entries().items()),
+        start=_start(printed),
+        start_argument=f"const {printed.real} x[{printed.macro}_MEASURED], " if state else "",
+    )
+
+
+def _operations(printed: Printed, program: Program, parts: list[Part], fixed: dict[int, str]) -> str:
+    """One constant for each operation, then the assignments; ``fixed`` has C text in the place of entries of the state."""
+    contents = printed.contents
+    y, q, _, _ = contents.sizes
+    inputs = {(STATE, row): text for row, text in (contents.layout.entries() | fixed).items()}
+    inputs |= {(MEASURED, i): f"in->{printed.measured}[{i}]" for i in range(y)} | {(COMMAND, i): f"in->r[{i}]" for i in range(q)}
+    one, zero = (c99.constant(value, contents.real) for value in (1.0, 0.0))
+    inputs[FREEZE, 0] = f"in->freeze != 0 ? {one} : {zero}"
+    printer = c99.Printer(program, contents.real)
+    lines = c99.statements(program, inputs, contents.real)
+    results = iter(program.outputs[0])
+    for part in parts:
+        lines.append(f"/* {meaning(part.path)} */")
+        lines += [f"{part.entry(row)} = {printer.number(next(results))};" for row in part.rows]
+    return indented(lines)
+
+
+def _usable(printed: Printed) -> str:
+    """Every number in range, the estimates in their set but for rounding, and a control to hold."""
+    contents = printed.contents
+    tests = [f"in_range(c->{part.name}, {part.size})" for part in contents.layout.parts]
+    tests += [f"in_range(c->last_u, {printed.macro}_INPUTS)", f"in_range(c->bump, {printed.macro}_INPUTS)"]
+    if contents.limits is not None:
+        for i, (low, high) in enumerate(zip(*contents.limits, strict=True)):
+            text = contents.layout.theta_hat.entry(contents.layout.theta_hat.start + i)
+            for bound, sign, relation in ((low, -1.0, ">="), (high, 1.0, "<=")):
+                if np.isfinite(bound):
+                    tests.append(f"{text} {relation} {c99.constant(bound + sign * CLOCK * (1 + abs(bound)), contents.real)}")
+    return "\n        && ".join(tests)
+
+
+def _given(printed: Printed) -> list[str]:
+    contents = printed.contents
+    zero = f"0.0{contents.real.suffix}"
+    lines = ["int i;", f"const int held = in_range(c->last_u, {printed.macro}_INPUTS); /* else not even that is left */"]
+    lines += [f"for (i = 0; i < {printed.macro}_INPUTS; ++i) {{", f"    out->u[i] = held != 0 ? c->last_u[i] : {zero};"]
+    lines += ["    out->u_limited[i] = out->u[i];", "}"]
+    if contents.saturation is not None:
+        for i, (low, high) in enumerate(contents.saturation.T):
+            for bound, relation in ((low, "<"), (high, ">")):
+                text = printed.number(bound)
+                lines += [f"if (out->u[{i}] {relation} {text}) {{", f"    out->u_limited[{i}] = {text};", "}"]
+    if contents.sizes[3]:
+        name = contents.layout.theta_hat.name
+        lines += [f"for (i = 0; i < {printed.macro}_ESTIMATES; ++i) {{", f"    out->theta_hat[i] = c->{name}[i];", "}"]
+    return lines
+
+
+def _start(printed: Printed) -> str:
+    """Everything as at t = 0 with the measured state in the place of the case's; what was learnt only if it is not kept."""
+    contents = printed.contents
+    kept: list[str] = []
+    others: list[str] = []
+    rest, of_x = contents.at_start
+    for row, text in contents.layout.entries().items():
+        terms = [
+            f"x[{i}]" if factor == 1 else f"{printed.number(factor)} * x[{i}]" for i, factor in enumerate(of_x[row]) if factor
+        ]
+        value = " + ".join(terms if terms and not rest[row] else [printed.number(rest[row]), *terms])
+        (kept if row in contents.learnt else others).append(f"{text} = {value};")
+    last = ["if (keep_estimates == 0) {", *(f"    {line}" for line in kept), "}"] if kept else ["(void)keep_estimates;"]
+    unused = ["(void)x;"] if contents.measures_state and not of_x[contents.layout.rows].any() else []
+    return indented([*others, *last, *unused])

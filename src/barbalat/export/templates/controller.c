@@ -1,0 +1,126 @@
+/*
+ * ${origin}
+ * See controller.h and README.md.
+ */
+#include "controller.h"
+${include}
+${guard}
+${functions}/* Whether every number is one, and in range; NaN compares false. */
+static int in_range(const ${real} *values, int count)
+{
+    int i;
+    for (i = 0; i < count; ++i) {
+        if (!(values[i] >= -${macro}_RANGE && values[i] <= ${macro}_RANGE)) {
+            return 0;
+        }
+    }
+    return 1;
+}
+
+static int state_is_usable(const ${name}_controller *c)
+{
+    return ${usable};
+}
+
+${model}/* One sample of the whole controller: the operations of the simulation, in their order. */
+static void advance(${name}_controller *c, const ${name}_input *in)
+{
+${advance}}
+
+/* A start without a bump: u begins where the actuator is, and the difference fades out. */
+static void fade(${name}_controller *c)
+{
+    int i;
+    for (i = 0; i < ${macro}_INPUTS; ++i) {
+        if (c->matching != 0) {
+            c->bump[i] = c->bump[i] - c->${u}[i];
+        }
+        if (c->fade_left > 0L) {
+            c->${u}[i] = c->${u}[i] + c->bump[i] * ((${real})c->fade_left / (${real})c->fade);
+        }
+    }
+    c->matching = 0;
+    if (c->fade_left > 0L) {
+        --c->fade_left;
+    }
+}
+
+/* A sample that is missed: time goes by for the model alone. */
+static void miss(${name}_controller *c)
+{
+${miss}    c->${started}[0] = ${zero};
+    c->waiting = 1;
+}
+
+static void give(const ${name}_controller *c, ${name}_output *out, unsigned status)
+{
+${give}    out->status = status;
+}
+
+void ${name}_reset(${name}_controller *c)
+{
+${reset}    c->sample_time = ${macro}_SAMPLE_TIME;
+    c->fade = 0L;
+    c->fade_left = 0L;
+    c->matching = 0;
+    c->waiting = 0;
+}
+
+void ${name}_init(${name}_controller *c)
+{
+    int i;
+    ${name}_reset(c);
+    for (i = 0; i < ${macro}_INPUTS; ++i) {
+        c->last_u[i] = ${zero};
+        c->bump[i] = ${zero};
+    }
+}
+
+void ${name}_start(${name}_controller *c, ${start_argument}const ${real} u_now[${macro}_INPUTS], long samples,
+    int keep_estimates)
+{
+    int i;
+${start}    c->sample_time = ${macro}_SAMPLE_TIME;
+    for (i = 0; i < ${macro}_INPUTS; ++i) {
+        c->bump[i] = u_now[i];
+        c->last_u[i] = u_now[i];
+    }
+    c->fade = samples > 0L ? samples : 0L;
+    c->fade_left = c->fade;
+    c->matching = 1;
+    c->waiting = 0;
+}
+
+unsigned ${name}_step(${name}_controller *c, const ${name}_input *in, ${name}_output *out)
+{
+    unsigned status = ${macro}_OK;
+    int i;
+    ${name}_controller next = *c;
+    const ${real} apart = in->sample_time - c->sample_time;
+    if (!(apart <= ${clock} && apart >= -${clock})) {
+        status |= ${macro}_WRONG_SAMPLE_TIME;
+    }
+    if (!state_is_usable(c)) {
+        give(c, out, status | ${macro}_STATE_REFUSED);
+        return out->status;
+    }
+    if (!(in_range(in->${measured}, ${macro}_MEASURED) && in_range(in->r, ${macro}_COMMANDS))) {
+        miss(c);
+        give(c, out, status | ${macro}_INPUT_REFUSED);
+        return out->status;
+    }
+${resume}    next.waiting = 0;
+    advance(&next, in);
+    fade(&next);
+    if (!state_is_usable(&next)) {
+        miss(c);
+        give(c, out, status | ${macro}_RESULT_REFUSED);
+        return out->status;
+    }
+    *c = next;
+    for (i = 0; i < ${macro}_INPUTS; ++i) {
+        c->last_u[i] = c->${u}[i];
+    }
+    give(c, out, status);
+    return out->status;
+}

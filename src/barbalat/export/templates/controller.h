@@ -1,0 +1,70 @@
+/*
+ * ${origin}
+ *
+ * Compile as ISO C (or C++17): -std=c99 -ffp-contract=off. A compiler that fuses multiply-adds by itself, as GNU mode does on
+ * aarch64 and riscv64, changes last bits; selftest.c sees it.
+ */
+#ifndef ${macro}_CONTROLLER_H
+#define ${macro}_CONTROLLER_H
+
+#define ${macro}_EXPORT ${mark}
+#define ${macro}_SAMPLE_TIME ${sample_time} /* [s] for which it was made */
+#define ${macro}_RANGE ${range} /* what a measurement, a command or a state may be in size: beyond it is refused */
+${sizes}${limits}
+/* Status of a step, of which several may hold. */
+#define ${macro}_OK 0u
+#define ${macro}_WRONG_SAMPLE_TIME 1u /* called with another sample time; the step was made as if with the right one */
+#define ${macro}_INPUT_REFUSED 2u /* a measurement or command is no number or out of range: last good u held */
+#define ${macro}_STATE_REFUSED 4u /* the state is no number or out of range: last good u held until reset or start */
+#define ${macro}_RESULT_REFUSED 8u /* the step would have led out of range: last good u held, as for an input */
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/* Everything that the controller keeps. Matrices stand row by row. */
+typedef struct {
+${members}    ${real} sample_time; /* [s] for which this state was made */
+    ${real} last_u[${macro}_INPUTS]; /* the last good control: what is held */
+    ${real} bump[${macro}_INPUTS]; /* of a bumpless start: what fades out of u */
+    long fade; /* samples over which it does */
+    long fade_left; /* of them still to come */
+    int matching; /* 1 until the first sample after a start */
+    int waiting; /* 1 after a sample that was refused: the next good one does not advance from what it missed */
+} ${name}_controller;
+
+typedef struct {
+    ${real} sample_time; /* [s] since the last call; ${macro}_SAMPLE_TIME */
+    ${real} ${measured}[${macro}_MEASURED]; /* ${measured_meaning} */
+    ${real} r[${macro}_COMMANDS]; /* command of (2) */
+    int freeze; /* not 0: the estimates and what was learnt for them keep their values, all else goes on */
+} ${name}_input;
+
+typedef struct {
+    ${real} u[${macro}_INPUTS]; /* control as it was simulated, before the actuator */
+    ${real} u_limited[${macro}_INPUTS]; /* the same within the actuator's limits, where the case has them */
+${estimates}    unsigned status; /* as ${name}_step returns it */
+} ${name}_output;
+
+/* The state in which the simulation starts. */
+void ${name}_init(${name}_controller *c);
+
+/* The same, with what was last put out still held where an input is refused. */
+void ${name}_reset(${name}_controller *c);
+
+/*
+ * ${start_comment}
+ * u_now is what the actuator gets at this moment: the first control is the same, and the difference to the controller's own
+ * fades out over so many samples. keep_estimates: not 0 to keep what was learnt so far.
+ */
+void ${name}_start(${name}_controller *c, ${start_argument}const ${real} u_now[${macro}_INPUTS], long samples,
+    int keep_estimates);
+
+/* One sample. Call it every ${macro}_SAMPLE_TIME, put u out at once and hold it until the next call. Returns the status. */
+unsigned ${name}_step(${name}_controller *c, const ${name}_input *in, ${name}_output *out);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

@@ -1,0 +1,92 @@
+"""Pieces of C that several of an export's files share."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterable
+from dataclasses import dataclass
+from functools import cached_property
+from importlib import resources
+from string import Template
+
+from barbalat import __version__
+from barbalat.export.contents import Contents
+from barbalat.export.names import prefix_of
+from barbalat.lowering import c99
+
+SHORT = 8
+"""Characters of a decimal number that a reader takes in at once; a longer one is no help beside the exact constant."""
+
+
+@dataclass(frozen=True, eq=False)
+class Printed:
+    """One export with its names in C."""
+
+    contents: Contents
+
+    @property
+    def name(self) -> str:
+        """What the functions' names begin with."""
+        return prefix_of(self.contents.controller.name)
+
+    @property
+    def macro(self) -> str:
+        """What the macros' names begin with."""
+        return self.name.upper()
+
+    @property
+    def real(self) -> str:
+        """The type of its numbers."""
+        return self.contents.real.name
+
+    @property
+    def measured(self) -> str:
+        """What is measured, as the paper calls it."""
+        return "x" if self.contents.measures_state else "y"
+
+    def number(self, value: float) -> str:
+        """A constant, exactly, with its decimal form where that is short."""
+        text, short = c99.constant(value, self.contents.real), repr(float(value))
+        return f"{text} /* {short} */" if len(short) <= SHORT else text
+
+    @cached_property
+    def mark(self) -> str:
+        """A number of this export, by which its files know each other."""
+        vectors = self.contents.vectors
+        parts = [repr(self.contents.step).encode(), *(a.tobytes() for a in (vectors.measured, vectors.commands, vectors.states))]
+        return f"0x{hashlib.sha256(b''.join([self.name.encode(), self.real.encode(), *parts])).hexdigest()[:8]}UL"
+
+    @property
+    def origin(self) -> str:
+        """Who made the files, of what."""
+        equations = type(self.contents.loop.equations)
+        case, each = comment(self.contents.problem.name), f"every {self.contents.sample_time!r} s"
+        return (
+            f"{comment(self.contents.controller.name)}: {equations.__name__} of {equations.__module__}, {each},\n * for the case "
+            f"{case}. Made by barbalat {__version__} from the operations of its simulation."
+        )
+
+    @property
+    def guard(self) -> str:
+        """Stops a compiler that is given files of two exports."""
+        return (
+            f"#if {self.macro}_EXPORT != {self.mark}\n"
+            '#error "this file and controller.h are of two exports: write the export once more"\n#endif\n'
+        )
+
+
+def filled(template: str, /, **given: object) -> str:
+    """A file of the folder ``templates`` with what is given in the places that are named in it, ``${like_this}``."""
+    text = (resources.files("barbalat.export") / "templates" / template).read_text("utf-8")
+    return Template(text).substitute(given)
+
+
+def comment(text: str) -> str:
+    """Text that can't end a comment of C, nor go on with it on the next line."""
+    plain = text.encode("ascii", "replace").decode()
+    return plain.replace("*/", "* /").replace("/*", "/ *").replace("\\", "/").replace("??", "? ?")
+
+
+def indented(lines: Iterable[str], by: int = 4) -> str:
+    """Each line with a newline behind it."""
+    return "".join(f"{' ' * by}{line}\n" for line in lines)

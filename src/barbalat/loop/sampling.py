@@ -1,0 +1,89 @@
+"""A sampled controller with all that it carries from sample to sample: what a flight computer runs, and nothing else.
+
+It is handed the measurement and the command, and nothing of the plant. The reference model is a part of it, from sample to
+sample under the command that it sampled; ``ClosedLoop`` integrates (2) itself beside it, and e is reported against that.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from barbalat.linear.zero_order_hold import HeldSystem
+from barbalat.loop.packing import as_array, flatten, unflatten
+from barbalat.loop.parts import Held
+from barbalat.protocols import Dynamics, Freezable, Sample, SampledEquations, Value, kept
+from barbalat.validate import Array
+
+RESTING = ("theta_hat", "memory")
+"""Fields of a scheme's state that a freeze keeps, unless its equations know better."""
+
+
+class Acting(NamedTuple):
+    """The whole state of a sampled controller."""
+
+    controller: Any  # the scheme's own NamedTuple
+    held: Held
+
+
+def held_model(model: Any, T: float, commands: int | None) -> HeldSystem:
+    """The reference model over samples of length T [s]; it has ``matrices``, A and B of x_m' = A x_m + B r."""
+    A, B, _ = model.matrices
+    return HeldSystem.of(A, B[:, 0] if commands is None else B, T)
+
+
+@dataclass(frozen=True, eq=False)
+class SampledController:
+    """A scheme's equations, the reference model under a held command, and what is kept from one sample to the next.
+
+    model     as the problem has it: its initial state, and what of its state is to be followed
+    discrete  the same from sample to sample
+    inputs    entries of u
+    commands  ``None`` for one command, a scalar
+    """
+
+    equations: SampledEquations
+    model: Dynamics
+    discrete: HeldSystem
+    inputs: int
+    commands: int | None
+
+    def initial(self, y: Array) -> Acting:
+        """At t = 0, before the first sample; ``y`` has the shape of what is measured."""
+        controller: Any = self.equations.initial()
+        held = Held(
+            u=np.zeros(() if self.inputs == 1 else self.inputs),
+            measured=0 * y,
+            x_m=self.model.x0,
+            r=np.zeros(() if self.commands is None else self.commands),
+            started=np.zeros(()),
+            theta_hat=controller.theta_hat,
+        )
+        return Acting(controller, held)
+
+    def act(self, state: Acting, y: Value, r: Value, freeze: Value = None) -> Acting:
+        """One sample: advance from the last one to this one, unless this is the first, and set u.
+
+        ``freeze``: where it is above 0, the estimates and the law's memory keep their values. ``None``: it never is.
+        """
+        controller, held = state
+        started = held.started > 0
+        x_m = np.where(started, self.discrete.following(held.x_m, held.r), held.x_m)
+        before, now = Sample(held.measured, self.model.output(held.x_m), held.r), Sample(y, self.model.output(x_m), r)
+        advanced = self._advance(controller, before, held.u, now, freeze)
+        chosen = np.where(started, flatten(advanced), flatten(controller))
+        following, _ = unflatten(self.equations.initial(), chosen, 0)
+        u = as_array(self.equations.control(following, *now))
+        return Acting(following, Held(u, y, x_m, r, 0 * held.started + 1, controller.theta_hat))
+
+    def _advance(self, controller: Any, before: Sample, u: Value, now: Sample, freeze: Value) -> Any:
+        if freeze is None:
+            return self.equations.advance(controller, before, u, now)
+        frozen = freeze > 0
+        if isinstance(self.equations, Freezable):
+            return self.equations.freezing(frozen).advance(controller, before, u, now)
+        advanced = self.equations.advance(controller, before, u, now)
+        old, new = controller._asdict(), advanced._asdict()
+        return advanced._replace(**{name: kept(frozen, old[name], new[name]) for name in RESTING if name in new})

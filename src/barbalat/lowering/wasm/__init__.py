@@ -1,0 +1,1 @@
+"""Operation list -> WebAssembly: a module of the same time loop, for pages that simulate."""

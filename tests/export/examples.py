@@ -1,0 +1,145 @@
+"""Every scheme, law and modification of the registries as a sampled controller, on problems with noise, limits and delay."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from adaptation.examples import laws
+from barbalat import (
+    CompositeLearning,
+    DeadZone,
+    EpsilonModification,
+    FixedSigma,
+    LyapunovLaw,
+    Noise,
+    OutputPlant,
+    OutputProblem,
+    OutputReferenceModel,
+    ParameterBall,
+    ParameterBox,
+    Plant,
+    PlantInput,
+    Polynomial,
+    Problem,
+    ReferenceModel,
+    Sampled,
+    Sensor,
+    Simulation,
+    Sine,
+    SwitchingSigma,
+    Terms,
+    TransferFunction,
+    input_filter,
+)
+from barbalat.controllers import L1Adaptive, Mrac, NormalizedMrac, RobustMrac
+from barbalat.controllers.output import LinearOutput, MracOutput
+from barbalat.controllers.windup import ModifiedError
+from barbalat.validate import InputError
+from independent import example_controllers, example_output_controllers
+
+T = 0.01
+SIMULATION = Simulation(t_end=100.0, dt=T / 2)
+LONG = Simulation(t_end=1000.0, dt=T / 2)
+SENSOR = Sensor(lag=0.02, noise=Noise(std=0.01, sample_time=T, seed=4))
+INPUT = PlantInput(saturation=[-3.0, 3.0], rate_limit=200.0, delay=0.007)
+
+STATE = Problem(
+    plant=Plant(A_m=[[0.0, 1.0], [-2.0, -3.0]], b=[0.0, 1.0], theta=[1.0, -0.5], x0=[0.3, -0.2], input=INPUT),
+    reference_model=ReferenceModel(k_0=2.0),
+    reference=Sine(amplitude=1.0, frequency=0.7),
+    uncertainty=ParameterBox(lower=[-2.0, -1.0], upper=[2.0, 1.0]),
+    sensor=SENSOR,
+    name="state",
+)
+BALL = replace(STATE, uncertainty=ParameterBall(center=[0.0, 0.0], radius=1.2), name="ball")
+FREE = replace(STATE, uncertainty=None, name="free")
+GAIN = replace(STATE, input_gain=(0.5, 2.0), name="gain")
+OUTPUT = OutputProblem(
+    plant=OutputPlant(transfer_function=TransferFunction([2.0, 6.0], [1.0, 3.0, 1.0]), input=PlantInput(delay=0.007)),
+    reference_model=OutputReferenceModel(transfer_function=TransferFunction([2.0], [1.0, 2.0])),
+    reference=Sine(amplitude=1.0, frequency=0.7),
+    sensor=SENSOR,
+    name="output",
+)
+POLYNOMIAL = Problem(
+    plant=replace(STATE.plant, regressor=Polynomial(degree=2, constant=True), theta=[0.1, 0.5, -0.3, 0.2, 0.1, -0.1]),
+    reference_model=ReferenceModel(k_0=2.0),
+    reference=Sine(amplitude=1.0, frequency=0.7),
+    uncertainty=ParameterBox(lower=[-2.0] * 6, upper=[2.0] * 6),
+    sensor=SENSOR,
+    name="polynomial",
+)
+TERMS = replace(
+    STATE,
+    plant=replace(STATE.plant, regressor=Terms(terms=["sin(3*x1)", "exp(-x2**2)"]), theta=[0.5, -0.4]),
+    name="terms",
+)
+SEVERAL = Problem(
+    plant=Plant(
+        A_m=[[-2.0, 0.0], [0.0, -3.0]], b=[[1.0, 0.2], [0.0, 1.0]], theta=[0.5, -0.3, 0.2, 0.4], x0=[0.3, -0.2], input=INPUT
+    ),
+    reference_model=ReferenceModel(k_0=[[2.0, 0.0], [0.0, 3.0]]),
+    reference=(Sine(amplitude=1.0, frequency=0.7), Sine(amplitude=0.5, frequency=1.3)),
+    uncertainty=ParameterBox(lower=[-1.0] * 4, upper=[1.0] * 4),
+    name="several",
+)
+
+L1_FILTER = TransferFunction([400.0], [1.0, 28.0, 400.0])
+
+
+def _lyapunov():
+    """MRAC and L1-AC with all that their law takes."""
+    leakages = (FixedSigma(sigma=0.1), SwitchingSigma(sigma=0.1, M_0=0.5), EpsilonModification(nu=0.2))
+    learning = CompositeLearning(gamma_c=2.0, time_constant=0.3, forgetting=0.1, capacity=2.0)
+    for law in ({}, *({"leakage": leakage} for leakage in leakages), {"learning": learning}, {"dead_zone": DeadZone(g_0=0.01)}):
+        for gamma in (5.0, [5.0, 8.0], [[5.0, 1.0], [1.0, 8.0]]):
+            yield STATE, Mrac(gamma=gamma, **law)
+            yield FREE, L1Adaptive(gamma=gamma, filter=input_filter(0.05), **law)
+    for problem in (STATE, BALL, FREE, GAIN):
+        yield problem, Mrac(gamma=20.0)
+        yield problem, L1Adaptive(gamma=100.0, filter=L1_FILTER, saturated_predictor=problem is not FREE)
+    yield STATE, Mrac(gamma=20.0, modified_error=ModifiedError(mu=0.5, margin=0.1))
+    for problem in (POLYNOMIAL, TERMS, SEVERAL):
+        yield problem, Mrac(gamma=20.0)
+        yield problem, L1Adaptive(gamma=1e4, filter=input_filter(0.05))
+
+
+def _examples():
+    yield from _lyapunov()
+    for n_controllers in example_controllers(2).values():
+        yield from ((STATE, controller) for controller in n_controllers)
+    for scheme, n_controllers in example_output_controllers(1).items():
+        # the second linear one is an L1-AC of a high gain written out, which no sample time of this size bears
+        yield from ((OUTPUT, controller) for controller in n_controllers[: 1 if scheme == "linear" else None])
+    yield OUTPUT, LinearOutput(loop=TransferFunction([2.0], [1.0, 0.0]), feedforward=TransferFunction([1.0], [0.1, 1.0]))
+    for _, law in laws(2):
+        for problem in (STATE, BALL):
+            yield problem, NormalizedMrac(law=law)
+        yield FREE, RobustMrac(tau=0.3, law=law, saturated_predictor=False)
+        yield OUTPUT, MracOutput(order=1, relative_degree=1, sign=1, law=law, c_0_min=0.1, tau=0.3)
+    for law in (LyapunovLaw(gamma=2.0), LyapunovLaw(gamma=2.0, leakage=FixedSigma(sigma=0.1))):
+        yield OUTPUT, MracOutput(order=1, relative_degree=1, sign=1, law=law)
+
+
+def sampled_examples() -> list[tuple[str, object, Sampled]]:
+    """(id, problem, controller) for all that is not refused; the names are what C makes of them."""
+    found = []
+    for number, (problem, controller) in enumerate(_examples()):
+        for discretization in ("midpoint", "euler"):
+            sampled = Sampled(controller=replace(controller, name=f"c{number}"), sample_time=T, discretization=discretization)
+            try:
+                sampled.bind(problem.known)
+            except InputError:  # what has no midpoint form, or does not fit the set, is tested where it is refused
+                continue
+            found.append((f"{type(controller).__name__}-{problem.name}-{discretization}-{number}", problem, sampled))
+    return found
+
+
+def schemes_covered() -> set[type]:
+    return {type(sampled.controller) for _, _, sampled in sampled_examples()}
+
+
+def noise(random: np.random.Generator, values: np.ndarray) -> np.ndarray:
+    return values + 0.01 * random.normal(size=values.shape)

@@ -1,0 +1,122 @@
+"""The exported controller is the simulated one: the same samples, in compiled C, equal in every bit."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from barbalat.controllers import SCHEMES, Sampled
+from barbalat.controllers.output import OUTPUT_SCHEMES
+from barbalat.export.contents import Contents
+from barbalat.export.header import header
+from barbalat.export.source import source
+from barbalat.export.texts import Printed
+from barbalat.loop.packing import flatten, unflatten
+from barbalat.lowering.c99 import DOUBLE
+from barbalat.run.recording import recorded
+from barbalat.run.sampled_part import initial_acting
+from export.examples import LONG, OUTPUT, SIMULATION, STATE, sampled_examples, schemes_covered
+from export.targets import ISO, drive, needs, needs_gcc, same_bits, write
+
+EXAMPLES = {name: (problem, controller) for name, problem, controller in sampled_examples()}
+SHORT = [name for i, name in enumerate(EXAMPLES) if i % 37 == 0]
+SAMPLES, LONG_SAMPLES = 10_000, 100_000
+
+
+def exported(name, folder):
+    problem, controller = EXAMPLES[name]
+    printed = Printed(Contents.of(problem, controller, SIMULATION, DOUBLE))
+    write(folder, {"controller.h": header(printed), "controller.c": source(printed)})
+    return printed
+
+
+def test_every_scheme_is_among_the_examples() -> None:
+    assert schemes_covered() | {Sampled} >= {*SCHEMES.values(), *OUTPUT_SCHEMES.values()}
+
+
+def replayed(name, folder, simulation, samples, compiler=("gcc", *ISO, "-O2")) -> None:
+    """Measured with noise, lag, delay and limits by the simulation, handed to C: u and the estimates are the simulation's."""
+    printed = exported(name, folder)
+    layout = printed.contents.layout
+    run = recorded(*EXAMPLES[name], simulation, samples)
+    assert len(run.states) == samples
+    found = drive(printed, folder, run.measured, run.commands, compiler=compiler)
+    assert (found.status == 0).all()
+    assert same_bits(found.u, run.states[:, list(layout.u.rows)])
+    assert same_bits(found.estimates, run.states[:, list(layout.theta_hat.rows)])
+    assert np.ptp(found.u) > 0
+
+
+@needs_gcc
+@pytest.mark.parametrize("name", EXAMPLES)
+@pytest.mark.short(kept=lambda name: name in SHORT)
+def test_the_simulation_replayed_in_c(name, tmp_path) -> None:
+    replayed(name, tmp_path, SIMULATION, SAMPLES)
+
+
+LEVELS = ("-O0", "-O1", "-O2", "-O3")
+FEW = [name for i, name in enumerate(EXAMPLES) if i % 61 == 5]
+
+
+@pytest.mark.parametrize("level", LEVELS)
+@pytest.mark.parametrize("compiler", [pytest.param(c, marks=needs(c)) for c in ("gcc", "clang")])
+@pytest.mark.parametrize("name", FEW)
+@pytest.mark.short(kept=lambda name, compiler, level: name == FEW[0])
+def test_every_compiler_at_every_level(name, compiler, level, tmp_path) -> None:
+    replayed(name, tmp_path, SIMULATION, SAMPLES, compiler=(compiler, *ISO, level))
+
+
+@needs_gcc
+@pytest.mark.full
+@pytest.mark.parametrize("name", FEW)
+def test_a_hundred_thousand_samples(name, tmp_path) -> None:
+    replayed(name, tmp_path, LONG, LONG_SAMPLES)
+
+
+@needs_gcc
+@pytest.mark.parametrize("name", FEW)
+@pytest.mark.short(kept=lambda name: name in FEW[:3])
+def test_c_against_the_equations_evaluated_on_numbers(name, tmp_path) -> None:
+    """The scheme's own lines in NumPy, sample by sample, with the freeze switch on and off: a second way to the same numbers.
+
+    1e-7: the same sums in another order over 400 samples of a loop that is driven, not closed.
+    """
+    printed = exported(name, tmp_path)
+    contents = printed.contents
+    run = recorded(*EXAMPLES[name], SIMULATION, 400)
+    freeze = np.arange(400) // 50 % 2
+    found = drive(printed, tmp_path, run.measured, run.commands, freeze)
+    computer, template = contents.loop.computer, initial_acting(contents.loop)
+    acting, estimates, u = template, [], []
+    for y, r, frozen in zip(run.measured, run.commands, freeze, strict=True):
+        command = r if contents.loop.commands else r[0]
+        acting = computer.act(acting, y.reshape(template.held.measured.shape), command, np.float64(frozen))
+        acting, _ = unflatten(template, np.asarray(flatten(acting), dtype=float), 0)
+        estimates.append(acting.controller.theta_hat.reshape(-1))
+        u.append(acting.held.u.reshape(-1))
+    np.testing.assert_allclose(found.estimates, estimates, rtol=1e-7, atol=1e-7)
+    np.testing.assert_allclose(found.u, u, rtol=1e-7, atol=1e-7)
+    resting = np.flatnonzero(freeze)
+    assert same_bits(found.estimates[resting], found.estimates[resting - 1])
+
+
+def test_the_model_from_sample_to_sample_is_the_continuous_one_under_a_held_command() -> None:
+    """x_m of the controller against the exact solution for a command that is constant from sample to sample."""
+    from scipy.linalg import expm
+
+    for problem, name in ((STATE, "Mrac-state-euler"), (OUTPUT, "LinearOutput-output-midpoint")):
+        found = next(key for key in EXAMPLES if key.startswith(name))
+        run = recorded(*EXAMPLES[found], SIMULATION, 200)
+        A, B, _ = problem.model.matrices
+        T = run.loop.sample_time
+        x_m = np.array([run.loop.computer.initial(np.zeros(run.measured.shape[1])).held.x_m])
+        rows = [unflatten(initial_acting(run.loop), state, 0)[0].held.x_m for state in run.states]
+        np.testing.assert_array_equal(rows[0], x_m[0])
+        steps = 64  # the integral by Gauss's rule on so many pieces is exact to rounding
+        nodes, weights = np.polynomial.legendre.leggauss(8)
+        s = (T / steps) * (np.arange(steps)[:, None] + (nodes + 1) / 2)
+        integral = sum(w * T / steps / 2 * expm(A * float(t)) @ B[:, 0] for row in s for t, w in zip(row, weights, strict=True))
+        for k in range(1, 200):
+            np.testing.assert_allclose(
+                rows[k], expm(A * T) @ rows[k - 1] + integral * run.commands[k - 1, 0], rtol=1e-12, atol=1e-14
+            )

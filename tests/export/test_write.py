@@ -1,0 +1,103 @@
+"""What is written where, by which names, and what is refused."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+from dataclasses import replace
+
+import pytest
+
+from barbalat import L1Adaptive, Mrac, PlantInput, Sampled, Simulation, export_controller, input_filter
+from barbalat.cli import main
+from barbalat.export.names import distinct, identifier, prefix_of
+from barbalat.export.write import files
+from export.examples import SIMULATION, STATE, TERMS, T
+from export.targets import ISO, needs_gcc, run_selftest
+from independent import refusal
+
+NAMES = ["README.md", "controller.c", "controller.h", "selftest.c"]
+MRAC = Sampled(controller=Mrac(gamma=5.0), sample_time=T)
+L1 = Sampled(controller=L1Adaptive(gamma=50.0, filter=input_filter(0.05)), sample_time=T)
+
+
+def test_names_of_controllers_become_identifiers() -> None:
+    assert prefix_of("Robust MRAC") == "robust_mrac"
+    assert prefix_of("L1, T = 1 ms") == "l1_t_1_ms"
+    assert prefix_of("Régulateur") == "regulateur"
+    assert prefix_of("2 DOF") == "n_2_dof"
+    assert prefix_of("while") == "while_"
+    assert prefix_of("controller") == "controller_"
+    assert identifier("memory.P") == "memory_P"
+    assert distinct(["a.b", "a_b", "int"]) == ["a_b", "a_b_2", "int_"]
+    for bad in ("制御", "123", "--"):
+        assert "letter" in refusal(lambda bad=bad: prefix_of(bad))
+    assert "at most 20" in refusal(lambda: prefix_of("a controller with a long name"))
+
+
+def test_the_same_files_every_time(tmp_path) -> None:
+    assert export_controller(STATE, MRAC, SIMULATION, out=tmp_path / "new" / "mrac") == tmp_path / "new" / "mrac"
+    assert sorted(file.name for file in (tmp_path / "new" / "mrac").iterdir()) == NAMES
+    found = files(STATE, MRAC, SIMULATION)
+    assert found == files(STATE, MRAC, SIMULATION)
+    for name, text in found.items():
+        assert (tmp_path / "new" / "mrac" / name).read_text() == text
+        assert text.isascii()
+        assert str(tmp_path) not in text
+        for forbidden in ("malloc", "alloca", "goto"):
+            assert forbidden not in text
+    for library in ("#include <stdio.h>", "#include <string.h>"):
+        assert library not in found["controller.c"] + found["controller.h"]
+
+
+@needs_gcc
+def test_two_exports_into_one_folder_never_mix(tmp_path) -> None:
+    """The second replaces the first; put together by hand they are no program."""
+    export_controller(STATE, MRAC, SIMULATION, out=tmp_path / "one")
+    export_controller(STATE, L1, SIMULATION, out=tmp_path / "one")
+    assert sorted(file.name for file in (tmp_path / "one").iterdir()) == NAMES
+    assert run_selftest(tmp_path / "one", "gcc", *ISO, "-O1").returncode == 0
+    renamed = Sampled(controller=Mrac(gamma=6.0), sample_time=T)
+    export_controller(STATE, MRAC, SIMULATION, out=tmp_path / "two")
+    export_controller(STATE, renamed, SIMULATION, out=tmp_path / "three")
+    shutil.copy(tmp_path / "two" / "controller.h", tmp_path / "three")
+    with pytest.raises(subprocess.CalledProcessError):
+        run_selftest(tmp_path / "three", "gcc", *ISO, "-O1")
+
+
+def test_refusals(tmp_path) -> None:
+    def refused(controller=MRAC, simulation=SIMULATION, **settings):
+        settings = {"out": tmp_path / "none"} | settings
+        return refusal(lambda: export_controller(STATE, controller, simulation, **settings))
+
+    assert "sample_time" in refused(Mrac(gamma=5.0))
+    assert "c99" in refused(target="fortran")
+    assert "letter" in refused(Sampled(controller=Mrac(gamma=5.0, name="制御"), sample_time=T))
+    assert "whole number of solver steps" in refused(simulation=Simulation(t_end=1.0, dt=0.03125))
+    unbounded = replace(STATE, plant=replace(STATE.plant, input=PlantInput()), uncertainty=None)
+    chattering = Sampled(controller=Mrac(gamma=1e9), sample_time=T, discretization="euler")
+    assert "diverges" in refusal(lambda: export_controller(unbounded, chattering, SIMULATION, out=tmp_path / "none"))
+    with_sine = refusal(lambda: export_controller(TERMS, MRAC, SIMULATION, out=tmp_path / "none", float32=True))
+    assert "float64" in with_sine and ("sin" in with_sine or "exp" in with_sine)
+    assert not list(tmp_path.iterdir())
+    (tmp_path / "file").write_text("here")
+    assert "is a file" in refused(out=tmp_path / "file")
+    assert (tmp_path / "file").read_text() == "here"
+
+
+def test_command(tmp_path, capsys) -> None:
+    asked = ["export", "first-order", "--controller", "MRAC, sampled", "--target", "c99"]
+    assert main([*asked, "--out", str(tmp_path / "a"), "--float32"]) == 0
+    assert "float theta_hat" in (tmp_path / "a" / "controller.h").read_text()
+    assert sorted(file.name for file in (tmp_path / "a").iterdir()) == NAMES
+    capsys.readouterr()
+    for wrong, said in (
+        (["export", "first-order", "--controller", "MRAC", "--out", str(tmp_path / "b")], "sample_time"),
+        (["export", "first-order", "--controller", "none", "--out", str(tmp_path / "b")], "'MRAC, sampled'"),
+        ([*asked, "--out", ""], "--out"),
+    ):
+        assert main(wrong) == 2
+        shown = capsys.readouterr().err
+        assert said in shown
+        assert shown.count("\n") == 1
+    assert not (tmp_path / "b").exists()

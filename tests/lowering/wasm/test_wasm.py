@@ -1,0 +1,190 @@
+"""WebAssembly against the kernel: every controller of every bundled case, whole runs, every bit."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from barbalat import L1Adaptive, Noise, PlantInput, Problem, Sampled, Sensor, Simulation, input_filter, load_case
+from barbalat.cases.load import bundled
+from barbalat.lowering.functions import FUNCTIONS, function
+from barbalat.lowering.operations import Operation, Program
+from barbalat.lowering.shape import LoopShape
+from barbalat.run.batch import Batch
+from barbalat.run.engine import run
+from barbalat.run.step import StepProgram
+from lowering.functions.test_functions import evaluated, points
+from lowering.test_c99 import same_bits
+
+pytest.importorskip("wasmtime", reason="wasmtime is not installed")
+
+from lowering.wasm.wasm_kernel import WasmKernel
+
+EVERY_LOOP = [(case, controller.name) for case in bundled() for controller in load_case(case).controllers]
+SHORT = 8.0
+"""Seconds of a run that the short command makes: a whole one has up to 800,000 steps, a tail and windows alike."""
+
+
+def both(problem, controller, simulation: Simulation, **options) -> tuple[Batch, Batch]:
+    """The batch after its run, by the kernel and by WebAssembly."""
+    made = []
+    for kernel in (None, WasmKernel):
+        batch = Batch.of([(problem, controller)], simulation, record=True, windows=20, **options)
+        if kernel is not None:
+            (group,) = batch.groups
+            group.kernel = kernel(batch.program)
+        run([batch], problem.signals, simulation)
+        made.append(batch)
+    native, wasm = made
+    return native, wasm
+
+
+def assert_same(native: Batch, wasm: Batch, simulation: Simulation) -> None:
+    assert native.states.size
+    assert same_bits(native.final_states, wasm.final_states)
+    (one,), (other,) = native.groups, wasm.groups
+    for mine, theirs in zip(one.recorded, other.recorded, strict=True):
+        assert same_bits(mine, theirs)
+    assert native.metrics(simulation).of_member(0) == wasm.metrics(simulation).of_member(0)
+    if native.watch is not None:
+        assert same_bits(native.watch.rows, wasm.watch.rows)
+
+
+@pytest.mark.parametrize(("case", "name"), EVERY_LOOP)
+def test_every_bundled_loop_has_the_kernel_s_bits(case, name, sample) -> None:
+    given = load_case(case)
+    (controller,) = (c for c in given.controllers if c.name == name)
+    simulation = replace(given.simulation, fused=False, t_end=min(sample(SHORT, given.simulation.t_end), given.simulation.t_end))
+    assert_same(*both(given.problem, controller, simulation), simulation)
+
+
+def with_input(problem: Problem, *, delay: float, std: float) -> Problem:
+    noise = Noise(std=std, sample_time=1e-3, seed=7) if std else None
+    return replace(
+        problem,
+        plant=replace(problem.plant, input=PlantInput(delay=delay)),
+        sensor=None if noise is None else Sensor(noise=noise),
+    )
+
+
+@pytest.mark.parametrize("adjustable", [False, True])
+@pytest.mark.parametrize("sampled", [False, True])
+@pytest.mark.parametrize(("delay", "std"), [(0.0123, 0.0), (0.0, 0.1), (0.0123, 0.1), (0.01, 0.1)])
+def test_delays_noise_and_samples_have_the_kernel_s_bits(delay, std, sampled, adjustable) -> None:
+    """With ``adjustable`` the step, the delay's weights, the samples' and the noise's counts of steps are arguments."""
+    case = load_case("paper")
+    controller = L1Adaptive(gamma=100.0, filter=input_filter(0.1))
+    if sampled:
+        controller = Sampled(controller, sample_time=2e-3)
+    simulation = Simulation(t_end=4.0, dt=5e-4, fused=False, record_points=50)
+    problem = with_input(case.problem, delay=delay, std=std)
+    native, wasm = both(problem, controller, simulation, adjustable=adjustable)
+    assert np.isfinite(native.final_states).all()
+    assert (native.program.shape.delayed > 0) == (delay > 0)
+    assert (native.program.shape.noise > 0) == (std > 0)
+    assert_same(native, wasm, simulation)
+
+
+def test_members_of_an_ensemble_differ_in_parameters_of_one_module() -> None:
+    """Gains, plants and initial states are numbers in the memory: what follows from them alone is computed before the loop."""
+    case = load_case("paper")
+    simulation = Simulation(t_end=1.0, dt=1e-3, fused=False)
+    members = [
+        (replace(case.problem, plant=replace(case.problem.plant, theta=(4.0 + k, -3.0), x0=(1.0, 0.1 * k))),
+         L1Adaptive(gamma=100.0 * 3**k, filter=input_filter(0.1 + 0.01 * k)))
+        for k in range(4)
+    ]  # fmt: skip
+    native, wasm = (Batch.of(members, simulation, lanes=1) for _ in range(2))
+    assert native.program.shape.parameters > 3
+    shared = WasmKernel(wasm.program)
+    for group in wasm.groups:
+        group.kernel = shared
+    for batch in (native, wasm):
+        run([batch], case.problem.signals, simulation)
+    assert same_bits(native.final_states, wasm.final_states)
+    assert native.metrics(simulation).of_member(3) == wasm.metrics(simulation).of_member(3)
+
+
+def calling(name: str, count: int) -> StepProgram:
+    operations = [Operation("input", source=(3, i)) for i in range(count)] + [Operation(name, tuple(range(count)))]
+    return StepProgram(Program(tuple(operations), ((count,), (), ())), LoopShape(1, 0, 0, count), None)
+
+
+def applied(kernel: WasmKernel, *x: np.ndarray) -> np.ndarray:
+    """The value of a step's one operation for every row: the state at the next block's start."""
+    rows = len(x[0])
+    state, out = np.zeros(1), np.empty((rows, 1))
+    kernel(rows, 1, state, np.empty(0), np.column_stack(x).astype(float), out)
+    return np.append(out[1:, 0], state)
+
+
+EDGES = np.array([0.0, -0.0, 1.0, -1.0, 2.5, -2.5, math.inf, -math.inf, math.nan, 1e300, 5e-324, 2.0**53 - 1])
+
+
+@pytest.mark.parametrize("name", sorted(FUNCTIONS))
+def test_functions_have_the_kernel_s_bits(name) -> None:
+    """In a step and, where the module exports them, called by the host."""
+    count = function(name).arguments
+    kernel = WasmKernel(calling(name, count), exported=(name,))
+    edges = tuple(part.ravel() for part in np.meshgrid(*[EDGES] * 2))[:count]
+    for x in [edges, *points(name, 1000, np.random.default_rng(4))]:
+        assert same_bits(applied(kernel, *x), evaluated(name, *x))
+    one = [float(part[0]) for part in x]
+    assert kernel.exports[name](kernel.store, *one) == evaluated(name, *x)[0]
+
+
+@pytest.mark.parametrize(("name", "count"), [
+    ("fmin", 2), ("fmax", 2), ("lt", 2), ("le", 2), ("eq", 2), ("ne", 2), ("and", 2), ("or", 2), ("not", 1), ("neg", 1),
+    ("fabs", 1), ("sqrt", 1), ("floor", 1),
+    ("ceil", 1), ("copysign", 2), ("select", 3), ("if_else_zero", 2), ("div", 2), ("sub", 2),
+])  # fmt: skip
+def test_single_operations_have_the_kernel_s_bits(name, count) -> None:
+    """Among them the minimum and maximum of zeros with signs and of NaNs, which f64.min and f64.max order otherwise."""
+    x = tuple(part.ravel() for part in np.meshgrid(*[EDGES] * count))
+    program = calling(name, count)
+    state, out = np.zeros(1), np.empty((len(x[0]), 1))
+    program.compile(1)(len(x[0]), 1, state, np.empty(0), np.column_stack(x), out)
+    assert same_bits(applied(WasmKernel(program), *x), np.append(out[1:, 0], state))
+
+
+def test_states_that_change_places_do_so_at_once() -> None:
+    operations = tuple(Operation("input", source=(0, i)) for i in range(2))
+    program = StepProgram(Program(operations, ((1, 0), (), ())), LoopShape(2, 0, 0, 0), None)
+    state, out = np.array([1.0, 2.0]), np.empty((3, 2))
+    WasmKernel(program)(3, 1, state, np.empty(0), np.empty(0), out)
+    assert state.tolist() == [2.0, 1.0]
+    assert out.tolist() == [[1.0, 2.0], [2.0, 1.0], [1.0, 2.0]]
+
+
+def test_a_long_chain_of_operations_is_cut_into_expressions() -> None:
+    operations = [Operation("input", source=(0, 0)), Operation("constant", (), 1.0)]
+    operations += [Operation("add", (i if i > 1 else 0, 1)) for i in range(1, 5001)]
+    program = StepProgram(Program(tuple(operations), ((5001,), (), ())), LoopShape(1, 0, 0, 0), None)
+    state = np.zeros(1)
+    WasmKernel(program)(1, 3, state, np.empty(0), np.empty(0), np.empty((1, 1)))
+    assert state[0] == 15_000
+
+
+def test_what_webassembly_lacks_is_refused() -> None:
+    case = load_case("paper")
+    fused = Batch.of([(case.problem, case.controllers[0])], case.simulation)
+    with pytest.raises(ValueError, match="fused=False"):
+        WasmKernel(fused.program)
+    with pytest.raises(ValueError, match="asin has no WebAssembly translation"):
+        WasmKernel(calling("asin", 1))
+    with pytest.raises(ValueError, match=r"exported must be among .*, got sqrt"):
+        WasmKernel(calling("sqrt", 1), exported=("sqrt",))
+
+
+def test_the_bytes_are_the_same_every_time_and_few() -> None:
+    """Section V's L1 loop with all figures: 6 kB were measured for the first prototype, without a watch."""
+    case = load_case("paper")
+    simulation = replace(case.simulation, fused=False)
+    programs = [Batch.of([(case.problem, case.controllers[1])], simulation).program for _ in range(2)]
+    first, second = (WasmKernel(program).bytes for program in programs)
+    assert first == second
+    assert first[:4] == b"\0asm"
+    assert len(first) < 12_000
