@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import math
 import textwrap
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.axis import Axis
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Circle
+from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
 from barbalat.pictures.panels import as_typed
 from barbalat.pictures.theme import DASHES, NARROW, WIDE, Theme, new_figure
@@ -18,6 +21,9 @@ from barbalat.validate import Array
 
 NYQUIST_WINDOW = (-3.2, 1.6, -2.4, 2.4)
 """Around -1: what decides on stability; loops with an integrator leave it for infinity."""
+MOST_DECADES = 9
+"""Marks of a logarithmic axis, so that their texts stay apart on a phone."""
+SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -102,8 +108,23 @@ def _axes(axes: Axes, title: str, x: str, y: str, *, log: str) -> None:
     axes.spines[["top", "right"]].set_visible(False)
     if log:
         axes.set_xscale("log")
+        _in_decades(axes.xaxis)
     if log == "both":
         axes.set_yscale("log")
+        _in_decades(axes.yaxis)
+
+
+def _in_decades(axis: Axis) -> None:
+    """Whole powers of ten alone, as plain text: the ticks between them and mathtext take most of a picture's time."""
+    axis.set_major_locator(LogLocator(numticks=MOST_DECADES))
+    axis.set_minor_locator(NullLocator())
+    axis.set_major_formatter(FuncFormatter(lambda value, _: power_of_ten(value)))
+
+
+def power_of_ten(value: float) -> str:
+    """0.1, 1, 10, and 10 with its exponent beyond; for whole powers."""
+    exponent = round(math.log10(value))
+    return f"{10.0**exponent:g}" if abs(exponent) <= 1 else "10" + str(exponent).translate(SUPERSCRIPTS)
 
 
 def _bode(magnitude: Axes, phase: Axes, response: Response, colour: str, width: float) -> None:
