@@ -56,7 +56,7 @@ def test_pages_of_a_sweep_and_of_a_member(case_file, tmp_path, capsys):
         *(f"{name}.{kind}" for name in ("histograms", "map", "tornado") for kind in ("png", "svg")),
     }
     page = (tmp_path / "map" / "report.html").read_text()
-    assert "Who failed" in page and "map.svg" in page and "above the guaranteed bound" not in page
+    assert "Who failed" in page and "Over the grid" in page and "above the guaranteed bound" in page
     assert main(["sweep", case_file, *SAMPLED, "--member", "7", "--out", "seven"]) == 0
     assert "member 7" in capsys.readouterr().out and (tmp_path / "seven" / "comparison.svg").exists()
 
