@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
+import hypothesis
 import pytest
 
 from barbalat.problem.state_feedback import ParameterBox, Plant, Problem, ReferenceModel
@@ -12,6 +13,10 @@ from barbalat.signals import Sine, Sines
 
 if TYPE_CHECKING:
     from barbalat.claims.section_v import Runs
+
+
+hypothesis.settings.register_profile("untimed", deadline=None)
+hypothesis.settings.load_profile("untimed")  # how long an example takes is the machine's matter; a test that asks is a flaky one
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:

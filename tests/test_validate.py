@@ -327,7 +327,6 @@ FUZZ = settings(
     max_examples=150,
     derandomize=True,  # the same inputs in every run: a failure is reproducible
     database=None,
-    deadline=None,
     suppress_health_check=[HealthCheck.too_slow],
 )
 

@@ -288,7 +288,7 @@ VALUES = st.recursive(
 LINES = [line for line in PAPER.splitlines() if "=" in line and not line.startswith("#")]
 
 
-@settings(max_examples=400, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@settings(max_examples=400, suppress_health_check=[HealthCheck.too_slow])
 @given(line=st.sampled_from(LINES), value=VALUES)
 @example(line="gamma = 1e4", value=10**400)
 @example(line='law = { kind = "least-squares", covariance0 = 500.0 }', value={"\n": 1})
@@ -303,7 +303,7 @@ def test_fuzz_values(line, value):
         assert "\n" not in str(error)
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=200)
 @given(start=st.integers(0, len(PAPER)), length=st.integers(0, 40), insert=st.text(max_size=8))
 def test_fuzz_text(start, length, insert):
     """The same for damaged text."""

@@ -28,7 +28,7 @@ def largest_real_part(family, delta):
 parts = st.floats(-3, 3).map(lambda v: round(v, 3))
 
 
-@settings(max_examples=200, deadline=None, derandomize=True)
+@settings(max_examples=200, derandomize=True)
 @given(st.lists(st.tuples(parts, parts), min_size=1, max_size=4), st.floats(0.01, 3))
 def test_the_exact_value_is_the_least_of_all_upper_bounds(entries, rho):
     """Every slope m = tan(angle) gives an upper bound, quasi-convex in the angle: a grid, then a bounded minimisation."""

@@ -15,7 +15,7 @@ from barbalat.lowering.operations import COMPARISONS, Program, read
 from barbalat.lowering.optimize import optimize
 from barbalat.lowering.shape import LoopShape
 
-REPRODUCIBLE = settings(max_examples=100, derandomize=True, database=None, deadline=None)
+REPRODUCIBLE = settings(max_examples=100, derandomize=True, database=None)
 WIDTHS = (1, 2, 4, 8, 16, 32)
 
 

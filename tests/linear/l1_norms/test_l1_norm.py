@@ -435,7 +435,7 @@ def dyadic_system(draw_matrix, n):
     return A, np.array(draw_matrix[n * n : n * n + n]).reshape(n, 1), np.array(draw_matrix[-n:]).reshape(1, n)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(
     values=st.lists(small, min_size=15, max_size=15),
     shear=st.lists(st.integers(-3, 3), min_size=3, max_size=3),
@@ -457,7 +457,7 @@ def test_invariant_under_exact_similarity(values, shear):
         assert second.converged
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(values=st.lists(small, min_size=15, max_size=15), exponent=st.integers(-200, 200))
 def test_scales_with_the_output(values, exponent):
     A, B, C = dyadic_system(values, 3)
@@ -466,7 +466,7 @@ def test_scales_with_the_output(values, exponent):
     assert one.lower * 2.0**exponent <= many.upper
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(
     first=st.lists(small, min_size=8, max_size=8),
     second=st.lists(small, min_size=8, max_size=8),

@@ -11,7 +11,7 @@ from scipy.optimize import minimize
 from adaptation.examples import random_gain
 from barbalat.problem.known_set import Gain, ParameterBall, limit, project
 
-REPRODUCIBLE = settings(max_examples=300, derandomize=True, database=None, deadline=None)
+REPRODUCIBLE = settings(max_examples=300, derandomize=True, database=None)
 ALWAYS = 1e-9  # of quantities of order 1 to 1e3
 
 

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from barbalat.problem.known_set import Gain, ParameterBall, ParameterProduct, limit, project
 from barbalat.problem.state_feedback import ParameterBox
 
-REPRODUCIBLE = settings(max_examples=300, derandomize=True, database=None, deadline=None)
+REPRODUCIBLE = settings(max_examples=300, derandomize=True, database=None)
 ALWAYS = 1e-9  # of quantities of order 1 to 1e3: products of a few random matrices, a few hundred roundings
 
 
