@@ -48,6 +48,7 @@ def certificates_of(problem, controllers):
 def check(problem, controllers):
     for certificate, column, run in certificates_of(problem, controllers):
         assert list(column.cells) == list(PROPERTIES), f"{column.name}: Table 1 has these rows, in this order"
+        assert [one for one in map(str, (*column.cells.values(), *certificate.notes)) if "computation fails" in one] == []
         for entry in certificate.entries:
             assert entry.meaning, f"{column.name}: {entry.key} has no meaning"
             assert entry.assumptions or entry.kind != "guaranteed", f"{column.name}: {entry.key} rests on nothing"

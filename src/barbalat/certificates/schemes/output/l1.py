@@ -180,7 +180,8 @@ def column(problem: OutputProblem, controller: L1Output, certificate: Certificat
     stated = f"condition (20): ||H(1 - C)||_1 L {value}, for gamma -> infinity"
     inside = ""
     if "sigma_needed" in values:
-        inside = f"; |sigma| <= {up(values['sigma_needed'])} stays inside its bound {controller.sigma_bound:g}"
+        bound = "" if controller.sigma_bound is None else f" stays inside its bound {controller.sigma_bound:g}"
+        inside = f"; |sigma| <= {up(values['sigma_needed'])}{bound}"
     return "L1 output feedback (18)-(21), a linear controller with integral action", {
         **cells_of_linear_loop(problem, certificate, inside),
         "estimates": advice("estimates", "sigma is the state of an integrator, not a parameter: nothing is learnt"),
