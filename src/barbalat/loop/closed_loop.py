@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
 
@@ -158,15 +158,18 @@ class ClosedLoop:
             raise ValueError(f"a flat state of this loop has {used} entries, got {len(flat)}")
         return state  # type: ignore[no-any-return]
 
-    def derivative(self, flat: Value, signals: Value, step: Value = None) -> Value:
-        """d/dt of the flat state; ``signals`` (signal_count,) stand in the order of ``Signals``.
+    def following_within(self, time: Value) -> ClosedLoop:
+        """The loop for a solver whose step is ``time`` [s]: what its rate limiters, if any, are given to follow their demand."""
+        if all(path is None or path.rate_limit is None for path in self.paths):
+            return self
+        return replace(self, paths=tuple(path and replace(path, following=time) for path in self.paths))
 
-        ``step`` is the solver's [s]; only a rate limiter at the plant's input needs it: see ``InputPath.derivative``.
-        """
+    def derivative(self, flat: Value, signals: Value) -> Value:
+        """d/dt of the flat state; ``signals`` (signal_count,) stand in the order of ``Signals``."""
         state, given = self.unpack(flat), self._signals(signals)
         u = self._control(state, given)
         v = given.delayed.reshape(u.shape) if self.delayed else self._through_input(state, u)
-        return flatten(self._rates(state, given, u, v, step))
+        return flatten(self._rates(state, given, u, v))
 
     def derivative_given_input(self, flat: Value, signals: Value, v: Value) -> tuple[Value, Value]:
         """d/dt of the flat state, and the control u, when v reaches the plant instead of u: the loop broken there."""
@@ -174,7 +177,7 @@ class ClosedLoop:
         u = self._control(state, given)
         return flatten(self._rates(state, given, u, v)), u
 
-    def _rates(self, state: LoopState, given: Signals, u: Value, v: Value, step: Value = None) -> LoopState:
+    def _rates(self, state: LoopState, given: Signals, u: Value, v: Value) -> LoopState:
         t = [given.clock[0]] if self.clocked else []
         x_dot = self.plant.derivative(state.x, v + given.matched[0] if self.disturbed else v, *t)  # (1), with (11)'s input
         for i, direction in enumerate(self.directions):
@@ -189,7 +192,7 @@ class ClosedLoop:
             x=x_dot,
             x_m=self.model.derivative(state.x_m, given.r),  # (2)
             input=tuple(
-                part if path is None else path.derivative(part, u.reshape(-1)[i], step)
+                part if path is None else path.derivative(part, u.reshape(-1)[i])
                 for i, (path, part) in enumerate(zip(self.paths, state.input, strict=True))
             ),
             sensor=state.sensor if self.lag is None else self.lag.derivative(state.sensor, self._output(state, given)),

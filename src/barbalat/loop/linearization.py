@@ -33,12 +33,9 @@ def continuous_twin(loop: ClosedLoop) -> ClosedLoop:
     return twin if same else loop
 
 
-def jacobian_function(loop: ClosedLoop, step: float | None = None) -> ca.Function:
-    """The exact Jacobian of the loop's right-hand side, (size, size), as a CasADi function of (state, signals).
-
-    ``step`` [s] as of ``ClosedLoop.derivative``.
-    """
-    return _jacobian(loop, lambda state, signals: loop.derivative(state, signals, step))
+def jacobian_function(loop: ClosedLoop) -> ca.Function:
+    """The exact Jacobian of the loop's right-hand side, (size, size), as a CasADi function of (state, signals)."""
+    return _jacobian(loop, loop.derivative)
 
 
 def sampled_jacobian_function(loop: ClosedLoop) -> ca.Function:

@@ -98,12 +98,17 @@ class InputState(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class InputPath:
-    """The equations of a PlantInput without its delay."""
+    """The equations of a PlantInput without its delay.
+
+    following  [s] within which a rate limiter follows its demand where the limit lets it: a solver's step, which may be a
+               symbol; None before the step is known, when only a path without a rate limit has equations
+    """
 
     quantum: float | None
     saturation: Array | None
     rate_limit: float | None
     dynamics: StateSpace | None
+    following: Value = None
 
     def initial(self) -> InputState:
         return InputState(
@@ -116,14 +121,14 @@ class InputPath:
             u = self.quantum * np.floor(u / self.quantum + 0.5)
         return u if self.saturation is None else np.clip(u, self.saturation[0], self.saturation[1])
 
-    def derivative(self, state: InputState, u: Value, step: Value = None) -> InputState:
-        """d/dt of the state; ``step`` is the solver's [s], within which a rate limiter follows what it is asked for."""
+    def derivative(self, state: InputState, u: Value) -> InputState:
+        """d/dt of the state."""
         asked = self.asked(u)
         limited, dynamics = state
         if self.rate_limit is not None:
-            if step is None:
-                raise ValueError("a rate limiter needs the solver's step")
-            limited = np.clip((asked - state.limited) / step, -self.rate_limit, self.rate_limit)
+            if self.following is None:
+                raise ValueError("a rate limiter has no equations before the solver's step is known")
+            limited = np.clip((asked - state.limited) / self.following, -self.rate_limit, self.rate_limit)
             asked = state.limited[0]
         if self.dynamics is not None:
             dynamics = self.dynamics.derivative(state.dynamics, asked)

@@ -125,9 +125,7 @@ def step_function(
         delayed = [(past.reshape(loop.inputs, TAPS_PER_INPUT * TAPS) @ delay_weights[i]).reshape(-1)] if loop.delayed else []
         signals[node] = np.concatenate([table_row[i * loop.timed : (i + 1) * loop.timed], noise, *delayed])
 
-    def derivative(state: Value, signals: Value) -> Value:
-        return loop.derivative(state, signals, dt)
-
+    derivative = loop.following_within(dt).derivative
     following = solver.advance(derivative, loop.limit, state, signals, piece.length * dt)
     remembered = ca.SX(0, 1)
     if loop.delayed:

@@ -60,7 +60,7 @@ class Spectrum:
         equations, law = loop.equations, None
         if isinstance(equations, DiscretizedEquations) and equations.explicit:
             law = SampledLaw.of(loop, simulation, equations.sample_time)
-        return cls(loop, simulation, jacobian_function(loop, simulation.dt), law)
+        return cls(loop, simulation, jacobian_function(loop.following_within(simulation.dt)), law)
 
     def at(self, states: Array, signals: Array) -> Looks:
         """states (K, size), signals (K, channels)."""
@@ -107,7 +107,7 @@ class SampledLaw:
 
     @classmethod
     def of(cls, loop: ClosedLoop, simulation: Simulation, sample_time: float) -> SampledLaw:
-        twin = jacobian_function(continuous_twin(loop), simulation.dt)
+        twin = jacobian_function(continuous_twin(loop).following_within(simulation.dt))
         return cls(sampled_jacobian_function(loop), twin, sample_time, simulation.t_end / sample_time)
 
     def at(self, states: Array, signals: Array, flow: Array) -> tuple[Array, Array]:
