@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from barbalat.report.numbers import number_text
+from barbalat.sweeps.evidence import FINDINGS
 from barbalat.sweeps.result import SweepResult
 
 SHOWN = ("max_abs_e", "rms_e", "tail_max_abs_e", "max_abs_u", "max_abs_y", "diverged_at")
@@ -12,7 +13,12 @@ SHOWN = ("max_abs_e", "rms_e", "tail_max_abs_e", "max_abs_u", "max_abs_y", "dive
 def shares(found: SweepResult) -> list[list[str]]:
     """What is judged, the controller, how many members, their share, the ends of its interval."""
     return [
-        [name, controller, f"{share.count} of {share.judged}", *map(percent, (share.share, *share.interval))]
+        [
+            name if name in FINDINGS else f"broke {name}",
+            controller,
+            f"{share.count} of {share.judged}",
+            *map(percent, (share.share, *share.interval)),
+        ]
         for name, by in found.evidence.shares.items()
         for controller, share in by.items()
     ]

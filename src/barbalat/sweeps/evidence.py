@@ -19,6 +19,8 @@ from barbalat.validate import Array
 CONFIDENCE = 0.95
 """Of the intervals."""
 DIVERGED, OUT_OF_BOUND = "diverged", "above the guaranteed bound"
+FINDINGS = frozenset({DIVERGED, OSCILLATED, OUT_OF_BOUND})
+"""Names of shares; any other share is that of the members which broke the requirement that it is named after."""
 NO_FIGURES = (OSCILLATED, ERROR_BOUND)
 """Columns of a controller that are no figures of a run."""
 
@@ -106,7 +108,7 @@ class Evidence:
 
 def evidence(rows: Rows, controllers: Sequence[str], requirements: Sequence[Requirement], plan: Plan) -> Evidence:
     """Read off the columns, one after another."""
-    shares: dict[str, dict[str, Share]] = {DIVERGED: {}, "oscillated": {}}
+    shares: dict[str, dict[str, Share]] = {DIVERGED: {}, OSCILLATED: {}}
     metrics: dict[str, dict[str, Extremes]] = {}
     filled: dict[str, Extremes] = {}
     names = list(rows.names)
