@@ -24,7 +24,6 @@ from barbalat import (
     TransferFunction,
     input_filter,
 )
-from barbalat.adaptation.laws import LAWS
 from barbalat.adaptation.modifications.fixed_sigma import FixedSigma
 from barbalat.adaptation.modifications.switching_sigma import SwitchingSigma
 from barbalat.adaptation.normalization import Normalization
@@ -170,20 +169,3 @@ def test_printed_bounds_are_bounds(value, digits):
     assert Decimal(low) <= Decimal(value) <= Decimal(high)
     assert float(high) - float(low) <= 10.0 ** (math.floor(math.log10(value)) - digits + 2)
     assert len(Decimal(high).normalize().as_tuple().digits) <= digits
-
-
-def test_every_law_has_a_fastest_rate_or_says_that_nothing_bounds_it():
-    """By hand for each law of the registry; a new law has to be entered."""
-    common = {"covariance0": 3.0, "forgetting": 0.5}
-    cases = {
-        "gradient": ({"gamma": 7.0}, 7.0),
-        "integral-cost": ({"gamma": 7.0, "forgetting": 0.5}, 14.0),
-        "least-squares": ({"covariance0": 3.0}, 6.0),
-        "least-squares-forgetting": (common, None),
-        "least-squares-resetting": ({"rho_0": 3.0, "rho_1": 0.1}, 6.0),
-        "least-squares-bounded": (common | {"covariance_bound": 9.0}, 18.5),
-        "least-squares-bounded-gain": (common | {"covariance_bound": 9.0}, 18.5),
-    }
-    assert set(cases) == set(LAWS)
-    for name, (settings, rate) in cases.items():
-        assert LAWS[name](**settings).fastest_rate == rate

@@ -1,5 +1,7 @@
 """For each registered signal, regressor and law a table of a case file; what is registered without one fails its contract."""
 
+from adaptation.examples import LAW_EXAMPLES
+
 SIGNALS = {
     "constant": {"amplitude": 3.0},
     "step": {"amplitude": 1.0, "start": 5.0, "constant": 0.5},
@@ -21,14 +23,6 @@ REGRESSORS = {
 }
 """Each with two components for two states."""
 
-_FORGETTING = {"forgetting": 0.3, "covariance_bound": 40.0}
-LAWS = {
-    "lyapunov": {"gamma": 2.0},
-    "gradient": {"gamma": [1.0, 2.0]},
-    "integral-cost": {"gamma": [[2.0, 1.0], [1.0, 2.0]], "forgetting": 0.4},
-    "least-squares": {"covariance0": 3.0},
-    "least-squares-forgetting": {"covariance0": 3.0, "forgetting": 0.3},
-    "least-squares-resetting": {"rho_0": 20.0, "rho_1": 0.5},
-    "least-squares-bounded": {"covariance0": 3.0, **_FORGETTING},
-    "least-squares-bounded-gain": {"covariance0": 3.0, **_FORGETTING},
-}
+LAWS = {"lyapunov": {"gamma": 2.0}} | {name: example.numbers for name, example in LAW_EXAMPLES.items()}
+LAWS |= {"gradient": {"gamma": [1.0, 2.0]}, "integral-cost": {"gamma": [[2.0, 1.0], [1.0, 2.0]], "forgetting": 0.4}}
+"""A diagonal and a matrix among them."""

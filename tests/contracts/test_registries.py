@@ -23,7 +23,7 @@ from barbalat.cases.table_models import Table
 from barbalat.certificates.schemes import scheme_file
 from barbalat.controllers import SCHEMES, Mrac, Sampled
 from barbalat.controllers.output import OUTPUT_SCHEMES
-from barbalat.problem.regressors import REGRESSORS, Regressor
+from barbalat.problem.regressors import REGRESSORS, Linear, Regressor
 from barbalat.protocols import BoundedSignal, BreakingSignal
 from barbalat.signals import SIGNALS
 from barbalat.signals.recorded import MatFile, Recorded
@@ -78,18 +78,19 @@ ROOMS = {
     "controllers": lambda kind: is_dataclass(kind) and hasattr(kind, "bind"),
     "adaptation.laws": lambda kind: is_dataclass(kind) and hasattr(kind, "rates") and not isabstract(kind),
     "signals": lambda kind: is_dataclass(kind) and hasattr(kind, "before"),
+    "problem.regressors": lambda kind: isinstance(kind, type) and is_dataclass(kind) and issubclass(kind, Regressor),
     "solvers": lambda value: isinstance(value, Tableau),
 }
-NO_CHOICE_OF_A_CASE = (Sampled, Clock)
-"""Sampling is two keys of every controller, and t is what a plant's formula asks for."""
+NO_CHOICE_OF_A_CASE = (Sampled, Clock, Linear)
+"""Sampling is two keys of every controller, t is what a plant's formula asks for, and phi(x) = x what stands without a key."""
 
 
 @pytest.mark.parametrize("room", ROOMS)
 def test_everything_written_is_registered(room):
-    """A class or tableau of one of these rooms that no registry names."""
-    package = import_module(f"barbalat.{room}")
-    modules = [import_module(found.name) for found in walk_packages(package.__path__, f"{package.__name__}.")]
-    written = {name: value for module in modules for name, value in vars(module).items() if ROOMS[room](value)}
+    """A class or tableau of one of these rooms, folders or a file, that no registry names."""
+    place = import_module(f"barbalat.{room}")
+    inside = [import_module(found.name) for found in walk_packages(getattr(place, "__path__", ()), f"{place.__name__}.")]
+    written = {name: value for module in (place, *inside) for name, value in vars(module).items() if ROOMS[room](value)}
     known = (*PUBLIC.values(), *NO_CHOICE_OF_A_CASE)
     assert written
     assert not [name for name, value in written.items() if not any(value is each for each in known)]

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
 
+from adaptation.examples import LAW_EXAMPLES
 from barbalat.adaptation.laws import LAWS, Gradient
 from barbalat.certificates.bounds.laws import guarantee_of, kept_from_zero
 from barbalat.certificates.certify import certify
@@ -105,9 +106,8 @@ def test_what_is_no_law():
 
 @pytest.mark.parametrize("name", LAWS)
 def test_every_registered_law_knows_what_it_guarantees(name):
-    """In words: bounded and to zero without a set and without modifications, but for unbounded forgetting."""
-    settings = {"gamma": 2.0, "covariance0": 2.0, "forgetting": 0.3, "covariance_bound": 9.0, "rho_0": 20.0, "rho_1": 0.5}
-    law = LAWS[name](**{field.name: settings[field.name] for field in fields(LAWS[name]) if field.name in settings})
-    found = guarantee_of(law, None)
-    assert found.bounded == found.error_to_zero == (name != "least-squares-forgetting")
+    """In words: bounded and to zero without a set and without modifications, unless its example says otherwise."""
+    example = LAW_EXAMPLES[name]
+    found = guarantee_of(LAWS[name](**example.numbers), None)
+    assert found.bounded == found.error_to_zero == example.unexcited
     assert ("nothing is guaranteed" in kept_from_zero(found)) == (not found.bounded)

@@ -20,7 +20,7 @@ class Simulation:
 
     t_end          horizon [s]
     dt             step [s]; it divides t_end
-    solver         the method, a Tableau: EULER, HEUN, RK4
+    solver         the method, a Tableau such as RK4
     record_points  about how many instants of a trajectory are kept; figures are over every step all the same
     fused          fused multiply-adds; without them a step takes longer, and has the same bits in exported C and in pages
 

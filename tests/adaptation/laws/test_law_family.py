@@ -7,13 +7,14 @@ import pytest
 
 from adaptation import examples
 from barbalat import DeadZone, EpsilonModification, FixedSigma, ParameterBall, Problem, SwitchingSigma
-from barbalat.adaptation.laws import LAWS, covariance, integral_cost
+from barbalat.adaptation.laws import LAWS
 from barbalat.controllers import NormalizedMrac, RobustMrac
 from barbalat.loop.closed_loop import ClosedLoop
-from barbalat.problem.known_set import Gain, limit
+from barbalat.problem.known_set import limit
 from barbalat.run.simulate import simulate
 from barbalat.solvers import RK4
 from barbalat.solvers.simulation import Simulation
+from barbalat.validate import InputError
 from independent import brute_force, refusal
 
 N = 3
@@ -24,24 +25,25 @@ SHORT = {name for name, _ in FAMILY if name.endswith(", plain") or name.startswi
 
 
 def test_the_registry_has_examples_of_every_law():
-    assert set(examples.plain(N)) == set(LAWS)
+    assert set(examples.LAW_EXAMPLES) == set(LAWS)
     assert {name.split(" ")[0] for name, _ in FAMILY} == set(LAWS)
-    assert len(FAMILY) == 7 * 3 + 3 * 3 + 4 * 3 + 2 + 6 + 6 + 4  # the table in docs/laws.md, by rows
 
 
-def random_memory(random, law, theta):
-    """A memory that the law can have, and the gain of its Lyapunov function."""
-    if hasattr(law, "gamma"):
-        gain = Gain(law.gamma).as_matrix(N)
-        if isinstance(law, LAWS["integral-cost"]):
-            data = random.normal(size=(N, random.integers(0, 4)))
-            return integral_cost.Memory(data @ data.T, data @ data.T @ theta), gain
-        return (), gain
-    P = examples.random_gain(random, N)
-    bound = getattr(law, "covariance_bound", None)
-    if bound is not None and random.uniform() < 0.5:
-        P = P * (bound / np.linalg.norm(P))  # at the bound
-    return law.limit(covariance.Memory(P)), None
+@pytest.mark.parametrize("kind", LAWS)
+def test_a_law_takes_the_modifications_that_its_source_allows(kind):
+    """Those of the table in docs/laws.md; every other is refused."""
+    for name, modification in examples.MODIFICATIONS.items():
+        if name not in examples.LAW_EXAMPLES[kind].takes:
+            with pytest.raises((InputError, TypeError)):
+                LAWS[kind](**examples.LAW_EXAMPLES[kind].numbers, **modification)
+
+
+@pytest.mark.parametrize("kind", LAWS)
+def test_every_law_has_a_fastest_rate_or_says_that_nothing_bounds_it(kind):
+    """By hand for each law's example; 1e-15: one rounding of a sum of two terms."""
+    example = examples.LAW_EXAMPLES[kind]
+    found = LAWS[kind](**example.numbers).fastest_rate
+    assert found == (None if example.fastest_rate is None else pytest.approx(example.fastest_rate, rel=1e-15))
 
 
 def derivative_of_V(law, theta, theta_hat, memory, gain, estimation, known_set):
@@ -72,7 +74,7 @@ def test_V_does_not_grow_where_the_theory_says_so(name, law, sample):
             theta_hat = examples.inside(random, known_set, N, on_the_border=random.uniform() < 0.7)
             if known_set is None:
                 theta_hat = 3 * theta_hat  # where leakage is at work
-            memory, gain = random_memory(random, law, theta)
+            memory, gain = examples.LAW_EXAMPLES[name.split(" ")[0]].memory(random, law, theta)
             eta = random.uniform(-1, 1) * examples.G_0 if getattr(law, "dead_zone", None) is not None else 0.0
             if isinstance(law.leakage, (FixedSigma, EpsilonModification)) and np.linalg.norm(theta_hat - theta) < np.linalg.norm(
                 theta
@@ -121,10 +123,7 @@ def test_the_kernel_does_what_plain_stepping_does(name, law, problems):
 @pytest.mark.parametrize("kind", LAWS)
 def test_a_scheme_learns_with_every_law(kind, problems):
     """The plain laws in the normalised MRAC, 60 s: the last quarter's error is at most half of the whole run's."""
-    settings = examples.plain(N)[kind][0]
-    strong = {key: 2000.0 if key in ("gamma", "covariance0", "rho_0") else value for key, value in settings.items()}
-    if "covariance_bound" in strong:
-        strong["covariance_bound"] = 4000.0
+    strong = examples.plain(kind, N)[0] | examples.LAW_EXAMPLES[kind].strong
     controller = NormalizedMrac(law=LAWS[kind](**strong))
     result = simulate(problems[N], [controller], Simulation(t_end=64.0, dt=2.0**-7))[controller.name]
     assert result.diverged_at is None
@@ -150,5 +149,5 @@ REFUSED = [
 
 @pytest.mark.parametrize(("kind", "extra", "word"), REFUSED)
 def test_what_the_theory_does_not_carry_is_refused(kind, extra, word):
-    settings = examples.plain(N)[kind][0]
+    settings = examples.plain(kind, N)[0]
     assert word in refusal(lambda: LAWS[kind](**settings, **extra))
