@@ -103,11 +103,12 @@ def _registry(registry: Mapping[str, type], choice: str) -> str:
     keys = {name: table_of(settings, choice, name).recipe.keys for name, settings in registry.items()}
     first = next(iter(keys.values()))
     at_samples = [name for name, one in keys.items() if choice == "scheme" and not sampling_of(one)]
-    common, besides = {}, {}
-    for name, key in first.items():
-        others = [each for each, one in keys.items() if name not in one or one[name][:2] != key[:2]]
-        if len(registry) > 1 and (not others or (name in SAMPLING and others == at_samples)):
-            common[name], besides[name] = key, others
+    common: dict[str, Key] = {}
+    besides: dict[str, list[str]] = {}
+    for key, given in first.items():
+        others = [name for name, one in keys.items() if key not in one or one[key][:2] != given[:2]]
+        if len(registry) > 1 and (not others or (key in SAMPLING and others == at_samples)):
+            common[key], besides[key] = given, others
     rows: list[tuple[str, ...]] = []
     for name, settings in registry.items():
         rows.append((f"`{name}`", "", "", "", _cell(summary(settings))))

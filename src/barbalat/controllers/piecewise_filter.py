@@ -12,7 +12,6 @@ from barbalat.linear.systems import StateSpace, TransferFunction
 from barbalat.protocols import Value
 from barbalat.validate import Array, InputError
 
-
 DEPENDENT = 1e-9
 """Relative: what is smaller is rounding of products of matrices with entries of size 1."""
 
@@ -62,7 +61,7 @@ def _compensation(A_m: Array, B: Array, m: int, C: StateSpace, known: int, c: Ar
     degrees = [_relative_degree(A_m, b, row) for row in c]
     if max(degrees) > known:
         raise InputError(
-            f"output needs a filter of relative degree {max(degrees)} or more, so that C(s) H_m(s)^-1 H_um(s) is proper, got {known}"
+            f"output needs a filter of relative degree {max(degrees)} or more: C(s) H_m(s)^-1 H_um(s) must be proper, got {known}"
         )
     derivatives = [C_z @ np.linalg.matrix_power(A_z, j) for j in range(known)]
     a = float(np.abs(np.linalg.eigvals(A_m)).max())
