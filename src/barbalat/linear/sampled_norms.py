@@ -42,7 +42,7 @@ class SampledNorms:
         if not np.abs(np.linalg.eigvals(M)).max() < 1:
             raise InputError("the loop is unstable from sample to sample")
         root = cholesky(solve_discrete_lyapunov(M.T, np.eye(len(M))))  # root'root = P
-        beta = np.sqrt(max(1 - 1 / np.linalg.norm(root, 2) ** 2, 0.0))
+        beta = np.sqrt(max(1 - 1 / float(np.linalg.norm(root, 2)) ** 2, 0.0))
         reach = np.linalg.norm(np.linalg.solve(root.T, C.T), axis=0) / (1 - beta)
         rows = [C]
         for _ in range(BLOCK - 1):
