@@ -14,9 +14,19 @@ from scipy.integrate import solve_ivp
 
 from barbalat.adaptation.laws import Gradient, LeastSquares
 from barbalat.adaptation.output_lyapunov import LyapunovLaw
-from barbalat.controllers import KnownParameters, L1Adaptive, LinearFeedback, Mrac, MracClosedLoop, NormalizedMrac, RobustMrac
+from barbalat.controllers import (
+    KnownParameters,
+    L1Adaptive,
+    L1PiecewiseConstant,
+    LinearFeedback,
+    Mrac,
+    MracClosedLoop,
+    NormalizedMrac,
+    RobustMrac,
+)
 from barbalat.controllers.output import L1Output, LinearOutput, MracOutput
 from barbalat.controllers.output.l1 import linear_equivalent
+from barbalat.controllers.piecewise_predictor import AsFlown
 from barbalat.linear.systems import TransferFunction, input_filter
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.loop.linearization import jacobian_function
@@ -69,7 +79,8 @@ def brute_force(loop: ClosedLoop, signals, solver: str, dt: float, steps: int) -
         return np.array([float(signal.before(np.array(t))) for signal in signals])
 
     f, limit = loop.derivative, loop.limit
-    y = loop.initial()
+    every = 0 if loop.sample_time is None else round(loop.sample_time / dt)
+    y = loop.sample(loop.initial(), at(0.0)) if every else loop.initial()
     states = [y]
     for k in range(steps):
         start, middle, end = at(k * dt), at((k + 0.5) * dt), left((k + 1) * dt)
@@ -86,10 +97,15 @@ def brute_force(loop: ClosedLoop, signals, solver: str, dt: float, steps: int) -
             y = limit(y + dt / 6 * (k_1 + 2 * k_2 + 2 * k_3 + k_4))
         else:
             pytest.fail(f"no brute-force formulas for the solver {solver}: add them here")
+        if every and (k + 1) % every == 0:
+            y = loop.sample(y, at((k + 1) * dt))
         states.append(y)
     parts = [loop.unpack(state) for state in states]
     measured = [(loop.plant.output(p.x), loop.model.output(p.x_m)) for p in parts]
-    u = [loop.equations.control(p.controller, *y, at(k * dt)[0]) for k, (p, y) in enumerate(zip(parts, measured, strict=True))]
+    u = [
+        p.held.u if every else loop.equations.control(p.controller, *y, at(k * dt)[0])
+        for k, (p, y) in enumerate(zip(parts, measured, strict=True))
+    ]
     return Samples(
         states=np.array(states),
         e=np.array([np.atleast_1d(y - y_m) for y, y_m in measured]),
@@ -107,12 +123,14 @@ def symbols_against_numbers(loop: ClosedLoop, size: float) -> None:
 
     state_column, state = symbols("state", loop.size)
     signal_column, signal = symbols("signals", 1)
-    outputs = [loop.derivative(state, signal), loop.limit(state), np.concatenate(loop.outputs(state, signal))]
+    evaluated = [loop.derivative, lambda state, _: loop.limit(state), lambda *given: np.concatenate(loop.outputs(*given))]
+    evaluated += [loop.sample] if loop.sampled else []
+    outputs = [f(state, signal) for f in evaluated]
     traced = ca.Function("f", [state_column, signal_column], [column(value) for value in outputs])
     random = np.random.default_rng(5)
     for _ in range(20):
         y, r = size * random.normal(size=loop.size), random.normal(size=1)
-        numbers = [loop.derivative(y, r), loop.limit(y), np.concatenate(loop.outputs(y, r))]
+        numbers = [f(y, r) for f in evaluated]
         for symbolic, numeric in zip(traced(y, r), numbers, strict=True):
             np.testing.assert_allclose(np.asarray(symbolic)[:, 0], numeric, rtol=1e-10, atol=1e-10)
 
@@ -144,6 +162,10 @@ def example_controllers(n: int) -> dict[str, tuple]:
         "mrac": (Mrac(gamma=gamma),),
         "mrac-closed-loop": (MracClosedLoop(gamma=gamma, model_feedback=-0.5 * np.eye(n)),),
         "l1": (L1Adaptive(gamma=gamma, filter=input_filter(0.01)),),
+        "l1-piecewise": (
+            L1PiecewiseConstant(sample_time=2.0**-6, filter=input_filter(0.02)),
+            L1PiecewiseConstant(sample_time=2.0**-6, filter=input_filter(0.05), as_flown=AsFlown(predictor_poles=-2.0)),
+        ),
         "mrac-normalized": (NormalizedMrac(law=Gradient(gamma=200.0)), NormalizedMrac(law=LeastSquares(covariance0=covariance0))),
         "robust-mrac": (
             RobustMrac(tau=0.2, law=LeastSquares(covariance0=covariance0)),

@@ -20,6 +20,7 @@ from .certificates.certificate import Certificate as Certificate
 from .certificates.certify import certify as certify
 from .controllers import KnownParameters as KnownParameters
 from .controllers import L1Adaptive as L1Adaptive
+from .controllers import L1PiecewiseConstant as L1PiecewiseConstant
 from .controllers import LinearFeedback as LinearFeedback
 from .controllers import Mrac as Mrac
 from .controllers import MracClosedLoop as MracClosedLoop
@@ -31,6 +32,7 @@ from .controllers.output.l1 import fast_limit as fast_limit
 from .controllers.output.l1 import linear_equivalent as linear_equivalent
 from .controllers.output.linear import LinearOutput as LinearOutput
 from .controllers.output.mrac import MracOutput as MracOutput
+from .controllers.piecewise_predictor import AsFlown as AsFlown
 from .design import hinf_feedback as hinf_feedback
 from .design import pi_feedback as pi_feedback
 from .export.write import export_controller as export_controller

@@ -100,6 +100,15 @@ class Estimating(Protocol):
         ...
 
 
+@runtime_checkable
+class Reporting(Protocol):
+    """Equations, sampled or not, with estimates that are no parameters: results have them under names of their own."""
+
+    def reported(self, state: Any) -> dict[str, Value]:
+        """By name, parts of the state or what follows from it alone."""
+        ...
+
+
 class Sample(NamedTuple):
     """What a sampled controller measures at one instant."""
 

@@ -28,14 +28,14 @@ from barbalat.solvers.simulation import Simulation
 from barbalat.validate import InputError
 from independent import example_controllers, example_output_controllers
 
-SIMULATION = Simulation(t_end=5.0, dt=1e-3)
+SIMULATION = Simulation(t_end=5.0, dt=2.0**-10)
 
 
 def certificates_of(problem, controllers):
     """Each controller's certificate and column, continuous and in the sampled forms that it has, with a run."""
     forms = [None, "midpoint", "euler"]
     for controller, form in ((controller, form) for controller in controllers for form in forms):
-        given = controller if form is None else Sampled(controller=controller, sample_time=0.01, discretization=form)
+        given = controller if form is None else Sampled(controller=controller, sample_time=2.0**-7, discretization=form)
         try:
             bound(problem, given)
         except InputError:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -33,8 +34,9 @@ from barbalat import (
     TransferFunction,
     input_filter,
 )
-from barbalat.controllers import L1Adaptive, Mrac, NormalizedMrac, RobustMrac
+from barbalat.controllers import L1Adaptive, L1PiecewiseConstant, Mrac, NormalizedMrac, RobustMrac
 from barbalat.controllers.output import LinearOutput, MracOutput
+from barbalat.controllers.piecewise_predictor import AsFlown
 from barbalat.controllers.windup import ModifiedError
 from barbalat.validate import InputError
 from independent import example_controllers, example_output_controllers
@@ -109,7 +111,7 @@ def _lyapunov():
 def _examples():
     yield from _lyapunov()
     for n_controllers in example_controllers(2).values():
-        yield from ((STATE, controller) for controller in n_controllers)
+        yield from ((STATE, controller) for controller in n_controllers if not isinstance(controller, L1PiecewiseConstant))
     for scheme, n_controllers in example_output_controllers(1).items():
         # the second linear one is an L1-AC of a high gain written out, which no sample time of this size bears
         yield from ((OUTPUT, controller) for controller in n_controllers[: 1 if scheme == "linear" else None])
@@ -123,7 +125,7 @@ def _examples():
         yield OUTPUT, MracOutput(order=1, relative_degree=1, sign=1, law=law)
 
 
-def sampled_examples() -> list[tuple[str, object, Sampled]]:
+def sampled_examples() -> list[tuple[str, object, Sampled | L1PiecewiseConstant]]:
     """(id, problem, controller) for all that is not refused; the names are what C makes of them."""
     found = []
     for number, (problem, controller) in enumerate(_examples()):
@@ -134,11 +136,22 @@ def sampled_examples() -> list[tuple[str, object, Sampled]]:
             except InputError:  # what has no midpoint form, or does not fit the set, is tested where it is refused
                 continue
             found.append((f"{type(controller).__name__}-{problem.name}-{discretization}-{number}", problem, sampled))
-    return found
+    return found + [(f"L1PiecewiseConstant-{problem.name}-{i}", problem, law) for i, (problem, law) in enumerate(_by_nature())]
+
+
+def _by_nature() -> Iterator[tuple[Problem, L1PiecewiseConstant]]:
+    """What acts at samples by nature: both forms, one and several inputs, compensated, with a saturated predictor."""
+    flown = AsFlown(predictor_poles=-5.0, nominal=[0.5, -0.1])
+    made = {"sample_time": T, "filter": L1_FILTER}
+    yield STATE, L1PiecewiseConstant(**made, name="p0")
+    yield STATE, L1PiecewiseConstant(**made, as_flown=flown, saturated_predictor=True, name="p1")
+    yield FREE, L1PiecewiseConstant(**made, output=[1.0, 0.0], name="p2")
+    yield SEVERAL, L1PiecewiseConstant(sample_time=T, filter=input_filter(0.05), as_flown=AsFlown(), name="p3")
+    yield POLYNOMIAL, L1PiecewiseConstant(sample_time=T, filter=None, name="p4")
 
 
 def schemes_covered() -> set[type]:
-    return {type(sampled.controller) for _, _, sampled in sampled_examples()}
+    return {type(law.controller if isinstance(law, Sampled) else law) for _, _, law in sampled_examples()}
 
 
 def noise(random: np.random.Generator, values: np.ndarray) -> np.ndarray:

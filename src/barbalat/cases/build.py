@@ -11,7 +11,7 @@ from typing import Any
 
 from barbalat.cases.findings import several
 from barbalat.cases.keys import Context, Given
-from barbalat.cases.scheme_keys import SAMPLING
+from barbalat.cases.scheme_keys import sampling_of
 from barbalat.cases.table_models import Table
 from barbalat.controllers import Sampled
 from barbalat.loop.binding import bound, require_controllers
@@ -107,16 +107,16 @@ def _value(value: Any, context: Context, place: str) -> Any:
 
 
 def _controller(table: Table, context: Context) -> Controller:
-    """The controller as it is in continuous time."""
-    given = _given(table, context, "")
-    controller: Controller = table.recipe.make({key: value for key, value in given.items() if key not in SAMPLING}, context)
+    """The controller as it is in continuous time, or at samples by nature."""
+    given, sampling = _given(table, context, ""), sampling_of(table.recipe.keys)
+    controller: Controller = table.recipe.make({key: value for key, value in given.items() if key not in sampling}, context)
     return controller
 
 
 def _bound(table: Table, context: Context, problem: TrackingProblem) -> Controller:
     """The controller, sampled if asked, after it was bound to the problem once to see that the two fit."""
     controller = _controller(table, context)
-    sampling = {key: vars(table)[key] for key in SAMPLING if key in table.model_fields_set}
+    sampling = {key: vars(table)[key] for key in sampling_of(table.recipe.keys) if key in table.model_fields_set}
     if "sample_time" in sampling:
         controller = Sampled(controller=controller, **sampling)
     elif sampling:

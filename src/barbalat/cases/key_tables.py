@@ -19,9 +19,10 @@ from barbalat.adaptation.learning import CompositeLearning
 from barbalat.adaptation.normalization import Normalization
 from barbalat.cases.keys import REQUIRED, Key
 from barbalat.cases.schema import NAMES_OF_TYPE, case_table, members_of, table_of
-from barbalat.cases.scheme_keys import LowPass
+from barbalat.cases.scheme_keys import SAMPLING, LowPass, sampling_of
 from barbalat.controllers import SCHEMES
 from barbalat.controllers.output import OUTPUT_SCHEMES
+from barbalat.controllers.piecewise_predictor import AsFlown
 from barbalat.controllers.windup import ModifiedError
 from barbalat.linear.systems import TransferFunction
 from barbalat.problem.output_feedback import OutputProblem
@@ -47,7 +48,13 @@ WORDS: dict[Any, str] = {
 }
 """What the types of fields are called on the page; other settings are a table."""
 
-PARTS = {"filter": LowPass, "learning": CompositeLearning, "normalization": Normalization, "modified_error": ModifiedError}
+PARTS = {
+    "filter": LowPass,
+    "as_flown": AsFlown,
+    "learning": CompositeLearning,
+    "normalization": Normalization,
+    "modified_error": ModifiedError,
+}
 """The tables within a controller's that are no law."""
 
 
@@ -95,18 +102,22 @@ def _registry(registry: Mapping[str, type], choice: str) -> str:
     """What each name stands for, and a row for each key of it; the keys that all have alike come last."""
     keys = {name: table_of(settings, choice, name).recipe.keys for name, settings in registry.items()}
     first = next(iter(keys.values()))
-    common = {
-        name: key
-        for name, key in first.items()
-        if len(registry) > 1 and all(name in one and one[name][:2] == key[:2] for one in keys.values())
-    }
+    at_samples = [name for name, one in keys.items() if choice == "scheme" and not sampling_of(one)]
+    common: dict[str, Key] = {}
+    besides: dict[str, list[str]] = {}
+    for key, given in first.items():
+        others = [name for name, one in keys.items() if key not in one or one[key][:2] != given[:2]]
+        if len(registry) > 1 and (not others or (key in SAMPLING and others == at_samples)):
+            common[key], besides[key] = given, others
     rows: list[tuple[str, ...]] = []
     for name, settings in registry.items():
         rows.append((f"`{name}`", "", "", "", _cell(summary(settings))))
-        rows += [("", f"`{key}`", *_described(given)) for key, given in keys[name].items() if key not in common]
+        own = {key: given for key, given in keys[name].items() if key not in common or name in besides[key]}
+        rows += [("", f"`{key}`", *_described(given)) for key, given in own.items()]
     for key, given in common.items():
-        differs = any(one[key].default != given.default for one in keys.values())
-        rows.append(("all", f"`{key}`", *_described(given._replace(default=None) if differs else given)))
+        differs = any(one[key].default != given.default for name, one in keys.items() if name not in besides[key])
+        which = " but ".join(["all", *(f"`{name}`" for name in besides[key])])
+        rows.append((which, f"`{key}`", *_described(given._replace(default=None) if differs else given)))
     return _markdown(choice, "key", "type", "default", "meaning", rows=rows)
 
 

@@ -17,7 +17,7 @@ from barbalat.cases.keys import REQUIRED, Context, Differences, Given, Key, Make
 from barbalat.cases.modifications import Modification, choices_of, joined, modification_keys, modified, named_or_modified
 from barbalat.cases.problem_keys import DIFFERENCES as PROBLEM_DIFFERENCES
 from barbalat.cases.scheme_keys import DIFFERENCES as SCHEME_DIFFERENCES
-from barbalat.cases.scheme_keys import SAMPLING
+from barbalat.cases.scheme_keys import sampling_of
 from barbalat.cases.table_models import Recipe, Table, numbers, one_or_several
 from barbalat.controllers import SCHEMES
 from barbalat.controllers.output import OUTPUT_SCHEMES
@@ -93,7 +93,8 @@ def _recipe(settings: type, choice: str = "", *, is_scheme: bool = False) -> Rec
     keys = keys_of(settings, differences)
     make: Make = differences.make or (lambda given, _: settings(**given))
     if is_scheme:
-        keys |= {"name": Key(_NAME, "in results, tables and figures", keys["name"].default), **SAMPLING}
+        sampling = sampling_of(keys)
+        keys |= {"name": Key(_NAME, "in results, tables and figures", keys["name"].default), **sampling}
     choices = choices_of(keys)
     if not choices:
         return Recipe(settings, keys, make, choice)

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
 from barbalat.adaptation.law import OutputErrorLaw
 from barbalat.adaptation.laws import Gradient
 from barbalat.cases.keys import Context, Differences, Given, Key, keys_of
-from barbalat.controllers import L1Adaptive, LinearFeedback, NormalizedMrac, Sampled
+from barbalat.controllers import L1Adaptive, L1PiecewiseConstant, LinearFeedback, NormalizedMrac, Sampled
 from barbalat.controllers.output import L1Output, LinearOutput, MracOutput
 from barbalat.controllers.output.l1 import fast_limit, linear_equivalent
 from barbalat.controllers.sampled import DISCRETIZATIONS
@@ -19,6 +20,12 @@ from barbalat.validate import Array, InputError
 SAMPLING = keys_of(Sampled, Differences(optional=("sample_time",), without=("controller",)))
 SAMPLING["discretization"] = SAMPLING["discretization"]._replace(type=Literal[DISCRETIZATIONS])
 """The keys with which any controller runs as on a flight computer."""
+
+
+def sampling_of(keys: Mapping[str, Key]) -> dict[str, Key]:
+    """Those that a scheme of these keys has; none where it acts at samples by nature and has a sample time of its own."""
+    common = SAMPLING["sample_time"]
+    return SAMPLING if keys.get("sample_time", common) is common else {}
 
 
 @dataclass(frozen=True)
@@ -138,6 +145,7 @@ _DESIGN = {
 
 DIFFERENCES: dict[type, Differences] = {
     L1Adaptive: Differences(keys={"filter": Key(LowPass, "C(s): stable, strictly proper, C(0) = 1; starts at rest")}),
+    L1PiecewiseConstant: Differences(keys={"filter": Key(LowPass, "C(s): as of `l1`, by the trapezoidal rule")}),
     LowPass: Differences(
         keys={
             "kappa": Key(float, "C(s) = 1/(kappa s + 1) [s]; 0 means C = 1", None),

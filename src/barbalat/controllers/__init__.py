@@ -2,6 +2,7 @@
 
 from barbalat.controllers.known_parameters import KnownParameters as KnownParameters
 from barbalat.controllers.l1 import L1Adaptive as L1Adaptive
+from barbalat.controllers.l1_piecewise import L1PiecewiseConstant as L1PiecewiseConstant
 from barbalat.controllers.linear_feedback import LinearFeedback as LinearFeedback
 from barbalat.controllers.mrac import Mrac as Mrac
 from barbalat.controllers.mrac_closed_loop import MracClosedLoop as MracClosedLoop
@@ -13,6 +14,7 @@ SCHEMES = {
     "mrac": Mrac,
     "mrac-closed-loop": MracClosedLoop,
     "l1": L1Adaptive,
+    "l1-piecewise": L1PiecewiseConstant,
     "mrac-normalized": NormalizedMrac,
     "robust-mrac": RobustMrac,
     "linear": LinearFeedback,

@@ -12,7 +12,7 @@ from barbalat import validate
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.problem.command_gain import command_warning
 from barbalat.problem.tracking import TrackingProblem
-from barbalat.protocols import Controller
+from barbalat.protocols import Controller, Reporting
 from barbalat.run.breaks import LostOrder
 from barbalat.run.diagnosis.adapting import Adapting, adapting, regressor_along
 from barbalat.run.diagnosis.spectrum import Stiffness
@@ -90,7 +90,17 @@ class Result:
     @property
     def figures(self) -> dict[str, float | list[float] | None]:
         """The figures by name, ``None`` where there is no finite value: the JSON contract's block for a controller."""
-        return self.metrics.of_member(0)
+        last = {f"{name}_final": value[-1] for name, value in self.reported.items()}
+        return self.metrics.of_member(0) | {name: v.tolist() if np.isfinite(v).all() else None for name, v in last.items()}
+
+    @cached_property
+    def reported(self) -> dict[str, Array]:
+        """(K, ...) by name, what a scheme estimates beside parameters; empty for most schemes."""
+        loop = self.loop
+        if not isinstance(loop.equations, Reporting):
+            return {}
+        rows = [loop.equations.reported(loop.unpack(state).controller) for state in self.states]
+        return {name: np.array([row[name] for row in rows]) for name in rows[0]}
 
     @property
     def diverged_at(self) -> float | None:
@@ -159,7 +169,7 @@ class Result:
 
     def columns(self) -> dict[str, Array]:
         """Scalar time series by name: x_1 ... u, r, theta_hat_1 ..., each (K,)."""
-        series = {name: getattr(self, name) for name in ("x", "x_m", "e", "theta_hat", "u", "r", "y")}
+        series = {name: getattr(self, name) for name in ("x", "x_m", "e", "theta_hat", "u", "r", "y")} | self.reported
         vectors = {name: value for name, value in series.items() if value is not None and value.ndim > 1}
         result = {f"{name}_{i + 1}": value[:, i] for name, value in vectors.items() for i in range(value.shape[1])}
         return result | {name: value for name, value in series.items() if value is not None and value.ndim == 1}

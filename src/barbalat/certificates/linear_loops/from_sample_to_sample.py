@@ -1,0 +1,56 @@
+"""A sampled controller's loop linearised by the exact Jacobians of its own equations, from sample to sample."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from barbalat.linear.sampled_loop import SampledLoop
+from barbalat.loop.closed_loop import ClosedLoop
+from barbalat.loop.linearization import jacobian_function, sampled_jacobian_function
+from barbalat.problem.actuation import InputPath
+from barbalat.problem.tracking import TrackingProblem
+from barbalat.protocols import Controller
+from barbalat.validate import Array
+
+
+@dataclass(frozen=True, eq=False)
+class Linearised:
+    """The loop at rest at zero, without limits and quantisation at the plant's input, its delay apart.
+
+    rows  where in X stand the controller's own parts by their names, u, x, what is measured and what was, held
+    """
+
+    loop: SampledLoop
+    rows: dict[str, Array]
+
+
+def linearised(problem: TrackingProblem, controller: Controller) -> Linearised:
+    """Exact for a linear plant and a linear controller; what v does not move, the models and the command, is left out."""
+    loop = ClosedLoop.of(problem, controller)
+    loop = replace(loop, delayed=False, paths=tuple(_linear(path) for path in loop.paths))
+    assert loop.sample_time is not None
+    marked = loop.unpack(np.arange(loop.size))
+    held = marked.held
+    out = np.concatenate([part.reshape(-1) for part in (marked.x_m, held.x_m, held.r, held.started, held.theta_hat)])
+    kept = np.setdiff1d(np.arange(loop.size), out)
+    state, signals = np.zeros(loop.size), np.zeros(loop.signal_count)
+    state[held.started] = 1.0  # after the first sample
+    slopes = np.array(jacobian_function(loop)(state, signals))
+    J = np.array(sampled_jacobian_function(loop)(state, signals))
+    where = np.full(loop.size, -1)
+    where[kept] = np.arange(len(kept))
+    parts = marked.controller._asdict() | {"u": held.u, "x": marked.x, "held": held.measured}
+    parts["measured"] = marked.x if loop.lag is None else marked.sensor
+    rows = {name: where[part.reshape(-1)] for name, part in parts.items()}
+    inputs, between = held.u.reshape(-1), slopes.copy()
+    between[:, inputs] = 0.0  # what is held acts as v
+    C = np.eye(loop.size)[inputs]
+    inner = np.ix_(kept, kept)
+    found = SampledLoop(between[inner], slopes[np.ix_(kept, inputs)], J[inner], C[:, kept], loop.sample_time)
+    return Linearised(found, rows)
+
+
+def _linear(path: InputPath | None) -> InputPath | None:
+    return None if path is None or path.dynamics is None else InputPath(None, None, None, path.dynamics)

@@ -1,0 +1,216 @@
+"""The certificate of the piecewise-constant L1 law: a linear time-invariant sampled controller, whose loop is known exactly.
+
+With x~ = x_hat - x, x~[k+1] = F x~[k] + S (sigma_hat - sigma)[k] for a sigma that is constant and a state that rests, where F is
+the predictor's own step and S what acts in a sample, and sigma_hat = -G x~: so sigma_hat(infinity) = G (I - F + S G)^-1 S sigma,
+which is B^-1 e^(A_m T) B in the exact form (F = S G) and B^-1 e^(A_s T) B as flown, never I.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from barbalat.certificates.assumptions import (
+    bounded_command,
+    exact_plant,
+    measured,
+    undisturbed,
+)
+from barbalat.certificates.bounds.piecewise_reference import distance
+from barbalat.certificates.cells import advice, estimate, margins_cell, nothing, statement
+from barbalat.certificates.certificate import Certificate, Draft
+from barbalat.certificates.entry import Assumption, Entry
+from barbalat.certificates.linear_loops.from_sample_to_sample import Linearised, linearised
+from barbalat.certificates.linear_loops.ideal import fast_adaptation
+from barbalat.certificates.linear_loops.margin_values import KEYS_OF_MARGINS, finite
+from barbalat.certificates.quantities import Form, Quantity
+from barbalat.certificates.rounding import up
+from barbalat.controllers import L1PiecewiseConstant
+from barbalat.controllers.l1_piecewise import Equations, realisation
+from barbalat.linear.interconnections import complementary_sensitivity, sensitivity
+from barbalat.linear.margins import margins
+from barbalat.linear.peaks import peak_gain
+from barbalat.linear.systems import transfer_function
+from barbalat.problem.state_feedback import Problem
+from barbalat.protocols import BoundedSignal
+from barbalat.solvers.simulation import Simulation
+from barbalat.validate import InputError
+
+OWN = {
+    "spectral_radius": Quantity("of the closed loop from sample to sample: stable below 1"),
+    "controller_z": Quantity(
+        "the controller's transfer functions to u in z, from each state and from r", form=Form.TRANSFER_FUNCTIONS
+    ),
+    "sigma_hat_at_dc": Quantity("sigma_hat for a constant sigma at rest, row by row: not I", form=Form.MATRIX),
+    "disturbance_left": Quantity("share of a constant sigma that sigma_hat leaves, for each of its entries"),
+    "noise_in_sigma_hat": Quantity("standard deviation of sigma_hat for one of 1 in every measured state, new at every sample"),
+    "noise_in_u": Quantity("the same of u"),
+    "sample_time_ratio": Quantity("T as it is over T as the controller's numbers assume it"),
+    "baseline_gain": Quantity("u over its baseline at slow frequencies of a state that still moves: 1/(1 - (1 - ratio) C(0))"),
+    "delay_margin_reference": Quantity(
+        "of the theory's reference system, which the loop tends to with T: beside delay_margin", "s"
+    ),
+    "reference_distance": Quantity("of every component of x - x_ref at the samples, x_ref of the theory's reference system"),
+}
+LTI = "the controller is linear and time-invariant from sample to sample, phi(x) = x, and no limit acts"
+OF_THE_LOOP = "from sample to sample with the true parameters, broken at the plant input"
+WHITE = "noise of one sample is independent of that of all others"
+NO_LOOP = "margins and noise are known for phi(x) = x: not for this plant"
+
+
+def certificate(problem: Problem, controller: L1PiecewiseConstant, _: Simulation) -> Certificate:
+    """Loop, margins, noise, what is left of a constant disturbance, the distance to the reference system."""
+    draft, equations = Draft(own=OWN), controller.bind(problem.known)
+    _add_of_the_controller(draft, problem, controller, equations)
+    if not problem.plant.is_linear:
+        for key in ("delay_margin", "reference_distance"):
+            draft.missing(key, NO_LOOP)
+        return draft.finish()
+    found = linearised(problem, controller)
+    radius = found.loop.radius(problem.delay)
+    draft.exact({"spectral_radius": radius}, _named(problem), LTI)
+    if radius < 1:
+        _add_margins(draft, problem, found)
+        _add_noise(draft, problem, found)
+    else:
+        draft.missing("delay_margin", f"unstable from sample to sample: spectral radius {radius:.6g}")
+    _add_reference(draft, problem, controller)
+    return draft.finish()
+
+
+def _named(problem: Problem) -> str:
+    """The loop of the certificate's exact values."""
+    beside = f", beside its delay of {problem.delay:g} s" if problem.delay > 0 else ""
+    lag = problem.sensor.lag if problem.sensor is not None else 0.0
+    lagged = f", with its sensor's lag of {lag:g} s" if lag > 0 else ""
+    return OF_THE_LOOP + beside + lagged + ("" if all(path.is_linear for path in problem.plant.paths) else ", without its limits")
+
+
+def _add_of_the_controller(draft: Draft, problem: Problem, controller: L1PiecewiseConstant, equations: Equations) -> None:
+    """What no plant changes."""
+    p, n = equations.predictor, problem.plant.n
+    at_dc = p.G @ np.linalg.solve(np.eye(n) - p.of_x_hat + p.of_acting @ p.G, p.of_acting)
+    of = "the controller alone"
+    draft.exact({"sigma_hat_at_dc": at_dc.tolist(), "disturbance_left": (1 - np.diag(at_dc)).tolist()}, of, LTI)
+    if problem.plant.is_linear and problem.plant.inputs == 1:
+        draft.exact({"controller_z": _transfer_functions(equations)}, of, LTI)
+    if controller.as_flown is None:
+        return
+    ratio = controller.sample_time / controller.assumed_sample_time
+    draft.exact({"sample_time_ratio": ratio}, of, "the loop runs at sample_time")
+    draft.exact({"baseline_gain": 1 / ratio}, of, "predictor_poles times T are small, and the plant integrates what acts on it")
+    if controller.filter is None and ratio >= 2:
+        draft.note(
+            f"without C(s) a direct estimate is lost at twice the assumed sample time, and here it is {ratio:.3g} times that"
+        )
+
+
+def _transfer_functions(equations: Equations) -> dict[str, dict[str, list[float]]]:
+    """By x_1 ..., and r: num and den in z, highest power first."""
+    A, B, C, D = realisation(equations)
+    n = len(equations.x0)
+    names = [
+        *(f"x_{i + 1}" for i in range(n)),
+        *(["r"] if B.shape[1] == n + 1 else [f"r_{j + 1}" for j in range(B.shape[1] - n)]),
+    ]
+    found = {}
+    for i, name in enumerate(names):
+        proper = transfer_function(C[0], A, B[:, i])
+        found[name] = {"num": np.polyadd(proper.num, D[0, i] * proper.den).tolist(), "den": proper.den.tolist()}
+    return found
+
+
+def _add_margins(draft: Draft, problem: Problem, found: Linearised) -> None:
+    """Of the loop with its delay in it; the delay margin is what it bears beside."""
+    loop, name = found.loop, _named(problem)
+    try:
+        delay = loop.delay_margin(problem.delay)
+    except InputError as error:
+        draft.missing("delay_margin", str(error))
+    else:
+        draft.exact({"delay_margin": finite(delay)}, name, LTI)
+    draft.advise({"margins_of": f"the linear loop {name}"})
+    if problem.plant.inputs > 1:
+        draft.note("gain and phase margins are those of one input; the delay margin is of one delay in all inputs")
+        return
+    L = loop.as_continuous(problem.delay)
+    try:
+        of_L = margins(L)
+    except InputError as error:
+        draft.note(f"linear loop {name}: {error}")
+        return
+    values = {key: finite(getattr(of_L, one)) for one, key in KEYS_OF_MARGINS.items() if one != "delay"}
+    peaks = {"sensitivity_peak": sensitivity, "complementary_sensitivity_peak": complementary_sensitivity}
+    draft.exact(values | {key: peak_gain(of(L)).gain for key, of in peaks.items()}, name, LTI)
+
+
+def _add_noise(draft: Draft, problem: Problem, found: Linearised) -> None:
+    """By the stationary covariance, just after a sample."""
+    from scipy.linalg import solve_discrete_lyapunov
+
+    loop, rows = found.loop, found.rows
+    closed, s = loop.closed(problem.delay), len(loop.A)
+    enters = loop.J[:, rows["measured"]].copy()
+    outside = np.concatenate([rows["u"], *(rows[name] for name in ("x_hat", "sigma_hat", "filter")), rows["held"]])
+    enters[np.setdiff1d(np.arange(s), outside)] = 0.0  # the plant and its sensor carry no noise
+    N = np.vstack([enters, np.zeros((len(closed) - s, enters.shape[1]))])
+    covariance = solve_discrete_lyapunov(closed, N @ N.T)
+    deviation = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    values = {"noise_in_sigma_hat": deviation[rows["sigma_hat"]].tolist(), "noise_in_u": deviation[rows["u"]].tolist()}
+    draft.exact(values, _named(problem), LTI, WHITE)
+
+
+def _add_reference(draft: Draft, problem: Problem, controller: L1PiecewiseConstant) -> None:
+    """The distance for every command as large as the case's, and the reference system's own delay margin."""
+    levels = np.array([command.bound if isinstance(command, BoundedSignal) else np.nan for command in problem.commands])
+    try:
+        draft.guarantee("reference_distance", distance(problem, controller, levels), *rests_on(problem))
+    except InputError as error:
+        draft.missing("reference_distance", str(error))
+    if controller.as_flown is None and controller.filter is not None and problem.plant.inputs == 1:
+        try:
+            margin = margins(fast_adaptation(problem.plant, controller.filter.realise())).delay
+        except InputError as error:
+            draft.missing("delay_margin_reference", str(error))
+        else:
+            of = "the reference system, broken at the plant input, without what lies before the plant"
+            draft.exact({"delay_margin_reference": finite(margin)}, of, LTI)
+
+
+def rests_on(problem: Problem) -> tuple[Assumption, ...]:
+    """What is guaranteed rests on the case's own theta: no known set is asked for."""
+    nonlinear = "" if problem.plant.is_linear else "phi(x) is not x"
+    start = Assumption("predictor and reference system start at x(0), the filter at rest")
+    linear = Assumption("phi(x) = x, and theta is the case's", nonlinear)
+    return exact_plant(problem), undisturbed(problem), measured(problem), bounded_command(problem), start, linear
+
+
+def column(problem: Problem, controller: L1PiecewiseConstant, certificate: Certificate) -> tuple[str, dict[str, Entry]]:
+    """The scheme's name in Table 1 and its cells."""
+    values = certificate.values
+    radius, away = values.get("spectral_radius"), certificate.entry("reference_distance")
+    if radius is None or radius >= 1:
+        why = NO_LOOP if radius is None else f"unstable from sample to sample: spectral radius {radius:.6g}"
+        stability = nothing("stability", why)
+    else:
+        text = f"for every bounded r: a linear loop, spectral radius {radius:.6g} from sample to sample at the case's theta"
+        stability = statement("stability", text, *rests_on(problem))
+    if away is None or away.value is None:
+        transient = nothing("transient", "no bound: " + ("" if away is None else away.why))
+    else:
+        text = f"at the samples x is within {up(away.value)} of the theory's reference system, for every r as large as this one"
+        transient = statement("transient", text, *rests_on(problem))
+    left = ", ".join(f"{100 * share:.3g} %" for share in values["disturbance_left"])
+    noise = values.get("noise_in_u")
+    return "L1, piecewise-constant law" + ("" if controller.as_flown is None else ", as flown"), {
+        "stability": stability,
+        "tracking": nothing("tracking", f"not to zero in general: sigma_hat leaves {left} of what is constant"),
+        "transient": transient,
+        "estimates": advice("estimates", "it estimates no parameters: sigma_hat is what acts on the plant, one sample late"),
+        "modelling_error": estimate("modelling_error", "see the margins: they are those of a linear controller"),
+        "tuning": advice(
+            "tuning",
+            "no adaptive gain; C(s) and T alone"
+            + ("" if noise is None else f"; noise in x is {', '.join(f'{one:.3g}' for one in noise)} times as large in u"),
+        ),
+        "margins": margins_cell(certificate),
+    }

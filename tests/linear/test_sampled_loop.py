@@ -1,0 +1,79 @@
+"""Sampled loops with delays inside of samples, against characteristic polynomials by hand."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+
+from barbalat.linear.margins import margins
+from barbalat.linear.sampled_loop import SampledLoop
+from barbalat.linear.sampled_norms import SampledNorms
+from independent import refusal
+
+
+def integrator(k: float, T: float) -> SampledLoop:
+    """x' = v, u = -k x at the samples: X = (x, u)."""
+    return SampledLoop(np.zeros((2, 2)), np.array([[1.0], [0.0]]), np.array([[1.0, 0.0], [-k, 0.0]]), np.array([[0.0, 1.0]]), T)
+
+
+@pytest.mark.parametrize("kT", [1.05, 1.2, 1.6, 1.9])
+def test_the_delay_margin_inside_the_first_sample(kT):
+    """z^2 - (1 - k (T - d)) z + k d: stable while k d < 1, by Jury's conditions."""
+    T = 0.01
+    assert integrator(kT / T, T).delay_margin(0.0) == pytest.approx(T / kT, rel=1e-6)
+
+
+@pytest.mark.parametrize("d", [0.0, 0.003, 0.0099, 0.01, 0.0234, 0.05])
+def test_the_closed_loop_with_any_delay(d):
+    """The roots of z^(l+2) - z^(l+1) + k (T - f) z + k f with d = l T + f, by hand."""
+    T, k = 0.01, 7.0
+    whole, f = divmod(round(d / T, 9), 1.0)
+    polynomial = np.zeros(int(whole) + 3)
+    polynomial[:2] = 1.0, -1.0
+    polynomial[-2] += k * T * (1 - f)
+    polynomial[-1] += k * T * f
+    assert integrator(k, T).radius(d) == pytest.approx(np.abs(np.roots(polynomial)).max(), rel=1e-9)
+
+
+def test_gain_and_phase_margin_of_the_integrator():
+    """|1 - k T| < 1: the factor 2/(k T). |L| = k T/|z - 1| = 1 at w T = 2 asin(k T/2), where the phase is -pi/2 - w T/2."""
+    kT = 0.4
+    found = margins(integrator(kT / 0.01, 0.01).as_continuous(0.0))
+    assert found.gain_up == pytest.approx(2 / kT, rel=1e-9)
+    assert found.phase == pytest.approx(np.pi / 2 - np.arcsin(kT / 2), rel=1e-9)
+
+
+def test_the_delay_margin_is_where_the_radius_passes_one(sample):
+    """Random stable loops of a second-order plant with a lag: stable up to the margin on a grid of delays, unstable beyond."""
+    random, seen = np.random.default_rng(3), 0
+    for _ in range(sample(10, 100)):
+        T = 10 ** random.uniform(-2, -0.5)
+        A = np.zeros((3, 3))
+        A[:2, :2] = [[0.0, 1.0], -random.uniform(0.1, 4.0, 2)]
+        K = random.uniform(-1, 4, 2)
+        J = np.eye(3)
+        J[2] = [-K[0], -K[1], random.uniform(0, 0.7)]  # u[k] = -K x[k] + c u[k-1]
+        loop = SampledLoop(A, np.array([[0.0], [1.0], [0.0]]), J, np.array([[0.0, 0.0, 1.0]]), T)
+        if loop.radius(0.0) >= 1:
+            assert "spectral radius" in refusal(lambda loop=loop: loop.delay_margin(0.0))
+            continue
+        margin = loop.delay_margin(0.0)
+        ends = 40 * T if np.isinf(margin) else margin
+        assert max(loop.radius(d) for d in np.linspace(0, ends * (1 - 1e-5), 97)) < 1
+        if np.isfinite(margin):
+            seen += 1
+            assert loop.radius(margin * (1 + 1e-4)) > 1
+    assert seen > 2
+
+
+def test_sums_and_largest_values_are_bounds_that_are_close():
+    random = np.random.default_rng(1)
+    A = random.normal(size=(5, 5))
+    M, C, N = expm(0.3 * (A - 4 * np.eye(5))), random.normal(size=(2, 5)), random.normal(size=(5, 3))
+    terms = np.abs([C @ np.linalg.matrix_power(M, k) @ N for k in range(400)])
+    norms = SampledNorms(M, C)
+    for found, exact in ((norms.summed(N), terms.sum(axis=0)), (norms.largest(N), terms.max(axis=0))):
+        assert (found >= exact).all()
+        assert (found <= exact + 3e-3 * terms.sum(axis=0).max()).all()  # the tail's share
+    assert "unstable" in refusal(lambda: SampledNorms(np.eye(2), np.eye(2)).summed(np.eye(2)))
