@@ -13,6 +13,8 @@ from barbalat import (
     DeadZone,
     EpsilonModification,
     FixedSigma,
+    Gradient,
+    LeastSquares,
     LyapunovLaw,
     Noise,
     OutputPlant,
@@ -64,6 +66,12 @@ OUTPUT = OutputProblem(
     reference=Sine(amplitude=1.0, frequency=0.7),
     sensor=SENSOR,
     name="output",
+)
+THIRD = replace(
+    OUTPUT,
+    plant=OutputPlant(transfer_function=TransferFunction([1.0], [1.0, 3.0, 3.0, 1.0]), input=INPUT),
+    reference_model=OutputReferenceModel(transfer_function=TransferFunction([1.0], [1.0, 3.0, 3.0, 1.0])),
+    name="third */ order",
 )
 POLYNOMIAL = Problem(
     plant=replace(STATE.plant, regressor=Polynomial(degree=2, constant=True), theta=[0.1, 0.5, -0.3, 0.2, 0.1, -0.1]),
@@ -121,6 +129,8 @@ def _examples():
             yield problem, NormalizedMrac(law=law)
         yield FREE, RobustMrac(tau=0.3, law=law, saturated_predictor=False)
         yield OUTPUT, MracOutput(order=1, relative_degree=1, sign=1, law=law, c_0_min=0.1, tau=0.3)
+    for law in (Gradient(gamma=1.0), LeastSquares(covariance0=10.0)):
+        yield THIRD, MracOutput(order=3, relative_degree=3, sign=1, law=law, c_0_min=0.05, tau=0.3)
     for law in (LyapunovLaw(gamma=2.0), LyapunovLaw(gamma=2.0, leakage=FixedSigma(sigma=0.1))):
         yield OUTPUT, MracOutput(order=1, relative_degree=1, sign=1, law=law)
 

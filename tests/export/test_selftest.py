@@ -5,15 +5,17 @@ from __future__ import annotations
 import random
 import re
 import subprocess
+from collections import namedtuple
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from barbalat import Sampled
 from barbalat.export.write import files
 from export.examples import FREE, SIMULATION, T, sampled_examples
 from export.targets import ISO, STRICT, needs, needs_gcc, needs_gxx, run_selftest, write
-from foreign import Plain
+from foreign import Plain, PlainEquations
 
 EXAMPLES = {name: (problem, controller) for name, problem, controller in sampled_examples()}
 
@@ -29,7 +31,8 @@ CHOSEN = [
         "L1Adaptive-polynomial-midpoint", "L1Adaptive-terms-midpoint",
         "MracClosedLoop-state-euler", "NormalizedMrac-state-midpoint",
         "NormalizedMrac-ball-euler", "RobustMrac-free-midpoint", "RobustMrac-free-euler", "LinearFeedback-state-midpoint",
-        "KnownParameters-state-euler", "MracOutput-output-midpoint", "MracOutput-output-euler", "L1Output-output-midpoint",
+        "KnownParameters-state-euler", "MracOutput-output-midpoint", "MracOutput-output-euler",
+        "MracOutput-third */ order-midpoint", "L1Output-output-midpoint",
         "LinearOutput-output-midpoint",
     )
 ]  # fmt: skip
@@ -67,6 +70,35 @@ def test_a_scheme_from_outside_the_package(tmp_path) -> None:
     done = run_selftest(tmp_path, "gcc", *ISO, "-O2", *STRICT)
     assert done.stdout == "my_own: 1000 samples agree in every bit\n"
     assert "held_x_m[2]" in (tmp_path / "controller.h").read_text()
+
+
+ColdState = namedtuple("ColdState", "theta_hat fade last_u Γ Θ")
+"""Fields of the names that an export gives its own members, and of letters that C has not."""
+
+
+class ColdEquations(PlainEquations):
+    def initial(self):
+        return ColdState(np.zeros(self.n), *np.zeros((2, 1)), *np.zeros((2, 2)))
+
+    def control(self, state, x, x_m, r):
+        return super().control(state, x, x_m, r) + 0.01 * (state.fade[0] + state.last_u[0] + state.Γ[0] + state.Θ[1])
+
+    def derivative(self, state, x, x_m, r, u):
+        theta_hat = self.gamma * ((x - x_m) @ self.P_b) * x
+        return ColdState(theta_hat, u - state.fade, u - 2 * state.last_u, x - state.Γ, 2 * x - state.Θ)
+
+
+class Cold(Plain):
+    def bind(self, known):
+        return ColdEquations(self.gamma, known.P @ known.b, known.k_0, known.n)
+
+
+@needs_gcc
+def test_a_scheme_whose_names_are_the_exports_own(tmp_path) -> None:
+    controller = Sampled(controller=Cold(gamma=2.0, name="while"), sample_time=T, discretization="euler")
+    write(tmp_path, files(FREE, controller, SIMULATION))
+    done = run_selftest(tmp_path, "gcc", *ISO, "-O2", *STRICT)
+    assert done.stdout == "n_while: 1000 samples agree in every bit\n"
 
 
 @needs_gxx

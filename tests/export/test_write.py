@@ -26,10 +26,11 @@ def test_names_of_controllers_become_identifiers() -> None:
     assert prefix_of("L1, T = 1 ms") == "l1_t_1_ms"
     assert prefix_of("Régulateur") == "regulateur"
     assert prefix_of("2 DOF") == "n_2_dof"
-    assert prefix_of("while") == "while_"
-    assert prefix_of("controller") == "controller_"
+    assert prefix_of("while") == "n_while"
+    assert prefix_of("controller") == "n_controller"
     assert identifier("memory.P") == "memory_P"
-    assert distinct(["a.b", "a_b", "int"]) == ["a_b", "a_b_2", "int_"]
+    assert distinct(["a.b", "a_b", "int"]) == ["a_b", "a_b_2", "n_int"]
+    assert distinct(["last_u", "Γ", "Θ"]) == ["last_u_2", "n__", "n___2"]
     for bad in ("制御", "123", "--"):
         assert "letter" in refusal(lambda bad=bad: prefix_of(bad))
     assert "at most 20" in refusal(lambda: prefix_of("a controller with a long name"))
@@ -79,6 +80,7 @@ def test_refusals(tmp_path) -> None:
     assert "diverges" in refusal(lambda: export_controller(unbounded, chattering, SIMULATION, out=tmp_path / "none"))
     with_sine = refusal(lambda: export_controller(TERMS, MRAC, SIMULATION, out=tmp_path / "none", float32=True))
     assert "float64" in with_sine and ("sin" in with_sine or "exp" in with_sine)
+    assert "t_end be 0.1 s" in refused(simulation=Simulation(t_end=9 * T, dt=T / 2))
     assert not list(tmp_path.iterdir())
     (tmp_path / "file").write_text("here")
     assert "is a file" in refused(out=tmp_path / "file")

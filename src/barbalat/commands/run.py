@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
 
+from barbalat.commands import in_the_loop
 from barbalat.commands.options import add_controllers
 from barbalat.commands.output import folder_of, print_json
 from barbalat.commands.screen import Work, say, work
@@ -30,6 +31,11 @@ def add(commands: Commands) -> None:
     parser.add_argument("--json", action="store_true", help="one JSON document on standard output")
     parser.add_argument("--full-record", action="store_true", help="every recorded instant in the CSVs; default: about 1000")
     parser.add_argument("--no-plots", action="store_true", help="no pictures and no page")
+    parser.add_argument(
+        "--sil",
+        action="store_true",
+        help="software in the loop: sampled controllers once more as exported C, compiled here; exit code 1 where a bit differs",
+    )
     parser.set_defaults(execute=execute)
 
 
@@ -40,20 +46,24 @@ def execute(options: argparse.Namespace) -> int:
     case = load_case(options.case, options.controllers)
     with folder_of(options.out, None if options.json or options.no_plots else "barbalat-run") as folder:
         plots = folder is not None and not options.no_plots
+        if options.sil:
+            in_the_loop.require(case)
         with work(_expected(case, plots=plots)) as running:
             results = _simulated(case, running)
             from barbalat.report import documents
 
-            document = documents.as_json(documents.run_document(case.name, results, None))
+            checked = in_the_loop.checked(results, running) if options.sil else None
+            document = documents.as_json(documents.run_document(case.name, results, None, checked))
             if folder is not None:
                 _write_runs(folder, results, document, whole=options.full_record)
                 if plots:
-                    document = with_page(folder, case, results, running)
+                    document = with_page(folder, case, results, running, checked)
         if options.json:
             print_json(document)
         else:
             show(case.name, results, folder, plots=plots)
-    return 0
+            in_the_loop.show(checked or {})
+    return in_the_loop.exit_code(checked or {})
 
 
 CERTIFYING_SECONDS, DRAWING_SECONDS = 0.5, 0.4
@@ -94,7 +104,13 @@ def _write_runs(folder: Folder, results: Sequence[Result], document: str, *, who
     folder.commit(gone=write.files_of_run(folder.path))
 
 
-def with_page(folder: Folder, case: Case, results: Sequence[Result], running: Work) -> str:
+def with_page(
+    folder: Folder,
+    case: Case,
+    results: Sequence[Result],
+    running: Work,
+    compiled: Mapping[str, Mapping[str, Any]] | None = None,
+) -> str:
     """Certify and write the page; the JSON document with what was found."""
     from barbalat.certificates.overview import certified_case
     from barbalat.report import documents, write
@@ -102,7 +118,7 @@ def with_page(folder: Folder, case: Case, results: Sequence[Result], running: Wo
     with running.part("certifying"):
         certified = certified_case(case.problem, case.controllers, case.simulation)
     with running.part("drawing"):
-        document = documents.as_json(documents.run_document(case.name, results, certified))
+        document = documents.as_json(documents.run_document(case.name, results, certified, compiled))
         folder.write(write.RUN, document)
         write.write_comparison(folder, case.name, results, certified)
         folder.commit()

@@ -25,6 +25,8 @@ from barbalat.validate import Array, InputError
 
 VECTORS = 1000
 """Samples that an export's self-test replays: some 100 kB of C for a small controller."""
+FEWEST_VECTORS = 10
+"""The self-test refuses the ninth sample, and goes on with the next."""
 LEAST_RANGE = 1e6
 """What a state or an input may be in size where the simulation gives no reason for more."""
 ROOM = 10.0
@@ -65,6 +67,11 @@ class Contents:
                 "vectors, and nobody should fly it"
             )
         made = cls(problem, controller, loop, program, Layout.of(program, initial_acting(loop)), vectors, real)
+        if len(vectors.states) < FEWEST_VECTORS:
+            raise InputError(
+                f"the self-test of an export needs {FEWEST_VECTORS} samples, and this simulation has {len(vectors.states)}: let "
+                f"t_end be {FEWEST_VECTORS * made.sample_time:g} s or more"
+            )
         return made if real is DOUBLE else replace(made, vectors=made._rounded())
 
     @cached_property

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import re
 import unicodedata
 from collections.abc import Iterable
@@ -18,10 +19,12 @@ _KEYWORDS = """
     continue decltype default delete do double else enum explicit export extern false float for friend goto if inline int long
     mutable namespace new noexcept not nullptr operator or private protected public register requires restrict return short
     signed sizeof static struct switch template this throw true try typedef typeid typename union unsigned using virtual void
-    volatile while xor controller main
+    volatile while xor controller main NAN INFINITY HUGE_VAL NULL EOF BUFSIZ SAMPLES
 """
 RESERVED = frozenset(_KEYWORDS.split())
-"""Keywords of C99 and C++20, and what an export defines beside them."""
+"""Keywords of C99 and C++20, macros of the headers that are included, and what an export defines beside them."""
+MEMBERS = frozenset({"sample_time", "last_u", "bump", "fade", "fade_left", "matching", "waiting"})
+"""What the state of every export has, see ``templates/controller.h``."""
 
 
 def prefix_of(name: str) -> str:
@@ -44,16 +47,15 @@ def prefix_of(name: str) -> str:
 
 
 def identifier(name: str) -> str:
-    """A name with ``_`` for every character that C does not take, and behind it where it is a keyword or ends so."""
+    """A name with ``_`` for every character that C does not take, and ``n_`` before what can't stand alone or is reserved."""
     found = re.sub(r"[^A-Za-z0-9_]", "_", name)
-    found = f"n_{found}" if found[:1].isdigit() else found
-    return f"{found}_" if found in RESERVED else found
+    return f"n_{found}" if found[:1].isdigit() or found.startswith("_") or found in RESERVED else found
 
 
 def distinct(names: Iterable[str]) -> list[str]:
-    """The names as identifiers, numbered where two would be the same."""
+    """The names as identifiers of members, numbered where two would be the same, or one that every export has."""
     found: list[str] = []
     for name in map(identifier, names):
-        same = (f"{name}_{i}" for i in range(2, len(found) + 3))
-        found.append(next(one for one in (name, *same) if one not in found))
+        same = (f"{name}_{i}" for i in itertools.count(2))
+        found.append(next(one for one in itertools.chain([name], same) if one not in found and one not in MEMBERS))
     return found

@@ -33,7 +33,7 @@ def source(printed: Printed) -> str:
     x_m, started = contents.layout.part("held.x_m"), contents.layout.started
     whole = (contents.step, *([] if contents.model is None else [contents.model]))
     state, functions = contents.measures_state, c99.definitions(whole)
-    needs_math = any(map(c99.calls_functions, whole))
+    needs_math = any(c99.calls_functions(program, contents.real) for program in whole)
     model = "" if contents.model is None or x_m is None else _MODEL.format(
         name=printed.name, body=_operations(printed, contents.model, [x_m], {started.start: c99.constant(1.0, contents.real)})
     )  # fmt: skip
@@ -81,10 +81,11 @@ def _operations(printed: Printed, program: Program, parts: list[Part], fixed: di
 
 
 def _usable(printed: Printed) -> str:
-    """Every number in range, the estimates in their set but for rounding, and a control to hold."""
+    """Every number in range, the estimates in their set but for rounding, a control to hold, a fade that ends."""
     contents = printed.contents
     tests = [f"in_range(c->{part.name}, {part.size})" for part in contents.layout.parts]
     tests += [f"in_range(c->last_u, {printed.macro}_INPUTS)", f"in_range(c->bump, {printed.macro}_INPUTS)"]
+    tests.append("c->fade_left >= 0L && c->fade_left <= c->fade")
     if contents.limits is not None:
         for i, (low, high) in enumerate(zip(*contents.limits, strict=True)):
             text = contents.layout.theta_hat.entry(contents.layout.theta_hat.start + i)

@@ -20,14 +20,18 @@ SHORT = 8
 
 @dataclass(frozen=True, eq=False)
 class Printed:
-    """One export with its names in C."""
+    """One export with its names in C.
+
+    prefix  what the functions' names begin with; made of the controller's name where it is empty
+    """
 
     contents: Contents
+    prefix: str = ""
 
     @property
     def name(self) -> str:
         """What the functions' names begin with."""
-        return prefix_of(self.contents.controller.name)
+        return self.prefix or prefix_of(self.contents.controller.name)
 
     @property
     def macro(self) -> str:

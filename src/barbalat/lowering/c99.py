@@ -81,10 +81,11 @@ def statements(program: Program, inputs: dict[tuple[int, int], str], real: Real 
     return lines
 
 
-def calls_functions(program: Program) -> bool:
-    """Whether the C text of the operations needs math.h."""
+def calls_functions(program: Program, real: Real = DOUBLE) -> bool:
+    """Whether the C text of the operations needs math.h, which has the infinity that a large constant becomes in 32 bits, too."""
     names = {op.name for op in program.operations}
-    constants = {op.value for op in program.operations if op.name == "constant"}
+    with np.errstate(over="ignore"):
+        constants = {float(real.numbers(op.value)) for op in program.operations if op.name == "constant"}
     return bool(names & {*_LIBRARY, *FUNCTIONS, "fnma"}) or not all(map(math.isfinite, constants))
 
 

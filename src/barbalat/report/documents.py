@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from barbalat.certificates.overview import Certified
@@ -37,13 +37,19 @@ def reproduction_document(
     }
 
 
-def run_document(case: str, results: Sequence[Result], certified: Certified | None) -> dict[str, Any]:
-    """The contract's document of ``run --json``; numerics, and certificates where they were made, stand beside its keys."""
+def run_document(
+    case: str, results: Sequence[Result], certified: Certified | None, in_the_loop: Mapping[str, Mapping[str, Any]] | None = None
+) -> dict[str, Any]:
+    """The contract's document of ``run --json``; numerics, and certificates where they were made, stand beside its keys.
+
+    So does what ``--sil`` found of each controller.
+    """
     return {
         "case": case,
         "simulation": results[0].simulation.as_json(),
         "controllers": {r.name: run_block(r) for r in results},
         **({} if certified is None else certified.as_json()),
+        **({} if in_the_loop is None else {"software_in_the_loop": in_the_loop}),
     }
 
 

@@ -12,6 +12,7 @@ import numpy as np
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.loop.packing import column, symbols
 from barbalat.lowering.llvm.machine import Kernel
+from barbalat.lowering.llvm.outside import Outside
 from barbalat.lowering.operations import Program, read
 from barbalat.lowering.optimize import optimize
 from barbalat.lowering.shape import TAPS, LoopShape
@@ -40,19 +41,23 @@ LARGEST_WATCHED_STATE = 150
 
 @dataclass(frozen=True)
 class StepProgram:
-    """One step as an operation list, and what a sampled controller does before it; compile it for a number of lanes."""
+    """One step as an operation list, and what a sampled controller does before it; compile it for a number of lanes.
+
+    outside  compiled elsewhere, does the sampled controller's part of what is done before a step
+    """
 
     program: Program
     shape: LoopShape
     accumulators: Accumulators | None
     sample: Program | None = None
     watch: Program | None = None
+    outside: Outside | None = None
 
     def compile(self, lanes: int, steps: float = inf) -> Kernel:
         """For so many steps; of a long program's code the time to make it counts too, no bit of any result depends on it."""
         resets = () if self.accumulators is None else self.accumulators.resets
         quickly = len(self.program.operations) > LONG_PROGRAM and steps < STEPS_WORTH_OPTIMISING
-        return _compile(self.program, self.shape, resets, lanes, self.sample, self.watch, quickly)
+        return _compile(self.program, self.shape, resets, lanes, self.sample, self.watch, self.outside, quickly)
 
 
 @lru_cache(maxsize=64)
@@ -63,9 +68,10 @@ def _compile(
     lanes: int,
     sample: Program | None,
     watch: Program | None,
+    outside: Outside | None,
     quickly: bool,
 ) -> Kernel:
-    return Kernel(program, shape, resets, lanes, sample, watch, quickly=quickly)
+    return Kernel(program, shape, resets, lanes, sample, watch, outside=outside, quickly=quickly)
 
 
 @dataclass(frozen=True, eq=False)

@@ -59,6 +59,12 @@ ${give}    out->status = status;
 
 void ${name}_reset(${name}_controller *c)
 {
+    int i;
+    const int held = in_range(c->last_u, ${macro}_INPUTS); /* else there is nothing to hold */
+    for (i = 0; i < ${macro}_INPUTS; ++i) {
+        c->last_u[i] = held != 0 ? c->last_u[i] : ${zero};
+        c->bump[i] = ${zero};
+    }
 ${reset}    c->sample_time = ${macro}_SAMPLE_TIME;
     c->fade = 0L;
     c->fade_left = 0L;
@@ -69,11 +75,10 @@ ${reset}    c->sample_time = ${macro}_SAMPLE_TIME;
 void ${name}_init(${name}_controller *c)
 {
     int i;
-    ${name}_reset(c);
     for (i = 0; i < ${macro}_INPUTS; ++i) {
         c->last_u[i] = ${zero};
-        c->bump[i] = ${zero};
     }
+    ${name}_reset(c);
 }
 
 void ${name}_start(${name}_controller *c, ${start_argument}const ${real} u_now[${macro}_INPUTS], long samples,

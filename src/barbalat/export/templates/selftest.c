@@ -119,6 +119,15 @@ static void test_limits(void)
     require(out.u[0] == 1, "the last good control is not held");
 ${limit_tests}    ${name}_reset(&c);
     require(${name}_step(&c, &in, &out) == ${macro}_OK, "there is no way back from a bad state");
+    c.last_u[0] = 2 * ${macro}_RANGE;
+    c.bump[0] = 2 * ${macro}_RANGE;
+    c.fade_left = 1L;
+    require(${name}_step(&c, &in, &out) == ${macro}_STATE_REFUSED && out.u[0] == 0, "a control out of range is held");
+    ${name}_reset(&c);
+    require(${name}_step(&c, &in, &out) == ${macro}_OK, "there is no way back from a bad control");
+    c.fade = 0L;
+    c.fade_left = 1L;
+    require(${name}_step(&c, &in, &out) == ${macro}_STATE_REFUSED, "a fade that never ends is not refused");
 }
 
 /* Far outside of what was simulated, with inputs up to the range: what is given out stays finite, in its limits, and said. */

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 from barbalat.lowering.llvm.functions import definitions
 from barbalat.lowering.llvm.loads import count, due, noise_loads, row_number, signal_loads
+from barbalat.lowering.llvm.outside import Outside
 from barbalat.lowering.llvm.past import lag_loads, past_loads, remember
 from barbalat.lowering.llvm.printer import Printer
 from barbalat.lowering.llvm.watch import LAST_BLOCK, LONGEST_INSIDE, called, keep_largest
@@ -32,6 +33,7 @@ def loop(
     lanes: int,
     sample: Program | None = None,
     watch: Program | None = None,
+    outside: Outside | None = None,
 ) -> str:
     """IR of ``void barbalat_loop(blocks, steps, state*, parameters*, signals*, out*, start, lags*, ring*, mask, noise*)``.
 
@@ -49,7 +51,8 @@ def loop(
     at last     ``sample_every`` and ``noise_hold``, read where the shape leaves them open
 
     Before a step whose number is a multiple of ``sample_every``, ``sample`` replaces the state. ``watch`` is a quantity whose
-    largest value in every window of steps is kept with the state there; it takes one member.
+    largest value in every window of steps is kept with the state there; it takes one member. ``outside`` has a hand in the
+    sampled part, of one member as well.
     """
     if (sample is None) != (shape.sample_every == 0):
         raise ValueError("a loop has a sampled part exactly where its shape says how often it acts")
@@ -57,17 +60,19 @@ def loop(
         raise ValueError("a step that remembers its past is not made in pieces")
     if watch is not None and lanes > 1:
         raise ValueError(f"a loop that watches runs one member, got {lanes} lanes")
+    if outside is not None and (sample is None or lanes > 1):
+        raise ValueError(f"a function from outside takes a sampled part and one member, got {sample} and {lanes} lanes")
     inputs = _inputs(shape)
     printer = Printer(step, lanes, inputs)
     new = printer.run()
     body = _Body(shape, printer.vector, [printer.splat(value) for value in resets], new)
-    sampling = _sampling(sample, shape, lanes, inputs)
+    sampling = _sampling(sample, shape, lanes, inputs, outside)
     watching = _watching(watch, shape, lanes, inputs)
     last = watching.last or sampling.last or "step"  # without either the step is one block
     functions, declared = definitions(printer.functions | sampling.functions | watching.functions, lanes)
     lines = [
         HEAD,
-        *body.entry(watching.room, lanes),
+        *body.entry((*sampling.room, *watching.room), lanes),
         *body.block(),
         *body.step(last, ".held" if sample is not None else ""),
         *signal_loads(shape, lanes, printer.vector),
@@ -116,24 +121,29 @@ class _Part:
     functions: frozenset[str] = frozenset()
 
 
-def _sampling(sample: Program | None, shape: LoopShape, lanes: int, inputs: dict[tuple[int, int], str]) -> _Part:
+def _sampling(
+    sample: Program | None, shape: LoopShape, lanes: int, inputs: dict[tuple[int, int], str], outside: Outside | None
+) -> _Part:
     """What replaces the state before a step whose number is a multiple of ``sample_every``."""
     if sample is None:
         return _Part()
     n = shape.states
     sampler = Printer(sample, lanes, inputs | {(0, i): f"%x{i}.held" for i in range(n)}, prefix="w")
     sampled = sampler.run()
+    called, sampled = ([], sampled) if outside is None else outside.call(sampled)
     lines = (
         f"  %phase = urem i64 %now, {count(shape.sample_every, 'sample.every')}",
         *due(shape, "due", "%phase"),
         "  br i1 %due, label %sample, label %go",
         "sample:",
         *sampler.lines,
+        *called,
         "  br label %go",
         "go:",
         *(f"  %x{i} = phi {sampler.vector} [ %x{i}.held, %step ], [ {sampled[i]}, %sample ]" for i in range(n)),
     )
-    return _Part(lines, last="go", intrinsics=frozenset(sampler.intrinsics), functions=frozenset(sampler.functions))
+    room = () if outside is None else (outside.room,)
+    return _Part(lines, last="go", room=room, intrinsics=frozenset(sampler.intrinsics), functions=frozenset(sampler.functions))
 
 
 def _watching(watch: Program | None, shape: LoopShape, lanes: int, inputs: dict[tuple[int, int], str]) -> _Part:

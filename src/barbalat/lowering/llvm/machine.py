@@ -14,6 +14,7 @@ import numpy as np
 from llvmlite.binding.newpassmanagers import NewPassManager
 
 from barbalat.lowering.llvm import ir
+from barbalat.lowering.llvm.outside import Outside
 from barbalat.lowering.operations import Program
 from barbalat.lowering.registers import few_waiting
 from barbalat.lowering.shape import ENTRY, TAPS, LoopShape, require_count
@@ -114,6 +115,7 @@ class Kernel:
         sample: Program | None = None,
         watch: Program | None = None,
         *,
+        outside: Outside | None = None,
         quickly: bool = False,
     ) -> None:
         """``quickly``: machine code in a fifth of the time, two to three times slower, of the same bits."""
@@ -124,7 +126,7 @@ class Kernel:
         self.watches = watch is not None
         if lanes > 1:
             step = few_waiting(step, urgent_first=many_registers())
-        self.ir = ir.loop(step, shape, resets, lanes, sample, watch)
+        self.ir = ir.loop(step, shape, resets, lanes, sample, watch, outside)
         target = _target()
         machine = target.create_target_machine(
             cpu=llvm.get_host_cpu_name(), features=llvm.get_host_cpu_features().flatten(), opt=0 if quickly else 3

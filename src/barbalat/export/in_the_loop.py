@@ -1,0 +1,142 @@
+"""Software in the loop: the exported C, compiled on this machine, in the place of the list that it was printed from."""
+
+from __future__ import annotations
+
+import ctypes
+import shutil
+import subprocess
+import tempfile
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from barbalat.export.contents import Contents
+from barbalat.export.header import header
+from barbalat.export.source import source
+from barbalat.export.texts import Printed, filled, indented
+from barbalat.lowering.c99 import DOUBLE, FLOAT
+from barbalat.lowering.llvm.outside import Outside
+from barbalat.problem.tracking import TrackingProblem
+from barbalat.protocols import Controller
+from barbalat.run.batch import Batch
+from barbalat.run.diagnosis.stability_label import MOST_WINDOWS
+from barbalat.run.engine import run
+from barbalat.run.members import Members
+from barbalat.run.progress import Progress
+from barbalat.run.result import Result
+from barbalat.run.simulate import result_of
+from barbalat.solvers.simulation import Simulation
+from barbalat.validate import InputError
+
+COMPILERS = ("cc", "gcc", "clang")
+FLAGS = ("-std=c99", "-ffp-contract=off", "-O2", "-shared", "-fPIC")
+"""As the export's README says."""
+COMPILING_SECONDS = 600
+"""That a compiler may take: it needs a second for each few thousand operations."""
+
+
+@dataclass(frozen=True, eq=False)
+class InTheLoop:
+    """A run whose control was computed by the compiled export.
+
+    result   as of ``simulate``; at the instants that it records, the list says what a sample makes of the loop's state
+    refused  samples that the export answered with another status than OK
+    """
+
+    result: Result
+    refused: int
+
+    def differs_from(self, origin: Result) -> str:
+        """What is not equal in every bit to the run of the origin, in one phrase; empty where everything is."""
+        a, b = self.result, origin
+        count = min(len(a.states), len(b.states))
+        apart = np.flatnonzero((_bits(a.states[:count]) != _bits(b.states[:count])).any(axis=1))
+        if len(apart):
+            return f"the states differ from t = {a.t[apart[0]]:g} s on"
+        if len(a.states) != len(b.states):
+            return "one of both diverges, or earlier than the other"
+        names = [name for name, value in a.figures.items() if repr(value) != repr(b.figures[name])]
+        return f"the figures differ: {', '.join(names)}" if names else ""
+
+
+def simulate_export(
+    problem: TrackingProblem,
+    controller: Controller,
+    simulation: Simulation,
+    *,
+    float32: bool = False,
+    progress: Progress | None = None,
+) -> InTheLoop:
+    """Simulate with the exported C in the loop, compiled by this machine's compiler; with ``float32`` its numbers have 32 bits.
+
+    In float64 all figures are those of ``simulate`` in every bit. InputError as of ``export_controller``, and where there is no
+    compiler.
+    """
+    require_compiler()
+    contents = Contents.of(problem, controller, simulation, FLOAT if float32 else DOUBLE)
+    printed = Printed(contents, prefix="exported")  # nobody reads its names
+    library = _compiled(printed)
+    members = Members.read([(problem, controller)], simulation, windows=MOST_WINDOWS)
+    outside = _outside(printed, members, library)
+    members = replace(members, program=replace(members.program, outside=outside))
+    batch = Batch.part(members, slice(0, 1), record=True, lanes=1)
+    run([batch], problem.signals, simulation, progress=progress)
+    refused = ctypes.c_uint64.in_dll(library, "barbalat_refused").value
+    return InTheLoop(result_of(problem, controller, simulation, batch), refused)
+
+
+def _outside(printed: Printed, members: Members, library: ctypes.CDLL) -> Outside:
+    """The adapter, with the rows of the loop's whole state that it is given and that it keeps."""
+    loop = members.loop
+    first = loop.size - len(printed.contents.initial)  # the controller's state stands last in the loop's
+    held = loop.unpack(np.arange(loop.size)).held
+    given = [*held.measured.reshape(-1).tolist(), *held.r.reshape(-1).tolist()]
+    address = ctypes.cast(library.barbalat_sample, ctypes.c_void_p).value
+    assert address is not None
+    return Outside(address, tuple(map(int, given)), tuple(first + row for row in printed.contents.layout.rows))
+
+
+def require_compiler() -> str:
+    """The path of a C compiler; InputError where this machine has none."""
+    found = next(filter(None, map(shutil.which, COMPILERS)), None)
+    if found is None:
+        raise InputError(
+            f"the exported C is to run here, and none of {', '.join(COMPILERS)} is on this machine's PATH: install a C compiler"
+        )
+    return found
+
+
+def _compiled(printed: Printed) -> ctypes.CDLL:
+    compiler = require_compiler()
+    texts = {"controller.h": header(printed), "controller.c": source(printed), "adapter.c": _adapter(printed)}
+    with tempfile.TemporaryDirectory(prefix="barbalat-") as folder:
+        for name, text in texts.items():
+            (Path(folder) / name).write_text(text, encoding="ascii")
+        command = [compiler, *FLAGS, "controller.c", "adapter.c", "-o", "controller.so", "-lm"]
+        try:
+            done = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=COMPILING_SECONDS, check=False)
+        except (OSError, subprocess.TimeoutExpired) as error:
+            raise InputError(f"{compiler} does not compile the export: {error}") from None
+        if done.returncode:
+            raise InputError(f"{compiler} does not compile the export: {done.stderr.strip().splitlines()[0]}")
+        return ctypes.CDLL(str(Path(folder) / "controller.so"))
+
+
+def _adapter(printed: Printed) -> str:
+    entries = [text.replace("c->", "c.") for text in printed.contents.layout.entries().values()]
+    return filled(
+        "adapter.c",
+        name=printed.name,
+        macro=printed.macro,
+        real=printed.real,
+        measured=printed.measured,
+        u=printed.contents.layout.u.name,
+        started=printed.contents.layout.started.name,
+        load=indented(f"{text} = ({printed.real})kept[{i}];" for i, text in enumerate(entries)),
+        store=indented(f"kept[{i}] = (double){text};" for i, text in enumerate(entries)),
+    )
+
+
+def _bits(values: np.ndarray) -> np.ndarray:
+    return np.ascontiguousarray(values, dtype=float).view(np.int64)
