@@ -77,3 +77,16 @@ def test_how_fast_is_too_fast():
 
 def test_turning_points_of_a_known_path():
     assert turning_points(np.array([0.0, 1.0, 0.95, 1.2, 0.0, 0.5]), 0.1).tolist() == [3, 4, 5]
+
+
+@pytest.mark.parametrize(("lasts", "enveloped"), [(0.1, False), (0.5, True)])
+def test_a_burst_too_short_to_have_a_shape_is_a_line(lasts, enveloped):
+    """A slow wave with a fast oscillation for a while: a box would hide the wave under it."""
+    t = np.linspace(0, 1, 20001)
+    value = np.sin(2 * np.pi * 3 * t) + np.where(t < lasts, 0.3 * np.sin(2 * np.pi * 400 * t), 0)
+    found = of(t, value)
+    assert bool(found.envelopes) == enveloped
+    if not enveloped:
+        assert np.abs(np.interp(t[t > lasts], *found.line) - value[t > lasts]).max() < 0.1
+        slow = np.sin(2 * np.pi * 3 * found.line[0])
+        assert np.abs(found.line[1] - slow).max() < 0.4

@@ -10,9 +10,11 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
+from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
 from barbalat.pictures.panel_sizes import PAGE, PHONE, Sizes, entries, heading, legend_columns
 from barbalat.pictures.panels import Panel, Series
@@ -21,10 +23,12 @@ from barbalat.pictures.theme import DASHES, Theme, new_figure
 from barbalat.validate import Array
 
 OVERLAP_SHARE = 0.15
-"""Share of the time in which two envelopes may lie over one another before each series gets axes of its own."""
+"""Share of the time in which two envelopes may lie over one another before they are told apart, by axes or by their edges."""
 MOST_APART = 4
 """Axes in the place of one panel."""
-ENVELOPE = "shaded: from the least to the greatest value of what oscillates too fast to be drawn; the line in it is their middle"
+ENVELOPE = "shaded, between thin lines: from the least to the greatest value of what oscillates too fast to be drawn"
+SHADE, SHADE_AMONG_OTHERS = 0.25, 0.06
+"""Opacity of an envelope alone, and where others lie over it: there their edges tell them apart."""
 
 
 def draw(panels: Sequence[Panel], t_end: float, *, narrow: bool = False, shown: bool = False) -> Figure:
@@ -32,7 +36,7 @@ def draw(panels: Sequence[Panel], t_end: float, *, narrow: bool = False, shown: 
     sizes = PHONE if narrow else PAGE
     rows, theme = _rows(panels, narrow=narrow), Theme.current()
     panels = [panel for row in rows for panel in row]
-    outlines = {panel: [_outline(one, panel, sizes.across(panel) / t_end) for one in panel.series] for panel in panels}
+    outlines = {panel: [_outline(one, panel, t_end, sizes.across(panel)) for one in panel.series] for panel in panels}
     banded = any(found.envelopes for several in outlines.values() for found in several)
     footer = textwrap.wrap(ENVELOPE, 68 if narrow else 200) if banded else []
     heights = [max(map(sizes.above, row)) + sizes.axes + sizes.below for row in rows]
@@ -46,7 +50,7 @@ def draw(panels: Sequence[Panel], t_end: float, *, narrow: bool = False, shown: 
             place = (left / sizes.width, (top + sizes.below) / height, sizes.across(panel) / sizes.width, sizes.axes / height)
             _draw(figure.add_axes(place), panel, outlines[panel], t_end, theme, sizes)
     if footer:
-        patch = Patch(facecolor=theme.quiet, alpha=0.4, linewidth=0)
+        patch = Patch(facecolor=to_rgba(theme.quiet, SHADE), edgecolor=theme.quiet, linewidth=0.5)
         figure.legend([patch], ["\n".join(footer)], loc="lower left", frameon=False, fontsize=sizes.font - 0.5, borderaxespad=0)
     return figure
 
@@ -63,9 +67,11 @@ def _rows(panels: Sequence[Panel], *, narrow: bool) -> list[list[Panel]]:
 
 
 def _draw(axes: Axes, panel: Panel, outlines: Sequence[Outline], t_end: float, theme: Theme, sizes: Sizes) -> None:
-    apart = _apart(axes, panel, outlines, t_end)
+    start, end = panel.times or (0.0, t_end)
+    over = _overlap(outlines, start, end) >= OVERLAP_SHARE
+    apart = _apart(axes, len(outlines)) if over and panel.may_part and len(outlines) <= MOST_APART else [axes]
     for i, (series, found) in enumerate(zip(panel.series, outlines, strict=True)):
-        _series(apart[i % len(apart)], series, found, theme)
+        _series(apart[i % len(apart)], series, found, theme, among_others=over and len(apart) == 1)
     for level in panel.levels:
         for i, one in enumerate(apart):
             if level.of is None or len(apart) == 1 or level.of == i:
@@ -74,7 +80,9 @@ def _draw(axes: Axes, panel: Panel, outlines: Sequence[Outline], t_end: float, t
         one.set_yscale(panel.scale, **({"linthresh": 1.0} if panel.scale == "symlog" else {}))
         if panel.limits is not None:
             one.set_ylim(*panel.limits)
-        one.set_xlim(0, t_end)
+        if panel.scale == "log":
+            _plain_ticks(one)
+        one.set_xlim(start, end)
         one.tick_params(labelsize=sizes.font, labelbottom=one is apart[-1])
         one.grid(visible=True, linewidth=0.3)
         one.spines[["top", "right"]].set_visible(False)
@@ -82,20 +90,32 @@ def _draw(axes: Axes, panel: Panel, outlines: Sequence[Outline], t_end: float, t
     _title_and_legend(axes, panel, theme, sizes)
 
 
-def _apart(axes: Axes, panel: Panel, outlines: Sequence[Outline], t_end: float) -> list[Axes]:
-    """Axes for each series where envelopes would cover one another; else the one pair of axes."""
-    bands = [_covered(found, t_end) for found in outlines]
-    over = [((a[0] < b[1]) & (b[0] < a[1])).mean() for a, b in combinations(bands, 2)]  # false for NaN
-    if not panel.may_part or len(outlines) > MOST_APART or max(over, default=0.0) < OVERLAP_SHARE:
-        return [axes]
+def _plain_ticks(axes: Axes) -> None:
+    """Numbers as they are written, 0.2 and 0.5, where the axes hold no more than three decades."""
+    low, high = axes.get_ylim()
+    if high <= 1e3 * low:
+        several = high > 5 * low
+        axes.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5) if several else range(1, 10)))
+        axes.yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
+        axes.yaxis.set_minor_formatter(NullFormatter())
+
+
+def _overlap(outlines: Sequence[Outline], start: float, end: float) -> float:
+    """Share of the time in which two envelopes lie over one another, the largest of all pairs."""
+    bands = [_covered(found, start, end) for found in outlines]
+    return max((float(((a[0] < b[1]) & (b[0] < a[1])).mean()) for a, b in combinations(bands, 2)), default=0.0)  # NaN: false
+
+
+def _apart(axes: Axes, count: int) -> list[Axes]:
+    """Axes for each series, in the place of the one pair of axes."""
     axes.set_axis_off()
-    height = 1 / len(outlines)
-    return [axes.inset_axes((0.0, 1 - (i + 1) * height, 1.0, 0.9 * height)) for i in range(len(outlines))]
+    height = 1 / count
+    return [axes.inset_axes((0.0, 1 - (i + 1) * height, 1.0, 0.9 * height)) for i in range(count)]
 
 
-def _covered(found: Outline, t_end: float) -> tuple[Array, Array]:
+def _covered(found: Outline, start: float, end: float) -> tuple[Array, Array]:
     """Both sides of the envelopes at a few hundred instants; NaN where there is none."""
-    t = np.linspace(0, t_end, 400)
+    t = np.linspace(start, end, 400)
     sides = np.full((2, len(t)), np.nan)
     for band in found.envelopes:
         within = (t >= band[0, 0]) & (t <= band[0, -1])
@@ -104,12 +124,14 @@ def _covered(found: Outline, t_end: float) -> tuple[Array, Array]:
     return sides[0], sides[1]
 
 
-def _outline(series: Series, panel: Panel, inches_per_second: float) -> Outline:
+def _outline(series: Series, panel: Panel, t_end: float, inches: float) -> Outline:
     """In the axes' own scale: what is seen there decides."""
     there, back = SCALES[panel.scale]
     height = None if panel.limits is None else float(np.ptp(there(np.array(panel.limits))))
+    start, end = panel.times or (0.0, t_end)
+    series = series if panel.times is None else series.within(start, end)
     low, high = (None if side is None else there(side) for side in (series.low, series.high))
-    inches = inches_per_second * float(series.t[-1] - series.t[0])
+    inches *= float(series.t[-1] - series.t[0]) / (end - start)
     found = outline(series.t, there(series.value), low, high, inches=inches, height=height)
     line = np.array([found.line[0], back(found.line[1])])
     return Outline(line, tuple(np.array([band[0], *map(back, band[1:])]) for band in found.envelopes))
@@ -123,11 +145,17 @@ SCALES: dict[str, tuple[Callable[[Array], Array], Callable[[Array], Array]]] = {
 """To what is even on the axes, and back."""
 
 
-def _series(axes: Axes, series: Series, found: Outline, theme: Theme) -> None:
+def _series(axes: Axes, series: Series, found: Outline, theme: Theme, *, among_others: bool) -> None:
+    """Envelopes of several have edges in their own dashes, and no line in the middle: that is close to the others' middles."""
     style = _style(theme, series.colour, series.dash)
+    t, value = found.line
     for band in found.envelopes:
-        axes.fill_between(*band, color=style["color"], alpha=0.4, linewidth=0)
-    axes.plot(*found.line, linewidth=series.width, **style)
+        axes.fill_between(*band, color=style["color"], alpha=SHADE_AMONG_OTHERS if among_others else SHADE, linewidth=0)
+        for side in band[1:]:
+            axes.plot(band[0], side, linewidth=series.width if among_others else 0.5, **style)
+        if among_others:
+            value = np.where((t > band[0, 0]) & (t < band[0, -1]), np.nan, value)
+    axes.plot(t, value, linewidth=series.width, **style)
 
 
 def _title_and_legend(axes: Axes, panel: Panel, theme: Theme, sizes: Sizes) -> None:

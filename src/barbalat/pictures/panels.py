@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -32,6 +32,13 @@ class Series:
     high: Array | None = None
     width: float = 1.1
 
+    def within(self, start: float, end: float) -> Series:
+        """The part from the last instant up to ``start`` to the first from ``end`` on; at least two instants."""
+        first = max(min(int(np.searchsorted(self.t, start, side="right")) - 1, len(self.t) - 2), 0)
+        last = max(int(np.searchsorted(self.t, end)), first + 1)
+        low, high = (None if side is None else side[first:last] for side in (self.low, self.high))
+        return replace(self, t=self.t[first : last + 1], value=self.value[first : last + 1], low=low, high=high)
+
 
 @dataclass(frozen=True, kw_only=True)
 class Level:
@@ -56,6 +63,7 @@ class Panel:
     note        a line below the title
     whole_row   whether it has a page's whole width
     may_part    whether series whose envelopes would cover one another get axes of their own
+    times       from when to when it shows them; the whole run by default
     """
 
     title: str
@@ -66,6 +74,7 @@ class Panel:
     note: str = ""
     whole_row: bool = False
     may_part: bool = False
+    times: tuple[float, float] | None = None
 
 
 def text_of(name: str) -> str:

@@ -14,6 +14,8 @@ FASTEST_SWING_COLUMNS = 1.7
 """Columns that a swing from a least to a greatest value takes at most where it oscillates too fast: seven pixels for a period."""
 FEWEST_FAST_SWINGS = 6
 """In a row, three periods: fewer are a transient, which a line shows."""
+SHORTEST_ENVELOPE_PERIODS = 10
+"""Of the slowest oscillation that is too fast: some seventy pixels. A shorter one has no shape that could be seen, only a box."""
 VISIBLE_SWING_SHARE = 0.02
 """Part of the whole height below which a swing is hardly more than the line's own width."""
 LEVEL_SHARE = 1e-3
@@ -51,8 +53,9 @@ def outline(
     duration = float(t[-1] - t[0])
     height = float(np.ptp(path[1])) if height is None else height
     turns = turning_points(path[1], VISIBLE_SWING_SHARE * height)
-    runs = [turns[a:b] for a, b in _runs(np.diff(path[0, turns]) / (FASTEST_SWING_COLUMNS * duration / columns))]
     period = 2 * FASTEST_SWING_COLUMNS * duration / columns
+    runs = [turns[a:b] for a, b in _runs(np.diff(path[0, turns]) / (period / 2))]
+    runs = [run for run in runs if path[0, run[-1]] - path[0, run[0]] >= SHORTEST_ENVELOPE_PERIODS * period]
     bands, middles = [], []
     inside = np.zeros(path.shape[1], dtype=bool)
     for run in runs:

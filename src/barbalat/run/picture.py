@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from barbalat.pictures.close_ups import close_ups
 from barbalat.pictures.panel_drawing import draw
 from barbalat.pictures.panels import Level, Panel, Series, around, span_of, text_of
 from barbalat.problem.command_gain import FOLLOWS_TO, commanded, gains_at_rest
@@ -21,6 +22,8 @@ if TYPE_CHECKING:
 
 WINDOWS = 150
 """Of the run: the largest error in each makes a line that can be followed on a logarithmic axis."""
+LARGEST_SHOWN = 20
+"""Times the largest error of the runs that stay bounded: so much is seen of one that diverges, and the others stay apart."""
 
 
 def figure_of(results: Sequence[Result], *, narrow: bool = False, shown: bool = False) -> Figure:
@@ -64,9 +67,8 @@ def _tracking(results: Sequence[Result]) -> list[Panel]:
         note = f"for a constant command r the model settles at {gain:.4g} r, not at r" if off else ""
         title = "Output $y$" if output else f"State $x_{state + 1}$"
         limits = _limits_beside_diverged(results, [s.value for s in runs], [s.value for s in others])
-        found.append(
-            Panel(title=f"{title}, model and command", series=[*runs, *others], note=note, limits=limits, whole_row=True)
-        )
+        whole = Panel(title=f"{title}, model and command", series=[*runs, *others], note=note, limits=limits, whole_row=True)
+        found += [whole, *close_ups(whole, others, longest.simulation.t_end)]
     return found
 
 
@@ -111,11 +113,13 @@ def _largest_error(results: Sequence[Result]) -> Panel:
         value = np.maximum(np.maximum.reduceat(largest, starts), np.finfo(float).tiny)
         name = text_of(result.name)
         series.append(Series(t=result.t[starts], value=value, label=name, colour=k, dash=k // 3, width=_width(k, len(results))))
-    tops = [s.value.max() for s, result in zip(series, results, strict=False) if result.diverged_at is None]
+    tops = [float(s.value.max()) for s, result in zip(series, results, strict=False) if result.diverged_at is None]
     bottom = min((float(np.quantile(s.value, 0.02)) for s in series), default=1.0)
-    top = max(tops) if tops else None
-    limits = None if top is None or not 0 < bottom < top else (max(bottom, 1e-9 * top) / 2, 2 * top)
-    return Panel(title=f"Largest $|e_i|$ in each {width:.3g} s", series=series, scale="log", limits=limits)
+    top = max(tops, default=0.0)
+    limits = (max(bottom, 1e-9 * top) / 2, (LARGEST_SHOWN if len(tops) < len(series) else 2) * top) if 0 < bottom < top else None
+    gone = ", ".join(text_of(result.name) for result in results if result.diverged_at is not None)
+    note = f"diverges, beyond the upper edge: {gone}" if gone and limits is not None else ""
+    return Panel(title=f"Largest $|e_i|$ in each {width:.3g} s", series=series, scale="log", limits=limits, note=note)
 
 
 def _control(results: Sequence[Result]) -> Panel:
