@@ -16,7 +16,7 @@ GAMMA, DT = 4.0, 1e-3
 FEEDBACK = {n: -2.0 * np.eye(n) + 0.3 * np.eye(n, k=1) for n in (1, 2, 3)}
 """L: A_m + L is faster than A_m, so that its P is smaller and nu_0 with P of A_m would be too small."""
 QUADRATURE = {"rel": 1e-5}
-"""Trapezoids of 2e-3 s err by (3 * 2e-3)^2/12 = 3e-6 of a mode of 3/s, the fastest; what is cut off is 1e-9, the enclosures 1e-6."""
+"""Trapezoids of 2e-3 s err by (3 * 2e-3)^2/12 = 3e-6 of a mode of 3/s, the fastest; cut off is 1e-9, enclosures 1e-6."""
 
 
 def l1_norms(A, B):
