@@ -33,6 +33,8 @@ from .controllers.output.linear import LinearOutput as LinearOutput
 from .controllers.output.mrac import MracOutput as MracOutput
 from .design import hinf_feedback as hinf_feedback
 from .design import pi_feedback as pi_feedback
+from .explorer.explorer import Explorer as Explorer
+from .explorer.explorer import explore as explore
 from .export.write import export_controller as export_controller
 from .linear.enclosure import Enclosure as Enclosure
 from .linear.l1_norms import l1_norm as l1_norm

@@ -49,7 +49,7 @@ class Template:
         values = members.chosen(which)
         column, parameters = symbols("parameters", len(values))
         places = np.cumsum(which) - 1
-        found = _replace(first, iter([parameters[int(place)] if d else None for place, d in zip(places, which, strict=True)]))
+        found = with_symbols(first, iter([parameters[int(place)] if d else None for place, d in zip(places, which, strict=True)]))
         if comes_from_outside(first.loop.equations):
             loop = first.loop
             ports = Ports.of(loop.plant, loop.model, loop.commands, loop.inputs)
@@ -103,8 +103,8 @@ def open_numbers(member: Member) -> Array:
     return np.concatenate(found)
 
 
-def _replace(part: Any, values: Iterator[Any], depth: int = 0) -> Any:
-    """A copy with each number for which ``values`` has a symbol replaced by it, in the order of ``_numbers``."""
+def with_symbols(part: Any, values: Iterator[Any], depth: int = 0) -> Any:
+    """A copy with each number for which ``values`` has a symbol replaced by it, in the order of ``Columns``."""
     if isinstance(part, np.ndarray):
         entries = [next(values) for _ in range(part.size)]
         return part if all(entry is None for entry in entries) else _array_of(part, entries)
@@ -112,7 +112,7 @@ def _replace(part: Any, values: Iterator[Any], depth: int = 0) -> Any:
         symbol = next(values)
         return part if symbol is None else symbol
     parts = parts_of(part) if depth < DEEPEST_NESTING else None
-    return part if parts is None else with_parts(part, [_replace(inner, values, depth + 1) for inner in parts.values()])
+    return part if parts is None else with_parts(part, [with_symbols(inner, values, depth + 1) for inner in parts.values()])
 
 
 def _array_of(numbers: Array, entries: list[Any]) -> Any:
