@@ -75,7 +75,7 @@ def running(module: bytes, batch: Batch, table: np.ndarray) -> Callable[[], None
     for array, address in zip((group.state, group.parameters, table, np.zeros(size), lags, ring), at, strict=True):
         memory.write(store, array.tobytes(), address)
     state, *_ = at
-    arguments = (1, STEPS, *at[:4], 0, *at[4:], mask, 0, 0, 0, 1, 0, 0)
+    arguments = (1, STEPS, *at[:4], 0, *at[4:], mask, 0, 0, 0, 1, batch.rhythm.sample_every or 0, batch.rhythm.noise_hold)
 
     def call() -> None:
         memory.write(store, group.state.tobytes(), state)

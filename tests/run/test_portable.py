@@ -7,10 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from barbalat import Simulation, load_case, simulate
+from barbalat import OutputPlant, Simulation, TransferFunction, load_case, simulate
 from barbalat.lowering.compiled import tabulated
 from barbalat.lowering.functions import FUNCTIONS, function
 from barbalat.lowering.llvm.elementwise import evaluate
+from barbalat.run.batch import Batch
+from barbalat.run.engine import run
 from barbalat.run.grid import final_row, signal_table
 from barbalat.run.portable import LISTS, Portable
 from barbalat.run.step import output_function
@@ -109,3 +111,27 @@ def test_the_outputs_functions_are_the_lists() -> None:
     assert nothing.shape == (0, 50)
     assert same_bits(exponentials, np.array([np.zeros(50), evaluated("exp", signals[0])]))
     assert [part.shape for part in tabulated(function, np.zeros((2, 0)), np.zeros((1, 0)))] == [(2, 0), (1, 0), (0, 0), (2, 0)]
+
+
+@pytest.mark.parametrize("case", ["paper", "rohrs", "first-order"])
+def test_no_bit_depends_on_which_numbers_a_kernel_is_handed(case) -> None:
+    """Alone, and among members that differ in a gain, a start and a plant: fused, a number that is compiled in rounds otherwise."""
+    given = load_case(case)
+    simulation = replace(given.simulation, t_end=2.0, fused=False)
+    for controller in given.controllers:
+        alone = Batch.of([(given.problem, controller)], simulation, lanes=1)
+        others = [(moved(given.problem, share), controller) for share in (0.9, 1.1)]
+        together = Batch.of([(given.problem, controller), *others], simulation, lanes=1)
+        for batch in (alone, together):
+            run([batch], given.problem.signals, simulation)
+        assert same_bits(alone.final_states[:, 0], together.final_states[:, 0])
+        assert not same_bits(together.final_states[:, 1], together.final_states[:, 2])
+        assert alone.metrics(simulation).of_member(0) == together.metrics(simulation).of_member(0)
+
+
+def moved(problem, share):
+    """The same with a plant that is not quite the same."""
+    if isinstance(problem.plant, OutputPlant):
+        plant = problem.plant.transfer_function
+        return replace(problem, plant=replace(problem.plant, transfer_function=TransferFunction(share * plant.num, plant.den)))
+    return replace(problem, plant=replace(problem.plant, theta=share * problem.plant.theta))

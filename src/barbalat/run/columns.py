@@ -34,11 +34,12 @@ class Columns:
     differs: the rest has the first's. A part that is the first member's own object is not looked into.
     """
 
-    def __init__(self, first: Any) -> None:
+    def __init__(self, first: Any, depth: int = 0) -> None:
+        """``depth``: how deep ``first`` stands in what is looked at."""
         self.first = first
         self.count = 1
         self._leaves: list[Array] = []
-        self._whole = self._read(first, 0)
+        self._whole = self._read(first, depth)
         self._bytes = [leaf.tobytes() for leaf in self._leaves]
         self._kept: dict[int, bytearray] = {}
 
@@ -100,6 +101,11 @@ class Columns:
             if found.any():
                 rows.append(values[found])
         return np.concatenate([*differs, np.zeros(0, dtype=bool)]), np.concatenate([*rows, np.zeros((0, self.count))])
+
+    @property
+    def leaves(self) -> tuple[Array, ...]:
+        """The first member's."""
+        return tuple(self._leaves)
 
     def chosen(self, which: Array) -> Array:
         """(p, M) those of all numbers that ``which``, (N,) truth values, chooses; StructureError where others differ too."""

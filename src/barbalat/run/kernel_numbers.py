@@ -71,7 +71,7 @@ class Family:
         reader = Reader.of(examples[0], simulation, adjustable=False)
         for problem, controller in examples[1:]:
             reader.add(problem, controller)
-        return cls(reader.members(windows, many_delays=len(reader.known_delays) > 1), reader, reader.columns.differing()[0])
+        return cls(reader.members(windows, many_delays=len(reader.known_delays) > 1), reader, reader.arguments())
 
     def read(self, members: Sequence[Member]) -> Numbers:
         """Of any members that differ from the examples in no more than these do; InputError for others."""
@@ -79,7 +79,7 @@ class Family:
         try:
             for problem, controller in members:
                 reader.take(problem, controller)
-            parameters = reader.columns.chosen(self.differs)[:, 1:]
+            parameters = reader.chosen(self.differs)[:, 1:]
         except StructureError:
             raise InputError("members must have the structure of the first one, and vary in no more than the examples") from None
         lags = np.array(reader.lags[1:]) if reader.loop.delayed else None

@@ -17,7 +17,7 @@ from barbalat.run import breaks, delay
 from barbalat.run.columns import Columns, StructureError
 from barbalat.run.grid import window_of
 from barbalat.run.step import LARGEST_WATCHED_STATE, Rhythm, StepProgram, step_program
-from barbalat.run.template import Member, Template
+from barbalat.run.template import Member, Template, argument_numbers, with_grid
 from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array, InputError
 
@@ -60,7 +60,8 @@ class Members:
         """Take up the members once, in their order; none of them is kept.
 
         adjustable  dt, the delay's weights and the rhythm become arguments of the kernel, so that one serves them all. A step
-                    takes 6 to 9 % longer and differs in the last bits; for sweeps over them
+                    takes 6 to 9 % longer and differs in the last bits; for sweeps over them. Always so without fused
+                    multiply-adds, where the members' numbers are arguments too: no bit depends on which of them vary
         first       begins what is said of the first member; each of the others is named by its number
         taken       called with how many have been read, now and then
 
@@ -127,6 +128,7 @@ class Reader:
     @classmethod
     def of(cls, first: tuple[TrackingProblem, Controller], simulation: Simulation, *, adjustable: bool) -> Reader:
         problem, controller = first
+        adjustable = adjustable or not simulation.fused
         bind = Bindings()
         loop = ClosedLoop.of(problem, controller, bind=bind)
         rhythm = Rhythm.of(loop, problem.noise, simulation)
@@ -184,12 +186,21 @@ class Reader:
             self.known_delays[time] = delay.lag(time, dt), delay.weights(time, dt, solver)
         return self.known_delays[time]
 
+    def arguments(self) -> Array:
+        """(N,) which of all numbers of a member the kernel is handed."""
+        return argument_numbers(self.columns, opened=not self.simulation.fused)
+
+    def chosen(self, which: Array) -> Array:
+        """(p, M) what it is handed where those are ``which``; StructureError where members differ in others too."""
+        found = self.columns.chosen(which)
+        return with_grid(found, self.simulation.dt, self.weights) if self.adjustable else found
+
     def members(self, windows: int, *, many_delays: bool = False) -> Members:
         """What was read; with ``many_delays`` the kernel takes each member's own, whatever those were that were read."""
         windows = windows if self.loop.size <= LARGEST_WATCHED_STATE else 0
         simulation, signals = self.simulation, self.problem.signals
         lags = np.array(self.lags) if self.loop.delayed else None
-        template = Template.of(self.columns)
+        template = Template.of(self.columns, opened=not simulation.fused)
         if self.adjustable:
             template = template.adjustable(simulation.dt, self.weights)
         program = step_program(

@@ -62,7 +62,7 @@ class Constant(Continuous):
         store_numbers(self, "amplitude")
 
     def __call__(self, t: Array) -> Array:
-        return np.full(np.shape(t), float(self.amplitude))
+        return self.amplitude + 0.0 * t
 
     @property
     def bound(self) -> float:
@@ -119,9 +119,9 @@ class Sines(Continuous):
             object.__setattr__(self, name, tuple(values.tolist()))
 
     def __call__(self, t: Array) -> Array:
-        result = np.full(np.shape(t), float(self.constant))
+        result = self.constant + 0.0 * t
         for amplitude, frequency, phase in zip(self.amplitudes, self.frequencies, self.phases or (), strict=True):
-            result += amplitude * np.sin(frequency * t + phase)
+            result = result + amplitude * np.sin(frequency * t + phase)
         return result
 
     @property

@@ -1,0 +1,107 @@
+"""The commands and disturbances of a page: smooth ones as a module of their own, those that jump as runs of equal rows."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from barbalat.loop.packing import column, symbols
+from barbalat.lowering.operations import read
+from barbalat.lowering.shape import LoopShape
+from barbalat.lowering.wasm.loop import loop
+from barbalat.protocols import BreakingSignal, Signal
+from barbalat.run.breaks import breaks_inside, can_be_split
+from barbalat.run.columns import Columns
+from barbalat.run.grid import final_row, signal_table
+from barbalat.run.template import with_symbols
+from barbalat.signals.smooth import Continuous
+from barbalat.solvers.simulation import Simulation
+from barbalat.validate import Array, InputError
+
+MOST_RUNS = 20_000
+"""Of equal rows that a page holds: some 500 kB."""
+GRID_FACTORS = (0.2, 0.25, 0.5, 1.0, 2.0, 4.0, 5.0, 10.0)
+"""Steps that a page offers where signals jump, in steps of the case: for each their places in the grid are looked up here."""
+
+
+def is_smooth(signal: Signal) -> bool:
+    """Whether a page computes it: for all others rows are kept."""
+    return isinstance(signal, Continuous)
+
+
+def breaks_anywhere(signals: Sequence[Signal]) -> bool:
+    """Whether a grid of steps has to be looked at before it can be used."""
+    return any(isinstance(signal, BreakingSignal) or not is_smooth(signal) for signal in signals)
+
+
+def smooth_module(signals: Sequence[Signal]) -> tuple[bytes, Array]:
+    """A module whose blocks give out the smooth signals' values at the time in a row; and their numbers, its parameters."""
+    import casadi as ca
+
+    smooth = [signal for signal in signals if is_smooth(signal)]
+    numbers = Columns(tuple(smooth)).everything()[:, 0]
+    time_column, t = symbols("t", 1)
+    parameter_column, parameters = symbols("parameters", len(numbers))
+    opened: tuple[Any, ...] = with_symbols(tuple(smooth), iter(list(parameters)))
+    values = [ca.SX(column(signal(t))) for signal in opened]
+    nothing = ca.SX(0, 1)
+    inputs = [nothing, nothing, parameter_column, time_column, nothing, nothing]
+    traced = ca.Function("signals", inputs, [nothing, ca.vertcat(nothing, *values), nothing])
+    shape = LoopShape(0, len(smooth), len(numbers), 1)
+    return loop(read(traced), shape, (0.0,) * len(smooth)), numbers
+
+
+@dataclass(frozen=True, eq=False)
+class Grid:
+    """A run's steps where signals jump.
+
+    cuts    (K, 3) the breaks inside of steps: the step, the place in steps, the time [s]
+    starts  rows at which the values of the other signals change, and values (len(starts), nodes * signals) from there on
+    last    (signals,) their values at t_end
+    """
+
+    simulation: Simulation
+    cuts: Array
+    starts: Array
+    values: Array
+    last: Array
+
+    @classmethod
+    def of(cls, signals: tuple[Signal, ...], simulation: Simulation) -> Grid:
+        """InputError where a signal that is not smooth has more different rows than a page holds."""
+        in_pieces = can_be_split(signals, simulation)
+        table = signal_table(signals, simulation, 0, simulation.steps, in_pieces=in_pieces)
+        nodes = len(simulation.solver.nodes)
+        kept = table[:, : nodes * len(signals)].reshape(len(table), nodes, len(signals))
+        kept = kept[:, :, [not is_smooth(signal) for signal in signals]].reshape(len(table), -1)
+        starts = np.concatenate([[0], 1 + np.flatnonzero((kept[1:] != kept[:-1]).any(axis=1))]) if kept.shape[1] else np.zeros(1)
+        if len(starts) > MOST_RUNS:
+            raise InputError(
+                f"the command or a disturbance takes {len(starts)} different values, and a page holds {MOST_RUNS}: give it as a "
+                "smooth signal or one that jumps, or simulate with barbalat run"
+            )
+        starts = starts.astype(int)
+        cuts = np.zeros((0, 3))
+        if in_pieces:
+            instants = breaks_inside(signals, simulation, 0, simulation.steps)
+            grid = simulation.time(np.arange(simulation.steps + 1))
+            step = np.searchsorted(grid, instants, side="right") - 1
+            places = step + (instants - grid[step]) / (grid[step + 1] - grid[step])
+            cuts = np.column_stack([step, places, instants])
+        last = final_row(signals, simulation)[0, : len(signals)][[not is_smooth(signal) for signal in signals]]
+        return cls(simulation, cuts, starts, kept[starts], last)
+
+
+def steps_offered(simulation: Simulation) -> list[Simulation]:
+    """The same run with other steps, as far as they divide it."""
+    found = []
+    for factor in GRID_FACTORS:
+        dt = float(f"{factor * simulation.dt:.12g}") if factor != 1 else simulation.dt
+        try:
+            found.append(replace(simulation, dt=dt))
+        except InputError:  # it is no whole number of steps
+            continue
+    return found

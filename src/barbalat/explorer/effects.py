@@ -1,0 +1,137 @@
+"""What a number of the case does to what a module is handed: found by trying it, so that no list of fields has to be kept.
+
+Either it stands there as it is, to the last bit, or the numbers that follow from it are computed here by the case's own
+constructors, for every value that its slider has: a page computes nothing of the kind.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from barbalat.cases.build import Case
+from barbalat.explorer.numbers import At, Number
+from barbalat.run.kernel_numbers import Family, Numbers
+from barbalat.solvers.simulation import Simulation
+from barbalat.validate import Array, InputError
+
+
+Rows = set[tuple[str, int]]
+"""Of a module's parameters, "p", and of its initial state, "s"."""
+
+
+@dataclass(frozen=True, eq=False)
+class Effect:
+    """Of one number on one controller's module, or on its signals.
+
+    parameters, states  rows (k,) that it moves
+    table               (K, rows) what they are at each of its values, parameters first; None where they are the number itself
+    """
+
+    parameters: Array
+    states: Array
+    table: Array | None
+
+    @property
+    def rows(self) -> Rows:
+        return {("p", int(i)) for i in self.parameters} | {("s", int(i)) for i in self.states}
+
+    @property
+    def nothing(self) -> bool:
+        return not len(self.parameters) and not len(self.states)
+
+
+@dataclass(frozen=True, eq=False)
+class Target:
+    """One controller of the case with the kernel that its module is."""
+
+    index: int
+    family: Family
+    base: Numbers
+
+    @classmethod
+    def of(cls, case: Case, index: int, simulation: Simulation) -> Target:
+        member = (case.problem, case.controllers[index])
+        family = Family.of([member], simulation)
+        return cls(index, family, family.read([member]))
+
+    def read(self, cases: Sequence[Case]) -> Numbers:
+        """What it is handed for each of these cases; InputError where one has another structure."""
+        return self.family.read([(case.problem, case.controllers[self.index]) for case in cases])
+
+
+def effects_of(number: Number, targets: Sequence[Target], taken: Sequence[Rows], at: At) -> tuple[Number, list[Effect]] | None:
+    """On every target, of the values at which all have their structure; None where a page can't follow it.
+
+    What is handed on as it is needs no case for each value: what constructors take of such numbers is convex, and its ends and
+    some values between were taken. Only a zero may change a structure: a matrix's says what a state acts on at all.
+
+    taken  rows of each target that other numbers move: two sliders of one row would need a table of all pairs
+    """
+    few = _tried(number)
+    found = _made(number, few, targets, at)
+    if found is None or any(effect.rows & rows for effect, rows in zip(found[1], taken, strict=True)):
+        return None
+    left_out = set(few.tolist()) - set(found[0].tolist())
+    if all(effect.table is None for effect in found[1]) and left_out <= {0.0}:
+        return replace(number, values=number.values[~np.isin(number.values, list(left_out))]), found[1]
+    found = _made(number, number.values, targets, at)
+    return None if found is None else (replace(number, values=found[0]), found[1])
+
+
+def _tried(number: Number) -> Array:
+    values, last = number.values, len(number.values) - 1
+    return np.unique([number.value, *values[[0, last // 5, last // 2, last]], *values[values == 0]])
+
+
+def _made(number: Number, values: Array, targets: Sequence[Target], at: At) -> tuple[Array, list[Effect]] | None:
+    """The values at which all targets have their structure, and the effects; None where the case's own is not among them."""
+    kept, cases = _admitted(number, values, at)
+    if number.value not in kept or len(kept) < 2:
+        return None
+    try:
+        made = [target.read(cases) for target in targets]
+    except InputError:
+        own = [_fits(targets, case) for case in cases]
+        kept, cases = ([one for one, fits in zip(part, own, strict=True) if fits] for part in (kept, cases))
+        if number.value not in kept or len(kept) < 2:
+            return None
+        made = [target.read(cases) for target in targets]
+    if not all(map(_same_apart, made)):
+        return None
+    return np.array(kept), [_effect(np.array(kept), one) for one in made]
+
+
+def _admitted(number: Number, values: Array, at: At) -> tuple[list[float], list[Case]]:
+    """The values of which a case can be made, and the cases."""
+    kept, cases = [], []
+    for value in values.tolist():
+        try:
+            cases.append(at(number.path, value))
+        except InputError:
+            continue
+        kept.append(value)
+    return kept, cases
+
+
+def _fits(targets: Sequence[Target], case: Case) -> bool:
+    try:
+        for target in targets:
+            target.read([case])
+    except InputError:
+        return False
+    return True
+
+
+def _same_apart(made: Numbers) -> bool:
+    """Whether nothing moves that is no row: delays, streams of noise."""
+    apart = (made.lags, made.history, made.delays, made.seeds)
+    return all(part is None or bool((part == part[..., :1]).all()) for part in apart)
+
+
+def _effect(values: Array, made: Numbers) -> Effect:
+    moved = [np.flatnonzero((part != part[:, :1]).any(axis=1)) for part in (made.parameters, made.states)]
+    rows = np.concatenate([made.parameters[moved[0]], made.states[moved[1]]])
+    return Effect(*moved, None if (rows == values).all() else rows.T)

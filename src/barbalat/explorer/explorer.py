@@ -1,0 +1,80 @@
+"""``explore(problem, controllers, simulation)``: a page that simulates, as an object that notebooks show."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from html import escape
+from pathlib import Path
+
+from barbalat import validate
+from barbalat.cases.build import Case
+from barbalat.explorer.describe import Described
+from barbalat.explorer.page import html
+from barbalat.explorer.source import ObjectSource, Source
+from barbalat.loop.binding import numbered
+from barbalat.problem.tracking import TrackingProblem
+from barbalat.protocols import Controller
+from barbalat.solvers import SOLVERS
+from barbalat.solvers.simulation import Simulation
+from barbalat.sweeps.paths import FieldPath
+from barbalat.validate import InputError
+
+FRAME_HEIGHT = 900
+"""Of a page in a notebook's cell, in CSS pixels."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Explorer:
+    """A page with a slider for each number of a case; ``html`` is the whole of it, one file that asks for nothing elsewhere.
+
+    certificates  HTML of what is certified of the case as it is given; none by default
+    """
+
+    source: Source
+    certificates: str = ""
+
+    @cached_property
+    def html(self) -> str:
+        """The page; InputError where the case can't be simulated in one."""
+        return html(Described.of(self.source).as_data(), self.certificates)
+
+    def save(self, path: str | Path) -> Path:
+        """Write it to a file."""
+        place = Path(path)
+        place.write_text(self.html, encoding="utf-8")
+        return place
+
+    def at(
+        self, numbers: Mapping[str, float], *, projection: Mapping[int, bool] | None = None, solver: str | None = None
+    ) -> Case:
+        """The case with a page's numbers, as *copy as Python* writes them; InputError for what the page can't have."""
+        toggled = [i for i, on in (projection or {}).items() if on != self.source.projected(i)]
+        case = self.source.at({FieldPath.parse(path): value for path, value in numbers.items()}, toggled)
+        if solver is None:
+            return case
+        if solver not in SOLVERS:
+            raise InputError(f"solver must be one of {', '.join(SOLVERS)}, got {validate.show(solver)}")
+        return replace(case, simulation=replace(case.simulation, solver=SOLVERS[solver]))
+
+    def __repr__(self) -> str:
+        return f"<Explorer of {self.source.at({}).name!r}: {len(self.html) / 1e3:.0f} kB; save(path) writes it>"
+
+    def _repr_html_(self) -> str:
+        frame = f'width="100%" height="{FRAME_HEIGHT}" style="border:0" sandbox="allow-scripts allow-modals"'
+        return f'<iframe title="explorer" {frame} srcdoc="{escape(self.html)}"></iframe>'
+
+
+def explore(
+    problem: TrackingProblem, controllers: Controller | Iterable[Controller], simulation: Simulation
+) -> Explorer:
+    """A page that simulates these controllers on the problem, with a slider for each number.
+
+    Runs in it have no fused multiply-adds: ``Simulation(fused=False)`` has their bits.
+
+    Raises InputError for measurement noise and for a delay at the plant's input, which pages don't have yet.
+    """
+    validate.instance("problem", problem, TrackingProblem)
+    validate.instance("simulation", simulation, Simulation)
+    return Explorer(ObjectSource(Case(problem, tuple(numbered(controllers)), simulation)))

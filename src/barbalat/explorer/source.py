@@ -1,0 +1,183 @@
+"""Where an explorer's case comes from, and how it is written down again: a case file's text, or objects of Python."""
+
+from __future__ import annotations
+
+import json
+import re
+from abc import ABC, abstractmethod
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, fields, is_dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from barbalat.cases.build import Case
+from barbalat.cases.load import CaseText
+from barbalat.explorer.numbers import FIXED, in_tables
+from barbalat.solvers import SOLVERS
+from barbalat.sweeps.paths import FieldPath, Key
+from barbalat.sweeps.varied import VariedObjects
+from barbalat.validate import InputError
+
+Segment = str | dict[str, Any]
+"""Of a copied text: as it is, or what the page puts there: a number, a controller's projection, the solver."""
+NOTE = "# copied from a page of barbalat explore; fused = false: every bit is the page's"
+
+
+class Source(ABC):
+    """A case that is made with other numbers, always without fused multiply-adds."""
+
+    @abstractmethod
+    def numbers(self) -> Iterator[tuple[FieldPath, float]]:
+        """All numbers with their places."""
+
+    @abstractmethod
+    def at(self, numbers: Mapping[FieldPath, float], toggled: Sequence[int] = ()) -> Case:
+        """The case with other numbers, and the projection of some controllers switched; InputError where it can't be used."""
+
+    @abstractmethod
+    def projected(self, i: int) -> bool:
+        """Whether the case asks for the i-th controller's projection, or leaves it to the default."""
+
+    @abstractmethod
+    def case_file(self, slots: Sequence[FieldPath], switched: Sequence[int]) -> list[Segment] | None:
+        """The text of a case file with slots for these numbers and switches; None where there is no such text."""
+
+
+@dataclass(frozen=True, eq=False)
+class TextSource(Source):
+    """The text of a case file."""
+
+    text: CaseText
+
+    def _tables(self) -> dict[str, Any]:
+        tables = self.text.data()
+        simulation = tables.get("simulation")
+        if isinstance(simulation, dict):
+            simulation["fused"] = False
+        return tables
+
+    def numbers(self) -> Iterator[tuple[FieldPath, float]]:
+        return in_tables(self._tables())
+
+    def at(self, numbers: Mapping[FieldPath, float], toggled: Sequence[int] = ()) -> Case:
+        tables = self._tables()
+        for path, value in numbers.items():
+            path.put(tables, value)
+        for i in toggled:
+            tables["controller"][i]["projection"] = not self.projected(i)
+        return self.text.case(tables)
+
+    def projected(self, i: int) -> bool:
+        return bool(self.text.data()["controller"][i].get("projection", True))
+
+    def case_file(self, slots: Sequence[FieldPath], switched: Sequence[int]) -> list[Segment]:
+        tables, marks = self._tables(), list[dict[str, Any]]()
+
+        def mark(segment: dict[str, Any]) -> str:
+            marks.append(segment)
+            return f"\0{len(marks) - 1}\0"
+
+        for i, path in enumerate(slots):
+            here: Any = tables
+            for key in path.keys[:-1]:
+                here = here[key]
+            here[path.keys[-1]] = mark({"number": i})
+        for i in switched:
+            tables["controller"][i]["projection"] = mark({"projection": i})
+        tables["simulation"]["solver"] = mark({"solver": True})
+        parts = re.split(r'"\\u0000(\d+)\\u0000"', f"{NOTE}\n{toml(tables)}")
+        return [part if k % 2 == 0 else marks[int(part)] for k, part in enumerate(parts)]
+
+
+def toml(tables: Mapping[str, Any]) -> str:
+    """Tables as TOML: a section for each table of the root, tables within as they stand in a line."""
+    lines = [f"{_key(key)} = {_value(value)}" for key, value in tables.items() if not _is_section(value)]
+    for key, value in tables.items():
+        if _is_section(value):
+            many = isinstance(value, list)
+            for one in value if many else [value]:
+                lines += ["", f"[[{_key(key)}]]" if many else f"[{_key(key)}]"]
+                lines += [f"{_key(name)} = {_value(inner)}" for name, inner in one.items()]
+    return "\n".join(lines) + "\n"
+
+
+def _is_section(value: Any) -> bool:
+    return isinstance(value, dict) or (isinstance(value, list) and bool(value) and isinstance(value[0], dict))
+
+
+def _key(name: str) -> str:
+    return name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else json.dumps(name)
+
+
+def _value(value: Any) -> str:
+    if isinstance(value, dict):
+        return "{ " + ", ".join(f"{_key(name)} = {_value(inner)}" for name, inner in value.items()) + " }"
+    if isinstance(value, list):
+        return "[" + ", ".join(map(_value, value)) + "]"
+    if isinstance(value, str):
+        return json.dumps(value).replace("\x7f", "\\u007f")  # what JSON escapes TOML reads too
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    return repr(value)  # inf and nan as TOML writes them
+
+
+@dataclass(frozen=True, eq=False)
+class ObjectSource(Source):
+    """A problem, controllers and a simulation."""
+
+    case: Case
+
+    def numbers(self) -> Iterator[tuple[FieldPath, float]]:
+        yield from ((FieldPath(keys), value) for keys, value in _of_object(self.case.problem, ()))
+        for i, controller in enumerate(self.case.controllers):
+            yield from ((FieldPath(keys), value) for keys, value in _of_object(controller, ("controller", i)))
+        yield from ((FieldPath(keys), value) for keys, value in _of_object(self.case.simulation, ("simulation",)))
+
+    def at(self, numbers: Mapping[FieldPath, float], toggled: Sequence[int] = ()) -> Case:
+        case = replace(self.case, simulation=replace(self.case.simulation, fused=False))
+        controllers = list(case.controllers)
+        for i in toggled:
+            controllers[i] = _switched(controllers[i], not self.projected(i))
+        varied = VariedObjects(replace(case, controllers=tuple(controllers)), tuple(numbers))
+        return varied.at(list(numbers.values()))
+
+    def projected(self, i: int) -> bool:
+        controller: Any = self.case.controllers[i]
+        return "projection" in vars(controller) and controller.projection is not False
+
+    def case_file(self, slots: Sequence[FieldPath], switched: Sequence[int]) -> None:
+        return None
+
+
+def _switched(controller: Any, projection: bool) -> Any:
+    if not is_dataclass(controller) or "projection" not in {one.name for one in fields(controller)}:
+        raise InputError(f"{validate_name(controller)} has no projection to switch")
+    return replace(controller, projection=projection)  # type: ignore[type-var]
+
+
+def validate_name(controller: Any) -> str:
+    """Of any object, for a message."""
+    return type(controller).__name__
+
+
+def _of_object(part: Any, keys: tuple[Key, ...]) -> Iterator[tuple[tuple[Key, ...], float]]:
+    """Numbers among an object's fields, as ``VariedObjects`` finds them again."""
+    if isinstance(part, bool):
+        return
+    if isinstance(part, (int, float)):
+        if np.isfinite(part):
+            yield keys, part
+    elif isinstance(part, np.ndarray) and part.dtype.kind == "f":
+        for index in np.ndindex(part.shape):
+            yield (*keys, *index), float(part[index])
+    elif isinstance(part, (tuple, list)):
+        for i, inner in enumerate(part):
+            yield from _of_object(inner, (*keys, i))
+    elif is_dataclass(part) and not isinstance(part, type) and type(part).__name__ != "Tableau":
+        for one in fields(part):
+            if one.init and one.name not in FIXED:
+                yield from _of_object(vars(part).get(one.name), (*keys, one.name))
+
+
+SOLVER_NAMES = tuple(SOLVERS)

@@ -1,0 +1,117 @@
+// A slider and a field for each number, switches for the rest; all are labelled form controls.
+
+import { gridRefusal, refusal, taken } from "./setting.js";
+
+function made(name, attributes = {}, ...children) {
+  const element = document.createElement(name);
+  for (const [key, value] of Object.entries(attributes)) element.setAttribute(key, value);
+  element.append(...children);
+  return element;
+}
+
+function nearest(values, value) {
+  let best = 0;
+  values.forEach((one, i) => { if (Math.abs(one - value) < Math.abs(values[best] - value)) best = i; });
+  return best;
+}
+
+// The slider's positions are the number's known values: evenly spread, or by decades.
+function row(id, label, values, read, offer) {
+  const slider = made("input", { type: "range", id: `${id}-slider`, min: 0, max: values.length - 1, step: 1, "aria-label": label });
+  const field = made("input", { type: "text", inputmode: "decimal", id, autocomplete: "off", "aria-describedby": `${id}-said` });
+  const said = made("p", { id: `${id}-said`, class: "said", role: "status" });
+  const show = () => {
+    const value = read();
+    slider.value = nearest(values, value);
+    slider.setAttribute("aria-valuetext", String(value));
+    field.value = String(value);
+    field.removeAttribute("aria-invalid");
+    said.textContent = "";
+  };
+  const give = (value) => {
+    const sentence = offer(value);
+    if (!sentence) return show();
+    said.textContent = sentence;
+    field.setAttribute("aria-invalid", "true");
+    return undefined;
+  };
+  slider.addEventListener("input", () => give(values[Number(slider.value)]));
+  field.addEventListener("change", () => give(field.value.trim() === "" ? NaN : Number(field.value.trim().replace(",", "."))));
+  show();
+  return { element: made("div", { class: "number" }, made("label", { for: id }, label), field, slider, said), show };
+}
+
+function choice(id, label, choices, read, offer) {
+  const select = made("select", { id }, ...choices.map(([value, text]) => made("option", { value }, text)));
+  select.addEventListener("change", () => offer(select.value));
+  const show = () => { select.value = read(); };
+  show();
+  return { element: made("div", { class: "choice" }, made("label", { for: id }, label), select), show };
+}
+
+function tick(id, label, read, offer) {
+  const box = made("input", { type: "checkbox", id });
+  box.addEventListener("change", () => offer(box.checked));
+  const show = () => { box.checked = read(); };
+  show();
+  return { element: made("div", { class: "tick" }, box, made("label", { for: id }, label)), show };
+}
+
+function gridValues(data, setting) {
+  if (data.signals.grids) return { dt: data.signals.grids.map((grid) => grid.dt), tEnd: [setting.tEnd] };
+  const { t_end: tEnd, dt } = data.simulation;
+  const steps = [0.1, 0.2, 0.25, 0.5, 1, 2, 2.5, 4, 5, 8, 10, 20, 25, 40, 50, 100].map((f) => Number((f * dt).toPrecision(12)));
+  const ends = [0.05, 0.1, 0.2, 0.25, 0.5, 0.75, 1, 1.5, 2, 3, 4, 5].map((f) => Number((f * tEnd).toPrecision(12)));
+  return { dt: steps.filter((one) => !gridRefusal(data, tEnd, one)), tEnd: ends.filter((one) => !gridRefusal(data, one, dt)) };
+}
+
+// changed() is called after every change of the setting.
+export function built(root, data, setting, changed) {
+  const groups = new Map();
+  const all = [];
+  const add = (name, part) => {
+    if (!groups.has(name)) groups.set(name, []);
+    groups.get(name).push(part.element);
+    all.push(part);
+  };
+  data.controllers.forEach((controller, i) => {
+    add(controller.name, tick(`shown-${i}`, `simulate ${controller.name}`, () => setting.shown[i], (on) => { setting.shown[i] = on; changed(); }));
+    if (Object.keys(controller.variants).length > 1) {
+      const offer = (on) => { setting.projection[i] = on ? "on" : "off"; changed(); };
+      add(controller.name, tick(`projection-${i}`, "projection", () => setting.projection[i] === "on", offer));
+    }
+  });
+  data.numbers.forEach((number, i) => {
+    const offer = (value) => {
+      const sentence = refusal(number, value);
+      if (sentence) return sentence;
+      setting.values[i] = taken(number, value);
+      changed();
+      return "";
+    };
+    add(number.group, row(`number-${i}`, number.label, Array.from(number.values), () => setting.values[i], offer));
+  });
+  const values = gridValues(data, setting);
+  for (const [key, label] of [["tEnd", "horizon, s"], ["dt", "step h, s"]]) {
+    if (values[key].length < 2) continue;
+    const offer = (value) => {
+      const next = { tEnd: setting.tEnd, dt: setting.dt, [key]: value };
+      const sentence = gridRefusal(data, next.tEnd, next.dt);
+      if (sentence) return sentence;
+      setting[key] = value;
+      changed();
+      return "";
+    };
+    add("Simulation", row(key, label, values[key], () => setting[key], offer));
+  }
+  const solvers = Object.keys(data.solvers).map((name) => [name, name]);
+  add("Simulation", choice("solver", "solver", solvers, () => setting.solver, (name) => { setting.solver = name; changed(); }));
+  let place = 0;
+  for (const [name, elements] of groups) {
+    const open = place < data.controllers.length || ["Command", "Simulation"].includes(name);
+    const group = made("details", open ? { open: "" } : {}, made("summary", {}, name), ...elements);
+    root.append(group);
+    place += 1;
+  }
+  return { show: () => all.forEach((part) => part.show()) };
+}

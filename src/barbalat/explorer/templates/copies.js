@@ -1,0 +1,34 @@
+// A setting as the text of a case file, and as Python: what simulates the same run, bit for bit.
+
+// The shortest text that is read as the same number; a number with a point stays one.
+export function numberText(value, whole) {
+  const text = String(value);
+  return !whole && Number.isInteger(value) && !text.includes("e") ? `${text}.0` : text;
+}
+
+export function caseFileOf(data, setting) {
+  const values = [...setting.values, setting.tEnd, setting.dt];
+  return data.case_file.map((part) => {
+    if (typeof part === "string") return part;
+    if ("projection" in part) return setting.projection[part.projection] === "on" ? "true" : "false";
+    if ("solver" in part) return JSON.stringify(setting.solver);
+    return numberText(values[part.number], data.numbers[part.number]?.whole ?? false);
+  }).join("");
+}
+
+export function pythonOf(data, setting) {
+  const tail = "results = simulate(case.problem, case.controllers, case.simulation)\n";
+  if (data.case_file) {
+    const text = caseFileOf(data, setting).replaceAll("\\", "\\\\").replaceAll('"""', '\\"\\"\\"');
+    return `from barbalat import simulate\nfrom barbalat.cases.load import parse_case\n\ncase = parse_case("""\\\n${text}""")\n${tail}`;
+  }
+  const said = data.numbers.flatMap((number, i) => (
+    setting.values[i] === number.value ? [] : [`    ${JSON.stringify(number.path)}: ${numberText(setting.values[i], number.whole)},`]
+  ));
+  said.push(`    "simulation.t_end": ${numberText(setting.tEnd, false)},`, `    "simulation.dt": ${numberText(setting.dt, false)},`);
+  const sides = data.toggles.map((i) => `${i}: ${setting.projection[i] === "on" ? "True" : "False"}`).join(", ");
+  return (
+    "from barbalat import simulate\n\n# page is what explore(problem, controllers, simulation) returned\ncase = page.at({\n"
+    + `${said.join("\n")}\n}, projection={${sides}}, solver="${setting.solver}")\n${tail}`
+  );
+}

@@ -1,0 +1,121 @@
+// Which values the sliders have, and what follows from them for the modules: numbers are copied, or looked up.
+
+import { doublesOf } from "./bytes.js";
+
+export function readData(text) {
+  const data = JSON.parse(text);
+  for (const number of data.numbers) number.values = doublesOf(number.values);
+  data.signals.parameters = doublesOf(data.signals.parameters);
+  for (const grid of data.signals.grids || []) {
+    for (const key of ["cuts", "values", "last"]) grid[key] = doublesOf(grid[key]);
+  }
+  for (const controller of data.controllers) {
+    for (const variant of Object.values(controller.variants)) {
+      variant.parameters = doublesOf(variant.parameters);
+      variant.states = doublesOf(variant.states);
+      for (const effect of Object.values(variant.effects)) effect.table = effect.table && doublesOf(effect.table);
+    }
+  }
+  return data;
+}
+
+export function initialSetting(data) {
+  const { t_end: tEnd, dt, solver } = data.simulation;
+  return {
+    values: data.numbers.map((number) => number.value), tEnd, dt, solver,
+    projection: data.controllers.map((controller) => controller.projection),
+    shown: data.controllers.map(() => true),
+  };
+}
+
+// A sentence where the value can't be taken, else "".
+export function refusal(number, value) {
+  const { values, label } = number;
+  const [low, high] = [values[0], values[values.length - 1]];
+  if (!Number.isFinite(value)) return `${label}: write a number, such as ${number.value}.`;
+  if (value < low || value > high) return `${label} must be from ${low} to ${high} here, got ${value}.`;
+  if (value === 0 && !values.includes(0)) return `${label} can't be 0: that would be another system.`;
+  return "";
+}
+
+// The value that is taken: any that is copied, the nearest known one where others follow from it.
+export function taken(number, value) {
+  if (number.copied && !(number.whole && !Number.isInteger(value))) return value;
+  const apart = (one) => Math.abs(number.log ? Math.log(one / value) : one - value);
+  return number.values.reduce((best, one) => (apart(one) < apart(best) ? one : best), number.values[0]);
+}
+
+export function gridRefusal(data, tEnd, dt) {
+  if (!(tEnd > 0) || !(dt > 0) || !Number.isFinite(tEnd / dt)) return "Horizon and step must be positive numbers.";
+  const steps = Math.round(tEnd / dt);
+  if (steps > data.simulation.most_steps) return `That is ${steps} steps, and a page takes at most ${data.simulation.most_steps}.`;
+  if (steps < 8 || Math.abs(steps * dt - tEnd) > 1e-9 * tEnd) return `The step must divide the horizon; ${tEnd / Math.max(steps, 8)} would.`;
+  for (const controller of data.controllers) {
+    const every = Math.round(controller.rhythm / dt);
+    if (controller.rhythm && (every < 1 || Math.abs(every * dt - controller.rhythm) > 1e-9 * controller.rhythm)) {
+      return `The step must divide the sample time of ${controller.name}, ${controller.rhythm} s.`;
+    }
+  }
+  if (data.signals.grids && !data.signals.grids.some((grid) => grid.dt === dt)) {
+    return `The command jumps, and its steps are known for h = ${data.signals.grids.map((grid) => grid.dt).join(", ")} s only.`;
+  }
+  return "";
+}
+
+export function taskOf(data, setting, index) {
+  const controller = data.controllers[index];
+  const side = controller.variants[setting.projection[index]] ? setting.projection[index] : controller.projection;
+  const variant = controller.variants[side];
+  const parameters = variant.parameters.slice();
+  const states = variant.states.slice();
+  const signals = { ...data.signals, parameters: data.signals.parameters.slice(), grids: null };
+  data.numbers.forEach((number, j) => {
+    const value = setting.values[j];
+    for (const place of number.signals) signals.parameters[place] = value;
+    const effect = variant.effects[j];
+    if (!effect || value === number.value) return;
+    const width = effect.p.length + effect.s.length;
+    const from = number.values.indexOf(value) * width;
+    const at = (k) => (effect.table ? effect.table[from + k] : value);
+    effect.p.forEach((row, k) => { parameters[row] = at(k); });
+    effect.s.forEach((row, k) => { states[row] = at(effect.p.length + k); });
+  });
+  parameters[controller.dt_row] = setting.dt;
+  const steps = Math.round(setting.tEnd / setting.dt);
+  const known = data.signals.grids && data.signals.grids.find((grid) => grid.dt === setting.dt);
+  return {
+    index, parameters, states, signals, grid: { steps, tEnd: setting.tEnd, ...known },
+    tableKey: `${setting.tEnd} ${steps}`, nodes: data.solvers[setting.solver], recordPoints: data.simulation.record_points,
+    module: `${index} ${side} ${setting.solver}`, code: variant.modules[setting.solver], shape: controller.shape,
+    operations: controller.operations, thetaHat: controller.theta_hat,
+    sampleEvery: controller.rhythm ? Math.round(controller.rhythm / setting.dt) : 0,
+  };
+}
+
+export function toHash(data, setting) {
+  const initial = initialSetting(data);
+  const said = new URLSearchParams();
+  data.numbers.forEach((number, i) => { if (setting.values[i] !== number.value) said.set(number.path, setting.values[i]); });
+  for (const key of ["tEnd", "dt", "solver"]) if (setting[key] !== initial[key]) said.set(key, setting[key]);
+  setting.projection.forEach((side, i) => { if (side !== initial.projection[i]) said.set(`projection.${i}`, side); });
+  setting.shown.forEach((shown, i) => { if (!shown) said.set(`hidden.${i}`, "1"); });
+  return said.toString();
+}
+
+// What can't be taken from a link is left as the case has it.
+export function fromHash(data, text) {
+  const setting = initialSetting(data);
+  const said = new URLSearchParams(text);
+  data.numbers.forEach((number, i) => {
+    const value = said.has(number.path) ? Number(said.get(number.path)) : number.value;
+    if (!refusal(number, value)) setting.values[i] = taken(number, value);
+  });
+  const [tEnd, dt] = ["tEnd", "dt"].map((key) => (said.has(key) ? Number(said.get(key)) : setting[key]));
+  if (!gridRefusal(data, tEnd, dt)) Object.assign(setting, { tEnd, dt });
+  if (data.solvers[said.get("solver")]) setting.solver = said.get("solver");
+  data.controllers.forEach((controller, i) => {
+    if (controller.variants[said.get(`projection.${i}`)]) setting.projection[i] = said.get(`projection.${i}`);
+    setting.shown[i] = !said.has(`hidden.${i}`);
+  });
+  return setting;
+}
