@@ -27,6 +27,7 @@ from .controllers import MracClosedLoop as MracClosedLoop
 from .controllers import NormalizedMrac as NormalizedMrac
 from .controllers import RobustMrac as RobustMrac
 from .controllers import Sampled as Sampled
+from .controllers.knobs import Knobs as Knobs
 from .controllers.output.l1 import L1Output as L1Output
 from .controllers.output.l1 import fast_limit as fast_limit
 from .controllers.output.l1 import linear_equivalent as linear_equivalent
@@ -89,7 +90,6 @@ from .study.criteria import Onset as Onset
 from .study.delay_margin import DelayMargins as DelayMargins
 from .study.delay_margin import delay_margins as delay_margins
 from .study.delay_margin import delay_margins_ensemble as delay_margins_ensemble
-from .study.knobs import Knobs as Knobs
 from .study.knobs import default_knobs as default_knobs
 from .study.tradeoff import TradeOff as TradeOff
 from .study.tradeoff import trade_off as trade_off

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from scipy import signal as scipy_signal
 
-from barbalat.controllers.robust_mrac import auxiliary_filter, minimum_phase_model
+from barbalat.controllers.parametric_model import auxiliary_filter, minimum_phase_model
 from barbalat.linear.systems import StateSpace, TransferFunction, input_filter, transfer_function
 from barbalat.problem.state_feedback import Known
 from independent import refusal

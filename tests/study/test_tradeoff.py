@@ -13,7 +13,8 @@ from matplotlib.figure import Figure
 from barbalat.cases.load import load_case
 from barbalat.certificates.certify import certify
 from barbalat.certificates.step_limits.oscillator import Oscillator
-from barbalat.controllers import Mrac
+from barbalat.controllers import SCHEMES, Mrac
+from barbalat.controllers.knobs import Knobs
 from barbalat.pictures.labels import Labels
 from barbalat.problem.state_feedback import Known
 from barbalat.report import documents, tradeoff, write
@@ -22,7 +23,7 @@ from barbalat.solvers import RK4
 from barbalat.solvers.simulation import Simulation
 from barbalat.study import forecast, knobs
 from barbalat.study.criteria import Lost, Onset
-from barbalat.study.knobs import Knobs, default_knobs
+from barbalat.study.knobs import default_knobs
 from barbalat.study.tradeoff import Cloud, TradeOff, pareto_front, trade_off
 from independent import refusal
 
@@ -184,3 +185,21 @@ def test_labels_cover_neither_lines_nor_each_other():
         x, y = labels.taken.T
         assert not ((x > left) & (x < right) & (y > low) & (y < high)).any()
         assert not any(left < r and right > l and low < h and high > b for l, b, r, h in labels.boxes[:i])  # noqa: E741
+
+
+def test_a_registered_scheme_brings_its_own_knobs(section_v, monkeypatch):
+    """No list of schemes stands beside the registry: one more line there, and it is compared."""
+
+    class Slow:
+        @classmethod
+        def knobs(cls, reach):
+            values = {"gamma": reach.gains(1e-4, reach.density)}
+            return Knobs(scheme="slow", values=values, make=lambda gamma: Mrac(gamma=gamma, name="slow"))
+
+    simulation = Simulation(t_end=20.0, dt=1e-3)
+    before, _ = default_knobs(section_v, simulation, density=3)
+    monkeypatch.setitem(SCHEMES, "slow", Slow)
+    after, _ = default_knobs(section_v, simulation, density=3)
+    assert [one.scheme for one in after] == [*(one.scheme for one in before), "slow"] == ["MRAC", "L1-AC", "Robust MRAC", "slow"]
+    highest, _ = knobs.largest_gain(section_v, simulation)
+    np.testing.assert_allclose(after[-1].values["gamma"], highest * np.array([1e-4, 1e-2, 1.0]), rtol=1e-12)

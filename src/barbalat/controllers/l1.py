@@ -12,10 +12,11 @@ from barbalat.adaptation.learning import CompositeLearning
 from barbalat.adaptation.lyapunov import Modifications
 from barbalat.adaptation.modifications.dead_zone import DeadZone
 from barbalat.adaptation.modifications.leakage import Leakage
+from barbalat.controllers.knobs import Knobs, Reach
 from barbalat.controllers.l1_sampled import Predictor
 from barbalat.controllers.settings import check_common, initial_estimate, projection_box
 from barbalat.controllers.windup import applied, limits_of_predictor
-from barbalat.linear.systems import StateSpace, TransferFunction
+from barbalat.linear.systems import StateSpace, TransferFunction, input_filter
 from barbalat.problem.known_set import EstimateSet, Gain, gain, limit
 from barbalat.problem.regressors import Uncertainty
 from barbalat.problem.state_feedback import Known
@@ -123,6 +124,14 @@ class L1Adaptive:
         Modifications.of(self)  # refuses what can't go together
         if self.filter is not None:
             object.__setattr__(self, "filter", require_low_pass(TransferFunction.accept("filter", self.filter)))
+
+    @classmethod
+    def knobs(cls, reach: Reach) -> Knobs:
+        return Knobs(
+            scheme="L1-AC",
+            values={"kappa": reach.times, "gamma": reach.gains(1e-7, reach.density)},
+            make=lambda kappa, gamma: cls(gamma=gamma, filter=input_filter(kappa)),
+        )
 
     def bind(self, known: Known) -> Equations:
         gamma = Gain(self.gamma)

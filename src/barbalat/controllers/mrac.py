@@ -13,6 +13,7 @@ from barbalat.adaptation.lyapunov import Modifications
 from barbalat.adaptation.modifications.dead_zone import DeadZone
 from barbalat.adaptation.modifications.leakage import Leakage
 from barbalat.controllers import l1
+from barbalat.controllers.knobs import Knobs, Reach
 from barbalat.controllers.l1_sampled import Predictor
 from barbalat.controllers.settings import check_common, initial_estimate, projection_box
 from barbalat.controllers.windup import ModifiedError, applied, known_limits
@@ -135,6 +136,10 @@ class Mrac:
                 )
         object.__setattr__(self, "gamma", gain.accept("gamma", self.gamma))
         Modifications.of(self)  # refuses what can't go together
+
+    @classmethod
+    def knobs(cls, reach: Reach) -> Knobs:
+        return Knobs(scheme="MRAC", values={"gamma": reach.gains(1e-8, 8 * reach.density)}, make=lambda gamma: cls(gamma=gamma))
 
     def bind(self, known: Known) -> Equations:
         gamma = Gain(self.gamma)

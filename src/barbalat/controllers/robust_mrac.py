@@ -6,23 +6,25 @@ The same equations without the auxiliary input are the normalised MRAC that Sect
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from functools import lru_cache
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
 from barbalat import validate
 from barbalat.adaptation.law import AdaptiveLaw, Estimation, require_law
+from barbalat.adaptation.laws.least_squares import LeastSquares
 from barbalat.adaptation.normalization import Normalization
+from barbalat.controllers.knobs import Knobs, Reach
+from barbalat.controllers.parametric_model import auxiliary_filter, minimum_phase_model
 from barbalat.controllers.robust_mrac_sampled import StateEstimator
 from barbalat.controllers.settings import check_common, initial_estimate, projection_box, require_one_input
 from barbalat.controllers.windup import applied, limits_of_predictor
-from barbalat.linear.systems import StateSpace, TransferFunction, transfer_function
+from barbalat.linear.systems import StateSpace
 from barbalat.problem.known_set import EstimateSet, limit
 from barbalat.problem.regressors import Regressor
 from barbalat.problem.state_feedback import Known
 from barbalat.protocols import Value
-from barbalat.validate import Array, InputError, Vector
+from barbalat.validate import Array, Vector
 
 
 class State(NamedTuple):
@@ -143,6 +145,14 @@ class RobustMrac:
         object.__setattr__(self, "tau", validate.positive("tau", self.tau))
         _check_model_and_law(self)
 
+    @classmethod
+    def knobs(cls, reach: Reach) -> Knobs:
+        return Knobs(
+            scheme="Robust MRAC",
+            values={"tau": reach.times, "covariance0": np.geomspace(1e-2, 1e4, reach.density)},
+            make=lambda tau, covariance0: cls(tau=tau, law=LeastSquares(covariance0=covariance0)),
+        )
+
     def bind(self, known: Known) -> Equations:
         require_one_input("robust-mrac", known)
         Q = auxiliary_filter(minimum_phase_model(_output_vector(self.c_0, known), known), self.tau)
@@ -213,30 +223,3 @@ def _equations(settings: RobustMrac | NormalizedMrac, known: Known, Q: StateSpac
         box=box,
         limits=limits_of_predictor(settings.saturated_predictor, known),
     )
-
-
-def minimum_phase_model(c_0: Array, known: Known) -> TransferFunction:
-    """W_m(s) = c_0'(sI - A_m)^-1 b; InputError where it has a zero in Re s >= 0 or is zero."""
-    W_m = _model(c_0.tobytes(), known.A_m.tobytes(), known.b.tobytes())
-    if not W_m.num.any():
-        raise InputError(f"c_0 must not be zero, got {validate.show(c_0)}")
-    if not W_m.is_minimum_phase:
-        raise InputError(
-            f"c_0 must make W_m(s) = c_0'(sI - A_m)^-1 b minimum phase, but c_0 = {validate.show(c_0)} "
-            f"gives a zero with real part {W_m.zeros.real.max():.6g}"
-        )
-    return W_m
-
-
-@lru_cache(maxsize=64)  # the members of an ensemble mostly share all three
-def _model(c_0: bytes, A_m: bytes, b: bytes) -> TransferFunction:
-    c, A, b_ = (np.frombuffer(part) for part in (c_0, A_m, b))
-    return transfer_function(c, A.reshape(len(b_), len(b_)), b_)
-
-
-def auxiliary_filter(W_m: TransferFunction, tau: float) -> StateSpace:
-    """Q(s) = W_m(s)^-1/(tau s + 1)^n*, n* the relative degree of W_m: proper, stable, of the order of the plant."""
-    lag = np.array([1.0])
-    for _ in range(W_m.relative_degree):
-        lag = np.polymul(lag, [tau, 1.0])
-    return TransferFunction(W_m.den, np.polymul(W_m.num, lag)).realise()

@@ -2,63 +2,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
-from itertools import product
+from dataclasses import replace
 
 import numpy as np
 
-from barbalat.adaptation.laws import LeastSquares
 from barbalat.certificates.certify import certify
 from barbalat.certificates.step_limits.oscillator import Oscillator
-from barbalat.controllers import L1Adaptive, Mrac, RobustMrac
-from barbalat.linear.systems import input_filter
+from barbalat.controllers import SCHEMES, Mrac
+from barbalat.controllers.knobs import Knobs, Reach, Tunable
 from barbalat.problem.state_feedback import Problem
-from barbalat.protocols import Controller
 from barbalat.run.simulate import simulate
 from barbalat.solvers.simulation import Simulation
 from barbalat.study.ideal_benchmark import ideal
-from barbalat.validate import Array, InputError
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Knobs:
-    """A scheme and the settings that are varied, all combinations of them; ``make`` builds the controller."""
-
-    scheme: str
-    values: dict[str, Array]
-    make: Callable[..., Controller]
-
-    def tunings(self) -> Iterator[dict[str, float]]:
-        for combination in product(*self.values.values()):
-            yield dict(zip(self.values, map(float, combination), strict=True))
+from barbalat.validate import InputError
 
 
 def default_knobs(problem: Problem, simulation: Simulation, *, density: int = 12) -> tuple[tuple[Knobs, ...], tuple[str, ...]]:
-    """MRAC: Gamma; L1-AC: kappa x Gamma; robust MRAC: tau x covariance0, with ``density`` values for each second knob.
+    """The knobs that the registered schemes say they have, with ``density`` values for each second one.
 
-    Gamma goes up to the largest gain that this step resolves, kappa and tau from five steps to the slowest time constant of
-    the model. Also what is left out, as sentences: tunings, and schemes that don't take the problem.
+    Gains go up to the largest that this step resolves, time constants from five steps to the slowest one of the model. Also what
+    is left out, as sentences: tunings, and schemes that don't take the problem.
     """
     highest, how = largest_gain(problem, simulation)
     slowest = 1 / float(np.abs(np.linalg.eigvals(problem.plant.A_m).real).min())
-    times = np.geomspace(5 * simulation.dt, slowest, 3 * density)
-    gains = highest * np.geomspace(1e-7, 1.0, density)
-    candidates = (
-        Knobs(
-            scheme="MRAC", values={"gamma": highest * np.geomspace(1e-8, 1.0, 8 * density)}, make=lambda gamma: Mrac(gamma=gamma)
-        ),
-        Knobs(
-            scheme="L1-AC",
-            values={"kappa": times, "gamma": gains},
-            make=lambda kappa, gamma: L1Adaptive(gamma=gamma, filter=input_filter(kappa)),
-        ),
-        Knobs(
-            scheme="Robust MRAC",
-            values={"tau": times, "covariance0": np.geomspace(1e-2, 1e4, density)},
-            make=lambda tau, covariance0: RobustMrac(tau=tau, law=LeastSquares(covariance0=covariance0)),
-        ),
-    )
+    reach = Reach(highest_gain=highest, times=np.geomspace(5 * simulation.dt, slowest, 3 * density), density=density)
+    candidates = [scheme.knobs(reach) for scheme in SCHEMES.values() if isinstance(scheme, Tunable)]
     left_out = [
         f"gains above {highest:.3g}, which h = {simulation.dt:g} s does not resolve ({how}: an estimate), are left out",
         f"time constants below five steps, {5 * simulation.dt:g} s, are left out",

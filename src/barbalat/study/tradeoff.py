@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from barbalat import validate
+from barbalat.controllers.knobs import Knobs
 from barbalat.problem.known_set import KnownSet
 from barbalat.problem.state_feedback import Problem
 from barbalat.run.progress import Progress
@@ -17,7 +18,7 @@ from barbalat.solvers.simulation import Simulation
 from barbalat.study.criteria import Lost, Onset
 from barbalat.study.delay_margin import SHORTEST_DELAY_STEPS, DelayMargins, delay_margins_ensemble
 from barbalat.study.forecast import Cost, Forecast
-from barbalat.study.knobs import Knobs, default_knobs
+from barbalat.study.knobs import default_knobs
 from barbalat.study.motion import REST_SENTENCE, Motion
 from barbalat.validate import Array, InputError
 

@@ -25,7 +25,7 @@ from barbalat.controllers.output.l1 import L1Output, fast_limit, linear_equivale
 from barbalat.controllers.output.linear import LinearOutput
 from barbalat.controllers.output.matching import filter_polynomial, is_strictly_positive_real, matching_parameters
 from barbalat.controllers.output.mrac import MracOutput
-from barbalat.controllers.robust_mrac import auxiliary_filter
+from barbalat.controllers.parametric_model import auxiliary_filter
 from barbalat.linear.systems import TransferFunction
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.loop.packing import column, symbols

@@ -17,7 +17,7 @@ from barbalat.certificates.schemes import midpoint
 from barbalat.certificates.schemes.state_feedback import add_margins_at_rest, inside, of_the_case, projected
 from barbalat.certificates.step_limits import frozen_laws
 from barbalat.controllers import NormalizedMrac, RobustMrac
-from barbalat.controllers.robust_mrac import minimum_phase_model
+from barbalat.controllers.parametric_model import minimum_phase_model
 from barbalat.problem.state_feedback import Problem
 from barbalat.solvers.simulation import Simulation
 

@@ -15,7 +15,7 @@ from barbalat.adaptation.law import AdaptiveLaw, OutputErrorLaw, require_law
 from barbalat.adaptation.normalization import Normalization
 from barbalat.controllers.output import mrac_normalized, mrac_unnormalized
 from barbalat.controllers.output.matching import filter_polynomial, input_filter, is_strictly_positive_real, refuse_contradiction
-from barbalat.controllers.robust_mrac import auxiliary_filter
+from barbalat.controllers.parametric_model import auxiliary_filter
 from barbalat.controllers.windup import limits_of_predictor
 from barbalat.problem.known_set import UNREACHED_BOUND, ParameterBox
 from barbalat.problem.output_feedback import OutputKnown
