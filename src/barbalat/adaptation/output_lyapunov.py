@@ -12,7 +12,7 @@ from barbalat.problem.known_set import EstimateSet, Gain, gain, project
 from barbalat.protocols import Value
 from barbalat.validate import Array
 
-ON_THE_OUTPUT = "nothing is guaranteed with a dead zone on the output's error: V is of the whole state's, and may grow inside"
+ON_THE_OUTPUT = "a dead zone on the output's error guarantees nothing: V is of the whole state's, and may grow inside"
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

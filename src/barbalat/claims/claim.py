@@ -216,11 +216,15 @@ class Claim:
         }
 
 
+ADDED = "added"
+"""The key of the comparison that is none of the paper's figures."""
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
 class PaperFigure:
     """A figure of the paper: the run it shows, the variants its description speaks of, and the checks.
 
-    key      "2" ... "5", or "added"
+    key      "2" ... "5", or ``ADDED``
     results  the shown run first; all by name
     """
 
@@ -234,7 +238,7 @@ class PaperFigure:
     def shown(self) -> tuple[Result, ...]:
         """The runs that are drawn: the first one; all of them in the added comparison."""
         results = tuple(self.results.values())
-        return results if self.key == "added" else results[:1]
+        return results if self.key == ADDED else results[:1]
 
     @property
     def reproduced(self) -> bool:

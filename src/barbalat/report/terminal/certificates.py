@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import NamedTuple
 
 from barbalat.certificates.cells import PROPERTIES, Column
@@ -11,7 +11,7 @@ from barbalat.certificates.entry import Entry
 from barbalat.certificates.rounding import up
 from barbalat.certificates.table_1 import Table
 from barbalat.report.certificates import rows_of
-from barbalat.report.terminal.layout import Screen, held
+from barbalat.report.terminal.layout import FALLBACK, HANGING, Screen, held, shortened
 
 GROUPS = {
     "guaranteed": ("Guaranteed on this case", "green"),
@@ -23,12 +23,13 @@ GROUPS = {
 }
 """How the values of a kind are headed, in the order in which they are shown; what was searched for stands together."""
 STYLES = {"guaranteed": "green", "exact": "green", "does not apply": "red"}
-LABEL_COLUMNS = 12
-"""Columns of the five lines' labels."""
+LABEL_COLUMNS = 10
+"""Columns of the five lines' labels: as many as the longest one has."""
 LEGEND = (
-    "bound of |e|: of every component. delay margin: of linear loops, at the case's theta, the least found in the known set, and "
-    "with the law linearised at the largest command (adapting). gain, step: what the solver bears at least, with "
-    "everything at its largest, to where oscillations are due; estimates."
+    "condition: for bounded signals. bound of e: of every component's size. margin: the largest added delay of linear loops, at "
+    "the case's theta, the least found in the known set, and with the law linearised at the largest command (adapting). gain, "
+    "step: what the solver bears at least, with everything at its largest, to where oscillations are due; estimates. dt: the "
+    "case's step."
 )
 LONGEST_KEY, LONGEST_VALUE = 30, 14
 
@@ -42,22 +43,24 @@ class Line(NamedTuple):
 
 
 def show(screen: Screen, case: str, certificates: Mapping[str, Certificate], table: Table, dt: float | None) -> None:
-    """Five lines for each controller."""
+    """Five lines for each controller, each of them one line from 80 columns on; then what was noted, once each."""
     screen.line(case, "bold")
-    common = _of_all(certificates)
     for column in table.columns:
-        _controller(screen, column, certificates[column.name], dt, common)
-    if common:
-        screen.title("All of them", "")
-    for note in common:
-        screen.fact("note", note, LABEL_COLUMNS, "yellow")
+        _controller(screen, column, certificates[column.name], dt)
+    _notes(screen, certificates)
     screen.title(LEGEND, "dim")
 
 
-def _of_all(certificates: Mapping[str, Certificate]) -> tuple[str, ...]:
-    """The notes that all certificates have, where there are several: they are said once."""
-    first, *others = certificates.values()
-    return tuple(note for note in first.notes if others and all(note in other.notes for other in others))
+def _notes(screen: Screen, certificates: Mapping[str, Certificate]) -> None:
+    owners: dict[str, list[str]] = {}
+    for name, certificate in certificates.items():
+        for note in certificate.notes:
+            owners.setdefault(note, []).append(name)
+    if owners:
+        screen.title("Notes", "yellow")
+    for note, names in owners.items():
+        of = ", ".join(map(screen.name, names)) if len(names) < max(len(certificates), 2) else "all" if len(names) > 1 else ""
+        screen.line(f"{of}: {note}" if of else note, indent="    ", start="  ")
 
 
 def show_full(screen: Screen, case: str, certificates: Mapping[str, Certificate], table: Table, dt: float | None) -> None:
@@ -65,7 +68,9 @@ def show_full(screen: Screen, case: str, certificates: Mapping[str, Certificate]
     screen.line(case, "bold")
     for column in table.columns:
         certificate = certificates[column.name]
-        _controller(screen, column, certificate, dt)
+        _controller(screen, column, certificate, dt, whole=True)
+        for note in certificate.notes:
+            screen.fact("note", note, LABEL_COLUMNS, "yellow")
         _values(screen, certificate)
         if certificate.assumptions:
             screen.title("Assumed of the above", "")
@@ -74,14 +79,14 @@ def show_full(screen: Screen, case: str, certificates: Mapping[str, Certificate]
     _table_1(screen, table)
 
 
-def _controller(
-    screen: Screen, column: Column, certificate: Certificate, dt: float | None, elsewhere: Sequence[str] = ()
-) -> None:
-    screen.title(f"{screen.name(column.name)}: {column.scheme}")
+def _controller(screen: Screen, column: Column, certificate: Certificate, dt: float | None, *, whole: bool = False) -> None:
+    """The five; at 80 columns and more a line has as much of a long reason as fits, unless the ``whole`` is wanted."""
+    room = max(screen.width, FALLBACK)
+    title = f"{held(column.name)}: {column.scheme}"
+    screen.title(title if whole else shortened(title, room))
     for line in five(column, certificate, dt):
-        screen.fact(line.label, line.text, LABEL_COLUMNS, STYLES.get(line.kind, ""))
-    for note in (note for note in certificate.notes if note not in elsewhere):
-        screen.fact("note", note, LABEL_COLUMNS, "yellow")
+        text = line.text if whole else shortened(line.text, room - LABEL_COLUMNS - HANGING)
+        screen.fact(line.label, text, LABEL_COLUMNS, STYLES.get(line.kind, ""))
 
 
 def five(column: Column, certificate: Certificate, dt: float | None) -> tuple[Line, ...]:
@@ -102,20 +107,20 @@ def _condition(stability: Entry | None, condition: Entry | None) -> Line:
         size = "is infinite" if value["value_upper"] is None else f"<= {up(value['value_upper'])}"
         if value["holds"]:
             return Line("condition", f"holds: {of} {size} < 1", condition.kind)
-        return Line("condition", f"not shown to hold: {of} {size}, and 1 is needed", "does not apply")
+        return Line("condition", f"not shown: {of} {size}, 1 needed", "does not apply")
     if stability is None or not stability.applies:
-        return Line("condition", f"bounded signals not shown: {'' if stability is None else stability.why}", "does not apply")
+        return Line("condition", f"not shown: {'' if stability is None else stability.why}", "does not apply")
     return Line("condition", f"none needed; bounded: {stability.text}", stability.kind)
 
 
 def _bound(certificate: Certificate) -> Line:
     bound, worst = certificate.entry("error_bound"), certificate.entry("error_bound_worst")
     if bound is None or not bound.applies or bound.value is None:
-        return Line("bound of |e|", f"none: {'not known for this scheme' if bound is None else bound.why}", "does not apply")
+        return Line("bound of e", f"none: {'not known for this scheme' if bound is None else bound.why}", "does not apply")
     text = f"{held(bound.kind)}: {up(bound.value)}"
     if worst is not None and worst.applies and worst.value is not None:
         text += f"; {up(worst.value)} for any theta of the known set"
-    return Line("bound of |e|", text, bound.kind)
+    return Line("bound of e", text, bound.kind)
 
 
 def _margin(certificate: Certificate) -> Line:
@@ -127,15 +132,15 @@ def _margin(certificate: Certificate) -> Line:
     loops = [] if searched is None or not searched.applies else searched.value
     least = [loop["delay_margin"]["value"] for loop in loops if "delay_margin" in loop]
     if any("unstable_at" in loop for loop in loops):
-        parts.append("unstable somewhere in the known set")
+        parts.append("unstable in the set")
     elif least:
-        parts.append(f"{_delay(min(least))} in the known set")
+        parts.append(f"{_delay(min(least))} in the set")
     if adapting is not None and adapting.applies:
         parts.append(f"{_delay(adapting.value)} adapting")
     if not parts:
-        return Line("delay margin", "not known: no linear loop describes it", "does not apply")
-    text = "; ".join(parts).removesuffix(" at theta")  # alone it need not be told from others
-    return Line("delay margin", text, margin.kind if margin is not None and len(parts) == 1 else "estimate")
+        return Line("margin", "not known: no linear loop describes it", "does not apply")
+    text = ", ".join(parts).removesuffix(" at theta")  # alone it need not be told from others
+    return Line("margin", text, margin.kind if margin is not None and len(parts) == 1 else "estimate")
 
 
 def _delay(value: float | None) -> str:
@@ -150,8 +155,8 @@ def _limits(certificate: Certificate, dt: float | None) -> Line:
         return Line("gain, step", "no limit is known", "does not apply")
     judged = ""
     if step and dt is not None:
-        word = "inside" if dt <= step[0] else "too long" if dt > step[-1] else "may be too long"
-        judged = f" ({held(f'{dt:g} s')} {held(word)})"
+        word = "inside" if dt <= step[0] else "too long" if dt > step[-1] else "between"
+        judged = f" ({held(f'dt {word}')})"
     return Line("gain, step", f"{', '.join(map(held, parts))}{judged}", "estimate")
 
 
@@ -172,7 +177,7 @@ def _assumed(column: Column, certificate: Certificate) -> Line:
     claimed = {sentence for entry in stated if entry.kind == "guaranteed" for sentence in entry.assumptions}
     broken = ", ".join(dict.fromkeys(entry.why for entry in stated if not entry.applies and entry.assumptions))
     if broken:
-        return Line("assumed", f"fails on this case: {broken}", "does not apply")
+        return Line("assumed", f"fails here: {broken}", "does not apply")
     if not claimed:
         return Line("assumed", "nothing: nothing is guaranteed", "")
     kept = "one thing" if len(claimed) == 1 else f"{len(claimed)} things"

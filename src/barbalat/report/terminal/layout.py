@@ -26,6 +26,14 @@ PAIR = re.compile(rf"(?<=[\d\]]) (?={UNITS}(?![\w/]))")
 """The blank between a number, or a list of numbers, and its unit."""
 COMPARED = re.compile(r"(?<=\S) (<=|>=|=|<|>|\*|/) (?=[-+\d\[(|])")
 """The blanks around a sign that belongs to the number behind it."""
+ENCLOSED = re.compile(r"(?<=\d) \.\.\. (?=[-+\d])")
+"""The blanks between the two ends of an enclosure."""
+CLAUSE = re.compile(r"[;:,] ")
+"""Where a sentence may end before its end."""
+CUT = f"{HELD}..."
+"""In the place of what a line has no room for."""
+HANGING = 4
+"""Columns beside a labelled line's label: two before it, two behind."""
 
 
 def held(text: str) -> str:
@@ -49,7 +57,7 @@ def fold(text: str, width: int, indent: str = "", start: str = "") -> list[str]:
 
 
 def _bound_to_units(text: str) -> str:
-    return COMPARED.sub(rf"{HELD}\1{HELD}", PAIR.sub(HELD, text))
+    return COMPARED.sub(rf"{HELD}\1{HELD}", PAIR.sub(HELD, ENCLOSED.sub(f"{HELD}...{HELD}", text)))
 
 
 def _released(word: str, width: int) -> list[str]:
@@ -61,6 +69,18 @@ def _cut(text: str, width: int) -> str:
     while cell_len(text) > width:
         text = text[:-1]
     return text
+
+
+def shortened(text: str, width: int) -> str:
+    """The text in at most ``width`` columns: up to a clause's end past a third of them, else up to a word's."""
+    if cell_len(text) <= width:
+        return text
+    clauses, words = ([found.start() for found in ends.finditer(text)] for ends in (CLAUSE, re.compile(" ")))
+    fitting = [end for end in words if cell_len(text[:end]) <= width - len(CUT)]
+    whole = [end for end in clauses if cell_len(text[:end]) <= width - len(CUT) and end > width / 3]
+    if not fitting:
+        return _cut(text, width - len(CUT)) + CUT
+    return text[: max(whole or fitting)].rstrip(";:,") + CUT
 
 
 def console(*, to_standard_error: bool = False) -> Console:
@@ -98,7 +118,8 @@ class Screen:
     def fact(self, label: str, text: str, room: int, style: str = "", indent: str = "  ") -> None:
         """A label in so many columns, and beside it a paragraph; below it where the label is too wide, or the screen narrow."""
         label, text, hanging = self._shown(label), self._shown(text), indent + " " * (room + 2)
-        widest = max((cell_len(word) for word in text.replace(HELD, " ").split()), default=0)
+        enclosed = ENCLOSED.sub("-...-", text)  # one word as wide as it is
+        widest = max((cell_len(word) for word in enclosed.replace(HELD, " ").split()), default=0)
         if cell_len(label) > room or self.width - len(hanging) < max(NARROWEST // 2, widest):
             self._print(indent + label, style)
             hanging, start = indent + "    ", ""

@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import get_args
 
-from barbalat.claims.claim import Claim, Listing, PaperFigure, Verdict
+from rich.cells import cell_len
+
+from barbalat.claims.claim import ADDED, Claim, Listing, PaperFigure, Verdict
 from barbalat.claims.rows import RUNS_OF_SECTION_V, Measurement
-from barbalat.report.terminal.layout import Screen, held
+from barbalat.report.terminal.layout import FALLBACK, HANGING, Screen, held, shortened
 
 STYLES = {"confirmed": "green", "confirmed with conditions": "yellow", "not confirmed": "red", "erratum": "red"}
 NAME_COLUMNS = 26
@@ -15,33 +17,38 @@ NAME_COLUMNS = 26
 
 
 def overview(screen: Screen, shown: Sequence[PaperFigure], claims: Sequence[Claim]) -> None:
-    """One screen, what asks for a second look last: a paragraph of what is confirmed, a line for each other row, the figures."""
-    plain, *others = get_args(Verdict)
-    confirmed = [claim for claim in claims if claim.verdict == plain]
-    if confirmed:
-        screen.line(_heading(plain, confirmed), STYLES[plain])
-        screen.line(", ".join(held(claim.id) for claim in confirmed), indent="  ", start="  ")
-    room = max((len(claim.id) for claim in claims if claim.verdict != plain), default=0)
-    for verdict in others:
+    """One screen, what asks for a second look last: each row's name and number; the figures.
+
+    A row that is confirmed has one line from 80 columns on, one that is not has as many as it needs.
+    """
+    room = max(screen.width, FALLBACK) - NAME_COLUMNS - HANGING
+    for verdict in get_args(Verdict):
         mine = [claim for claim in claims if claim.verdict == verdict]
         if mine:
-            screen.line(_heading(verdict, mine), STYLES[verdict])
+            screen.line(f"{verdict[0].upper()}{verdict[1:]}: {len(mine)}", STYLES[verdict])
         for claim in mine:
-            screen.fact(claim.id, claim.number, room)
+            short = verdict.startswith("confirmed")
+            screen.fact(claim.id, compact(claim.number, room) if short else claim.number, NAME_COLUMNS)
     _figures(screen, shown)
 
 
-def _heading(verdict: str, claims: Sequence[Claim]) -> str:
-    return f"{verdict[0].upper()}{verdict[1:]}: {len(claims)}"
+def compact(number: str, width: int) -> str:
+    """What a number is, and the number: where that is too long, both are cut, what it is before the number."""
+    what, colon, value = number.partition(": ")
+    if cell_len(number) <= width or not colon:
+        return shortened(number, width)
+    value = shortened(value, 2 * width // 3)
+    return f"{shortened(what, width - cell_len(value) - 2)}: {value}"
 
 
 def _figures(screen: Screen, shown: Sequence[PaperFigure]) -> None:
-    """How many of their descriptions' statements hold, and those that don't."""
-    checks = [check for figure in shown for check in figure.checks]
-    missed = [check for check in checks if not check.holds]
-    said = f"{len(checks) - len(missed)} of {len(checks)} statements of their descriptions hold"
-    reproduced = sum(figure.reproduced for figure in shown)
-    screen.line(f"Figures: {reproduced} of {len(shown)} reproduced, {said}", "red" if missed else "green")
+    """How many of the paper's figures, with the statements on them, hold; ours beside them, and what does not."""
+    paper = [figure for figure in shown if figure.key != ADDED]
+    checks = [check for figure in paper for check in figure.checks]
+    said = f"{sum(check.holds for check in checks)} of {len(checks)} statements of their descriptions hold"
+    missed = [check for figure in shown for check in figure.checks if not check.holds]
+    reproduced = sum(figure.reproduced for figure in paper)
+    screen.line(f"Figures: {reproduced} of {len(paper)} reproduced, {said}", "red" if missed else "green")
     for check in missed:
         screen.line(f"not so: {check.statement} ({check.measured})", "red", "    ", "  ")
 
