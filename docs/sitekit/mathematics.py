@@ -9,13 +9,15 @@ from sphinx.application import Sphinx
 from sphinx.util import logging
 from sphinx.writers.html5 import HTML5Translator
 
+from sitekit.accents import with_subscripts_beside
+
 logger = logging.getLogger(__name__)
 
 
 def _mathml(node: nodes.math | nodes.math_block, *, as_block: bool) -> str:
     """A formula; one that can't be written is a warning, since a writing process that fails is not heard of."""
     try:
-        return str(tex2mathml(node.astext(), as_block=as_block))
+        return with_subscripts_beside(str(tex2mathml(node.astext(), as_block=as_block)))
     except MathError as error:
         logger.warning("%s in the formula %s", error, node.astext(), location=node)
         return ""
