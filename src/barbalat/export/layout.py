@@ -38,11 +38,6 @@ class Part:
         """Its entries in the flat state."""
         return range(self.start, self.start + self.size)
 
-    @property
-    def is_scheme_s(self) -> bool:
-        """Whether it is of the scheme's own state, not of what is held from sample to sample."""
-        return self.path.startswith("controller.")
-
     def entry(self, row: int) -> str:
         """C text of the entry that stands at ``row`` of the flat state."""
         return f"c->{self.name}[{row - self.start}]"

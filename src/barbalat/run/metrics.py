@@ -129,6 +129,11 @@ class Metrics:
         named = {name: [getattr(part, name) for part in parts] for name in cls.__dataclass_fields__}
         return cls(**{name: None if values[0] is None else np.concatenate(values) for name, values in named.items()})
 
+    def end_of(self, i: int) -> float | None:
+        """When a member diverged [s]; None where it did not."""
+        instant = float(self.diverged_at[i])
+        return None if np.isnan(instant) else instant
+
     def of_member(self, i: int) -> dict[str, float | list[float] | None]:
         """One member's figures under the names of the JSON contract; ``None`` for a figure that has no finite value."""
         result: dict[str, float | list[float] | None] = {}

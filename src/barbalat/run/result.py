@@ -105,8 +105,7 @@ class Result:
     @property
     def diverged_at(self) -> float | None:
         """When the run diverged [s]: x, x_m and theta_hat, or y and e, left 1e12, or a state ceased to be a number."""
-        value = float(self.metrics.diverged_at[0])
-        return None if np.isnan(value) else value
+        return self.metrics.end_of(0)
 
     @property
     def label(self) -> str | None:

@@ -64,8 +64,7 @@ class Seen:
 
     @property
     def diverged_at(self) -> float | None:
-        value = float(self.metrics.diverged_at[0])
-        return None if np.isnan(value) else value
+        return self.metrics.end_of(0)
 
 
 def compare(coarse: Seen, fine: Seen, t_end: float, *, whole: bool) -> FinerStep | None:
