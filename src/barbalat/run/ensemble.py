@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from barbalat import validate
+from barbalat.pictures.plotted import Plotted
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller
 from barbalat.run import delay
@@ -32,7 +33,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)
-class EnsembleResult:
+class EnsembleResult(Plotted):
     """Figures of M members, in the order given; ``varied`` counts the numbers in which they differ.
 
     quarters  (M, 4, n) the largest |e| in each quarter of the run, t_end left out, where they were asked for; NaN for a member
@@ -51,12 +52,6 @@ class EnsembleResult:
         e = self.metrics.tail_max_abs_e
         worst = ", ".join(f"{value:.4g}" for value in np.nanmax(e, axis=0)) if diverged < M else "-"
         return f"<EnsembleResult: {M} members, {self.varied} numbers varied, {diverged} diverged; worst |e| in the tail {worst}>"
-
-    def _repr_html_(self) -> str:
-        """For notebooks: the same line, and the plot."""
-        from barbalat.pictures.notebook import html_of
-
-        return html_of(self, self.plot(shown=False))
 
     def plot(self, *, shown: bool = True) -> Figure:
         """Which share of the members has at most an error, in all and in the tail, as a Matplotlib figure.

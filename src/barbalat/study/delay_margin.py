@@ -16,6 +16,7 @@ from barbalat import validate
 from barbalat.linear.largest import halvings
 from barbalat.loop.binding import bound, numbered
 from barbalat.loop.blame import named
+from barbalat.pictures.plotted import Plotted
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller
 from barbalat.run.ensemble import simulate_ensemble
@@ -46,7 +47,7 @@ class Bracket:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)
-class DelayMargins:
+class DelayMargins(Plotted):
     """For M members.
 
     onset, loss  by the two criteria, ``Onset`` and ``Lost``; the onset is never later than the loss
@@ -69,12 +70,6 @@ class DelayMargins:
             f"{name} from {found.bears.min():.4g} s" for name, found in (("onset", self.onset), ("loss", self.loss))
         )
         return f"<DelayMargins of {len(self.tracks)} loops: {least}; {self.runs} runs>"
-
-    def _repr_html_(self) -> str:
-        """For notebooks: the same line, and the plot."""
-        from barbalat.pictures.notebook import html_of
-
-        return html_of(self, self.plot(shown=False))
 
     def plot(self, *, shown: bool = True) -> Figure:
         """Which share of the loops bears at least a delay, by both criteria, as a Matplotlib figure.

@@ -15,6 +15,7 @@ import numpy as np
 from barbalat import validate
 from barbalat.controllers import RobustMrac
 from barbalat.linear.largest import halvings
+from barbalat.pictures.plotted import Plotted
 from barbalat.problem.modelling_error import ModellingError
 from barbalat.problem.state_feedback import Problem
 from barbalat.run.ensemble import simulate_ensemble
@@ -58,7 +59,7 @@ class Grown:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)
-class TauLimits:
+class TauLimits(Plotted):
     """For S sizes of the modelling error and K values of tau.
 
     tail     (S, K) max |e| in the run's last quarter; NaN where the run is lost
@@ -81,12 +82,6 @@ class TauLimits:
         least = f"tau from {borne.min():.4g} to {borne.max():.4g} borne" if len(borne) else "no tau borne"
         sizes = f"{len(self.sizes)} sizes of the modelling error, {len(self.taus)} of tau"
         return f"<TauLimits for {sizes}: {least}; {self.runs} runs>"
-
-    def _repr_html_(self) -> str:
-        """For notebooks: the same line, and the plot."""
-        from barbalat.pictures.notebook import html_of
-
-        return html_of(self, self.plot(shown=False))
 
     def plot(self, *, shown: bool = True) -> Figure:
         """The smallest tau that is borne over the modelling error, and the error over tau, as a Matplotlib figure.

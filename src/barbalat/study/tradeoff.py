@@ -11,6 +11,7 @@ import numpy as np
 
 from barbalat import validate
 from barbalat.controllers.knobs import Knobs
+from barbalat.pictures.plotted import Plotted
 from barbalat.problem.known_set import KnownSet
 from barbalat.problem.state_feedback import Problem
 from barbalat.run.progress import Progress
@@ -64,7 +65,7 @@ class Cloud:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)
-class TradeOff:
+class TradeOff(Plotted):
     """The clouds of all schemes on one problem; ``notes`` are sentences on what was left out and what was not seen."""
 
     problem: Problem
@@ -84,12 +85,6 @@ class TradeOff:
     def __repr__(self) -> str:
         schemes = ", ".join(f"{len(cloud.tunings)} of {cloud.scheme}" for cloud in self.clouds)
         return f"<TradeOff of {self.problem.name!r}: {schemes} on {len(self.thetas)} plants, {self.runs} runs>"
-
-    def _repr_html_(self) -> str:
-        """For notebooks: the same line, and the plot."""
-        from barbalat.pictures.notebook import html_of
-
-        return html_of(self, self.plot(shown=False))
 
     def plot(self, *, shown: bool = True) -> Figure:
         """The clouds and the front of each scheme, by both criteria, as a Matplotlib figure.
