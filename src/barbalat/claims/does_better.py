@@ -28,7 +28,7 @@ from barbalat.validate import Array
 
 GAMMA, MODERATE_GAMMA = 1e4, 100.0
 """Of L1-AC: Figure 3's and 4's; and one that h = 2e-4 s resolves, which tracks equally, for what takes many runs."""
-EQUAL = section_v.KAPPA
+EQUAL_TAU = section_v.KAPPA
 """[s]: tau set to the filter's time constant."""
 STEPS = np.array([section_v.T_END / round(section_v.T_END / h) for h in np.geomspace(1e-5, 0.2, 14)])
 """[s], of the search for the largest that RK4 bears; each divides the run."""
@@ -78,7 +78,7 @@ def robust(tau: float = section_v.TAU) -> Controller:
 
 def contestants(gamma: float) -> tuple[Controller, Controller, Controller]:
     """The robust MRAC of Figure 2, L1-AC, and the robust MRAC with the filter's time constant."""
-    return robust(), section_v.l1("L1", gamma), robust(EQUAL)
+    return robust(), section_v.l1("L1", gamma), robust(EQUAL_TAU)
 
 
 def claim(*, full: bool = False) -> Claim:
@@ -93,7 +93,7 @@ def claim(*, full: bool = False) -> Claim:
         "robust-mrac-better", "Abstract; Sections III.B, VI", "The robust MRAC does better than L1-AC in every respect",
         of_readings(readings),
         f"Figure 2's settings against Figure 3's: better in {holds} of the {len(named)} respects that the paper names, and in {sum(r.holds for r in respects) - holds} of {len(respects) - len(named)} others; "
-        f"worse: {'; '.join(worse) or 'none'}. With tau = kappa = {EQUAL:g} s worse: {'; '.join(lost_when_equal) or 'none'}",
+        f"worse: {'; '.join(worse) or 'none'}. With tau = kappa = {EQUAL_TAU:g} s worse: {'; '.join(lost_when_equal) or 'none'}",
         f"Section V, RK4, 60 s; L1-AC with Gamma = {GAMMA:g} at h = 1e-5 s (nominal plant), {MODERATE_GAMMA:g} at h = 2e-4 s and below for the rest, at which it tracks equally",
         listings=(_listing(respects),),
         number=f"in which the robust MRAC is better: {holds} of {len(named)} respects",
@@ -140,7 +140,9 @@ def _largest_step(controller: Controller) -> float:
 def _robustness(t_end: float) -> list[Respect]:
     """By simulation: the delay before the loop oscillates, and before the motion is lost."""
     given = section_v.problem()
-    pair = delay_margins_ensemble([(given, robust()), (given, robust(EQUAL))], Simulation(t_end=t_end, dt=1e-3), resolution=0.05)
+    pair = delay_margins_ensemble(
+        [(given, robust()), (given, robust(EQUAL_TAU))], Simulation(t_end=t_end, dt=1e-3), resolution=0.05
+    )
     other = delay_margins_ensemble(
         [(given, section_v.l1("L1", MODERATE_GAMMA))], Simulation(t_end=t_end, dt=2e-4), resolution=0.05
     )
@@ -185,7 +187,7 @@ def _difference(noisy: Problem, given: Problem, controller: Controller, simulati
 
 def _listing(respects: Sequence[Respect]) -> Listing:
     return Listing(
-        f"Robust MRAC (tau = {section_v.TAU:g} s), L1-AC (kappa = {section_v.KAPPA:g} s), and the robust MRAC with tau = {EQUAL:g} s",
+        f"Robust MRAC (tau = {section_v.TAU:g} s), L1-AC (kappa = {section_v.KAPPA:g} s), and the robust MRAC with tau = {EQUAL_TAU:g} s",
         ("respect", "named", "robust MRAC", "L1-AC", "robust, τ = κ", "better"),
         tuple((r.name, "yes" if r.named else "no", *r.shown, "robust MRAC" if r.holds else "L1-AC") for r in respects),
     )

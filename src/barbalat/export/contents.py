@@ -29,7 +29,7 @@ FEWEST_VECTORS = 10
 """The self-test refuses the ninth sample, and goes on with the next."""
 LEAST_RANGE = 1e6
 """What a state or an input may be in size where the simulation gives no reason for more."""
-ROOM = 10.0
+RANGE_FACTOR = 10.0
 """How often the simulation's largest number fits into the range that is stated."""
 
 
@@ -111,7 +111,7 @@ class Contents:
         """Beyond which no entry of the state, of the measurement or of the command is taken for one: a power of ten."""
         kept = self.vectors.states[:, self.layout.rows], self.vectors.measured, self.vectors.commands, self.initial
         largest = max(float(np.abs(part).max(initial=0.0)) for part in kept)
-        return float(max(LEAST_RANGE, 10.0 ** np.ceil(np.log10(max(ROOM * largest, 1.0)))))
+        return float(max(LEAST_RANGE, 10.0 ** np.ceil(np.log10(max(RANGE_FACTOR * largest, 1.0)))))
 
     @cached_property
     def limits(self) -> tuple[Array, Array] | None:
@@ -142,7 +142,7 @@ class Contents:
         computer, random = self.loop.computer, np.random.default_rng(0)
         assert computer is not None
         template, resting = initial_acting(self.loop), np.ones(len(self.initial), dtype=bool)
-        for _ in range(PROBES):
+        for _ in range(PROBED_STATES):
             moved = self.initial + random.uniform(0.1, 1.0, len(self.initial))
             acting: Acting = unflatten(template, moved, 0)[0]
             y, r = acting.held.measured + random.uniform(0.1, 1.0), acting.held.r + random.uniform(0.1, 1.0)
@@ -184,7 +184,7 @@ class Contents:
         return replace(self.vectors, states=states)
 
 
-PROBES = 4
+PROBED_STATES = 4
 """States at which it is seen what rests; an entry that stands still by chance at all of them is not to be expected."""
 
 

@@ -11,7 +11,7 @@ from barbalat.lowering import c99
 from barbalat.lowering.operations import Program
 from barbalat.run.sampled_part import COMMAND, FREEZE, MEASURED, STATE
 
-CLOCK = 1e-6
+CLOCK_TOLERANCE = 1e-6
 """By how much, relatively, a sample time or an estimate may be off: above a float's rounding, below any clock's error."""
 
 _MODEL = """\
@@ -23,7 +23,7 @@ static void advance_model({name}_controller *c)
 """
 
 
-BITS = ("stdint", "string")
+BITS_HEADERS = ("stdint", "string")
 """What the project's own sin, exp, ... take of the library: the bits of a number, by memcpy."""
 
 
@@ -40,14 +40,16 @@ def source(printed: Printed) -> str:
     return filled(
         "controller.c",
         origin=printed.origin,
-        include="".join(f"#include <{name}.h>\n" for name in (*(["math"] if needs_math else []), *(BITS if functions else []))),
+        include="".join(
+            f"#include <{name}.h>\n" for name in (*(["math"] if needs_math else []), *(BITS_HEADERS if functions else []))
+        ),
         functions=f"{functions}\n" if functions else "",
         guard=printed.guard,
         name=printed.name,
         macro=printed.macro,
         real=printed.real,
         zero=f"0.0{contents.real.suffix}",
-        clock=c99.constant(CLOCK * contents.sample_time, contents.real),
+        clock=c99.constant(CLOCK_TOLERANCE * contents.sample_time, contents.real),
         measured=printed.measured,
         u=contents.layout.u.name,
         started=started.name,
@@ -91,7 +93,8 @@ def _usable(printed: Printed) -> str:
             text = contents.layout.theta_hat.entry(contents.layout.theta_hat.start + i)
             for bound, sign, relation in ((low, -1.0, ">="), (high, 1.0, "<=")):
                 if np.isfinite(bound):
-                    tests.append(f"{text} {relation} {c99.constant(bound + sign * CLOCK * (1 + abs(bound)), contents.real)}")
+                    limit = bound + sign * CLOCK_TOLERANCE * (1 + abs(bound))
+                    tests.append(f"{text} {relation} {c99.constant(limit, contents.real)}")
     return "\n        && ".join(tests)
 
 

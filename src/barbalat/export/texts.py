@@ -14,7 +14,7 @@ from barbalat.export.contents import Contents
 from barbalat.export.names import prefix_of
 from barbalat.lowering import c99
 
-SHORT = 8
+SHORT_NUMBER_LENGTH = 8
 """Characters of a decimal number that a reader takes in at once; a longer one is no help beside the exact constant."""
 
 
@@ -51,7 +51,7 @@ class Printed:
     def number(self, value: float) -> str:
         """A constant, exactly, with its decimal form where that is short."""
         text, short = c99.constant(value, self.contents.real), repr(float(value))
-        return f"{text} /* {short} */" if len(short) <= SHORT else text
+        return f"{text} /* {short} */" if len(short) <= SHORT_NUMBER_LENGTH else text
 
     @cached_property
     def mark(self) -> str:

@@ -9,7 +9,7 @@ import warnings
 
 from matplotlib.figure import Figure
 
-from barbalat.pictures.theme import COLOURS, DARK_GROUND, DARK_INK, DARK_QUIET, GROUND, INK, ON_DARK, QUIET
+from barbalat.pictures.theme import COLOURS, DARK_GROUND, DARK_INK, DARK_QUIET_INK, GROUND, INK, ON_DARK, QUIET_INK
 
 PIXELS_PER_INCH = 110
 """Of a PNG: 1100 pixels for a page's width."""
@@ -72,9 +72,8 @@ def _shortened(path: str) -> str:
 
 def on_dark(colour: str) -> str | None:
     """A colour's partner: of the palette its own, of greys those as far from the dark ground as they were from white."""
-    named = dict(
-        zip((c.lower() for c in (*COLOURS, INK, QUIET, GROUND)), (*ON_DARK, DARK_INK, DARK_QUIET, DARK_GROUND), strict=True)
-    )
+    light = (c.lower() for c in (*COLOURS, INK, QUIET_INK, GROUND))
+    named = dict(zip(light, (*ON_DARK, DARK_INK, DARK_QUIET_INK, DARK_GROUND), strict=True))
     if colour in named:
         return named[colour]
     red, green, blue = (int(colour[i : i + 2], 16) / 255 for i in (1, 3, 5))

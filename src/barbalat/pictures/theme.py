@@ -20,8 +20,8 @@ ON_DARK = ("#4BA6EA", "#FF8B3D", "#2FC79B", "#E39BCB", "#E6B23C", "#9AD1F5")
 DASHES: tuple[str | tuple[float, tuple[float, ...]], ...] = ("-", (0, (5, 1.6)), (0, (1.2, 1.4)), (0, (6, 1.6, 1.2, 1.6)))
 """Of components of one colour."""
 INK, GROUND = "#1a1a1a", "#ffffff"
-QUIET = "#6b6b6b"
-DARK_INK, DARK_GROUND, DARK_QUIET = "#e8e8e8", "#14171a", "#a3a3a3"
+QUIET_INK = "#6b6b6b"
+DARK_INK, DARK_GROUND, DARK_QUIET_INK = "#e8e8e8", "#14171a", "#a3a3a3"
 
 WIDE, NARROW = 10.0, 4.1
 """Width of a figure [in]: for a page and print, and for a phone of 390 pixels, where 8 points are then some 10 pixels."""
@@ -33,14 +33,14 @@ class Theme:
 
     colours: tuple[str, ...] = COLOURS
     ink: str = INK
-    quiet: str = QUIET
+    quiet: str = QUIET_INK
 
     @classmethod
     def current(cls) -> Theme:
         """For the ground on which Matplotlib draws now."""
         ground = rcParams["figure.facecolor"]
         dark = ground != "none" and sum(to_rgb(ground)) < 1.5  # half of white
-        return cls(ON_DARK, DARK_INK, DARK_QUIET) if dark else cls()
+        return cls(ON_DARK, DARK_INK, DARK_QUIET_INK) if dark else cls()
 
     def colour(self, k: int) -> str:
         """Of the k-th thing that is compared."""

@@ -18,7 +18,7 @@ from barbalat.run.grid import Segment, segments_of
 from barbalat.run.members import Members
 from barbalat.run.metrics import Metrics, Totals
 from barbalat.run.noise import standard_normal
-from barbalat.run.step import PLAIN, Rhythm, StepProgram
+from barbalat.run.step import PLAIN_RHYTHM, Rhythm, StepProgram
 from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array
 
@@ -66,7 +66,7 @@ class Batch:
     program: StepProgram
     states: Array
     parameters: Array
-    rhythm: Rhythm = PLAIN
+    rhythm: Rhythm = PLAIN_RHYTHM
     record: bool = False
     lanes: int | None = None
     lags: Array | None = None

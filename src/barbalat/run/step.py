@@ -160,7 +160,7 @@ def sampled_states(loop: ClosedLoop) -> ca.Function:
     return ca.Function("sampled", [state_column, signal_column], [column(loop.sample(state, signals))], {"cse": True})
 
 
-PLAIN = Rhythm()
+PLAIN_RHYTHM = Rhythm()
 """Nothing is sampled, and nothing is noisy."""
 
 
@@ -172,7 +172,7 @@ def step_program(
     *,
     delay_weights: Value = None,
     lag_per_member: bool = False,
-    rhythm: Rhythm = PLAIN,
+    rhythm: Rhythm = PLAIN_RHYTHM,
     adjustable: bool = False,
     figures: bool = True,
     watch: bool = False,

@@ -17,7 +17,7 @@ RUNS_EACH = 16.5
 """Simulations for each member, as measured on Section V: many are lost early in the scan, then come the halvings."""
 ENSEMBLES_EACH = 20
 """Ensembles for each scheme: the scan's, the halvings', and the first without a delay."""
-SAMPLE = 64, 16
+TIMED_MEMBERS = 64, 16
 """Members that are timed."""
 
 
@@ -32,7 +32,7 @@ class Cost:
     @classmethod
     def measured(cls, members: Sequence[Member], simulation: Simulation) -> Cost:
         """From three ensembles: many members over two lengths, few over the shorter one."""
-        many, few = (_spread(members, size) for size in SAMPLE)
+        many, few = (_spread(members, size) for size in TIMED_MEMBERS)
         long = min(simulation.steps, 2 * CHUNK_STEPS)
         short = max(long // 2, 3)
         if long <= short or len(few) == len(many):  # too little of it to tell the parts apart

@@ -21,7 +21,7 @@ from barbalat.claims.claim import Check, Claim, Listing, PaperFigure, Reading
 from barbalat.claims.rows import LEDGER
 from barbalat.report.numbers import number_text
 from barbalat.report.terminal import certificates, ledger, runs
-from barbalat.report.terminal.layout import HELD, Screen, fold, shortened
+from barbalat.report.terminal.layout import HELD_BLANK, Screen, fold, shortened
 from barbalat.run.simulate import simulate
 
 WIDE = 400
@@ -146,15 +146,15 @@ def test_the_five_lines_say_what_the_entries_say(name):
             assert condition.kind == column.cells["stability"].kind
         assert ("guaranteed" in bound.text) == ("error_bound" in found.guaranteed)
         if "error_bound" in found.guaranteed:
-            printed = float(re.search(r"guaranteed.(\S+)", bound.text.replace(HELD, " ").replace(": ", " "))[1].rstrip(";"))
+            printed = float(re.search(r"guaranteed.(\S+)", bound.text.replace(HELD_BLANK, " ").replace(": ", " "))[1].rstrip(";"))
             assert found.values["error_bound"] <= printed <= found.values["error_bound"] * 1.001 + 1e-300
         for text, key in ((margin.text, "delay_margin"), (margin.text, "delay_margin_adapting")):
             value = found.values.get(key)
-            assert value is None or f"{value:.3g} s" in text.replace(HELD, " ")
+            assert value is None or f"{value:.3g} s" in text.replace(HELD_BLANK, " ")
         gain, step = found.values.get("gamma_max"), found.values.get("step_max")
-        assert gain is None or f"gain {gain:.3g}" in limits.text.replace(HELD, " ")
-        assert step is None or f"step {step:.3g} " in limits.text.replace(HELD, " ")
-        assert step is None or ("too long" in limits.text.replace(HELD, " ")) == (step < 1e-3)
+        assert gain is None or f"gain {gain:.3g}" in limits.text.replace(HELD_BLANK, " ")
+        assert step is None or f"step {step:.3g} " in limits.text.replace(HELD_BLANK, " ")
+        assert step is None or ("too long" in limits.text.replace(HELD_BLANK, " ")) == (step < 1e-3)
         broken = [e.why for e in (*found.entries, *column.cells.values()) if not e.applies and e.assumptions]
         assert all(why in assumed.text for why in broken) and ("fails here:" in assumed.text) == bool(broken)
 
@@ -183,14 +183,14 @@ def test_the_longest_limits_fit_80_columns():
     made = Certificate(tuple(Entry(key=key, value=value, kind="estimate") for key, value in values.items()))
     column = certified("paper")[1].columns[0]
     for dt, said in ((1e-5, "inside"), (5e-5, "between"), (1e-3, "too long")):
-        limits = certificates.five(column, made, dt)[3].text.replace(HELD, " ")
+        limits = certificates.five(column, made, dt)[3].text.replace(HELD_BLANK, " ")
         assert limits == f"gain 1.23e+05 to 1.2e+06, step 1.23e-05 to 0.00012 s (dt {said})" and len(limits) <= 66
 
 
 def test_a_long_sentence_is_cut_where_a_clause_ends():
     text = "none: no number bounds e: Lemma 1's constants can't be computed from the case"
-    assert shortened(text, 66) == f"none: no number bounds e{HELD}..." and shortened(text, len(text)) == text
-    assert shortened("one two three four", 15) == f"one two{HELD}..." and shortened("x" * 20, 10) == f"{'x' * 6}{HELD}..."
+    assert shortened(text, 66) == f"none: no number bounds e{HELD_BLANK}..." and shortened(text, len(text)) == text
+    assert shortened("one two three four", 15) == f"one two{HELD_BLANK}..." and shortened("x" * 20, 10) == f"{'x' * 6}{HELD_BLANK}..."
 
 
 def test_an_enclosure_is_on_one_line():
@@ -237,7 +237,7 @@ def test_folding_keeps_every_word(parts, width):
 def test_a_unit_stays_with_its_number(text):
     number_and_unit = re.search(r"\d[\d.e-]* (rad/s|s|%)", text)[0]
     for width in range(len(number_and_unit), len(text) + 1):
-        assert any(number_and_unit in line.replace(HELD, " ") for line in fold(text, width))
+        assert any(number_and_unit in line.replace(HELD_BLANK, " ") for line in fold(text, width))
 
 
 def test_a_run_prints_every_warning_once():

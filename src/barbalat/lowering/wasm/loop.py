@@ -22,7 +22,7 @@ ARGUMENTS = {
     "start": Kind.I64, "lags": Kind.I32, "ring": Kind.I32, "mask": Kind.I64, "noise": Kind.I32, "watched": Kind.I32,
     "watch_first": Kind.I64, "watch_window": Kind.I64, "sample_every": Kind.I64, "noise_hold": Kind.I64,
 }  # fmt: skip
-AT = {name: i for i, name in enumerate(ARGUMENTS)}
+ARGUMENT_PLACES = {name: i for i, name in enumerate(ARGUMENTS)}
 
 
 def loop(
@@ -79,11 +79,11 @@ class _Loop:
             [c.local() for _ in range(size)] for size in (shape.states, shape.accumulators, shape.signals, shape.noise)
         )
         p = [c.local() for _ in range(shape.parameters)]
-        past = Past(shape, c, {name: AT[name] for name in ("lags", "ring", "mask")})
+        past = Past(shape, c, {name: ARGUMENT_PLACES[name] for name in ("lags", "ring", "mask")})
         parts = (self.x, self.a, p, self.s, past.values, self.n)
         inputs = {(k, i): place for k, part in enumerate(parts) for i, place in enumerate(part)}
         for places, base in ((self.x, "state"), (p, "parameters")):
-            self._load(places, AT[base])
+            self._load(places, ARGUMENT_PLACES[base])
         past.before_the_loop()
         printers = [None if program is None else printing(program, c, inputs) for program in (step, sample, watch)]
         for printer in printers:
@@ -92,23 +92,23 @@ class _Loop:
         stepping, sampling, watching = printers
         assert stepping is not None
         self._blocks(stepping, sampling, watching, past)
-        self._store(AT["state"], self.x)
+        self._store(ARGUMENT_PLACES["state"], self.x)
         return c
 
     def _blocks(self, stepping: Printer, sampling: Printer | None, watching: Printer | None, past: Past) -> None:
         c, shape, size = self.code, self.shape, self.shape.states + self.shape.accumulators
         now, left, first_noise = (c.local(Kind.I64) for _ in range(3))
-        c.get(AT["start"])
+        c.get(ARGUMENT_PLACES["start"])
         c.set(now)
         if shape.noise:
-            self._divided(AT["start"], shape.noise_hold, "noise_hold", Do.I64_DIV_U)
+            self._divided(ARGUMENT_PLACES["start"], shape.noise_hold, "noise_hold", Do.I64_DIV_U)
             c.set(first_noise)
         c.begin_loop()
-        self._store(AT["out"], self.x)
+        self._store(ARGUMENT_PLACES["out"], self.x)
         for place, reset in zip(self.a, self.resets, strict=True):
             c.f64(reset)
             c.set(place)
-        c.get(AT["steps"])
+        c.get(ARGUMENT_PLACES["steps"])
         c.set(left)
         c.begin_loop()
         self._step(stepping, sampling, watching, past, now, first_noise)
@@ -121,12 +121,12 @@ class _Loop:
         c.do(Do.I64_EQZ, Do.I32_EQZ)
         c.again_if()
         c.end()
-        self._store(AT["out"], self.a, first=shape.states)
-        self._forward(AT["out"], size)
-        c.get(AT["blocks"])
+        self._store(ARGUMENT_PLACES["out"], self.a, first=shape.states)
+        self._forward(ARGUMENT_PLACES["out"], size)
+        c.get(ARGUMENT_PLACES["blocks"])
         c.i64(1)
         c.do(Do.I64_SUB)
-        c.tee(AT["blocks"])
+        c.tee(ARGUMENT_PLACES["blocks"])
         c.do(Do.I64_EQZ, Do.I32_EQZ)
         c.again_if()
         c.end()
@@ -135,11 +135,11 @@ class _Loop:
         self, stepping: Printer, sampling: Printer | None, watching: Printer | None, past: Past, now: int, first_noise: int
     ) -> None:
         c, shape = self.code, self.shape
-        self._load(self.s, AT["signals"])
-        self._forward(AT["signals"], shape.signals)
+        self._load(self.s, ARGUMENT_PLACES["signals"])
+        self._forward(ARGUMENT_PLACES["signals"], shape.signals)
         if shape.noise:
             row = c.local(Kind.I32)
-            c.get(AT["noise"])
+            c.get(ARGUMENT_PLACES["noise"])
             self._divided(now, shape.noise_hold, "noise_hold", Do.I64_DIV_U)
             c.get(first_noise)
             c.do(Do.I64_SUB)
@@ -185,9 +185,9 @@ class _Loop:
         watching.run()
         watching.number(watching.outputs[0][0])
         c.set(quantity)
-        c.get(AT["watched"], now, AT["watch_first"])
+        c.get(ARGUMENT_PLACES["watched"], now, ARGUMENT_PLACES["watch_first"])
         c.do(Do.I64_SUB)
-        c.get(AT["watch_window"])
+        c.get(ARGUMENT_PLACES["watch_window"])
         c.do(Do.I64_DIV_U)
         c.i64((self.shape.states + 2) * DOUBLE_BYTES)
         c.do(Do.I64_MUL, Do.I32_WRAP_I64, Do.I32_ADD)
@@ -223,7 +223,7 @@ class _Loop:
         """A number of steps by a count that is compiled in, or an argument."""
         self.code.get(place)
         if compiled is None:
-            self.code.get(AT[argument])
+            self.code.get(ARGUMENT_PLACES[argument])
         else:
             self.code.i64(compiled)
         self.code.do(by)

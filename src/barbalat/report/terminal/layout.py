@@ -13,7 +13,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-HELD = "\N{NO-BREAK SPACE}"
+HELD_BLANK = "\N{NO-BREAK SPACE}"
 """A blank at which no line ends."""
 NARROWEST, FALLBACK = 40, 80
 """Columns: what any screen is taken to have, and what is assumed where nobody says (a file, a pipe)."""
@@ -30,7 +30,7 @@ ENCLOSED = re.compile(r"(?<=\d) \.\.\. (?=[-+\d])")
 """The blanks between the two ends of an enclosure."""
 CLAUSE = re.compile(r"[;:,] ")
 """Where a sentence may end before its end."""
-CUT = f"{HELD}..."
+CUT = f"{HELD_BLANK}..."
 """In the place of what a line has no room for."""
 HANGING = 4
 """Columns beside a labelled line's label: two before it, two behind."""
@@ -38,7 +38,7 @@ HANGING = 4
 
 def held(text: str) -> str:
     """The text as one word."""
-    return text.replace(" ", HELD)
+    return text.replace(" ", HELD_BLANK)
 
 
 def fold(text: str, width: int, indent: str = "", start: str = "") -> list[str]:
@@ -57,12 +57,12 @@ def fold(text: str, width: int, indent: str = "", start: str = "") -> list[str]:
 
 
 def _bound_to_units(text: str) -> str:
-    return COMPARED.sub(rf"{HELD}\1{HELD}", PAIR.sub(HELD, ENCLOSED.sub(f"{HELD}...{HELD}", text)))
+    return COMPARED.sub(rf"{HELD_BLANK}\1{HELD_BLANK}", PAIR.sub(HELD_BLANK, ENCLOSED.sub(f"{HELD_BLANK}...{HELD_BLANK}", text)))
 
 
 def _released(word: str, width: int) -> list[str]:
     """A word; the words that are held together in it, where together they are too wide for a line."""
-    return [word] if cell_len(word) <= width else word.split(HELD)
+    return [word] if cell_len(word) <= width else word.split(HELD_BLANK)
 
 
 def _cut(text: str, width: int) -> str:
@@ -119,16 +119,16 @@ class Screen:
         """A label in so many columns, and beside it a paragraph; below it where the label is too wide, or the screen narrow."""
         label, text, hanging = self._shown(label), self._shown(text), indent + " " * (room + 2)
         enclosed = ENCLOSED.sub("-...-", text)  # one word as wide as it is
-        widest = max((cell_len(word) for word in enclosed.replace(HELD, " ").split()), default=0)
+        widest = max((cell_len(word) for word in enclosed.replace(HELD_BLANK, " ").split()), default=0)
         if cell_len(label) > room or self.width - len(hanging) < max(NARROWEST // 2, widest):
             self._print(indent + label, style)
             hanging, start = indent + "    ", ""
         else:
-            start = indent + label.replace(HELD, " ") + " " * (room - cell_len(label) + 2)
+            start = indent + label.replace(HELD_BLANK, " ") + " " * (room - cell_len(label) + 2)
         lines = fold(text, self.width - len(hanging))
         for i, line in enumerate(lines):
             before = start if i == 0 and start else hanging
-            self.console.print(Text.assemble((before, style), line.replace(HELD, " ")), soft_wrap=True)
+            self.console.print(Text.assemble((before, style), line.replace(HELD_BLANK, " ")), soft_wrap=True)
 
     def table(self, headings: Sequence[str], rows: Sequence[Sequence[str]], leads: int = 1, left: Sequence[int] = ()) -> None:
         """A line for each row where that fits, else a paragraph for each; nothing without rows.
@@ -138,7 +138,7 @@ class Screen:
         """
         if not rows:
             return
-        shown = [[self._shown(cell).replace(HELD, " ") for cell in row] for row in rows]
+        shown = [[self._shown(cell).replace(HELD_BLANK, " ") for cell in row] for row in rows]
         table = Table(box=box.SIMPLE_HEAD, show_edge=False, pad_edge=False, padding=(0, 1, 0, 0), header_style="bold")
         for i, heading in enumerate(headings):
             table.add_column(Text(heading), justify="left" if i < leads or i in left else "right", no_wrap=True)
@@ -163,11 +163,11 @@ class Screen:
 
     def _shown(self, text: str) -> str:
         """With escapes for what the terminal's encoding does not have, of which the layout has to know."""
-        held_blank = text.replace(HELD, "\0")
-        return held_blank.encode(self.console.encoding, "backslashreplace").decode(self.console.encoding).replace("\0", HELD)
+        encoding, marked = self.console.encoding, text.replace(HELD_BLANK, "\0")
+        return marked.encode(encoding, "backslashreplace").decode(encoding).replace("\0", HELD_BLANK)
 
     def _print(self, line: str, style: str = "") -> None:
-        self.console.print(Text(line.replace(HELD, " "), style=style), soft_wrap=True)
+        self.console.print(Text(line.replace(HELD_BLANK, " "), style=style), soft_wrap=True)
 
 
 def grouped(rows: Sequence[Sequence[str]]) -> list[list[str]]:
