@@ -144,7 +144,7 @@ def reference_at_samples(problem, law, r):
 
 def test_no_run_is_farther_from_the_reference_system_than_is_guaranteed(sample):
     random, close = np.random.default_rng(11), 0.0
-    for i in range(sample(6, 200)):
+    for i in range(sample(4, 200)):
         n = int(random.integers(1, 4))
         b = np.zeros(n)
         b[-1] = random.choice([1.0, -0.7])
