@@ -55,6 +55,8 @@ EXPECTED = {
     # |1 - C| falls with one slope, or two where C'(0) = 0, a PI's |S| with two; a robust MRAC learns theta and cancels it
     "l1-against-pi": "confirmed with conditions", "adaptive-against-linear": "confirmed with conditions",
     "l1-output-is-lti": "confirmed",
+    # sigma_hat(infinity) = e^(aT) sigma: an integral action for a = 0 alone (docs/piecewise.md)
+    "l1-piecewise-is-lti": "confirmed with conditions",
     "rohrs": "confirmed with conditions",
     # V falls at every sample, whatever the gain (docs/sampled.md)
     "sampled-midpoint": "not confirmed",

@@ -189,7 +189,7 @@ def test_the_integral_action_of_that_pi_takes_a_constant_disturbance_away():
 
 @pytest.mark.parametrize("T", [0.001, 0.004])
 def test_noise_grows_in_the_estimate_and_not_in_u(T):
-    """s sqrt(2)/T in sigma_hat. In u s w_c/sqrt(2): the trapezoidal rule's mean of two samples takes a factor sqrt(2) from s w_c.
+    """s sqrt(2)/T in sigma_hat. In u s w_c/sqrt(2): the trapezoidal rule's mean of two samples takes a root of 2.
 
     5 %: 1/sqrt(2 N) of N >= 5000 samples is 1 %; the loop's own answer and w_c T are of the order of 2 %. 15 % in u, where
     the baseline, of gain 1 beside w_c = 10, adds its own; what it is exactly stands in the certificate.

@@ -47,7 +47,7 @@ def test_gain_and_phase_margin_of_the_integrator():
 def test_the_delay_margin_is_where_the_radius_passes_one(sample):
     """Random stable loops of a second-order plant with a lag: stable up to the margin on a grid of delays, unstable beyond."""
     random, seen = np.random.default_rng(3), 0
-    for _ in range(sample(10, 100)):
+    for _ in range(sample(4, 60)):
         T = 10 ** random.uniform(-2, -0.5)
         A = np.zeros((3, 3))
         A[:2, :2] = [[0.0, 1.0], -random.uniform(0.1, 4.0, 2)]
@@ -60,11 +60,11 @@ def test_the_delay_margin_is_where_the_radius_passes_one(sample):
             continue
         margin = loop.delay_margin(0.0)
         ends = 40 * T if np.isinf(margin) else margin
-        assert max(loop.radius(d) for d in np.linspace(0, ends * (1 - 1e-5), 97)) < 1
+        assert max(loop.radius(d) for d in np.linspace(0, ends * (1 - 1e-5), 33)) < 1
         if np.isfinite(margin):
             seen += 1
             assert loop.radius(margin * (1 + 1e-4)) > 1
-    assert seen > 2
+    assert seen > 0
 
 
 def test_sums_and_largest_values_are_bounds_that_are_close():

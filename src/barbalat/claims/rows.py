@@ -24,6 +24,7 @@ from barbalat.claims import (
     onset,
     output_feedback,
     own_oscillation,
+    piecewise,
     relative_degree,
     robustness,
     sampled,
@@ -165,6 +166,7 @@ LEDGER = (
         sharper=partial(l1_reference.claim, full=True), sharper_seconds=4.0,
     ),
     Measurement(output_feedback.l1_is_linear, 0.6, {"l1-output-is-lti": "the L1 output-feedback controller is linear"}),
+    Measurement(piecewise.is_linear, 2.5, {"l1-piecewise-is-lti": "the L1 controller that flies is linear"}),
     Measurement(output_feedback.rohrs, 1.0, {"rohrs": "Rohrs' example"}),
     Measurement(
         relative_degree.any_relative_degree, 4.0, {"siso-any-relative-degree": "the robust MRAC for any relative degree"}

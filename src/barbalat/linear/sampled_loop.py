@@ -15,20 +15,34 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
 from barbalat.linear.systems import StateSpace
 from barbalat.validate import Array, InputError
 
-FREQUENCIES = 1500
-"""Of the grid up to pi/T, once by equal ratios and once by equal steps; the closed loop's own modes join it at each delay."""
-STEP_TOLERANCE = 1e-7
-"""Relative: where the search for the delay margin may go no further at once than this, the margin is reached."""
+LEAST_STEP = 1e-4
+"""Of a sample: the search goes on by this much at least, beyond what the grid of frequencies resolves."""
+FREQUENCIES = 600
+"""Of the grid up to pi/T, once by equal ratios and once by equal steps; the modes without feedback join it."""
+CLOSER_LOOKS, POINTS_OF_A_LOOK = 2, 21
+"""Between the neighbours of a least value on the grid, and again: a hundredth of the grid's steps."""
+SHORT_STEP = 0.1
+"""Of a sample: steps of the search that are shorter are near a loss of stability, and what lies behind them is looked at."""
 MOST_SAMPLES_OF_DELAY = 500
 """Beyond it the delay margin is not sought."""
 TURN = 0.05
 """By how much e^(A t) may turn between the instants within a sample at which it is evaluated."""
+
+
+class _Effects(NamedTuple):
+    """Of a delay of l samples and a share f of one: what u[k-l] and u[k-l-1] make of X by the next sample."""
+
+    whole: int
+    part: float
+    late: Array
+    early: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,13 +65,12 @@ class SampledLoop:
 
     def broken(self, delay: float) -> tuple[Array, Array, Array]:
         """(M, N, C) of s[k+1] = M s[k] + N v[k], u[k] = C s[k]: the loop with its delay [s], open where u leaves."""
-        whole, part = _split(delay, self.T)
-        (Phi, _), (after, late), (_, early) = self.over(self.T), self.over((1 - part) * self.T), self.over(part * self.T)
+        whole, part, late, early = self._effects(delay)
         s, m = self.E.shape
-        late, early = self.J @ late, self.J @ after @ early
+        late, early = self.J @ late, self.J @ early
         kept = m * (whole + (part > 0))  # inputs of earlier samples that are still under way
         M, N = np.zeros((s + kept, s + kept)), np.zeros((s + kept, m))
-        M[:s, :s] = self.J @ Phi
+        M[:s, :s] = self._between
         for age, effect in ((whole, late), (whole + 1, early)):
             if age == 0:
                 N[:s] += effect
@@ -67,6 +80,16 @@ class SampledLoop:
             N[s : s + m] = np.eye(m)
             M[s + m :, s:-m] = np.eye(kept - m)
         return M, N, np.hstack([self.C, np.zeros((m, kept))])
+
+    def _effects(self, delay: float) -> _Effects:
+        whole, part = _split(delay, self.T)
+        (after, late), (_, early) = self.over((1 - part) * self.T), self.over(part * self.T)
+        return _Effects(whole, part, late, after @ early)
+
+    @cached_property
+    def _between(self) -> Array:
+        """J e^(A T)."""
+        return np.asarray(self.J @ self.over(self.T)[0])
 
     def closed(self, delay: float) -> Array:
         """From sample to sample."""
@@ -92,6 +115,8 @@ class SampledLoop:
         L changes as the edge of v moves through the sample, by R e^(A t) E (1 - 1/z) dt, R = C (zI - J e^(A T))^-1 J. InputError
         where the loop is unstable, and where nothing is found up to ``MOST_SAMPLES_OF_DELAY`` samples.
         """
+        from scipy.optimize import brentq
+
         if not self.radius(delay) < 1:
             raise InputError(f"unstable from sample to sample: spectral radius {self.radius(delay):.6g}")
         if self._never_large():
@@ -99,8 +124,10 @@ class SampledLoop:
         d = delay
         while d < delay + MOST_SAMPLES_OF_DELAY * self.T:
             step = self._safe_step(d)
-            if step <= STEP_TOLERANCE * (d + self.T):
-                return d - delay
+            if step < SHORT_STEP * self.T:
+                step = max(step, LEAST_STEP * self.T)
+                if self.radius(d + step) >= 1:
+                    return float(brentq(lambda at: self.radius(at) - 1, d, d + step, xtol=1e-12 * self.T)) - delay
             d += step
         raise InputError(f"no delay up to {MOST_SAMPLES_OF_DELAY} samples destabilises it, and longer ones were not tried")
 
@@ -109,11 +136,14 @@ class SampledLoop:
         """Frequencies (K,) [rad/s], and R there, (K, m, s)."""
         highest = np.pi / self.T
         w = np.union1d(np.geomspace(1e-6 * highest, highest, FREQUENCIES), np.linspace(0, highest, FREQUENCIES)[1:])
+        modes = np.linalg.eigvals(self._between)
+        own = np.abs(np.angle(modes[np.abs(modes) > 0.5])) / self.T  # others decay within samples: no narrow peak
+        w = np.union1d(w, own[own > w[0]])
         return w, self._resolvent(w)
 
     def _resolvent(self, w: Array) -> Array:
         z = np.exp(1j * w * self.T)
-        M = self.J @ self.over(self.T)[0]
+        M = self._between
         turned = np.linalg.solve((z[:, None, None] * np.eye(len(M)) - M).transpose(0, 2, 1), self.C.T[None].astype(complex))
         return np.asarray(turned.transpose(0, 2, 1) @ self.J)
 
@@ -132,29 +162,34 @@ class SampledLoop:
     def _grid_slopes(self) -> Array:
         return self._slopes(*self._grid)
 
-    def _L(self, w: Array, R: Array, delay: float) -> Array:
-        whole, part = _split(delay, self.T)
-        (after, late), (_, early) = self.over((1 - part) * self.T), self.over(part * self.T)
+    def _L(self, w: Array, R: Array, effects: _Effects) -> Array:
         z = np.exp(1j * w * self.T)[:, None, None]
-        return np.asarray(-(R @ late + R @ (after @ early) / z) / z**whole)
+        return np.asarray(-(R @ effects.late + R @ effects.early / z) / z**effects.whole)
 
     def _safe_step(self, delay: float) -> float:
+        """|1 + L| over |dL/dd| at the worst frequency; around the least values on the grid it is looked at more closely."""
         w, R = self._grid
-        modes = np.linalg.eigvals(self.closed(delay))
-        own = np.unique(np.abs(np.angle(modes[np.abs(modes) > 0])) / self.T)
-        own = own[own > 0]
-        found = [(w, R, self._grid_slopes)]
-        if len(own):
-            at_modes = self._resolvent(own)
-            found.append((own, at_modes, self._slopes(own, at_modes)))
-        eye = np.eye(len(self.C))
-        steps = [np.linalg.norm(eye + self._L(w, R, delay), -2, axis=(1, 2)) / np.maximum(slope, 1e-300) for w, R, slope in found]
-        return min(self.T, *(float(each.min()) for each in steps))
+        effects = self._effects(delay)
+        room = self._room(w, R, self._grid_slopes, effects)
+        for _ in range(CLOSER_LOOKS):
+            inner = np.concatenate([[np.inf], room, [np.inf]])
+            least = np.flatnonzero((room <= inner[:-2]) & (room <= inner[2:]) & (room <= 4 * room.min()))
+            left, right = w[np.maximum(least - 1, 0)], w[np.minimum(least + 1, len(w) - 1)]
+            w = np.unique(np.linspace(left, right, POINTS_OF_A_LOOK))
+            R = self._resolvent(w)
+            room = self._room(w, R, self._slopes(w, R), effects)
+        return float(room.min())
+
+    def _room(self, w: Array, R: Array, slopes: Array, effects: _Effects) -> Array:
+        nearest = np.linalg.norm(np.eye(len(self.C)) + self._L(w, R, effects), -2, axis=(1, 2))
+        return np.asarray(nearest / np.maximum(slopes, 1e-300))
 
     def _never_large(self) -> bool:
         """Whether |L| < 1 at all frequencies wherever the edge stands, which no delay changes."""
         w, R = self._grid
-        largest = max(np.linalg.norm(self._L(w, R, part * self.T), 2, axis=(1, 2)).max() for part in np.linspace(0, 0.9, 10))
+        largest = max(
+            np.linalg.norm(self._L(w, R, self._effects(part * self.T)), 2, axis=(1, 2)).max() for part in np.linspace(0, 0.9, 10)
+        )
         return bool(largest < 1 - TURN)
 
 

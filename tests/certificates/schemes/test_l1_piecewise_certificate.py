@@ -1,0 +1,203 @@
+"""What the certificate of the piecewise-constant law says, against simulations and second methods."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+
+from barbalat import (
+    AsFlown,
+    Constant,
+    L1PiecewiseConstant,
+    Noise,
+    Plant,
+    PlantInput,
+    Problem,
+    ReferenceModel,
+    Sensor,
+    Simulation,
+    Sine,
+    Square,
+    TransferFunction,
+    certify,
+    input_filter,
+    simulate,
+)
+from barbalat.cases.load import load_case
+from barbalat.controllers.l1_piecewise import input_directions
+from barbalat.problem.regressors import Polynomial
+
+SIMULATION = Simulation(t_end=1.0, dt=1e-3)
+
+
+def certified(problem, controller):
+    return certify(problem, [controller], SIMULATION)[controller.name]
+
+
+def without_limits():
+    """The bundled quadrotor as a linear loop, pushed once: motors, delay, both forms."""
+    case = load_case("quadrotor-pitch")
+    plant = replace(case.problem.plant, input=replace(case.problem.plant.input, saturation=None), x0=[0.1, 0.0])
+    laws = [replace(law, saturated_predictor=False) for law in case.controllers if isinstance(law, L1PiecewiseConstant)]
+    return replace(case.problem, plant=plant, disturbance=None, reference=Constant(0.0)), laws
+
+
+def grows(problem, law, dt):
+    """The last quarter of 40 s against the one before: a mode at the margin's 1 % changes by a factor there, see below."""
+    run = simulate(problem, [law], Simulation(t_end=40.0, dt=dt))[law.name]
+    x = np.abs(run.envelope.e_max[:, 0])
+    quarters = [part.max() for part in np.array_split(x, 4)]
+    return quarters[3] > quarters[2]
+
+
+@pytest.mark.parametrize("form", [0, 1])
+def test_the_delay_margin_is_where_a_simulation_begins_to_grow(form):
+    """2 % below and above, with the delay inside of a sample."""
+    problem, laws = without_limits()
+    entry = certified(problem, laws[form]).entry("delay_margin")
+    assert entry.kind == "exact" and "from sample to sample" in entry.of
+    dt = laws[form].sample_time / 8
+    for share, lost in ((0.98, False), (1.02, True)):
+        delay = dt * round((problem.delay + share * entry.value) / dt)
+        assert delay % laws[form].sample_time > dt / 2
+        late = replace(problem, plant=replace(problem.plant, input=replace(problem.plant.input, delay=delay)))
+        assert grows(late, laws[form], dt) == lost
+
+
+@pytest.mark.parametrize("form", [0, 1])
+def test_the_gain_margins_are_where_a_simulation_begins_to_grow(form):
+    problem, laws = without_limits()
+    found = certified(problem, laws[form]).values
+    for share, lost in ((0.97, False), (1.03, True)):
+        stronger = replace(problem.plant.input, gain=share * found["gain_margin"])
+        assert grows(replace(problem, plant=replace(problem.plant, input=stronger)), laws[form], 1.25e-3) == lost
+
+
+def test_the_sensitivity_peak_by_frequencies():
+    """The loop by hand: exact form, no actuator, from §10's identity; the peak over a dense grid."""
+    plant = Plant(A_m=[[0.0, 1.0], [-2.0, -3.0]], b=[0.0, 2.0], theta=[1.0, -0.5])
+    T, kappa = 0.02, 0.1
+    law = L1PiecewiseConstant(sample_time=T, filter=input_filter(kappa))
+    values = certified(Problem(plant=plant), law).values
+    E, B, b = expm(plant.A_m * T), input_directions(plant.b), plant.b
+    Phi = np.linalg.solve(plant.A_m, E - np.eye(2))
+    K = np.linalg.solve(Phi @ B, E)  # sigma_hat = K (x - E x/z - Phi b u/z)
+    A = plant.A_m + np.outer(b, plant.theta)
+    held = expm(T * np.block([[A, b[:, None]], [np.zeros((1, 3))]]))
+    F, G = held[:2, :2], held[:2, 2]
+    z = np.exp(1j * np.geomspace(1e-4, np.pi, 20_000))
+    s = 2 / T * (z - 1) / (z + 1 + 1e-30)
+    C = 1 / (kappa * s + 1)
+    P = np.linalg.solve(z[:, None, None] * np.eye(2) - F, np.broadcast_to(G[:, None], (len(z), 2, 1)))[..., 0]
+    L = C * (K[0] @ P.T - K[0] @ E @ P.T / z) / (1 - C * (K[0] @ Phi @ b) / z)
+    assert values["sensitivity_peak"] == pytest.approx(np.abs(1 / (1 + L)).max(), rel=1e-5)
+    assert values["complementary_sensitivity_peak"] == pytest.approx(np.abs(L / (1 + L)).max(), rel=1e-5)
+
+
+@pytest.mark.parametrize("flown", [None, AsFlown(predictor_poles=-4.0, nominal=[0.5, 0.0])])
+def test_noise_in_a_simulation_is_what_is_certified(flown):
+    """3 %: 1/sqrt(2 N) of some 10 000 independent values is 0.7 %, those of u hang together over the filter's 10 samples."""
+    T, s = 0.01, 0.02
+    plant = Plant(A_m=[[0.0, 1.0], [-2.0, -3.0]], b=[0.0, 2.0], theta=[1.0, -0.5])
+    sensor = Sensor(noise=Noise(std=s, sample_time=T, seed=5))
+    problem = Problem(plant=plant, reference=Constant(0.0), sensor=sensor)
+    law = L1PiecewiseConstant(sample_time=T, filter=input_filter(0.1), as_flown=flown)
+    values = certified(problem, law).values
+    run = simulate(problem, [law], Simulation(t_end=200.0, dt=T, record_points=20_000))[law.name]
+    np.testing.assert_allclose(run.reported["sigma_hat"].std(axis=0), s * np.array(values["noise_in_sigma_hat"]), rtol=0.03)
+    np.testing.assert_allclose(run.u.std(), s * np.array(values["noise_in_u"])[0], rtol=0.05)
+
+
+def test_the_margin_of_short_samples_is_that_of_the_reference_system(section_v):
+    problem = replace(section_v, uncertainty=None)
+    away = []
+    for T in (4e-3, 1e-3):
+        values = certified(problem, L1PiecewiseConstant(sample_time=T, filter=input_filter(0.02))).values
+        away.append(abs(values["delay_margin"] - values["delay_margin_reference"]))
+    assert away[1] < 0.03 * values["delay_margin_reference"]
+    assert away[1] < 0.35 * away[0]
+
+
+def reference_at_samples(problem, law, r):
+    """x_ref under the held commands r (N,), by one exponential for all: filter of first order, one input, by hand."""
+    plant, kappa, n = problem.plant, 1 / law.filter.den[-1], problem.plant.n
+    theta, theta_0 = plant.theta, np.zeros(n) if law.as_flown is None else np.array(law.as_flown.nominal)
+    A = np.zeros((n + 2, n + 2))  # x_ref, C's output, r
+    k_0 = problem.reference_model.k_0
+    A[:n, :n] = plant.A_m + np.outer(plant.b, theta - theta_0)
+    A[:n, n] = plant.b
+    A[n, :n], A[n, n] = -(theta - theta_0) / kappa, -1 / kappa
+    if law.as_flown is None:
+        A[n, n + 1] = k_0 / kappa
+    else:
+        A[:n, n + 1] = plant.b * k_0
+    step, state, found = expm(A * law.sample_time), np.concatenate([plant.x0, [0.0, 0.0]]), []
+    for value in r:
+        found.append(state[:n])
+        state[-1] = value
+        state = step @ state
+    return np.array(found)
+
+
+def test_no_run_is_farther_from_the_reference_system_than_is_guaranteed(sample):
+    random, close = np.random.default_rng(11), 0.0
+    for i in range(sample(4, 200)):
+        n = int(random.integers(1, 4))
+        b = np.zeros(n)
+        b[-1] = random.choice([1.0, -0.7])
+        A_m = np.eye(n, k=1)
+        A_m[-1] = -np.poly(-random.uniform(0.5, 2.5, n))[1:][::-1]
+        plant = Plant(A_m=A_m, b=b, theta=random.uniform(-1.5, 1.5, n), x0=random.uniform(-1, 1, n))
+        signal = (Sine(1.3, random.uniform(0.5, 8.0)), Square(1.3, random.uniform(0.5, 3.0)), Constant(-1.3))[i % 3]
+        problem = Problem(plant=plant, reference_model=ReferenceModel(k_0=1.5), reference=signal)
+        flown = AsFlown(predictor_poles=-5.0, nominal=random.uniform(-1, 1, n)) if i % 2 else None
+        law = L1PiecewiseConstant(sample_time=float(random.choice([0.01, 0.05])), filter=input_filter(0.1), as_flown=flown)
+        entry = certified(problem, law).entry("reference_distance")
+        if entry.value is None:
+            assert "unstable" in entry.why
+            continue
+        assert entry.kind == "guaranteed"
+        T = law.sample_time
+        run = simulate(problem, [law], Simulation(t_end=20.0, dt=T / 2, record_points=round(40 / T)))[law.name]
+        x, r = run.x[::2], run.r[::2]
+        away = np.abs(x - reference_at_samples(problem, law, r)).max()
+        assert away <= entry.value
+        close = max(close, away / entry.value)
+    assert close > 0.3  # it is no wild guess: one of the commands comes near the worst
+
+
+def test_the_entries_of_the_form_as_flown():
+    plant = Plant(A_m=[[-1.0]], b=[1.0], theta=[1.0])
+    law = L1PiecewiseConstant(
+        sample_time=2e-4, filter=input_filter(0.01), as_flown=AsFlown(predictor_poles=-10.0, assumed_sample_time=1e-3)
+    )
+    values = certified(Problem(plant=plant), law).values
+    assert values["sample_time_ratio"] == pytest.approx(0.2)
+    assert values["baseline_gain"] == pytest.approx(5.0)
+    assert values["disturbance_left"] == [pytest.approx(-np.expm1(-10.0 * 1e-3))]
+
+
+def test_the_dc_gain_is_that_of_the_exact_form():
+    plant = Plant(A_m=[[-2.0, 1.0], [0.3, -1.0]], b=[1.0, 0.4], theta=[0.0, 0.0])
+    values = certified(Problem(plant=plant), L1PiecewiseConstant(sample_time=0.1, filter=input_filter(0.1))).values
+    B = input_directions(plant.b)
+    np.testing.assert_allclose(values["sigma_hat_at_dc"], np.linalg.solve(B, expm(0.1 * plant.A_m) @ B), atol=1e-12)
+
+
+def test_what_it_does_not_know_is_said():
+    """Nonlinear plants, unstable loops, several inputs."""
+    nonlinear = Plant(A_m=[[-1.0]], b=[1.0], theta=[1.0, 0.5], regressor=Polynomial(degree=2))
+    law = L1PiecewiseConstant(sample_time=0.01, filter=input_filter(0.1))
+    found = certified(Problem(plant=nonlinear), law)
+    assert found.guaranteed == frozenset() and "phi(x) = x" in found.entry("delay_margin").why
+    unstable = Problem(plant=Plant(A_m=[[-1.0]], b=[1.0], theta=[30.0], input=PlantInput(delay=0.2)))
+    found = certified(unstable, law)
+    assert "unstable from sample to sample" in found.entry("delay_margin").why and found.values["spectral_radius"] > 1
+    plant = Plant(A_m=-np.eye(2), b=np.eye(2), theta=[0.3, 0.0, 0.1, 0.2])
+    several = Problem(plant=plant, reference_model=ReferenceModel(k_0=np.eye(2)), reference=(Constant(1.0), Sine(1.0, 1.0)))
+    found = certified(several, replace(law, filter=TransferFunction([9.0], [1.0, 4.2, 9.0])))
+    assert found.values["delay_margin"] > 0 and "gain_margin" not in found.values
+    assert "reference_distance" in found.guaranteed
