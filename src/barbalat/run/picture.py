@@ -12,7 +12,7 @@ from barbalat.pictures.panel_drawing import draw
 from barbalat.pictures.panels import Level, Panel, Series, around, span_of, text_of
 from barbalat.problem.command_gain import FOLLOWS_TO, commanded, gains_at_rest
 from barbalat.problem.output_feedback import OutputProblem
-from barbalat.run.estimates_panel import estimates_panel, reachable, scale_of
+from barbalat.run.estimates_panel import estimates_panels, reachable, scale_of
 from barbalat.validate import Array
 
 if TYPE_CHECKING:
@@ -40,13 +40,12 @@ def panels(results: Sequence[Result]) -> list[Panel]:
     """First what all have in common, then each one's error and estimates."""
     if len(results) == 1:
         (result,) = results
-        estimates = estimates_panel(result, "Estimates")
-        return [*_tracking(results), _error(result, "Tracking error"), _control(results), *([estimates] if estimates else [])]
+        own = [_error(result, "Tracking error"), _control(results), *estimates_panels(result, "Estimates")]
+        return [*_tracking(results), *own]
     found = [*_tracking(results), _largest_error(results), _control(results)]
     for result in results:
         name = text_of(result.name)
-        error, estimates = _error(result, f"{name}: tracking error"), estimates_panel(result, f"{name}: estimates")
-        found += [error] if estimates is None else [error, estimates]
+        found += [_error(result, f"{name}: tracking error"), *estimates_panels(result, f"{name}: estimates")]
     return found
 
 
@@ -62,14 +61,24 @@ def _tracking(results: Sequence[Result]) -> list[Panel]:
         runs = [_motion(result, state, k, _width(k, len(results))) for k, result in enumerate(results)]
         others = [Series(t=longest.t, value=_of_model(longest, state), label=f"model ${model}$", colour="ink", dash=1)]
         others += [_command(longest, k, float(gains[state, k])) for k in commands]
-        gain = float(gains[state, commands[0]])
-        off = gains.shape[1] == 1 and abs(gain - 1) > FOLLOWS_TO
-        note = f"for a constant command r the model settles at {gain:.4g} r, not at r" if off else ""
+        note = _settles_at(gains, state, commands)
         title = "Output $y$" if output else f"State $x_{state + 1}$"
         limits = _limits_beside_diverged(results, [s.value for s in runs], [s.value for s in others])
         whole = Panel(title=f"{title}, model and command", series=[*runs, *others], note=note, limits=limits, whole_row=True)
         found += [whole, *close_ups(whole, others, longest.simulation.t_end)]
     return found
+
+
+def _settles_at(gains: Array, state: int, commands: Sequence[int]) -> str:
+    """Where a model's state goes for constant commands, when that is not the command itself."""
+    several = gains.shape[1] > 1
+    off = {f"$r_{k + 1}$" if several else "$r$": float(gains[state, k]) for k in commands}
+    parts = [f"{gain:.4g} {name}" for name, gain in off.items() if abs(gain - 1) > FOLLOWS_TO]
+    if not parts:
+        return ""
+    names = ", ".join(off)
+    alone = " (the others at zero)" if several else ""
+    return f"for a constant command {names}{alone} the model settles at {', '.join(parts)}, not at {names}"
 
 
 def _command(result: Result, k: int, gain: float) -> Series:
