@@ -24,7 +24,7 @@ MOST_BOUNDED = 3
 
 
 def estimates_panels(result: Result, title: str) -> list[Panel]:
-    """One, or two where some estimates move so little beside the others that their lines would be flat; none without estimates."""
+    """One, or two where some estimates move so little beside the others that their lines would be flat."""
     large, small = _by_size(result)
     if not small:
         return [_panel(result, title, large)] if large else []

@@ -9,8 +9,9 @@ import numpy as np
 
 from barbalat.pictures.close_ups import close_ups
 from barbalat.pictures.panel_drawing import draw
-from barbalat.pictures.panels import Level, Panel, Series, around, span_of, text_of
+from barbalat.pictures.panels import Level, Panel, Series, around, as_typed, span_of, text_of
 from barbalat.problem.command_gain import FOLLOWS_TO, commanded, gains_at_rest
+from barbalat.problem.labels import Labels
 from barbalat.problem.output_feedback import OutputProblem
 from barbalat.run.estimates_panel import estimates_panels, reachable, scale_of
 from barbalat.validate import Array
@@ -52,7 +53,7 @@ def panels(results: Sequence[Result]) -> list[Panel]:
 def _tracking(results: Sequence[Result]) -> list[Panel]:
     """A panel for each commanded state, or for the output."""
     problem = results[0].problem
-    output = isinstance(problem, OutputProblem)
+    output, labels = isinstance(problem, OutputProblem), problem.labels or Labels()
     gains = gains_at_rest(problem)
     found = []
     for state, commands in commanded(problem):
@@ -63,8 +64,10 @@ def _tracking(results: Sequence[Result]) -> list[Panel]:
         others += [_command(longest, k, float(gains[state, k])) for k in commands]
         note = _settles_at(gains, state, commands)
         title = "Output $y$" if output else f"State $x_{state + 1}$"
+        title += f" = {text_of(labels.name(state))}" if labels.name(state) else ""
+        y = f"{'$y$' if output else f'$x_{state + 1}$'} {as_typed(labels.unit(state))}"
         limits = _limits_beside_diverged(results, [s.value for s in runs], [s.value for s in others])
-        whole = Panel(title=f"{title}, model and command", series=[*runs, *others], note=note, limits=limits, whole_row=True)
+        whole = Panel(title=f"{title}, model and command", series=[*runs, *others], note=note, limits=limits, whole_row=True, y=y)
         found += [whole, *close_ups(whole, others, longest.simulation.t_end)]
     return found
 
@@ -141,7 +144,8 @@ def _control(results: Sequence[Result]) -> Panel:
     note = f"limits of the actuator: {', '.join(f'{end:g}' for end in ends)}" if far else ""
     levels = [Level(value=end, label="limit of the actuator") for end in drawn]
     limits = around(*span_of([np.array([*(limits or span_of(of_each)), *drawn])])) if drawn else limits
-    return Panel(title="Control $u$", series=series, levels=levels, note=note, limits=limits)
+    unit = as_typed((results[0].problem.labels or Labels()).input_unit)
+    return Panel(title="Control $u$", series=series, levels=levels, note=note, limits=limits, y=f"$u$ {unit}")
 
 
 def _inputs(result: Result, k: int, count: int) -> list[Series]:
@@ -171,16 +175,23 @@ def _limits_beside_diverged(
 
 
 def _error(result: Result, title: str) -> Panel:
-    n = result.e.shape[1]
+    n, labels = result.e.shape[1], result.problem.labels or Labels()
+    units = [f" {as_typed(labels.unit(i))}" if labels.unit(i) and not labels.common_unit else "" for i in range(n)]
     series = [
         Series(
-            t=result.t, value=result.e[:, i], label="$e$" if n == 1 else f"$e_{i + 1}$", colour=i, dash=i // 6,
+            t=result.t, value=result.e[:, i], label=f"{'$e$' if n == 1 else f'$e_{i + 1}$'}{units[i]}", colour=i, dash=i // 6,
             low=result.envelope.e_min[:, i], high=result.envelope.e_max[:, i],
         )
         for i in range(n)
     ]  # fmt: skip
     meaning = "$e = x - x_m$" if result.y is None else "$e = y - y_m$"
-    return Panel(title=f"{title} {meaning}", series=series, scale=scale_of(result), note=_diverged(result))
+    return Panel(
+        title=f"{title} {meaning}",
+        series=series,
+        scale=scale_of(result),
+        note=_diverged(result),
+        y=f"$e$ {as_typed(labels.common_unit)}",
+    )
 
 
 def _diverged(result: Result) -> str:
