@@ -52,6 +52,7 @@ from .loop.binding import check_controller as check_controller
 from .problem.actuation import PlantInput as PlantInput
 from .problem.known_set import ParameterBall as ParameterBall
 from .problem.known_set import ParameterBox as ParameterBox
+from .problem.labels import Labels as Labels
 from .problem.measurement import Noise as Noise
 from .problem.measurement import Sensor as Sensor
 from .problem.output_feedback import OutputProblem as OutputProblem

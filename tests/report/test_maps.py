@@ -68,11 +68,12 @@ def test_files_page_and_link(tmp_path):
     folder = Folder(tmp_path)
     pictures = write.draw_maps(folder, [claim])
     folder.commit()
-    assert {path.name for path in tmp_path.iterdir()} == {"map-gain-step.png", "map-gain-step.svg"}
+    assert {path.name for path in tmp_path.iterdir()} == {"map-gain-step.png", "map-gain-step.svg", "map-gain-step-narrow.svg"}
     text = page.reproduction([], [claim], {}, pictures, Certified({}, Table(())), [], {"total": 1.0})["claims.html"]
     card = text[text.index('<article id="claim-some-claim"') : text.index("</article>")]
     assert 'id="map-gain-step"' in card
-    assert '<img src="data:image/svg+xml,' in card and "map-gain-step.svg" not in card  # the page holds its only picture
+    assert '<img class="desk" src="data:image/svg+xml,' in card and '<img class="phone" src="data:image/svg+xml,' in card
+    assert "map-gain-step.svg" not in card  # the page holds its only picture
     contract, beside = (
         {"id", "where", "statement", "verdict", "measured", "how"},
         {"number", "condition", "readings", "would_change", "sharpened", "listings"},

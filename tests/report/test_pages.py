@@ -16,6 +16,7 @@ from barbalat.report import page, write
 from barbalat.report.files import Folder
 from barbalat.report.narrow import fits_a_phone
 from barbalat.report.notation import mathematics
+from barbalat.report.sweep import in_symbols
 
 
 @pytest.fixture(scope="module")
@@ -73,3 +74,16 @@ def test_what_fits_a_phone():
 def test_claims_lead_to_one_another():
     found = page.linked(mathematics("as in best-filter, <b> not-there, the rohrs plant"), ["best-filter", "best", "rohrs"])
     assert found == 'as in <a href="#claim-best-filter"><code>best-filter</code></a>, &lt;b&gt; not-there, the rohrs plant'
+
+
+@pytest.mark.parametrize(
+    ("name", "shown"),
+    [
+        ("max_abs_e[0]", "max |e_1|"),
+        ("tail_max_abs_e[1] < 2", "max |e_2|, tail < 2"),
+        ("max_abs_u", "max |u|"),
+        ("oscillated", "oscillated"),
+    ],
+)
+def test_a_sweeps_page_names_figures_by_symbols(name, shown):
+    assert in_symbols(name) == shown

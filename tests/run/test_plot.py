@@ -163,3 +163,24 @@ def test_what_a_problem_is_made_of_is_one_line_at_a_prompt():
     assert "\n" not in shown and "theta=[ 1., -1.]" in shown and "regressor" not in shown
     assert repr(Simulation(2.0, 1e-2)) == "Simulation(t_end=2.0, dt=0.01)"
     assert repr(Simulation(2.0, 1e-2, solver=EULER)) == "Simulation(t_end=2.0, dt=0.01, solver=<Tableau 'euler' of order 1>)"
+
+
+def test_an_estimate_that_moves_little_gets_axes_on_which_it_is_seen():
+    """The F-16's input gain moves by 1, its other estimates by 20: on one pair of axes it is a flat line."""
+    found = load_case("f16-short-period")
+    (mrac,) = simulate(found.problem, found.controllers[0], Simulation(20.0, 2e-3)).values()
+    large, small = panels([mrac])[-2:]
+    assert [one.label for one in large.series] == [r"$\hat\theta_{1}$", r"$\hat\theta_{2}$"]
+    assert [one.label for one in small.series] == [r"$\hat\theta_{3}$"]
+    assert "known set: -40" in large.note.replace("\N{NO-BREAK SPACE}", " ") and large.limits[1] < 20
+    assert {level.of for level in small.levels if level.label == "true values"} == {0}
+    assert small.limits[1] - small.limits[0] < 2
+
+
+def test_each_of_several_commands_says_where_the_model_settles():
+    found = load_case("lateral-aircraft")
+    drawn = panels(list(simulate(found.problem, found.controllers[:1], Simulation(2.0, 1e-3)).values()))
+    for panel in drawn[:2]:
+        assert "the others at zero" in panel.note and "settles at" in panel.note
+        gain = next(series.label.split(" × ")[0] for series in panel.series if " × " in series.label)
+        assert gain in panel.note

@@ -127,7 +127,7 @@ def summary(settings: type) -> str:
 
 
 def _described(key: Key) -> tuple[str, str, str]:
-    default = "required" if key.default is REQUIRED else "" if key.default is None else _plain(key.default)
+    default = "required" if key.default is REQUIRED else "" if key.default in (None, ()) else _plain(key.default)
     return words(key.type), default, _cell(key.meaning)
 
 

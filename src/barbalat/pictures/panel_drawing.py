@@ -87,6 +87,7 @@ def _draw(axes: Axes, panel: Panel, outlines: Sequence[Outline], t_end: float, t
         one.grid(visible=True, linewidth=0.3)
         one.spines[["top", "right"]].set_visible(False)
     apart[-1].set_xlabel("time t [s]", fontsize=sizes.font)
+    apart[len(apart) // 2].set_ylabel(panel.y, fontsize=sizes.font)
     _title_and_legend(axes, panel, theme, sizes)
 
 

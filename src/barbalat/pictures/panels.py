@@ -63,6 +63,7 @@ class Panel:
     note        a line below the title
     whole_row   whether it has a page's whole width
     may_part    whether series whose envelopes would cover one another get axes of their own
+    y           what stands beside the vertical axis
     times       from when to when it shows them; the whole run by default
     """
 
@@ -74,6 +75,7 @@ class Panel:
     note: str = ""
     whole_row: bool = False
     may_part: bool = False
+    y: str = ""
     times: tuple[float, float] | None = None
 
 

@@ -7,6 +7,7 @@ from typing import ClassVar
 
 from barbalat import validate
 from barbalat.linear.systems import TransferFunction
+from barbalat.problem.labels import Labels
 from barbalat.problem.measurement import Sensor
 from barbalat.problem.output_plant import OutputDynamics, OutputPlant, OutputReferenceModel
 from barbalat.problem.tracking import TrackingProblem, require_signal
@@ -33,6 +34,7 @@ class OutputProblem(TrackingProblem):
     disturbance             enters with u; none by default
     output_disturbance      added to the output; none by default
     sensor                  how y is measured; exactly by default
+    labels                  name and unit of the output, unit of the input, for pictures; none by default
 
     What ``output_disturbance`` adds to G's output belongs to y: it is in e = y - y_m and in what is measured, not in f(t, y).
     """
@@ -44,6 +46,7 @@ class OutputProblem(TrackingProblem):
     disturbance: Signal | None = None
     output_disturbance: Signal | None = None
     sensor: Sensor | None = None
+    labels: Labels | None = None
     name: str = "problem"
 
     feedback: ClassVar[str] = "output"
@@ -59,6 +62,9 @@ class OutputProblem(TrackingProblem):
         for name in ("disturbance", "output_disturbance"):
             if getattr(self, name) is not None:
                 require_signal(name, getattr(self, name))
+        if self.labels is not None:
+            validate.instance("labels", self.labels, Labels)
+            self.labels.require(1, 1)
         if self.sensor is not None:
             validate.instance("sensor", self.sensor, Sensor)
             if self.sensor.noise is not None:

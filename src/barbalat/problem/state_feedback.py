@@ -10,6 +10,7 @@ import numpy as np
 
 from barbalat import validate
 from barbalat.problem.known_set import EstimateSet, KnownSet, ParameterBall, ParameterBox, ParameterProduct, with_gains
+from barbalat.problem.labels import Labels
 from barbalat.problem.measurement import Sensor
 from barbalat.problem.plant import Model, Plant, ReferenceModel
 from barbalat.problem.regressors import Linear, Uncertainty
@@ -86,6 +87,7 @@ class Problem(TrackingProblem):
     input_gain                         (lower, upper) > 0: the input's gain omega is unknown and estimated with theta; a list of
                                        pairs for several inputs that differ. Goes with a box, a ball or no known set
     sensor                             how the plant's state is measured; exactly by default
+    labels                             names and units of states and inputs, for pictures; none by default
     """
 
     plant: Plant
@@ -97,6 +99,7 @@ class Problem(TrackingProblem):
     disturbance: Signal | None = None
     unmatched: tuple[Disturbance, ...] = ()
     sensor: Sensor | None = None
+    labels: Labels | None = None
     name: str = "problem"
 
     feedback: ClassVar[str] = "state"
@@ -122,6 +125,9 @@ class Problem(TrackingProblem):
         if self.sensor is not None:
             validate.instance("sensor", self.sensor, Sensor)
             _one_for_each_state("sensor.noise.std", () if self.sensor.noise is None else self.sensor.noise.std, self.plant.n)
+        if self.labels is not None:
+            validate.instance("labels", self.labels, Labels)
+            self.labels.require(self.plant.n, self.plant.inputs)
         if not isinstance(self.unmatched, (list, tuple)):
             raise InputError(f"unmatched must be a list of Disturbance, got {validate.show(self.unmatched)}")
         for disturbance in self.unmatched:

@@ -10,6 +10,7 @@ import numpy as np
 from barbalat import validate
 from barbalat.linear.systems import StateSpace, TransferFunction
 from barbalat.problem.actuation import PlantInput
+from barbalat.problem.labels import Labels
 from barbalat.problem.measurement import Noise, Sensor
 from barbalat.protocols import Dynamics, Signal
 from barbalat.signals import Clock
@@ -68,6 +69,7 @@ class TrackingProblem:
     reference: Signal | tuple[Signal, ...]
     disturbance: Signal | None
     sensor: Sensor | None
+    labels: Labels | None
     name: str
     feedback: ClassVar[str]
     """What is measured: "state" or "output"."""

@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
+import textwrap
+
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from barbalat.claims.claim import Chart
-from barbalat.pictures.theme import COLOURS
+from barbalat.pictures.theme import COLOURS, NARROW
 from barbalat.report.maps import MARKS
 
 PALETTE = (*COLOURS, "black")
 
 
-def draw(shown: Chart) -> Figure:
-    """The chart as a figure."""
-    figure = Figure(figsize=(7, 5.2), layout="constrained")
+def draw(shown: Chart, *, narrow: bool = False) -> Figure:
+    """The chart as a figure, for a page or for a phone."""
+    figure = Figure(figsize=(NARROW, 4.8) if narrow else (7, 5.2), layout="constrained")
     FigureCanvasAgg(figure)
     axes = figure.add_subplot()
     end = shown.x.values[-1]
@@ -32,9 +34,9 @@ def draw(shown: Chart) -> Figure:
     axes.set(xscale="log", yscale="log", xlabel=shown.x.label, ylabel=shown.quantity)
     axes.set_xlim(shown.x.values[0], end)
     axes.grid(visible=True, which="major", linewidth=0.3)
-    axes.set_title(shown.title, fontsize="medium")
+    axes.set_title(textwrap.fill(shown.title, 44) if narrow else shown.title, fontsize="medium")
     handles, _ = axes.get_legend_handles_labels()
     if any_lost:
         handles.append(Line2D([], [], color="0.3", marker="x", markersize=8, markeredgewidth=2, linestyle="", label=shown.lost))
-    figure.legend(handles=handles, loc="outside lower center", fontsize="small", frameon=False, ncols=3)
+    figure.legend(handles=handles, loc="outside lower center", fontsize="small", frameon=False, ncols=1 if narrow else 3)
     return figure

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import textwrap
+
 import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
@@ -12,6 +14,7 @@ from matplotlib.patches import Patch
 from matplotlib.patheffects import Normal, withStroke
 
 from barbalat.claims.claim import Axis, Curve, Map
+from barbalat.pictures.theme import NARROW
 from barbalat.validate import Array
 
 COLOURS = "viridis"
@@ -20,9 +23,9 @@ DASHES = ("-", "--", ":", "-.")
 MARKS = ("o", "s", "^", "D", "v")
 
 
-def draw(shown: Map) -> Figure:
-    """The map as a figure."""
-    figure = Figure(figsize=(7, 4.8), layout="constrained")
+def draw(shown: Map, *, narrow: bool = False) -> Figure:
+    """The map as a figure, for a page or for a phone."""
+    figure = Figure(figsize=(NARROW, 3.9) if narrow else (7, 4.8), layout="constrained")
     FigureCanvasAgg(figure)
     axes = figure.add_subplot()
     axes.patch.set(facecolor="0.85", edgecolor="0.45", hatch="////", linewidth=0)  # seen wherever the map has no colour
@@ -41,9 +44,15 @@ def draw(shown: Map) -> Figure:
     for name, axis, edges in (("x", shown.x, x), ("y", shown.y, y)):
         axes.set(**{f"{name}scale": "log" if axis.logarithmic else "linear", f"{name}label": axis.label})
         axes.set(**{f"{name}lim": (edges[0], edges[-1])})
-    axes.set_title(shown.title, fontsize="medium")
+    axes.set_title(textwrap.fill(shown.title, 44) if narrow else shown.title, fontsize="medium")
     if handles:
-        figure.legend(handles=handles, loc="outside lower center", fontsize="small", frameon=False, ncols=min(len(handles), 3))
+        figure.legend(
+            handles=handles,
+            loc="outside lower center",
+            fontsize="small",
+            frameon=False,
+            ncols=1 if narrow else min(len(handles), 3),
+        )
     return figure
 
 

@@ -24,7 +24,7 @@ from barbalat.report.certificates import rows
 from barbalat.report.narrow import fits_a_phone
 from barbalat.report.notation import mathematics
 from barbalat.report.numbers import number_text
-from barbalat.report.sweep import extremes, shares
+from barbalat.report.sweep import extremes, in_symbols, shares
 from barbalat.run.result import Result
 from barbalat.study.tradeoff import TradeOff
 from barbalat.study.tradeoff_picture import TITLES, panels
@@ -138,7 +138,14 @@ def linked(text: Markup, names: Sequence[str]) -> Markup:
 
 def sweep(found: SweepResult, pictures: Mapping[str, Picture]) -> str:
     """The page of ``barbalat sweep``."""
-    return _render("sweep.html", found=found, pictures=pictures, shares=shares(found), extremes=extremes(found))
+    return _render(
+        "sweep.html", found=found, pictures=pictures, shares=_symbols(shares(found)), extremes=_symbols(extremes(found))
+    )
+
+
+def _symbols(rows: Sequence[Sequence[str]]) -> list[list[str]]:
+    """Each row's first entry with symbols in the place of names."""
+    return [[in_symbols(first), *rest] for first, *rest in rows]
 
 
 @cache
@@ -146,7 +153,13 @@ def _templates() -> Environment:
     environment = Environment(
         loader=PackageLoader("barbalat.report"), autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
-    environment.filters |= {"number": number_text, "rows": rows, "mathematics": mathematics, "linked": linked}
+    environment.filters |= {
+        "number": number_text,
+        "rows": rows,
+        "mathematics": mathematics,
+        "linked": linked,
+        "in_symbols": in_symbols,
+    }
     environment.globals |= {"version": barbalat.__version__, "columns": FIGURE_COLUMNS, "properties": PROPERTIES}
     environment.globals["fits_a_phone"] = fits_a_phone
     return environment

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 from barbalat.report.numbers import number_text
 from barbalat.sweeps.evidence import FINDINGS
 from barbalat.sweeps.result import SweepResult
@@ -32,6 +34,26 @@ def extremes(found: SweepResult) -> list[list[str]]:
         if name.split("[")[0] in SHOWN
         for controller, one in by.items()
     ]
+
+
+SYMBOLS = {
+    "tail_max_abs_e": "max |e{}|, tail",
+    "max_abs_e": "max |e{}|",
+    "rms_e": "RMS e{}",
+    "max_abs_u": "max |u{}|",
+    "max_abs_y": "max |y|",
+    "diverged_at": "diverged at [s]",
+}
+"""Of figures' names in the JSON, as they are written for people; the longer name before one that is part of it."""
+
+
+def in_symbols(text: str) -> str:
+    """A figure's name, or a requirement with one, in the notation of terminals, which pages set as mathematics."""
+
+    def symbol(found: re.Match[str]) -> str:
+        return SYMBOLS[found["name"]].format("" if found["index"] is None else f"_{int(found['index']) + 1}")
+
+    return re.sub(rf"\b(?P<name>{'|'.join(SYMBOLS)})\b(?:\[(?P<index>\d+)\])?", symbol, text)
 
 
 def percent(share: float) -> str:

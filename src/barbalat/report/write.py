@@ -9,7 +9,9 @@ import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
+from typing import Protocol
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -18,7 +20,7 @@ from barbalat.certificates.certificate import Certificate
 from barbalat.certificates.overview import Certified
 from barbalat.certificates.picture import MarginLoop, distinct
 from barbalat.certificates.picture import figure_of as loops_figure
-from barbalat.claims.claim import Claim, Map, PaperFigure
+from barbalat.claims.claim import Chart, Claim, Map, PaperFigure
 from barbalat.pictures.render import render
 from barbalat.pictures.theme import COLOURS
 from barbalat.report import charts, diagrams, maps, page
@@ -38,6 +40,12 @@ MOST_NUMBERS = 44_000
 """In all CSVs of a folder: some 450 kB. Results in Python have all that was recorded."""
 LONGEST_NAME = 80
 """Characters of a controller's name in a file's; file systems take 255 bytes, and people read fewer."""
+
+
+class Drawn(Protocol):
+    """What draws one figure, for a page or for a phone."""
+
+    def __call__(self, *, narrow: bool) -> Figure: ...
 
 
 def draw_reproduction(folder: Folder, figures: Sequence[PaperFigure]) -> dict[str, page.Picture]:
@@ -68,11 +76,11 @@ def keep(folder: Folder, pictures: Sequence[page.Picture]) -> None:
 
 def draw_maps(folder: Folder, claims: Sequence[Claim]) -> dict[str, page.Picture]:
     """Draw every map and chart of the claims into the folder; pictures by their keys."""
-    return {
-        shown.key: _draw(folder, f"map-{shown.key}", maps.draw(shown) if isinstance(shown, Map) else charts.draw(shown))
-        for claim in claims
-        for shown in claim.maps
-    }
+    return {shown.key: _draw_both(folder, f"map-{shown.key}", partial(_map, shown)) for claim in claims for shown in claim.maps}
+
+
+def _map(shown: Map | Chart, *, narrow: bool) -> Figure:
+    return maps.draw(shown, narrow=narrow) if isinstance(shown, Map) else charts.draw(shown, narrow=narrow)
 
 
 def loop_pictures(certificates: Mapping[str, Certificate]) -> list[page.Picture]:
@@ -124,22 +132,23 @@ def files_of_run(folder: Path) -> set[str]:
 
 def write_tradeoff(folder: Folder, found: TradeOff) -> None:
     """Picture and page of a trade-off."""
-    picture = _draw(folder, "tradeoff", draw_trade_off(found))
+    picture = _draw_both(folder, "tradeoff", partial(draw_trade_off, found))
     folder.write(page.PAGE, page.trade_off(found, picture))
 
 
 def write_sweep(folder: Folder, found: SweepResult) -> None:
     """Histograms, a map over two axes, what each varied number accounts for, and the page."""
-    pictures = {"histograms": _draw(folder, "histograms", of_sweep.histograms(found))}
+    pictures = {"histograms": _draw_both(folder, "histograms", partial(of_sweep.histograms, found))}
     figures = [name for name in found.evidence.metrics if name.startswith("max_abs_e[")]
     for name in figures[:1]:
         heat = of_sweep.heat_of(found, name)
         if heat is not None:
             logarithmic = [axis.logarithmic for axis in found.plan.axes.values()]
-            pictures["map"] = _draw(folder, "map", of_sweep.heat_map(heat, f"median of {name}", (logarithmic[0], logarithmic[1])))
+            drawing = partial(of_sweep.heat_map, heat, f"median of {of_sweep.symbol(name)}", (logarithmic[0], logarithmic[1]))
+            pictures["map"] = _draw_both(folder, "map", drawing)
         own = [one for one in found.evidence.sensitivities if one.figure == name]
         if own:
-            pictures["tornado"] = _draw(folder, "tornado", of_sweep.tornado(own, found.controllers, name))
+            pictures["tornado"] = _draw_both(folder, "tornado", partial(of_sweep.tornado, own, found.controllers, name))
     folder.write(page.PAGE, page.sweep(found, pictures))
 
 
@@ -175,6 +184,13 @@ def _draw(folder: Folder, name: str, drawing: Figure) -> page.Picture:
     wide = _svg(name, drawing)
     folder.write(wide.file, wide.svg)
     return page.Picture(wide)
+
+
+def _draw_both(folder: Folder, name: str, figure: Drawn) -> page.Picture:
+    """Wide as PNG and SVG, narrow as SVG."""
+    narrow = _svg(f"{name}{NARROW}", figure(narrow=True))
+    folder.write(narrow.file, narrow.svg)
+    return replace(_draw(folder, name, figure(narrow=False)), narrow=narrow)
 
 
 def _svg(name: str, drawing: Figure) -> page.Drawing:

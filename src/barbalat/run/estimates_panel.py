@@ -15,24 +15,40 @@ from barbalat.protocols import DiscretizedEquations
 if TYPE_CHECKING:
     from barbalat.run.result import Result
 
-WITHIN_REACH = 1.5
-"""Heights of what must be seen: a limit or a bound of the known set that is farther away is said, not drawn."""
+WITHIN_REACH, BOUNDS_WITHIN_REACH = 1.5, 0.4
+"""Heights of what must be seen: a limit or true value, or a bound of the known set, that is farther away is said, not drawn."""
+FLAT_SHARE = 0.12
+"""Part of the largest motion of an estimate below which another one's line would be flat: it gets axes with others like it."""
 MOST_BOUNDED = 3
 """Estimates with bounds of their own that can be told apart in one panel."""
 
 
-def estimates_panel(result: Result, title: str) -> Panel | None:
-    """``None`` where nothing is estimated."""
+def estimates_panels(result: Result, title: str) -> list[Panel]:
+    """One, or two where some estimates move so little beside the others that their lines would be flat."""
+    large, small = _by_size(result)
+    if not small:
+        return [_panel(result, title, large)] if large else []
+    return [_panel(result, title, large), _panel(result, f"{title}, the smaller ones", small)]
+
+
+def _by_size(result: Result) -> tuple[list[int], list[int]]:
+    """Indices of the estimates: those with the largest motion, and those with less than ``FLAT_SHARE`` of it."""
+    moved = [span_of([one.value]) for one in _estimates(result, range(result.theta_hat.shape[1]))]
+    heights = [high - low for low, high in moved]
+    flat = [result.diverged_at is None and 0 < height < FLAT_SHARE * max(heights) for height in heights]
+    return [i for i, one in enumerate(flat) if not one], [i for i, one in enumerate(flat) if one]
+
+
+def _panel(result: Result, title: str, chosen: Sequence[int]) -> Panel:
     p = result.theta_hat.shape[1]
-    if p == 0:
-        return None
-    series, levels, bounds = _estimates(result), _true_values(result, p), _bounds(result, p)
+    series, levels, bounds = _estimates(result, chosen), _true_values(result, p, chosen), _bounds(result, p)
+    bounds = [bounds[i] for i in chosen] if bounds else []
     moved = span_of([np.concatenate([s.value, s.low, s.high]) for s in series if s.low is not None and s.high is not None])
     near, beyond = reachable([level.value for level in levels], moved)
     needed = span_of([np.array([*moved, *near])])
-    marks, far = _edges_of_known_set(bounds, needed, p)
-    outside = [(i, level.value) for i, level in enumerate(levels, start=1) if level.value not in near]
-    away = ", ".join(_held(f"$\\theta_{{{i}}}$ = {value:.4g}") for i, value in outside)
+    marks, far = _edges_of_known_set(bounds, needed, chosen)
+    outside = [(i, level.value) for i, level in zip(chosen, levels, strict=False) if level.value not in near]
+    away = ", ".join(_held(f"$\\theta_{{{i + 1}}}$ = {value:.4g}") for i, value in outside)
     said = [f"true values outside: {away}"] if beyond else []
     said += [f"known set: {_interval_text(bounds)}"] if far else []
     shown = span_of([np.array([*needed, *(mark.value for mark in marks)])])
@@ -52,33 +68,35 @@ def scale_of(result: Result) -> str:
     return "linear" if result.diverged_at is None else "symlog"
 
 
-def _estimates(result: Result) -> list[Series]:
+def _estimates(result: Result, chosen: Sequence[int]) -> list[Series]:
     envelope = result.envelope
     return [
         Series(
             t=result.t, value=result.theta_hat[:, i], label=rf"$\hat\theta_{{{i + 1}}}$", colour=i, dash=i // 6,
             low=envelope.theta_hat_min[:, i], high=envelope.theta_hat_max[:, i],
         )
-        for i in range(result.theta_hat.shape[1])
+        for i in chosen
     ]  # fmt: skip
 
 
-def _true_values(result: Result, p: int) -> list[Level]:
+def _true_values(result: Result, p: int, chosen: Sequence[int]) -> list[Level]:
     true = result.problem.parameters
     if true is None or len(true) != p:
         return []
-    return [Level(value=float(value), colour=i, dash=1, label="true values", of=i) for i, value in enumerate(true)]
+    return [Level(value=float(true[i]), colour=i, dash=1, label="true values", of=k) for k, i in enumerate(chosen)]
 
 
-def _edges_of_known_set(bounds: Sequence[tuple[float, float]], needed: tuple[float, float], p: int) -> tuple[list[Level], bool]:
+def _edges_of_known_set(
+    bounds: Sequence[tuple[float, float]], needed: tuple[float, float], chosen: Sequence[int]
+) -> tuple[list[Level], bool]:
     """Those that can be drawn beside what must be seen, and whether others are left out."""
     common = len(set(bounds)) == 1
-    drawn, far = reachable([bound for pair in bounds for bound in pair], needed)
-    if not common and p > MOST_BOUNDED:
+    drawn, far = reachable([bound for pair in bounds for bound in pair], needed, BOUNDS_WITHIN_REACH)
+    if not common and len(chosen) > MOST_BOUNDED:
         drawn, far = [], bool(bounds)
     marks = [
-        Level(value=bound, colour="quiet" if common else i, dash=2, label="known set", of=None if common else i)
-        for i, pair in enumerate(bounds[:1] if common else bounds)
+        Level(value=bound, colour="quiet" if common else chosen[k], dash=2, label="known set", of=None if common else k)
+        for k, pair in enumerate(bounds[:1] if common else bounds)
         for bound in pair
         if bound in drawn
     ]
@@ -106,9 +124,9 @@ def _set_of(result: Result) -> EstimateSet | None:
     return result.problem.known.box if isinstance(result.problem, Problem) else None
 
 
-def reachable(ends: Sequence[float], needed: tuple[float, float]) -> tuple[list[float], bool]:
+def reachable(ends: Sequence[float], needed: tuple[float, float], within: float = WITHIN_REACH) -> tuple[list[float], bool]:
     """Those ends that can be drawn without pressing flat what must be seen, and whether others are left out."""
-    room = WITHIN_REACH * ((needed[1] - needed[0]) or abs(needed[1]) or 1.0)
+    room = within * ((needed[1] - needed[0]) or abs(needed[1]) or 1.0)
     real = sorted({end for end in ends if abs(end) < UNREACHED_BOUND})
     drawn = [end for end in real if needed[0] - room <= end <= needed[1] + room]
     return drawn, len(drawn) < len(real)

@@ -9,10 +9,11 @@ import numpy as np
 
 from barbalat.pictures.close_ups import close_ups
 from barbalat.pictures.panel_drawing import draw
-from barbalat.pictures.panels import Level, Panel, Series, around, span_of, text_of
+from barbalat.pictures.panels import Level, Panel, Series, around, as_typed, span_of, text_of
 from barbalat.problem.command_gain import FOLLOWS_TO, commanded, gains_at_rest
+from barbalat.problem.labels import Labels
 from barbalat.problem.output_feedback import OutputProblem
-from barbalat.run.estimates_panel import estimates_panel, reachable, scale_of
+from barbalat.run.estimates_panel import estimates_panels, reachable, scale_of
 from barbalat.validate import Array
 
 if TYPE_CHECKING:
@@ -40,20 +41,19 @@ def panels(results: Sequence[Result]) -> list[Panel]:
     """First what all have in common, then each one's error and estimates."""
     if len(results) == 1:
         (result,) = results
-        estimates = estimates_panel(result, "Estimates")
-        return [*_tracking(results), _error(result, "Tracking error"), _control(results), *([estimates] if estimates else [])]
+        own = [_error(result, "Tracking error"), _control(results), *estimates_panels(result, "Estimates")]
+        return [*_tracking(results), *own]
     found = [*_tracking(results), _largest_error(results), _control(results)]
     for result in results:
         name = text_of(result.name)
-        error, estimates = _error(result, f"{name}: tracking error"), estimates_panel(result, f"{name}: estimates")
-        found += [error] if estimates is None else [error, estimates]
+        found += [_error(result, f"{name}: tracking error"), *estimates_panels(result, f"{name}: estimates")]
     return found
 
 
 def _tracking(results: Sequence[Result]) -> list[Panel]:
     """A panel for each commanded state, or for the output."""
     problem = results[0].problem
-    output = isinstance(problem, OutputProblem)
+    output, labels = isinstance(problem, OutputProblem), problem.labels or Labels()
     gains = gains_at_rest(problem)
     found = []
     for state, commands in commanded(problem):
@@ -62,14 +62,26 @@ def _tracking(results: Sequence[Result]) -> list[Panel]:
         runs = [_motion(result, state, k, _width(k, len(results))) for k, result in enumerate(results)]
         others = [Series(t=longest.t, value=_of_model(longest, state), label=f"model ${model}$", colour="ink", dash=1)]
         others += [_command(longest, k, float(gains[state, k])) for k in commands]
-        gain = float(gains[state, commands[0]])
-        off = gains.shape[1] == 1 and abs(gain - 1) > FOLLOWS_TO
-        note = f"for a constant command r the model settles at {gain:.4g} r, not at r" if off else ""
+        note = _settles_at(gains, state, commands)
         title = "Output $y$" if output else f"State $x_{state + 1}$"
+        title += f" = {text_of(labels.name(state))}" if labels.name(state) else ""
+        y = f"{'$y$' if output else f'$x_{state + 1}$'} {as_typed(labels.unit(state))}"
         limits = _limits_beside_diverged(results, [s.value for s in runs], [s.value for s in others])
-        whole = Panel(title=f"{title}, model and command", series=[*runs, *others], note=note, limits=limits, whole_row=True)
+        whole = Panel(title=f"{title}, model and command", series=[*runs, *others], note=note, limits=limits, whole_row=True, y=y)
         found += [whole, *close_ups(whole, others, longest.simulation.t_end)]
     return found
+
+
+def _settles_at(gains: Array, state: int, commands: Sequence[int]) -> str:
+    """Where a model's state goes for constant commands, when that is not the command itself."""
+    several = gains.shape[1] > 1
+    off = {f"$r_{k + 1}$" if several else "$r$": float(gains[state, k]) for k in commands}
+    parts = [f"{gain:.4g} {name}" for name, gain in off.items() if abs(gain - 1) > FOLLOWS_TO]
+    if not parts:
+        return ""
+    names = ", ".join(off)
+    alone = " (the others at zero)" if several else ""
+    return f"for a constant command {names}{alone} the model settles at {', '.join(parts)}, not at {names}"
 
 
 def _command(result: Result, k: int, gain: float) -> Series:
@@ -132,7 +144,8 @@ def _control(results: Sequence[Result]) -> Panel:
     note = f"limits of the actuator: {', '.join(f'{end:g}' for end in ends)}" if far else ""
     levels = [Level(value=end, label="limit of the actuator") for end in drawn]
     limits = around(*span_of([np.array([*(limits or span_of(of_each)), *drawn])])) if drawn else limits
-    return Panel(title="Control $u$", series=series, levels=levels, note=note, limits=limits)
+    unit = as_typed((results[0].problem.labels or Labels()).input_unit)
+    return Panel(title="Control $u$", series=series, levels=levels, note=note, limits=limits, y=f"$u$ {unit}")
 
 
 def _inputs(result: Result, k: int, count: int) -> list[Series]:
@@ -162,16 +175,23 @@ def _limits_beside_diverged(
 
 
 def _error(result: Result, title: str) -> Panel:
-    n = result.e.shape[1]
+    n, labels = result.e.shape[1], result.problem.labels or Labels()
+    units = [f" {as_typed(labels.unit(i))}" if labels.unit(i) and not labels.common_unit else "" for i in range(n)]
     series = [
         Series(
-            t=result.t, value=result.e[:, i], label="$e$" if n == 1 else f"$e_{i + 1}$", colour=i, dash=i // 6,
+            t=result.t, value=result.e[:, i], label=f"{'$e$' if n == 1 else f'$e_{i + 1}$'}{units[i]}", colour=i, dash=i // 6,
             low=result.envelope.e_min[:, i], high=result.envelope.e_max[:, i],
         )
         for i in range(n)
     ]  # fmt: skip
     meaning = "$e = x - x_m$" if result.y is None else "$e = y - y_m$"
-    return Panel(title=f"{title} {meaning}", series=series, scale=scale_of(result), note=_diverged(result))
+    return Panel(
+        title=f"{title} {meaning}",
+        series=series,
+        scale=scale_of(result),
+        note=_diverged(result),
+        y=f"$e$ {as_typed(labels.common_unit)}",
+    )
 
 
 def _diverged(result: Result) -> str:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import textwrap
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from barbalat.pictures.labels import Labels
-from barbalat.pictures.theme import Theme, new_figure
+from barbalat.pictures.theme import NARROW, Theme, new_figure
 from barbalat.study.tradeoff import Cloud, TradeOff
 from barbalat.validate import Array
 
@@ -30,21 +32,32 @@ def panels(found: TradeOff) -> list[str]:
     return ["plant", "worst"] if len(found.thetas) > 1 else ["plant"]
 
 
-def draw(found: TradeOff, *, shown: bool = False) -> Figure:
-    """A row of panels for each criterion; ``shown`` to a person at once, by pyplot where that is in use."""
+def draw(found: TradeOff, *, narrow: bool = False, shown: bool = False) -> Figure:
+    """A row of panels for each criterion, on a phone one below the other.
+
+    shown  to a person at once, by pyplot where that is in use
+    """
     columns = panels(found)
-    figure = new_figure(6.4 * len(columns), 10.4, shown=shown, layout="constrained")
+    size = (NARROW, 7.2 * len(columns) + 0.8) if narrow else (6.4 * len(columns), 10.4)
+    figure = new_figure(*size, shown=shown, layout="constrained")
     shared: Axes | None = None
     drawn = []
     for i, (criterion, title) in enumerate(criteria(found).items()):
         for j, which in enumerate(columns):
-            axes = figure.add_subplot(2, len(columns), i * len(columns) + j + 1, sharex=shared, sharey=shared)
+            place = i * len(columns) + j + 1
+            axes = figure.add_subplot(
+                *((2 * len(columns), 1) if narrow else (2, len(columns))), place, sharex=shared, sharey=shared
+            )
             shared = shared or axes
             _panel(axes, found, which, criterion)
-            axes.set_title(f"{title}\n{TITLES[which]}", fontsize="medium")
+            axes.set_title(
+                f"{textwrap.fill(title, 44) if narrow else title}\n{TITLES[which]}", fontsize=9 if narrow else "medium"
+            )
             drawn.append((axes, which, criterion))
     handles, labels = figure.axes[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=len(labels), frameon=False, fontsize="small")
+    figure.legend(
+        handles, labels, loc="outside lower center", ncols=1 if narrow else len(labels), frameon=False, fontsize="small"
+    )
     figure.draw_without_rendering()  # lays the panels out: labels are placed in pixels
     for axes, which, criterion in drawn:
         _label_ends(axes, found, which, criterion)
@@ -65,7 +78,7 @@ def _panel(axes: Axes, found: TradeOff, which: str, criterion: str) -> None:
         shown = np.where(margin > 0, margin, edge / (2.4 - 0.35 * k))  # in the band, each scheme in a column of its own
         axes.scatter(shown, error, s=9, color=theme.colour(k), marker=MARKS[k], alpha=0.22, linewidths=0)
         line = _front(cloud, which, criterion)
-        label = f"{cloud.scheme}: {' x '.join(SYMBOLS.get(name, name) for name in cloud.tunings[0])}"
+        label = f"{cloud.scheme}: {' × '.join(SYMBOLS.get(name, name) for name in cloud.tunings[0])}"
         axes.plot(*line.T, color=theme.colour(k), marker=MARKS[k], markersize=3.5, linewidth=1.6, label=label)
     axes.set_xlim(left=edge / 3)
     axes.set_xlabel("largest delay borne at the plant's input [s]")
@@ -96,5 +109,9 @@ def _label_ends(axes: Axes, found: TradeOff, which: str, criterion: str) -> None
 
 
 def tuning_text(tuning: dict[str, float]) -> str:
-    """A tuning in a few characters."""
-    return ", ".join(f"{SYMBOLS.get(name, name)} {value:.2g}" for name, value in tuning.items())
+    """A tuning in a few characters: Γ 1400, κ 0.02, P(0) 4.3e6."""
+    return ", ".join(f"{SYMBOLS.get(name, name)} {_two_digits(value)}" for name, value in tuning.items())
+
+
+def _two_digits(value: float) -> str:
+    return f"{float(f'{value:.2g}'):g}".replace("e+0", "e").replace("e+", "e")

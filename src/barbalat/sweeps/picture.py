@@ -25,23 +25,24 @@ DECADES_FOR_LOG = 1.3
 """From a factor of 20 between the smallest and the largest value on, an axis is logarithmic."""
 
 
-def histograms(found: SweepResult, *, shown: bool = False) -> Figure:
+def histograms(found: SweepResult, *, narrow: bool = False, shown: bool = False) -> Figure:
     """The largest |e| of every member, a row for each component; the guaranteed bounds as lines."""
     figures = [name for name in found.evidence.metrics if name.startswith("max_abs_e[")]
-    figure = new_figure(WIDE, 2.6 * max(len(figures), 1) + 0.6, shown=shown, layout="constrained")
+    figure = new_figure(NARROW if narrow else WIDE, 2.6 * max(len(figures), 1) + 0.6, shown=shown, layout="constrained")
     theme = Theme.current()
     for i, name in enumerate(figures):
         axes = figure.add_subplot(len(figures), 1, i + 1)
         _histogram(axes, found, name, theme)
-        axes.set_xlabel(f"largest |e{_subscript(name)}| of a member's run", fontsize=9)
+        axes.set_xlabel(f"largest {symbol(name)} of a member's run", fontsize=9)
         axes.set_ylabel("members", fontsize=9)
         if i == 0:
-            axes.legend(loc="lower left", bbox_to_anchor=(-0.01, 1.0), ncols=3, frameon=False, fontsize=9)
+            axes.legend(loc="lower left", bbox_to_anchor=(-0.01, 1.0), ncols=1 if narrow else 3, frameon=False, fontsize=9)
     return figure
 
 
-def _subscript(name: str) -> str:
-    return f"$_{{{int(name.split('[')[1][:-1]) + 1}}}$"
+def symbol(name: str) -> str:
+    """|e_1| of max_abs_e[0], as Matplotlib sets it."""
+    return f"$|e_{{{int(name.split('[')[1][:-1]) + 1}}}|$"
 
 
 def _histogram(axes: Axes, found: SweepResult, name: str, theme: Theme) -> None:
@@ -96,24 +97,25 @@ def heat_of(found: SweepResult, figure: str) -> Heat | None:
     return Heat(x, y, values)
 
 
-def heat_map(heat: Heat, title: str, logarithmic: tuple[bool, bool]) -> Figure:
-    """A panel for each controller; grey where members diverged."""
+def heat_map(heat: Heat, title: str, logarithmic: tuple[bool, bool], *, narrow: bool = False) -> Figure:
+    """A panel for each controller, on a phone one below the other; grey where members diverged."""
     from matplotlib.colors import LogNorm, Normalize
 
     count = len(heat.values)
-    figure = new_figure(min(WIDE, 1.0 + 3.2 * count), 3.6, shown=False, layout="constrained")
+    size = (NARROW, 0.6 + 2.8 * count) if narrow else (min(WIDE, 1.0 + 3.2 * count), 3.6)
+    figure = new_figure(*size, shown=False, layout="constrained")
     finite = np.concatenate([one[np.isfinite(one)] for one in heat.values.values()])
     scale = (LogNorm if finite.min() > 0 and finite.max() > 20 * finite.min() else Normalize)(finite.min(), finite.max())
     drawn = []
     for i, (controller, values) in enumerate(heat.values.items()):
-        axes = figure.add_subplot(1, count, i + 1)
+        axes = figure.add_subplot(*((count, 1) if narrow else (1, count)), i + 1)
         axes.set_facecolor("0.85")
         x, y = _edges(heat.x[1], logarithmic=logarithmic[1]), _edges(heat.y[1], logarithmic=logarithmic[0])
         mesh = axes.pcolormesh(x, y, np.ma.masked_invalid(values), cmap="viridis", norm=scale)
         mesh.set_rasterized(True)  # as vectors, the cells show hairlines between them
         axes.set_title(controller, fontsize="medium")
         axes.set_xlabel(str(heat.x[0]), fontsize=9)
-        if i == 0:
+        if narrow or i == 0:
             axes.set_ylabel(str(heat.y[0]), fontsize=9)
         for side, wanted in zip("xy", (logarithmic[1], logarithmic[0]), strict=True):
             axes.set(**{f"{side}scale": "log" if wanted else "linear"})
@@ -130,12 +132,12 @@ def _edges(values: Array, *, logarithmic: bool) -> Array:
     return np.exp(edges) if logarithmic else edges
 
 
-def tornado(sensitivities: Sequence[Sensitivity], controllers: Sequence[str], figure_name: str) -> Figure:
+def tornado(sensitivities: Sequence[Sensitivity], controllers: Sequence[str], name: str, *, narrow: bool = False) -> Figure:
     """A bar for each varied number and controller: the share of the figure's variance, with its interval."""
     paths = [str(path) for path in dict.fromkeys(one.path for one in sensitivities)]
     theme = Theme.current()
     height = 0.8 + 0.32 * len(paths) * max(len(controllers), 1)
-    figure = new_figure(max(WIDE * 0.75, 2 * NARROW), height, shown=False, layout="constrained")
+    figure = new_figure(NARROW if narrow else 2 * NARROW, height, shown=False, layout="constrained")
     axes = figure.add_subplot()
     width = 0.8 / max(len(controllers), 1)
     for k, controller in enumerate(controllers):
@@ -147,8 +149,8 @@ def tornado(sensitivities: Sequence[Sensitivity], controllers: Sequence[str], fi
         axes.barh(places, values, width * 0.9, color=theme.colour(k), label=controller, xerr=spread, ecolor=theme.quiet)
     axes.set_yticks(range(len(paths)), paths, fontsize=9)
     axes.invert_yaxis()
-    axes.set_xlabel(f"first-order share of the variance of {figure_name}", fontsize=9)
-    axes.legend(loc="lower left", bbox_to_anchor=(-0.01, 1.0), ncols=3, frameon=False, fontsize=9)
+    axes.set_xlabel(f"first-order share of the variance of max {symbol(name)}", fontsize=9)
+    axes.legend(loc="lower left", bbox_to_anchor=(-0.01, 1.0), ncols=1 if narrow else 3, frameon=False, fontsize=9)
     _plain(axes)
     return figure
 

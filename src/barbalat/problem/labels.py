@@ -1,0 +1,62 @@
+"""What people call the states, the output and the inputs, and their units: for the axes of pictures, never for numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from barbalat import validate
+from barbalat.validate import InputError, freeze
+
+
+@dataclass(frozen=True, kw_only=True)
+class Labels:
+    """Names and units on the axes of pictures; no number is changed by them.
+
+    names        one for each state, or one for the output, such as "alpha"
+    units        one for each state, or one for the output, such as "rad/s"
+    input_units  one for each input, such as "deg"
+    """
+
+    names: tuple[str, ...] = ()
+    units: tuple[str, ...] = ()
+    input_units: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        for field, given in (("names", self.names), ("units", self.units), ("input_units", self.input_units)):
+            if not isinstance(given, (list, tuple)):
+                raise InputError(f"labels.{field} must be a list of texts, got {validate.show(given)}")
+            freeze(self, **{field: tuple(validate.line(f"labels.{field}", one) for one in given)})
+
+    def require(self, measured: int, inputs: int) -> None:
+        """Refuse another count than that of the states, or the output, and of the inputs; none is always right."""
+        for field, given, wanted in (
+            ("names", self.names, measured),
+            ("units", self.units, measured),
+            ("input_units", self.input_units, inputs),
+        ):
+            if given and len(given) != wanted:
+                raise InputError(f"labels.{field} must have {wanted} entries, got {len(given)}")
+
+    def name(self, i: int) -> str:
+        """Of the i-th state or the output; empty where none is given."""
+        return self.names[i] if self.names else ""
+
+    def unit(self, i: int) -> str:
+        """As it stands behind a name, "[rad/s]"; empty where none is given."""
+        return bracketed(self.units[i : i + 1])
+
+    @property
+    def common_unit(self) -> str:
+        """The unit of all, where they have one in common."""
+        return bracketed(self.units) if len(set(self.units)) == 1 else ""
+
+    @property
+    def input_unit(self) -> str:
+        """The unit of all inputs, where they have one in common."""
+        return bracketed(self.input_units) if len(set(self.input_units)) == 1 else ""
+
+
+def bracketed(units: Sequence[str]) -> str:
+    """The first unit in brackets, where there is one that is not empty."""
+    return f"[{units[0]}]" if units and units[0] else ""

@@ -1,0 +1,46 @@
+"""Names and units: on the axes of a run's pictures, of the right count, and in no number."""
+
+import numpy as np
+import pytest
+
+from barbalat import Labels, Mrac, Plant, Problem, ReferenceModel, Simulation, Step, load_case, simulate
+from barbalat.run.picture import panels
+from independent import refusal
+
+PLANT = Plant([[0, 1], [-4, -2]], [0, 1], [1, -1])
+GIVEN = Labels(names=("angle", "rate"), units=("rad", "rad/s"), input_units=("N m",))
+
+
+def run(labels):
+    return simulate(Problem(PLANT, ReferenceModel(4.0), Step(1.0), labels=labels), Mrac(5), Simulation(2.0, 1e-2))["MRAC"]
+
+
+def test_they_stand_on_the_axes():
+    motion, error, control, *_ = panels([run(GIVEN)])
+    assert "angle" in motion.title and motion.y.endswith("[rad]")
+    assert control.y.endswith("[N m]")
+    assert [series.label.split()[-1] for series in error.series] == ["[rad]", "[rad/s]"]
+
+
+def test_no_number_depends_on_them():
+    named, bare = run(GIVEN), run(None)
+    np.testing.assert_array_equal(named.x, bare.x)
+    assert named.figures == bare.figures
+
+
+def test_the_aircrafts_have_them():
+    assert load_case("f16-short-period").problem.labels.units == ("rad", "rad/s")
+    assert load_case("lateral-aircraft").problem.labels.input_units == ("deg", "deg")
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ({"units": ("rad",)}, "labels.units must have 2 entries, got 1"),
+        ({"input_units": ("N", "N")}, "labels.input_units must have 1 entries, got 2"),
+        ({"names": "angle"}, "labels.names must be a list of texts"),
+        ({"names": ("a\nb", "c")}, "control characters"),
+    ],
+)
+def test_other_counts_and_what_is_no_text_are_refused(given, words):
+    assert words in refusal(lambda: run(Labels(**given)))
