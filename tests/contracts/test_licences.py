@@ -39,5 +39,14 @@ def test_every_package_stands_on_the_page():
             assert "**" in row, name
 
 
+def test_what_is_copied_into_pages_has_its_licence_beside_it_and_in_them():
+    folder = ROOT / "src" / "barbalat" / "explorer" / "templates"
+    licence, script = ((folder / "uplot" / name).read_text() for name in ("LICENSE", "uPlot.iife.min.js"))
+    assert licence.startswith("The MIT License") and "Leon Sorokin" in licence
+    version = re.search(r"uPlot\.js \(v([\d.]+)\)|v(1\.\d+\.\d+)", script[:300])
+    assert version is not None and next(filter(None, version.groups())) in PAGE
+    assert "{{LICENCE}}" in (folder / "explore.html").read_text()
+
+
 def test_the_lock_is_made_by_a_fixed_version():
     assert re.search(r"pip install [^\n]*uv==\d+\.\d+\.\d+", (ROOT / "dev").read_text())

@@ -115,7 +115,7 @@ def test_the_outputs_functions_are_the_lists() -> None:
 
 @pytest.mark.parametrize("case", ["paper", "rohrs", "first-order"])
 def test_no_bit_depends_on_which_numbers_a_kernel_is_handed(case) -> None:
-    """Alone, and among members that differ in a gain, a start and a plant: fused, a number that is compiled in rounds otherwise."""
+    """Alone, and among members that differ in their plants: fused, a number that is compiled in rounds otherwise."""
     given = load_case(case)
     simulation = replace(given.simulation, t_end=2.0, fused=False)
     for controller in given.controllers:

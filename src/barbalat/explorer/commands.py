@@ -42,7 +42,8 @@ def smooth_module(signals: Sequence[Signal]) -> tuple[bytes, Array]:
     import casadi as ca
 
     smooth = [signal for signal in signals if is_smooth(signal)]
-    numbers = Columns(tuple(smooth)).everything()[:, 0]
+    leaves = Columns(tuple(smooth)).leaves
+    numbers = np.concatenate([np.zeros(0), *(leaf.reshape(-1) for leaf in leaves)])
     time_column, t = symbols("t", 1)
     parameter_column, parameters = symbols("parameters", len(numbers))
     opened: tuple[Any, ...] = with_symbols(tuple(smooth), iter(list(parameters)))

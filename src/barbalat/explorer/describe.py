@@ -5,7 +5,7 @@ from __future__ import annotations
 import base64
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -58,7 +58,7 @@ class Described:
         if case.problem.noise is not None:
             raise InputError("a page has no measurement noise yet: leave sensor.noise out, or simulate with barbalat run")
         if case.problem.delay > 0:
-            raise InputError("a page has no delay at the plant's input yet: set plant.input.delay = 0, or simulate with barbalat run")
+            raise InputError("a page has no delay at the plant's input yet: set it to 0, or simulate with barbalat run")
         return cls(source, case, tuple(i for i in range(len(case.controllers)) if _switches(source, case, i)))
 
     @cached_property
@@ -72,16 +72,15 @@ class Described:
     def numbers(self) -> list[tuple[Number, list[Effect], list[int]]]:
         """Those with sliders, their effects on the variants, and the entries of the smooth signals' numbers that they are."""
         taken: list[Rows] = [set() for _ in self.variants]
-        kept = []
+        kept: list[tuple[Number, list[Effect], list[int]]] = []
         for path, value in sorted(self.source.numbers(), key=_precedence):
             if path.keys[-1] in GRID or len(kept) == MOST_NUMBERS:
                 continue
-            number = ranged(path, value, lambda place, v: self.source.at({place: v}))
+            number = ranged(path, value, partial(self._at, ()))
             found = None if number is None else self._followed(number, taken)
             if found is not None:
                 kept.append(found)
-                for effect, rows in zip(found[1], taken, strict=True):
-                    rows |= effect.rows
+                taken = [rows | effect.rows for effect, rows in zip(found[1], taken, strict=True)]
         return kept
 
     def _followed(self, number: Number, taken: Sequence[Rows]) -> tuple[Number, list[Effect], list[int]] | None:
@@ -92,11 +91,14 @@ class Described:
         for toggled in ((), self.toggles) if self.toggles else ((),):
             which = [k for k, (_, switched, _) in enumerate(self.variants) if switched == bool(toggled)]
             targets, rows = [self.variants[k][2] for k in which], [taken[k] for k in which]
-            found = effects_of(number, targets, rows, lambda path, v, toggled=toggled: self.source.at({path: v}, toggled))
+            found = effects_of(number, targets, rows, partial(self._at, toggled))
             if found is None or (effects and len(found[0].values) != len(number.values)):
                 return None
             number, effects = found[0], effects + found[1]
         return (number, effects, places) if places or not all(effect.nothing for effect in effects) else None
+
+    def _at(self, toggled: Sequence[int], path: FieldPath, value: float) -> Case:
+        return self.source.at({path: value}, toggled)
 
     def _in_signals(self, number: Number) -> list[int] | None:
         """Where it stands among the smooth signals' numbers; None where signals follow from it in another way."""
@@ -193,15 +195,11 @@ class Described:
     def _module(self, target: Target, solver: str) -> str:
         reader = target.family.reader
         simulation = replace(reader.simulation, solver=SOLVERS[solver])
-        program = Target.of(replace_controller(self.case, target, reader), 0, simulation).family.members.program
+        alone = Case(reader.problem, (reader.controller,), simulation)
+        program = Target.of(alone, 0, simulation).family.members.program
         assert program.accumulators is not None
         made = module_of(program.program, program.shape, program.accumulators.resets, program.sample, program.watch)
         return base64.b64encode(made).decode()
-
-
-def replace_controller(case: Case, target: Target, reader: Any) -> Case:
-    """The case with that one of a target's controllers alone."""
-    return Case(reader.problem, (reader.controller,), case.simulation)
 
 
 def _switches(source: Source, case: Case, i: int) -> bool:

@@ -17,7 +17,6 @@ from barbalat.run.kernel_numbers import Family, Numbers
 from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array, InputError
 
-
 Rows = set[tuple[str, int]]
 """Of a module's parameters, "p", and of its initial state, "s"."""
 
@@ -94,8 +93,8 @@ def _made(number: Number, values: Array, targets: Sequence[Target], at: At) -> t
     try:
         made = [target.read(cases) for target in targets]
     except InputError:
-        own = [_fits(targets, case) for case in cases]
-        kept, cases = ([one for one, fits in zip(part, own, strict=True) if fits] for part in (kept, cases))
+        fitting = [i for i, case in enumerate(cases) if _fits(targets, case)]
+        kept, cases = [kept[i] for i in fitting], [cases[i] for i in fitting]
         if number.value not in kept or len(kept) < 2:
             return None
         made = [target.read(cases) for target in targets]
@@ -134,4 +133,4 @@ def _same_apart(made: Numbers) -> bool:
 def _effect(values: Array, made: Numbers) -> Effect:
     moved = [np.flatnonzero((part != part[:, :1]).any(axis=1)) for part in (made.parameters, made.states)]
     rows = np.concatenate([made.parameters[moved[0]], made.states[moved[1]]])
-    return Effect(*moved, None if (rows == values).all() else rows.T)
+    return Effect(moved[0], moved[1], None if (rows == values).all() else rows.T)

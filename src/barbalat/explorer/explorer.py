@@ -66,9 +66,7 @@ class Explorer:
         return f'<iframe title="explorer" {frame} srcdoc="{escape(self.html)}"></iframe>'
 
 
-def explore(
-    problem: TrackingProblem, controllers: Controller | Iterable[Controller], simulation: Simulation
-) -> Explorer:
+def explore(problem: TrackingProblem, controllers: Controller | Iterable[Controller], simulation: Simulation) -> Explorer:
     """A page that simulates these controllers on the problem, with a slider for each number.
 
     Runs in it have no fused multiply-adds: ``Simulation(fused=False)`` has their bits.

@@ -33,9 +33,7 @@ def html(data: dict[str, Any], certificates: str) -> str:
     }
     page = re.sub(r"\{\{([A-Z]+)\}\}", lambda found: parts[found[1]], _text("explore.html"))
     if (size := len(page.encode())) > LARGEST_PAGE:
-        raise InputError(
-            f"the page would have {size} bytes, more than {LARGEST_PAGE}: explore fewer controllers at a time"
-        )
+        raise InputError(f"the page would have {size} bytes, more than {LARGEST_PAGE}: explore fewer controllers at a time")
     return page
 
 

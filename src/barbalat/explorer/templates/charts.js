@@ -11,7 +11,7 @@ function colours() {
 }
 
 // The panels' series, from the runs that are shown; each is {t, label, low, high?, colour, dash, width}.
-export function panelsOf(data, shown) {
+export function panelsOf(data, shown, moved) {
   const found = [];
   const one = data.controllers[0];
   for (const panel of one.panels) {
@@ -30,8 +30,10 @@ export function panelsOf(data, shown) {
       const model = at.output ? y.map((v, i) => v - e[i]) : rows(run, at.x_m[panel.state]);
       series.push({ t: run.t, low: model, colour: "ink", dash: [6, 4], label: "model" });
       for (const { index, gain } of panel.commands) {
-        const value = run.t.map((_, i) => gain * run.r[i * at.shape.commands + index]);
-        series.push({ t: run.t, low: value, colour: "quiet", dash: [2, 3], label: "command" });
+        const scale = moved ? 1 : gain; // the model's gain at rest is the case's
+        const value = run.t.map((_, i) => scale * run.r[i * at.shape.commands + index]);
+        const label = Math.abs(scale - 1) < 1e-3 ? "command" : `${Number(scale.toPrecision(4))} × command`;
+        series.push({ t: run.t, low: value, colour: "quiet", dash: [2, 3], label });
       }
     }
     found.push({ title: one.output ? "Output y, model and command" : `State x${panel.state + 1}, model and command`, series });
@@ -52,10 +54,10 @@ export function panelsOf(data, shown) {
     if (!own.length || controller.theta_hat[1] === controller.theta_hat[0]) continue;
     const series = own.flatMap(({ run, dash }) => envelopes(data, { run, dash, colour: null, label: null }, "theta_hat", "θ̂"));
     const count = controller.theta_hat[1] - controller.theta_hat[0];
-    if (controller.true && controller.true.length === count && !own[0].moved) {
+    if (controller.true && controller.true.length === count && !moved) {
       controller.true.forEach((value, i) => {
         const { t } = own[0].run;
-        series.push({ t, low: t.map(() => value), colour: i, dash: [2, 3], label: i ? null : "true values of the case" });
+        series.push({ t, low: t.map(() => value), colour: i, dash: [2, 3], label: i ? null : "true values" });
       });
     }
     found.push({ title: `${controller.name}: estimates`, series });
@@ -95,6 +97,37 @@ function envelopes(data, { run, colour, dash, label }, quantity, symbol) {
   }));
 }
 
+function inked(theme, name) {
+  return typeof name === "number" ? theme.lines[name % theme.lines.length] : theme[name];
+}
+
+function legendOf(panel, theme) {
+  const legend = document.createElement("ul");
+  legend.className = "legend";
+  const told = new Set();
+  for (const one of panel.series) {
+    const key = `${one.label} ${one.colour} ${one.dash}`;
+    if (!one.label || told.has(key)) continue;
+    told.add(key);
+    const row = document.createElement("li");
+    const mark = document.createElement("i");
+    mark.style.borderTopColor = inked(theme, one.colour);
+    mark.style.borderTopStyle = one.dash ? "dashed" : "solid";
+    row.append(mark, one.label);
+    legend.append(row);
+  }
+  return legend;
+}
+
+// Powers of ten alone: lines between them would hide what is drawn.
+function decades(_, __, low, high) {
+  const first = Math.ceil(Math.log10(low));
+  const every = Math.max(1, Math.ceil((Math.log10(high) - first) / 6));
+  const found = [];
+  for (let k = first; k <= Math.floor(Math.log10(high)); k += every) found.push(10 ** k);
+  return found;
+}
+
 export class Charts {
   constructor(root, onZoom) {
     this.root = root;
@@ -108,20 +141,26 @@ export class Charts {
     for (const plot of this.plots) plot.destroy();
     this.root.textContent = "";
     const theme = colours();
-    this.plots = panels.map((panel) => this.plotted(panel, theme));
+    const boxes = panels.map((panel) => this.framed(panel, theme)); // all of them: the columns' width is known then
+    this.plots = panels.map((panel, i) => this.plotted(panel, theme, boxes[i]));
     if (this.window) this.zoom(...this.window);
   }
 
-  plotted(panel, theme) {
+  framed(panel, theme) {
     const figure = document.createElement("figure");
     const title = document.createElement("figcaption");
     title.textContent = panel.title;
     const box = document.createElement("div");
+    box.className = "panel";
     box.setAttribute("role", "img");
     box.setAttribute("aria-label", `${panel.title}; its figures stand in the table`);
-    figure.append(title, box);
+    figure.append(title, box, legendOf(panel, theme));
     this.root.append(figure);
-    const colour = (name) => (typeof name === "number" ? theme.lines[name % theme.lines.length] : theme[name]);
+    return box;
+  }
+
+  plotted(panel, theme, box) {
+    const colour = (name) => inked(theme, name);
     const series = [{ label: "t, s" }];
     const bands = [];
     const columns = [];
@@ -141,24 +180,9 @@ export class Charts {
     const plot = new uPlot({
       width: Math.max(box.clientWidth, 200), height: HEIGHT, legend: { show: false },
       scales: { x: { time: false }, y: panel.log ? { distr: 3 } : {} },
-      axes: [axis, { ...axis, size: 64 }], cursor: { drag: { x: true, y: false } }, series, bands,
+      axes: [axis, panel.log ? { ...axis, size: 64, splits: decades, filter: (_, at) => at, values: (_, at) => at.map((v) => v.toExponential(0)) } : { ...axis, size: 64 }], cursor: { drag: { x: true, y: false } }, series, bands,
       hooks: { setScale: [(self, key) => key === "x" && this.zoomed(self)] },
     }, joined, box);
-    const legend = document.createElement("ul");
-    legend.className = "legend";
-    const told = new Set();
-    for (const one of panel.series) {
-      const key = `${one.label} ${one.colour} ${one.dash}`;
-      if (!one.label || told.has(key)) continue;
-      told.add(key);
-      const row = document.createElement("li");
-      const mark = document.createElement("i");
-      mark.style.borderTopColor = colour(one.colour);
-      mark.style.borderTopStyle = one.dash ? "dashed" : "solid";
-      row.append(mark, one.label);
-      legend.append(row);
-    }
-    figure.append(legend);
     return plot;
   }
 

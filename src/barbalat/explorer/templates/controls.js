@@ -108,7 +108,8 @@ export function built(root, data, setting, changed) {
   add("Simulation", choice("solver", "solver", solvers, () => setting.solver, (name) => { setting.solver = name; changed(); }));
   let place = 0;
   for (const [name, elements] of groups) {
-    const open = place < data.controllers.length || ["Command", "Simulation"].includes(name);
+    const wide = matchMedia("(min-width: 761px)").matches;
+    const open = wide ? place < data.controllers.length || ["Command", "Simulation"].includes(name) : place === 0;
     const group = made("details", open ? { open: "" } : {}, made("summary", {}, name), ...elements);
     root.append(group);
     place += 1;

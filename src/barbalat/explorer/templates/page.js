@@ -81,7 +81,8 @@ function draw() {
   const kept = pinned
     ? pinned.runs.flatMap((run, i) => (run && setting.shown[i] ? [{ run, colour: i, dash: [4, 3], label: `${data.controllers[i].name}, pinned` }] : []))
     : [];
-  charts.draw(panelsOf(data, [...live, ...kept]));
+  const moved = data.numbers.some((number, i) => /^(plant|reference_model)/.test(number.path) && setting.values[i] !== number.value);
+  charts.draw(panelsOf(data, [...live, ...kept], moved));
   figuresTable(live, kept);
   const waiting = busy.some(Boolean);
   document.body.dataset.state = waiting ? "busy" : "ready";
