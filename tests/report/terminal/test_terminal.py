@@ -206,7 +206,7 @@ def test_reproduce_ends_with_a_line_for_each_row_its_number_included():
     added = dataclasses.replace(FIGURE, key="added", checks=(Check("it is better", True, "2"),))
     lines = shown(80, lambda screen: ledger.overview(screen, [FIGURE, added], [PLAIN, long, NUMBERED])).splitlines()
     assert lines[0] == "Confirmed: 2" and lines[1].split() == ["bound-9", "0.55"]
-    assert lines[2].split() == ["bound-9", *"variation of the estimates with ...: 1.1 and 1.2".split()]
+    assert lines[2].split() == ["bound-9", *["variation", "of", "the", "estimates", "with", "...:", "1.1", "and", "1.2"]]
     assert lines[4].split()[0] == "own" and lines[5] == "Figures: 0 of 1 reproduced, 1 of 2 statements of their descriptions hold"
 
 
