@@ -6,6 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from contradictions import at_stake, claims_where_nothing_holds, exceeded, judged
+from mixtures import SIMULATION as MIXED
+from mixtures import state_feedback
 from scipy.linalg import expm
 
 from barbalat import (
@@ -29,6 +32,7 @@ from barbalat import (
 from barbalat.cases.load import load_case
 from barbalat.controllers.l1_piecewise import input_directions
 from barbalat.problem.regressors import Polynomial
+from independent import refusal
 
 SIMULATION = Simulation(t_end=1.0, dt=1e-3)
 
@@ -144,7 +148,7 @@ def reference_at_samples(problem, law, r):
 
 def test_no_run_is_farther_from_the_reference_system_than_is_guaranteed(sample):
     random, close = np.random.default_rng(11), 0.0
-    for i in range(sample(4, 200)):
+    for i in range(sample(4, 60)):
         n = int(random.integers(1, 4))
         b = np.zeros(n)
         b[-1] = random.choice([1.0, -0.7])
@@ -201,3 +205,23 @@ def test_what_it_does_not_know_is_said():
     found = certified(several, replace(law, filter=TransferFunction([9.0], [1.0, 4.2, 9.0])))
     assert found.values["delay_margin"] > 0 and "gain_margin" not in found.values
     assert "reference_distance" in found.guaranteed
+
+
+def test_no_mixture_of_what_disturbs_does_what_is_denied(sample):
+    """The certificates' seeded problems: delays, limits, noise, nonlinear regressors, several inputs."""
+    judged_ones = 0
+    for seed in range(sample(4, 30)):
+        random = np.random.default_rng([seed, 7])
+        problem = state_feedback(random)
+        flown = AsFlown(predictor_poles=-random.uniform(0, 9)) if seed % 2 else None
+        law = L1PiecewiseConstant(sample_time=0.02, filter=input_filter(10 ** random.uniform(-1.5, -0.5)), as_flown=flown)
+        if problem.input_gain is not None:
+            assert "input gain" in refusal(lambda law=law, problem=problem: law.bind(problem.known))
+            continue
+        certificate, column = judged(problem, law)
+        assert not claims_where_nothing_holds(certificate, column), seed
+        if at_stake(certificate, column):
+            judged_ones += 1
+            (run,) = simulate(problem, [law], MIXED).values()
+            assert not exceeded(certificate, column, run), seed
+    assert judged_ones > 0
