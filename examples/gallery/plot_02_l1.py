@@ -3,7 +3,8 @@ L1 adaptive control, at two steps
 =================================
 
 The same controller, with a gain of 10000, at the step of the paper's Figure 3 and at that of Figure 4. The oscillation
-of the estimates belongs to the solver, and the run says so.
+of the estimates belongs to the solver, and the run says so. Shaded: from the least to the greatest value of every step between
+two recorded instants.
 """
 
 import matplotlib.pyplot as plt
@@ -17,7 +18,7 @@ for ax, dt in zip(axes, (1e-4, 1e-5), strict=True):
     run = simulate(problem, [l1], Simulation(t_end=30, dt=dt))["L1"]
     for i in range(2):
         low, high = run.envelope.theta_hat_min[:, i], run.envelope.theta_hat_max[:, i]
-        ax.fill_between(run.t[1:], low, high, step="pre", color=f"C{i}", linewidth=1, label=rf"$\hat\theta_{i + 1}$")
+        ax.fill_between(run.t[1:], low, high, step="pre", color=f"C{i}", alpha=0.35, label=rf"$\hat\theta_{i + 1}$")
     ax.set(title=f"h = {dt:g} s: {run.label or 'inside the region of stability'}", ylabel="estimates")
 axes[0].legend()
 axes[1].set_xlabel("t [s]")

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from barbalat.claims import section_v
-from barbalat.claims.claim import ADDED, Check, Claim, PaperFigure, verdict
+from barbalat.claims.claim import ADDED, Check, Claim, Listing, PaperFigure, verdict
 from barbalat.claims.section_v import Runs
 from barbalat.claims.variants import numbers, table
 from barbalat.run.result import Result
@@ -135,6 +137,7 @@ def as_described(runs: Runs) -> Claim:
         f"{sum(check.holds for check in checks)} of {len(checks)} statements of the captions and the text hold, {sum(f.reproduced for f in shown)} of "
         f"{len(shown)} figures in all of theirs",
         "each statement as a measured check, with its number beside the figure",
+        listings=(_counted(shown),),
         number=f"{sum(check.holds for check in checks)} of {len(checks)} statements hold",
         would_change="a statement on a figure that fails at the solver, gain and step that the paper names",
     )  # fmt: skip
@@ -152,6 +155,7 @@ def without_projection(runs: Runs) -> Claim:
         f"{numbers(_figure(smooth, 'max_abs_e'))}; the robust MRAC of Figure 2 stays bounded too, "
         f"{numbers(_figure(robust, 'max_abs_e'))}",
         "RK4, 60 s; the same equations at a tenth of the step are bounded, see the numerics under the figures",
+        listings=(_ends((ends[0], smooth.diverged_at, ends[1])),),
         number=f"L1-AC without projection at Figure 3's and 5's settings: {times}",
         would_change="a run without projection that stays bounded there, or diverges at Figure 4's gain and step",
     )  # fmt: skip
@@ -187,6 +191,18 @@ def erratum_claim(runs: Runs) -> Claim:
         number=f"max |e_1| over that at half the tau: {printed[0] / printed_half[0]:.2f} as printed, {derived[0] / derived_half[0]:.2f} with the other sign",
         would_change="another definition of W_c0 or of the estimation error in the paper's source, with which the printed sign is right",
     )
+
+
+def _counted(shown: Sequence[PaperFigure]) -> Listing:
+    hold = [str(sum(check.holds for check in figure.checks)) for figure in shown]
+    columns = {"figure": [figure.key for figure in shown], "statements": [str(len(figure.checks)) for figure in shown]}
+    return table("The statements on each figure, and how many of them hold", columns | {"hold": hold})
+
+
+def _ends(diverged_at: Sequence[float | None]) -> Listing:
+    settings = {"figure": ("3", "4", "5"), "Gamma": (1e4, 1e4, 1e6), "h [s]": (section_v.COARSE, section_v.FINE, section_v.FINE)}
+    ends = [np.nan if at is None else at for at in diverged_at]
+    return table("L1-AC without projection at the settings of the figures", settings | {"diverges at [s]": ends})
 
 
 def _figure(result: Result, name: str) -> Array:

@@ -67,6 +67,16 @@ def without_error(run: Along) -> Claim:
         f"of epsilon^2, (epsilon m_s)^2, |theta_hat'|^2 reach {run.integrals['epsilon'][-1]:.3g}, {spent[-1]:.4g}, {run.integrals['rate'][-1]:.3g}, "
         f"the last quarter adding at most {max(late.values()):.0e} of each",
         HOW.format("Delta_m = 0", "the integrals are integrated with the loop; V at 3000 instants"),
+        listings=(
+            table(
+                "Integrals over the run, and what its last quarter adds to each",
+                {
+                    "of": ("epsilon^2", "(epsilon m_s)^2", "|theta_hat'|^2"),
+                    "at the end": [run.integrals[name][-1] for name in ("epsilon", "error", "rate")],
+                    "share of the last quarter": [late[name] for name in ("epsilon", "error", "rate")],
+                },
+            ),
+        ),
         number=f"V(0) = {V[0]:.3g} is what is spent, within {gap:.0e} of it",
         would_change="a V that rises without modelling error, or integrals that keep growing",
     )  # fmt: skip

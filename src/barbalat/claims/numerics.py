@@ -52,6 +52,12 @@ def without_filter() -> Claim:
         verdict(holds=bool((rate > 1e3).all() and (filtered > 1e3).all())),
         f"variation of the estimates per s: {numbers(rate)} without filter, {numbers(filtered)} with it",
         "Section V, Gamma = 1e4, h = 1e-4 s, RK4, 60 s",
+        listings=(
+            table(
+                "The variation of the estimates in the tail [1/s]",
+                {"scheme": ("MRAC, no filter", "L1-AC"), "first": (rate[0], filtered[0]), "second": (rate[1], filtered[1])},
+            ),
+        ),
         number=f"variation of the estimates with filter over that without: {(filtered / rate).min():.2g} and {(filtered / rate).max():.2g}",
         would_change="estimates that are quiet with the filter, or without it, at this gain and step",
     )  # fmt: skip
@@ -101,6 +107,16 @@ def small_tau() -> Claim:
         verdict(holds=0.8 < observed / predicted < 1.25),
         f"diverges up to tau = {observed:.3g} s; predicted from h/tau = {RK4.real_limit:.3f}: {predicted:.3g} s",
         "Section V, robust MRAC, RK4, h = 1e-4 s, 10 s, 41 values of tau from 1e-5 to 1e-4 s",
+        listings=(
+            table(
+                "The robust MRAC around the limit h/tau of the solver",
+                {
+                    "": ("largest tau that diverges", "predicted limit", "smallest tau that is borne"),
+                    "tau [s]": (observed, predicted, float(taus[~diverged].min(initial=np.inf))),
+                    "h/tau": (h / observed, RK4.real_limit, h / float(taus[~diverged].min(initial=np.inf))),
+                },
+            ),
+        ),
         number=f"largest tau that diverges over the predicted one: {observed / predicted:.2f}",
         would_change="a solver whose stability does not depend on h/tau, or a tau below the limit that is borne",
     )  # fmt: skip
