@@ -26,13 +26,14 @@ from playwright.sync_api import Browser, sync_playwright
 
 WIDTHS = {"desk": 1280, "phone": 390}
 """In CSS pixels."""
-LARGEST_PAGE = 500_000
-"""Bytes of a page; explorers are pages of another kind."""
+LARGEST_PAGE, LARGEST_EXPLORER = 500_000, 1_000_000
+"""Bytes of a page, and of one that simulates."""
 COMMANDS = {
     "reproduce": ["reproduce", "--quick"],
     "run": ["run", "first-order"],
     "output": ["run", "l1-output"],
 }
+EXPLORER = "explore.html"
 """What makes pages, by the folder that they go to."""
 UNSCROLLABLE = """
 () => [...document.querySelectorAll('body *')]
@@ -70,6 +71,8 @@ def _made_in(folder: Path) -> list[Path]:
     for name, arguments in COMMANDS.items():
         command = [sys.executable, "-m", "barbalat", *arguments, "--out", str(folder / name)]
         subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
+    command = [sys.executable, "-m", "barbalat", "explore", "first-order", "--no-open", "--out", str(folder / EXPLORER)]
+    subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
     return sorted(folder.rglob("*.html"))
 
 
@@ -100,8 +103,9 @@ class Quiet(SimpleHTTPRequestHandler):
 
 def _findings(browser: Browser, page: Path, address: str) -> Iterator[str]:
     """What is wrong with a page of the program's."""
-    if page.stat().st_size > LARGEST_PAGE:
-        yield f"{page.parent.name}/{page.name}: {page.stat().st_size} bytes, more than {LARGEST_PAGE}"
+    most = LARGEST_EXPLORER if page.name == EXPLORER else LARGEST_PAGE
+    if page.stat().st_size > most:
+        yield f"{page.parent.name}/{page.name}: {page.stat().st_size} bytes, more than {most}"
     yield from _at_both_widths(browser, f"{page.parent.name}/{page.name}", address)
 
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from barbalat.cases.build import Case
 from barbalat.explorer.commands import Grid, breaks_anywhere, is_smooth, smooth_module, steps_offered
-from barbalat.explorer.effects import Effect, Rows, Target, effects_of
+from barbalat.explorer.effects import Effect, Rows, Target, composed, effects_of
 from barbalat.explorer.numbers import GRID, Number, ranged
 from barbalat.explorer.source import Source
 from barbalat.loop.packing import unflatten
@@ -33,6 +33,12 @@ PRECEDENCE = ("controller", "reference", "simulation", "plant", "reference_model
 and of a part's a number by itself before entries of vectors."""
 MOST_STEPS = 4_000_000
 """Of a run in a page: its table of commands takes 100 MB then."""
+
+
+SETTINGS_TRIED = 12
+"""Near the case, and as many over the sliders' whole length."""
+Followed = list[tuple[Number, list[Effect], list[int]]]
+"""Numbers with sliders, their effects on each kernel, and the entries of the smooth signals' numbers that they are."""
 
 
 def doubles(values: Array) -> str:
@@ -69,10 +75,10 @@ class Described:
         return found + [(i, True, Target.of(switched, i, switched.simulation)) for i in self.toggles]
 
     @cached_property
-    def numbers(self) -> list[tuple[Number, list[Effect], list[int]]]:
+    def numbers(self) -> Followed:
         """Those with sliders, their effects on the variants, and the entries of the smooth signals' numbers that they are."""
         taken: list[Rows] = [set() for _ in self.variants]
-        kept: list[tuple[Number, list[Effect], list[int]]] = []
+        kept: Followed = []
         for path, value in sorted(self.source.numbers(), key=_precedence):
             if path.keys[-1] in GRID or len(kept) == MOST_NUMBERS:
                 continue
@@ -81,7 +87,25 @@ class Described:
             if found is not None:
                 kept.append(found)
                 taken = [rows | effect.rows for effect, rows in zip(found[1], taken, strict=True)]
+        while not self._composes(kept):
+            tabulated = [k for k, (_, effects, _) in enumerate(kept) if any(effect.table is not None for effect in effects)]
+            kept.pop(tabulated[-1])
         return kept
+
+    def _composes(self, kept: Followed) -> bool:
+        """Whether settings of all numbers at once are what their effects are one by one; a product of two would not be."""
+        draw = np.random.default_rng(0)
+        for share in np.repeat((0.1, 1.0), SETTINGS_TRIED):
+            places = [_drawn(number, share, draw) for number, _, _ in kept]
+            values = [float(number.values[place]) for (number, _, _), place in zip(kept, places, strict=True)]
+            try:
+                case = self.source.at({number.path: v for (number, _, _), v in zip(kept, values, strict=True)})
+            except InputError:  # together they make no case: the copied one says why
+                continue
+            for k, (_, switched, target) in enumerate(self.variants):
+                if not switched and not _agrees(target, case, composed(target, [e[k] for _, e, _ in kept], values, places)):
+                    return False
+        return True
 
     def _followed(self, number: Number, taken: Sequence[Rows]) -> tuple[Number, list[Effect], list[int]] | None:
         places = self._in_signals(number)
@@ -200,6 +224,17 @@ class Described:
         assert program.accumulators is not None
         made = module_of(program.program, program.shape, program.accumulators.resets, program.sample, program.watch)
         return base64.b64encode(made).decode()
+
+
+def _drawn(number: Number, share: float, draw: np.random.Generator) -> int:
+    """A place among a number's values, at most this share of them from its own."""
+    own, most = int(np.searchsorted(number.values, number.value)), len(number.values) - 1
+    return int(np.clip(own + round(share * most * draw.uniform(-1, 1)), 0, most))
+
+
+def _agrees(target: Target, case: Case, found: tuple[Array, Array]) -> bool:
+    made = target.read([case])
+    return all((part == rows[:, 0]).all() for part, rows in zip(found, (made.parameters, made.states), strict=True))
 
 
 def _switches(source: Source, case: Case, i: int) -> bool:

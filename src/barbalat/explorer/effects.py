@@ -134,3 +134,13 @@ def _effect(values: Array, made: Numbers) -> Effect:
     moved = [np.flatnonzero((part != part[:, :1]).any(axis=1)) for part in (made.parameters, made.states)]
     rows = np.concatenate([made.parameters[moved[0]], made.states[moved[1]]])
     return Effect(moved[0], moved[1], None if (rows == values).all() else rows.T)
+
+
+def composed(target: Target, effects: Sequence[Effect], values: Sequence[float], places: Sequence[int]) -> tuple[Array, Array]:
+    """Parameters and states as a page puts them together, of each number's value and its place among the number's values."""
+    parameters, states = target.base.parameters[:, 0].copy(), target.base.states[:, 0].copy()
+    for effect, value, place in zip(effects, values, places, strict=True):
+        rows = np.full(len(effect.rows), value) if effect.table is None else effect.table[place]
+        parameters[effect.parameters] = rows[: len(effect.parameters)]
+        states[effect.states] = rows[len(effect.parameters) :]
+    return parameters, states

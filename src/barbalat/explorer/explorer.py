@@ -10,6 +10,7 @@ from pathlib import Path
 
 from barbalat import validate
 from barbalat.cases.build import Case
+from barbalat.explorer.certified import section
 from barbalat.explorer.describe import Described
 from barbalat.explorer.page import html
 from barbalat.explorer.source import ObjectSource, Source
@@ -27,18 +28,15 @@ FRAME_HEIGHT = 900
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Explorer:
-    """A page with a slider for each number of a case; ``html`` is the whole of it, one file that asks for nothing elsewhere.
-
-    certificates  HTML of what is certified of the case as it is given; none by default
-    """
+    """A page with a slider for each number of a case; ``html`` is the whole of it, one file that asks for nothing elsewhere."""
 
     source: Source
-    certificates: str = ""
 
     @cached_property
     def html(self) -> str:
         """The page; InputError where the case can't be simulated in one."""
-        return html(Described.of(self.source).as_data(), self.certificates)
+        described = Described.of(self.source)
+        return html(described.as_data(), section(described.case))
 
     def save(self, path: str | Path) -> Path:
         """Write it to a file."""

@@ -1,0 +1,169 @@
+"""Explorers without a browser: what stands in a page, and that its numbers are the simulator's. See ``browser_explorer.py``."""
+
+from __future__ import annotations
+
+import json
+import re
+import tomllib
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from barbalat import Mrac, Noise, PlantInput, Sensor, Simulation, explore, load_case
+from barbalat.cases.load import CaseText, bundled
+from barbalat.explorer.commands import Grid, smooth_module
+from barbalat.explorer.describe import Described
+from barbalat.explorer.explorer import Explorer
+from barbalat.explorer.numbers import in_tables
+from barbalat.explorer.source import TextSource, toml
+from barbalat.lowering.shape import ENTRY
+from barbalat.run.grid import signal_table
+from barbalat.run.portable import run_times
+from barbalat.signals import Constant, Sine, Sines, Square
+from barbalat.validate import InputError, signal_values
+from lowering.test_c99 import same_bits
+
+CASE = """name = "</script><b> & \\"quoted\\""
+[plant]
+A_m = [[-4.0]]
+b = [1.0]
+theta = [5.0]
+[reference_model]
+k_0 = 4.0
+[reference]
+kind = "sine"
+amplitude = 4.0
+frequency = 3.0
+[uncertainty]
+lower = [-10.0]
+upper = [10.0]
+[simulation]
+t_end = 4.0
+dt = 1e-3
+[[controller]]
+name = "<i>L1</i>"
+scheme = "l1"
+gamma = 100.0
+filter = { kappa = 0.05 }
+"""
+
+
+@pytest.fixture(scope="module")
+def page() -> str:
+    return Explorer(TextSource(CaseText(CASE))).html
+
+
+def data_of(page: str):
+    (text,) = re.findall(r'<script type="application/json" id="data">(.*?)</script>', page, re.DOTALL)
+    return json.loads(text)
+
+
+def test_names_and_texts_end_no_element(page) -> None:
+    data = data_of(page)
+    assert data["case"] == '</script><b> & "quoted"'
+    assert data["controllers"][0]["name"] == "<i>L1</i>"
+    assert "<b>" not in page
+    assert "<i>" not in page
+    assert "&lt;i&gt;L1&lt;/i&gt;" in page  # among the certificates
+
+
+def test_a_page_asks_for_nothing_and_is_small(page) -> None:
+    assert not re.findall(r'(?:src|href)\s*=\s*["\']?(?:https?:)?//', page)
+    assert "default-src 'none'" in page
+    assert len(page.encode()) < 1_000_000
+    assert "The MIT License" in page
+
+
+def test_every_number_of_the_loop_has_a_slider(page) -> None:
+    paths = {number["path"]: number for number in data_of(page)["numbers"]}
+    wanted = {"controller[0].gamma", "controller[0].filter.kappa", "reference.amplitude", "reference.frequency", "plant.theta[0]"}
+    assert wanted < set(paths)
+    assert paths["controller[0].gamma"]["copied"]
+    assert not paths["controller[0].filter.kappa"]["copied"]  # -1/kappa and 1/kappa are what the module is handed
+    assert paths["controller[0].gamma"]["log"]
+    assert not paths["plant.theta[0]"]["log"]
+
+
+@pytest.mark.full
+def test_the_copied_case_file_is_the_case() -> None:
+    source = TextSource(CaseText(CASE))
+    described = Described.of(source)
+    numbers = [number for number, _, _ in described.numbers]
+    text = "".join(
+        part
+        if isinstance(part, str)
+        else repr(([n.value for n in numbers] + [4.0, 1e-3])[part["number"]])
+        if "number" in part
+        else '"rk4"'
+        if "solver" in part
+        else "true"
+        for part in source.case_file(described._slots(described.numbers), described.toggles)
+    )
+    found, given = tomllib.loads(text), tomllib.loads(CASE)
+    given["simulation"] |= {"fused": False, "solver": "rk4"}
+    given["controller"][0]["projection"] = True
+    assert found == given
+
+
+@pytest.mark.parametrize("case", sorted(bundled()))
+def test_tables_are_written_as_they_were_read(case) -> None:
+    tables = CaseText.read(case).data()
+    assert tomllib.loads(toml(tables)) == tables
+    assert dict(in_tables(tables))
+
+
+def test_a_module_s_commands_have_a_run_s_bits() -> None:
+    wasmtime = pytest.importorskip("wasmtime", reason="wasmtime is not installed")
+    signals = (Sine(3.0, 0.7, 0.2, -1.0), Constant(2.5), Square(1.0, 1.0), Sines((1.0, 0.3), (2.0, 16.1)))
+    simulation = Simulation(t_end=60.0, dt=1e-2, fused=False)
+    t = simulation.time(np.arange(simulation.steps + 1))
+    module, parameters = smooth_module(signals)
+    engine = wasmtime.Engine()
+    store = wasmtime.Store(engine)
+    exports = wasmtime.Instance(store, wasmtime.Module(engine, module), []).exports(store)
+    begin = -(-exports["free"](store) // 8) * 8
+    memory, (p, rows, out) = exports["memory"], (begin, begin + parameters.nbytes, begin + parameters.nbytes + t.nbytes)
+    memory.grow(store, 8)
+    memory.write(store, parameters.tobytes(), p)
+    memory.write(store, t.tobytes(), rows)
+    exports[ENTRY](store, len(t), 1, p, p, rows, out, 0, 0, 0, 0, 0, 0, 0, 1, 0, 1)
+    found = np.frombuffer(bytes(memory.read(store, out, out + 3 * t.nbytes))).reshape(-1, 3)
+    smooth = [signal for signal in signals if not isinstance(signal, Square)]
+    expected = [np.asarray(signal_values(signal, run_times(simulation, t))) for signal in smooth]
+    assert same_bits(found, np.column_stack(expected))
+
+
+def test_what_jumps_is_kept_as_runs_of_rows() -> None:
+    """Put together again they are the table that a run has, jumps inside of steps included."""
+    signals = (Square(1.5, 0.7),)
+    simulation = Simulation(t_end=20.0, dt=1e-2, fused=False)
+    grid = Grid.of(signals, simulation)
+    table = signal_table(signals, simulation, 0, simulation.steps, in_pieces=True)
+    assert 0 < len(grid.cuts) < len(grid.starts) + 1 < 20
+    lengths = np.diff([*grid.starts, len(table)])
+    assert same_bits(np.repeat(grid.values, lengths, axis=0), table[:, :-3])
+    assert len(table) == simulation.steps + len(grid.cuts)
+
+
+@pytest.mark.full
+def test_objects_of_python_get_a_page_too() -> None:
+    case = load_case("first-order")
+    made = explore(case.problem, Mrac(gamma=2.0), replace(case.simulation, t_end=1.0))
+    paths = [str(path) for path, _ in made.source.numbers()]
+    assert {"controller[0].gamma", "plant.theta[0]", "reference.amplitude"} <= set(paths)
+    moved = made.at({"controller[0].gamma": 7.0, "simulation.dt": 5e-4}, solver="heun")
+    assert moved.controllers[0].gamma == 7.0
+    assert (moved.simulation.dt, moved.simulation.solver.name, moved.simulation.fused) == (5e-4, "heun", False)
+    assert made._repr_html_().startswith("<iframe")
+    with pytest.raises(InputError, match="solver must be one of"):
+        made.at({}, solver="rk5")
+
+
+def test_what_no_page_can_simulate_is_said() -> None:
+    case = load_case("first-order")
+    noisy = replace(case.problem, sensor=Sensor(noise=Noise(std=0.1, sample_time=1e-3)))
+    delayed = replace(case.problem, plant=replace(case.problem.plant, input=PlantInput(delay=0.1)))
+    for problem, message in ((noisy, "no measurement noise"), (delayed, "no delay at the plant's input")):
+        with pytest.raises(InputError, match=message):
+            _ = explore(problem, Mrac(gamma=2.0), case.simulation).html
