@@ -179,3 +179,8 @@ def test_bad_ranges(text):
 def test_bad_distributions(text):
     with pytest.raises(InputError, match="theta"):
         sampled(None, [("plant.theta[0]", text)])
+
+
+def test_a_misspelt_list_offers_the_nearest_path():
+    path = FieldPath.parse("plant.theata[0]")
+    assert "did you mean 'plant.theta[0]'?" in refusal(lambda: path.put({"plant": {"theta": [1.0], "b": [1.0]}}, 2.0))

@@ -33,7 +33,7 @@ def add(commands: Commands) -> None:
 
 SECONDS, QUICK_SECONDS, FULL_SECONDS = 40.0, 9.0, 130.0
 """In all, until the ledger is there to say it."""
-START_SECONDS, RUNS_SECONDS, PICTURES_SECONDS, MAPS_SECONDS = 1.0, 6.0, 6.0, 4.0
+START_SECONDS, RUNS_SECONDS, PICTURES_SECONDS, MAPS_SECONDS, PAGE_SECONDS = 1.0, 6.0, 9.0, 4.0, 2.0
 """Seconds of a core: until the first row is begun, and what is done beside the rows."""
 
 
@@ -102,7 +102,8 @@ class Pace:
         """rows: seconds of what is measured and drawn for the ledger."""
         from barbalat.report.terminal.layout import Screen
 
-        self.whole, self.done, self.runs_done = START_SECONDS + RUNS_SECONDS + PICTURES_SECONDS + rows, 0.0, 0.0
+        self.whole = START_SECONDS + RUNS_SECONDS + PICTURES_SECONDS + PAGE_SECONDS + rows
+        self.done, self.runs_done = 0.0, 0.0
         self.progress = progress
         self.screen = Screen(console) if console is not None and console.is_terminal else None
 
