@@ -14,6 +14,7 @@ from barbalat.sweeps.spread import Axis, LogUniform, Normal, Uniform
 from barbalat.sweeps.study import Study
 from barbalat.sweeps.varied import VariedObjects
 from barbalat.sweeps.varied_case import VariedCase, sampled
+from independent import refusal
 
 SHORT = CaseText.read("paper").text.replace("t_end = 60.0", "t_end = 1.0").replace("dt = 1e-4", "dt = 1e-3")
 DELAYED = SHORT.replace("x0 = [1.0, 1.0]", "x0 = [1.0, 1.0]\ninput = { delay = 0.02 }").replace(
