@@ -30,9 +30,9 @@ class InputError(ValueError):
 
 
 def show(value: Any) -> str:
-    """A value as it appears in a message: short, on one line."""
+    """A value as it appears in a message: short, on one line; an array as the list that was typed."""
     try:
-        text = np.array2string(value, separator=", ") if isinstance(value, np.ndarray) else repr(value)
+        text = repr(value.tolist() if isinstance(value, np.ndarray) and value.size <= MOST_SHOWN else value)
     except RecursionError:
         text = f"a {type(value).__name__} nested too deeply to be shown"
     text = " ".join(text.split())

@@ -36,6 +36,9 @@ def edited(*changes: tuple[str, str]) -> str:
 @pytest.mark.parametrize(
     ("old", "new", "meant"),
     [
+        ('scheme = "robust-mrac"', 'scheme = "Robust-MRAC"', "did you mean 'robust-mrac'?"),
+        (CASE[CASE.index("scheme") :], 'scheme = "l1"\nfilter = 0.05\ngamma = 1.0\n', "write filter = { kappa = 0.05 }"),
+        ("dt = 0.1 }", "dt = 0.1 }\nname2 = 0,001", "a number has a decimal point: name2 = 0.001"),
         ("[[controller]]", "[controller]", "write [[controller]] instead of [controller]"),
         ('law = { kind = "gradient", gamma = 3.0 }', 'law = "least-squares"', 'write law = { kind = "least-squares" }'),
         ("theta = [1.0]", "theta = [1.0], saturation = [-3, 3]", "plant.saturation; did you mean 'plant.input.saturation'?"),

@@ -191,7 +191,7 @@ BAD = [
     ("theta = [4.0, -3.0]", "theta = [4.0, -3.0, 1.0]", ["plant.theta", "shape 2", "got 3"]),
     ("theta = [4.0, -3.0]", "theta = [4.0, nan]", ["plant.theta 2", "finite", "nan"]),
     ("[-0.3, -1.0]", "[0.3, -1.0]", ["plant.A_m", "Hurwitz", "0.2416"]),
-    ("b = [0.0, 1.0]", "b = [0.0, 0.0]", ["controllable", "[0., 0.]"]),
+    ("b = [0.0, 1.0]", "b = [0.0, 0.0]", ["controllable", "[0.0, 0.0]"]),
     ("dt = 1e-4", "dt = 7e-4", ["simulation.dt", "divide", "0.0007"]),
     ("dt = 1e-4", "dt = 0.0", ["simulation.dt", "positive"]),
     ("t_end = 60.0", "t_end = inf", ["simulation.t_end", "finite"]),

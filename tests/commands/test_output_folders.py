@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from barbalat.cases.bundled import bundled
+from barbalat.certificates import overview
 from barbalat.cli import main
 
 CASE = bundled()["paper"].read_text().replace("t_end = 60.0", "t_end = 0.5").replace("dt = 1e-4", "dt = 1e-3")
@@ -132,6 +133,21 @@ def test_json_of_what_is_not_finite():
         "a": [None, 1.0],
         "b": [None, {"c": None}],
     }
+
+
+def test_an_interrupt_after_the_runs_says_what_is_kept(tmp_path, case_file, monkeypatch, capsys):
+    """The figures and trajectories are whole; there is no page, an older one neither."""
+
+    def interrupted(*_, **__):
+        raise KeyboardInterrupt
+
+    folder = tmp_path / "out"
+    monkeypatch.setattr(overview, "certified_case", interrupted)
+    assert main(["run", str(case_file), "--out", str(folder)]) == 130
+    said = capsys.readouterr().err
+    assert f"the figures and trajectories are kept in {folder}, without a page" in said and said.endswith("interrupted\n")
+    assert json.loads((folder / "run.json").read_text())["controllers"] and list(folder.glob("*.csv"))
+    assert not list(folder.glob("*.html")) and not list(folder.glob(".*"))
 
 
 def test_certify_leaves_page_pictures_and_json(case_file, tmp_path):

@@ -84,6 +84,8 @@ def test_a_case_names_the_files_classes(folder, capsys):
     (controller,) = found.controllers
     assert isinstance(controller, Sampled) and controller.name == "mine" and controller.controller.gamma == 5.0
     assert list(documents(capsys, case, laws)[1]) == ["mine"]
+    renamed, laws = folder(CASE + OWN.replace('"Plain"', '"Plian"'))
+    assert "did you mean 'Plain'?" in refusal(lambda: load_case(renamed, laws))
     misspelt, laws = folder(CASE + OWN.replace("gamma", "gama"))
     assert "gamma" in refusal(lambda: load_case(misspelt, laws))
 

@@ -8,6 +8,7 @@ from barbalat import (
     EULER,
     Constant,
     Mrac,
+    ParameterBox,
     Plant,
     Problem,
     ReferenceModel,
@@ -30,9 +31,9 @@ from independent import refusal
 SHORT = Simulation(2.0, 1e-2)
 
 
-def problem(k_0=4.0, reference=None):
+def problem(k_0=4.0, reference=None, **known):
     plant = Plant([[0, 1], [-4, -2]], [0, 1], [1, -1])
-    return Problem(plant, ReferenceModel(k_0), Step(1.0) if reference is None else reference)
+    return Problem(plant, ReferenceModel(k_0), Step(1.0) if reference is None else reference, **known)
 
 
 @pytest.fixture(scope="module")
@@ -104,6 +105,16 @@ def test_a_k_0_that_was_chosen_wrongly_is_said():
     sentence = command_warning(problem(6.0))
     assert "1.5 times" in sentence and "k_0 = 4 " in sentence
     assert sentence in simulate(problem(6.0), Mrac(5), SHORT)["MRAC"].warnings
+
+
+def test_true_values_outside_the_known_set_are_said():
+    """theta = (1, -1) in and outside of a box; an input's gain of 1 outside of its interval."""
+    inside, outside = (problem(uncertainty=ParameterBox([-2, -2], [upper, 2])) for upper in (2, 0.5))
+    assert inside.outside_known_set is None and problem().outside_known_set is None
+    sentence = outside.outside_known_set
+    assert "theta [1.0, -1.0] lies outside the known set, between [-2.0, -2.0] and [0.5, 2.0]" in sentence
+    assert sentence in simulate(outside, Mrac(5), SHORT)["MRAC"].warnings
+    assert "outside" in problem(input_gain=(2, 3)).outside_known_set and problem(input_gain=(0.5, 3)).outside_known_set is None
 
 
 def test_a_step_response_in_numbers():

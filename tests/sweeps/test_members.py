@@ -14,6 +14,7 @@ from barbalat.sweeps.spread import Axis, LogUniform, Normal, Uniform
 from barbalat.sweeps.study import Study
 from barbalat.sweeps.varied import VariedObjects
 from barbalat.sweeps.varied_case import VariedCase, sampled
+from independent import refusal
 
 SHORT = CaseText.read("paper").text.replace("t_end = 60.0", "t_end = 1.0").replace("dt = 1e-4", "dt = 1e-3")
 DELAYED = SHORT.replace("x0 = [1.0, 1.0]", "x0 = [1.0, 1.0]\ninput = { delay = 0.02 }").replace(
@@ -179,3 +180,8 @@ def test_bad_ranges(text):
 def test_bad_distributions(text):
     with pytest.raises(InputError, match="theta"):
         sampled(None, [("plant.theta[0]", text)])
+
+
+def test_a_misspelt_list_offers_the_nearest_path():
+    path = FieldPath.parse("plant.theata[0]")
+    assert "did you mean 'plant.theta[0]'?" in refusal(lambda: path.put({"plant": {"theta": [1.0], "b": [1.0]}}, 2.0))

@@ -28,6 +28,9 @@ DEEPEST_VALUE = 4
 SYMMETRIC_LIMITS = ("saturation",)
 """Keys whose value is a pair of limits, for which one number may be meant as both."""
 
+KEYS_OF_ONE_NUMBER = {"filter": "kappa"}
+"""Tables for which one number may be given, by the key that it is then meant to have."""
+
 _ORDER = {"unknown_key": 0, "extra_forbidden": 2}
 """A misspelt key is also a missing one: speak of the spelling. A key that means nothing here comes after one that is missing."""
 
@@ -99,6 +102,9 @@ def _sentence(finding: Any, data: dict[str, Any], root: type[Table]) -> str:
             return _one_of(f"{_place(location, data)}.{key}", context["expected_tags"], context["tag"], otherwise)
         case "model_attributes_type" if isinstance(given, str) and not isinstance(given, Typed):
             return f"{_place(location, data)} must be a table: write {location[-1]} = {{ kind = {typed(given)} }}"
+        case "model_type" | "model_attributes_type" if location[-1] in KEYS_OF_ONE_NUMBER and isinstance(given, (int, Typed)):
+            meant = f"{location[-1]} = {{ {KEYS_OF_ONE_NUMBER[location[-1]]} = {typed(given)} }}"
+            return f"{_place(location, data)} must be a table: write {meant}"
         case "model_type" | "model_attributes_type":
             return f"{_place(location, data)} must be a table, got {typed(given)}"
         case "list_type" if isinstance(given, dict):
@@ -154,7 +160,7 @@ def _tables_in(hint: Any) -> Iterator[type[Table]]:
 def _one_of(place: str, expected: str, given: str, otherwise: str = "") -> str:
     """``expected`` as pydantic writes it, every name in quotes; ``otherwise`` where none of them is near."""
     known = re.findall("'([^']*)'", expected)
-    near = difflib.get_close_matches(given, known, n=1)
+    near = difflib.get_close_matches(given.lower(), known, n=1) or difflib.get_close_matches(given, known, n=1)
     hint = f"; did you mean {near[0]!r}?" if near else otherwise
     return f"{place} must be one of {', '.join(known)}, got {typed(given)}{hint}"
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import re
 import tomllib
 from dataclasses import dataclass
 from difflib import get_close_matches
@@ -33,6 +34,10 @@ def text_to_start_from(name: str | None = None) -> str:
     if name not in bundled():
         raise InputError(f"--from must be one of the bundled cases ({', '.join(bundled())}), got {name!r}")
     return bundled()[name].read_text("utf-8")
+
+
+DECIMAL_COMMA = re.compile(r"^\s*([\w.-]+)\s*=\s*([-+]?\d+),(\d+)\s*(?:#.*)?$", re.MULTILINE)
+"""A key whose value is a number with a decimal comma, alone on its line."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,6 +80,9 @@ class CaseText:
         except (tomllib.TOMLDecodeError, ValueError, RecursionError) as error:
             twice = "('controller',) twice" in str(error)
             meant = "; each controller stands under [[controller]], with two brackets" if twice else ""
+            comma = DECIMAL_COMMA.search(self.text)
+            if comma is not None and not twice:
+                meant = f"; a number has a decimal point: {comma[1]} = {comma[2]}.{comma[3]}"
             raise InputError(f"{self.source} is not valid TOML: {error}{meant}") from None
 
     def case(self, data: dict[str, Any] | None = None) -> Case:
@@ -83,6 +91,8 @@ class CaseText:
         data = self.data() if data is None else data
         problem = problem_posed(data)
         further = outside.schemes(outside.named_in(data) - CASES[problem].keys(), self.own)
+        if self.own is not None:
+            outside.require_spelling(outside.named_in(data) - CASES[problem].keys() - further.keys(), self.own, CASES[problem])
         joining = () if self.own is None else self.own.controllers(named=further)
         root = case_table(problem, tuple(further.items()), alone=not joining)
         try:

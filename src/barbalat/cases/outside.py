@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import inspect
 import sys
-from collections.abc import Mapping, Set
+from collections.abc import Iterable, Mapping, Set
 from dataclasses import dataclass, fields, is_dataclass
+from difflib import get_close_matches
 from importlib.machinery import SourceFileLoader
 from importlib.metadata import entry_points
 from importlib.util import module_from_spec, spec_from_loader
@@ -114,6 +115,14 @@ def schemes(names: Set[str], own: OwnFile | None) -> dict[str, type]:
     for name, kind in found.items():
         _require_settings(name, kind)
     return found
+
+
+def require_spelling(unknown: Set[str], own: OwnFile, known: Iterable[str]) -> None:
+    """InputError for a scheme that is spelt like a class of the user's file, and like none that is known besides."""
+    for name in sorted(unknown):
+        near = get_close_matches(name, own.classes, n=1)
+        if near and not get_close_matches(name.lower(), known, n=1):
+            raise InputError(f"scheme {name!r} is no class of {str(own.path)!r}; did you mean {near[0]!r}?")
 
 
 def _require_settings(name: str, kind: Any) -> None:

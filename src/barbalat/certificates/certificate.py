@@ -57,7 +57,8 @@ class Certificate:
     def plot(self, *, narrow: bool = False) -> Figure:
         """Bode, Nyquist and sensitivity pictures of the loops whose margins are given, as a Matplotlib figure."""
         if not self.loops:
-            raise InputError("this certificate has no linear loop with margins to plot; its findings say why")
+            why = f": {self.notes[0]}" if self.notes else "; its findings say why"
+            raise InputError(f"this certificate has no linear loop with margins to plot{why}")
         return figure_of(self.loops, "Loops broken at the plant's input", narrow=narrow)
 
     def entry(self, key: str) -> Entry | None:

@@ -8,13 +8,16 @@ import time
 from typing import TYPE_CHECKING
 
 from barbalat.commands.output import folder_of, print_json
-from barbalat.commands.screen import Work, work
+from barbalat.commands.screen import work
 
 if TYPE_CHECKING:
+    from rich.console import Console
+
     from barbalat.claims.claim import Claim, PaperFigure
     from barbalat.claims.ledger import Measured
     from barbalat.commands import Commands
     from barbalat.report.files import Folder
+    from barbalat.run.progress import Progress
 
 
 def add(commands: Commands) -> None:
@@ -30,7 +33,7 @@ def add(commands: Commands) -> None:
 
 SECONDS, QUICK_SECONDS, FULL_SECONDS = 40.0, 9.0, 130.0
 """In all, until the ledger is there to say it."""
-START_SECONDS, RUNS_SECONDS, PICTURES_SECONDS, MAPS_SECONDS = 3.0, 6.0, 4.0, 4.0
+START_SECONDS, RUNS_SECONDS, PICTURES_SECONDS, MAPS_SECONDS, PAGE_SECONDS = 1.0, 6.0, 9.0, 4.0, 2.0
 """Seconds of a core: until the first row is begun, and what is done beside the rows."""
 
 
@@ -38,10 +41,10 @@ def execute(options: argparse.Namespace) -> int:
     """Run the command; returns the exit code."""
     started = time.perf_counter()
     expected = {"reproducing": QUICK_SECONDS if options.quick else FULL_SECONDS if options.full else SECONDS}
-    with folder_of(options.out, None) as folder, work(expected) as running, running.part("reproducing", here=False):
+    with folder_of(options.out, None) as folder, work(expected) as running, running.part("reproducing", here=False) as progress:
         assert folder is not None  # --out has a default
         figures, claims, document, seconds = _reproduced(
-            folder, started, running, quick=options.quick, full=options.full, shown=not options.json
+            folder, started, None if options.json else running.console, progress, quick=options.quick, full=options.full
         )
         folder.commit()
     if options.json:
@@ -52,7 +55,7 @@ def execute(options: argparse.Namespace) -> int:
 
 
 def _reproduced(
-    folder: Folder, started: float, running: Work, *, quick: bool, full: bool, shown: bool
+    folder: Folder, started: float, console: Console | None, progress: Progress, *, quick: bool, full: bool
 ) -> tuple[list[PaperFigure], list[Claim], str, float]:
     """Figures, claims, the JSON document, and how long it took [s] from ``started`` on; the page is written."""
     from barbalat.claims import figures as paper
@@ -61,7 +64,8 @@ def _reproduced(
     from barbalat.report import documents, page, write
 
     processes = 1 if quick else os.cpu_count() or 1
-    pace = Pace(running, sum(part.duration(full=full) for part in LEDGER if part.quick or not quick), processes, shown=shown)
+    rows = sum(part.duration(full=full) for part in LEDGER if part.quick or not quick)
+    pace = Pace(rows + (0.0 if quick else MAPS_SECONDS), progress, console)
     seconds, maps = {"start": time.perf_counter() - started}, {}
     with ledger.under_way(processes, quick=quick, full=full, told=pace.told) as ahead:
         runs = section_v.run(pace.running_section_v)
@@ -70,8 +74,7 @@ def _reproduced(
         narrow = ahead.pool.submit(write.narrow_pictures, figures)
         certified = ahead.certified.result()
         drawing_loops = ahead.pool.submit(write.loop_pictures, certified.certificates)
-        pictures = write.draw_reproduction(folder, figures)
-        pace.drawn(PICTURES_SECONDS)
+        pictures = write.draw_reproduction(folder, figures, drawn=lambda share: pace.drawn(PICTURES_SECONDS * share))
         seconds["pictures"] = time.perf_counter() - started - sum(seconds.values())
         claims = ledger.measure(
             runs,
@@ -93,42 +96,35 @@ def _reproduced(
 
 
 class Pace:
-    """Tells of rows as they are measured; and how long all takes, from how much of the work was done in which time."""
+    """Tells of rows as they are measured, and of how much of all work, in seconds of a core, is done."""
 
-    PRIOR_SECONDS = 3.0
-    """So long the work counts as having gone as fast as expected, before anything is known."""
-
-    def __init__(self, running: Work, rows: float, processes: int, *, shown: bool) -> None:
+    def __init__(self, rows: float, progress: Progress, console: Console | None) -> None:
+        """rows: seconds of what is measured and drawn for the ledger."""
         from barbalat.report.terminal.layout import Screen
 
-        self.cores = min(os.cpu_count() or 1, processes + 1)
-        self.running, self.whole, self.done = running, START_SECONDS + RUNS_SECONDS + PICTURES_SECONDS + MAPS_SECONDS + rows, 0.0
-        self.started, self.runs_done = time.perf_counter(), 0.0
-        self.screen = Screen(running.console) if shown and running.console.is_terminal else None
-        self._add(0.0)
+        self.whole = START_SECONDS + RUNS_SECONDS + PICTURES_SECONDS + PAGE_SECONDS + rows
+        self.done, self.runs_done = 0.0, 0.0
+        self.progress = progress
+        self.screen = Screen(console) if console is not None and console.is_terminal else None
 
     def told(self, measured: Measured) -> None:
         """A line for each row, where somebody is looking."""
         from barbalat.report.terminal import ledger
 
-        self._add(measured.expected)
+        self.drawn(measured.expected)
         if self.screen is not None:
             for claim in measured.claims:
                 ledger.streamed(self.screen, claim)
 
     def running_section_v(self, fraction: float) -> None:
         """So much of the runs is done."""
-        self._add(RUNS_SECONDS * (fraction - self.runs_done) + START_SECONDS * (self.runs_done == 0))
+        self.drawn(RUNS_SECONDS * (fraction - self.runs_done) + START_SECONDS * (self.runs_done == 0))
         self.runs_done = fraction
 
     def drawn(self, seconds: float) -> None:
-        """Pictures are drawn that were to take so long."""
-        self._add(seconds)
-
-    def _add(self, work: float) -> None:
-        self.done += work
-        known = time.perf_counter() - self.started + self.PRIOR_SECONDS
-        self.running.expect(self.whole * known / (self.done + self.PRIOR_SECONDS * self.cores))
+        """What was to take so long is done."""
+        self.done += seconds
+        self.progress(min(self.done / self.whole, 1.0))
 
 
 def _show(figures: list[PaperFigure], claims: list[Claim], folder: Folder, seconds: float) -> None:

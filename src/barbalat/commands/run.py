@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Mapping, Sequence
+import contextlib
+from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from barbalat.commands import in_the_loop
@@ -104,6 +105,16 @@ def _write_runs(folder: Folder, results: Sequence[Result], document: str, *, who
     folder.commit(gone=write.files_of_run(folder.path))
 
 
+@contextlib.contextmanager
+def _kept(folder: Folder) -> Iterator[None]:
+    """Says at Ctrl-C what of the run is there already."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        say(f"the figures and trajectories are kept in {folder.path}, without a page")
+        raise
+
+
 def with_page(
     folder: Folder,
     case: Case,
@@ -115,13 +126,14 @@ def with_page(
     from barbalat.certificates.overview import certified_case
     from barbalat.report import documents, write
 
-    with running.part("certifying"):
-        certified = certified_case(case.problem, case.controllers, case.simulation)
-    with running.part("drawing"):
-        document = documents.as_json(documents.run_document(case.name, results, certified, compiled))
-        folder.write(write.RUN, document)
-        write.write_comparison(folder, case.name, results, certified)
-        folder.commit()
+    with _kept(folder):
+        with running.part("certifying"):
+            certified = certified_case(case.problem, case.controllers, case.simulation)
+        with running.part("drawing"):
+            document = documents.as_json(documents.run_document(case.name, results, certified, compiled))
+            folder.write(write.RUN, document)
+            write.write_comparison(folder, case.name, results, certified)
+            folder.commit()
     return document
 
 

@@ -18,8 +18,11 @@ if TYPE_CHECKING:
 TOLD_FRACTION = 0.02
 """Of a part: from there on its own pace says how long it takes, and no longer what was expected."""
 
-OVERDUE_SHARE = 0.05
-"""Of the time since the last news: what should be over by now takes so much longer at least."""
+KNOWN_FRACTION = 0.2
+"""Of a part: from there on its own pace is believed within a factor of two, and the time that is left is printed."""
+
+OVERDUE_SHARE = 0.5
+"""Of the time since the last news: what should be over by now takes so much longer, as likely as not."""
 
 
 CERTAIN_AFTER = 1.0
@@ -50,10 +53,6 @@ class Work:
         yield self._advanced
         self.name = ""
 
-    def expect(self, seconds: float) -> None:
-        """The part under way is expected to take so long."""
-        self.expected = seconds
-
     def _advanced(self, fraction: float) -> None:
         if fraction > self.fraction:
             self.fraction, self.updated = fraction, time.perf_counter()
@@ -70,18 +69,31 @@ class Work:
         return sum(self.to_come.values()) * self._stretch + max(rest - behind, OVERDUE_SHARE * behind)
 
     @property
+    def known(self) -> bool:
+        """Whether ``left`` is right within a factor of two: the part's own pace decides it, and not what is expected of others.
+
+        What is expected may be wrong by a factor of three, which is a factor of two of a sum of which it is the smaller half.
+        """
+        to_come = sum(self.to_come.values()) * self._stretch
+        return self.fraction >= KNOWN_FRACTION and to_come <= self.left / 2
+
+    @property
     def _stretch(self) -> float:
         """By how much all takes longer than on a machine of its own: seconds that go by for one of computing."""
         if not self.here:
             return 1.0
-        computed, gone = time.process_time() - self.computed, time.perf_counter() - self.started
-        return max((gone + CERTAIN_AFTER) / (computed + CERTAIN_AFTER), 1.0)
+        computed = time.process_time() - self.computed
+        return max((self.gone + CERTAIN_AFTER) / (computed + CERTAIN_AFTER), 1.0)
+
+    @property
+    def gone(self) -> float:
+        """Seconds since the beginning."""
+        return time.perf_counter() - self.started
 
     @property
     def over(self) -> float:
         """The fraction of the time that is over; it never falls."""
-        seconds = time.perf_counter() - self.started
-        self.told = max(self.told, seconds / (seconds + self.left + 1e-9))
+        self.told = max(self.told, self.gone / (self.gone + self.left + 1e-9))
         return self.told
 
 
@@ -99,7 +111,8 @@ def work(expected: Mapping[str, float]) -> Iterator[Work]:
 
         def render(self, task: Task) -> Text:
             bars.update(task.id, completed=running.over, description=running.name)
-            return Text(f"{100 * running.told:3.0f} %, {_duration(running.left)} left")
+            said = f"{_duration(running.left)} left" if running.known else f"{_duration(running.gone)} so far"
+            return Text(f"{100 * running.told:3.0f} %, {said}")
 
     screen = console(to_standard_error=True)
     running = Work(expected, screen)

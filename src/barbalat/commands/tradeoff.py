@@ -8,7 +8,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from barbalat.commands.output import folder_of, print_json
-from barbalat.commands.screen import Work, say, work
+from barbalat.commands.screen import Work, work
 
 if TYPE_CHECKING:
     from barbalat.cases.build import Case
@@ -71,7 +71,7 @@ def execute(options: argparse.Namespace) -> int:
 
 
 EXPECTED_SECONDS = {"simulating": 60.0, "drawing": 3.0}
-"""Of the first until it is measured."""
+"""Until the first tells how far it is."""
 
 
 def _found(case: Case, options: argparse.Namespace, running: Work) -> TradeOff:
@@ -83,10 +83,6 @@ def _found(case: Case, options: argparse.Namespace, running: Work) -> TradeOff:
     if not isinstance(case.problem, Problem):
         raise validate.InputError("the trade-off compares the state-feedback schemes; this case measures the output")
 
-    def expected(seconds: float) -> None:
-        say(f"expected: about {max(seconds, 1.0):.0f} s")
-        running.expect(seconds)
-
     with running.part("simulating") as progress:
         return trade_off(
             case.problem,
@@ -94,7 +90,6 @@ def _found(case: Case, options: argparse.Namespace, running: Work) -> TradeOff:
             density=options.density,
             plants=options.plants,
             lost=Lost(share=options.share),
-            estimate=expected,
             progress=progress,
         )
 

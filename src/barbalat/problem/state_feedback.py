@@ -182,6 +182,18 @@ class Problem(TrackingProblem):
         return np.concatenate([self.plant.theta, [path.gain for path in self.plant.paths]])
 
     @property
+    def outside_known_set(self) -> str | None:
+        """A sentence where the true values are not in the set that is known of them."""
+        known_set, values = self.known.box, self.parameters
+        if known_set is None or known_set.contains(values):
+            return None
+        name = "theta" if self.input_gain is None else "theta with the input's gain,"
+        return (
+            f"{name} {validate.show(values)} lies outside the known set, {known_set}: projected estimates can't reach it, and "
+            "nothing that rests on the set is guaranteed"
+        )
+
+    @property
     def dynamics(self) -> Plant:
         return self.plant
 

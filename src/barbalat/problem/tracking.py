@@ -115,6 +115,11 @@ class TrackingProblem:
         return None
 
     @property
+    def outside_known_set(self) -> str | None:
+        """A sentence where the true values are not in the set that is known of them."""
+        return None
+
+    @property
     def commands(self) -> tuple[Signal, ...]:
         """The reference signals."""
         return self.reference if isinstance(self.reference, tuple) else (self.reference,)

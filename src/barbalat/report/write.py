@@ -7,7 +7,7 @@ import io
 import json
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -48,11 +48,12 @@ class Drawn(Protocol):
     def __call__(self, *, narrow: bool) -> Figure: ...
 
 
-def draw_reproduction(folder: Folder, figures: Sequence[PaperFigure]) -> dict[str, page.Picture]:
-    """Draw every figure into the folder, but for those for phones."""
+def draw_reproduction(folder: Folder, figures: Sequence[PaperFigure], drawn: Callable[[float], None]) -> dict[str, page.Picture]:
+    """Draw every figure into the folder, but for those for phones; ``drawn`` is told the share of each."""
     pictures = {}
     for figure in figures:
         pictures[figure.key] = _draw(folder, f"figure-{figure.key}", figure_of(figure.shown))
+        drawn(1 / len(figures))
     return pictures
 
 

@@ -140,8 +140,8 @@ class Result:
     @property
     def warnings(self) -> tuple[str, ...]:
         """What of the problem and of this run deserves a second look, as sentences."""
-        command = command_warning(self.problem)
-        return (*([command] if command else []), *(() if self.adapting is None else self.adapting.warnings))
+        found = (command_warning(self.problem), self.problem.outside_known_set)
+        return (*filter(None, found), *(() if self.adapting is None else self.adapting.warnings))
 
     def __repr__(self) -> str:
         simulation = self.simulation

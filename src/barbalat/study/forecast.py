@@ -69,8 +69,9 @@ def _timed(members: Sequence[Member], simulation: Simulation, steps: int) -> flo
     return min(taken)
 
 
-OWN_PACE_FRACTION = 0.25
-"""Fraction of a part after which its own pace alone counts."""
+OWN_PACE_FRACTION = 0.1
+"""Fraction of the whole after which its own pace alone says how long it takes: small ensembles were timed in a bad moment, or
+most runs are lost early."""
 
 
 @dataclass
@@ -83,13 +84,12 @@ class Forecast:
     def total(self, part: str, fraction: float, seconds: float) -> float:
         """Seconds in all, ``part`` being done to a fraction after so many of them.
 
-        Its own pace replaces what was expected of it little by little; what was expected of the parts to come is corrected by
-        what the finished ones took.
+        What was expected of the parts says how much of the work each is; the pace at which it goes replaces what was expected of
+        the whole little by little.
         """
-        spent = sum(self.finished.values())
-        ratio = spent / sum(self.expected[name] for name in self.finished) if spent else 1.0
-        to_come = sum(forecast for name, forecast in self.expected.items() if name not in self.finished and name != part)
-        trust = min(1.0, fraction / OWN_PACE_FRACTION)
-        pace = seconds / fraction if fraction > 0 else 0.0
-        rest = (1 - fraction) * (trust * pace + (1 - trust) * ratio * self.expected[part])
-        return spent + seconds + rest + ratio * to_come
+        whole = sum(self.expected.values())
+        done = sum(self.expected[name] for name in self.finished) + fraction * self.expected[part]
+        spent = sum(self.finished.values()) + seconds
+        trust = min(1.0, done / (OWN_PACE_FRACTION * whole))
+        pace = spent / done if done > 0 else 1.0
+        return spent + (whole - done) * (trust * pace + 1 - trust)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
+from difflib import get_close_matches
 from typing import Any
 
 from barbalat import validate
@@ -64,6 +65,8 @@ class FieldPath:
             if isinstance(key, int):
                 here = here[self._index(here, position)]
             elif isinstance(here, dict):
+                if key not in here and isinstance(self.keys[position + 1], int):
+                    raise self._not_given(position, here)
                 here = here.setdefault(key, {})
             else:
                 raise InputError(f"{self} names no field: {_text(self.keys[:position])} is {validate.show(here)}, not a table")
@@ -80,6 +83,13 @@ class FieldPath:
         if isinstance(old, (str, bool)):
             raise InputError(f"{self} is {validate.show(old)}, not a number, and can't be varied")
         here[last] = int(value) if isinstance(old, int) and value.is_integer() else value
+
+    def _not_given(self, position: int, table: Tables) -> InputError:
+        """For a list that is not there, with the one of the table that is spelt most like it."""
+        near = get_close_matches(str(self.keys[position]), [key for key, value in table.items() if isinstance(value, list)], n=1)
+        meant = f"; did you mean {_text((*self.keys[:position], *near, *self.keys[position + 1 :]))!r}?" if near else ""
+        place = _text(self.keys[: position + 1])
+        return InputError(f"{self} names no field: {place} is not given: write it into the case first{meant}")
 
     def _index(self, here: Any, position: int) -> int:
         key, place = self.keys[position], _text(self.keys[:position])
