@@ -14,6 +14,7 @@ from barbalat.adaptation.law import AdaptiveLaw, SampleData, SampledLaw
 from barbalat.adaptation.modifications.dead_zone import DeadZone
 from barbalat.adaptation.modifications.leakage import Leakage
 from barbalat.problem.known_set import EstimateSet, Gain, KnownSet
+from barbalat.problem.known_set.gain import quadratic
 from barbalat.protocols import Value
 from barbalat.validate import InputError
 
@@ -59,7 +60,7 @@ def correct(
         gain_w, rest = at_rest(gain, theta_hat, weight, w)
         gain_phi = gain_w.times(phi)
         innovation = z - rest @ phi
-        speed = weight * (phi @ gain_phi) / m_s_squared
+        speed = weight * quadratic(phi, gain_phi) / m_s_squared
         a = 1.0 if dead_zone is None else dead_zone.share(innovation * innovation / m_s_squared, speed)
         return rest + gain_phi * (weight * a * innovation / (m_s_squared * (1 + a * speed))), a
 

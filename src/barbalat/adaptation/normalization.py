@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from barbalat import validate
 from barbalat.protocols import Value
 
@@ -24,7 +26,8 @@ class Normalization:
         validate.freeze(self, delta_0=validate.positive("normalization.delta_0", self.delta_0))
 
     def m_s_squared(self, phi: Value, n_d: Value) -> Value:
-        return 1 + phi @ phi + self.alpha_0 * n_d  # (16)
+        """At least 1, also where n_d comes from a memory that was hit: what is divided by it in flight stays finite."""
+        return np.maximum(1 + phi @ phi + self.alpha_0 * n_d, 1)  # (16)
 
     def n_d_dot(self, n_d: Value, u: Value) -> Value:
         return -self.delta_0 * n_d + u * u  # (16)

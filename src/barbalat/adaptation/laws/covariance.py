@@ -141,7 +141,8 @@ def correct(
     _, _, phi, m_s_squared = data
     P_phi = P @ phi
     taken = weight * share
-    P = P - taken / (m_s_squared + taken * (phi @ P_phi)) * np.outer(P_phi, P_phi)  # P^-1 grows by taken phi phi'/m_s^2
+    shrink = taken / (m_s_squared + taken * gain.quadratic(phi, P_phi))
+    P = P - shrink * np.outer(P_phi, P_phi)  # P^-1 grows by taken phi phi'/m_s^2
     return theta_next, P
 
 

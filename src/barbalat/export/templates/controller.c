@@ -35,7 +35,7 @@ static void fade(${name}_controller *c)
         if (c->matching != 0) {
             c->bump[i] = c->bump[i] - c->${u}[i];
         }
-        if (c->fade_left > 0L) {
+        if (c->fade_left > 0L && c->fade > 0L) {
             c->${u}[i] = c->${u}[i] + c->bump[i] * ((${real})c->fade_left / (${real})c->fade);
         }
     }
@@ -100,9 +100,8 @@ unsigned ${name}_step(${name}_controller *c, const ${name}_input *in, ${name}_ou
 {
     unsigned status = ${macro}_OK;
     int i;
-    ${name}_controller next = *c;
-    const ${real} apart = in->sample_time - c->sample_time;
-    if (!(apart <= ${clock} && apart >= -${clock})) {
+    ${name}_controller next;
+    if (!(in->sample_time <= c->sample_time + ${clock} && in->sample_time >= c->sample_time - ${clock})) {
         status |= ${macro}_WRONG_SAMPLE_TIME;
     }
     if (!state_is_usable(c)) {
@@ -114,6 +113,7 @@ unsigned ${name}_step(${name}_controller *c, const ${name}_input *in, ${name}_ou
         give(c, out, status | ${macro}_INPUT_REFUSED);
         return out->status;
     }
+    next = *c;
 ${resume}    next.waiting = 0;
     advance(&next, in);
     fade(&next);

@@ -61,6 +61,11 @@ void ${name}_start(${name}_controller *c, ${start_argument}const ${real} u_now[$
     int keep_estimates);
 
 /* One sample. Call it every ${macro}_SAMPLE_TIME, put u out at once and hold it until the next call. Returns the status. */
+/*@ requires \valid(c) && \valid_read(in) && \valid(out);
+    requires \separated(c, in, out);
+    ensures \forall integer i; 0 <= i < ${macro}_INPUTS ==> -${macro}_RANGE <= out->u[i] <= ${macro}_RANGE;
+    ensures \result == out->status && \result <= 15;
+*/
 unsigned ${name}_step(${name}_controller *c, const ${name}_input *in, ${name}_output *out);
 
 #ifdef __cplusplus

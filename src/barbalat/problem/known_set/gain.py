@@ -68,9 +68,14 @@ class Gain:
         """
         if phi.ndim == 1:
             moves = self.times(phi)
-            return theta + moves * (error / (1 + coupling * (phi @ moves)))
+            return theta + moves * (error / (1 + coupling * quadratic(phi, moves)))
         moves = self.as_matrix(phi.shape[0]) @ phi
         return theta + moves @ np.linalg.solve(np.eye(phi.shape[1]) + coupling @ (phi.T @ moves), error)
+
+
+def quadratic(phi: Value, gain_phi: Value) -> Value:
+    """phi'Gamma phi, which is not negative: nor is it here, if Gamma is a covariance that rounding or a hit memory has spoilt."""
+    return np.maximum(phi @ gain_phi, 0)
 
 
 ONE = Gain(1.0)

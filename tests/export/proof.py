@@ -1,0 +1,68 @@
+"""One step from every state and every input, as Frama-C's Eva takes it: a program whose numbers are whole intervals."""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+from pathlib import Path
+
+from barbalat.export.header import header
+from barbalat.export.source import source
+from barbalat.export.texts import Printed
+from export.targets import write
+
+OPTIONS = (
+    "-eva", "-eva-precision", "0",
+    "-eva-slevel", "2000", "-eva-min-loop-unroll", "256",  # every check of an entry followed by itself
+    "-eva-split-return", "full",  # what a check has returned, together with what it has seen
+    "-warn-special-float", "non-finite",
+)  # fmt: skip
+SECONDS = 300
+"""For one step; the largest takes a minute."""
+MEMBER = re.compile(r"^\s+(double|long|int) (\w+)(?:\[(\w+)\])?;", re.MULTILINE)
+ANY = {
+    "double": "Frama_C_double_interval(-DBL_MAX, DBL_MAX)",
+    "long": "Frama_C_long_interval(LONG_MIN, LONG_MAX)",
+    "int": "Frama_C_interval(INT_MIN, INT_MAX)",
+}
+_MAIN = """\
+#include "controller.h"
+#include <float.h>
+#include <limits.h>
+#include "__fc_builtin.h"
+
+int main(void)
+{{
+    {name}_controller c;
+    {name}_input in;
+    {name}_output out;
+{given}    {name}_step(&c, &in, &out);
+    return 0;
+}}
+"""
+
+
+def alarms(printed: Printed, folder: Path) -> list[str]:
+    """What Eva can't exclude in one step, from whatever finite numbers; the contract of the header among it."""
+    write(folder, {"controller.h": header(printed), "controller.c": source(printed), "main.c": _main(printed)})
+    command = ["frama-c", *OPTIONS, "controller.c", "main.c"]
+    surroundings = {**os.environ, "PWD": str(folder)}  # that Frama-C finds the files by
+    done = subprocess.run(command, cwd=folder, env=surroundings, capture_output=True, text=True, timeout=SECONDS, check=True)
+    text = done.stdout
+    assert "100% of the logical properties reached have been proven" in text or "[eva:alarm]" in text, text[-2000:]
+    assert re.search(r"(\d+) functions analyzed \(out of \d+\)", text), text[-2000:]
+    found = re.findall(r"\[eva:alarm\][^\n]*\n(?:  [^\n]*\n)+", text)
+    return [*found, *re.findall(r"[^\n]*(?:invalid|unknown)\.[^\n]*", text)]
+
+
+def _main(printed: Printed) -> str:
+    text = header(printed)
+    sizes = dict(re.findall(r"#define (\w+) (\d+)$", text, re.MULTILINE))
+    given = []
+    for variable, kind in (("c", "controller"), ("in", "input")):
+        (body,) = re.findall(rf"typedef struct \{{([^}}]*)\}} {printed.name}_{kind};", text)
+        for of, member, size in MEMBER.findall(body):
+            places = [""] if not size else [f"[{i}]" for i in range(int(sizes.get(size, size)))]
+            given += [f"    {variable}.{member}{place} = {ANY[of]};\n" for place in places]
+    return _MAIN.format(name=printed.name, given="".join(given))
