@@ -63,6 +63,7 @@ def run_block(result: Result) -> dict[str, Any]:
         **result.figures,
         "h_lambda_max": found.h_lambda_max,
         "numerically_unstable_at": found.unstable_from,
+        "label": result.label,
         "finer_step": check,
         **lost,
         "adapting": None if result.adapting is None else result.adapting.as_json(),
