@@ -57,7 +57,8 @@ class Result:
     envelope          extrema between the recorded instants
     figures           over every solver step, see Metrics; ``diverged_at`` is in s or None
     stiffness         the largest h |eigenvalue| found along the run, and since when the solver itself was unstable
-    lost              what jumps and corners inside of steps cost, where a step can't be split there; None where nothing is lost
+    lost              what jumps and corners inside of steps cost, where a step can't be split there, the motion's own among them;
+                      None where nothing is lost
     check             what a finer step says of a run that is labelled numerically unstable, from ``check_numerics``
     """
 

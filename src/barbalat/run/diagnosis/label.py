@@ -1,4 +1,7 @@
-"""The few words for a run that left its region of stability: the solver is blamed for a divergence only where a finer step clears the loop."""
+"""The few words for a run that left its region of stability.
+
+The solver is blamed for a divergence only where a finer step takes that away.
+"""
 
 from __future__ import annotations
 

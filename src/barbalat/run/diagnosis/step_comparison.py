@@ -22,7 +22,7 @@ REMAINDER_SHARE = 0.1
 ROUNDING_SHARE = 1e-5
 """Of the model's state, of the control, of the estimates: a figure below this shows roundings and what has settled."""
 SAME_TIME_SHARE = 0.01
-"""Divergences within this share of their time come at about the same time: those of an escape converge at least as the step does."""
+"""Divergences within this share of their time come at about the same time; those of an escape converge as the step falls."""
 OWN_GROWTH_FACTOR = 3.0
 """An error that was this many times as large as the model's state while the run was still sound grows by itself."""
 
