@@ -173,7 +173,7 @@ def column(problem: Problem, controller: L1Adaptive, certificate: Certificate) -
         return "filtered MRAC (5)-(8) with C = 1, the standard MRAC", mrac.cells(problem, controller, certificate)
     values = certificate.values
     stability = _stability(problem, controller, certificate)
-    tuning = [limits_text(values)]
+    tuning = [limits_text(certificate)]
     if values.get("kappa_admissible") is not None:
         tuning.append(f"with C = 1/(kappa s + 1) the condition holds up to kappa = {down(values['kappa_admissible'])} s")
     return "filtered MRAC, L1-AC (5)-(8)", {
