@@ -48,6 +48,12 @@ def nothing(key: str, why: str) -> Entry:
     return Entry(key=key, value=None, kind="does not apply", quantity=Quantity(PROPERTIES[key]), why=why)
 
 
+def denied(key: str, why: str, *assumptions: Assumption) -> Entry:
+    """What is not claimed for a reason of the scheme's own; what else of the case contradicts it is named too."""
+    broken = (assumption.broken for assumption in assumptions if assumption.broken)
+    return nothing(key, ", ".join(dict.fromkeys((why, *broken))))
+
+
 def estimate(key: str, text: str) -> Entry:
     """A number without a guarantee."""
     return Entry(key=key, value=text, kind="estimate", quantity=Quantity(PROPERTIES[key]))
@@ -59,9 +65,9 @@ def advice(key: str, text: str) -> Entry:
 
 
 COUNTS_ON_DAMPING = (
-    "the method has no piece of the imaginary axis, so that its limits count on the damping of the law frozen at theta_hat = theta; "
-    "with an estimate off theta the state moves by A_m - b theta_tilde', which can take that damping away: runs leave the region of "
-    "stability some way below the limits"
+    "the method has no piece of the imaginary axis, so that its limits count on the damping of the law frozen at theta_hat = "
+    "theta; with an estimate off theta the state moves by A_m - b theta_tilde', which can take that damping away: runs leave the "
+    "region of stability some way below the limits"
 )
 
 
