@@ -132,6 +132,7 @@ WRONG = {
     "max": (wrong(control=lambda self, s, x, x_m, r: max(x[0], 0.0)), "control", "np.maximum"),
     "np.array": (wrong(derivative=lambda self, s, x, x_m, r, u: PlainState(np.array([x[0], r]))), "derivative", "np.stack"),
     "sort": (wrong(control=lambda self, s, x, x_m, r: np.sort(x)[0]), "control", "NumPy functions"),
+    "0/0": (wrong(control=lambda self, s, x, x_m, r: (x[0] - x[0]) / (x_m[0] - x_m[0])), "control", "as 0/0 does"),
     "remembers": (wrong(control=_forgetful), "control", "remembers"),
     "vector u": (wrong(control=lambda self, s, x, x_m, r: x * r), "control", "(2,)"),
     "None": (wrong(limit=lambda self, s: None), "limit", "None"),

@@ -109,6 +109,16 @@ class Reporting(Protocol):
         ...
 
 
+@runtime_checkable
+class Bending(Protocol):
+    """A part of a law whose rate has a corner where the motion takes it: a step across it keeps second order only."""
+
+    @property
+    def bend(self) -> str:
+        """Where the corner is, in a few words."""
+        ...
+
+
 class Sample(NamedTuple):
     """What a sampled controller measures at one instant."""
 

@@ -169,3 +169,13 @@ def test_printed_bounds_are_bounds(value, digits):
     assert Decimal(low) <= Decimal(value) <= Decimal(high)
     assert float(high) - float(low) <= 10.0 ** (math.floor(math.log10(value)) - digits + 2)
     assert len(Decimal(high).normalize().as_tuple().digits) <= digits
+
+
+def test_a_cell_names_all_that_contradicts_it():
+    """The filter is too slow for the condition, and the input is delayed and saturated as well."""
+    given = variant(input=PlantInput(delay=0.3, saturation=[-3.0, 3.0]))
+    cells, _ = column(given, L1Adaptive(gamma=100.0, filter=input_filter(0.3)))
+    for key in ("stability", "tracking"):
+        assert not cells[key].applies
+        for reason in ("is only known to be <=", "delay 0.3 s", "saturation"):
+            assert reason in cells[key].text, (key, reason)

@@ -77,7 +77,12 @@ def test_the_ends_of_the_curves():
 
 
 def test_the_gain_margin_is_the_papers_evidence_the_delay_margin_is_not(effect):
-    assert [reading.verdict for reading in effect.readings] == ["confirmed", "not confirmed"]
+    assert [reading.verdict for reading in effect.readings] == ["confirmed with conditions", "not confirmed"]
+    slow = effect.readings[0].measured  # the cells that are not in the condition are named: 3 filters of 43 gains
+    assert "all 387 cells with kappa <= 0.1 s" in slow and slow.count("of 43 cells") == 3
+    assert (
+        "rises in 2 (Gamma r^2 = " in slow and "kappa = 0.4 s falls in 0 of 43 cells, is unstable with the filter in 43" in slow
+    )
     for kappa, factor in zip((None, 0.02), effect.gain_margins, strict=True):
         loop = linearised(1e4, 50.0, kappa)
         for k, stable in ((factor * 0.9999, True), (factor * 1.0001, False)):

@@ -6,6 +6,7 @@ import pytest
 
 from barbalat.claims import any_command, section_v
 from barbalat.claims.variants import figures, variant
+from barbalat.controllers import Mrac
 from barbalat.problem.actuation import PlantInput
 from barbalat.run.ensemble import simulate_ensemble
 from barbalat.signals import Sines
@@ -32,6 +33,16 @@ def test_the_runs_are_those_of_scipy(kind):
     found = figures([(variant(reference=command), section_v.robust_mrac("r", projection=False))], 20.0, any_command.H)
     np.testing.assert_allclose(found.max_abs_e[0], np.abs(e).max(axis=0), rtol=1e-4)
     np.testing.assert_allclose(found.tail_max_abs_e[0], np.abs(e[t >= 15]).max(axis=0), rtol=1e-3)
+
+
+def test_theorem_1_is_a_reading():
+    """The same commands, and a step that is eight times finer for one of them."""
+    reading = any_command.of_mrac()
+    assert reading.verdict == "confirmed" and "Theorem 1 (i)" in reading.says and "14 commands" in reading.measured
+    command = next(command for name, command in any_command.commands(1, 20.0) if name == "sum of sines")
+    found = any_command.quarter_errors(command, 20.0, Mrac(gamma=any_command.MRAC_GAIN), any_command.MRAC_STEP)
+    fine = any_command.quarter_errors(command, 20.0, Mrac(gamma=any_command.MRAC_GAIN), any_command.MRAC_STEP / 8)
+    np.testing.assert_allclose(found, fine, rtol=1e-2)
 
 
 def test_with_a_modelling_error_it_stays():

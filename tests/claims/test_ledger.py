@@ -45,8 +45,8 @@ EXPECTED = {
     "lemma-1-bounded": "confirmed", "lemma-1-no-error": "confirmed",
     # pure least squares collects evidence for a wrong estimate without bound (test_scalar_lemma.py)
     "lemma-1-small": "confirmed with conditions",
-    # an L-stable method damps what an explicit one amplifies; the midpoint rule damps nothing
-    "stiff-solvers": "confirmed with conditions",
+    # an L-stable method damps what an explicit one amplifies; the midpoint rule amplifies nothing
+    "stiff-solvers": "not confirmed",
     # pure least squares has covariance ~ 1/t under excitation (Ioannou and Fidan, section 3.7); a gradient law is exponential
     "exponential-convergence": "confirmed with conditions",
     # delay: C/(1 - C) (1 + theta'G) crosses over near 1/kappa whatever the gain, the unfiltered loop near sqrt(Gamma); gain: a
@@ -107,9 +107,10 @@ def check_row(claim: Claim) -> None:
     assert len(claim.number) < 160, claim.id  # a few words
     assert claim.how and claim.statement and claim.would_change, claim.id
     assert bool(claim.holds_if) == (claim.verdict == "confirmed with conditions"), claim.id  # a condition is named
-    assert len(claim.readings) != 1, claim.id  # a single reading is the row itself
-    if claim.readings:
-        assert claim.verdict == of_readings(claim.readings), claim.id
+    assert claim.readings and claim.as_json()["readings"], claim.id  # what was tested is said
+    assert claim.verdict == of_readings(claim.readings), claim.id
+    for reading in claim.readings:
+        assert reading.decides != reading.says.startswith("beside the sentence: "), claim.id
 
 
 def test_every_quick_row_is_what_a_referee_asks_for(quick):
@@ -174,6 +175,26 @@ def test_the_verdict_of_several_readings():
     assert of_readings((yes, yes)) == "confirmed"
     assert of_readings((no, no)) == "not confirmed"
     assert of_readings((yes, no)) == of_readings((no, yes, yes)) == "confirmed with conditions"
+    beside = Reading("beside the sentence: something else", "confirmed with conditions", "3", decides=False)
+    assert of_readings((no, beside)) == "not confirmed" and of_readings((yes, beside)) == "confirmed"
+
+
+def row(**given) -> Claim:
+    texts = {"measured": "1", "how": "as said", "number": "2", "would_change": "another number"}
+    return Claim(id="a-row", where="Section V", statement="it is so", **texts, **given)
+
+
+def test_a_row_names_what_it_tested():
+    (alone,) = row(verdict="confirmed", tested="the largest error over all steps").readings
+    assert (alone.says, alone.verdict, alone.measured) == ("the largest error over all steps", "confirmed", "2")
+    with pytest.raises(ValueError, match=r"'a-row' needs the readings that were tested"):
+        row(verdict="confirmed")
+
+
+def test_a_row_says_what_its_readings_say():
+    readings = (Reading("one way", "confirmed", "1"), Reading("another", "not confirmed", "2"))
+    with pytest.raises(ValueError, match=r"'a-row' says 'confirmed', its readings 'confirmed with conditions'"):
+        row(verdict="confirmed", readings=readings)
 
 
 def test_the_plain_command_measures_no_row_for_long():

@@ -61,7 +61,17 @@ def test_nonsense_is_refused():
 def test_page_and_files(tmp_path):
     listing = Listing("A table", ("controller", "Ms"), (("PI & co", "1.03"),))
     claim = Claim(
-        "an-id", "somewhere", "statement", "confirmed", "1", "how", (example(),), (listing,), number="1", would_change="2"
+        "an-id",
+        "somewhere",
+        "statement",
+        "confirmed",
+        "1",
+        "how",
+        (example(),),
+        (listing,),
+        number="1",
+        would_change="2",
+        tested="3",
     )
     folder = Folder(tmp_path)
     pictures = write.draw_maps(folder, [claim])

@@ -63,7 +63,16 @@ def test_a_map_with_every_run_lost_and_a_logarithmic_scale_can_be_drawn():
 
 def test_files_page_and_link(tmp_path):
     claim = Claim(
-        "some-claim", "Section V", "a statement", "confirmed", "1 s", "measured", (example(),), number="1", would_change="2"
+        "some-claim",
+        "Section V",
+        "a statement",
+        "confirmed",
+        "1 s",
+        "measured",
+        (example(),),
+        number="1",
+        would_change="2",
+        tested="3",
     )
     folder = Folder(tmp_path)
     pictures = write.draw_maps(folder, [claim])

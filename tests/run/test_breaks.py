@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from barbalat.adaptation.modifications.dead_zone import DeadZone
 from barbalat.controllers import L1Adaptive, Mrac, Sampled
 from barbalat.linear.systems import TransferFunction, input_filter
 from barbalat.problem.actuation import PlantInput
@@ -419,3 +420,39 @@ def test_of_millions_of_jumps_in_a_step_none_is_looked_at(monkeypatch):
     monkeypatch.setattr(Square, "before", evaluated)
     lost = lost_order((Square(amplitude=1.0, frequency=1e42),), Simulation(t_end=0.1, dt=1e-3), delayed=False)
     assert lost is not None and lost.order == 1
+
+
+SMOOTH = Sine(1.0, 1.0)
+MOTION = {
+    "a rate limiter that never limits": (PlantInput(rate_limit=1000.0), None, 1, "the step is its lag: first order"),
+    "a converter": (PlantInput(quantization=0.01), None, 1, "first order at best"),
+    "a saturation": (PlantInput(saturation=[-0.2, 0.2]), None, 2, "saturation inside of steps: second order"),
+    "a dead zone": (PlantInput(), DeadZone(0.05), 2, "the dead zone's edge inside of a step: second order"),
+    "a saturation that is not reached": (PlantInput(saturation=[-50.0, 50.0]), None, 4, None),
+}
+
+
+@pytest.mark.parametrize("name", MOTION)
+def test_what_the_motion_costs_is_said(name):
+    """By regression over steps, against a run at a far finer one; a converter's errors are as irregular as its crossings."""
+    path, dead_zone, order, said = MOTION[name]
+    given, controller = problem(SMOOTH, input=path), Mrac(gamma=GAMMA, name="c", dead_zone=dead_zone)
+    steps = np.round(np.geomspace(40, 2500, 14))
+    runs = [simulate(given, [controller], Simulation(t_end=T_END, dt=T_END / n))["c"] for n in (*steps, 200_000)]
+    errors = [np.abs(run.states[-1] - runs[-1].states[-1]).max() for run in runs[:-1]]
+    slope = -np.polyfit(np.log2(steps), np.log2(errors), 1)[0]
+    assert slope == pytest.approx(order, abs=0.6 if order < 4 else 0.3)
+    ensemble = simulate_ensemble([(given, controller)] * 2, Simulation(t_end=T_END, dt=T_END / 40))
+    assert ensemble.lost == runs[0].lost
+    if said is None:
+        assert runs[0].lost is None
+        return
+    assert runs[0].lost.order == order and said in runs[0].numerics
+    assert said in json.loads(json.dumps(run_block(runs[0])))["lost_order"]["sentence"]
+    assert simulate(given, [controller], Simulation(t_end=T_END, dt=0.02, solver=EULER))["c"].lost is None
+
+
+def test_a_held_control_is_saturated_without_loss():
+    held = Sampled(controller=Mrac(gamma=GAMMA, name="c", dead_zone=DeadZone(0.05)), sample_time=0.04, discretization="euler")
+    given = problem(SMOOTH, input=PlantInput(saturation=[-0.2, 0.2], quantization=0.01))
+    assert simulate(given, [held], Simulation(t_end=T_END, dt=0.02))["c"].lost is None

@@ -22,6 +22,9 @@ from barbalat import (
     simulate,
 )
 from barbalat.cases.load import load_case
+from barbalat.report.documents import run_block
+from barbalat.run.diagnosis.label import label
+from barbalat.run.diagnosis.step_comparison import FinerStep
 from independent import refusal
 
 PAPER = load_case("paper").problem
@@ -172,3 +175,58 @@ def test_what_is_no_result_is_refused():
     results = simulate(PAPER, [Mrac(gamma=10.0)], Simulation(t_end=0.1, dt=1e-3))
     assert "results by name, as simulate returns them, got Result" in refusal(lambda: check_numerics(results["MRAC"]))
     assert "must be a Result, got 3" in refusal(lambda: check_numerics({"MRAC": 3}))
+
+
+ESCAPE = """
+name = "escape"
+[plant]
+A_m = [[0.0, 1.0], [-2.0, -1.5]]
+b = [0.3, 1.0]
+theta = [0.8, -0.5]
+[plant.regressor]
+kind = "terms"
+terms = ["x1*x2*x2*x2", "x1*abs(x1)"]
+[reference_model]
+k_0 = 1.5
+[reference]
+kind = "square"
+amplitude = 2.0
+frequency = 0.7
+[uncertainty]
+lower = [-2.0, -2.0]
+upper = [2.0, 2.0]
+[simulation]
+t_end = 12.0
+dt = 0.002
+[[controller]]
+name = "L1"
+scheme = "l1"
+gamma = 200.0
+filter = { kappa = 0.05 }
+"""
+
+
+def test_no_solver_is_blamed_for_a_finite_escape(tmp_path):
+    """The plant's own: its time converges with the step, and every step's region of stability is left just before it."""
+    path = tmp_path / "escape.toml"
+    path.write_text(ESCAPE)
+    found = load_case(path)
+    coarse = simulate(found.problem, found.controllers, found.simulation)
+    assert "not settled" in coarse["L1"].label and "numerically unstable" not in coarse["L1"].label
+    result = check_numerics(coarse, afforded_steps=100_000)["L1"]
+    fine = simulate(found.problem, found.controllers, replace(found.simulation, dt=2e-4))["L1"]
+    assert result.diverged_at == pytest.approx(fine.diverged_at, rel=1e-3)
+    assert result.check.origin == "unsettled" and result.check.diverged_at == fine.diverged_at
+    assert result.label == "diverges at t = 10.02 s, also at h = 0.0002 s: not settled whose it is"
+    block = run_block(result)
+    assert block["label"] == result.label and "diverges at t = 10.018" in block["finer_step"]["sentence"]
+    assert "numerically unstable" not in result.numerics
+
+
+def test_a_divergence_that_a_finer_step_takes_away_is_the_solvers():
+    check = FinerStep("solver", "the divergence is the solver's")
+    assert label(2.6, 2.7, check) == label(2.6, None, None) == "numerically unstable from t = 2.6 s"
+    assert "numerically unstable" not in label(2.6, 2.7, FinerStep("loop", "the loop's own"))
+    elsewhere = FinerStep("unsettled", "not settled", dt=1e-5, diverged_at=2.2)
+    assert "also" not in label(2.6, 2.7, elsewhere) and "not settled" in label(2.6, 2.7, elsewhere)
+    assert label(None, 2.7, None) is None

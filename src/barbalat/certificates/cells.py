@@ -7,7 +7,7 @@ from typing import Any
 
 from barbalat.certificates.certificate import Certificate
 from barbalat.certificates.entry import Assumption, Entry, checked
-from barbalat.certificates.quantities import Quantity
+from barbalat.certificates.quantities import ON_DAMPING, Quantity
 
 PROPERTIES = {
     "stability": "Signals bounded",
@@ -48,6 +48,12 @@ def nothing(key: str, why: str) -> Entry:
     return Entry(key=key, value=None, kind="does not apply", quantity=Quantity(PROPERTIES[key]), why=why)
 
 
+def denied(key: str, why: str, *assumptions: Assumption) -> Entry:
+    """What is not claimed for a reason of the scheme's own; what else of the case contradicts it is named too."""
+    broken = (assumption.broken for assumption in assumptions if assumption.broken)
+    return nothing(key, ", ".join(dict.fromkeys((why, *broken))))
+
+
 def estimate(key: str, text: str) -> Entry:
     """A number without a guarantee."""
     return Entry(key=key, value=text, kind="estimate", quantity=Quantity(PROPERTIES[key]))
@@ -58,16 +64,47 @@ def advice(key: str, text: str) -> Entry:
     return Entry(key=key, value=text, kind="advice", quantity=Quantity(PROPERTIES[key]))
 
 
-def limits_text(values: dict[str, Any]) -> str:
+COUNTS_ON_DAMPING = (
+    "the method has no piece of the imaginary axis, so that its limits count on the damping of the law frozen at theta_hat = "
+    "theta; with an estimate off theta the state moves by A_m - b theta_tilde', which can take that damping away: runs leave the "
+    "region of stability some way below the limits"
+)
+
+
+def on_damping(certificate: Certificate) -> Certificate:
+    """The limits of a method that amplifies every undamped oscillation at any step, with what that makes of them.
+
+    Laws that do not oscillate, those on the parametric model, have no adaptation frequency, and limits on the real axis.
+    """
+    if certificate.entry("adaptation_frequency") is None:
+        return certificate
+    entries = tuple(
+        replace(entry, quantity=ON_DAMPING[entry.key], assumptions=(*entry.assumptions, COUNTS_ON_DAMPING))
+        if entry.key in ON_DAMPING and entry.applies and entry.value is not None
+        else entry
+        for entry in certificate.entries
+    )
+    return replace(certificate, entries=entries)
+
+
+def limits_text(certificate: Certificate) -> str:
     """The numerics' limits, as far as there are any."""
-    parts = []
+    parts, values = [], certificate.values
+    sure = {key: "" if _counts_on_damping(certificate, key) else " at least" for key in ON_DAMPING}
     if values.get("gamma_max") is not None:
         beyond = values.get("gamma_max_at_model")
-        text = f"the solver at its step bears Gamma up to {values['gamma_max']:.3g} at least"
+        text = f"the solver at its step bears Gamma up to {values['gamma_max']:.3g}{sure['gamma_max']}"
         parts.append(text if beyond is None else f"{text}, oscillations are due above about {beyond:.3g}")
     if values.get("step_max") is not None:
-        parts.append(f"this gain bears a step up to {values['step_max']:.3g} s at least")
+        parts.append(f"this gain bears a step up to {values['step_max']:.3g} s{sure['step_max']}")
+    if not all(sure.values()):
+        parts.append("these count on damping that the motion can take away")
     return "; ".join(parts) or "no limit of the step is known"
+
+
+def _counts_on_damping(certificate: Certificate, key: str) -> bool:
+    entry = certificate.entry(key)
+    return entry is not None and entry.quantity == ON_DAMPING[key]
 
 
 def margins_cell(certificate: Certificate) -> Entry:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 
+from barbalat.certificates.cells import on_damping
 from barbalat.certificates.certificate import Certificate, reason
 from barbalat.certificates.schemes import scheme_file, stranger
 from barbalat.loop.binding import bound, is_sampled, numbered
@@ -54,7 +55,9 @@ def _computed(problem: TrackingProblem, controller: Controller, simulation: Simu
     try:
         sampled = is_sampled(bound(problem, controller))  # refuses what does not fit
         found = (scheme_file(controller) or stranger).certificate(problem, controller, simulation)
-        return found if sampled else _beside_its_runs(found, simulation)
+        if sampled:
+            return found
+        return _beside_its_runs(found if simulation.solver.imaginary_limit else on_damping(found), simulation)
     except InputError:
         raise
     except (ArithmeticError, ValueError) as error:  # NumPy's LinAlgError is a ValueError

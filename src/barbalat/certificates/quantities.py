@@ -74,3 +74,9 @@ QUANTITIES = {
     "mu": Quantity("mu against both"),
     "mu_frequency": Quantity("where it peaks", "rad/s"),
 }
+
+ON_DAMPING = {
+    "gamma_max": Quantity("gain to about which the frozen law's own damping outweighs what the step amplifies: |x| at its bound"),
+    "step_max": Quantity("step to about which the frozen law's own damping outweighs what it amplifies: |x| at its bound", "s"),
+}
+"""The limits for a method that amplifies every undamped oscillation: they are no "at least", see ``cells.on_damping``."""

@@ -1,15 +1,14 @@
-"""What a measured statement is: of a figure (Check), of the paper's text (Claim), over a plane of settings (Map)."""
+"""What a measured statement is: of the paper's text (Claim), over a plane of settings (Map), over one of them (Chart)."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import InitVar, asdict, dataclass, field
 from typing import Any, Literal
 
 import numpy as np
 
 from barbalat import validate
-from barbalat.run.result import Result
 from barbalat.validate import Array, InputError
 
 Verdict = Literal["confirmed", "confirmed with conditions", "not confirmed", "erratum"]
@@ -21,15 +20,6 @@ def verdict(*, holds: bool, conditional: bool = False) -> Verdict:
     if not holds:
         return "not confirmed"
     return "confirmed with conditions" if conditional else "confirmed"
-
-
-@dataclass(frozen=True)
-class Check:
-    """One thing that a figure's description says, and the number that decides it."""
-
-    statement: str
-    holds: bool
-    measured: str
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,16 +147,23 @@ class Listing:
 
 @dataclass(frozen=True)
 class Reading:
-    """One way to read a sentence: what it then says, the verdict on that, and the number that decides it."""
+    """One way to read a sentence: what it then says, the verdict on that, and the number that decides it.
+
+    decides  whether the sentence says this; what is measured beside it for the reader's sake has no part in the row's verdict
+    """
 
     says: str
     verdict: Verdict
     measured: str
+    decides: bool = True
 
 
 def of_readings(readings: Sequence[Reading]) -> Verdict:
-    """The verdict on a sentence that is read in several ways: theirs where they agree, else that it holds in some of them."""
-    found = {reading.verdict for reading in readings}
+    """The verdict on a sentence that is read in several ways: theirs where they agree, else that it holds in some of them.
+
+    Readings that do not decide are not asked.
+    """
+    found = {reading.verdict for reading in readings if reading.decides}
     return found.pop() if len(found) == 1 else "confirmed with conditions"
 
 
@@ -178,7 +175,8 @@ class Claim:
     measured      all that was measured, in a sentence
     how           the plant, the solver, the step, what was compared
     number        the one number that decides the verdict, with its unit and what it is, in a few words
-    readings      where the sentence can be read in several ways, each with a verdict of its own; the row's is then ``of_readings``
+    readings      what was tested: each way to read the sentence, with a verdict of its own; the row's is ``of_readings``
+    tested        instead of them, where there is one alone: what quantity over which settings decides; verdict and number are the row's
     condition     under which it is confirmed, where the verdict is "confirmed with conditions"; see ``holds_if``
     would_change  what would have to be measured, shown or assumed for another verdict
     sharpened     what ``reproduce --full`` measures beyond the plain command; empty where that is nothing
@@ -197,13 +195,22 @@ class Claim:
     condition: str = field(default="", kw_only=True)
     would_change: str = field(kw_only=True)
     sharpened: str = field(default="", kw_only=True)
+    tested: InitVar[str] = field(default="", kw_only=True)
+
+    def __post_init__(self, tested: str) -> None:
+        if bool(tested) == bool(self.readings):
+            raise ValueError(f"row {self.id!r} needs the readings that were tested: either one, or several with their verdicts")
+        if tested:
+            object.__setattr__(self, "readings", (Reading(tested, self.verdict, self.number),))
+        if self.verdict != of_readings(self.readings):
+            raise ValueError(f"row {self.id!r} says {self.verdict!r}, its readings {of_readings(self.readings)!r}")
 
     @property
     def holds_if(self) -> str:
         """The condition of a verdict with conditions, the readings that hold where no other is named; empty for other verdicts."""
         if self.verdict != "confirmed with conditions":
             return ""
-        return self.condition or "; or ".join(one.says for one in self.readings if one.verdict != "not confirmed")
+        return self.condition or "; or ".join(one.says for one in self.readings if one.decides and one.verdict != "not confirmed")
 
     def as_json(self) -> dict[str, Any]:
         """The JSON contract's block for a claim; what goes beyond it stands beside the contract's keys."""
@@ -213,42 +220,4 @@ class Claim:
             "condition": self.holds_if,
             "readings": [asdict(one) for one in self.readings],
             "listings": [asdict(one) for one in self.listings],
-        }
-
-
-ADDED = "added"
-"""The key of the comparison that is none of the paper's figures."""
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class PaperFigure:
-    """A figure of the paper: the run it shows, the variants its description speaks of, and the checks.
-
-    key      "2" ... "5", or ``ADDED``
-    results  the shown run first; all by name
-    """
-
-    key: str
-    title: str
-    caption: str
-    results: dict[str, Result]
-    checks: tuple[Check, ...]
-
-    @property
-    def shown(self) -> tuple[Result, ...]:
-        """The runs that are drawn: the first one; all of them in the added comparison."""
-        results = tuple(self.results.values())
-        return results if self.key == ADDED else results[:1]
-
-    @property
-    def reproduced(self) -> bool:
-        return all(check.holds for check in self.checks)
-
-    def as_json(self) -> dict[str, Any]:
-        """The JSON contract's block for a figure; the checks and the solver's step stand beside the contract's keys."""
-        return {
-            "reproduced": self.reproduced,
-            "metrics": {name: result.figures for name, result in self.results.items()},
-            "checks": [asdict(check) for check in self.checks],
-            "numerics": {name: result.numerics for name, result in self.results.items()},
         }

@@ -7,7 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from barbalat.claims import section_v
-from barbalat.claims.claim import ADDED, Check, Claim, Listing, PaperFigure, verdict
+from barbalat.claims.claim import Claim, Listing, verdict
+from barbalat.claims.paper_figure import ADDED, Check, PaperFigure
 from barbalat.claims.section_v import Runs
 from barbalat.claims.variants import numbers, table
 from barbalat.run.result import Result
@@ -138,6 +139,7 @@ def as_described(runs: Runs) -> Claim:
         f"{len(shown)} figures in all of theirs",
         "each statement as a measured check, with its number beside the figure",
         listings=(_counted(shown),),
+        tested="every statement of the captions and of the text on Figures 2 to 5, at the gains and steps that they name",
         number=f"{sum(check.holds for check in checks)} of {len(checks)} statements hold",
         would_change="a statement on a figure that fails at the solver, gain and step that the paper names",
     )  # fmt: skip
@@ -156,6 +158,7 @@ def without_projection(runs: Runs) -> Claim:
         f"{numbers(_figure(robust, 'max_abs_e'))}",
         "RK4, 60 s; the same equations at a tenth of the step are bounded, see the numerics under the figures",
         listings=(_ends((ends[0], smooth.diverged_at, ends[1])),),
+        tested="whether L1-AC without projection diverges within 60 s at the gain and step of Figures 3 and 5, and not at those of Figure 4",
         number=f"L1-AC without projection at Figure 3's and 5's settings: {times}",
         would_change="a run without projection that stays bounded there, or diverges at Figure 4's gain and step",
     )  # fmt: skip
@@ -188,6 +191,7 @@ def erratum_claim(runs: Runs) -> Claim:
                 | {f"|e_{i + 1}|, printed": (printed[i], printed_half[i]) for i in range(2)},
             ),
         ),
+        tested="the largest |e_i| of a run with the sign as printed, tau = 0.1 and 0.05 s, against the other sign",
         number=f"max |e_1| over that at half the tau: {printed[0] / printed_half[0]:.2f} as printed, {derived[0] / derived_half[0]:.2f} with the other sign",
         would_change="another definition of W_c0 or of the estimation error in the paper's source, with which the printed sign is right",
     )

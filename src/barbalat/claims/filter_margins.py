@@ -11,7 +11,7 @@ import numpy as np
 from barbalat.certificates.linear_loops.around_equilibrium import around_equilibrium
 from barbalat.certificates.linear_loops.ideal import fast_adaptation, known_parameters
 from barbalat.claims import section_v
-from barbalat.claims.adapting_margins import GAINS, KAPPAS, filter_effect
+from barbalat.claims.adapting_margins import GAINS, KAPPAS, MODERATE_KAPPA, filter_effect
 from barbalat.claims.adapting_margins import HOW as EXACT
 from barbalat.claims.claim import Claim, Listing, Reading, of_readings, verdict
 from barbalat.claims.variants import variant
@@ -89,7 +89,8 @@ def claim() -> Claim:
         listings=(_listing(found),),
         number=f"gain margin {effect.gain_margins[0]:.4g} to {effect.gain_margins[1]:.4g}, delay margin {adapting[0]:.2g} to {adapting[1]:.2g} s at Gamma = 100",
         readings=readings,
-        condition="robustness is the gain margin, or the delay margin with the estimates at rest on theta; at gains like Figure 3's not the delay margin of the loop that adapts",
+        condition=f"robustness is the gain margin with kappa <= {MODERATE_KAPPA:g} s (Theorem 1's condition admits half of that; the slower filters stand in the reading), or the "
+        "delay margin with the estimates at rest on theta; at gains like Figure 3's not the delay margin of the loop that adapts",
         would_change="for the gain margin: a moderate filter that raises it at some gain; for the delay margin: one that lowers it at high gain",
     )  # fmt: skip
 

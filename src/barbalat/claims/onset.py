@@ -54,6 +54,7 @@ def boundary(runs: Runs) -> Claim:
                 },
             ),
         ),
+        tested="the least gain at which the estimates oscillate over the predicted one, both schemes, three steps",
         number=f"observed gain over predicted: {ratios.min():.2f} to {ratios.max():.2f}",
         would_change="an onset that does not go as h^-2, or is off by half and more",
     )  # fmt: skip

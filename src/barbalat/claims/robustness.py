@@ -26,6 +26,7 @@ def tau_and_error() -> Claim:
                 {"tau [s]": taus, "max |e|": peaks, "exponent": np.append(np.nan, exponents)},
             ),
         ),
+        tested="the local exponent in tau of the largest |e_i| of a run, tau from 0.1 to 0.005 s",
         number=f"exponent of tau: {exponents.min():.2f} to {exponents.max():.2f}",
         would_change="an exponent below one as tau falls, at a step that resolves tau",
     )  # fmt: skip

@@ -13,8 +13,9 @@ from barbalat.commands.screen import work
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from barbalat.claims.claim import Claim, PaperFigure
+    from barbalat.claims.claim import Claim
     from barbalat.claims.ledger import Measured
+    from barbalat.claims.paper_figure import PaperFigure
     from barbalat.commands import Commands
     from barbalat.report.files import Folder
     from barbalat.run.progress import Progress

@@ -90,7 +90,7 @@ def _simulated(case: Case, running: Work) -> list[Result]:
         found = simulate(case.problem, case.controllers, case.simulation, progress=progress)
     labelled = [name for name, result in found.items() if result.label is not None]
     if labelled:
-        say(f"numerically unstable, repeated at a finer step: {', '.join(labelled)}")
+        say(f"outside the region of stability, repeated at a finer step: {', '.join(labelled)}")
         with running.part("checking the numerics") as progress:
             found = check_numerics(found, progress=progress)
     return list(found.values())

@@ -161,6 +161,11 @@ class Trial:
         )
         if len(differs):
             i = differs[0]
+            if not np.isfinite(numbers[i]):
+                raise InputError(
+                    f"{what} gives {numbers[i]:.6g} on finite numbers, as 0/0 does: it must not divide by what may be zero; add "
+                    "to the denominator, or choose one by np.where that never is"
+                )
             raise InputError(
                 f"{what} gives {numbers[i]:.6g} on numbers and {symbolic[i]:.6g} on symbols: it may depend on nothing but its "
                 "arguments and settings that don't change, so keep what it remembers in the state, and draw nothing at random"

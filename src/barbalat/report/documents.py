@@ -8,7 +8,8 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from barbalat.certificates.overview import Certified
-from barbalat.claims.claim import Claim, PaperFigure
+from barbalat.claims.claim import Claim
+from barbalat.claims.paper_figure import PaperFigure
 from barbalat.run.result import Result
 
 
@@ -62,6 +63,7 @@ def run_block(result: Result) -> dict[str, Any]:
         **result.figures,
         "h_lambda_max": found.h_lambda_max,
         "numerically_unstable_at": found.unstable_from,
+        "label": result.label,
         "finer_step": check,
         **lost,
         "adapting": None if result.adapting is None else result.adapting.as_json(),

@@ -18,7 +18,8 @@ from markupsafe import Markup
 import barbalat
 from barbalat.certificates.cells import PROPERTIES
 from barbalat.certificates.overview import Certified
-from barbalat.claims.claim import Claim, PaperFigure
+from barbalat.claims.claim import Claim
+from barbalat.claims.paper_figure import PaperFigure
 from barbalat.report import tradeoff
 from barbalat.report.certificates import rows
 from barbalat.report.narrow import fits_a_phone

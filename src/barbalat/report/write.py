@@ -20,7 +20,8 @@ from barbalat.certificates.certificate import Certificate
 from barbalat.certificates.overview import Certified
 from barbalat.certificates.picture import MarginLoop, distinct
 from barbalat.certificates.picture import figure_of as loops_figure
-from barbalat.claims.claim import Chart, Claim, Map, PaperFigure
+from barbalat.claims.claim import Chart, Claim, Map
+from barbalat.claims.paper_figure import PaperFigure
 from barbalat.pictures.render import render
 from barbalat.pictures.theme import COLOURS
 from barbalat.report import charts, diagrams, maps, page

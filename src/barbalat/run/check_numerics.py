@@ -9,7 +9,7 @@ import numpy as np
 
 from barbalat import validate
 from barbalat.protocols import Controller, Stepping
-from barbalat.run.diagnosis.step_comparison import FinerStep, Seen, compare
+from barbalat.run.diagnosis.step_comparison import FinerStep, Seen, at_the_same_time, compare
 from barbalat.run.progress import Progress, part_of
 from barbalat.run.result import Result
 from barbalat.run.simulate import simulate
@@ -42,17 +42,24 @@ def check_numerics(
     validate.whole("afforded_steps", afforded_steps, least=1)
     checked = dict(results)
     pending = {name: result for name, result in results.items() if result.label is not None}
+    finest: dict[str, Seen] = {}
     done = 0.0
     for factor in FINER_BY:
         groups = _groups(pending, factor, afforded_steps)
         for members in groups:
             width = 0.9 * (1 - done) / len(groups)  # most runs are settled by the first factor
-            for name, found in _compared(members, factor, afforded_steps, threads, part_of(progress, done, width)).items():
-                checked[name] = replace(pending.pop(name), check=found)
+            for name, (found, fine) in _compared(
+                members, factor, afforded_steps, threads, part_of(progress, done, width)
+            ).items():
+                if found is None:
+                    finest[name] = fine
+                else:
+                    checked[name] = replace(pending.pop(name), check=found)
             done += width
     if progress is not None:
         progress(1.0)
-    return checked | {name: replace(result, check=_unsettled(result, afforded_steps)) for name, result in pending.items()}
+    unsettled = {name: _unsettled(result, afforded_steps, finest.get(name)) for name, result in pending.items()}
+    return checked | {name: replace(result, check=unsettled[name]) for name, result in pending.items()}
 
 
 def _groups(pending: Mapping[str, Result], factor: int, afforded: int) -> list[dict[str, Result]]:
@@ -66,8 +73,8 @@ def _groups(pending: Mapping[str, Result], factor: int, afforded: int) -> list[d
 
 def _compared(
     members: Mapping[str, Result], factor: int, afforded: int, threads: int | None, progress: Progress | None
-) -> dict[str, FinerStep]:
-    """The verdicts that a step finer by ``factor`` gives; nothing for a run that leaves the region there too."""
+) -> dict[str, tuple[FinerStep | None, Seen]]:
+    """The verdicts that a step finer by ``factor`` gives, none for a run that leaves the region there too; and what was seen."""
     first = next(iter(members.values()))
     given, horizon = first.simulation, _horizon(first, factor, afforded)
     assert horizon is not None
@@ -80,8 +87,8 @@ def _compared(
         coarse = simulate(first.problem, controllers, replace(given, t_end=horizon), threads=threads).values()
     whole = horizon == given.t_end
     pairs = zip(members, coarse, fine, strict=True)
-    found = {name: compare(_seen(one), _seen(other), horizon, whole=whole) for name, one, other in pairs}
-    return {name: verdict for name, verdict in found.items() if verdict is not None}
+    seen = {name: (_seen(one), _seen(other)) for name, one, other in pairs}
+    return {name: (compare(one, other, horizon, whole=whole), other) for name, (one, other) in seen.items()}
 
 
 def _refined(controller: Controller, factor: int) -> Controller:
@@ -117,9 +124,9 @@ def _seen(result: Result) -> Seen:
     )
 
 
-def _unsettled(result: Result, afforded: int) -> FinerStep:
+def _unsettled(result: Result, afforded: int, finest: Seen | None) -> FinerStep:
     tried = [factor for factor in FINER_BY if _horizon(result, factor, afforded) is not None]
-    if not tried:
+    if not tried or finest is None:
         needed = result.simulation.steps * FINER_BY[0]
         return FinerStep(
             "unsettled",
@@ -129,4 +136,9 @@ def _unsettled(result: Result, afforded: int) -> FinerStep:
     reason = (
         "a finer one is not tried" if tried[-1] == FINER_BY[-1] else f"{afforded:.2g} steps at a finer one do not reach the label"
     )
-    return FinerStep("unsettled", f"not settled: h = {dt:g} s leaves the region of stability too, and {reason}", dt=dt)
+    too = f"h = {dt:g} s leaves the region of stability too"
+    if finest.diverged_at is not None:
+        too += f" and diverges at t = {finest.diverged_at:.6g} s"
+        if result.diverged_at is not None and at_the_same_time(result.diverged_at, finest.diverged_at):
+            too += ", about as this run does: a finite escape of the loop's own looks like that"
+    return FinerStep("unsettled", f"not settled: {too}; {reason}", dt=dt, diverged_at=finest.diverged_at)

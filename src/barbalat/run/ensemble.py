@@ -17,6 +17,7 @@ from barbalat.run.batch import Batch
 from barbalat.run.breaks import LostOrder, lost_order
 from barbalat.run.engine import run
 from barbalat.run.grid import CHUNK_STEPS
+from barbalat.run.kinks import lost_along
 from barbalat.run.members import Members
 from barbalat.run.metrics import Metrics
 from barbalat.run.progress import Progress, part_of
@@ -115,12 +116,14 @@ def simulate_ensemble(
         run([batch], read.signals, blocks, threads=threads, progress=part_of(progress, done, width))
         found.append((batch.metrics(simulation), _quarters(batch, blocks) if quarters else None))
     metrics, by_quarters = zip(*found, strict=True)
+    largest = np.concatenate([part.max_abs_u.reshape(len(part.max_abs_u), -1) for part in metrics])
+    lost = lost_order(read.signals, simulation, delayed=read.loop.delayed, bends=delay.brings_bends(read.loop))
     return EnsembleResult(
         simulation=simulation,
         metrics=Metrics.together(metrics),
         varied=len(read.parameters),
         quarters=np.concatenate(by_quarters) if quarters else None,
-        lost=lost_order(read.signals, simulation, delayed=read.loop.delayed, bends=delay.brings_bends(read.loop)),
+        lost=lost_along(lost, read.loop, simulation, None if len(read.parameters) else largest),
     )
 
 

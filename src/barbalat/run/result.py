@@ -15,6 +15,7 @@ from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller, Reporting
 from barbalat.run.breaks import LostOrder
 from barbalat.run.diagnosis.adapting import Adapting, adapting, regressor_along
+from barbalat.run.diagnosis.label import label
 from barbalat.run.diagnosis.spectrum import Stiffness
 from barbalat.run.diagnosis.step_comparison import FinerStep
 from barbalat.run.metrics import Metrics
@@ -56,7 +57,8 @@ class Result:
     envelope          extrema between the recorded instants
     figures           over every solver step, see Metrics; ``diverged_at`` is in s or None
     stiffness         the largest h |eigenvalue| found along the run, and since when the solver itself was unstable
-    lost              what jumps and corners inside of steps cost, where a step can't be split there; None where nothing is lost
+    lost              what jumps and corners inside of steps cost, where a step can't be split there, the motion's own among them;
+                      None where nothing is lost
     check             what a finer step says of a run that is labelled numerically unstable, from ``check_numerics``
     """
 
@@ -109,9 +111,11 @@ class Result:
 
     @property
     def label(self) -> str | None:
-        """ "numerically unstable from t = ..." for a run that left its solver's, or its sampled law's, region of stability."""
-        start = self.stiffness.unstable_from
-        return None if start is None else f"numerically unstable from t = {start:.4g} s"
+        """ "numerically unstable from t = ..." for a run that left its solver's, or its sampled law's, region of stability.
+
+        Of a run that diverged it says so, and with a ``check`` whether finer steps diverge too.
+        """
+        return label(self.stiffness.unstable_from, self.diverged_at, self.check)
 
     @property
     def numerics(self) -> str:

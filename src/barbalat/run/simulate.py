@@ -17,6 +17,7 @@ from barbalat.run.breaks import lost_order
 from barbalat.run.delay import brings_bends
 from barbalat.run.diagnosis.stability_label import MOST_WINDOWS, Run, stiffness_along
 from barbalat.run.engine import run
+from barbalat.run.kinks import lost_along
 from barbalat.run.portable import at_instants
 from barbalat.run.progress import Progress
 from barbalat.run.result import Envelope, Result
@@ -86,5 +87,10 @@ def result_of(problem: TrackingProblem, controller: Controller, simulation: Simu
         envelope=envelope,
         metrics=metrics,
         stiffness=stiffness_along(made),
-        lost=lost_order(problem.signals, simulation, delayed=loop.delayed, bends=brings_bends(loop)),
+        lost=lost_along(
+            lost_order(problem.signals, simulation, delayed=loop.delayed, bends=brings_bends(loop)),
+            loop,
+            simulation,
+            metrics.max_abs_u.reshape(1, -1),
+        ),
     )

@@ -9,7 +9,22 @@ import math
 
 import pytest
 
-from barbalat import EULER, HEUN, RK4, Gradient, L1Adaptive, Mrac, MracClosedLoop, NormalizedMrac, certify, input_filter, simulate
+from barbalat import (
+    EULER,
+    HEUN,
+    RK4,
+    Gradient,
+    L1Adaptive,
+    Mrac,
+    MracClosedLoop,
+    NormalizedMrac,
+    Sampled,
+    certify,
+    input_filter,
+    simulate,
+)
+from barbalat.cases.load import load_case
+from barbalat.certificates.cells import COUNTS_ON_DAMPING, limits_text
 from barbalat.claims.variants import variant
 from barbalat.solvers.simulation import Simulation
 
@@ -69,3 +84,49 @@ def test_the_gain_above_which_oscillations_are_due(name):
 
     assert not labelled(with_gain(0.8 * seen), RK4, dt)  # 0.8 and 1.2: the gain enters by its root
     assert labelled(with_gain(1.2 * seen), RK4, dt)
+
+
+OFF_THETA = """
+name = "off theta"
+[plant]
+A_m = [[0.0, 1.0], [-2.0, -1.5]]
+b = [0.3, 1.0]
+theta = [0.8, -0.5]
+[reference_model]
+k_0 = 1.5
+[reference]
+kind = "square"
+amplitude = 2.0
+frequency = 0.7
+[simulation]
+t_end = 20.0
+dt = 0.001
+solver = "heun"
+[[controller]]
+name = "M"
+scheme = "mrac"
+gamma = 2000.0
+"""
+
+
+def test_a_limit_that_counts_on_damping_is_no_least_one(tmp_path):
+    """Heun amplifies every undamped oscillation; theta_hat - theta turns the frozen loop's damping of -0.35/s into +0.13/s."""
+    path = tmp_path / "case.toml"
+    path.write_text(OFF_THETA)
+    case = load_case(path)
+    (heun,) = certify(case.problem, case.controllers, case.simulation).values()
+    dt = T_END_OFF_THETA / math.ceil(T_END_OFF_THETA / (0.9 * heun.values["step_max"]))
+    (run,) = simulate(case.problem, case.controllers, Simulation(t_end=T_END_OFF_THETA, dt=dt, solver=HEUN)).values()
+    assert run.label is not None
+    (rk4,) = certify(case.problem, case.controllers, Simulation(t_end=T_END_OFF_THETA, dt=1e-3)).values()
+    sampled = Sampled(controller=case.controllers[0], sample_time=1e-3, discretization="euler")
+    (euler,) = certify(case.problem, sampled, case.simulation).values()
+    for found, sure in ((heun, False), (euler, False), (rk4, True)):
+        tuning = limits_text(found)
+        assert ("at least" in tuning) == sure and ("damping" in tuning) != sure
+        for key in ("gamma_max", "step_max"):
+            entry = found.entry(key)
+            assert ("at least" in entry.meaning) == sure and (COUNTS_ON_DAMPING in entry.assumptions) != sure
+
+
+T_END_OFF_THETA = 20.0  # s

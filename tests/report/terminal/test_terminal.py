@@ -17,7 +17,8 @@ from barbalat.certificates.certificate import Certificate
 from barbalat.certificates.certify import certify
 from barbalat.certificates.entry import Entry
 from barbalat.certificates.table_1 import table_1
-from barbalat.claims.claim import Check, Claim, Listing, PaperFigure, Reading
+from barbalat.claims.claim import Claim, Listing, Reading
+from barbalat.claims.paper_figure import Check, PaperFigure
 from barbalat.claims.rows import LEDGER
 from barbalat.report.numbers import number_text
 from barbalat.report.terminal import certificates, ledger, runs
@@ -72,7 +73,7 @@ CLAIM = Claim(
 NUMBERED = dataclasses.replace(
     CLAIM, id="own", number="0.55 of the bound at most, over 192 runs of 20 s each, every step of 1e-4 s"
 )
-PLAIN = dataclasses.replace(CLAIM, id="bound-9", verdict="confirmed", number="0.55")
+PLAIN = dataclasses.replace(CLAIM, id="bound-9", verdict="confirmed", number="0.55", readings=CLAIM.readings[:1])
 FIGURE = PaperFigure(
     key="3", title="Figure 3: L1-AC, adaptive gain 1e4, step 1e-4 s", caption="", results={},
     checks=(Check("it stays", True, "40.4"), Check("it diverges", False, "bounded, max |e| [40.4, 19.4] at h = 1e-05 s")),

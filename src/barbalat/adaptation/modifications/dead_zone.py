@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -28,6 +29,8 @@ class DeadZone:
     """
 
     g_0: float
+
+    bend: ClassVar[str] = "the dead zone's edge"
 
     def __post_init__(self) -> None:
         validate.freeze(self, g_0=validate.positive("g_0", self.g_0))

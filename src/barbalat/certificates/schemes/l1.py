@@ -11,7 +11,7 @@ import numpy as np
 from barbalat.certificates.assumptions import FREQUENCIES_TRIED, FROZEN_LAW, beyond_the_paper, constant_in_the_end
 from barbalat.certificates.bounds import l1_reference, laws, theorem_1
 from barbalat.certificates.bounds.model import ModelBounds, model_bounds
-from barbalat.certificates.cells import estimate, limits_text, margins_cell, nothing, statement
+from barbalat.certificates.cells import denied, estimate, limits_text, margins_cell, nothing, statement
 from barbalat.certificates.certificate import Certificate, Draft
 from barbalat.certificates.entry import NUMBERS_ALONE, Assumption, Entry
 from barbalat.certificates.linear_loops import over_known_set
@@ -173,7 +173,7 @@ def column(problem: Problem, controller: L1Adaptive, certificate: Certificate) -
         return "filtered MRAC (5)-(8) with C = 1, the standard MRAC", mrac.cells(problem, controller, certificate)
     values = certificate.values
     stability = _stability(problem, controller, certificate)
-    tuning = [limits_text(values)]
+    tuning = [limits_text(certificate)]
     if values.get("kappa_admissible") is not None:
         tuning.append(f"with C = 1/(kappa s + 1) the condition holds up to kappa = {down(values['kappa_admissible'])} s")
     return "filtered MRAC, L1-AC (5)-(8)", {
@@ -193,10 +193,10 @@ def _stability(problem: Problem, controller: L1Adaptive, certificate: Certificat
         return nothing("stability", "the condition on C(s) is not known for this plant")
     if condition is None:
         return nothing("stability", "without a known set that is projected onto there is no theta_max for the condition on C(s)")
-    value = up(condition["value_upper"])
+    value, rests_on = up(condition["value_upper"]), of_the_lyapunov_law(problem, controller, certificate)
     if not condition["holds"]:
-        return nothing("stability", f"||W_b (1 - C)||_1 theta_max is only known to be <= {value}, and 1 is needed")
-    rests_on = of_the_lyapunov_law(problem, controller, certificate)
+        why = f"||W_b (1 - C)||_1 theta_max is only known to be <= {value}, and 1 is needed"
+        return denied("stability", why, *rests_on)
     return statement("stability", f"since ||W_b (1 - C)||_1 theta_max <= {value} < 1", *rests_on)
 
 

@@ -120,6 +120,6 @@ def lyapunov_cells(
         "transient": transient,
         "estimates": statement("estimates", ESTIMATES_STATEMENT, *rests_on),
         "modelling_error": nothing("modelling_error", "that x stays bounded is not known without normalisation"),
-        "tuning": estimate("tuning", falls + limits_text(certificate.values)),
+        "tuning": estimate("tuning", falls + limits_text(certificate)),
         "margins": margins_cell(certificate),
     }

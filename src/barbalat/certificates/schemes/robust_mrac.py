@@ -69,13 +69,13 @@ def column(problem: Problem, controller: NormalizedMrac | RobustMrac, certificat
         "transient": nothing("transient", "no bound before the estimates have settled"),
         "estimates": claimed("estimates", _estimates(found, problem.plant.is_linear), found.estimates is not Estimates.UNKNOWN),
         "modelling_error": _robustness(problem, controller, found),
-        "tuning": estimate("tuning", limits_text(certificate.values)),
+        "tuning": estimate("tuning", limits_text(certificate)),
         "margins": margins_cell(certificate),
     }
     if controller.tau is not None:
         below = _below_the_ceiling(controller, controller.tau)
         cells["transient"] = _transient(problem, controller, *rests_on, below) if found.bounded else nothing("transient", why)
-        cells["tuning"] = estimate("tuning", f"{_window(controller, controller.tau)}; {limits_text(certificate.values)}")
+        cells["tuning"] = estimate("tuning", f"{_window(controller, controller.tau)}; {limits_text(certificate)}")
     if not problem.plant.is_linear:  # the proof of boundedness needs |phi(x)| <= c |x|
         cells |= {key: nothing(key, NONLINEAR) for key in ("stability", "tracking", "modelling_error", "transient")}
     return "normalised MRAC" if controller.tau is None else "robust MRAC (14)-(16)", cells

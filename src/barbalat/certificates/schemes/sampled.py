@@ -6,7 +6,7 @@ import math
 from dataclasses import replace
 
 from barbalat.certificates.assumptions import ACTS_CONTINUOUSLY, CONTINUOUS_ONLY
-from barbalat.certificates.cells import statement
+from barbalat.certificates.cells import on_damping, statement
 from barbalat.certificates.certificate import Certificate, Draft
 from barbalat.certificates.entry import Entry
 from barbalat.certificates.schemes import HeldFile, scheme_file, stranger
@@ -61,7 +61,7 @@ def certificate(problem: TrackingProblem, controller: Sampled, simulation: Simul
         for key in ERROR_BOUND_KEYS & draft.entries.keys():
             draft.entries[key] = replace(draft.entries[key], why=f"{draft.entries[key].why}; {unstable}")
         draft.note(unstable)
-    return continuous.with_entries(tuple(draft.entries.values()), *draft.notes)
+    return on_damping(continuous.with_entries(tuple(draft.entries.values()), *draft.notes))
 
 
 def _sampled(entry: Entry, controller: Sampled) -> Entry:

@@ -76,6 +76,6 @@ def column(problem: TrackingProblem, controller: Controller, certificate: Certif
     return type(controller).__name__, {
         **unknown,
         **({} if estimates else {"estimates": advice("estimates", "it estimates nothing")}),
-        "tuning": estimate("tuning", limits_text(certificate.values)),
+        "tuning": estimate("tuning", limits_text(certificate)),
         "margins": margins_cell(certificate),
     }

@@ -28,8 +28,8 @@ LABEL_COLUMNS = 10
 LEGEND = (
     "condition: for bounded signals. bound of e: of every component's size. margin: the largest added delay of linear loops, at "
     "the case's theta, the least found in the known set, and with the law linearised at the largest command (adapting). gain, "
-    "step: what the solver bears at least, with everything at its largest, to where oscillations are due; estimates. dt: the "
-    "case's step."
+    "step: what the solver bears at least (Euler's and Heun's methods: about), with everything at its largest, to where "
+    "oscillations are due; estimates. dt: the case's step."
 )
 LONGEST_KEY, LONGEST_VALUE = 30, 14
 

@@ -7,7 +7,8 @@ from typing import get_args
 
 from rich.cells import cell_len
 
-from barbalat.claims.claim import ADDED, Claim, Listing, PaperFigure, Verdict
+from barbalat.claims.claim import Claim, Listing, Verdict
+from barbalat.claims.paper_figure import ADDED, PaperFigure
 from barbalat.claims.rows import RUNS_OF_SECTION_V, Measurement
 from barbalat.report.terminal.layout import FALLBACK, HANGING, Screen, held, shortened
 

@@ -21,6 +21,8 @@ REMAINDER_SHARE = 0.1
 """Where less than this fraction of a figure is left at the finer step, the solver made it; where more is left, at most a part."""
 ROUNDING_SHARE = 1e-5
 """Of the model's state, of the control, of the estimates: a figure below this shows roundings and what has settled."""
+SAME_TIME_SHARE = 0.01
+"""Divergences within this share of their time come at about the same time; those of an escape converge as the step falls."""
 OWN_GROWTH_FACTOR = 3.0
 """An error that was this many times as large as the model's state while the run was still sound grows by itself."""
 
@@ -33,12 +35,14 @@ class FinerStep:
              "unsettled": no step that could be afforded stayed inside the region of stability
     sentence the same for people, with the numbers
     dt       the finer step [s], t_end the horizon [s] over which the two are compared; None where none could be afforded
+    diverged_at  when the finer run diverged [s], the finest one that was tried; None where it did not
     """
 
     origin: Origin
     sentence: str
     dt: float | None = None
     t_end: float | None = None
+    diverged_at: float | None = None
 
     def as_json(self) -> dict[str, Any]:
         return asdict(self)
@@ -75,7 +79,12 @@ def compare(coarse: Seen, fine: Seen, t_end: float, *, whole: bool) -> FinerStep
         found = None if fine.unstable_from is not None else _figures(coarse, fine, at)
     else:
         found = _divergences(coarse, fine, at)
-    return None if found is None else FinerStep(*found, dt=fine.dt, t_end=t_end)
+    return None if found is None else FinerStep(*found, dt=fine.dt, t_end=t_end, diverged_at=fine.diverged_at)
+
+
+def at_the_same_time(one: float, other: float) -> bool:
+    """Whether two divergences [s] come at about the same time."""
+    return abs(one - other) <= SAME_TIME_SHARE * max(one, other)
 
 
 def _divergences(coarse: Seen, fine: Seen, at: str) -> tuple[Origin, str] | None:

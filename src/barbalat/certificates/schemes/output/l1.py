@@ -186,6 +186,6 @@ def column(problem: OutputProblem, controller: L1Output, certificate: Certificat
         **cells_of_linear_loop(problem, certificate, inside),
         "estimates": advice("estimates", "sigma is the state of an integrator, not a parameter: nothing is learnt"),
         "modelling_error": estimate("modelling_error", "that of its linear loop: see the margins"),
-        "tuning": estimate("tuning", f"{limits_text(values)}; {stated}"),
+        "tuning": estimate("tuning", f"{limits_text(certificate)}; {stated}"),
         "margins": margins_cell(certificate),
     }

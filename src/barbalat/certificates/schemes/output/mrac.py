@@ -120,7 +120,7 @@ def column(problem: OutputProblem, controller: MracOutput, certificate: Certific
         else claimed("transient", auxiliary, found.bounded),
         "estimates": claimed("estimates", "bounded, and pulled towards zero" if pulled else settled, known),
         "modelling_error": _robustness(problem, controller, found),
-        "tuning": estimate("tuning", limits_text(certificate.values)),
+        "tuning": estimate("tuning", limits_text(certificate)),
         "margins": margins_cell(certificate),
     }
 

@@ -1,0 +1,71 @@
+"""What bends or jumps where the motion takes it: limits at the input, a converter, a dead zone. No step is cut there; it is said.
+
+Signals say beforehand where they break (``breaks``); when a control reaches its saturation nobody knows before the run.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import is_dataclass
+
+import numpy as np
+
+from barbalat.loop.closed_loop import ClosedLoop
+from barbalat.problem.actuation import InputPath
+from barbalat.protocols import Bending
+from barbalat.run.breaks import BEND_ORDER, LostOrder
+from barbalat.solvers.simulation import Simulation
+from barbalat.validate import Array
+
+RATE_LIMITED = "the rate limiter follows its demand within one step, so that the step is its lag: first order"
+QUANTISED = "the converter's levels are passed inside of steps, where the control jumps: first order at best"
+SATURATED = "the control enters or leaves its saturation inside of steps: second order there"
+PASSED = "where the motion passes {} inside of a step: second order there"
+
+
+def lost_along(found: LostOrder | None, loop: ClosedLoop, simulation: Simulation, largest: Array | None) -> LostOrder | None:
+    """What a run loses to its own motion, beside what it lost already.
+
+    largest  (M, m) the largest |u_i| of members that share the loop's limits; None where they differ in them
+    """
+    reached = [largest is None or not (largest[:, i] < _within(path)).all() for i, path in enumerate(loop.paths)]
+    inputs = zip(loop.paths, reached, strict=True)
+    costs = [cost for path, saturated in inputs if path is not None for cost in _at_input(path, loop, saturated)]
+    if not loop.sampled:
+        costs += [(BEND_ORDER, PASSED.format(part.bend)) for part in _bending(loop)]
+    costs = [(order, text) for order, text in dict.fromkeys(costs) if order < simulation.solver.order]
+    if not costs:
+        return found
+    order, sentence = min(order for order, _ in costs), "; ".join(text for _, text in costs)
+    if found is None:
+        return LostOrder(0, 0, order, sentence)
+    return LostOrder(found.jumps, found.corners, min(order, found.order), f"{found.sentence}; {sentence}", found.bends)
+
+
+def _at_input(path: InputPath, loop: ClosedLoop, saturated: bool) -> Iterator[tuple[int, str]]:
+    """Orders that are left, and sentences. What a sampled controller holds jumps at samples alone."""
+    if path.quantum is not None and not loop.sampled:
+        yield 1, QUANTISED
+    if path.saturation is not None and saturated and not loop.sampled:
+        yield BEND_ORDER, SATURATED
+    if path.rate_limit is not None:
+        yield 1, RATE_LIMITED
+
+
+def _within(path: InputPath | None) -> float:
+    """What |u| stays below where no saturation is reached."""
+    if path is None or path.saturation is None:
+        return np.inf
+    return float(np.min(np.abs(path.saturation))) - (path.quantum or 0.0) / 2
+
+
+def _bending(loop: ClosedLoop) -> list[Bending]:
+    return [part for part in _parts(loop.equations) if isinstance(part, Bending)]
+
+
+def _parts(thing: object) -> Iterator[object]:
+    """An object's parts and theirs, as far as they are dataclasses."""
+    if is_dataclass(thing) and not isinstance(thing, type):
+        yield thing
+        for part in vars(thing).values():
+            yield from _parts(part)
