@@ -77,7 +77,8 @@ def test_figures_of_each_order(problems, n):
         samples = brute_force(ClosedLoop.of(problem, controllers[0]), problem.signals, "rk4", STEP, steps)
         simulation = Simulation(t_end=steps * STEP, dt=STEP, record_points=50)
         result = simulate(problem, [controllers[0]], simulation)[controllers[0].name]
-        assert_figures(result.figures, expected_figures(samples, steps, STEP)), name
+        figures = {key: value for key, value in result.figures.items() if key != "sigma_hat_final"}  # one scheme's own
+        assert_figures(figures, expected_figures(samples, steps, STEP)), name
 
 
 @pytest.mark.parametrize("chunk", [20, 64, 500])
