@@ -23,6 +23,20 @@ SHORT = [name for i, name in enumerate(EXAMPLES) if i % 37 == 0 or name == "L1Pi
 SAMPLES, LONG_SAMPLES = 10_000, 100_000
 
 
+def kinds(name: str) -> tuple[str, ...]:
+    """What an example is one of: scheme, problem, form, and the kinds of law and modifications; not their numbers."""
+    problem, controller = EXAMPLES[name]
+    inner = controller.controller if isinstance(controller, Sampled) else controller
+    fields = [getattr(controller, "discretization", ""), *(f"{key}:{type(vars(inner).get(key)).__name__}" for key in KINDS)]
+    law = vars(inner).get("law")
+    return type(inner).__name__, problem.name, *fields, *(f"{key}:{type(vars(law).get(key)).__name__}" for key in KINDS if law)
+
+
+KINDS = ("law", "leakage", "dead_zone", "learning", "modified_error", "auxiliary", "tau")
+ONE_OF_EACH = {kinds(name): name for name in reversed(EXAMPLES)}.values()
+"""The first example of every combination of kinds; those that differ in numbers alone are replayed by ``./dev test --full``."""
+
+
 def exported(name, folder):
     problem, controller = EXAMPLES[name]
     printed = Printed(Contents.of(problem, controller, SIMULATION, DOUBLE))
@@ -48,7 +62,7 @@ def replayed(name, folder, simulation, samples, compiler=("gcc", *ISO, "-O2")) -
 
 
 @needs_gcc
-@pytest.mark.parametrize("name", EXAMPLES)
+@pytest.mark.parametrize("name", [pytest.param(x, marks=() if x in ONE_OF_EACH else pytest.mark.bulk) for x in EXAMPLES])
 @pytest.mark.short(kept=lambda name: name in SHORT)
 def test_the_simulation_replayed_in_c(name, tmp_path) -> None:
     replayed(name, tmp_path, SIMULATION, SAMPLES)
