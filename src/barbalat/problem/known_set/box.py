@@ -12,7 +12,7 @@ import numpy as np
 
 from barbalat import validate
 from barbalat.problem.known_set import cone
-from barbalat.problem.known_set.gain import ONE, Gain
+from barbalat.problem.known_set.gain import ONE, Gain, quadratic
 from barbalat.protocols import Value
 from barbalat.validate import Array, InputError
 
@@ -182,11 +182,11 @@ class ParameterBox:
         size = np.abs(phi)
         rate = gain.value * size
         room = np.where(error * phi > 0, self.upper - theta, theta - self.lower)
-        largest = np.abs(error) / (1 + coupling * (rate @ size))
+        largest = np.abs(error) / (1 + coupling * quadratic(size, rate))
         for j in range(self.size):
             arrived = np.where(room * rate[j] <= room[j] * rate, 1.0, 0.0)
             line = np.abs(error) - coupling * ((arrived * room) @ size)
-            largest = np.maximum(largest, line / (1 + coupling * (((1 - arrived) * rate) @ size)))
+            largest = np.maximum(largest, line / (1 + coupling * quadratic(size, (1 - arrived) * rate)))
         return self.limit(theta + gain.times(phi) * np.where(error > 0, largest, -largest))
 
     def _step_of_several_inputs(self, theta: Value, gain: Gain, phi: Value, coupling: Value, error: Value) -> Value:
