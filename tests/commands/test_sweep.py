@@ -53,7 +53,7 @@ def test_pages_of_a_sweep_and_of_a_member(case_file, tmp_path, capsys):
     assert files == {
         "report.html",
         "sweep.json",
-        *(f"{name}.{kind}" for name in ("histograms", "map", "tornado") for kind in ("png", "svg")),
+        *(f"{name}{ending}" for name in ("histograms", "map", "tornado") for ending in (".png", ".svg", "-narrow.svg")),
     }
     page = (tmp_path / "map" / "report.html").read_text()
     assert "Who failed" in page and "Over the grid" in page and "above the guaranteed bound" in page

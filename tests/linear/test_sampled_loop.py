@@ -47,7 +47,7 @@ def test_gain_and_phase_margin_of_the_integrator():
 def test_the_delay_margin_is_where_the_radius_passes_one(sample):
     """Random stable loops of a second-order plant with a lag: stable up to the margin on a grid of delays, unstable beyond."""
     random, seen = np.random.default_rng(3), 0
-    for _ in range(sample(4, 20)):
+    for _ in range(sample(4, 60)):
         T = 10 ** random.uniform(-2, -0.5)
         A = np.zeros((3, 3))
         A[:2, :2] = [[0.0, 1.0], -random.uniform(0.1, 4.0, 2)]
@@ -65,6 +65,15 @@ def test_the_delay_margin_is_where_the_radius_passes_one(sample):
             seen += 1
             assert loop.radius(margin * (1 + 1e-4)) > 1
     assert seen > 0
+
+
+def test_a_loop_whose_gain_stays_just_below_one_bears_every_delay():
+    """|L| = 0.985 at most: no delay changes it, and the search for the first that destabilises would not end."""
+    A = np.array([[0.0, 1.0, 0.0], [-3.2281, -3.6519, 0.0], [0.0, 0.0, 0.0]])
+    J = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [-1.4941, -2.048, 0.3927]])
+    loop = SampledLoop(A, np.array([[0.0], [1.0], [0.0]]), J, np.array([[0.0, 0.0, 1.0]]), 0.16285)
+    assert np.isinf(loop.delay_margin(0.0))
+    assert 0.999 < loop.radius(60 * loop.T) < 1 and loop.radius(200 * loop.T) < 1
 
 
 def test_sums_and_largest_values_are_bounds_that_are_close():

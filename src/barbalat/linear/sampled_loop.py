@@ -32,6 +32,10 @@ SHORT_STEP = 0.1
 """Of a sample: steps of the search that are shorter are near a loss of stability, and what lies behind them is looked at."""
 MOST_SAMPLES_OF_DELAY = 500
 """Beyond it the delay margin is not sought."""
+EDGE_PLACES = 100
+"""Of the edge within a sample, where |L| < 1 is asked for."""
+GRID_ALLOWANCE = 2e-3
+"""For a peak of |L| between the grid's frequencies, which is near enough to every mode that is not damped within two samples."""
 TURN = 0.05
 """By how much e^(A t) may turn between the instants within a sample at which it is evaluated."""
 
@@ -185,12 +189,19 @@ class SampledLoop:
         return np.asarray(nearest / np.maximum(slopes, 1e-300))
 
     def _never_large(self) -> bool:
-        """Whether |L| < 1 at all frequencies wherever the edge stands, which no delay changes."""
+        """Whether |L| < 1 at all frequencies wherever the edge stands, which no delay changes.
+
+        Between the places of the edge that are looked at L changes by what its slope allows.
+        """
         w, R = self._grid
-        largest = max(
-            np.linalg.norm(self._L(w, R, self._effects(part * self.T)), 2, axis=(1, 2)).max() for part in np.linspace(0, 0.9, 10)
-        )
-        return bool(largest < 1 - TURN)
+
+        def largest(parts: Array) -> Array:
+            return np.max([np.linalg.norm(self._L(w, R, self._effects(part * self.T)), 2, axis=(1, 2)) for part in parts], axis=0)
+
+        if largest(np.linspace(0, 0.9, 10)).max() >= 1:
+            return False
+        middles = (np.arange(EDGE_PLACES) + 0.5) / EDGE_PLACES
+        return bool((largest(middles) + self._grid_slopes * self.T / (2 * EDGE_PLACES)).max() < 1 - GRID_ALLOWANCE)
 
 
 def _split(delay: float, T: float) -> tuple[int, float]:
