@@ -105,6 +105,8 @@ def _condition(stability: Entry | None, condition: Entry | None) -> Line:
         value = condition.value
         of = f"||{value.get('of', 'W_b (1 - C)')}||_1 {value.get('times', 'theta_max')}"
         size = "is infinite" if value["value_upper"] is None else f"<= {up(value['value_upper'])}"
+        if value["holds"] and stability is not None and not stability.applies:
+            return Line("condition", f"{of} {size}; not enough: {stability.why}", "does not apply")
         if value["holds"]:
             return Line("condition", f"holds: {of} {size} < 1", condition.kind)
         return Line("condition", f"not shown: {of} {size}, 1 needed", "does not apply")
