@@ -111,11 +111,11 @@ class Reporting(Protocol):
 
 @runtime_checkable
 class Bending(Protocol):
-    """A part of a law whose rate has a corner where the motion takes it: a step across it keeps second order only."""
+    """A part of a law or of the plant whose rate has a corner where the motion takes it: a step across it keeps second order only."""
 
     @property
-    def bend(self) -> str:
-        """Where the corner is, in a few words."""
+    def bend(self) -> str | None:
+        """Where the corner is, in a few words; ``None`` where it has none."""
         ...
 
 

@@ -14,7 +14,7 @@ from barbalat.adaptation.modifications.dead_zone import DeadZone
 from barbalat.controllers import L1Adaptive, Mrac, Sampled
 from barbalat.linear.systems import TransferFunction, input_filter
 from barbalat.problem.actuation import PlantInput
-from barbalat.problem.known_set import ParameterBox
+from barbalat.problem.known_set import ParameterBall, ParameterBox
 from barbalat.problem.measurement import Noise, Sensor
 from barbalat.problem.plant import Plant, ReferenceModel
 from barbalat.problem.regressors import Terms
@@ -450,6 +450,38 @@ def test_what_the_motion_costs_is_said(name):
     assert runs[0].lost.order == order and said in runs[0].numerics
     assert said in json.loads(json.dumps(run_block(runs[0])))["lost_order"]["sentence"]
     assert simulate(given, [controller], Simulation(t_end=T_END, dt=0.02, solver=EULER))["c"].lost is None
+
+
+@pytest.mark.parametrize(("term", "order"), [("abs(x2)", 2), ("x1**2", 4)])
+def test_what_a_corner_in_the_plant_costs_is_said(term, order):
+    """Of the plant: of a sampled controller's too."""
+    given, controller = problem(SMOOTH, regressor=Terms(terms=("x1", term))), Mrac(gamma=GAMMA, name="c")
+    steps = np.round(np.geomspace(40, 2500, 14))
+    runs = [simulate(given, [controller], Simulation(t_end=T_END, dt=T_END / n))["c"] for n in (*steps, 200_000)]
+    errors = [np.abs(run.states[-1] - runs[-1].states[-1]).max() for run in runs[:-1]]
+    assert -np.polyfit(np.log2(steps), np.log2(errors), 1)[0] == pytest.approx(order, abs=0.6 if order < 4 else 0.3)
+    held = Sampled(controller=controller, sample_time=0.04, discretization="euler")
+    sampled = simulate(given, [held], Simulation(t_end=T_END, dt=0.02))["c"]
+    for run in (runs[0], sampled):
+        assert (run.lost is None) == (order == 4)
+        assert run.lost is None or (run.lost.order == 2 and "corner of abs" in run.lost.sentence)
+
+
+@pytest.mark.parametrize(
+    "known", [ParameterBox(lower=[-5.0, -5.0], upper=[5.0, 5.0]), ParameterBall(center=[0.0, 0.0], radius=5.0)]
+)
+def test_what_a_projection_costs_is_said_where_it_acts(known):
+    """RK4 without a projection that acts keeps its order; the boundary within reach costs two."""
+    narrow = ParameterBall(known.center, 0.05) if isinstance(known, ParameterBall) else ParameterBox([-0.05] * 2, [0.05] * 2)
+    simulation = Simulation(t_end=T_END, dt=T_END / 200)
+    for bounds, acts in ((known, False), (narrow, True)):
+        given, controller = replace(problem(SMOOTH), uncertainty=bounds), Mrac(gamma=GAMMA, name="c", projection=True)
+        run = simulate(given, [controller], simulation)["c"]
+        assert (run.lost is not None) == acts
+        assert not acts or (run.lost.order == 2 and "known set's boundary" in run.lost.sentence)
+        held = Sampled(controller=controller, sample_time=0.04, discretization="euler")
+        assert simulate(given, [held], simulation)["c"].lost is None
+        assert simulate_ensemble([(given, controller)] * 2, simulation).lost is not None  # no estimates are recorded there
 
 
 def test_a_held_control_is_saturated_without_loss():

@@ -20,6 +20,9 @@ _FUNCTIONS: dict[str, Callable[[Value], Value]] = {
 }  # fmt: skip
 
 
+BEND_OF_ABS = "the corner of abs(...) in a formula"
+"""Where a rate has a corner, as runs speak of it."""
+
 _OPERATORS: dict[type, Callable[[Value, Value], Value]] = {
     ast.Add: lambda a, b: a + b,
     ast.Sub: lambda a, b: a - b,
@@ -50,6 +53,8 @@ class Formula:
 
     names: frozenset[str]
     evaluate: Evaluation
+    bends: bool
+    """Whether it uses abs, whose slope jumps."""
 
 
 def formula(field: str, text: Any, variables: Variables) -> Formula:
@@ -75,7 +80,8 @@ def _parsed(field: str, text: str, variables: Variables) -> Formula:
         raise _refusal(field, text, variables) from None
     reader = _Reader(field, text, variables)
     evaluate, _ = reader.read(tree, 0)
-    return Formula(frozenset(reader.names), evaluate)
+    bends = any(isinstance(part, ast.Name) and part.id == "abs" for part in ast.walk(tree))
+    return Formula(frozenset(reader.names), evaluate, bends)
 
 
 class _Reader:

@@ -10,7 +10,7 @@ import numpy as np
 from barbalat import validate
 from barbalat.linear.systems import StateSpace, TransferFunction, strictly_proper
 from barbalat.problem.actuation import PlantInput
-from barbalat.problem.formulas import Formula, Variables, formula
+from barbalat.problem.formulas import BEND_OF_ABS, Formula, Variables, formula
 from barbalat.protocols import Value
 from barbalat.validate import Array, InputError, freeze
 
@@ -33,6 +33,11 @@ class Nonlinearity:
     @property
     def depends_on_time(self) -> bool:
         return "t" in self._parsed.names
+
+    @property
+    def bend(self) -> str | None:
+        """Where f has a corner."""
+        return BEND_OF_ABS if self._parsed.bends else None
 
     def at(self, y: Any, t: Any) -> Any:
         """f by whatever arithmetic y and t have."""

@@ -10,7 +10,7 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 
 from barbalat import validate
-from barbalat.problem.formulas import Formula, Variables, formula
+from barbalat.problem.formulas import BEND_OF_ABS, Formula, Variables, formula
 from barbalat.protocols import Value
 from barbalat.validate import InputError, Matrix
 
@@ -124,6 +124,11 @@ class Terms:
 
     def _formulas(self) -> list[Formula]:
         return [formula("plant.regressor.terms", term, STATES) for term in self.terms]
+
+    @property
+    def bend(self) -> str | None:
+        """Where a term has a corner."""
+        return BEND_OF_ABS if any(found.bends for found in self._formulas()) else None
 
     def size(self, n: int) -> int:
         largest = max((int(name[1:]) for found in self._formulas() for name in found.names), default=0)

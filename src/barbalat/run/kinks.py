@@ -12,6 +12,7 @@ import numpy as np
 
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.problem.actuation import InputPath
+from barbalat.problem.known_set import Projecting
 from barbalat.protocols import Bending
 from barbalat.run.breaks import BEND_ORDER, LostOrder
 from barbalat.solvers.simulation import Simulation
@@ -20,19 +21,22 @@ from barbalat.validate import Array
 RATE_LIMITED = "the rate limiter follows its demand within one step, so that the step is its lag: first order"
 QUANTISED = "the converter's levels are passed inside of steps, where the control jumps: first order at best"
 SATURATED = "the control enters or leaves its saturation inside of steps: second order there"
+BOUNDARY = "the known set's boundary"
 PASSED = "where the motion passes {} inside of a step: second order there"
 
 
-def lost_along(found: LostOrder | None, loop: ClosedLoop, simulation: Simulation, largest: Array | None) -> LostOrder | None:
+def lost_along(
+    found: LostOrder | None, loop: ClosedLoop, simulation: Simulation, largest: Array | None, estimates: Array | None = None
+) -> LostOrder | None:
     """What a run loses to its own motion, beside what it lost already.
 
-    largest  (M, m) the largest |u_i| of members that share the loop's limits; None where they differ in them
+    largest    (M, m) the largest |u_i| of members that share the loop's limits; None where they differ in them
+    estimates  (K, n) along the run, where they were recorded: a projection bends where they reach the known set's boundary
     """
     reached = [largest is None or not (largest[:, i] < _within(path)).all() for i, path in enumerate(loop.paths)]
     inputs = zip(loop.paths, reached, strict=True)
     costs = [cost for path, saturated in inputs if path is not None for cost in _at_input(path, loop, saturated)]
-    if not loop.sampled:
-        costs += [(BEND_ORDER, PASSED.format(part.bend)) for part in _bending(loop)]
+    costs += [(BEND_ORDER, PASSED.format(bend)) for bend in _bends(loop, estimates)]
     costs = [(order, text) for order, text in dict.fromkeys(costs) if order < simulation.solver.order]
     if not costs:
         return found
@@ -59,8 +63,15 @@ def _within(path: InputPath | None) -> float:
     return float(np.min(np.abs(path.saturation))) - (path.quantum or 0.0) / 2
 
 
-def _bending(loop: ClosedLoop) -> list[Bending]:
-    return [part for part in _parts(loop.equations) if isinstance(part, Bending)]
+def _bends(loop: ClosedLoop, estimates: Array | None) -> Iterator[str]:
+    """Where rates have a corner. What a sampled controller holds has none between its samples."""
+    for thing in (loop.plant,) if loop.sampled else (loop.plant, loop.equations):
+        for part in _parts(thing):
+            if isinstance(part, Bending) and part.bend is not None:
+                yield part.bend
+    kept = loop.equations.box if isinstance(loop.equations, Projecting) and not loop.sampled else None
+    if kept is not None and (estimates is None or kept.reached_by(estimates)):
+        yield BOUNDARY
 
 
 def _parts(thing: object) -> Iterator[object]:

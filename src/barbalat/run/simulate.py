@@ -92,5 +92,6 @@ def result_of(problem: TrackingProblem, controller: Controller, simulation: Simu
             loop,
             simulation,
             metrics.max_abs_u.reshape(1, -1),
+            theta_hat,
         ),
     )

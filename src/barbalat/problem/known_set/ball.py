@@ -70,6 +70,10 @@ class ParameterBall:
     def contains(self, theta: Array) -> bool:
         return bool(math.hypot(*(theta - self.center)) <= self.radius)
 
+    def reached_by(self, estimates: Array) -> bool:
+        """Whether one of the estimates (K, n) is at the set's boundary, up to the last few bits."""
+        return bool((np.linalg.norm(estimates - self.center, axis=1) >= self.radius * (1 - 1e-9)).any())
+
     def within(self, bound: Fraction) -> bool:
         """Whether |theta|_2 <= bound for every theta in the set, in exact arithmetic."""
         room = bound - Fraction(self.radius)

@@ -73,6 +73,10 @@ class ParameterBox:
     def contains(self, theta: Array) -> bool:
         return bool((self.lower <= theta).all() and (theta <= self.upper).all())
 
+    def reached_by(self, estimates: Array) -> bool:
+        """Whether one of the estimates (K, n) is at the set's boundary."""
+        return bool(((estimates <= self.lower) | (estimates >= self.upper)).any())
+
     def within(self, bound: Fraction) -> bool:
         """Whether |theta|_2 <= bound for every theta in the set, in exact arithmetic."""
         farthest = np.maximum(np.abs(self.lower), np.abs(self.upper))

@@ -43,6 +43,11 @@ class ParameterProduct:
         theta, gains = self.parts(values)
         return self.gains.contains(gains) and (self.theta is None or self.theta.contains(theta))
 
+    def reached_by(self, estimates: Array) -> bool:
+        """Whether one of the estimates (K, n) is at the boundary of its set."""
+        theta, gains = np.split(estimates, [estimates.shape[1] - self.gains.size], axis=1)
+        return self.gains.reached_by(gains) or (self.theta is not None and self.theta.reached_by(theta))
+
     def within(self, bound: Fraction) -> bool:
         """Whether |theta|_2 + |omega|_1 <= bound throughout, in exact arithmetic: a little more than |(theta, omega)|_2 asks."""
         bound = bound - sum((Fraction(value) for value in self.gains.upper.tolist()), Fraction(0))
