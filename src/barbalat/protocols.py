@@ -111,7 +111,7 @@ class Reporting(Protocol):
 
 @runtime_checkable
 class Bending(Protocol):
-    """A part of a law or of the plant whose rate has a corner where the motion takes it: a step across it keeps second order only."""
+    """A part of a law or a plant whose rate has a corner where the motion takes it: a step across it keeps second order only."""
 
     @property
     def bend(self) -> str | None:
