@@ -14,7 +14,10 @@ from barbalat import (
     L1Adaptive,
     Mrac,
     ParameterBox,
+    Plant,
     PlantInput,
+    Problem,
+    ReferenceModel,
     Sampled,
     TransferFunction,
     input_filter,
@@ -22,6 +25,7 @@ from barbalat import (
 )
 from barbalat.cases.load import load_case
 from barbalat.certificates.certify import certify
+from barbalat.certificates.linear_loops import over_known_set
 from barbalat.certificates.linear_loops.around_equilibrium import around_equilibrium
 from barbalat.certificates.linear_loops.ideal import fast_adaptation, known_parameters
 from barbalat.claims.variants import variant
@@ -203,3 +207,34 @@ def test_a_controller_of_another_measurement_is_refused():
     output, state = load_case("l1-output"), load_case("first-order")
     assert "output" in refusal(lambda: certify(output.problem, [Mrac(gamma=1.0)], output.simulation))
     assert "output" in refusal(lambda: certify(state.problem, [output.controllers[0]], state.simulation))
+
+
+def test_margins_that_fail_take_nothing_with_them(monkeypatch):
+    """The bound (9) rests on no linear loop; what fails is missing with its reason."""
+    case = load_case("paper")
+    whole = certify(case.problem, case.controllers, case.simulation)
+
+    def failing(*_):
+        raise ValueError("f(a) and f(b) must have different signs")
+
+    for name in ("margin_values.margins", "worst_case.margins"):
+        monkeypatch.setattr(f"barbalat.certificates.linear_loops.{name}", failing)
+    for worst in (over_known_set._worst_at_rest, over_known_set._worst_filtered):
+        worst.cache_clear()
+    for name, found in certify(case.problem, case.controllers, case.simulation).items():
+        assert found.failure == "" and found.guaranteed == whole[name].guaranteed
+        for key in ("delay_margin", "margins_over_known_set"):
+            entry = found.entry(key)
+            assert entry is not None and not entry.applies and "different signs" in entry.why
+
+
+def test_a_loop_whose_pole_lies_on_the_axis_is_certified():
+    """A_m + b theta' is undamped at a corner of the known set: the loop at rest is infinite at a frequency of the search."""
+    plant = Plant(A_m=[[0.0, 1.0], [-2.0, -2.0]], b=[0.0, 1.0], theta=[0.0, -1.0])
+    known = ParameterBox([-2.0, -2.0], [0.575, 2.0])
+    problem = Problem(plant=plant, reference_model=ReferenceModel(k_0=2.0), reference=Constant(1.0), uncertainty=known)
+    found = certify(
+        problem, (Mrac(gamma=10.0), L1Adaptive(gamma=10.0, filter=input_filter(0.02))), Simulation(t_end=1.0, dt=1e-3)
+    )
+    for one in found.values():
+        assert "error_bound" in one.guaranteed and one.entry("delay_margin").applies

@@ -36,6 +36,18 @@ def pade_closed_loop(loop: StateSpace, delay: float, order: int = 12) -> float:
     return float(np.linalg.eigvals(delayed.A - np.outer(delayed.B, delayed.C) / (1 + delayed.D)).real.max())
 
 
+def test_a_crossing_that_lies_on_a_point_of_the_grid():
+    """Second-order MRAC loops whose theta rounds so: beside a zero one value has another sign alone than among others."""
+    b, found = np.array([0.0, 1.0]), 0
+    for first in np.round(np.arange(0.35, 0.95, 0.0125), 4):
+        theta = np.array([first, 2.0])
+        loop = StateSpace(np.array([[0.0, 1.0], [-2.0, -2.0]]) + np.outer(b, theta), b, theta, 0.0)
+        crossings = margins(loop).crossovers
+        found += len(crossings)
+        np.testing.assert_allclose(np.abs(loop.response(np.array(crossings))), 1.0, rtol=1e-9)
+    assert found == 96  # two of each: |L| rises above 1 and falls again
+
+
 @pytest.mark.parametrize("loop", random_loops(60))
 def test_against_python_control(loop):
     found = margins(loop)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from html import escape
 from typing import TYPE_CHECKING, Any
@@ -23,11 +24,18 @@ class Certificate:
     entries  every value with its kind, what it means and what it rests on; a key that has no meaning for the scheme is absent
     notes    what else was found, as sentences
     loops    the linear loops whose margins stand among the entries
+    failure  why there is no certificate, where its computation fails
     """
 
     entries: tuple[Entry, ...] = ()
     notes: tuple[str, ...] = ()
     loops: tuple[MarginLoop, ...] = field(default=(), compare=False)
+    failure: str = ""
+
+    @classmethod
+    def failed(cls, why: str) -> Certificate:
+        """Of what can't be certified: the reason is its finding."""
+        return cls(notes=(f"no certificate: {why}",), failure=why)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "entries", tuple(map(of_finite_numbers, self.entries)))
@@ -171,6 +179,17 @@ class Draft:
     def missing(self, key: str, why: str) -> None:
         """A value that the scheme would have, and that this case has not."""
         self.entries[key] = Entry(key=key, value=None, kind="does not apply", quantity=self._quantity(key), why=why)
+
+    @contextmanager
+    def part(self, key: str) -> Iterator[None]:
+        """A part that no other rests on: where its computation fails on this case's numbers, ``key`` is missing, and no more."""
+        try:
+            yield
+        except InputError:
+            raise
+        except (ArithmeticError, ValueError) as error:
+            self.missing(key, reason(error))
+            self.note(f"{key}: {reason(error)}")
 
     def finish(self) -> Certificate:
         """The certificate."""

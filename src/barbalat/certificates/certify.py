@@ -46,7 +46,7 @@ def certify_where_possible(
         try:
             found[controller.name] = _computed(problem, controller, simulation)
         except Exception as error:  # noqa: BLE001 (a report of runs is not lost to a fault of ours)
-            found[controller.name] = Certificate(notes=(f"no certificate: {reason(error)}",))
+            found[controller.name] = Certificate.failed(reason(error))
     return found
 
 
@@ -61,7 +61,7 @@ def _computed(problem: TrackingProblem, controller: Controller, simulation: Simu
     except InputError:
         raise
     except (ArithmeticError, ValueError) as error:  # NumPy's LinAlgError is a ValueError
-        return Certificate(notes=(f"no certificate: {reason(error)}",))
+        return Certificate.failed(reason(error))
 
 
 def _beside_its_runs(certificate: Certificate, simulation: Simulation) -> Certificate:

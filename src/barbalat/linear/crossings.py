@@ -43,14 +43,22 @@ class Crossings:
         points, order = np.unique(np.concatenate([self._grid, beside]), return_index=True)
         values = function(np.concatenate([self._response, self.loop.response(beside)])[order])
         found = [float(w) for w in points[values == 0]]
-        for k in np.flatnonzero(values[:-1] * values[1:] < 0):
-            at: Callable[[float], float] = lambda w: float(function(self.loop.response(np.array([w])))[0])  # noqa: E731
-            found.append(float(brentq(at, points[k], points[k + 1], xtol=1e-300, rtol=1e-13)))
+        at: Callable[[float], float] = lambda w: float(function(self.loop.response(np.array([w])))[0])  # noqa: E731
+        for k in np.flatnonzero(np.sign(values[:-1]) * np.sign(values[1:]) < 0):
+            left, right = float(points[k]), float(points[k + 1])
+            if at(left) * at(right) < 0:
+                found.append(float(brentq(at, left, right, xtol=1e-300, rtol=1e-13)))
+            else:  # one by one values differ from the grid's in the last bits, which beside a zero are their sign
+                found.append(min(left, right, key=lambda w: abs(at(w))))
         return sorted(found)
 
 
 _SPREAD = np.concatenate([-np.logspace(-2, -12, 21), np.logspace(-12, -2, 21)])
 """Relative distances around a computed zero that bracket the true one whatever rounding did to it."""
+
+
+_ROUNDING = 1e-15
+"""Relative: a pole that is nearer to the axis, and a frequency that is nearer to the pole, are on it."""
 
 
 def frequency_grid(loop: StateSpace) -> Array:
@@ -63,7 +71,9 @@ def frequency_grid(loop: StateSpace) -> Array:
     offsets = np.concatenate([-np.geomspace(1e-3, 1e3, 60)[::-1], [0.0], np.geomspace(1e-3, 1e3, 60)])
     peaks = [p.imag + max(abs(p.real), 1e-12 * abs(p.imag)) * offsets for p in poles if p.imag > 0]
     grid = np.concatenate([wide, *peaks])
-    return np.asarray(grid[grid > 0])
+    on_axis = np.array([p.imag for p in poles if p.imag > 0 and abs(p.real) <= _ROUNDING * p.imag])
+    at_pole = (np.abs(grid[:, None] - on_axis) <= _ROUNDING * on_axis).any(axis=1)  # there the response is infinite
+    return np.asarray(grid[(grid > 0) & ~at_pole])
 
 
 def one_minus_magnitude(loop: StateSpace) -> StateSpace:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from barbalat.certificates.certify import certify
-from barbalat.problem.known_set import ParameterBox
+from barbalat.problem.known_set import KnownSet
 from barbalat.problem.state_feedback import Problem
 from barbalat.sweeps.study import Study
 from barbalat.validate import Array
@@ -18,18 +18,30 @@ ERROR_BOUND = "error_bound"
 """A controller's column: the guaranteed bound of every |e|; NaN where none is guaranteed of that member."""
 
 
+@dataclass(frozen=True, eq=False)
+class _Certified:
+    """Of members that differ in theta alone: bounds by controllers, and where they hold."""
+
+    bounds: dict[str, float]
+    known: KnownSet | None
+    for_its_theta: bool  # theta is the same for all and was certified
+
+    def holds(self, theta: Array) -> bool:
+        return self.for_its_theta or (self.known is not None and self.known.contains(theta))
+
+
 @dataclass(eq=False)
 class Bounds:
     """Of each member the guaranteed ``error_bound``, over all of the known set where theta varies.
 
-    A member whose theta lies outside of the known box has none, nor has any where more than MOST_CERTIFIED combinations of
+    A member whose theta lies outside of its own known set has none, nor has any where more than MOST_CERTIFIED combinations of
     other numbers would have to be certified.
     """
 
     study: Study
     thetas: list[int] = field(init=False)
     others: list[int] = field(init=False)
-    found: dict[bytes, dict[str, float]] = field(init=False, default_factory=dict)
+    found: dict[bytes, _Certified] = field(init=False, default_factory=dict)
     given_up: bool = False
 
     def __post_init__(self) -> None:
@@ -48,34 +60,34 @@ class Bounds:
         for one in unique:
             if one.tobytes() not in self.found:
                 self.found[one.tobytes()] = self._certified(one)
-        inside = self._inside(rows)
+        certified, which = [self.found[one.tobytes()] for one in unique], which.reshape(-1)
+        inside = np.array([certified[k].holds(theta) for k, theta in zip(which, self._thetas(rows), strict=True)], dtype=bool)
         for name, values in none.items():
-            bound = np.array([self.found[one.tobytes()].get(name, np.nan) for one in unique])[which.reshape(-1)]
+            bound = np.array([one.bounds.get(name, np.nan) for one in certified])[which]
             values[inside] = bound[inside]
         return none
 
-    def _certified(self, others: Array) -> dict[str, float]:
+    def _certified(self, others: Array) -> _Certified:
         row = self.study.tried.middle.copy()
         row[self.others] = others
         case = self.study.varied.at(row)
         key = "error_bound_worst" if self.thetas else "error_bound"
         certificates = certify(case.problem, case.controllers, case.simulation)
         found = {name: one.entry(key) for name, one in certificates.items()}
-        return {
+        bounds = {
             name: float(entry.value)
             for name, entry in found.items()
             if entry is not None and entry.kind == "guaranteed" and isinstance(entry.value, float)
         }
+        known = case.problem.uncertainty if isinstance(case.problem, Problem) else None
+        return _Certified(bounds, known, for_its_theta=not self.thetas)
 
-    def _inside(self, rows: Array) -> Array:
-        """Whether each member's theta lies in the known set."""
-        if not self.thetas:
-            return np.ones(len(rows), dtype=bool)
+    def _thetas(self, rows: Array) -> Array:
+        """(M, n) each member's theta; n = 0 where none varies."""
         problem = self.study.example.problem
-        if not isinstance(problem, Problem) or not isinstance(problem.uncertainty, ParameterBox):
-            return np.zeros(len(rows), dtype=bool)
-        box, theta = problem.uncertainty, problem.plant.theta
-        thetas = np.tile(theta, (len(rows), 1))
+        if not self.thetas or not isinstance(problem, Problem):
+            return np.zeros((len(rows), 0))
+        thetas = np.tile(problem.plant.theta, (len(rows), 1))
         for column in self.thetas:
             thetas[:, int(self.study.plan.paths[column].keys[2])] = rows[:, column]
-        return np.asarray(((thetas >= box.lower) & (thetas <= box.upper)).all(axis=1))
+        return thetas

@@ -33,6 +33,11 @@ KEYS_OF_MARGINS = {
 
 def add_margins(draft: Draft, problem: TrackingProblem, loop: StateSpace, which: str, assumed: str = LINEAR_LOOP_ONLY) -> None:
     """Margins and peaks of the loop, with the plant's input dynamics and delay in it, and which loop that is."""
+    with draft.part("delay_margin"):
+        _add_margins(draft, problem, loop, which, assumed)
+
+
+def _add_margins(draft: Draft, problem: TrackingProblem, loop: StateSpace, which: str, assumed: str) -> None:
     found = margins_of(problem, loop, which, draft.notes)
     if not found:
         return
@@ -89,7 +94,8 @@ def add_adapting_margins(draft: Draft, problem: Problem, controller: Mrac | L1Ad
         )
         return
     at = f"linearised at the constant command {level:g}"
-    add_delay_margin_adapting(draft, problem, around_equilibrium(problem, controller, level), at)
+    with draft.part("delay_margin_adapting"):
+        add_delay_margin_adapting(draft, problem, around_equilibrium(problem, controller, level), at)
 
 
 def add_delay_margin_adapting(draft: Draft, problem: TrackingProblem, loop: StateSpace, at: str) -> None:

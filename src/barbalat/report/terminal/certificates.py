@@ -91,6 +91,10 @@ def _controller(screen: Screen, column: Column, certificate: Certificate, dt: fl
 
 def five(column: Column, certificate: Certificate, dt: float | None) -> tuple[Line, ...]:
     """Does the condition hold; the bound; the margin; the largest gain and step; what is assumed, and what of it fails."""
+    if certificate.failure:
+        why = f"not known: {certificate.failure}"
+        rest = [Line(label, "not known", "does not apply") for label in ("bound of e", "margin", "gain, step", "assumed")]
+        return Line("condition", why, "does not apply"), *rest
     return (
         _condition(column.cells.get("stability"), certificate.entry("condition")),
         _bound(certificate),

@@ -1,0 +1,41 @@
+"""The bound that stands beside a member is the one that its own case is certified to have."""
+
+import numpy as np
+import pytest
+
+from barbalat import certify
+from barbalat.cases.load import CaseText
+from barbalat.sweeps.bounds import Bounds
+from barbalat.sweeps.paths import FieldPath
+from barbalat.sweeps.plan import Plan
+from barbalat.sweeps.spread import Axis
+from barbalat.sweeps.study import Study
+from barbalat.sweeps.varied_case import VariedCase
+
+TEXT = """
+name = "second order"
+plant = { A_m = [[0.0, 1.0], [-2.0, -2.0]], b = [0.0, 1.0], theta = [1.5, -1.0] }
+reference_model = { k_0 = 2.0 }
+reference = { kind = "sine", amplitude = 1.3, frequency = 0.9 }
+uncertainty = { lower = [-2.0, -2.0], upper = [2.0, 2.0] }
+simulation = { t_end = 1.0, dt = 1e-3 }
+controller = [{ name = "MRAC", scheme = "mrac", gamma = 30.0 }]
+"""
+FIRST, EDGE, GAIN = (FieldPath.parse(name) for name in ("plant.theta[0]", "uncertainty.upper[0]", "controller[0].gamma"))
+EDGES = Axis(0.1, 2.0, 3)
+
+
+@pytest.mark.parametrize("axes", [{EDGE: EDGES, FIRST: Axis(-1.9, 1.9, 4)}, {EDGE: EDGES, GAIN: Axis(1.0, 9.0, 2)}])
+def test_no_member_has_a_bound_that_its_own_case_has_not(axes):
+    """The known set varies too: a theta inside the first member's may lie outside of its own, where nothing is guaranteed."""
+    plan = Plan(axes, {}, 1)
+    study = Study(VariedCase(CaseText(TEXT), plan.paths), plan)
+    rows = plan.values(0, len(plan))
+    found, seen = Bounds(study).of(rows), set()
+    for k, row in enumerate(rows):
+        case = study.varied.at(row)
+        for name, certificate in certify(case.problem, case.controllers, case.simulation).items():
+            own = certificate.values.get("error_bound") if "error_bound" in certificate.guaranteed else None
+            assert np.isnan(found[name][k]) or (own is not None and found[name][k] >= own)
+            seen.add((name, bool(np.isnan(found[name][k]))))
+    assert seen == {("MRAC", False), ("MRAC", True)}
