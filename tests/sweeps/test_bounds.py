@@ -25,7 +25,7 @@ FIRST, EDGE, GAIN = (FieldPath.parse(name) for name in ("plant.theta[0]", "uncer
 EDGES = Axis(0.1, 2.0, 3)
 
 
-@pytest.mark.parametrize("axes", [{EDGE: EDGES, FIRST: Axis(-1.9, 1.9, 4)}, {EDGE: EDGES, GAIN: Axis(1.0, 9.0, 2)}])
+@pytest.mark.parametrize("axes", [{EDGE: EDGES, FIRST: Axis(-1.9, 1.9, 5)}, {EDGE: EDGES, GAIN: Axis(1.0, 9.0, 2)}])
 def test_no_member_has_a_bound_that_its_own_case_has_not(axes):
     """The known set varies too: a theta inside the first member's may lie outside of its own, where nothing is guaranteed."""
     plan = Plan(axes, {}, 1)
