@@ -124,6 +124,11 @@ def _forgetful(self, state, x, x_m, r):
 
 _forgetful.calls = 0
 
+
+def _leaving(self, s, x, x_m, r):
+    raise SystemExit(4)
+
+
 WRONG = {
     "math": (wrong(control=lambda self, s, x, x_m, r: math.tanh(x[0]) + r), "control", "math's"),
     "float": (wrong(control=lambda self, s, x, x_m, r: float(x[0]) + r), "control", "NaN"),
@@ -133,6 +138,11 @@ WRONG = {
     "np.array": (wrong(derivative=lambda self, s, x, x_m, r, u: PlainState(np.array([x[0], r]))), "derivative", "np.stack"),
     "sort": (wrong(control=lambda self, s, x, x_m, r: np.sort(x)[0]), "control", "NumPy functions"),
     "0/0": (wrong(control=lambda self, s, x, x_m, r: (x[0] - x[0]) / (x_m[0] - x_m[0])), "control", "as 0/0 does"),
+    "arctan2": (wrong(control=lambda self, s, x, x_m, r: np.arctan2(x[0], x[1])), "control", "uses atan2, which runs have no"),
+    "sinh": (wrong(derivative=lambda self, s, x, x_m, r, u: PlainState(np.sinh(x))), "derivative", "uses sinh, which"),
+    "nan in it": (wrong(control=lambda self, s, x, x_m, r: x[0] + np.nan * r), "control", "gives nan on all numbers"),
+    "infinite": (wrong(derivative=lambda self, s, x, x_m, r, u: PlainState(np.inf * x)), "derivative", "on all numbers"),
+    "exit": (wrong(control=_leaving), "control", "SystemExit: 4"),
     "remembers": (wrong(control=_forgetful), "control", "remembers"),
     "vector u": (wrong(control=lambda self, s, x, x_m, r: x * r), "control", "(2,)"),
     "None": (wrong(limit=lambda self, s: None), "limit", "None"),

@@ -118,7 +118,7 @@ def blamed(what: str) -> Iterator[None]:
         yield
     except InputError:
         raise
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         raise InputError(f"{what} fails{_line(error)}: {_reason(error)}") from error
 
 
@@ -133,7 +133,7 @@ def named(controller: str) -> Iterator[None]:
         raise InputError(f"controller {validate.show(controller)}: {error}") from error
 
 
-def _reason(error: Exception) -> str:
+def _reason(error: BaseException) -> str:
     """What went wrong, and the remedy where it is known."""
     text = " ".join(str(error).split())
     said = f"{type(error).__name__}: {text[:LONGEST_REASON]}"
@@ -150,7 +150,7 @@ def _is_library(filename: str) -> bool:
     return PACKAGE in Path(filename).parents or "site-packages" in filename or filename.startswith("<frozen")
 
 
-def _line(error: Exception) -> str:
+def _line(error: BaseException) -> str:
     """Where in the user's file it happened: the last line there that is not the package's, nor a library's."""
     frames = traceback.extract_tb(error.__traceback__)
     own = [frame for frame in frames if not _is_library(frame.filename)]

@@ -15,6 +15,7 @@ import numpy as np
 
 from barbalat.loop.blame import Subject, blamed, require_array, require_like, require_state
 from barbalat.loop.packing import column, flatten, map_arrays, symbols, unflatten
+from barbalat.lowering.operations import unknown_operations
 from barbalat.protocols import DiscretizedEquations, Dynamics, Equations, Sample, SampledEquations
 from barbalat.validate import Array, InputError
 
@@ -119,8 +120,16 @@ class Trial:
         self._require(equation, found, f"{what} on symbols")
         inputs, more = ([given], []) if self.settings is None else ([given, self.settings], [self.numbers])
         function = ca.Function("equation", inputs, [column(flatten((found,)))])
+        if unknown := unknown_operations(function):
+            raise InputError(
+                f"{what} uses {', '.join(unknown)}, which runs have no machine code for: write it with + - * /, powers and "
+                "np.sqrt, exp, log, sin, cos, tan, tanh, arctan, abs, sign, minimum, maximum, clip, where, floor, ceil"
+            )
         for arguments, numbers in zip(self._points, expected, strict=True):
             self._same(np.array(function(flatten(arguments), *more)).reshape(-1), numbers, what)
+        never = np.flatnonzero(~np.isfinite(expected).any(axis=0))
+        if len(never):
+            raise InputError(f"{what} gives {expected[0][never[0]]:.6g} on all numbers that were tried, in entry {never[0] + 1}")
 
     def _evaluated(self, equation: str, call: Equation, arguments: Arguments) -> Array:
         what = f"{self.whose.of(equation)} on numbers"

@@ -52,6 +52,15 @@ def _names() -> dict[int, str]:
     return {getattr(ca, f"OP_{name}"): name.lower() for name in f"{binary} {unary}".split()}
 
 
+def unknown_operations(function: casadi.Function) -> list[str]:
+    """What a function computes that no target can print, by NumPy's endings: "sinh", "atan2"."""
+    import casadi as ca
+
+    known = _names().keys() | {ca.OP_CONST, ca.OP_INPUT, ca.OP_OUTPUT}
+    codes = {function.instruction_id(k) for k in range(function.n_instructions())} - known
+    return sorted(name[3:].lower() for name in dir(ca) if name.startswith("OP_") and getattr(ca, name) in codes)
+
+
 def read(function: casadi.Function) -> Program:
     """Translate the instruction list of an SX function.
 
@@ -91,8 +100,8 @@ def read(function: casadi.Function) -> Program:
             else:
                 work[target[0]] = append(name, *a)
         else:
-            known = next((n for n in dir(ca) if n.startswith("OP_") and getattr(ca, n) == code), str(code))
-            raise ValueError(f"the operation {known} has no translation to machine code; rewrite the expression without it")
+            said = ", ".join(unknown_operations(function)) or str(code)
+            raise ValueError(f"the operation {said} has no translation to machine code; rewrite the expression without it")
     return Program(tuple(operations), tuple(tuple(row) for row in outputs))
 
 
