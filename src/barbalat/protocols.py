@@ -119,6 +119,16 @@ class Bending(Protocol):
         ...
 
 
+@runtime_checkable
+class Jumping(Protocol):
+    """A part of a law whose rate, or whose state, jumps where the motion takes it: a step across it keeps first order only."""
+
+    @property
+    def jump(self) -> str:
+        """Where it jumps, in a few words."""
+        ...
+
+
 class Sample(NamedTuple):
     """What a sampled controller measures at one instant."""
 

@@ -274,7 +274,7 @@ def test_optimising_fuses_and_keeps_no_dead_operation():
     assert sum(op.name in ("fma", "fnma") for op in program.operations) == 2
 
 
-@pytest.mark.parametrize(("function", "named"), [(np.arcsin, "OP_ASIN"), (np.sinh, "OP_SINH"), (np.hypot, "OP_HYPOT")])
+@pytest.mark.parametrize(("function", "named"), [(np.arcsin, "asin"), (np.sinh, "sinh"), (np.hypot, "hypot")])
 def test_an_unsupported_operation_is_named(function, named):
     with pytest.raises(ValueError, match=named):
         read(traced(lambda x, _: [function(*([x[0]] * function.nin))], 1))

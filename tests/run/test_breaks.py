@@ -10,8 +10,11 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from barbalat.adaptation.laws.bounded_covariance import LeastSquaresBounded
 from barbalat.adaptation.modifications.dead_zone import DeadZone
-from barbalat.controllers import L1Adaptive, Mrac, Sampled
+from barbalat.adaptation.modifications.epsilon_modification import EpsilonModification
+from barbalat.adaptation.modifications.switching_sigma import SwitchingSigma
+from barbalat.controllers import L1Adaptive, Mrac, RobustMrac, Sampled
 from barbalat.linear.systems import TransferFunction, input_filter
 from barbalat.problem.actuation import PlantInput
 from barbalat.problem.known_set import ParameterBall, ParameterBox
@@ -28,6 +31,7 @@ from barbalat.run.simulate import simulate
 from barbalat.signals import Chirp, Clock, Constant, Recorded, Sine, Sines, Square, Step, Steps
 from barbalat.solvers import EULER, HEUN, RK4
 from barbalat.solvers.simulation import Simulation
+from foreign import wrong
 
 A_M, B, THETA = np.array([[0.0, 1.0], [-2.0, -1.5]]), np.array([0.3, 1.0]), np.array([0.8, -0.5])
 X0, K_0, GAMMA, T_END = np.array([0.2, -0.1]), 1.5, 0.5, 2.0
@@ -464,24 +468,50 @@ def test_what_a_corner_in_the_plant_costs_is_said(term, order):
     sampled = simulate(given, [held], Simulation(t_end=T_END, dt=0.02))["c"]
     for run in (runs[0], sampled):
         assert (run.lost is None) == (order == 4)
-        assert run.lost is None or (run.lost.order == 2 and "corner of abs" in run.lost.sentence)
+        assert run.lost is None or (run.lost.order == 2 and "zero of an abs" in run.lost.sentence)
 
 
 @pytest.mark.parametrize(
     "known", [ParameterBox(lower=[-5.0, -5.0], upper=[5.0, 5.0]), ParameterBall(center=[0.0, 0.0], radius=5.0)]
 )
 def test_what_a_projection_costs_is_said_where_it_acts(known):
-    """RK4 without a projection that acts keeps its order; the boundary within reach costs two."""
+    """Without a projection that acts RK4 keeps its order; where the estimates' rate jumps at the boundary, one is left."""
     narrow = ParameterBall(known.center, 0.05) if isinstance(known, ParameterBall) else ParameterBox([-0.05] * 2, [0.05] * 2)
     simulation = Simulation(t_end=T_END, dt=T_END / 200)
     for bounds, acts in ((known, False), (narrow, True)):
         given, controller = replace(problem(SMOOTH), uncertainty=bounds), Mrac(gamma=GAMMA, name="c", projection=True)
         run = simulate(given, [controller], simulation)["c"]
         assert (run.lost is not None) == acts
-        assert not acts or (run.lost.order == 2 and "known set's boundary" in run.lost.sentence)
+        assert not acts or (run.lost.order == 1 and "known set's boundary" in run.lost.sentence)
         held = Sampled(controller=controller, sample_time=0.04, discretization="euler")
         assert simulate(given, [held], simulation)["c"].lost is None
         assert simulate_ensemble([(given, controller)] * 2, simulation).lost is not None  # no estimates are recorded there
+
+
+PARTS = {
+    "a leakage that switches": (
+        Mrac(gamma=GAMMA, name="c", leakage=SwitchingSigma(sigma=1.0, M_0=0.1)),
+        2,
+        "leakage's switching",
+    ),
+    "the epsilon-modification": (Mrac(gamma=GAMMA, name="c", leakage=EpsilonModification(nu=1.0)), 2, "zero of the error"),
+    "np.sign": (wrong(control=lambda self, s, x, x_m, r: r - 0.1 * np.sign(x[0])), 1, "np.sign"),
+    "np.abs": (wrong(control=lambda self, s, x, x_m, r: r - 0.1 * np.abs(x[0])), 2, "np.abs"),
+    "np.tanh": (wrong(control=lambda self, s, x, x_m, r: r - 0.1 * np.tanh(x[0])), None, ""),
+}
+
+
+@pytest.mark.parametrize("name", PARTS)
+def test_what_a_corner_or_a_jump_of_the_law_costs_is_said(name):
+    """A law of the package declares it; equations from outside are read."""
+    controller, order, said = PARTS[name]
+    given, simulation = problem(SMOOTH), Simulation(t_end=T_END, dt=0.02)
+    lost = next(iter(simulate(given, [controller], simulation).values())).lost
+    assert (lost is None) == (order is None)
+    assert lost is None or (lost.order == order and said in lost.sentence)
+    bounded = LeastSquaresBounded(covariance0=5.0, forgetting=0.5, covariance_bound=8.0)
+    robust = simulate(given, [RobustMrac(law=bounded, tau=0.05)], simulation)["Robust MRAC"].lost
+    assert robust is not None and robust.order == 1 and "bound of the covariance" in robust.sentence
 
 
 def test_a_held_control_is_saturated_without_loss():

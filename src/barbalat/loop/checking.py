@@ -13,9 +13,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from barbalat import vocabulary
 from barbalat.loop.blame import Subject, blamed, require_array, require_like, require_state
 from barbalat.loop.packing import column, flatten, map_arrays, symbols, unflatten
-from barbalat.lowering.operations import unknown_operations
 from barbalat.protocols import DiscretizedEquations, Dynamics, Equations, Sample, SampledEquations
 from barbalat.validate import Array, InputError
 
@@ -120,7 +120,7 @@ class Trial:
         self._require(equation, found, f"{what} on symbols")
         inputs, more = ([given], []) if self.settings is None else ([given, self.settings], [self.numbers])
         function = ca.Function("equation", inputs, [column(flatten((found,)))])
-        if unknown := unknown_operations(function):
+        if unknown := vocabulary.unknown(function):
             raise InputError(
                 f"{what} uses {', '.join(unknown)}, which runs have no machine code for: write it with + - * /, powers and "
                 "np.sqrt, exp, log, sin, cos, tan, tanh, arctan, abs, sign, minimum, maximum, clip, where, floor, ceil"

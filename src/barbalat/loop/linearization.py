@@ -43,6 +43,15 @@ def sampled_jacobian_function(loop: ClosedLoop) -> ca.Function:
     return _jacobian(loop, loop.sample)
 
 
+def right_hand_side(loop: ClosedLoop) -> ca.Function:
+    """The loop's derivative as a CasADi function of (state, signals), as its equations write it."""
+    import casadi as ca
+
+    state_column, state = symbols("state", loop.size)
+    signal_column, signals = symbols("signals", loop.signal_count)
+    return ca.Function("rates", [state_column, signal_column], [column(loop.derivative(state, signals))])
+
+
 def _jacobian(loop: ClosedLoop, of: Callable[[Value, Value], Value]) -> ca.Function:
     import casadi as ca
 

@@ -7,8 +7,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cache
 from typing import TYPE_CHECKING
+
+from barbalat import vocabulary
 
 if TYPE_CHECKING:
     import casadi
@@ -43,24 +44,6 @@ COMPARISONS = frozenset({"lt", "le", "eq", "ne", "not", "and", "or"})
 """Operations whose result is a truth value; CasADi writes them as the numbers 0 and 1."""
 
 
-@cache
-def _names() -> dict[int, str]:
-    import casadi as ca
-
-    binary = "ADD SUB MUL DIV LT LE EQ NE AND OR FMIN FMAX POW CONSTPOW COPYSIGN IF_ELSE_ZERO"
-    unary = "NEG INV SQRT FABS NOT EXP LOG SIN COS TAN TANH ATAN FLOOR CEIL SQ TWICE SIGN"
-    return {getattr(ca, f"OP_{name}"): name.lower() for name in f"{binary} {unary}".split()}
-
-
-def unknown_operations(function: casadi.Function) -> list[str]:
-    """What a function computes that no target can print, by NumPy's endings: "sinh", "atan2"."""
-    import casadi as ca
-
-    known = _names().keys() | {ca.OP_CONST, ca.OP_INPUT, ca.OP_OUTPUT}
-    codes = {function.instruction_id(k) for k in range(function.n_instructions())} - known
-    return sorted(name[3:].lower() for name in dir(ca) if name.startswith("OP_") and getattr(ca, name) in codes)
-
-
 def read(function: casadi.Function) -> Program:
     """Translate the instruction list of an SX function.
 
@@ -84,7 +67,7 @@ def read(function: casadi.Function) -> Program:
             work[target[0]] = append("input", source=(arguments[0], arguments[1]))
         elif code == ca.OP_OUTPUT:
             outputs[target[0]][target[1]] = work[arguments[0]]
-        elif (name := _names().get(code)) is not None:
+        elif (name := vocabulary.names().get(code)) is not None:
             a = [work[i] for i in arguments]
             if name == "sq":
                 work[target[0]] = append("mul", a[0], a[0])
@@ -100,7 +83,7 @@ def read(function: casadi.Function) -> Program:
             else:
                 work[target[0]] = append(name, *a)
         else:
-            said = ", ".join(unknown_operations(function)) or str(code)
+            said = ", ".join(vocabulary.unknown(function)) or str(code)
             raise ValueError(f"the operation {said} has no translation to machine code; rewrite the expression without it")
     return Program(tuple(operations), tuple(tuple(row) for row in outputs))
 

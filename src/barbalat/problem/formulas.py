@@ -20,7 +20,7 @@ _FUNCTIONS: dict[str, Callable[[Value], Value]] = {
 }  # fmt: skip
 
 
-BEND_OF_ABS = "the corner of abs(...) in a formula"
+BEND_OF_ABS = "the zero of an abs(...) or sqrt(...) in a formula"
 """Where a rate has a corner, as runs speak of it."""
 
 _OPERATORS: dict[type, Callable[[Value, Value], Value]] = {
@@ -54,7 +54,7 @@ class Formula:
     names: frozenset[str]
     evaluate: Evaluation
     bends: bool
-    """Whether it uses abs, whose slope jumps."""
+    """Whether it uses abs or sqrt, whose slope jumps or has no limit at zero."""
 
 
 def formula(field: str, text: Any, variables: Variables) -> Formula:
@@ -80,7 +80,7 @@ def _parsed(field: str, text: str, variables: Variables) -> Formula:
         raise _refusal(field, text, variables) from None
     reader = _Reader(field, text, variables)
     evaluate, _ = reader.read(tree, 0)
-    bends = any(isinstance(part, ast.Name) and part.id == "abs" for part in ast.walk(tree))
+    bends = any(isinstance(part, ast.Name) and part.id in ("abs", "sqrt") for part in ast.walk(tree))
     return Formula(frozenset(reader.names), evaluate, bends)
 
 

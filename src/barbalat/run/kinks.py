@@ -6,22 +6,28 @@ Signals say beforehand where they break (``breaks``); when a control reaches its
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import is_dataclass
+from dataclasses import is_dataclass, replace
 
 import numpy as np
 
 from barbalat.loop.closed_loop import ClosedLoop
+from barbalat.loop.linearization import right_hand_side
+from barbalat.loop.structure import comes_from_outside
 from barbalat.problem.actuation import InputPath
 from barbalat.problem.known_set import Projecting
-from barbalat.protocols import Bending
+from barbalat.protocols import Bending, Jumping
 from barbalat.run.breaks import BEND_ORDER, LostOrder
 from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array
+from barbalat.vocabulary import BENDING, JUMPING, used
 
 RATE_LIMITED = "the rate limiter follows its demand within one step, so that the step is its lag: first order"
 QUANTISED = "the converter's levels are passed inside of steps, where the control jumps: first order at best"
 SATURATED = "the control enters or leaves its saturation inside of steps: second order there"
-BOUNDARY = "the known set's boundary"
+JUMP_ORDER = 1
+"""What a rate that jumps inside of a step leaves of any method's order."""
+PROJECTED = "where the estimates reach the known set's boundary inside of a step: first order there"
+JUMPED = "where the motion passes {} inside of a step: first order there"
 PASSED = "where the motion passes {} inside of a step: second order there"
 
 
@@ -36,7 +42,7 @@ def lost_along(
     reached = [largest is None or not (largest[:, i] < _within(path)).all() for i, path in enumerate(loop.paths)]
     inputs = zip(loop.paths, reached, strict=True)
     costs = [cost for path, saturated in inputs if path is not None for cost in _at_input(path, loop, saturated)]
-    costs += [(BEND_ORDER, PASSED.format(bend)) for bend in _bends(loop, estimates)]
+    costs += _passed(loop, estimates)
     costs = [(order, text) for order, text in dict.fromkeys(costs) if order < simulation.solver.order]
     if not costs:
         return found
@@ -63,15 +69,30 @@ def _within(path: InputPath | None) -> float:
     return float(np.min(np.abs(path.saturation))) - (path.quantum or 0.0) / 2
 
 
-def _bends(loop: ClosedLoop, estimates: Array | None) -> Iterator[str]:
-    """Where rates have a corner. What a sampled controller holds has none between its samples."""
+def _passed(loop: ClosedLoop, estimates: Array | None) -> Iterator[tuple[int, str]]:
+    """Where rates have a corner or jump. What a sampled controller holds has neither between its samples."""
     for thing in (loop.plant,) if loop.sampled else (loop.plant, loop.equations):
         for part in _parts(thing):
             if isinstance(part, Bending) and part.bend is not None:
-                yield part.bend
-    kept = loop.equations.box if isinstance(loop.equations, Projecting) and not loop.sampled else None
+                yield BEND_ORDER, PASSED.format(part.bend)
+            if isinstance(part, Jumping):
+                yield JUMP_ORDER, JUMPED.format(part.jump)
+    if loop.sampled:
+        return
+    kept = loop.equations.box if isinstance(loop.equations, Projecting) else None
     if kept is not None and (estimates is None or kept.reached_by(estimates)):
-        yield BOUNDARY
+        yield JUMP_ORDER, PROJECTED
+    if comes_from_outside(loop.equations):
+        yield from _of_a_stranger(loop)
+
+
+def _of_a_stranger(loop: ClosedLoop) -> Iterator[tuple[int, str]]:
+    """Equations from outside declare nothing: what they are written with tells."""
+    operations = used(right_hand_side(replace(loop, paths=(None,) * loop.inputs, delayed=False)))
+    if operations & JUMPING:
+        yield JUMP_ORDER, JUMPED.format("a comparison, np.where or np.sign in an equation")
+    if operations & BENDING:
+        yield BEND_ORDER, PASSED.format("a corner of np.abs, np.minimum or np.maximum in an equation")
 
 
 def _parts(thing: object) -> Iterator[object]:

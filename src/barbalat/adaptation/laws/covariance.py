@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 
@@ -79,6 +79,8 @@ class BoundedCovarianceLaw(CovarianceLaw):
     covariance_bound: float
     leakage: leak.Leakage | None = None
     dead_zone: DeadZone | None = None
+
+    jump: ClassVar[str] = "the bound of the covariance"
 
     def __post_init__(self) -> None:
         validate.freeze(self, covariance0=gain.accept("law.covariance0", self.covariance0))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -38,6 +39,8 @@ class LeastSquaresResetting(CovarianceLaw):
     rho_1: float
     leakage: leak.Leakage | None = None
     dead_zone: zone.DeadZone | None = None
+
+    jump: ClassVar[str] = "a reset of the covariance"
 
     def __post_init__(self) -> None:
         for name in ("rho_0", "rho_1"):

@@ -27,6 +27,7 @@ class EpsilonModification:
     nu: float
 
     one_input_only: ClassVar[bool] = True
+    bend: ClassVar[str] = "the zero of the error, where its leakage has a corner,"
 
     def __post_init__(self) -> None:
         validate.freeze(self, nu=validate.positive("nu", self.nu))

@@ -29,6 +29,7 @@ class SwitchingSigma:
     M_0: float
 
     one_input_only: ClassVar[bool] = False
+    bend: ClassVar[str] = "an edge of the leakage's switching"
 
     def __post_init__(self) -> None:
         validate.freeze(self, sigma=validate.positive("sigma", self.sigma))

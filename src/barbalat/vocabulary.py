@@ -1,0 +1,43 @@
+"""What equations may be written with: the operations of CasADi that every target of the lowering has."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    import casadi
+
+BINARY = "ADD SUB MUL DIV LT LE EQ NE AND OR FMIN FMAX POW CONSTPOW COPYSIGN IF_ELSE_ZERO"
+UNARY = "NEG INV SQRT FABS NOT EXP LOG SIN COS TAN TANH ATAN FLOOR CEIL SQ TWICE SIGN"
+
+BENDING = frozenset({"fabs", "fmin", "fmax"})
+"""Operations whose slope jumps."""
+JUMPING = frozenset({"sign", "lt", "le", "eq", "ne", "not", "and", "or", "floor", "ceil", "copysign", "if_else_zero"})
+"""Operations whose value jumps."""
+
+
+@cache
+def names() -> dict[int, str]:
+    """The operations by CasADi's codes."""
+    import casadi as ca
+
+    return {getattr(ca, f"OP_{name}"): name.lower() for name in f"{BINARY} {UNARY}".split()}
+
+
+def used(function: casadi.Function) -> frozenset[str]:
+    """Those that a function of scalar expressions is made of."""
+    codes = _codes(function)
+    return frozenset(name for code, name in names().items() if code in codes)
+
+
+def unknown(function: casadi.Function) -> list[str]:
+    """What a function computes beside them, by CasADi's names: "sinh", "atan2"."""
+    import casadi as ca
+
+    codes = _codes(function) - names().keys() - {ca.OP_CONST, ca.OP_INPUT, ca.OP_OUTPUT}
+    return sorted(name[3:].lower() for name in dir(ca) if name.startswith("OP_") and getattr(ca, name) in codes)
+
+
+def _codes(function: casadi.Function) -> set[int]:
+    return {function.instruction_id(k) for k in range(function.n_instructions())}
