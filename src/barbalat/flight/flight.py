@@ -1,0 +1,126 @@
+"""One flight: a sampled controller on the moving aircraft, and a failure on the way."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from barbalat.flight import f16
+from barbalat.flight.airframe import STEP, Airframe, Surfaces
+from barbalat.flight.equipment import Elevator, Sensors
+from barbalat.flight.failures import FAILS_AT, Failure
+from barbalat.flight.pitch import COMMANDED, SAMPLE_TIME, PitchAxis
+from barbalat.flight.sampled_step import SampledList, SampledStep
+from barbalat.linear.zero_order_hold import HeldSystem
+from barbalat.signals import Steps
+from barbalat.validate import Array
+
+DURATION = 30.0
+"""[s]."""
+COMMAND = Steps(
+    times=tuple(start + lag for start in (1.0, 11.0, 21.0) for lag in (0.0, 2.0, 4.0, 6.0)),
+    values=(COMMANDED, 0.0, -COMMANDED, 0.0) * 3,
+)
+"""The commanded pitch rate: up for two seconds and down for two, each ten seconds."""
+COLUMNS = {
+    "t": "s",
+    "q_c": "deg/s",
+    "q_m": "deg/s",
+    "q": "deg/s",
+    "alpha": "deg",
+    "n_z": "g",
+    "elevator_command": "deg",
+    "elevator": "deg",
+    "pitch": "deg",
+    "altitude": "ft",
+    "speed": "ft/s",
+}
+"""What is recorded at each sample, in this order, with its unit."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Flight:
+    """What was flown.
+
+    record   (K, 11), one row for each sample, see ``COLUMNS``; up to where control was lost
+    lost     why control was lost, empty where it was not
+    """
+
+    controller: str
+    failure: Failure
+    record: Array
+    lost: str
+
+    def column(self, name: str) -> Array:
+        """One of ``COLUMNS`` over the samples."""
+        return np.asarray(self.record[:, list(COLUMNS).index(name)])
+
+    @property
+    def lost_at(self) -> float | None:
+        """[s]."""
+        return float(self.record[-1, 0]) if self.lost else None
+
+
+def flown(axis: PitchAxis, contents: SampledList, failures: Sequence[Failure]) -> list[Flight]:
+    """One controller through the failures, in this process."""
+    step = SampledStep(contents)
+    return [_fly(axis, step, failure) for failure in failures]
+
+
+def _fly(axis: PitchAxis, controller: SampledStep, failure: Failure) -> Flight:
+    trim, equipment = axis.trim, axis.equipment
+    airframe = Airframe(trim.condition)
+    airframe.put(trim.motion, Surfaces(trim.elevator), trim.throttle)
+    trimmed = float(np.rad2deg(trim.elevator))
+    elevator, sensors = Elevator(equipment, STEP, trimmed), Sensors(equipment, STEP)
+    controller.reset()
+    samples, steps = round(DURATION / SAMPLE_TIME), round(SAMPLE_TIME / STEP)
+    commands = COMMAND(SAMPLE_TIME * np.arange(samples))
+    model = _model(axis, commands)
+    record, failed, lost = np.zeros((samples, len(COLUMNS))), False, ""
+    for k in range(samples):
+        if not failed and k * SAMPLE_TIME >= FAILS_AT:
+            failed = True
+            airframe.shift_ballast(failure.ballast_aft)
+            elevator.delay_more(failure.delay)
+        command = trimmed + float(controller(sensors.output, commands[k])[0])
+        motion = airframe.motion
+        angles = np.rad2deg([motion.q, motion.alpha, motion.theta])
+        record[k, :6] = k * SAMPLE_TIME, commands[k], model[k], angles[0], angles[1], airframe.load_factor
+        record[k, 6:] = command, elevator.deflection, angles[2], airframe.altitude, motion.speed
+        lost = _lost(record[k])
+        if lost:
+            record = record[: k + 1]
+            break
+        for _ in range(steps):
+            deflection = elevator.advance(command)
+            airframe.move(Surfaces(np.deg2rad(deflection) * (failure.effectiveness if failed else 1.0)))
+            airframe.fdm.run()
+            seen = airframe.alpha_and_q
+            sensors.advance(np.rad2deg(seen) - (np.rad2deg(trim.alpha), 0.0))
+    return Flight(controller=controller.contents.name, failure=failure, record=record, lost=lost)
+
+
+def _lost(row: Array) -> str:
+    """Where the aircraft leaves what its tables cover, or what its structure bears."""
+    if not np.isfinite(row).all():
+        return "the simulation's numbers are no longer finite"
+    alpha, load = row[4], row[5]
+    for value, (low, high), what in ((alpha, f16.REACHED_ALPHA, "angle of attack"), (load, f16.LIMIT_LOADS, "load factor")):
+        if not low <= value <= high:
+            unit = "deg" if what == "angle of attack" else "g"
+            return f"the {what} reached {value:.3g} {unit}, outside {low:g} to {high:g} {unit}"
+    return ""
+
+
+def _model(axis: PitchAxis, commands: Array) -> Array:
+    """The pitch rate of the model to follow, at the samples."""
+    _, b = axis.trim.short_period
+    held = HeldSystem.of(axis.A_m, b * axis.k_0, SAMPLE_TIME)
+    x, found = np.zeros(2), []
+    for r in commands:
+        found.append(x[1])
+        x = held.following(x, r)
+    return np.array(found)
