@@ -1,4 +1,4 @@
-"""A rigid aircraft of JSBSim: put into a state, asked for its rates, moved by steps. SI nowhere: the tables are in feet and pounds."""
+"""A rigid aircraft of JSBSim: put into a state, asked for its rates, moved by steps; in feet and pounds, as its tables are."""
 
 from __future__ import annotations
 
@@ -35,7 +35,9 @@ class Condition:
     mach: float = 0.525
 
     def __post_init__(self) -> None:
-        validate.freeze(self, altitude=validate.not_negative("altitude", self.altitude), mach=validate.positive("mach", self.mach))
+        validate.freeze(
+            self, altitude=validate.not_negative("altitude", self.altitude), mach=validate.positive("mach", self.mach)
+        )
         if self.altitude > HIGHEST:
             raise InputError(f"altitude must be at most {HIGHEST:g} ft, where the engine's tables end, got {self.altitude:g}")
         if self.mach > FASTEST:

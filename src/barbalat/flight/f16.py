@@ -1,9 +1,9 @@
 """JSBSim's F-16 with surfaces that this program moves: its file as it is installed, changed in memory, never kept.
 
 What is changed: the aerodynamic tables read the deflections from properties of ours (``surfaces/...``), so that the actuator, its
-limits and what fails of a surface are ours, and no part of the file's own control system acts on them; and ``BALLAST_LB`` of the empty
-weight become a mass of their own at the same place, which a shift of the centre of gravity moves. Nothing else is: not the
-tables, not the engine. The leading-edge flaps keep the file's schedule.
+limits and what fails of a surface are ours, and no part of the file's own control system acts on them; and ``BALLAST_LB`` of the
+empty weight become a mass of their own at the same place, which a shift of the centre of gravity moves. Nothing else is: not the
+tables, not the engine. The leading-edge flaps keep the file's schedule, which jumps at 5 deg of angle of attack.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ LIMIT_LOADS = (-4.0, 9.0)
 
 
 def load(step: float) -> FGFDMExec:
-    """The aircraft with wheels up and frozen fuel, and a solver's step [s]; InputError where JSBSim is missing or has another F-16."""
+    """The aircraft, wheels up, fuel frozen, with a solver's step [s]; InputError where JSBSim is missing or has another F-16."""
     require_extra("jsbsim", "flight", "a flight model")
     import jsbsim
 
@@ -43,7 +43,9 @@ def load(step: float) -> FGFDMExec:
         fdm.set_debug_level(0)
         fdm.set_aircraft_path(str(folder))
         if not fdm.load_model(NAME):
-            raise InputError(f"JSBSim {jsbsim.__version__} does not load its own F-16: reinstall it, pip install 'barbalat[flight]'")
+            raise InputError(
+                f"JSBSim {jsbsim.__version__} does not load its own F-16: reinstall it, pip install 'barbalat[flight]'"
+            )
     fdm.set_dt(step)
     fdm["fcs/fbw-override"] = 1.0  # the file's own control system would move the flaperons
     fdm["gear/gear-cmd-norm"] = fdm["gear/gear-pos-norm"] = 0.0
@@ -70,7 +72,9 @@ def _hand_over_surfaces(aircraft: ET.Element) -> None:
     for surface in SURFACES:
         read = [part for part in aerodynamics.iter() if (part.text or "").strip() == f"fcs/{surface}-pos-rad"]
         if not read:
-            raise InputError(f"JSBSim's F-16 no longer has aerodynamic tables of its {surface}: install the version of flight.lock")
+            raise InputError(
+                f"JSBSim's F-16 no longer has aerodynamic tables of its {surface}: install the version of flight.lock"
+            )
         for part in read:
             part.text = f"surfaces/{surface}-rad"
         declared = ET.Element("property")  # a property that nobody declares ends the process

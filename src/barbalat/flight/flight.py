@@ -40,6 +40,19 @@ COLUMNS = {
 """What is recorded at each sample, in this order, with its unit."""
 
 
+FIGURES = {
+    "rms_e": "deg/s",
+    "max_abs_e": "deg/s",
+    "n_z_min": "g",
+    "n_z_max": "g",
+    "alpha_min": "deg",
+    "alpha_max": "deg",
+    "elevator_travel": "deg/s",
+    "elevator_max_abs": "deg",
+}
+"""Of a flight, with their units; e is the pitch rate less the model's, the travel how far the surface moves in a second."""
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Flight:
     """What was flown.
@@ -58,9 +71,37 @@ class Flight:
         return np.asarray(self.record[:, list(COLUMNS).index(name)])
 
     @property
+    def duration(self) -> float:
+        """The last sample's time [s]."""
+        return float(self.record[-1, 0])
+
+    @property
     def lost_at(self) -> float | None:
         """[s]."""
-        return float(self.record[-1, 0]) if self.lost else None
+        return self.duration if self.lost else None
+
+    @property
+    def rms_error(self) -> float:
+        """Of the pitch rate against the model's, from ``FAILS_AT`` on [deg/s]."""
+        return float(np.sqrt(np.mean(self._error**2)))
+
+    @property
+    def figures(self) -> dict[str, float | None]:
+        """From ``FAILS_AT`` on, by the names of the JSON; null where control was lost."""
+        after = self.record[self.record[:, 0] >= FAILS_AT]
+        if self.lost or not len(after):
+            return {"lost_at": self.lost_at, **dict.fromkeys(FIGURES)}
+        load, alpha, surface = (self.column(name)[-len(after) :] for name in ("n_z", "alpha", "elevator"))
+        values = (
+            self.rms_error, np.abs(self._error).max(), load.min(), load.max(), alpha.min(), alpha.max(),
+            np.abs(np.diff(surface)).sum() / (len(after) * SAMPLE_TIME), np.abs(surface).max(),
+        )  # fmt: skip
+        return {"lost_at": None, **dict(zip(FIGURES, map(float, values), strict=True))}
+
+    @property
+    def _error(self) -> Array:
+        after = self.column("t") >= FAILS_AT
+        return np.asarray((self.column("q") - self.column("q_m"))[after])
 
 
 def flown(axis: PitchAxis, contents: SampledList, failures: Sequence[Failure]) -> list[Flight]:
@@ -107,11 +148,11 @@ def _lost(row: Array) -> str:
     """Where the aircraft leaves what its tables cover, or what its structure bears."""
     if not np.isfinite(row).all():
         return "the simulation's numbers are no longer finite"
-    alpha, load = row[4], row[5]
-    for value, (low, high), what in ((alpha, f16.REACHED_ALPHA, "angle of attack"), (load, f16.LIMIT_LOADS, "load factor")):
-        if not low <= value <= high:
-            unit = "deg" if what == "angle of attack" else "g"
-            return f"the {what} reached {value:.3g} {unit}, outside {low:g} to {high:g} {unit}"
+    (low, high), (least, most) = f16.REACHED_ALPHA, f16.LIMIT_LOADS
+    if not low <= row[4] <= high:
+        return f"the angle of attack left {low:g} to {high:g} deg, where the tables end"
+    if not least <= row[5] <= most:
+        return f"the load factor left {least:g} to {most:g} g, which the structure bears"
     return ""
 
 

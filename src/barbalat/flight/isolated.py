@@ -39,7 +39,9 @@ def isolated(seconds: float, function: Callable[Given, Answer], *given: Given.ar
         command = [sys.executable, "-m", "barbalat.flight.isolated", str(folder)]
         environment = {**os.environ, "PYTHONPATH": os.pathsep.join(part for part in sys.path if part)}
         try:
-            done = subprocess.run(command, capture_output=True, timeout=seconds, check=False, env=environment, stdin=subprocess.DEVNULL)
+            done = subprocess.run(
+                command, capture_output=True, timeout=seconds, check=False, env=environment, stdin=subprocess.DEVNULL
+            )
         except subprocess.TimeoutExpired:
             raise SimulatorFailed(f"the simulator was not done after {seconds:g} s, and was stopped") from None
         if done.returncode:

@@ -1,7 +1,7 @@
 """A sampled controller by itself, one sample a call: the operations that simulations run and exports print, compiled here.
 
-No plant and no clock is in it, so that any simulator can be the plant. No multiply-add is fused: its bits are those of the exported
-C, which is the same list.
+No plant and no clock is in it, so that any simulator can be the plant. No multiply-add is fused: its bits are those of the
+exported C, which is the same list.
 """
 
 from __future__ import annotations

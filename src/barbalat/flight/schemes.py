@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -112,9 +112,14 @@ SCHEMES: dict[str, Callable[[PitchAxis], Flying]] = {
 """The registry, by the names of the command line."""
 
 
-def flying(axis: PitchAxis, names: list[str]) -> list[Flying]:
+def require_known(names: Sequence[str]) -> None:
     """InputError for a scheme that is none of these."""
     unknown = [name for name in names if name not in SCHEMES]
     if unknown:
-        raise InputError(f"--schemes must be of {', '.join(SCHEMES)}, got {show(unknown[0])}")
+        fits = " (it does not fit this axis, or is none)" if unknown[0] else ""
+        raise InputError(f"--schemes must be of {', '.join(SCHEMES)}, got {show(unknown[0])}{fits}")
+
+
+def flying(axis: PitchAxis, names: Sequence[str]) -> list[Flying]:
+    """The schemes of these names, each once."""
     return [SCHEMES[name](axis) for name in dict.fromkeys(names)]

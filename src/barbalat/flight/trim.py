@@ -88,7 +88,9 @@ def trimmed(condition: Condition) -> Trim:
 def _require_flyable(condition: Condition, residual: float, alpha: float, elevator: float, throttle: float) -> None:
     low, high = np.deg2rad(f16.REACHED_ALPHA)
     ranges = {
-        f"an angle of attack of {np.rad2deg(alpha):.3g} deg, and the tables end at {f16.REACHED_ALPHA[1]:g} deg": low < alpha < high,
+        f"an angle of attack of {np.rad2deg(alpha):.3g} deg, and the tables end at {f16.REACHED_ALPHA[1]:g} deg": low
+        < alpha
+        < high,
         f"an elevator of {np.rad2deg(elevator):.3g} deg, and it moves by 25 deg": abs(elevator) < ELEVATOR_LIMIT,
         f"a throttle of {throttle:.3g}, and it goes from 0 to 1": 0 < throttle < 1,
     }

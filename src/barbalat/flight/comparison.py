@@ -1,0 +1,123 @@
+"""``fly``: controllers through failures on a flight model, side by side."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from importlib import metadata
+
+import numpy as np
+
+from barbalat.flight.airframe import Condition
+from barbalat.flight.equipment import Equipment
+from barbalat.flight.failures import FAILURES, Failure
+from barbalat.flight.flight import COLUMNS, Flight, flown
+from barbalat.flight.isolated import SimulatorFailed, isolated
+from barbalat.flight.pitch import SAMPLE_TIME, PitchAxis
+from barbalat.flight.sampled_step import SampledList
+from barbalat.flight.schemes import SCHEMES, Flying, flying, require_known
+from barbalat.flight.trim import trimmed
+from barbalat.protocols import Controller
+from barbalat.run.progress import Progress
+from barbalat.validate import InputError, require_extra, show
+
+FLIGHTS = ("f16-pitch",)
+"""What can be flown, by the names of the command line."""
+STARTING_SECONDS, SECONDS_PER_FLIGHT = 120.0, 60.0
+"""Time limits: JSBSim loads in one second and flies ``DURATION`` in half of one; a shared machine takes many times that."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class FlightComparison:
+    """All flights of some controllers through some failures.
+
+    jsbsim   its version
+    flights  for each controller those through all failures, in their order
+    """
+
+    name: str
+    axis: PitchAxis
+    failures: tuple[Failure, ...]
+    jsbsim: str
+    flights: tuple[tuple[Flight, ...], ...]
+
+    @property
+    def controllers(self) -> tuple[str, ...]:
+        return tuple(several[0].controller for several in self.flights)
+
+    def through(self, failure: Failure) -> list[Flight]:
+        """The flights of all controllers through one failure: lost ones last, the sooner the later; else by the error."""
+        found = [flight for several in self.flights for flight in several if flight.failure == failure]
+        return sorted(found, key=lambda flight: (bool(flight.lost), -flight.duration if flight.lost else flight.rms_error))
+
+    @cached_property
+    def losses(self) -> dict[str, int]:
+        """How many of the failures each controller did not survive, the best first."""
+        counted = {several[0].controller: sum(bool(flight.lost) for flight in several) for several in self.flights}
+        return dict(sorted(counted.items(), key=lambda item: item[1]))
+
+
+def fly(
+    name: str = FLIGHTS[0],
+    *,
+    schemes: Sequence[str] | None = None,
+    controllers: Sequence[Controller] = (),
+    failures: Sequence[str] | None = None,
+    condition: Condition | None = None,
+    equipment: Equipment | None = None,
+    progress: Progress | None = None,
+) -> FlightComparison:
+    """Fly controllers on a flight model, each through every failure; the extra ``flight`` has JSBSim.
+
+    name         "f16-pitch": JSBSim's F-16 follows a pitch-rate command
+    schemes      of ``flight.schemes.SCHEMES``; all by default, none where ``controllers`` are given
+    controllers  sampled ones of one's own, bound to ``PitchAxis.adaptive_problem``
+    failures     of ``flight.failures.FAILURES``; all by default
+    condition    where level flight is trimmed; 10013 ft, Mach 0.525 by default
+    equipment    what lies between controller and surface
+
+    Raises InputError for what can't be flown, SimulatorFailed where the simulator breaks before any flight.
+    """
+    if name not in FLIGHTS:
+        raise InputError(f"NAME must be {' or '.join(FLIGHTS)}, got {show(name)}")
+    unknown = [one for one in failures or () if one not in FAILURES]
+    if unknown:
+        raise InputError(f"--failure must be of {', '.join(FAILURES)}, got {show(unknown[0])}")
+    wanted = list(schemes if schemes is not None else () if controllers else SCHEMES)
+    require_known(wanted)
+    require_extra("jsbsim", "flight", "a flight model")
+    trim = isolated(STARTING_SECONDS, trimmed, condition or Condition())
+    axis = PitchAxis(trim=trim, equipment=equipment or Equipment())
+    pairs = [*flying(axis, wanted), *(Flying(axis.adaptive_problem, one) for one in controllers)]
+    lists = [SampledList.of(*pair) for pair in pairs]
+    _require_fitting(lists)
+    chosen = tuple(FAILURES[one] for one in dict.fromkeys(failures or FAILURES))
+    flights = []
+    for i, contents in enumerate(lists):
+        flights.append(tuple(_flown(axis, contents, chosen)))
+        if progress is not None:
+            progress((i + 1) / len(lists))
+    return FlightComparison(name=name, axis=axis, failures=chosen, jsbsim=metadata.version("jsbsim"), flights=tuple(flights))
+
+
+def _flown(axis: PitchAxis, contents: SampledList, failures: Sequence[Failure]) -> list[Flight]:
+    """All in one process; where that breaks, each in its own, so that only what breaks is lost."""
+    try:
+        return isolated(STARTING_SECONDS + SECONDS_PER_FLIGHT * len(failures), flown, axis, contents, failures)
+    except SimulatorFailed as error:
+        if len(failures) == 1:
+            return [Flight(controller=contents.name, failure=failures[0], record=np.zeros((1, len(COLUMNS))), lost=str(error))]
+        return [flight for failure in failures for flight in _flown(axis, contents, [failure])]
+
+
+def _require_fitting(lists: Sequence[SampledList]) -> None:
+    names = [one.name for one in lists]
+    twice = [name for name in names if names.count(name) > 1]
+    if twice:
+        raise InputError(f"controllers must have different names, got {show(twice[0])} twice")
+    for one in lists:
+        if one.sample_time != SAMPLE_TIME:
+            raise InputError(
+                f"{one.name} must have sample_time {SAMPLE_TIME:g} s, that of this flight computer, got {one.sample_time:g}"
+            )
