@@ -68,11 +68,11 @@ def execute(options: argparse.Namespace) -> int:
 
 def _flown(options: argparse.Namespace, running: Work) -> FlightComparison:
     from barbalat.cases import outside
-    from barbalat.flight.airframe import Condition
+    from barbalat.flight.airframe import FlightCondition
     from barbalat.flight.comparison import fly
 
     own = () if options.controllers is None else outside.run(options.controllers).controllers(named={})
-    condition = Condition(altitude=options.altitude, mach=options.mach)
+    condition = FlightCondition(altitude=options.altitude, mach=options.mach)
     schemes = None if options.schemes is None else [name.strip() for name in options.schemes.split(",")]
     with running.part("flying", here=False) as progress:
         return fly(

@@ -24,7 +24,7 @@ STEP = 1 / 400
 
 
 @dataclass(frozen=True, kw_only=True)
-class Condition:
+class FlightCondition:
     """Where level flight is trimmed.
 
     altitude  [ft]
@@ -76,7 +76,7 @@ class Surfaces(NamedTuple):
 class Airframe:
     """The F-16 at a condition. Its numbers are JSBSim's: a process holds one, see ``isolated``."""
 
-    def __init__(self, condition: Condition, step: float = STEP) -> None:
+    def __init__(self, condition: FlightCondition, step: float = STEP) -> None:
         self.condition, self.step = condition, step
         self.fdm: FGFDMExec = f16.load(step)
         for rate in ("rotational", "translational"):

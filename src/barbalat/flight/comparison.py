@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from importlib import metadata
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from barbalat.flight.airframe import Condition
+from barbalat.flight.airframe import FlightCondition
 from barbalat.flight.equipment import Equipment
 from barbalat.flight.failures import FAILURES, Failure
 from barbalat.flight.flight import COLUMNS, Flight, flown
@@ -22,8 +24,13 @@ from barbalat.protocols import Controller
 from barbalat.run.progress import Progress
 from barbalat.validate import InputError, require_extra, show
 
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
 FLIGHTS = ("f16-pitch",)
 """What can be flown, by the names of the command line."""
+HELD = "\0"
+"""In the place of a blank at which no line ends."""
 STARTING_SECONDS, SECONDS_PER_FLIGHT = 120.0, 60.0
 """Time limits: JSBSim loads in one second and flies ``DURATION`` in half of one; a shared machine takes many times that."""
 
@@ -44,12 +51,40 @@ class FlightComparison:
 
     @property
     def controllers(self) -> tuple[str, ...]:
+        """Their names."""
         return tuple(several[0].controller for several in self.flights)
 
+    def __repr__(self) -> str:
+        lines = [f"{self.name} at {self.axis.trim.condition}: RMS error of the pitch rate [deg/s] after each failure"]
+        for failure in self.failures:
+            found = (
+                f"{one.controller} {f'lost at {one.duration:.1f} s' if one.lost else f'{one.rms_error:.2f}'}".replace(" ", HELD)
+                for one in self.through(failure)
+            )
+            lines += textwrap.wrap(f"{failure.name}: {', '.join(found)}", 100, subsequent_indent="    ")
+        return "\n".join(lines).replace(HELD, " ")
+
+    def plot(self, failure: str | None = None) -> Figure:
+        """Time histories of all controllers through one failure, by its name; the last one by default."""
+        from barbalat.flight.picture import figure_of
+
+        found = [one for one in self.failures if failure in (None, one.name)]
+        if not found:
+            raise InputError(
+                f"failure must be one that was flown, {', '.join(one.name for one in self.failures)}, got {show(failure)}"
+            )
+        return figure_of(self.all_through(found[-1]), shown=True)
+
+    def all_through(self, failure: Failure) -> list[Flight]:
+        """The flights of all controllers through one failure, in the controllers' order."""
+        return [flight for several in self.flights for flight in several if flight.failure == failure]
+
     def through(self, failure: Failure) -> list[Flight]:
-        """The flights of all controllers through one failure: lost ones last, the sooner the later; else by the error."""
-        found = [flight for several in self.flights for flight in several if flight.failure == failure]
-        return sorted(found, key=lambda flight: (bool(flight.lost), -flight.duration if flight.lost else flight.rms_error))
+        """The flights of all controllers through one failure: lost ones last, the sooner the later; the others by error."""
+        return sorted(
+            self.all_through(failure),
+            key=lambda flight: (bool(flight.lost), -flight.duration if flight.lost else flight.rms_error),
+        )
 
     @cached_property
     def losses(self) -> dict[str, int]:
@@ -64,7 +99,7 @@ def fly(
     schemes: Sequence[str] | None = None,
     controllers: Sequence[Controller] = (),
     failures: Sequence[str] | None = None,
-    condition: Condition | None = None,
+    condition: FlightCondition | None = None,
     equipment: Equipment | None = None,
     progress: Progress | None = None,
 ) -> FlightComparison:
@@ -87,7 +122,7 @@ def fly(
     wanted = list(schemes if schemes is not None else () if controllers else SCHEMES)
     require_known(wanted)
     require_extra("jsbsim", "flight", "a flight model")
-    trim = isolated(STARTING_SECONDS, trimmed, condition or Condition())
+    trim = isolated(STARTING_SECONDS, trimmed, condition or FlightCondition())
     axis = PitchAxis(trim=trim, equipment=equipment or Equipment())
     pairs = [*flying(axis, wanted), *(Flying(axis.adaptive_problem, one) for one in controllers)]
     lists = [SampledList.of(*pair) for pair in pairs]

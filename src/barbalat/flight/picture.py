@@ -8,8 +8,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from barbalat.flight.comparison import FlightComparison
-from barbalat.flight.failures import Failure
 from barbalat.flight.flight import DURATION, Flight
 from barbalat.pictures.panel_drawing import draw
 from barbalat.pictures.panels import Panel, Series, around, span_of, text_of
@@ -29,10 +27,12 @@ PANELS = {
 }
 
 
-def figure_of(found: FlightComparison, failure: Failure, *, narrow: bool = False) -> Figure:
-    """All controllers through one failure; what lost ones do stands as far as the others' ranges reach."""
-    flights = [next(one for one in several if one.failure == failure) for several in found.flights]
-    return draw([_panel(name, flights) for name in PANELS], DURATION, narrow=narrow)
+def figure_of(flights: Sequence[Flight], *, narrow: bool = False, shown: bool = False) -> Figure:
+    """All controllers through one failure; what lost ones do stands as far as the others' ranges reach.
+
+    narrow, shown  as of a run's picture
+    """
+    return draw([_panel(name, flights) for name in PANELS], DURATION, narrow=narrow, shown=shown)
 
 
 def _panel(name: str, flights: Sequence[Flight]) -> Panel:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from barbalat.flight import f16
-from barbalat.flight.airframe import Airframe, Condition, Motion, Surfaces
+from barbalat.flight.airframe import Airframe, FlightCondition, Motion, Surfaces
 from barbalat.validate import Array, InputError
 
 ELEVATOR_LIMIT = np.deg2rad(25.0)
@@ -32,7 +32,7 @@ class Trim:
     B                   (8, 3) of elevator, aileron, rudder [rad]
     """
 
-    condition: Condition
+    condition: FlightCondition
     speed: float
     alpha: float
     elevator: float
@@ -65,7 +65,7 @@ class Trim:
         }
 
 
-def trimmed(condition: Condition) -> Trim:
+def trimmed(condition: FlightCondition) -> Trim:
     """InputError where the condition has no level flight within the surfaces', the engine's and the tables' ranges."""
     from scipy.optimize import root
 
@@ -85,7 +85,7 @@ def trimmed(condition: Condition) -> Trim:
     return Trim(condition=condition, speed=airframe.speed, alpha=alpha, elevator=elevator, throttle=throttle, A=A, B=B)
 
 
-def _require_flyable(condition: Condition, residual: float, alpha: float, elevator: float, throttle: float) -> None:
+def _require_flyable(condition: FlightCondition, residual: float, alpha: float, elevator: float, throttle: float) -> None:
     low, high = np.deg2rad(f16.REACHED_ALPHA)
     ranges = {
         f"an angle of attack of {np.rad2deg(alpha):.3g} deg, and the tables end at {f16.REACHED_ALPHA[1]:g} deg": low

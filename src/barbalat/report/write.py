@@ -160,7 +160,7 @@ def write_flights(folder: Folder, found: FlightComparison) -> None:
     """A picture and a CSV for each failure, and the page, which holds the pictures."""
     pictures = {}
     for failure in found.failures:
-        wide, narrow = (of_flight.figure_of(found, failure, narrow=narrow) for narrow in (False, True))
+        wide, narrow = (of_flight.figure_of(found.all_through(failure), narrow=narrow) for narrow in (False, True))
         name = f"flight-{failure.name}"
         folder.write(f"{name}.png", render(wide, "png"))
         pictures[failure.name] = page.Picture(_svg(name, wide), _svg(f"{name}{NARROW}", narrow))
