@@ -87,7 +87,7 @@ def test_a_flight_that_breaks_is_lost_alone(monkeypatch):
 
 def test_a_controller_of_ones_own_flies_and_says_why_not():
     own = Sampled(Mrac(gamma=0.01, name="Mine"), 0.01)
-    found = fly(controllers=[own], failures=["none"])
+    found = fly(schemes=[], controllers=[own], failures=["none"])
     assert found.controllers == ("Mine",)
     for wrong, sentence in (
         (Mrac(gamma=0.01), "MRAC is continuous"),
@@ -95,7 +95,7 @@ def test_a_controller_of_ones_own_flies_and_says_why_not():
         (Sampled(Mrac(gamma=[1.0, 1.0]), 0.01), "gamma"),
     ):
         with pytest.raises(InputError, match=sentence):
-            fly(controllers=[wrong], failures=["none"])
+            fly(schemes=[], controllers=[wrong], failures=["none"])
 
 
 OUTPUT_CONTROLLER = """

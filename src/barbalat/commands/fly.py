@@ -48,7 +48,7 @@ def execute(options: argparse.Namespace) -> int:
                 with running.part("drawing"):
                     folder.write("fly.json", document)
                     write.write_flights(folder, found)
-                    folder.commit()
+                    folder.commit(gone=write.files_of_flights())
     except SimulatorFailed as error:
         say(f"barbalat: {error}")
         return 1

@@ -88,7 +88,7 @@ class FlightComparison:
 
     @cached_property
     def losses(self) -> dict[str, int]:
-        """How many of the failures each controller did not survive, the best first."""
+        """How many of its flights each controller lost, the best first."""
         counted = {several[0].controller: sum(bool(flight.lost) for flight in several) for several in self.flights}
         return dict(sorted(counted.items(), key=lambda item: item[1]))
 
@@ -106,8 +106,8 @@ def fly(
     """Fly controllers on a flight model, each through every failure; the extra ``flight`` has JSBSim.
 
     name         "f16-pitch": JSBSim's F-16 follows a pitch-rate command
-    schemes      of ``flight.schemes.SCHEMES``; all by default, none where ``controllers`` are given
-    controllers  sampled ones of one's own, bound to ``PitchAxis.adaptive_problem``
+    schemes      of ``flight.schemes.SCHEMES``; all by default
+    controllers  sampled ones of one's own beside them, bound to ``PitchAxis.adaptive_problem``
     failures     of ``flight.failures.FAILURES``; all by default
     condition    where level flight is trimmed; 10013 ft, Mach 0.525 by default
     equipment    what lies between controller and surface
@@ -119,7 +119,7 @@ def fly(
     unknown = [one for one in failures or () if one not in FAILURES]
     if unknown:
         raise InputError(f"--failure must be of {', '.join(FAILURES)}, got {show(unknown[0])}")
-    wanted = list(schemes if schemes is not None else () if controllers else SCHEMES)
+    wanted = list(SCHEMES if schemes is None else schemes)
     require_known(wanted)
     require_extra("jsbsim", "flight", "a flight model")
     trim = isolated(STARTING_SECONDS, trimmed, condition or FlightCondition())

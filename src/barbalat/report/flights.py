@@ -19,7 +19,8 @@ HEADINGS = ("RMS e\n[deg/s]", "max |e|\n[deg/s]", "n_z\n[g]", "alpha\n[deg]", "e
 CSV_EVERY = 10
 """Samples from one row of a CSV to the next: ten rows a second, so that a failure's flights are some 100 kB."""
 NOTES = (
-    f"After the failure, which comes at {FAILS_AT:g} s and stays; e is the pitch rate less that of the model to follow",
+    f"After the failure, which comes at {FAILS_AT:g} s and stays; e is the pitch rate less that of "
+    "the model to follow, alpha its largest value, elevator how far the surface moves in a second",
     "each scheme has one setting, by a stated rule and not tuned: what is ranked is these settings",
 )
 
@@ -32,7 +33,7 @@ def rows(found: FlightComparison, failure: Failure) -> list[list[str]]:
 def _cells(flight: Flight) -> list[str]:
     figures = flight.figures
     if flight.lost:
-        return ["lost", f"{flight.duration:.1f} s", *["-"] * (len(HEADINGS) - 2)]
+        return ["-", "-", f"lost {flight.duration:.1f} s", "-", "-"]
 
     def between(low: str, high: str) -> str:
         return f"{number(low)} to {number(high)}"
@@ -41,8 +42,8 @@ def _cells(flight: Flight) -> list[str]:
         value = figures[name]
         return "-" if value is None else f"{value:.2f}"
 
-    load, alpha = between("n_z_min", "n_z_max"), between("alpha_min", "alpha_max")
-    return [number("rms_e"), number("max_abs_e"), load, alpha, number("elevator_travel")]
+    load = between("n_z_min", "n_z_max")
+    return [number("rms_e"), number("max_abs_e"), load, number("alpha_max"), number("elevator_travel")]
 
 
 def reasons(found: FlightComparison, failure: Failure) -> list[str]:
@@ -54,7 +55,7 @@ def reasons(found: FlightComparison, failure: Failure) -> list[str]:
 
 
 def losses(found: FlightComparison) -> list[list[str]]:
-    """Controller, and how many of the failures it lost the aircraft by."""
+    """Controller, and how many of its flights it lost."""
     return [[name, f"{count} of {len(found.failures)}"] for name, count in found.losses.items()]
 
 

@@ -24,6 +24,7 @@ from barbalat.claims.claim import Chart, Claim, Map
 from barbalat.claims.paper_figure import PaperFigure
 from barbalat.flight import picture as of_flight
 from barbalat.flight.comparison import FlightComparison
+from barbalat.flight.failures import FAILURES
 from barbalat.pictures.render import render
 from barbalat.pictures.theme import COLOURS
 from barbalat.report import charts, diagrams, flights, maps, page
@@ -166,6 +167,11 @@ def write_flights(folder: Folder, found: FlightComparison) -> None:
         pictures[failure.name] = page.Picture(_svg(name, wide), _svg(f"{name}{NARROW}", narrow))
         folder.write(f"{name}.csv", flights.table_of(found, failure))
     folder.write(page.PAGE, page.flight(found, pictures))
+
+
+def files_of_flights() -> set[str]:
+    """What ``barbalat fly`` may have left in a folder, beside the files that it always writes."""
+    return {f"flight-{name}.{kind}" for name in FAILURES for kind in ("png", "csv")}
 
 
 def write_trajectories(folder: Folder, results: Sequence[Result], *, whole: bool = False) -> None:

@@ -9,12 +9,12 @@ from barbalat.report.terminal.layout import Screen
 
 def show(screen: Screen, found: FlightComparison) -> None:
     """Losses first."""
-    screen.line(f"{found.name}: {len(found.controllers)} controllers through {len(found.failures)} failures", "bold")
+    screen.line(f"{found.name} through {', '.join(failure.name for failure in found.failures)}", "bold")
     for label, text in flights.facts(found):
         screen.fact(label, text, 8)
     screen.line("")
     lost = [[screen.name(name), count] for name, count in flights.losses(found)]
-    screen.table(("controller", "lost control"), lost)
+    screen.table(("controller", "flights lost"), lost)
     for failure in found.failures:
         screen.title(f"{failure.name}: {failure.meaning}")
         screen.line(f"{flights.best_and_worst(found, failure)}.")
