@@ -43,3 +43,13 @@ def test_sensors_lag_by_their_time_constant():
     for _ in range(8):  # 0.02 s
         found = sensors.advance(np.array([1.0, -2.0]))
     np.testing.assert_allclose(found, -np.expm1(-1.0) * np.array([1.0, -2.0]), rtol=1e-12)
+
+
+def test_a_runaway_goes_nose_up_at_its_rate_to_the_limit_and_then_follows_again():
+    elevator = Elevator(Equipment(rate_limit=60, limit=25), STEP, start=5.0)
+    elevator.run_away(0.2)
+    found = [elevator.advance(5.0) for _ in range(400)]
+    assert found[79] == pytest.approx(5 - 0.2 * 60)
+    assert found[-1] == pytest.approx(5, abs=1e-3)
+    elevator.run_away(2.0)
+    assert min(elevator.advance(5.0) for _ in range(400)) == -25

@@ -145,3 +145,17 @@ def test_a_property_that_nobody_has_ends_a_process_and_not_this_one():
         isolated(60, broken_aircraft.load)
     assert "elevatr" in str(found.value)
     assert "\n" not in str(found.value)
+
+
+def test_a_gust_turns_the_angle_of_attack_alone(trim):
+    """A gust of w down is an angle of attack that is w/V less, at first, and its lift Z_alpha w/V."""
+    airframe = Airframe(CONDITION)
+    airframe.put(trim.motion, Surfaces(trim.elevator), trim.throttle)
+    airframe.blow(5.0)
+    for _ in range(3):  # JSBSim's load factor is that of the step before
+        airframe.fdm.run()
+    alpha, q = airframe.alpha_and_q
+    assert alpha - trim.alpha == pytest.approx(-5 / trim.speed, rel=0.02)  # cos(alpha), and 7.5 ms of motion
+    assert abs(q) < 1e-3
+    lift = trim.A[1, 1] * trim.speed / 32.17 * -5 / trim.speed  # less lift: Z_alpha is negative
+    assert airframe.load_factor - 1 == pytest.approx(-abs(lift), rel=0.1)

@@ -30,7 +30,7 @@ def add(commands: Commands) -> None:
     parser.set_defaults(execute=execute)
 
 
-EXPECTED_SECONDS = {"flying": 20.0, "drawing": 8.0}
+EXPECTED_SECONDS = {"flying": 40.0, "drawing": 10.0}
 """Until the first tells how far it is."""
 
 

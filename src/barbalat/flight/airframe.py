@@ -107,6 +107,10 @@ class Airframe:
         for name, value in zip(f16.SURFACES, surfaces, strict=True):
             self.fdm[f"surfaces/{name}-rad"] = value
 
+    def blow(self, down: float) -> None:
+        """The air around it moves down so fast from now on [ft/s]."""
+        self.fdm["atmosphere/gust-down-fps"] = down
+
     def shift_ballast(self, aft: float) -> None:
         """Move ``f16.BALLAST_LB`` so far aft of where it is [in]."""
         place = f"inertia/pointmass-location-X-inches[{f16.BALLAST}]"

@@ -42,6 +42,7 @@ class Elevator:
         self.equipment, self.step, self.deflection = equipment, step, start
         self._share = -np.expm1(-step / equipment.actuator_lag)  # exact for a held command
         self._most = equipment.rate_limit * step
+        self._runaway = 0
         self._waiting = deque([start] * self._steps(equipment.transport_delay))
 
     def _steps(self, delay: float) -> int:
@@ -51,11 +52,20 @@ class Elevator:
         """From now on commands arrive so much later; until the first of them does, the newest that arrived stays."""
         self._waiting.extendleft([self._waiting[0] if self._waiting else self.deflection] * self._steps(seconds))
 
+    def run_away(self, seconds: float) -> None:
+        """For so long it goes nose up as fast as it can, whatever arrives."""
+        self._runaway = self._steps(seconds)
+
     def advance(self, command: float) -> float:
         """One step on; the deflection at its end [deg]."""
         limit = self.equipment.limit
         self._waiting.append(min(max(command, -limit), limit))
-        wanted = self._share * (self._waiting.popleft() - self.deflection)
+        arrived = self._waiting.popleft()
+        if self._runaway:
+            self._runaway -= 1
+            self.deflection = max(self.deflection - self._most, -limit)
+            return self.deflection
+        wanted = self._share * (arrived - self.deflection)
         self.deflection += min(max(wanted, -self._most), self._most)
         return self.deflection
 

@@ -11,6 +11,7 @@ from barbalat.flight import f16
 from barbalat.flight.airframe import STEP, Airframe, Surfaces
 from barbalat.flight.equipment import Elevator, Sensors
 from barbalat.flight.failures import FAILS_AT, Failure
+from barbalat.flight.gusts import vertical_gusts
 from barbalat.flight.pitch import COMMANDED, SAMPLE_TIME, PitchAxis
 from barbalat.flight.sampled_step import SampledList, SampledStep
 from barbalat.linear.zero_order_hold import HeldSystem
@@ -120,12 +121,16 @@ def _fly(axis: PitchAxis, controller: SampledStep, failure: Failure) -> Flight:
     samples, steps = round(DURATION / SAMPLE_TIME), round(SAMPLE_TIME / STEP)
     commands = COMMAND(SAMPLE_TIME * np.arange(samples))
     model = _model(axis, commands)
+    gusts = vertical_gusts(failure.gusts, trim.speed, SAMPLE_TIME, samples)
     record, failed, lost = np.zeros((samples, len(COLUMNS))), False, ""
     for k in range(samples):
         if not failed and k * SAMPLE_TIME >= FAILS_AT:
             failed = True
             airframe.shift_ballast(failure.ballast_aft)
             elevator.delay_more(failure.delay)
+            elevator.run_away(failure.runs_away)
+        if failed:
+            airframe.blow(gusts[k])
         command = trimmed + float(controller(sensors.output, commands[k])[0])
         motion = airframe.motion
         angles = np.rad2deg([motion.q, motion.alpha, motion.theta])

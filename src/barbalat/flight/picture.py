@@ -17,8 +17,8 @@ from barbalat.validate import Array
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-EVERY = 5
-"""Samples from one drawn point to the next: 20 a second, of what moves at a few rad/s."""
+EVERY = 10
+"""Samples from one drawn point to the next: a tenth of a second is three pixels of a page."""
 PANELS = {
     "q": ("Pitch rate $q$", "[deg/s]"),
     "alpha": (r"Angle of attack $\alpha$", "[deg]"),
