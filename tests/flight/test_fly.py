@@ -16,7 +16,7 @@ from barbalat.flight.airframe import STEP
 from barbalat.flight.equipment import Elevator, Equipment, Sensors
 from barbalat.flight.failures import FAILURES
 from barbalat.flight.pitch import PitchAxis
-from barbalat.flight.sampled_step import SampledList
+from barbalat.flight.sampled_step import SampledList, SampledStep
 from barbalat.flight.schemes import SCHEMES
 from barbalat.flight.trim import trimmed
 from barbalat.signals import Steps
@@ -66,6 +66,34 @@ def test_who_loses_control_and_who_does_not(flown):
     for one in kept:
         error = (one.column("q") - one.column("q_m"))[1000:]
         assert one.figures["rms_e"] == pytest.approx(math.sqrt(float(error @ error) / len(error)))
+
+
+def test_the_delay_borne_is_about_the_linear_one():
+    """Around the linear aircraft, without limits of the surface, the loop decays with 50 ms less, and grows with 50 ms more."""
+    axis = PitchAxis(trim=trimmed(FlightCondition()))
+    contents = SampledList.of(*SCHEMES["l1-piecewise"](axis))
+    borne = flight.delay_borne(axis, contents)
+    assert borne == pytest.approx(flight.DELAY_STEP * round(borne / flight.DELAY_STEP))
+    assert linear_growth(axis, contents, borne - 0.05) < 0.5  # what is left is the phugoid, which nobody feeds back
+    assert linear_growth(axis, contents, borne + 0.05) > 10
+    assert flight.delay_borne(axis, SampledList.of(*SCHEMES["lqr"](axis))) > 2 * borne  # docs/guides/aircraft.md says so
+
+
+def linear_growth(axis, contents, delay):
+    """By how much the linear pitch rate is larger from 20 s to 25 s than during a pulse and 3 s after it."""
+    whole = np.zeros((5, 5))
+    whole[:4, :4], whole[:4, 4] = axis.trim.A[:4, :4], axis.trim.B[:4, 0]
+    ahead = expm(whole * STEP)[:4]
+    unlimited = Equipment(transport_delay=0.02 + delay, rate_limit=1e9, limit=1e9)
+    elevator, sensors, controller = Elevator(unlimited, STEP, 0.0), Sensors(unlimited, STEP), SampledStep(contents)
+    x, q = np.zeros(4), []
+    for k in range(2500):
+        u = float(controller(sensors.output, 1e-3 if k < 200 else 0.0)[0])
+        q.append(abs(x[3]))
+        for _ in range(4):
+            x = ahead @ np.append(x, np.deg2rad(elevator.advance(u)))
+            sensors.advance(np.rad2deg(x[[1, 3]]))
+    return max(q[2000:]) / max(q[:500])
 
 
 def test_a_flight_that_breaks_is_lost_alone(monkeypatch):

@@ -22,6 +22,7 @@ def add(commands: Commands) -> None:
     parser.add_argument("name", metavar="NAME", help="f16-pitch: the F-16 follows a pitch-rate command")
     parser.add_argument("--schemes", metavar="A,B", help="of the project's schemes, with commas between; default: all")
     parser.add_argument("--failure", action="append", metavar="NAME", help="a failure, again for more; default: all")
+    parser.add_argument("--delays", action="store_true", help="raise the delay, too, until control is lost; takes twice as long")
     parser.add_argument("--altitude", type=float, default=10013.0, metavar="FT", help="of level flight; default 10013 ft")
     parser.add_argument("--mach", type=float, default=0.525, metavar="M", help="of level flight; default 0.525")
     parser.add_argument("--out", metavar="DIR", help=f"default: {DEFAULT}, none with --json")
@@ -76,5 +77,11 @@ def _flown(options: argparse.Namespace, running: Work) -> FlightComparison:
     schemes = None if options.schemes is None else [name.strip() for name in options.schemes.split(",")]
     with running.part("flying", here=False) as progress:
         return fly(
-            options.name, schemes=schemes, controllers=own, failures=options.failure, condition=condition, progress=progress
+            options.name,
+            schemes=schemes,
+            controllers=own,
+            failures=options.failure,
+            condition=condition,
+            delays=options.delays,
+            progress=progress,
         )

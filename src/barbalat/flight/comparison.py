@@ -14,7 +14,7 @@ import numpy as np
 from barbalat.flight.airframe import FlightCondition
 from barbalat.flight.equipment import Equipment
 from barbalat.flight.failures import FAILURES, Failure
-from barbalat.flight.flight import COLUMNS, Flight, flown
+from barbalat.flight.flight import COLUMNS, Flight, delay_borne, flown
 from barbalat.flight.isolated import SimulatorFailed, isolated
 from barbalat.flight.pitch import SAMPLE_TIME, PitchAxis
 from barbalat.flight.sampled_step import SampledList
@@ -41,6 +41,7 @@ class FlightComparison:
 
     jsbsim   its version
     flights  for each controller those through all failures, in their order
+    delays   the largest added delay that each kept control with [s], by name; None where nobody asked
     """
 
     name: str
@@ -48,6 +49,7 @@ class FlightComparison:
     failures: tuple[Failure, ...]
     jsbsim: str
     flights: tuple[tuple[Flight, ...], ...]
+    delays: dict[str, float] | None = None
 
     @property
     def controllers(self) -> tuple[str, ...]:
@@ -101,6 +103,7 @@ def fly(
     failures: Sequence[str] | None = None,
     condition: FlightCondition | None = None,
     equipment: Equipment | None = None,
+    delays: bool = False,
     progress: Progress | None = None,
 ) -> FlightComparison:
     """Fly controllers on a flight model, each through every failure; the extra ``flight`` has JSBSim.
@@ -111,6 +114,7 @@ def fly(
     failures     of ``flight.failures.FAILURES``; all by default
     condition    where level flight is trimmed; 10013 ft, Mach 0.525 by default
     equipment    what lies between controller and surface
+    delays       whether the delay is raised, too, until control is lost: some ten flights more for each controller
 
     Raises InputError for what can't be flown, SimulatorFailed where the simulator breaks before any flight.
     """
@@ -128,12 +132,21 @@ def fly(
     lists = [SampledList.of(*pair) for pair in pairs]
     _require_fitting(lists)
     chosen = tuple(FAILURES[one] for one in dict.fromkeys(failures or FAILURES))
-    flights = []
+    flights, borne = [], {}
     for i, contents in enumerate(lists):
         flights.append(tuple(_flown(axis, contents, chosen)))
+        if delays:
+            borne[contents.name] = isolated(STARTING_SECONDS + 20 * SECONDS_PER_FLIGHT, delay_borne, axis, contents)
         if progress is not None:
             progress((i + 1) / len(lists))
-    return FlightComparison(name=name, axis=axis, failures=chosen, jsbsim=metadata.version("jsbsim"), flights=tuple(flights))
+    return FlightComparison(
+        name=name,
+        axis=axis,
+        failures=chosen,
+        jsbsim=metadata.version("jsbsim"),
+        flights=tuple(flights),
+        delays=borne if delays else None,
+    )
 
 
 def _flown(axis: PitchAxis, contents: SampledList, failures: Sequence[Failure]) -> list[Flight]:

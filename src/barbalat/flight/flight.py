@@ -111,42 +111,79 @@ def flown(axis: PitchAxis, contents: SampledList, failures: Sequence[Failure]) -
     return [_fly(axis, step, failure) for failure in failures]
 
 
+DELAY_STEP = 0.01
+"""[s] to which the largest delay is found: a sample."""
+COARSE, MOST = 5, 50
+"""DELAY_STEPs from one trial to the next until control is lost, and the last of them."""
+
+
+def delay_borne(axis: PitchAxis, contents: SampledList) -> float:
+    """The largest added delay [s] with which control is kept to the end, to DELAY_STEP: by trials upwards, then by bisection.
+
+    COARSE * DELAY_STEP at least, or 0.0, lie between it and a delay that lost control; MOST * DELAY_STEP where none did.
+    """
+    step = SampledStep(contents)
+
+    def lost(delay: int) -> bool:
+        return bool(_fly(axis, step, Failure(name="delay", meaning="", delay=delay * DELAY_STEP)).lost)
+
+    high = next((trial for trial in range(COARSE, MOST + 1, COARSE) if lost(trial)), None)
+    if high is None:
+        return MOST * DELAY_STEP
+    low = high - COARSE
+    while high - low > 1:
+        middle = (low + high) // 2
+        low, high = (low, middle) if lost(middle) else (middle, high)
+    return low * DELAY_STEP
+
+
 def _fly(axis: PitchAxis, controller: SampledStep, failure: Failure) -> Flight:
-    trim, equipment = axis.trim, axis.equipment
-    airframe = Airframe(trim.condition)
-    airframe.put(trim.motion, Surfaces(trim.elevator), trim.throttle)
-    trimmed = float(np.rad2deg(trim.elevator))
-    elevator, sensors = Elevator(equipment, STEP, trimmed), Sensors(equipment, STEP)
+    trim = axis.trim
+    airframe, elevator, sensors = _at_trim(axis)
     controller.reset()
-    samples, steps = round(DURATION / SAMPLE_TIME), round(SAMPLE_TIME / STEP)
+    samples, failing = round(DURATION / SAMPLE_TIME), round(FAILS_AT / SAMPLE_TIME)
     commands = COMMAND(SAMPLE_TIME * np.arange(samples))
-    model = _model(axis, commands)
     gusts = vertical_gusts(failure.gusts, trim.speed, SAMPLE_TIME, samples)
-    record, failed, lost = np.zeros((samples, len(COLUMNS))), False, ""
+    model, trimmed = _model(axis, commands), np.rad2deg([trim.alpha, 0.0])
+    record, effectiveness, lost = np.zeros((samples, len(COLUMNS))), 1.0, ""
     for k in range(samples):
-        if not failed and k * SAMPLE_TIME >= FAILS_AT:
-            failed = True
+        if k == failing:
+            effectiveness = failure.effectiveness
             airframe.shift_ballast(failure.ballast_aft)
             elevator.delay_more(failure.delay)
             elevator.run_away(failure.runs_away)
-        if failed:
+        if k >= failing:
             airframe.blow(gusts[k])
-        command = trimmed + float(controller(sensors.output, commands[k])[0])
-        motion = airframe.motion
-        angles = np.rad2deg([motion.q, motion.alpha, motion.theta])
-        record[k, :6] = k * SAMPLE_TIME, commands[k], model[k], angles[0], angles[1], airframe.load_factor
-        record[k, 6:] = command, elevator.deflection, angles[2], airframe.altitude, motion.speed
+        command = float(np.rad2deg(trim.elevator) + controller(sensors.output, commands[k])[0])
+        record[k] = k * SAMPLE_TIME, commands[k], model[k], *_seen(airframe), command, elevator.deflection, *_flown_to(airframe)
         lost = _lost(record[k])
         if lost:
             record = record[: k + 1]
             break
-        for _ in range(steps):
-            deflection = elevator.advance(command)
-            airframe.move(Surfaces(np.deg2rad(deflection) * (failure.effectiveness if failed else 1.0)))
+        for _ in range(round(SAMPLE_TIME / STEP)):
+            airframe.move(Surfaces(effectiveness * np.deg2rad(elevator.advance(command))))
             airframe.fdm.run()
-            seen = airframe.alpha_and_q
-            sensors.advance(np.rad2deg(seen) - (np.rad2deg(trim.alpha), 0.0))
+            sensors.advance(np.rad2deg(airframe.alpha_and_q) - trimmed)
     return Flight(controller=controller.contents.name, failure=failure, record=record, lost=lost)
+
+
+def _at_trim(axis: PitchAxis) -> tuple[Airframe, Elevator, Sensors]:
+    trim, equipment = axis.trim, axis.equipment
+    airframe = Airframe(trim.condition)
+    airframe.put(trim.motion, Surfaces(trim.elevator), trim.throttle)
+    return airframe, Elevator(equipment, STEP, float(np.rad2deg(trim.elevator))), Sensors(equipment, STEP)
+
+
+def _seen(airframe: Airframe) -> tuple[float, float, float]:
+    """q [deg/s], alpha [deg], n_z [g]."""
+    alpha, q = np.rad2deg(airframe.alpha_and_q)
+    return q, alpha, airframe.load_factor
+
+
+def _flown_to(airframe: Airframe) -> tuple[float, float, float]:
+    """Pitch [deg], altitude [ft], speed [ft/s]."""
+    motion = airframe.motion
+    return float(np.rad2deg(motion.theta)), airframe.altitude, motion.speed
 
 
 def _lost(row: Array) -> str:

@@ -12,7 +12,7 @@ import numpy as np
 from barbalat.flight.airframe import INTEGRATOR, STEP
 from barbalat.flight.comparison import FlightComparison
 from barbalat.flight.failures import FAILS_AT, Failure
-from barbalat.flight.flight import COLUMNS, DURATION, FIGURES, Flight
+from barbalat.flight.flight import COLUMNS, DELAY_STEP, DURATION, FIGURES, MOST, Flight
 from barbalat.flight.pitch import SAMPLE_TIME
 
 HEADINGS = ("RMS e\n[deg/s]", "max |e|\n[deg/s]", "n_z\n[g]", "alpha\n[deg]", "elevator\n[deg/s]")
@@ -55,8 +55,22 @@ def reasons(found: FlightComparison, failure: Failure) -> list[str]:
 
 
 def losses(found: FlightComparison) -> list[list[str]]:
-    """Controller, and how many of its flights it lost."""
-    return [[name, f"{count} of {len(found.failures)}"] for name, count in found.losses.items()]
+    """Controller, how many of its flights it lost, and where it was asked for the delay with which it loses none."""
+    delays = found.delays
+    return [
+        [name, f"{count} of {len(found.failures)}", *([] if delays is None else [_delay(delays[name])])]
+        for name, count in found.losses.items()
+    ]
+
+
+def loss_headings(found: FlightComparison) -> tuple[str, ...]:
+    """Of ``losses``."""
+    return ("controller", "flights lost", *([] if found.delays is None else ["added delay\nborne"]))
+
+
+def _delay(seconds: float) -> str:
+    more = ", at least" if seconds >= MOST * DELAY_STEP else ""
+    return f"{1e3 * seconds:.0f} ms{more}"
 
 
 def best_and_worst(found: FlightComparison, failure: Failure) -> str:
@@ -111,6 +125,7 @@ def as_document(found: FlightComparison) -> dict[str, Any]:
         "units": FIGURES,
         "failures": {failure.name: _judged(found, failure) for failure in found.failures},
         "losses": found.losses,
+        **({} if found.delays is None else {"delay_borne": found.delays}),
         "controllers": {
             several[0].controller: {flight.failure.name: flight.figures | {"lost": flight.lost or None} for flight in several}
             for several in found.flights

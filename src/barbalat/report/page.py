@@ -152,7 +152,13 @@ def flight(found: FlightComparison, pictures: Mapping[str, Picture]) -> str:
     """The page of ``barbalat fly``; ``pictures`` by the failures' names."""
     told = {"rows": flights.rows, "reasons": flights.reasons, "losses": flights.losses, "best_and_worst": flights.best_and_worst}
     headings = ("controller", *(heading.replace("\n", " ") for heading in flights.HEADINGS))
-    values = {"facts": flights.facts(found), "notes": flights.NOTES, "headings": headings, "fails_at": f"{FAILS_AT:g}"}
+    values = {
+        "facts": flights.facts(found),
+        "notes": flights.NOTES,
+        "headings": headings,
+        "loss_headings": tuple(one.replace("\n", " ") for one in flights.loss_headings(found)),
+        "fails_at": f"{FAILS_AT:g}",
+    }
     return _render("flights.html", found=found, pictures=pictures, **told, **values)
 
 

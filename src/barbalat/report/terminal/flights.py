@@ -13,8 +13,8 @@ def show(screen: Screen, found: FlightComparison) -> None:
     for label, text in flights.facts(found):
         screen.fact(label, text, 8)
     screen.line("")
-    lost = [[screen.name(name), count] for name, count in flights.losses(found)]
-    screen.table(("controller", "flights lost"), lost)
+    lost = [[screen.name(name), *cells] for name, *cells in flights.losses(found)]
+    screen.table(flights.loss_headings(found), lost)
     for failure in found.failures:
         screen.title(f"{failure.name}: {failure.meaning}")
         screen.line(f"{flights.best_and_worst(found, failure)}.")
