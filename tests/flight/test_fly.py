@@ -2,6 +2,7 @@
 
 import json
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -77,6 +78,15 @@ def test_the_delay_borne_is_about_the_linear_one():
     assert linear_growth(axis, contents, borne - 0.05) < 0.5  # what is left is the phugoid, which nobody feeds back
     assert linear_growth(axis, contents, borne + 0.05) > 10
     assert flight.delay_borne(axis, SampledList.of(*SCHEMES["lqr"](axis))) > 2 * borne  # docs/guides/aircraft.md says so
+
+
+def test_the_pi_without_protection_against_windup_loses_the_longer_hard_over():
+    """As docs/guides/aircraft.md says."""
+    axis = PitchAxis(trim=trimmed(FlightCondition()))
+    failures = [replace(FAILURES["hard-over"], runs_away=seconds) for seconds in (0.4, 0.5)]
+    shorter, longer = flight.flown(axis, SampledList.of(*SCHEMES["linear"](axis)), failures)
+    assert longer.failure == FAILURES["hard-over"]
+    assert (bool(shorter.lost), bool(longer.lost)) == (False, True)
 
 
 def linear_growth(axis, contents, delay):

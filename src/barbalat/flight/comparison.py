@@ -118,12 +118,8 @@ def fly(
 
     Raises InputError for what can't be flown, SimulatorFailed where the simulator breaks before any flight.
     """
-    if name not in FLIGHTS:
-        raise InputError(f"NAME must be {' or '.join(FLIGHTS)}, got {show(name)}")
-    unknown = [one for one in failures or () if one not in FAILURES]
-    if unknown:
-        raise InputError(f"--failure must be of {', '.join(FAILURES)}, got {show(unknown[0])}")
     wanted = list(SCHEMES if schemes is None else schemes)
+    _require_names(name, failures or ())
     require_known(wanted)
     require_extra("jsbsim", "flight", "a flight model")
     trim = isolated(STARTING_SECONDS, trimmed, condition or FlightCondition())
@@ -157,6 +153,14 @@ def _flown(axis: PitchAxis, contents: SampledList, failures: Sequence[Failure]) 
         if len(failures) == 1:
             return [Flight(controller=contents.name, failure=failures[0], record=np.zeros((1, len(COLUMNS))), lost=str(error))]
         return [flight for failure in failures for flight in _flown(axis, contents, [failure])]
+
+
+def _require_names(name: str, failures: Sequence[str]) -> None:
+    if name not in FLIGHTS:
+        raise InputError(f"NAME must be {' or '.join(FLIGHTS)}, got {show(name)}")
+    unknown = [one for one in failures if one not in FAILURES]
+    if unknown:
+        raise InputError(f"--failure must be of {', '.join(FAILURES)}, got {show(unknown[0])}")
 
 
 def _require_fitting(lists: Sequence[SampledList]) -> None:
