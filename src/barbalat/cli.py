@@ -11,7 +11,21 @@ import warnings
 from collections.abc import Sequence
 
 import barbalat
-from barbalat.commands import cases, certify, claims, completion, explore, export, new, reproduce, run, schema, sweep, tradeoff
+from barbalat.commands import (
+    cases,
+    certify,
+    claims,
+    completion,
+    explore,
+    export,
+    fly,
+    new,
+    reproduce,
+    run,
+    schema,
+    sweep,
+    tradeoff,
+)
 from barbalat.commands.interrupt import interruptible
 from barbalat.commands.screen import say
 
@@ -65,6 +79,6 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="barbalat", description=description)
     parser.add_argument("--version", action="version", version=f"barbalat {barbalat.__version__}")
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
-    for command in (reproduce, run, certify, sweep, tradeoff, explore, export, claims, cases, new, schema, completion):
+    for command in (reproduce, run, certify, sweep, tradeoff, explore, export, fly, claims, cases, new, schema, completion):
         command.add(commands)
     return parser

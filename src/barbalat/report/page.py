@@ -20,7 +20,9 @@ from barbalat.certificates.cells import PROPERTIES
 from barbalat.certificates.overview import Certified
 from barbalat.claims.claim import Claim
 from barbalat.claims.paper_figure import PaperFigure
-from barbalat.report import tradeoff
+from barbalat.flight.comparison import FlightComparison
+from barbalat.flight.failures import FAILS_AT
+from barbalat.report import flights, tradeoff
 from barbalat.report.certificates import rows
 from barbalat.report.narrow import fits_a_phone
 from barbalat.report.notation import mathematics
@@ -45,6 +47,8 @@ FIGURE_COLUMNS = {
 
 LARGEST = 500_000
 """Bytes of a page with its pictures: mail programs show and phones load that at once."""
+LARGER = {"flights.html": 4_000_000}
+"""Of pages that hold their pictures even so: flights are sent to others as one file, and have a picture for each failure."""
 PICTURES_BESIDE = " Its pictures are files in the same folder: send them along."
 
 
@@ -144,6 +148,20 @@ def sweep(found: SweepResult, pictures: Mapping[str, Picture]) -> str:
     )
 
 
+def flight(found: FlightComparison, pictures: Mapping[str, Picture]) -> str:
+    """The page of ``barbalat fly``; ``pictures`` by the failures' names."""
+    told = {"rows": flights.rows, "reasons": flights.reasons, "losses": flights.losses, "best_and_worst": flights.best_and_worst}
+    headings = ("controller", *(heading.replace("\n", " ") for heading in flights.HEADINGS))
+    values = {
+        "facts": flights.facts(found),
+        "notes": flights.NOTES,
+        "headings": headings,
+        "loss_headings": tuple(one.replace("\n", " ") for one in flights.loss_headings(found)),
+        "fails_at": f"{FAILS_AT:g}",
+    }
+    return _render("flights.html", found=found, pictures=pictures, **told, **values)
+
+
 def _symbols(rows: Sequence[Sequence[str]]) -> list[list[str]]:
     """Each row's first entry with symbols in the place of names."""
     return [[in_symbols(first), *rest] for first, *rest in rows]
@@ -169,6 +187,6 @@ def _templates() -> Environment:
 def _render(template: str, **values: object) -> str:
     found = _templates().get_template(template)
     complete = found.render(alone=True, of_pictures="", **values)
-    if len(complete.encode()) <= LARGEST:
+    if len(complete.encode()) <= LARGER.get(template, LARGEST):
         return complete
     return found.render(alone=False, of_pictures=PICTURES_BESIDE, **values)

@@ -22,9 +22,12 @@ from barbalat.certificates.picture import MarginLoop, distinct
 from barbalat.certificates.picture import figure_of as loops_figure
 from barbalat.claims.claim import Chart, Claim, Map
 from barbalat.claims.paper_figure import PaperFigure
+from barbalat.flight import picture as of_flight
+from barbalat.flight.comparison import FlightComparison
+from barbalat.flight.failures import FAILURES
 from barbalat.pictures.render import render
 from barbalat.pictures.theme import COLOURS
-from barbalat.report import charts, diagrams, maps, page
+from barbalat.report import charts, diagrams, flights, maps, page
 from barbalat.report.files import Folder
 from barbalat.run.picture import figure_of
 from barbalat.run.result import Result
@@ -152,6 +155,23 @@ def write_sweep(folder: Folder, found: SweepResult) -> None:
         if own:
             pictures["tornado"] = _draw_both(folder, "tornado", partial(of_sweep.tornado, own, found.controllers, name))
     folder.write(page.PAGE, page.sweep(found, pictures))
+
+
+def write_flights(folder: Folder, found: FlightComparison) -> None:
+    """A picture and a CSV for each failure, and the page, which holds the pictures."""
+    pictures = {}
+    for failure in found.failures:
+        wide, narrow = (of_flight.figure_of(found.all_through(failure), narrow=narrow) for narrow in (False, True))
+        name = f"flight-{failure.name}"
+        folder.write(f"{name}.png", render(wide, "png"))
+        pictures[failure.name] = page.Picture(_svg(name, wide), _svg(f"{name}{NARROW}", narrow))
+        folder.write(f"{name}.csv", flights.table_of(found, failure))
+    folder.write(page.PAGE, page.flight(found, pictures))
+
+
+def files_of_flights() -> set[str]:
+    """What ``barbalat fly`` may have left in a folder, beside the files that it always writes."""
+    return {f"flight-{name}.{kind}" for name in FAILURES for kind in ("png", "csv")}
 
 
 def write_trajectories(folder: Folder, results: Sequence[Result], *, whole: bool = False) -> None:

@@ -1,0 +1,162 @@
+"""A rigid aircraft of JSBSim: put into a state, asked for its rates, moved by steps; in feet and pounds, as its tables are."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from barbalat import validate
+from barbalat.flight import f16
+from barbalat.validate import Array, InputError
+
+if TYPE_CHECKING:
+    from jsbsim import FGFDMExec
+
+RATES_BY, POSITIONS_BY = 4, 4
+"""JSBSim's numbers of its integrators: Adams-Bashforth of order 3, for both rotation and translation.
+
+Its defaults take Euler's steps for the rotation; the step at which these agree with half of it is tested."""
+INTEGRATOR = "Adams-Bashforth of order 3"
+STEP = 1 / 400
+"""[s], four for each sample at 100 Hz."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class FlightCondition:
+    """Where level flight is trimmed.
+
+    altitude  [ft]
+    mach      true airspeed over the speed of sound there
+    """
+
+    altitude: float = 10_013.0
+    mach: float = 0.525
+
+    def __post_init__(self) -> None:
+        validate.freeze(
+            self, altitude=validate.not_negative("altitude", self.altitude), mach=validate.positive("mach", self.mach)
+        )
+        if self.altitude > HIGHEST:
+            raise InputError(f"altitude must be at most {HIGHEST:g} ft, where the engine's tables end, got {self.altitude:g}")
+        if self.mach > FASTEST:
+            raise InputError(f"mach must be at most {FASTEST:g}, which an F-16 flies, got {self.mach:g}")
+
+    def __str__(self) -> str:
+        return f"{self.altitude:g} ft, Mach {self.mach:g}"
+
+
+HIGHEST, FASTEST = 50_000.0, 2.0
+ABOVE_GROUND = 50_000.0
+"""[ft]; no wheel, no wing and no ground effect ever meets the terrain, at sea level either."""
+
+
+class Motion(NamedTuple):
+    """The state of a rigid aircraft without its place: [ft/s], [rad], [rad/s]."""
+
+    speed: float
+    alpha: float
+    theta: float
+    q: float
+    beta: float = 0.0
+    phi: float = 0.0
+    p: float = 0.0
+    r: float = 0.0
+
+
+class Surfaces(NamedTuple):
+    """[rad], as the tables see them."""
+
+    elevator: float
+    aileron: float = 0.0
+    rudder: float = 0.0
+
+
+class Airframe:
+    """The F-16 at a condition. Its numbers are JSBSim's: a process holds one, see ``isolated``."""
+
+    def __init__(self, condition: FlightCondition, step: float = STEP) -> None:
+        self.condition, self.step = condition, step
+        self.fdm: FGFDMExec = f16.load(step)
+        for rate in ("rotational", "translational"):
+            self.fdm[f"simulation/integrator/rate/{rate}"] = RATES_BY
+            self.fdm[f"simulation/integrator/position/{rate}"] = POSITIONS_BY
+        self.fdm["ic/terrain-elevation-ft"] = condition.altitude - ABOVE_GROUND
+        self.fdm["ic/h-sl-ft"] = condition.altitude
+        self.fdm["ic/mach"] = condition.mach
+        self.speed = float(self.fdm["ic/vt-fps"])
+
+    def put(self, motion: Motion, surfaces: Surfaces, throttle: float) -> None:
+        """At t = 0 into a state, with an engine that has settled at its throttle."""
+        fdm = self.fdm
+        fdm["ic/h-sl-ft"] = self.condition.altitude
+        fdm["ic/vt-fps"] = motion.speed
+        fdm["ic/alpha-rad"], fdm["ic/beta-rad"] = motion.alpha, motion.beta  # first: they keep the climb, and turn the attitude
+        fdm["ic/phi-rad"], fdm["ic/theta-rad"] = motion.phi, motion.theta
+        for name in ("p", "q", "r"):
+            fdm[f"ic/{name}-rad_sec"] = getattr(motion, name)
+        self.move(surfaces)
+        fdm["fcs/throttle-cmd-norm"] = throttle
+        fdm.run_ic()
+        fdm["propulsion/set-running"] = -1  # all engines, at the speed that belongs to the throttle
+        fdm.run_ic()
+
+    def move(self, surfaces: Surfaces) -> None:
+        """What the aerodynamic tables see from now on."""
+        for name, value in zip(f16.SURFACES, surfaces, strict=True):
+            self.fdm[f"surfaces/{name}-rad"] = value
+
+    def blow(self, down: float) -> None:
+        """The air around it moves down so fast from now on [ft/s]."""
+        self.fdm["atmosphere/gust-down-fps"] = down
+
+    def shift_ballast(self, aft: float) -> None:
+        """Move ``f16.BALLAST_LB`` so far aft of where it is [in]."""
+        place = f"inertia/pointmass-location-X-inches[{f16.BALLAST}]"
+        self.fdm[place] = self.fdm[place] + aft
+
+    @property
+    def motion(self) -> Motion:
+        """Where it is now."""
+        fdm = self.fdm
+        return Motion(
+            speed=fdm["velocities/vt-fps"],
+            alpha=fdm["aero/alpha-rad"],
+            theta=fdm["attitude/theta-rad"],
+            q=fdm["velocities/q-rad_sec"],
+            beta=fdm["aero/beta-rad"],
+            phi=fdm["attitude/phi-rad"],
+            p=fdm["velocities/p-rad_sec"],
+            r=fdm["velocities/r-rad_sec"],
+        )
+
+    @property
+    def load_factor(self) -> float:
+        """n_z at the centre of gravity, 1 in level flight [g]."""
+        return float(self.fdm["accelerations/Nz"])
+
+    @property
+    def alpha_and_q(self) -> Array:
+        """(2,) [rad, rad/s]."""
+        return np.array([self.fdm["aero/alpha-rad"], self.fdm["velocities/q-rad_sec"]])
+
+    @property
+    def altitude(self) -> float:
+        """[ft]."""
+        return float(self.fdm["position/h-sl-ft"])
+
+    @property
+    def rates(self) -> Array:
+        """d/dt of the motion, (8,)."""
+        fdm = self.fdm
+        u, v, w = (fdm[f"velocities/{axis}-fps"] for axis in "uvw")
+        u_dot, v_dot, w_dot = (fdm[f"accelerations/{axis}dot-ft_sec2"] for axis in "uvw")
+        p_dot, q_dot, r_dot = (fdm[f"accelerations/{axis}dot-rad_sec2"] for axis in "pqr")
+        along = u * u + w * w
+        speed = np.sqrt(along + v * v)
+        speed_dot = (u * u_dot + v * v_dot + w * w_dot) / speed
+        alpha_dot = (u * w_dot - w * u_dot) / along
+        beta_dot = (v_dot * speed - v * speed_dot) / (speed * np.sqrt(along))
+        theta_dot, phi_dot = fdm["velocities/thetadot-rad_sec"], fdm["velocities/phidot-rad_sec"]
+        return np.array([speed_dot, alpha_dot, theta_dot, q_dot, beta_dot, phi_dot, p_dot, r_dot])

@@ -1,0 +1,82 @@
+"""What lies between a controller and the aircraft: converter, transport delay, actuator; and the sensors on the way back."""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass
+
+import numpy as np
+
+from barbalat.validate import Array
+
+
+@dataclass(frozen=True, kw_only=True)
+class Equipment:
+    """Of the pitch axis, for the elevator and the sensors of alpha and q.
+
+    actuator_lag     [s] of the first-order actuator: 20.2 rad/s
+    rate_limit       [deg/s]
+    limit            [deg], on both sides
+    sensor_lag       [s] of each sensor, first order
+    transport_delay  [s] from the sample to the actuator's command: two samples of bus and computer
+
+    Source of the actuator: Stevens and Lewis, Aircraft Control and Simulation, section 3.5, after NASA TP-1538.
+    """
+
+    actuator_lag: float = 1 / 20.2
+    rate_limit: float = 60.0
+    limit: float = 25.0
+    sensor_lag: float = 0.02
+    transport_delay: float = 0.02
+
+    @property
+    def lag(self) -> float:
+        """The delay that all of it comes to at frequencies below 1/actuator_lag [s]."""
+        return self.actuator_lag + self.sensor_lag + self.transport_delay
+
+
+class Elevator:
+    """The surface from command to deflection, by steps of the aircraft's solver."""
+
+    def __init__(self, equipment: Equipment, step: float, start: float) -> None:
+        self.equipment, self.step, self.deflection = equipment, step, start
+        self._share = -np.expm1(-step / equipment.actuator_lag)  # exact for a held command
+        self._most = equipment.rate_limit * step
+        self._runaway = 0
+        self._waiting = deque([start] * self._steps(equipment.transport_delay))
+
+    def _steps(self, delay: float) -> int:
+        return round(delay / self.step)
+
+    def delay_more(self, seconds: float) -> None:
+        """From now on commands arrive so much later; until the first of them does, the newest that arrived stays."""
+        self._waiting.extendleft([self._waiting[0] if self._waiting else self.deflection] * self._steps(seconds))
+
+    def run_away(self, seconds: float) -> None:
+        """For so long it goes nose up as fast as it can, whatever arrives."""
+        self._runaway = self._steps(seconds)
+
+    def advance(self, command: float) -> float:
+        """One step on; the deflection at its end [deg]."""
+        limit = self.equipment.limit
+        self._waiting.append(min(max(command, -limit), limit))
+        arrived = self._waiting.popleft()
+        if self._runaway:
+            self._runaway -= 1
+            self.deflection = max(self.deflection - self._most, -limit)
+            return self.deflection
+        wanted = self._share * (arrived - self.deflection)
+        self.deflection += min(max(wanted, -self._most), self._most)
+        return self.deflection
+
+
+class Sensors:
+    """First-order lags of what is measured, in deviations from trim."""
+
+    def __init__(self, equipment: Equipment, step: float) -> None:
+        self._share = -np.expm1(-step / equipment.sensor_lag) if equipment.sensor_lag > 0 else 1.0
+        self.output = np.zeros(2)
+
+    def advance(self, seen: Array) -> Array:
+        self.output = self.output + self._share * (seen - self.output)
+        return self.output

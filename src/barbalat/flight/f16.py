@@ -1,0 +1,98 @@
+"""JSBSim's F-16 with surfaces that this program moves: its file as it is installed, changed in memory, never kept.
+
+What is changed: the aerodynamic tables read the deflections from properties of ours (``surfaces/...``), so that the actuator, its
+limits and what fails of a surface are ours, and no part of the file's own control system acts on them; and ``BALLAST_LB`` of the
+empty weight become a mass of their own at the same place, which a shift of the centre of gravity moves. Nothing else is: not the
+tables, not the engine. The leading-edge flaps keep the file's schedule, which jumps at 5 deg of angle of attack.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import shutil
+import tempfile
+import xml.etree.ElementTree as ET
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from barbalat.validate import InputError, require_extra
+
+if TYPE_CHECKING:
+    from jsbsim import FGFDMExec
+
+NAME = "f16"
+SURFACES = ("elevator", "aileron", "rudder")
+BALLAST_LB = 2000.0
+"""What can move: a tenth of the aircraft's weight, about that of its two largest stores."""
+BALLAST = 1
+"""Its number among the file's point masses; the pilot is the first, 0."""
+REACHED_ALPHA = (-10.0, 45.0)
+"""Angles of attack that the tables for the elevator cover [deg]; beyond them JSBSim holds their last value."""
+LIMIT_LOADS = (-4.0, 9.0)
+"""What the file's own control system keeps to [g]."""
+
+
+def load(step: float) -> FGFDMExec:
+    """The aircraft, wheels up, fuel frozen, with a solver's step [s]; InputError where JSBSim is missing or has another F-16."""
+    require_extra("jsbsim", "flight", "a flight model")
+    import jsbsim
+
+    with _patched(Path(jsbsim.get_default_root_dir())) as folder:
+        fdm = jsbsim.FGFDMExec(jsbsim.get_default_root_dir())
+        fdm.set_debug_level(0)
+        fdm.set_aircraft_path(str(folder))
+        if not fdm.load_model(NAME):
+            raise InputError(
+                f"JSBSim {jsbsim.__version__} does not load its own F-16: reinstall it, pip install 'barbalat[flight]'"
+            )
+    fdm.set_dt(step)
+    fdm["fcs/fbw-override"] = 1.0  # the file's own control system would move the flaperons
+    fdm["gear/gear-cmd-norm"] = fdm["gear/gear-pos-norm"] = 0.0
+    fdm["propulsion/fuel_freeze"] = 1.0
+    return fdm
+
+
+@contextlib.contextmanager
+def _patched(root: Path) -> Iterator[Path]:
+    """A folder of aircraft that has the changed F-16, for as long as it takes to load it."""
+    original = root / "aircraft" / NAME
+    with tempfile.TemporaryDirectory(prefix="barbalat-") as made:
+        folder = Path(made) / NAME
+        shutil.copytree(original, folder)
+        tree = ET.parse(original / f"{NAME}.xml")
+        _hand_over_surfaces(tree.getroot())
+        _set_ballast_apart(tree.getroot())
+        tree.write(folder / f"{NAME}.xml")
+        yield Path(made)
+
+
+def _hand_over_surfaces(aircraft: ET.Element) -> None:
+    control, aerodynamics = _part(aircraft, "flight_control"), _part(aircraft, "aerodynamics")
+    for surface in SURFACES:
+        read = [part for part in aerodynamics.iter() if (part.text or "").strip() == f"fcs/{surface}-pos-rad"]
+        if not read:
+            raise InputError(
+                f"JSBSim's F-16 no longer has aerodynamic tables of its {surface}: install the version of flight.lock"
+            )
+        for part in read:
+            part.text = f"surfaces/{surface}-rad"
+        declared = ET.Element("property")  # a property that nobody declares ends the process
+        declared.text = f"surfaces/{surface}-rad"
+        control.insert(0, declared)
+
+
+def _set_ballast_apart(aircraft: ET.Element) -> None:
+    mass = _part(aircraft, "mass_balance")
+    empty, place = _part(mass, "emptywt"), _part(mass, "location")
+    empty.text = str(float(empty.text or "") - BALLAST_LB)
+    ballast = ET.SubElement(mass, "pointmass", name="Ballast")
+    ET.SubElement(ballast, "weight", unit="LBS").text = str(BALLAST_LB)
+    ballast.append(place)
+
+
+def _part(whole: ET.Element, name: str) -> ET.Element:
+    found = whole.find(name)
+    if found is None:
+        raise InputError(f"JSBSim's F-16 no longer has <{name}>: install the version of flight.lock")
+    return found

@@ -1,0 +1,73 @@
+"""A function called in a process of its own, with a time limit: what a simulator breaks there is one sentence here.
+
+JSBSim ends the whole process on some errors of its files, and prints as it likes; both stay there. The function and what it is
+given and returns are pickled, between a process and its own child.
+"""
+
+from __future__ import annotations
+
+import os
+import pickle
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import ParamSpec, TypeVar
+
+from barbalat.validate import InputError
+
+Given = ParamSpec("Given")
+Answer = TypeVar("Answer")
+ASKED, ANSWERED = "asked.pickle", "answered.pickle"
+LONGEST_REASON = 200
+"""Characters of what a simulator said last."""
+
+
+class SimulatorFailed(RuntimeError):
+    """The simulator's process ended without an answer, or did not end in time."""
+
+
+def isolated(seconds: float, function: Callable[Given, Answer], *given: Given.args, **named: Given.kwargs) -> Answer:
+    """``function(*given, **named)`` elsewhere; the function stands at the top of a module.
+
+    Raises InputError as the function does, SimulatorFailed where the process crashes or takes longer than so many seconds.
+    """
+    with tempfile.TemporaryDirectory(prefix="barbalat-") as made:
+        folder = Path(made)
+        (folder / ASKED).write_bytes(pickle.dumps((function, given, named)))
+        command = [sys.executable, "-m", "barbalat.flight.isolated", str(folder)]
+        environment = {**os.environ, "PYTHONPATH": os.pathsep.join(part for part in sys.path if part)}
+        try:
+            done = subprocess.run(
+                command, capture_output=True, timeout=seconds, check=False, env=environment, stdin=subprocess.DEVNULL
+            )
+        except subprocess.TimeoutExpired:
+            raise SimulatorFailed(f"the simulator was not done after {seconds:g} s, and was stopped") from None
+        if done.returncode:
+            raise SimulatorFailed(_crash(done.returncode, done.stderr.decode(errors="replace")))
+        answer = pickle.loads((folder / ANSWERED).read_bytes())
+    if isinstance(answer, InputError):
+        raise answer
+    found: Answer = answer
+    return found
+
+
+def _crash(code: int, said: str) -> str:
+    how = f"by signal {-code}" if code < 0 else f"with exit code {code}"
+    last = [line.strip() for line in said.splitlines() if line.strip()][-1:]
+    return f"the simulator's process ended {how}{f', saying: {last[0][:LONGEST_REASON]}' if last else ''}"
+
+
+def _answer(folder: Path) -> None:
+    """In the child: call what was asked for, keep what it returns or refuses."""
+    function, given, named = pickle.loads((folder / ASKED).read_bytes())
+    try:
+        found = function(*given, **named)
+    except InputError as error:
+        found = error
+    (folder / ANSWERED).write_bytes(pickle.dumps(found))
+
+
+if __name__ == "__main__":
+    _answer(Path(sys.argv[1]))

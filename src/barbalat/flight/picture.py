@@ -1,0 +1,59 @@
+"""What a picture of flights shows, in aircraft units: pitch rate, angle of attack, load factor, elevator."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import partial
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from barbalat.flight.flight import DURATION, Flight
+from barbalat.pictures.panel_drawing import draw
+from barbalat.pictures.panels import Panel, Series, around, span_of, text_of
+from barbalat.pictures.theme import COLOURS
+from barbalat.validate import Array
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+EVERY = 10
+"""Samples from one drawn point to the next: a tenth of a second is three pixels of a page."""
+PANELS = {
+    "q": ("Pitch rate $q$", "[deg/s]"),
+    "alpha": (r"Angle of attack $\alpha$", "[deg]"),
+    "n_z": ("Load factor $n_z$", "[g]"),
+    "elevator": ("Elevator, the surface itself", "[deg]"),
+}
+
+
+def figure_of(flights: Sequence[Flight], *, narrow: bool = False, shown: bool = False) -> Figure:
+    """All controllers through one failure; what lost ones do stands as far as the others' ranges reach.
+
+    narrow, shown  as of a run's picture
+    """
+    return draw([_panel(name, flights) for name in PANELS], DURATION, narrow=narrow, shown=shown)
+
+
+def _panel(name: str, flights: Sequence[Flight]) -> Panel:
+    title, unit = PANELS[name]
+    flying = [one for one in flights if len(one.record) > 1]
+    series = [_series(i, name, one) for i, one in enumerate(flights) if len(one.record) > 1]
+    kept = [one.column(name) for one in flying if not one.lost] or [one.column(name) for one in flying]
+    if name == "q" and flying:
+        longest = max(flying, key=lambda one: len(one.record))
+        line = partial(Series, t=_thinned(longest.column("t")), width=0.9)
+        series.append(line(value=_thinned(longest.column("q_m")), label="model", colour="ink", dash=1))
+        series.append(line(value=_thinned(longest.column("q_c")), label="command", colour="quiet", dash=2))
+    limits = around(*span_of(kept)) if kept else None
+    return Panel(title=title, series=series, limits=limits, y=unit, whole_row=True)
+
+
+def _series(i: int, name: str, flight: Flight) -> Series:
+    value, t = _thinned(flight.column(name)), _thinned(flight.column("t"))
+    return Series(t=t, value=value, label=text_of(flight.controller), colour=i % len(COLOURS), dash=i // len(COLOURS))
+
+
+def _thinned(values: Array) -> Array:
+    rows = np.unique([*range(0, len(values), EVERY), len(values) - 1])
+    return np.asarray(values[rows])

@@ -1,0 +1,27 @@
+"""What ``barbalat fly`` shows: who lost control, then figures for each failure."""
+
+from __future__ import annotations
+
+from barbalat.flight.comparison import FlightComparison
+from barbalat.report import flights
+from barbalat.report.terminal.layout import Screen
+
+
+def show(screen: Screen, found: FlightComparison) -> None:
+    """Losses first."""
+    screen.line(f"{found.name} through {', '.join(failure.name for failure in found.failures)}", "bold")
+    for label, text in flights.facts(found):
+        screen.fact(label, text, 8)
+    screen.line("")
+    lost = [[screen.name(name), *cells] for name, *cells in flights.losses(found)]
+    screen.table(flights.loss_headings(found), lost)
+    for failure in found.failures:
+        screen.title(f"{failure.name}: {failure.meaning}")
+        screen.line(f"{flights.best_and_worst(found, failure)}.")
+        body = [[screen.name(name), *cells] for name, *cells in flights.rows(found, failure)]
+        screen.table(("controller", *flights.HEADINGS), body)
+        for reason in flights.reasons(found, failure):
+            screen.line(f"{reason}.", indent="    ", start="  ")
+    screen.line("")
+    for note in flights.NOTES:
+        screen.line(f"Note: {note}.")
