@@ -71,9 +71,12 @@ class Grid:
     last: Array
 
     @classmethod
-    def of(cls, signals: tuple[Signal, ...], simulation: Simulation) -> Grid:
-        """InputError where a signal that is not smooth has more different rows than a page holds."""
-        in_pieces = can_be_split(signals, simulation)
+    def of(cls, signals: tuple[Signal, ...], simulation: Simulation, *, whole: bool = False) -> Grid:
+        """InputError where a signal that is not smooth has more different rows than a page holds.
+
+        whole  steps stay whole where a signal breaks, as those with a memory do
+        """
+        in_pieces = not whole and can_be_split(signals, simulation)
         table = signal_table(signals, simulation, 0, simulation.steps, in_pieces=in_pieces)
         nodes = len(simulation.solver.nodes)
         kept = table[:, : nodes * len(signals)].reshape(len(table), nodes, len(signals))

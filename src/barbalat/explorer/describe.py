@@ -3,47 +3,26 @@
 from __future__ import annotations
 
 import base64
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import cached_property
 from typing import Any
-
-import numpy as np
 
 from barbalat.cases.build import Case
 from barbalat.explorer.commands import Grid, breaks_anywhere, is_smooth, smooth_module, steps_offered
-from barbalat.explorer.effects import Effect, Rows, Target, composed, effects_of
-from barbalat.explorer.numbers import GRID, Number, ranged
+from barbalat.explorer.effects import Target
+from barbalat.explorer.encoded import doubles
+from barbalat.explorer.numbers import DELAY, GRID, Number
+from barbalat.explorer.outputs import delay_weights, numbers_handed, outputs
+from barbalat.explorer.sliders import Slider, Sliders, Variant
 from barbalat.explorer.source import Source
-from barbalat.loop.packing import unflatten
 from barbalat.lowering.wasm.loop import loop as module_of
-from barbalat.problem.command_gain import commanded, gains_at_rest
-from barbalat.run.columns import Columns
-from barbalat.run.members import Members
-from barbalat.run.metrics import Accumulators
+from barbalat.run.delay import whole_steps
 from barbalat.solvers import RK4, SOLVERS
-from barbalat.solvers.simulation import Simulation
 from barbalat.sweeps.paths import FieldPath
-from barbalat.validate import Array, InputError
+from barbalat.validate import InputError
 
-MOST_NUMBERS = 80
-"""Sliders of a page."""
-PRECEDENCE = ("controller", "reference", "simulation", "plant", "reference_model", "uncertainty", "")
-"""Which of two numbers gets a slider, where both move one row of a module: that of the part that stands first,
-and of a part's a number by itself before entries of vectors."""
-MOST_STEPS = 4_000_000
-"""Of a run in a page: its table of commands takes 100 MB then."""
-
-
-SETTINGS_TRIED = 12
-"""Near the case, and as many over the sliders' whole length."""
-Followed = list[tuple[Number, list[Effect], list[int]]]
-"""Numbers with sliders, their effects on each kernel, and the entries of the smooth signals' numbers that they are."""
-
-
-def doubles(values: Array) -> str:
-    """Numbers as a page reads them: base64 of little-endian doubles."""
-    return base64.b64encode(np.ascontiguousarray(values, dtype="<f8").tobytes()).decode()
+MOST_STEPS = 10_000_000
+"""Of a run in a page: some seconds."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,89 +42,29 @@ class Described:
         case = source.at({})
         if case.problem.noise is not None:
             raise InputError("a page has no measurement noise yet: leave sensor.noise out, or simulate with barbalat run")
-        if case.problem.delay > 0:
-            raise InputError("a page has no delay at the plant's input yet: set it to 0, or simulate with barbalat run")
+        time, dt = case.problem.delay, case.simulation.dt
+        if time > 0 and abs(whole_steps(time, dt) * dt - time) > 1e-9 * time:
+            raise InputError(
+                f"a page has delays of whole solver steps, and plant.input.delay = {time:g} s has {time / dt:g} steps of "
+                f"{dt:g} s: take another simulation.dt, or simulate with barbalat run"
+            )
         return cls(source, case, tuple(i for i in range(len(case.controllers)) if _switches(source, case, i)))
 
     @cached_property
-    def variants(self) -> list[tuple[int, bool, Target]]:
-        """Every controller, those that can be switched both ways: index, whether it is switched, its kernel."""
-        found = [(i, False, Target.of(self.case, i, self.case.simulation)) for i in range(len(self.case.controllers))]
+    def variants(self) -> list[Variant]:
+        """Every controller, those that can be switched both ways."""
+        found = [Variant(i, False, Target.of(self.case, i, self.case.simulation)) for i in range(len(self.case.controllers))]
         switched = self.source.at({}, self.toggles)
-        return found + [(i, True, Target.of(switched, i, switched.simulation)) for i in self.toggles]
+        return found + [Variant(i, True, Target.of(switched, i, switched.simulation)) for i in self.toggles]
 
     @cached_property
-    def numbers(self) -> Followed:
-        """Those with sliders, their effects on the variants, and the entries of the smooth signals' numbers that they are."""
-        taken: list[Rows] = [set() for _ in self.variants]
-        kept: Followed = []
-        for path, value in sorted(self.source.numbers(), key=_precedence):
-            if path.keys[-1] in GRID or len(kept) == MOST_NUMBERS:
-                continue
-            number = ranged(path, value, partial(self._at, ()))
-            found = None if number is None else self._followed(number, taken)
-            if found is not None:
-                kept.append(found)
-                taken = [rows | effect.rows for effect, rows in zip(found[1], taken, strict=True)]
-        while not self._composes(kept):
-            tabulated = [k for k, (_, effects, _) in enumerate(kept) if any(effect.table is not None for effect in effects)]
-            kept.pop(tabulated[-1])
-        return kept
-
-    def _composes(self, kept: Followed) -> bool:
-        """Whether settings of all numbers at once are what their effects are one by one; a product of two would not be."""
-        draw = np.random.default_rng(0)
-        for share in np.repeat((0.1, 1.0), SETTINGS_TRIED):
-            places = [_drawn(number, share, draw) for number, _, _ in kept]
-            values = [float(number.values[place]) for (number, _, _), place in zip(kept, places, strict=True)]
-            try:
-                case = self.source.at({number.path: v for (number, _, _), v in zip(kept, values, strict=True)})
-            except InputError:  # together they make no case: the copied one says why
-                continue
-            for k, (_, switched, target) in enumerate(self.variants):
-                if not switched and not _agrees(target, case, composed(target, [e[k] for _, e, _ in kept], values, places)):
-                    return False
-        return True
-
-    def _followed(self, number: Number, taken: Sequence[Rows]) -> tuple[Number, list[Effect], list[int]] | None:
-        places = self._in_signals(number)
-        if places is None:
-            return None
-        effects: list[Effect] = []
-        for toggled in ((), self.toggles) if self.toggles else ((),):
-            which = [k for k, (_, switched, _) in enumerate(self.variants) if switched == bool(toggled)]
-            targets, rows = [self.variants[k][2] for k in which], [taken[k] for k in which]
-            found = effects_of(number, targets, rows, partial(self._at, toggled))
-            if found is None or (effects and len(found[0].values) != len(number.values)):
-                return None
-            number, effects = found[0], effects + found[1]
-        return (number, effects, places) if places or not all(effect.nothing for effect in effects) else None
-
-    def _at(self, toggled: Sequence[int], path: FieldPath, value: float) -> Case:
-        return self.source.at({path: value}, toggled)
-
-    def _in_signals(self, number: Number) -> list[int] | None:
-        """Where it stands among the smooth signals' numbers; None where signals follow from it in another way."""
-        tried = [self.case, *(self.source.at({number.path: float(v)}) for v in (number.values[0], number.values[-1]))]
-        signals = [case.problem.signals for case in tried]
-        if all(one == signals[0] for one in signals):
-            return []
-        rough = [tuple(signal for signal in one if not is_smooth(signal)) for one in signals]
-        if any(one != rough[0] for one in rough) or breaks_anywhere([s for s in signals[0] if is_smooth(s)]):
-            return None
-        columns = Columns(tuple(signal for signal in signals[0] if is_smooth(signal)))
-        for one in signals[1:]:
-            columns.add(tuple(signal for signal in one if is_smooth(signal)))
-        values = columns.everything()
-        moved = np.flatnonzero((values != values[:, :1]).any(axis=1))
-        tried_values = [number.value, number.values[0], number.values[-1]]
-        return [int(i) for i in moved] if (values[moved] == tried_values).all() else None
+    def sliders(self) -> list[Slider]:
+        return Sliders(self.source, self.case, self.toggles, self.variants).found()
 
     def as_data(self) -> dict[str, Any]:
         """For the page's JSON."""
         problem, simulation = self.case.problem, self.case.simulation
         module, values = smooth_module(problem.signals)
-        numbers = self.numbers
         return {
             "case": problem.name,
             "simulation": {
@@ -158,26 +77,38 @@ class Described:
                 "smooth": [is_smooth(signal) for signal in problem.signals],
                 "grids": self._grids() if breaks_anywhere(problem.signals) else None,
             },
+            "delay": None if problem.delay == 0 else {"value": problem.delay, "slider": self._delay_moves(), "weights": delay_weights()},
             "numbers": [
                 {
-                    "path": str(number.path), "label": number.label, "group": _group_name(number, self.case),
-                    "value": number.value, "values": doubles(number.values), "whole": number.whole,
-                    "log": number.logarithmic, "signals": places, "copied": all(e.table is None for e in effects),
+                    "path": str(one.number.path), "label": one.number.label, "group": _group_name(one.number, self.case),
+                    "value": one.number.value, "values": doubles(one.number.values), "whole": one.number.whole,
+                    "log": one.number.logarithmic, "signals": one.signals, "copied": one.copied,
                 }
-                for number, effects, places in numbers
+                for one in self.sliders
             ],
             "controllers": [self._controller(i) for i in range(len(self.case.controllers))],
-            "case_file": self.source.case_file(self._slots(numbers), self.toggles),
+            "case_file": self.source.case_file(self.slots(), self.toggles),
             "toggles": list(self.toggles),
         }  # fmt: skip
 
-    def _slots(self, numbers: Sequence[tuple[Number, list[Effect], list[int]]]) -> list[FieldPath]:
-        return [*(number.path for number, _, _ in numbers), *(FieldPath(("simulation", key)) for key in GRID)]
+    def slots(self) -> list[FieldPath]:
+        """Places in a copied case file that take a number of the page: the sliders', horizon and step, the delay."""
+        own = [FieldPath(("simulation", key)) for key in GRID]
+        return [*(one.number.path for one in self.sliders), *own, *([DELAY] if self.case.problem.delay > 0 else [])]
+
+    def _delay_moves(self) -> bool:
+        """Whether the case's text has one number that is the delay."""
+        tried = self.case.problem.delay + self.case.simulation.dt
+        try:
+            return self.source.at({DELAY: tried}).problem.delay == tried
+        except InputError:
+            return False
 
     def _grids(self) -> list[dict[str, Any]]:
         """All for one kind of kernel: with steps in pieces, or without."""
-        signals, own = self.case.problem.signals, self.case.simulation
-        grids = [Grid.of(signals, replace(one, solver=RK4)) for one in steps_offered(own) if one.steps <= MOST_STEPS]
+        signals, own, delayed = self.case.problem.signals, self.case.simulation, self.case.problem.delay > 0
+        offered = [replace(one, solver=RK4) for one in steps_offered(own) if one.steps <= MOST_STEPS]
+        grids = [Grid.of(signals, one, whole=delayed) for one in offered]
         (case_grid,) = (grid for grid in grids if grid.simulation.dt == own.dt)
         return [
             {
@@ -190,20 +121,20 @@ class Described:
 
     def _controller(self, i: int) -> dict[str, Any]:
         variants = {}
-        for k, (index, switched, target) in enumerate(self.variants):
-            if index == i:
-                asked = self.source.projected(i) != switched
-                variants["on" if asked else "off"] = self._variant(k, target)
-        target = self.variants[i][2]
+        for k, variant in enumerate(self.variants):
+            if variant.index == i:
+                asked = self.source.projected(i) != variant.switched
+                variants["on" if asked else "off"] = self._variant(k, variant.target)
+        target = self.variants[i].target
         return {
             "name": self.case.controllers[i].name, "projection": "on" if self.source.projected(i) else "off",
-            "variants": variants, **_outputs(self.case, target.family.members),
+            "variants": variants, **outputs(self.case, target.family.members),
         }  # fmt: skip
 
     def _variant(self, k: int, target: Target) -> dict[str, Any]:
-        effects = [(j, found[k]) for j, (_, found, _) in enumerate(self.numbers)]
+        effects = [(j, slider.effects[k]) for j, slider in enumerate(self.sliders)]
         return {
-            "parameters": doubles(target.base.parameters[:, 0]),
+            "parameters": doubles(target.base.parameters[: numbers_handed(target.family.members), 0]),
             "states": doubles(target.base.states[:, 0]),
             "effects": {
                 j: {
@@ -213,28 +144,18 @@ class Described:
                 for j, effect in effects
                 if not effect.nothing
             },
-            "modules": {name: self._module(target, name) for name in SOLVERS},
+            "modules": {name: _module(target, name) for name in SOLVERS},
         }  # fmt: skip
 
-    def _module(self, target: Target, solver: str) -> str:
-        reader = target.family.reader
-        simulation = replace(reader.simulation, solver=SOLVERS[solver])
-        alone = Case(reader.problem, (reader.controller,), simulation)
-        program = Target.of(alone, 0, simulation).family.members.program
-        assert program.accumulators is not None
-        made = module_of(program.program, program.shape, program.accumulators.resets, program.sample, program.watch)
-        return base64.b64encode(made).decode()
 
-
-def _drawn(number: Number, share: float, draw: np.random.Generator) -> int:
-    """A place among a number's values, at most this share of them from its own."""
-    own, most = int(np.searchsorted(number.values, number.value)), len(number.values) - 1
-    return int(np.clip(own + round(share * most * draw.uniform(-1, 1)), 0, most))
-
-
-def _agrees(target: Target, case: Case, found: tuple[Array, Array]) -> bool:
-    made = target.read([case])
-    return all((part == rows[:, 0]).all() for part, rows in zip(found, (made.parameters, made.states), strict=True))
+def _module(target: Target, solver: str) -> str:
+    reader = target.family.reader
+    simulation = replace(reader.simulation, solver=SOLVERS[solver])
+    alone = Case(reader.problem, (reader.controller,), simulation)
+    program = Target.of(alone, 0, simulation).family.members.program
+    assert program.accumulators is not None
+    made = module_of(program.program, program.shape, program.accumulators.resets, program.sample, program.watch)
+    return base64.b64encode(made).decode()
 
 
 def _switches(source: Source, case: Case, i: int) -> bool:
@@ -243,41 +164,8 @@ def _switches(source: Source, case: Case, i: int) -> bool:
         switched = source.at({}, [i])
     except InputError:
         return False
-    simulation: Simulation = case.simulation
-    programs = [Target.of(one, i, simulation).family.members.program.program for one in (case, switched)]
+    programs = [Target.of(one, i, case.simulation).family.members.program.program for one in (case, switched)]
     return programs[0] != programs[1]
-
-
-def _outputs(case: Case, members: Members) -> dict[str, Any]:
-    """Where in a module's rows what is drawn and what is told stands."""
-    loop, shape, accumulators = members.loop, members.program.shape, members.program.accumulators
-    assert isinstance(accumulators, Accumulators)
-    marked, _ = unflatten(loop._initial, np.arange(loop.size), 0)
-    rows = loop.theta_hat_rows
-    output = loop.measured_outputs > 0
-    gains = gains_at_rest(case.problem)
-    panels = [
-        {"state": state, "commands": [{"index": k, "gain": float(gains[state, k])} for k in commands]}
-        for state, commands in commanded(case.problem)
-    ]
-    return {
-        "shape": {
-            "states": shape.states, "accumulators": shape.accumulators, "parameters": shape.parameters,
-            "pieces": shape.in_pieces, "commands": loop.commands or 1,
-        },
-        "dt_row": shape.parameters - 1,
-        "rhythm": members.rhythm.sample_every and float(loop.sample_time or 0.0),
-        "operations": [list(part) for part in accumulators.layout],
-        "theta_hat": [rows.start, rows.stop],
-        "x": [int(i) for i in marked.x.reshape(-1)], "x_m": [int(i) for i in marked.x_m.reshape(-1)],
-        "output": output, "panels": panels,
-        "true": None if case.problem.parameters is None else [float(v) for v in case.problem.parameters],
-    }  # fmt: skip
-
-
-def _precedence(given: tuple[FieldPath, float]) -> tuple[int, bool]:
-    path, first = given[0], str(given[0].keys[0])
-    return PRECEDENCE.index(first if first in PRECEDENCE else ""), isinstance(path.keys[-1], int)
 
 
 def _group_name(number: Number, case: Case) -> str:

@@ -33,6 +33,10 @@ class Effect:
     states: Array
     table: Array | None
 
+    @classmethod
+    def none(cls) -> Effect:
+        return cls(np.zeros(0, dtype=int), np.zeros(0, dtype=int), None)
+
     @property
     def rows(self) -> Rows:
         return {("p", int(i)) for i in self.parameters} | {("s", int(i)) for i in self.states}

@@ -27,6 +27,8 @@ FIXED = ("name", "record_points", "seed", "sample_time")
 """Keys that are no number of the loop, or say at which instants something happens."""
 GRID = ("t_end", "dt")
 """Keys of the simulation; their sliders are the page's own."""
+DELAY = FieldPath(("plant", "input", "delay"))
+"""A slider of the page's own too: it moves how far a module looks back, in whole steps."""
 At = Callable[[FieldPath, float], Case]
 """The case with another number at one place; InputError where it can't be used."""
 

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import copy
 import json
 import re
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -14,6 +16,7 @@ import numpy as np
 from barbalat.cases.build import Case
 from barbalat.cases.load import CaseText
 from barbalat.explorer.numbers import FIXED, in_tables
+from barbalat.protocols import Controller
 from barbalat.solvers import SOLVERS
 from barbalat.sweeps.paths import FieldPath, Key
 from barbalat.sweeps.varied import VariedObjects
@@ -36,6 +39,10 @@ class Source(ABC):
         """The case with other numbers, and the projection of some controllers switched; InputError where it can't be used."""
 
     @abstractmethod
+    def alone(self, i: int, numbers: Mapping[FieldPath, float], toggled: Sequence[int] = ()) -> Controller:
+        """The i-th controller with other numbers of its own, made without the others; InputError where it can't be used."""
+
+    @abstractmethod
     def projected(self, i: int) -> bool:
         """Whether the case asks for the i-th controller's projection, or leaves it to the default."""
 
@@ -50,8 +57,12 @@ class TextSource(Source):
 
     text: CaseText
 
+    @cached_property
+    def _read(self) -> dict[str, Any]:
+        return self.text.data()
+
     def _tables(self) -> dict[str, Any]:
-        tables = self.text.data()
+        tables = copy.deepcopy(self._read)
         simulation = tables.get("simulation")
         if isinstance(simulation, dict):
             simulation["fused"] = False
@@ -61,15 +72,23 @@ class TextSource(Source):
         return in_tables(self._tables())
 
     def at(self, numbers: Mapping[FieldPath, float], toggled: Sequence[int] = ()) -> Case:
+        return self.text.case(self._varied(numbers, toggled))
+
+    def _varied(self, numbers: Mapping[FieldPath, float], toggled: Sequence[int]) -> dict[str, Any]:
         tables = self._tables()
         for path, value in numbers.items():
             path.put(tables, value)
         for i in toggled:
             tables["controller"][i]["projection"] = not self.projected(i)
-        return self.text.case(tables)
+        return tables
+
+    def alone(self, i: int, numbers: Mapping[FieldPath, float], toggled: Sequence[int] = ()) -> Controller:
+        tables = self._varied(numbers, toggled)
+        tables["controller"] = [tables["controller"][i]]
+        return self.text.case(tables).controllers[0]
 
     def projected(self, i: int) -> bool:
-        return bool(self.text.data()["controller"][i].get("projection", True))
+        return bool(self._read["controller"][i].get("projection", True))
 
     def case_file(self, slots: Sequence[FieldPath], switched: Sequence[int]) -> list[Segment]:
         tables, marks = self._tables(), list[dict[str, Any]]()
@@ -141,6 +160,9 @@ class ObjectSource(Source):
             controllers[i] = _switched(controllers[i], not self.projected(i))
         varied = VariedObjects(replace(case, controllers=tuple(controllers)), tuple(numbers))
         return varied.at(list(numbers.values()))
+
+    def alone(self, i: int, numbers: Mapping[FieldPath, float], toggled: Sequence[int] = ()) -> Controller:
+        return self.at(numbers, toggled).controllers[i]
 
     def projected(self, i: int) -> bool:
         controller: Any = self.case.controllers[i]

@@ -1,6 +1,6 @@
 // A slider and a field for each number, switches for the rest; all are labelled form controls.
 
-import { gridRefusal, refusal, taken } from "./setting.js";
+import { delayRefusal, gridRefusal, refusal, taken, wholeDelay } from "./setting.js";
 
 function made(name, attributes = {}, ...children) {
   const element = document.createElement(name);
@@ -62,7 +62,18 @@ function gridValues(data, setting) {
   const { t_end: tEnd, dt } = data.simulation;
   const steps = [0.1, 0.2, 0.25, 0.5, 1, 2, 2.5, 4, 5, 8, 10, 20, 25, 40, 50, 100].map((f) => Number((f * dt).toPrecision(12)));
   const ends = [0.05, 0.1, 0.2, 0.25, 0.5, 0.75, 1, 1.5, 2, 3, 4, 5].map((f) => Number((f * tEnd).toPrecision(12)));
-  return { dt: steps.filter((one) => !gridRefusal(data, tEnd, one)), tEnd: ends.filter((one) => !gridRefusal(data, one, dt)) };
+  return { dt: steps.filter((one) => !gridRefusal(data, tEnd, one, setting.delay)), tEnd: ends.filter((one) => !gridRefusal(data, one, dt, setting.delay)) };
+}
+
+// From a tenth of the case's own delay to ten times it, in whole steps of the case.
+function delayValues(data) {
+  const { delay, simulation: { dt } } = data;
+  const found = [];
+  for (let k = -20; k <= 20; k++) {
+    const one = k === 0 ? delay.value : wholeDelay(delay.value * 10 ** (k / 20), dt);
+    if (found[found.length - 1] !== one) found.push(one);
+  }
+  return found;
 }
 
 // changed() is called after every change of the setting.
@@ -91,12 +102,22 @@ export function built(root, data, setting, changed) {
     };
     add(number.group, row(`number-${i}`, number.label, Array.from(number.values), () => setting.values[i], offer));
   });
+  if (data.delay && data.delay.slider) {
+    const offer = (value) => {
+      const sentence = delayRefusal(data, setting, value);
+      if (sentence) return sentence;
+      setting.delay = wholeDelay(value, setting.dt);
+      changed();
+      return "";
+    };
+    add("Plant", row("delay", "delay at the plant's input, s", delayValues(data), () => setting.delay, offer));
+  }
   const values = gridValues(data, setting);
   for (const [key, label] of [["tEnd", "horizon, s"], ["dt", "step h, s"]]) {
     if (values[key].length < 2) continue;
     const offer = (value) => {
       const next = { tEnd: setting.tEnd, dt: setting.dt, [key]: value };
-      const sentence = gridRefusal(data, next.tEnd, next.dt);
+      const sentence = gridRefusal(data, next.tEnd, next.dt, setting.delay);
       if (sentence) return sentence;
       setting[key] = value;
       changed();

@@ -7,7 +7,7 @@ export function numberText(value, whole) {
 }
 
 export function caseFileOf(data, setting) {
-  const values = [...setting.values, setting.tEnd, setting.dt];
+  const values = [...setting.values, setting.tEnd, setting.dt, setting.delay];
   return data.case_file.map((part) => {
     if (typeof part === "string") return part;
     if ("projection" in part) return setting.projection[part.projection] === "on" ? "true" : "false";
@@ -26,6 +26,7 @@ export function pythonOf(data, setting) {
     setting.values[i] === number.value ? [] : [`    ${JSON.stringify(number.path)}: ${numberText(setting.values[i], number.whole)},`]
   ));
   said.push(`    "simulation.t_end": ${numberText(setting.tEnd, false)},`, `    "simulation.dt": ${numberText(setting.dt, false)},`);
+  if (data.delay?.slider) said.push(`    "plant.input.delay": ${numberText(setting.delay, false)},`);
   const sides = data.toggles.map((i) => `${i}: ${setting.projection[i] === "on" ? "True" : "False"}`).join(", ");
   return (
     "from barbalat import simulate\n\n# page is what explore(problem, controllers, simulation) returned\ncase = page.at({\n"

@@ -1,6 +1,7 @@
 // A run's steps, cut into calls of the kernel as the simulator cuts them, and the table of commands on them.
 
 const CHUNK_STEPS = 32768;
+const MOST_KEPT = 8e6; // numbers of the table that a worker keeps for the next run: 64 MB
 
 function roundHalfEven(value) {
   const below = Math.floor(value);
@@ -29,92 +30,122 @@ export function tailStart(steps) {
   return steps - Math.floor(steps / 4);
 }
 
-// Rows of the table: of whole steps, or of pieces where a signal breaks inside of one.
-function rowsOf(grid) {
-  const cuts = grid.cuts ? grid.cuts.length / 3 : 0;
-  const count = grid.steps + cuts;
-  const begins = new Float64Array(count);
-  const ends = new Float64Array(count);
-  const beginTime = new Float64Array(count);
-  const endTime = new Float64Array(count);
-  const opens = new Uint8Array(count);
-  const closes = new Uint8Array(count);
-  const first = cuts ? new Int32Array(grid.steps + 1) : null;
-  const { steps, tEnd } = grid;
-  let row = 0;
-  let cut = 0;
-  for (let k = 0; k < steps; k++) {
-    if (first) first[k] = row;
-    let place = k;
-    let time = (k * tEnd) / steps;
-    opens[row] = 1;
-    for (; cut < cuts && grid.cuts[3 * cut] === k; cut++) {
-      begins[row] = place;
-      beginTime[row] = time;
-      place = grid.cuts[3 * cut + 1];
-      time = grid.cuts[3 * cut + 2];
-      ends[row] = place;
-      endTime[row] = time;
-      row++;
-    }
-    begins[row] = place;
-    beginTime[row] = time;
-    ends[row] = k + 1;
-    closes[row] = 1;
-    endTime[row] = ((k + 1) * tEnd) / steps;
-    row++;
+// The first index in 0 ... count at which past(index) holds, which then holds up to the end.
+function firstOf(count, past) {
+  let [low, high] = [0, count];
+  while (low < high) {
+    const middle = (low + high) >> 1;
+    if (past(middle)) high = middle;
+    else low = middle + 1;
   }
-  if (first) first[steps] = row;
-  return { count, begins, ends, opens, closes, beginTime, endTime, first };
+  return low;
 }
 
 // smooth: times -> values, a row for each time. nodes: the fractions of a step at which a method needs the commands.
-export function tableOf(grid, smooth, signals, nodes, pieces) {
-  const { steps, tEnd } = grid;
-  const rows = rowsOf(grid);
-  const q = signals.smooth.length;
-  const smoothAt = signals.smooth.flatMap((is, i) => (is ? [i] : []));
-  const keptAt = signals.smooth.flatMap((is, i) => (is ? [] : [i]));
-  const width = q * nodes.length + (pieces ? 3 : 0);
-  const table = new Float64Array(rows.count * width);
-  nodes.forEach((node, n) => {
-    if (smoothAt.length === 0) return;
-    let times = node === 0 ? rows.beginTime : rows.endTime;
-    if (node !== 0 && node !== 1) {
-      times = new Float64Array(rows.count);
-      for (let i = 0; i < rows.count; i++) times[i] = ((rows.begins[i] + node * (rows.ends[i] - rows.begins[i])) * tEnd) / steps;
+export class Table {
+  constructor(grid, smooth, signals, nodes, pieces) {
+    Object.assign(this, { grid, smooth, nodes, pieces, count: signals.smooth.length });
+    this.smoothAt = signals.smooth.flatMap((is, i) => (is ? [i] : []));
+    this.keptAt = signals.smooth.flatMap((is, i) => (is ? [] : [i]));
+    this.width = this.count * nodes.length + (pieces ? 3 : 0);
+    this.cuts = grid.cuts ? grid.cuts.length / 3 : 0;
+    this.known = new Map();
+    this.kept = 0;
+  }
+
+  // How many rows stand before a step: one for each step, and one more for each break inside of one.
+  rowsBefore(step) {
+    return step + firstOf(this.cuts, (i) => this.grid.cuts[3 * i] >= step);
+  }
+
+  rows(start, stop) {
+    if (this.known.has(start)) return this.known.get(start);
+    const found = this.made(start, stop);
+    if (this.kept + found.length <= MOST_KEPT) {
+      this.known.set(start, found);
+      this.kept += found.length;
     }
-    const values = smooth(times);
-    for (let i = 0; i < rows.count; i++) {
-      for (let j = 0; j < smoothAt.length; j++) table[i * width + n * q + smoothAt[j]] = values[i * smoothAt.length + j];
-    }
-  });
-  if (keptAt.length) {
-    const places = nodes.map((node) => [0, 0.5, 1].indexOf(node));
-    for (let run = 0; run < grid.starts.length; run++) {
-      const stop = run + 1 < grid.starts.length ? grid.starts[run + 1] : rows.count;
-      for (let i = grid.starts[run]; i < stop; i++) {
-        places.forEach((place, n) => {
-          keptAt.forEach((at, j) => {
-            table[i * width + n * q + at] = grid.values[(run * 3 + place) * keptAt.length + j];
-          });
-        });
+    return found;
+  }
+
+  // Where rows begin, in steps and in time, and whether a step does; a row ends where the next one begins.
+  placed(start, stop) {
+    const { steps, tEnd } = this.grid;
+    const count = this.rowsBefore(stop) - this.rowsBefore(start);
+    const places = new Float64Array(count + 1);
+    const times = new Float64Array(count + 1);
+    const whole = new Uint8Array(count + 1);
+    let cut = firstOf(this.cuts, (i) => this.grid.cuts[3 * i] >= start);
+    let row = 0;
+    for (let k = start; k <= stop; k++) {
+      places[row] = k;
+      whole[row] = 1;
+      times[row++] = (k * tEnd) / steps;
+      for (; k < stop && cut < this.cuts && this.grid.cuts[3 * cut] === k; cut++) {
+        places[row] = this.grid.cuts[3 * cut + 1];
+        times[row++] = this.grid.cuts[3 * cut + 2];
       }
     }
+    return { count, places, times, whole };
   }
-  if (pieces) {
-    for (let i = 0; i < rows.count; i++) {
-      table[(i + 1) * width - 3] = rows.ends[i] - rows.begins[i];
-      table[(i + 1) * width - 2] = rows.opens[i];
-      table[(i + 1) * width - 1] = rows.closes[i];
+
+  made(start, stop) {
+    const { count, places, times, whole } = this.placed(start, stop);
+    const table = new Float64Array(count * this.width);
+    this.putSmooth(table, count, places, times);
+    this.putKept(table, this.rowsBefore(start), count);
+    if (!this.pieces) return table;
+    for (let i = 0; i < count; i++) {
+      const end = (i + 1) * this.width;
+      table[end - 3] = places[i + 1] - places[i];
+      table[end - 2] = whole[i];
+      table[end - 1] = whole[i + 1];
+    }
+    return table;
+  }
+
+  putSmooth(table, count, places, times) {
+    const { smoothAt, width } = this;
+    const channels = smoothAt.length;
+    if (!channels) return;
+    const { steps, tEnd } = this.grid;
+    const ends = this.smooth(times);
+    this.nodes.forEach((node, n) => {
+      let values = ends;
+      if (node !== 0 && node !== 1) {
+        const between = new Float64Array(count);
+        for (let i = 0; i < count; i++) between[i] = ((places[i] + node * (places[i + 1] - places[i])) * tEnd) / steps;
+        values = this.smooth(between);
+      }
+      const first = node === 1 ? channels : 0;
+      for (let j = 0; j < channels; j++) {
+        const at = n * this.count + smoothAt[j];
+        for (let i = 0; i < count; i++) table[i * width + at] = values[first + i * channels + j];
+      }
+    });
+  }
+
+  putKept(table, before, count) {
+    const { keptAt, width, grid } = this;
+    if (!keptAt.length) return;
+    const places = this.nodes.map((node) => [0, 0.5, 1].indexOf(node));
+    let run = firstOf(grid.starts.length, (i) => grid.starts[i] > before) - 1;
+    for (let i = 0; i < count; i++) {
+      while (run + 1 < grid.starts.length && grid.starts[run + 1] <= before + i) run++;
+      places.forEach((place, n) => {
+        keptAt.forEach((at, j) => { table[i * width + n * this.count + at] = grid.values[(run * 3 + place) * keptAt.length + j]; });
+      });
     }
   }
-  const final = new Float64Array(width);
-  const atEnd = smoothAt.length ? smooth(new Float64Array([tEnd])) : [];
-  nodes.forEach((_, n) => {
-    smoothAt.forEach((at, j) => { final[n * q + at] = atEnd[j]; });
-    keptAt.forEach((at, j) => { final[n * q + at] = grid.last[j]; });
-  });
-  if (pieces) final.fill(1, width - 3);
-  return { table, width, final, first: rows.first };
+
+  final() {
+    const row = new Float64Array(this.width);
+    const atEnd = this.smoothAt.length ? this.smooth(new Float64Array([this.grid.tEnd])) : [];
+    this.nodes.forEach((_, n) => {
+      this.smoothAt.forEach((at, j) => { row[n * this.count + at] = atEnd[j]; });
+      this.keptAt.forEach((at, j) => { row[n * this.count + at] = this.grid.last[j]; });
+    });
+    if (this.pieces) row.fill(1, this.width - 3);
+    return row;
+  }
 }

@@ -1,6 +1,7 @@
 // A module's time loop, called as the native kernel is: arrays lie one after another in its memory.
 
 const PAGE_BYTES = 65536;
+const TAPS = 3; // remembered values that a step gets back of each delayed channel
 
 export class Kernel {
   constructor(bytes) {
@@ -25,13 +26,27 @@ export class Kernel {
     return new Float64Array(this.exports.memory.buffer, address, size);
   }
 
-  call(blocks, steps, at, start, sampleEvery) {
+  // What is on its way at t = 0: the history, for as many steps as a lag needs; returns the ring's mask.
+  remember(lag, at, history) {
+    new BigInt64Array(this.exports.memory.buffer, at.lags, 1)[0] = BigInt(lag);
+    const rows = ringRows(lag);
+    const ring = this.view(at.ring, rows * history.length);
+    for (let i = 0; i < ring.length; i++) ring[i] = history[i % history.length];
+    return BigInt(rows - TAPS);
+  }
+
+  call(blocks, steps, at, start, sampleEvery, mask = 0n) {
     const big = BigInt;
     this.exports.barbalat_loop(
-      big(blocks), big(steps), at.state, at.parameters, at.signals, at.out, big(start), 0, 0, big(0), 0, 0, big(0), big(1),
-      big(sampleEvery), big(1),
+      big(blocks), big(steps), at.state, at.parameters, at.signals, at.out, big(start), at.lags || 0, at.ring || 0, mask, 0, 0,
+      big(0), big(1), big(sampleEvery), big(1),
     );
   }
+}
+
+// Steps that a ring for this lag holds: a power of two, and the first ones again.
+export function ringRows(lag) {
+  return 2 ** Math.ceil(Math.log2(lag + TAPS)) - 1 + TAPS;
 }
 
 // The smooth signals' values at times, a row for each.

@@ -9,6 +9,7 @@ export function readData(text) {
   for (const grid of data.signals.grids || []) {
     for (const key of ["cuts", "values", "last"]) grid[key] = doublesOf(grid[key]);
   }
+  if (data.delay) for (const name of Object.keys(data.delay.weights)) data.delay.weights[name] = doublesOf(data.delay.weights[name]);
   for (const controller of data.controllers) {
     for (const variant of Object.values(controller.variants)) {
       variant.parameters = doublesOf(variant.parameters);
@@ -22,7 +23,7 @@ export function readData(text) {
 export function initialSetting(data) {
   const { t_end: tEnd, dt, solver } = data.simulation;
   return {
-    values: data.numbers.map((number) => number.value), tEnd, dt, solver,
+    values: data.numbers.map((number) => number.value), tEnd, dt, solver, delay: data.delay ? data.delay.value : 0,
     projection: data.controllers.map((controller) => controller.projection),
     shown: data.controllers.map(() => true),
   };
@@ -45,7 +46,19 @@ export function taken(number, value) {
   return number.values.reduce((best, one) => (apart(one) < apart(best) ? one : best), number.values[0]);
 }
 
-export function gridRefusal(data, tEnd, dt) {
+// A delay of whole steps: the nearest one that a step can carry.
+export function wholeDelay(delay, dt) {
+  return Number((Math.max(1, Math.round(delay / dt)) * dt).toPrecision(12));
+}
+
+export function delayRefusal(data, setting, delay) {
+  if (!Number.isFinite(delay)) return `Delay: write a number, such as ${data.delay.value}.`;
+  const most = setting.tEnd;
+  if (delay < setting.dt || delay > most) return `The delay must be from one step, ${setting.dt} s, to the horizon, ${most} s, got ${delay}.`;
+  return "";
+}
+
+export function gridRefusal(data, tEnd, dt, delay) {
   if (!(tEnd > 0) || !(dt > 0) || !Number.isFinite(tEnd / dt)) return "Horizon and step must be positive numbers.";
   const steps = Math.round(tEnd / dt);
   if (steps > data.simulation.most_steps) return `That is ${steps} steps, and a page takes at most ${data.simulation.most_steps}.`;
@@ -56,10 +69,20 @@ export function gridRefusal(data, tEnd, dt) {
       return `The step must divide the sample time of ${controller.name}, ${controller.rhythm} s.`;
     }
   }
+  if (delay && (Math.abs(Math.round(delay / dt) * dt - delay) > 1e-9 * delay || delay < dt)) {
+    return `The step must divide the delay, ${delay} s.`;
+  }
   if (data.signals.grids && !data.signals.grids.some((grid) => grid.dt === dt)) {
     return `The command jumps, and its steps are known for h = ${data.signals.grids.map((grid) => grid.dt).join(", ")} s only.`;
   }
   return "";
+}
+
+function joined(first, second) {
+  const found = new Float64Array(first.length + second.length);
+  found.set(first);
+  found.set(second, first.length);
+  return found;
 }
 
 export function taskOf(data, setting, index) {
@@ -81,12 +104,13 @@ export function taskOf(data, setting, index) {
     effect.s.forEach((row, k) => { states[row] = at(effect.p.length + k); });
   });
   parameters[controller.dt_row] = setting.dt;
+  const lag = setting.delay ? Math.round(setting.delay / setting.dt) : 0;
   const steps = Math.round(setting.tEnd / setting.dt);
   const known = data.signals.grids && data.signals.grids.find((grid) => grid.dt === setting.dt);
   return {
-    index, parameters, states, signals, grid: { steps, tEnd: setting.tEnd, ...known },
+    index, parameters: lag ? joined(parameters, data.delay.weights[setting.solver]) : parameters, states, signals, lag, grid: { steps, tEnd: setting.tEnd, ...known },
     tableKey: `${setting.tEnd} ${steps}`, nodes: data.solvers[setting.solver], recordPoints: data.simulation.record_points,
-    module: `${index} ${side} ${setting.solver}`, code: variant.modules[setting.solver], shape: controller.shape,
+    module: `${index} ${side} ${setting.solver}`, code: variant.modules[setting.solver], shape: controller.shape, past: controller.past,
     operations: controller.operations, thetaHat: controller.theta_hat,
     sampleEvery: controller.rhythm ? Math.round(controller.rhythm / setting.dt) : 0,
   };
@@ -96,7 +120,7 @@ export function toHash(data, setting) {
   const initial = initialSetting(data);
   const said = new URLSearchParams();
   data.numbers.forEach((number, i) => { if (setting.values[i] !== number.value) said.set(number.path, setting.values[i]); });
-  for (const key of ["tEnd", "dt", "solver"]) if (setting[key] !== initial[key]) said.set(key, setting[key]);
+  for (const key of ["tEnd", "dt", "solver", "delay"]) if (setting[key] !== initial[key]) said.set(key, setting[key]);
   setting.projection.forEach((side, i) => { if (side !== initial.projection[i]) said.set(`projection.${i}`, side); });
   setting.shown.forEach((shown, i) => { if (!shown) said.set(`hidden.${i}`, "1"); });
   return said.toString();
@@ -110,8 +134,9 @@ export function fromHash(data, text) {
     const value = said.has(number.path) ? Number(said.get(number.path)) : number.value;
     if (!refusal(number, value)) setting.values[i] = taken(number, value);
   });
-  const [tEnd, dt] = ["tEnd", "dt"].map((key) => (said.has(key) ? Number(said.get(key)) : setting[key]));
-  if (!gridRefusal(data, tEnd, dt)) Object.assign(setting, { tEnd, dt });
+  const [tEnd, dt, delay] = ["tEnd", "dt", "delay"].map((key) => (said.has(key) ? Number(said.get(key)) : setting[key]));
+  const late = data.delay && delayRefusal(data, { tEnd, dt }, delay);
+  if (!late && !gridRefusal(data, tEnd, dt, delay)) Object.assign(setting, { tEnd, dt, delay });
   if (data.solvers[said.get("solver")]) setting.solver = said.get("solver");
   data.controllers.forEach((controller, i) => {
     if (controller.variants[said.get(`projection.${i}`)]) setting.projection[i] = said.get(`projection.${i}`);

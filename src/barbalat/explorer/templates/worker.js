@@ -1,12 +1,12 @@
 // Simulates one setting of one controller after another; kernels and the table of commands are kept.
 
-import { bytesOf, doublesOf } from "./bytes.js";
-import { segmentsOf, tableOf } from "./grid.js";
-import { Kernel, smoothValues } from "./kernel.js";
+import { bytesOf } from "./bytes.js";
+import { segmentsOf, Table } from "./grid.js";
+import { Kernel, ringRows, smoothValues } from "./kernel.js";
 import { Totals } from "./figures.js";
 
 const kernels = new Map();
-let tables = { key: "" };
+let table = null;
 
 function kernelOf(name, text) {
   if (!kernels.has(name)) kernels.set(name, new Kernel(bytesOf(text)));
@@ -16,13 +16,28 @@ function kernelOf(name, text) {
 function tableFor(task) {
   const { grid, signals } = task;
   const key = `${task.tableKey} ${task.nodes} ${Array.from(signals.parameters)}`;
-  if (tables.key !== key) {
+  if (table === null || table.key !== key) {
     const kernel = kernelOf("signals", signals.module);
     const channels = signals.smooth.filter(Boolean).length;
     const smooth = (times) => smoothValues(kernel, signals.parameters, channels, times);
-    tables = { key, ...tableOf(grid, smooth, signals, task.nodes, task.shape.pieces) };
+    table = new Table(grid, smooth, signals, task.nodes, task.shape.pieces);
+    table.key = key;
   }
-  return tables;
+  return table;
+}
+
+// Arrays in the kernel's memory, filled with what a run begins from.
+function begun(kernel, task, longest, most) {
+  const { shape, lag } = task;
+  const remembered = lag ? ringRows(lag) * shape.delayed : 0;
+  const size = shape.states + shape.accumulators;
+  const sizes = [shape.states, task.parameters.length, lag ? 1 : 0, remembered, longest, most * size];
+  const [state, parameters, lags, ring, signals, out] = kernel.laidOut(sizes);
+  const at = { state, parameters, lags, ring, signals, out };
+  kernel.view(state, shape.states).set(task.states);
+  kernel.view(parameters, task.parameters.length).set(task.parameters);
+  const history = lag ? task.past.flatMap((value) => Array(shape.delayed / task.past.length).fill(value)) : [];
+  return { at, mask: lag ? kernel.remember(lag, at, history) : 0n };
 }
 
 export function simulated(task) {
@@ -31,48 +46,46 @@ export function simulated(task) {
   const commands = tableFor(task);
   const segments = segmentsOf(grid.steps, task.recordPoints);
   const size = shape.states + shape.accumulators;
-  const rowsAt = (k) => (commands.first ? commands.first[k] : k);
-  let longest = 1;
-  let most = 1;
-  for (const one of segments) {
-    longest = Math.max(longest, rowsAt(one.start + one.blocks * one.length) - rowsAt(one.start));
-    most = Math.max(most, one.blocks);
-  }
+  const stopOf = (one) => one.start + one.blocks * one.length;
+  const longest = Math.max(1, ...segments.map((one) => commands.rowsBefore(stopOf(one)) - commands.rowsBefore(one.start)));
   const kernel = kernelOf(task.module, task.code);
-  const places = kernel.laidOut([shape.states, shape.parameters, longest * commands.width, most * size]);
-  const at = { state: places[0], parameters: places[1], signals: places[2], out: places[3] };
-  kernel.view(at.state, shape.states).set(task.states);
-  kernel.view(at.parameters, shape.parameters).set(task.parameters);
+  const { at, mask } = begun(kernel, task, longest * commands.width, Math.max(...segments.map((one) => one.blocks)));
   const totals = new Totals(task.operations);
   const blocks = segments.reduce((sum, one) => sum + one.blocks, 0);
   const recorded = new Float64Array(blocks * size);
   const starts = new Float64Array(blocks);
+  const r = new Float64Array(blocks * shape.commands);
   let kept = 0;
   let bounded = true;
+  let stepping = 0;
   for (const one of segments) {
-    const [from, to] = [rowsAt(one.start), rowsAt(one.start + one.blocks * one.length)];
-    kernel.view(at.signals, (to - from) * commands.width).set(commands.table.subarray(from * commands.width, to * commands.width));
-    kernel.call(one.blocks, one.length, at, one.start, task.sampleEvery);
+    const rows = commands.rows(one.start, stopOf(one));
+    kernel.view(at.signals, rows.length).set(rows);
+    const called = performance.now();
+    kernel.call(one.blocks, one.length, at, one.start, task.sampleEvery, mask);
+    stepping += performance.now() - called;
     const out = kernel.view(at.out, one.blocks * size);
     recorded.set(out, kept * size);
-    for (let i = 0; i < one.blocks; i++) starts[kept + i] = one.start + i * one.length;
+    const before = commands.rowsBefore(one.start);
+    for (let i = 0; i < one.blocks; i++) {
+      const step = one.start + i * one.length;
+      starts[kept + i] = step;
+      const row = (commands.rowsBefore(step) - before) * commands.width;
+      for (let j = 0; j < shape.commands; j++) r[(kept + i) * shape.commands + j] = rows[row + j];
+    }
     kept += one.blocks;
     bounded = totals.merge(one, out, shape.states);
     if (!bounded) break;
   }
   const finalState = kernel.view(at.state, shape.states).slice();
   if (bounded) {
-    kernel.view(at.signals, commands.width).set(commands.final);
-    kernel.call(1, 1, at, grid.steps, task.sampleEvery);
+    kernel.view(at.signals, commands.width).set(commands.final());
+    kernel.call(1, 1, at, grid.steps, task.sampleEvery, mask);
     totals.mergeFinal(kernel.view(at.out, size), shape.states);
   }
-  const r = new Float64Array(kept * shape.commands);
-  for (let i = 0; i < kept; i++) {
-    for (let j = 0; j < shape.commands; j++) r[i * shape.commands + j] = commands.table[rowsAt(starts[i]) * commands.width + j];
-  }
-  const figures = totals.figures(grid, finalState.subarray(...task.thetaHat));
   return {
-    figures, recorded: recorded.subarray(0, kept * size).slice(), starts: starts.subarray(0, kept).slice(), r, size,
+    figures: totals.figures(grid, finalState.subarray(...task.thetaHat)), size, stepping,
+    recorded: recorded.subarray(0, kept * size).slice(), starts: starts.slice(0, kept), r: r.slice(0, kept * shape.commands),
     milliseconds: performance.now() - began,
   };
 }

@@ -1,0 +1,14 @@
+"""Arrays as text of a page."""
+
+from __future__ import annotations
+
+import base64
+
+import numpy as np
+
+from barbalat.validate import Array
+
+
+def doubles(values: Array) -> str:
+    """Numbers as a page reads them: base64 of little-endian doubles."""
+    return base64.b64encode(np.ascontiguousarray(values, dtype="<f8").tobytes()).decode()

@@ -1,0 +1,54 @@
+"""Where in a module's rows what is drawn and what is told stands, as a page's JSON has it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from barbalat.cases.build import Case
+from barbalat.explorer.encoded import doubles
+from barbalat.loop.packing import unflatten
+from barbalat.problem.command_gain import commanded, gains_at_rest
+from barbalat.run import delay
+from barbalat.run.members import Members
+from barbalat.run.metrics import Accumulators
+from barbalat.solvers import SOLVERS
+
+
+def outputs(case: Case, members: Members) -> dict[str, Any]:
+    """Of one controller: sizes, rows of the states and accumulators, panels."""
+    loop, shape, accumulators = members.loop, members.program.shape, members.program.accumulators
+    assert isinstance(accumulators, Accumulators)
+    marked, _ = unflatten(loop._initial, np.arange(loop.size), 0)
+    rows = loop.theta_hat_rows
+    gains = gains_at_rest(case.problem)
+    panels = [
+        {"state": state, "commands": [{"index": k, "gain": float(gains[state, k])} for k in commands]}
+        for state, commands in commanded(case.problem)
+    ]
+    return {
+        "shape": {
+            "states": shape.states, "accumulators": shape.accumulators, "pieces": shape.in_pieces,
+            "commands": loop.commands or 1, "delayed": shape.delayed,
+        },
+        "dt_row": numbers_handed(members) - 1,
+        "rhythm": members.rhythm.sample_every and float(loop.sample_time or 0.0),
+        "operations": [list(part) for part in accumulators.layout],
+        "theta_hat": [rows.start, rows.stop],
+        "x": [int(i) for i in marked.x.reshape(-1)], "x_m": [int(i) for i in marked.x_m.reshape(-1)],
+        "output": loop.measured_outputs > 0, "panels": panels,
+        "true": None if case.problem.parameters is None else [float(v) for v in case.problem.parameters],
+        "past": None if members.history is None else members.history[:, 0].tolist(),
+    }  # fmt: skip
+
+
+def numbers_handed(members: Members) -> int:
+    """The module's parameters up to the step; the delay's weights, which are the solver's, stand behind it."""
+    time, dt, solver = members.longest_delay, members.simulation.dt, members.simulation.solver
+    return members.program.shape.parameters - (delay.weights(time, dt, solver).size if members.loop.delayed else 0)
+
+
+def delay_weights() -> dict[str, str]:
+    """By solver: of a delay of whole steps, whatever steps and however many, ``delay.weights``."""
+    return {name: doubles(delay.weights(1.0, 1.0, tableau).reshape(-1)) for name, tableau in SOLVERS.items()}

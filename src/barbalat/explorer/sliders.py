@@ -1,0 +1,185 @@
+"""Which numbers of a case get a slider: those whose effects a page can follow, one by one and all at once."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
+
+import numpy as np
+
+from barbalat.cases.build import Case
+from barbalat.explorer.commands import breaks_anywhere, is_smooth
+from barbalat.explorer.effects import Effect, Rows, Target, composed, effects_of
+from barbalat.explorer.numbers import DELAY, GRID, Number, ranged
+from barbalat.explorer.source import Source
+from barbalat.protocols import Controller
+from barbalat.run.columns import Columns
+from barbalat.sweeps.paths import FieldPath
+from barbalat.validate import Array, InputError
+
+MOST_NUMBERS = 80
+"""Sliders of a page."""
+PRECEDENCE = ("controller", "reference", "simulation", "plant", "reference_model", "uncertainty", "")
+"""Which of two numbers gets a slider, where both move one row of a module: that of the part that stands first,
+and of a part's a number by itself before entries of vectors."""
+SETTINGS_TRIED = 12
+"""Near the case, and as many over the sliders' whole length."""
+
+
+@dataclass(frozen=True, eq=False)
+class Variant:
+    """A controller of the case and its kernel, with the projection that the case asks for or ``switched``."""
+
+    index: int
+    switched: bool
+    target: Target
+
+
+@dataclass(frozen=True, eq=False)
+class Slider:
+    """A number, its effect on each variant, and the entries of the smooth signals' numbers that it is."""
+
+    number: Number
+    effects: list[Effect]
+    signals: list[int]
+
+    @property
+    def copied(self) -> bool:
+        """Whether the number stands everywhere as it is: any value can be taken, not only those that are tabulated."""
+        return all(effect.table is None for effect in self.effects)
+
+
+@dataclass(frozen=True, eq=False)
+class Sliders:
+    """The search for them.
+
+    toggles  the controllers whose projection can be switched
+    """
+
+    source: Source
+    case: Case
+    toggles: tuple[int, ...]
+    variants: list[Variant]
+
+    def found(self) -> list[Slider]:
+        """Those that get one, in the order of ``PRECEDENCE``."""
+        taken: list[Rows] = [set() for _ in self.variants]
+        kept: list[Slider] = []
+        for path, value in sorted(self.source.numbers(), key=_precedence):
+            if path.keys[-1] in GRID or len(kept) == MOST_NUMBERS or (path == DELAY and self.case.problem.delay > 0):
+                continue
+            number = ranged(path, value, partial(self._at, False))
+            slider = None if number is None else self._followed(number, taken)
+            if slider is not None:
+                kept.append(slider)
+                taken = [rows | effect.rows for effect, rows in zip(slider.effects, taken, strict=True)]
+        while not self._composes(kept):
+            kept.pop([k for k, slider in enumerate(kept) if not slider.copied][-1])
+        return kept
+
+    def _composes(self, kept: Sequence[Slider]) -> bool:
+        """Whether settings of all numbers at once are what their effects are one by one; a product of two would not be."""
+        draw = np.random.default_rng(0)
+        for share in np.repeat((0.1, 1.0), SETTINGS_TRIED):
+            places = [_drawn(slider.number, share, draw) for slider in kept]
+            values = [float(slider.number.values[place]) for slider, place in zip(kept, places, strict=True)]
+            try:
+                case = self.source.at({slider.number.path: v for slider, v in zip(kept, values, strict=True)})
+            except InputError:  # together they make no case: the copied one says why
+                continue
+            for k, variant in enumerate(self.variants):
+                effects = [slider.effects[k] for slider in kept]
+                if not variant.switched and not _agrees(variant.target, case, composed(variant.target, effects, values, places)):
+                    return False
+        return True
+
+    def _followed(self, number: Number, taken: Sequence[Rows]) -> Slider | None:
+        places = self._in_signals(number)
+        if places is None:
+            return None
+        owner = self._owner(number.path)
+        effects = [Effect.none() for _ in self.variants]
+        for switched in (False, True) if self.toggles else (False,):
+            which = [k for k, one in enumerate(self.variants) if one.switched == switched and owner in (None, one.index)]
+            if not which:
+                continue
+            targets, rows = [self.variants[k].target for k in which], [taken[k] for k in which]
+            found = effects_of(number, targets, rows, partial(self._at, switched))
+            if found is None or (switched and len(found[0].values) != len(number.values)):
+                return None
+            number = found[0]
+            for k, effect in zip(which, found[1], strict=True):
+                effects[k] = effect
+        return Slider(number, effects, places) if places or not all(effect.nothing for effect in effects) else None
+
+    def _owner(self, path: FieldPath) -> int | None:
+        """The controller whose number it is and nobody else's."""
+        first, *rest = path.keys
+        own = int(rest[0]) if first == "controller" else None
+        return own if own in self._standing_alone else None
+
+    @cached_property
+    def _standing_alone(self) -> frozenset[int]:
+        """Controllers that are what they are without the others: none of them follows from another one's numbers."""
+        alone = set()
+        for variant in self.variants:
+            if variant.switched:
+                continue
+            try:
+                case = self._with(False, variant.index, self.source.alone(variant.index, {}))
+            except InputError:
+                continue
+            if _agrees(variant.target, case, (variant.target.base.parameters[:, 0], variant.target.base.states[:, 0])):
+                alone.add(variant.index)
+        return frozenset(alone)
+
+    @cached_property
+    def _switched(self) -> Case:
+        return self.source.at({}, self.toggles)
+
+    def _with(self, switched: bool, i: int, controller: Controller) -> Case:
+        case = self._switched if switched else self.case
+        return replace(case, controllers=(*case.controllers[:i], controller, *case.controllers[i + 1 :]))
+
+    def _at(self, switched: bool, path: FieldPath, value: float) -> Case:
+        toggled = self.toggles if switched else ()
+        owner = self._owner(path)
+        if owner is None:
+            return self.source.at({path: value}, toggled)
+        return self._with(switched, owner, self.source.alone(owner, {path: value}, toggled))
+
+    def _in_signals(self, number: Number) -> list[int] | None:
+        """Where it stands among the smooth signals' numbers; None where signals follow from it in another way."""
+        if self._owner(number.path) is not None:
+            return []
+        tried = [self.case, *(self.source.at({number.path: float(v)}) for v in (number.values[0], number.values[-1]))]
+        signals = [case.problem.signals for case in tried]
+        if all(one == signals[0] for one in signals):
+            return []
+        rough = [tuple(signal for signal in one if not is_smooth(signal)) for one in signals]
+        if any(one != rough[0] for one in rough) or breaks_anywhere([s for s in signals[0] if is_smooth(s)]):
+            return None
+        columns = Columns(tuple(signal for signal in signals[0] if is_smooth(signal)))
+        for one in signals[1:]:
+            columns.add(tuple(signal for signal in one if is_smooth(signal)))
+        values = columns.everything()
+        moved = np.flatnonzero((values != values[:, :1]).any(axis=1))
+        tried_values = [number.value, number.values[0], number.values[-1]]
+        return [int(i) for i in moved] if (values[moved] == tried_values).all() else None
+
+
+def _drawn(number: Number, share: float, draw: np.random.Generator) -> int:
+    """A place among a number's values, at most this share of them from its own."""
+    own, most = int(np.searchsorted(number.values, number.value)), len(number.values) - 1
+    return int(np.clip(own + round(share * most * draw.uniform(-1, 1)), 0, most))
+
+
+def _agrees(target: Target, case: Case, found: tuple[Array, Array]) -> bool:
+    made = target.read([case])
+    return all((part == rows[:, 0]).all() for part, rows in zip(found, (made.parameters, made.states), strict=True))
+
+
+def _precedence(given: tuple[FieldPath, float]) -> tuple[int, bool]:
+    path, first = given[0], str(given[0].keys[0])
+    return PRECEDENCE.index(first if first in PRECEDENCE else ""), isinstance(path.keys[-1], int)
