@@ -8,8 +8,10 @@ import numpy as np
 
 from barbalat.cases.build import Case
 from barbalat.explorer.encoded import doubles
+from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.loop.packing import unflatten
 from barbalat.problem.command_gain import commanded, gains_at_rest
+from barbalat.protocols import Reporting
 from barbalat.run import delay
 from barbalat.run.members import Members
 from barbalat.run.metrics import Accumulators
@@ -39,8 +41,22 @@ def outputs(case: Case, members: Members) -> dict[str, Any]:
         "x": [int(i) for i in marked.x.reshape(-1)], "x_m": [int(i) for i in marked.x_m.reshape(-1)],
         "output": loop.measured_outputs > 0, "panels": panels,
         "true": None if case.problem.parameters is None else [float(v) for v in case.problem.parameters],
+        "reported": _reported(loop),
         "past": None if members.history is None else members.history[:, 0].tolist(),
     }  # fmt: skip
+
+
+def _reported(loop: ClosedLoop) -> dict[str, list[int]]:
+    """Rows of the state by the names of what a scheme estimates beside parameters, as far as those are parts of its state."""
+    if not isinstance(loop.equations, Reporting):
+        return {}
+    marks = [(1 + k) * np.arange(loop.size, dtype=float) + k for k in range(2)]
+    once, twice = (loop.equations.reported(loop.unpack(one).controller) for one in marks)
+    return {
+        name: [int(row) for row in np.asarray(rows).reshape(-1)]
+        for name, rows in once.items()
+        if np.isin(rows, marks[0]).all() and (2 * np.asarray(rows) + 1 == twice[name]).all()
+    }
 
 
 def numbers_handed(members: Members) -> int:

@@ -111,6 +111,7 @@ export function taskOf(data, setting, index) {
     index, parameters: lag ? joined(parameters, data.delay.weights[setting.solver]) : parameters, states, signals, lag, grid: { steps, tEnd: setting.tEnd, ...known },
     tableKey: `${setting.tEnd} ${steps}`, nodes: data.solvers[setting.solver], recordPoints: data.simulation.record_points,
     module: `${index} ${side} ${setting.solver}`, code: variant.modules[setting.solver], shape: controller.shape, past: controller.past,
+    reported: controller.reported, dtRow: controller.dt_row,
     operations: controller.operations, thetaHat: controller.theta_hat,
     sampleEvery: controller.rhythm ? Math.round(controller.rhythm / setting.dt) : 0,
   };

@@ -40,6 +40,16 @@ function begun(kernel, task, longest, most) {
   return { at, mask: lag ? kernel.remember(lag, at, history) : 0n };
 }
 
+// What a scheme reports of its state at the end, after a sampled controller has acted there: by a step of no length.
+function reportedAtEnd(kernel, task, at, mask, finalState) {
+  if (!Object.keys(task.reported).length) return {};
+  kernel.view(at.state, finalState.length).set(finalState);
+  kernel.view(at.parameters, task.parameters.length)[task.dtRow] = 0;
+  kernel.call(1, 1, at, task.grid.steps, task.sampleEvery, mask);
+  const state = kernel.view(at.state, finalState.length);
+  return Object.fromEntries(Object.entries(task.reported).map(([name, rows]) => [`${name}_final`, rows.map((row) => state[row])]));
+}
+
 export function simulated(task) {
   const began = performance.now();
   const { grid, shape } = task;
@@ -78,13 +88,15 @@ export function simulated(task) {
     if (!bounded) break;
   }
   const finalState = kernel.view(at.state, shape.states).slice();
+  let reported = {};
   if (bounded) {
     kernel.view(at.signals, commands.width).set(commands.final());
     kernel.call(1, 1, at, grid.steps, task.sampleEvery, mask);
     totals.mergeFinal(kernel.view(at.out, size), shape.states);
+    reported = reportedAtEnd(kernel, task, at, mask, finalState);
   }
   return {
-    figures: totals.figures(grid, finalState.subarray(...task.thetaHat)), size, stepping,
+    figures: { ...totals.figures(grid, finalState.subarray(...task.thetaHat)), ...reported }, size, stepping,
     recorded: recorded.subarray(0, kept * size).slice(), starts: starts.slice(0, kept), r: r.slice(0, kept * shape.commands),
     milliseconds: performance.now() - began,
   };
