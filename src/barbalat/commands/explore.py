@@ -32,6 +32,7 @@ def execute(options: argparse.Namespace) -> int:
     """Run the command; returns the exit code."""
     from barbalat.cases.load import CaseText
     from barbalat.explorer.explorer import Explorer
+    from barbalat.explorer.section_v import ON_THE_PAPER_S_EXAMPLE, PAPER
     from barbalat.explorer.source import TextSource
     from barbalat.report.files import output_folder
     from barbalat.validate import InputError
@@ -43,7 +44,7 @@ def execute(options: argparse.Namespace) -> int:
     text.case()
     with output_folder(file.parent) as folder:
         with work({"making the page": EXPECTED_SECONDS}) as running, running.part("making the page"):
-            page = Explorer(TextSource(text)).html
+            page = Explorer(TextSource(text), ON_THE_PAPER_S_EXAMPLE if options.case == PAPER else ()).html
         folder.write(file.name, page)
         folder.commit()
     say(f"page: {file}")

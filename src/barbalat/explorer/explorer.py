@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from html import escape
 from pathlib import Path
+from typing import Any
 
 from barbalat import validate
 from barbalat.cases.build import Case
+from barbalat.claims.claim import Claim
 from barbalat.explorer.certified import section
 from barbalat.explorer.describe import Described
+from barbalat.explorer.lessons import Lesson
 from barbalat.explorer.page import html
 from barbalat.explorer.source import ObjectSource, Source
 from barbalat.loop.binding import numbered
@@ -26,17 +29,38 @@ FRAME_HEIGHT = 900
 """Of a page in a notebook's cell, in CSS pixels."""
 
 
+@dataclass(frozen=True, eq=False)
+class Contents:
+    """A page's data and the HTML of its certificates."""
+
+    data: dict[str, Any]
+    certificates: str
+    case: Case
+    lessons: tuple[Lesson, ...]
+
+    def page(self, claims: Sequence[Claim]) -> str:
+        """The whole page, with the verdicts on these claims; InputError where it would be too large."""
+        lessons = [lesson.as_data(self.case, claims) for lesson in self.lessons]
+        return html(self.data | {"lessons": lessons}, self.certificates)
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class Explorer:
     """A page with a slider for each number of a case; ``html`` is the whole of it, one file that asks for nothing elsewhere."""
 
     source: Source
+    lessons: tuple[Lesson, ...] = ()
 
     @cached_property
     def html(self) -> str:
         """The page; InputError where the case can't be simulated in one."""
+        return self.contents.page(())
+
+    @cached_property
+    def contents(self) -> Contents:
+        """All that is on the page but for the verdicts on claims that its lessons name."""
         described = Described.of(self.source)
-        return html(described.as_data(), section(described.case))
+        return Contents(described.as_data(), section(described.case), described.case, self.lessons)
 
     def save(self, path: str | Path) -> Path:
         """Write it to a file."""
@@ -69,7 +93,7 @@ def explore(problem: TrackingProblem, controllers: Controller | Iterable[Control
 
     Runs in it have no fused multiply-adds: ``Simulation(fused=False)`` has their bits.
 
-    Raises InputError for measurement noise and for a delay at the plant's input, which pages don't have yet.
+    Raises InputError for measurement noise, which pages don't have yet, and for a delay that is no whole number of steps.
     """
     validate.instance("problem", problem, TrackingProblem)
     validate.instance("simulation", simulation, Simulation)

@@ -1,6 +1,8 @@
-// Panels as in barbalat run: motion with model and command, error, control, estimates; all show the same interval.
+// Panels on the page; all show the same interval. What is drawn is exchanged as long as the panels are the same ones.
 
-/* global uPlot */
+/* global uPlot, document, getComputedStyle */
+
+import { gestures } from "./zoom.js";
 
 const HEIGHT = 220;
 
@@ -8,93 +10,6 @@ function colours() {
   const style = getComputedStyle(document.documentElement);
   const of = (name) => style.getPropertyValue(name).trim();
   return { lines: [0, 1, 2, 3, 4, 5].map((i) => of(`--line-${i}`)), ink: of("--ink"), quiet: of("--quiet"), rule: of("--rule") };
-}
-
-// The panels' series, from the runs that are shown; each is {t, label, low, high?, colour, dash, width}.
-export function panelsOf(data, shown, moved) {
-  const found = [];
-  const one = data.controllers[0];
-  for (const panel of one.panels) {
-    const series = [];
-    for (const { run, colour, dash, label } of shown) {
-      const at = data.controllers[run.index];
-      const value = at.output ? middle(run, at, "y", 0) : rows(run, at.x[panel.state]);
-      series.push({ t: run.t, low: value, colour, dash, label });
-    }
-    const first = shown.find(({ dash }) => !dash) || shown[0];
-    if (first) {
-      const { run } = first;
-      const at = data.controllers[run.index];
-      const y = at.output ? middle(run, at, "y", 0) : null;
-      const e = at.output ? middle(run, at, "e", 0) : null;
-      const model = at.output ? y.map((v, i) => v - e[i]) : rows(run, at.x_m[panel.state]);
-      series.push({ t: run.t, low: model, colour: "ink", dash: [6, 4], label: "model" });
-      for (const { index, gain } of panel.commands) {
-        const scale = moved ? 1 : gain; // the model's gain at rest is the case's
-        const value = run.t.map((_, i) => scale * run.r[i * at.shape.commands + index]);
-        const label = Math.abs(scale - 1) < 1e-3 ? "command" : `${Number(scale.toPrecision(4))} × command`;
-        series.push({ t: run.t, low: value, colour: "quiet", dash: [2, 3], label });
-      }
-    }
-    found.push({ title: one.output ? "Output y, model and command" : `State x${panel.state + 1}, model and command`, series });
-  }
-  const errors = shown.map(({ run, colour, dash, label }) => {
-    const at = data.controllers[run.index];
-    const [low, high] = ["min", "max"].map((side) => entries(run, at, "e", side));
-    const largest = run.t.map((_, i) => {
-      const all = low.map((part, j) => Math.max(Math.abs(part[i]), Math.abs(high[j][i])));
-      return Math.max(...all, Number.MIN_VALUE);
-    });
-    return { t: run.t, low: largest, colour, dash, label };
-  });
-  found.push({ title: "Largest |eᵢ| between two recorded instants", series: errors, log: true });
-  found.push({ title: "Control u", series: shown.flatMap((part) => envelopes(data, part, "u", "u")) });
-  for (const [index, controller] of data.controllers.entries()) {
-    const own = shown.filter(({ run }) => run.index === index);
-    if (!own.length || controller.theta_hat[1] === controller.theta_hat[0]) continue;
-    const series = own.flatMap(({ run, dash }) => envelopes(data, { run, dash, colour: null, label: null }, "theta_hat", "θ̂"));
-    const count = controller.theta_hat[1] - controller.theta_hat[0];
-    if (controller.true && controller.true.length === count && !moved) {
-      controller.true.forEach((value, i) => {
-        const { t } = own[0].run;
-        series.push({ t, low: t.map(() => value), colour: i, dash: [2, 3], label: i ? null : "true values" });
-      });
-    }
-    found.push({ title: `${controller.name}: estimates`, series });
-  }
-  return found;
-}
-
-function rows(run, row) {
-  return run.t.map((_, i) => run.recorded[i * run.size + row]);
-}
-
-function place(at, quantity, side) {
-  let row = at.shape.states;
-  for (const [name, operation, size] of at.operations) {
-    if (name === quantity && operation === side) return [row, size];
-    row += size;
-  }
-  return [row, 0];
-}
-
-function entries(run, at, quantity, side) {
-  const [row, size] = place(at, quantity, side);
-  return Array.from({ length: size }, (_, j) => rows(run, row + j));
-}
-
-function middle(run, at, quantity, j) {
-  const [low, high] = ["min", "max"].map((side) => entries(run, at, quantity, side)[j]);
-  return low.map((v, i) => (v + high[i]) / 2);
-}
-
-function envelopes(data, { run, colour, dash, label }, quantity, symbol) {
-  const at = data.controllers[run.index];
-  const [low, high] = ["min", "max"].map((side) => entries(run, at, quantity, side));
-  return low.map((values, j) => ({
-    t: run.t, low: values, high: high[j], colour: colour ?? j, dash,
-    label: low.length > 1 || label === null ? `${label ? `${label}, ` : ""}${symbol}${j + 1}` : label,
-  }));
 }
 
 function inked(theme, name) {
@@ -128,22 +43,51 @@ function decades(_, __, low, high) {
   return found;
 }
 
+// The columns of a panel's series on one grid of times.
+function columnsOf(panel) {
+  const columns = panel.series.flatMap((one) => (one.high ? [[one.t, one.high], [one.t, one.low]] : [[one.t, one.low]]));
+  const first = panel.series[0]?.t ?? new Float64Array(1);
+  if (panel.series.every(({ t }) => t === first || sameTimes(t, first))) return [first, ...columns.map(([, values]) => values)];
+  return uPlot.join(columns);
+}
+
+function sameTimes(one, two) {
+  return one.length === two.length && one[one.length - 1] === two[two.length - 1] && one.every((t, i) => t === two[i]);
+}
+
+// What a panel looks like but for its numbers.
+function lookOf(panel, theme) {
+  const series = panel.series.map((one) => [one.label, one.colour, one.dash, Boolean(one.high)]);
+  return JSON.stringify([panel.title, panel.log, series, theme]);
+}
+
 export class Charts {
   constructor(root, onZoom) {
     this.root = root;
     this.onZoom = onZoom;
     this.plots = [];
+    this.looks = [];
     this.window = null;
     this.zooming = false;
   }
 
   draw(panels) {
+    const theme = colours();
+    const looks = panels.map((panel) => lookOf(panel, theme));
+    this.zooming = true;
+    if (looks.join() === this.looks.join()) panels.forEach((panel, i) => this.plots[i].setData(columnsOf(panel), !this.window));
+    else this.rebuild(panels, theme);
+    this.looks = looks;
+    if (this.window) for (const plot of this.plots) plot.setScale("x", { min: this.window[0], max: this.window[1] });
+    this.zooming = false;
+    if (!this.window && this.plots[0]) this.told(this.plots[0]);
+  }
+
+  rebuild(panels, theme) {
     for (const plot of this.plots) plot.destroy();
     this.root.textContent = "";
-    const theme = colours();
     const boxes = panels.map((panel) => this.framed(panel, theme)); // all of them: the columns' width is known then
     this.plots = panels.map((panel, i) => this.plotted(panel, theme, boxes[i]));
-    if (this.window) this.zoom(...this.window);
   }
 
   framed(panel, theme) {
@@ -152,60 +96,71 @@ export class Charts {
     title.textContent = panel.title;
     const box = document.createElement("div");
     box.className = "panel";
-    box.setAttribute("role", "img");
-    box.setAttribute("aria-label", `${panel.title}; its figures stand in the table`);
+    box.tabIndex = 0;
+    box.setAttribute("role", "group");
+    box.setAttribute("aria-label", `${panel.title}; its figures stand in the table. Plus and minus zoom, arrows move, 0 shows the whole run`);
+    gestures(box, this);
     figure.append(title, box, legendOf(panel, theme));
     this.root.append(figure);
     return box;
   }
 
   plotted(panel, theme, box) {
-    const colour = (name) => inked(theme, name);
     const series = [{ label: "t, s" }];
     const bands = [];
-    const columns = [];
     for (const one of panel.series) {
-      const style = { stroke: colour(one.colour), dash: one.dash || undefined, width: 1.4, points: { show: false }, spanGaps: true };
+      const style = { stroke: inked(theme, one.colour), dash: one.dash || undefined, width: 1.4, points: { show: false }, spanGaps: true };
       series.push({ label: one.label || "", ...style });
-      columns.push([one.t, one.high || one.low]);
       if (one.high) {
-        bands.push({ series: [series.length - 1, series.length], fill: `${colour(one.colour)}55` });
+        bands.push({ series: [series.length - 1, series.length], fill: `${inked(theme, one.colour)}55` });
         series.push({ label: "", ...style });
-        columns.push([one.t, one.low]);
       }
     }
-    const grid = panel.series.every((one) => one.t === panel.series[0].t);
-    const joined = grid ? [panel.series[0]?.t ?? [0], ...columns.map(([, v]) => v)] : uPlot.join(columns);
     const axis = { stroke: theme.ink, grid: { stroke: theme.rule, width: 1 }, ticks: { stroke: theme.rule } };
-    const plot = new uPlot({
+    const byDecades = { splits: decades, filter: (_, at) => at, values: (_, at) => at.map((v) => v.toExponential(0)) };
+    return new uPlot({
       width: Math.max(box.clientWidth, 200), height: HEIGHT, legend: { show: false },
       scales: { x: { time: false }, y: panel.log ? { distr: 3 } : {} },
-      axes: [axis, panel.log ? { ...axis, size: 64, splits: decades, filter: (_, at) => at, values: (_, at) => at.map((v) => v.toExponential(0)) } : { ...axis, size: 64 }], cursor: { drag: { x: true, y: false } }, series, bands,
+      axes: [axis, { ...axis, size: 64, ...(panel.log ? byDecades : {}) }], cursor: { drag: { x: true, y: false } }, series, bands,
       hooks: { setScale: [(self, key) => key === "x" && this.zoomed(self)] },
-    }, joined, box);
-    return plot;
+    }, columnsOf(panel), box);
   }
 
+  // By dragging, or by a double click, which shows all.
   zoomed(from) {
     if (this.zooming) return;
     const { min, max } = from.scales.x;
-    if (min === null || max === null) return;
-    this.zooming = true;
-    const whole = from.data[0];
-    const all = min <= whole[0] && max >= whole[whole.length - 1];
-    this.window = all ? null : [min, max];
-    for (const plot of this.plots) if (plot !== from) plot.setScale("x", { min, max });
-    this.zooming = false;
-    this.onZoom(min, max);
+    if (min !== null && max !== null) this.zoom(min, max);
   }
 
+  // What all panels show, within the run.
   zoom(min, max) {
-    this.plots[0]?.setScale("x", { min, max });
+    const whole = this.plots[0]?.data[0];
+    if (!whole || !(max > min)) return;
+    const [first, last] = [whole[0], whole[whole.length - 1]];
+    const [low, high] = [Math.max(min, first), Math.min(max, last)];
+    if (!(high > low)) return;
+    this.window = low <= first && high >= last ? null : [low, high];
+    this.zooming = true;
+    for (const plot of this.plots) plot.batch(() => plot.setScale("x", { min: low, max: high }));
+    this.zooming = false;
+    this.onZoom(low, high);
+  }
+
+  told(plot) {
+    const whole = plot.data[0];
+    this.onZoom(whole[0], whole[whole.length - 1]);
+  }
+
+  // The interval that is shown.
+  shown() {
+    const whole = this.plots[0]?.data[0] ?? [0, 1];
+    return this.window ?? [whole[0], whole[whole.length - 1]];
   }
 
   whole() {
-    this.window = null;
-    for (const plot of this.plots) plot.setData(plot.data);
+    const all = this.plots[0]?.data[0];
+    if (all) this.zoom(all[0], all[all.length - 1]);
   }
 
   resized() {

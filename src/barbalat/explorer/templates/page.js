@@ -2,24 +2,25 @@
 
 /* global document, location, history, navigator, Blob, Worker, URL */
 
-import { readData, initialSetting, taskOf, toHash, fromHash } from "./setting.js";
+import { readData, taskOf } from "./setting.js";
+import { beginningOf, Lessons, withNumbers } from "./lessons.js";
+import { fromHash, toHash } from "./address.js";
 import { caseFileOf, pythonOf } from "./copies.js";
-import { Charts, panelsOf } from "./charts.js";
+import { Charts } from "./charts.js";
+import { panelsOf } from "./panels.js";
+import { Figures } from "./table.js";
 import { built } from "./controls.js";
 
 const byId = (id) => document.getElementById(id);
 const data = readData(byId("data").textContent);
-const setting = fromHash(data, location.hash.slice(1));
-const NAMES = {
-  max_abs_e: "max |e|", tail_max_abs_e: "max |e|, tail", rms_e: "RMS e", max_abs_u: "max |u|", theta_hat_final: "estimates at the end",
-  theta_hat_variation_rate: "variation, 1/s",
-};
+const setting = beginningOf(data, "");
 const runs = data.controllers.map(() => null);
 const keys = data.controllers.map(() => "");
 const wanted = data.controllers.map(() => null);
 const busy = data.controllers.map(() => false);
 let pinned = null;
 let drawn = 0;
+let following = null; // what is set once a lesson's beginning was simulated
 
 const source = URL.createObjectURL(new Blob([JSON.parse(byId("worker").textContent)], { type: "text/javascript" }));
 const count = Math.max(1, Math.min(data.controllers.length, navigator.hardwareConcurrency || 1));
@@ -41,7 +42,7 @@ function request() {
     wanted[i] = { task, began: performance.now() };
     send(i);
   });
-  document.body.dataset.state = busy.some(Boolean) ? "busy" : "ready";
+  document.body.dataset.state = "busy";
   show();
 }
 
@@ -59,7 +60,7 @@ function answered(answer) {
   if (answer.failed) byId("failed").textContent = `${data.controllers[i].name} can't be simulated here: ${answer.failed}`;
   else {
     const { tEnd, steps } = task.grid;
-    answer.t = Array.from(answer.starts, (k) => (k * tEnd) / steps);
+    answer.t = answer.starts.map((k) => (k * tEnd) / steps);
     answer.began = began;
     runs[i] = answer;
     byId("failed").textContent = "";
@@ -76,95 +77,87 @@ function show() {
   });
 }
 
+function labelled(of, dash, after) {
+  return of.flatMap((run, i) => (run && setting.shown[i] ? [{ run, colour: i, dash, label: `${data.controllers[i].name}${after}` }] : []));
+}
+
 function draw() {
-  const live = runs.flatMap((run, i) => (run && setting.shown[i] ? [{ run, colour: i, dash: null, label: data.controllers[i].name }] : []));
-  const kept = pinned
-    ? pinned.runs.flatMap((run, i) => (run && setting.shown[i] ? [{ run, colour: i, dash: [4, 3], label: `${data.controllers[i].name}, pinned` }] : []))
-    : [];
+  const live = labelled(runs, null, "");
+  const kept = pinned ? labelled(pinned.runs, [4, 3], ", pinned") : [];
   const moved = data.numbers.some((number, i) => /^(plant|reference_model)/.test(number.path) && setting.values[i] !== number.value);
   charts.draw(panelsOf(data, [...live, ...kept], moved));
-  figuresTable(live, kept);
+  figures.show([...live, ...kept]);
   const waiting = busy.some(Boolean);
-  document.body.dataset.state = waiting ? "busy" : "ready";
-  if (!waiting && live.length) {
-    document.body.dataset.milliseconds = Math.max(...live.map(({ run }) => performance.now() - run.began)).toFixed(1);
-    document.body.dataset.simulating = live.map(({ run }) => run.milliseconds.toFixed(1)).join(" ");
-    const ends = live.map(({ run, label }) => `${label} ${run.figures.diverged_at === null ? "stays bounded" : `diverges at ${brief(run.figures.diverged_at)} s`}`);
-    byId("spoken").textContent = `${ends.join(", ")}.`;
-  }
+  if (!waiting) settled(live);
+  document.body.dataset.state = waiting || drawn ? "busy" : "ready";
 }
 
-function brief(value) {
-  if (value === null) return "–";
-  if (Array.isArray(value)) return value.length ? value.map(brief).join(", ") : "–";
-  return value === 0 ? "0" : String(Number(value.toPrecision(4)));
+// All runs of the setting are there and drawn.
+function settled(live) {
+  const { dataset } = document.body;
+  dataset.milliseconds = Math.max(0, ...live.map(({ run }) => performance.now() - run.began)).toFixed(1);
+  dataset.simulating = live.map(({ run }) => run.milliseconds.toFixed(1)).join(" ");
+  dataset.stepping = live.map(({ run }) => run.stepping.toFixed(1)).join(" ");
+  const ends = live.map(({ run, label }) => `${label} ${run.figures.diverged_at === null ? "stays bounded" : `diverges at ${run.figures.diverged_at} s`}`);
+  if (live.length) byId("spoken").textContent = `${ends.join(", ")}.`;
+  lessons.told(setting, runs.map((run, i) => (run && setting.shown[i] ? run.figures : null)));
+  if (!following) return;
+  Object.assign(setting, following);
+  following = null;
+  controls.show();
+  request();
 }
 
-function figuresTable(live, kept) {
-  const body = byId("figures");
-  body.textContent = "";
-  for (const { run, label } of [...live, ...kept]) {
-    const row = body.insertRow();
-    const head = document.createElement("th");
-    head.scope = "row";
-    head.textContent = label;
-    row.append(head);
-    const { figures } = run;
-    if (figures.diverged_at !== null) {
-      const cell = row.insertCell();
-      cell.colSpan = Object.keys(NAMES).length;
-      cell.textContent = `diverged at t = ${brief(figures.diverged_at)} s`;
-    } else {
-      for (const [key, name] of Object.entries(NAMES)) {
-        const cell = row.insertCell();
-        cell.dataset.label = name;
-        cell.textContent = brief(figures[key]);
-      }
-    }
-    row.dataset.figures = JSON.stringify(figures);
-  }
+// From an address: a lesson's beginning is simulated first, what stands in the address beside it then.
+function entered() {
+  const given = fromHash(data, location.hash.slice(1));
+  const beginning = beginningOf(data, given.lesson);
+  following = given.lesson && toHash(data, given) !== toHash(data, beginning) ? given : null;
+  lessons.begun(given.lesson);
+  Object.assign(setting, following ? beginning : given);
+  controls.show();
+  request();
+}
+
+function begin(key) {
+  lessons.begun(key);
+  Object.assign(setting, beginningOf(data, key));
+  controls.show();
+  changed();
 }
 
 function copied(text) {
-  const dialog = byId("copy");
   byId("copied").value = text;
-  dialog.showModal();
+  byId("copy").showModal();
   byId("copied").select();
   navigator.clipboard?.writeText(text).catch(() => undefined); // a page from disk may not; the text is selected
 }
 
+const figures = new Figures(byId("figures"));
 const charts = new Charts(byId("charts"), (min, max) => {
-  byId("from").value = brief(min);
-  byId("to").value = brief(max);
+  byId("from").value = Number(min.toPrecision(4));
+  byId("to").value = Number(max.toPrecision(4));
 });
 const controls = built(byId("controls"), data, setting, changed);
+const lessons = new Lessons(byId("lessons"), data, begin, (lesson) => {
+  Object.assign(setting, withNumbers(data, beginningOf(data, lesson.key), lesson.example));
+  controls.show();
+  changed();
+});
 
 byId("case-file").hidden = !data.case_file;
 byId("case-file").addEventListener("click", () => copied(caseFileOf(data, setting)));
 byId("python").addEventListener("click", () => copied(pythonOf(data, setting)));
 byId("close").addEventListener("click", () => byId("copy").close());
-byId("reset").addEventListener("click", () => {
-  Object.assign(setting, initialSetting(data));
-  controls.show();
-  changed();
-});
+byId("reset").addEventListener("click", () => begin(""));
 byId("pin").addEventListener("click", () => {
   pinned = pinned ? null : { runs: runs.slice() };
   byId("pin").setAttribute("aria-pressed", String(Boolean(pinned)));
   show();
 });
-for (const id of ["from", "to"]) {
-  byId(id).addEventListener("change", () => {
-    const [min, max] = [Number(byId("from").value), Number(byId("to").value)];
-    if (min < max) charts.zoom(min, max);
-  });
-}
+for (const id of ["from", "to"]) byId(id).addEventListener("change", () => charts.zoom(Number(byId("from").value), Number(byId("to").value)));
 byId("whole").addEventListener("click", () => charts.whole());
 window.addEventListener("resize", () => charts.resized());
-window.addEventListener("hashchange", () => {
-  Object.assign(setting, fromHash(data, location.hash.slice(1)));
-  controls.show();
-  request();
-});
+window.addEventListener("hashchange", entered);
 matchMedia("(prefers-color-scheme: dark)").addEventListener("change", show);
-request();
+entered();

@@ -20,12 +20,13 @@ export function readData(text) {
   return data;
 }
 
-export function initialSetting(data) {
+// The case as it is given.
+export function caseSetting(data) {
   const { t_end: tEnd, dt, solver } = data.simulation;
   return {
     values: data.numbers.map((number) => number.value), tEnd, dt, solver, delay: data.delay ? data.delay.value : 0,
     projection: data.controllers.map((controller) => controller.projection),
-    shown: data.controllers.map(() => true),
+    shown: data.controllers.map(() => true), lesson: "",
   };
 }
 
@@ -117,31 +118,3 @@ export function taskOf(data, setting, index) {
   };
 }
 
-export function toHash(data, setting) {
-  const initial = initialSetting(data);
-  const said = new URLSearchParams();
-  data.numbers.forEach((number, i) => { if (setting.values[i] !== number.value) said.set(number.path, setting.values[i]); });
-  for (const key of ["tEnd", "dt", "solver", "delay"]) if (setting[key] !== initial[key]) said.set(key, setting[key]);
-  setting.projection.forEach((side, i) => { if (side !== initial.projection[i]) said.set(`projection.${i}`, side); });
-  setting.shown.forEach((shown, i) => { if (!shown) said.set(`hidden.${i}`, "1"); });
-  return said.toString();
-}
-
-// What can't be taken from a link is left as the case has it.
-export function fromHash(data, text) {
-  const setting = initialSetting(data);
-  const said = new URLSearchParams(text);
-  data.numbers.forEach((number, i) => {
-    const value = said.has(number.path) ? Number(said.get(number.path)) : number.value;
-    if (!refusal(number, value)) setting.values[i] = taken(number, value);
-  });
-  const [tEnd, dt, delay] = ["tEnd", "dt", "delay"].map((key) => (said.has(key) ? Number(said.get(key)) : setting[key]));
-  const late = data.delay && delayRefusal(data, { tEnd, dt }, delay);
-  if (!late && !gridRefusal(data, tEnd, dt, delay)) Object.assign(setting, { tEnd, dt, delay });
-  if (data.solvers[said.get("solver")]) setting.solver = said.get("solver");
-  data.controllers.forEach((controller, i) => {
-    if (controller.variants[said.get(`projection.${i}`)]) setting.projection[i] = said.get(`projection.${i}`);
-    setting.shown[i] = !said.has(`hidden.${i}`);
-  });
-  return setting;
-}

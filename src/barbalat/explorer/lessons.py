@@ -1,0 +1,110 @@
+"""Lessons of a page: a setting to begin from, a goal that the page checks, and the claims that it is about."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+from barbalat.cases.build import Case
+from barbalat.claims.claim import Claim
+
+
+@dataclass(frozen=True, kw_only=True)
+class FigureGoal:
+    """The largest entry of a controller's figure, over every step, against a number: a bound, or a share of another figure.
+
+    share_of  None; "start", the same figure of the lesson's first run; or another controller's name
+    """
+
+    controller: str
+    figure: str
+    relation: Literal["<", ">"]
+    value: float
+    share_of: str | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class BoundedGoal:
+    """The controller's run ends without diverging."""
+
+    controller: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class SettingGoal:
+    """A number of the case that the goal holds on to, by its place."""
+
+    path: str
+    relation: Literal["<=", ">="]
+    value: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class UnprojectedGoal:
+    """The controller's projection stays switched off."""
+
+    controller: str
+
+
+Goal = FigureGoal | BoundedGoal | SettingGoal | UnprojectedGoal
+
+
+@dataclass(frozen=True, kw_only=True)
+class Lesson:
+    """What a page sets up, says and checks.
+
+    shown       the controllers that are simulated, by their names
+    numbers     by their places; the rest is the case's own
+    projection  by controller, where it is not the case's own
+    goal        in words, and what has to hold for it
+    example     numbers that reach it from the beginning; a page shows them on request
+    claims      rows of the ledger
+    """
+
+    key: str
+    title: str
+    text: str
+    shown: tuple[str, ...]
+    goal: str
+    checks: tuple[Goal, ...]
+    example: Mapping[str, float]
+    claims: tuple[str, ...]
+    numbers: Mapping[str, float] = field(default_factory=dict)
+    projection: Mapping[str, bool] = field(default_factory=dict)
+
+    def as_data(self, case: Case, claims: Sequence[Claim]) -> dict[str, Any]:
+        """For a page of this case; ``claims`` are those that were measured, of which there may be none."""
+        names = [controller.name for controller in case.controllers]
+        return {
+            "key": self.key, "title": self.title, "text": self.text, "goal": self.goal,
+            "numbers": dict(self.numbers), "example": dict(self.example),
+            "shown": [name in self.shown for name in names],
+            "projection": {str(names.index(name)): "on" if on else "off" for name, on in self.projection.items()},
+            "checks": [_goal(one, names) for one in self.checks],
+            "claims": [_claim(name, claims) for name in self.claims],
+        }  # fmt: skip
+
+
+def _goal(one: Goal, names: list[str]) -> dict[str, Any]:
+    if isinstance(one, SettingGoal):
+        return {"path": one.path, "relation": one.relation, "value": one.value}
+    if isinstance(one, UnprojectedGoal):
+        return {"unprojected": names.index(one.controller)}
+    if isinstance(one, BoundedGoal):
+        return {"bounded": names.index(one.controller)}
+    share = one.share_of if one.share_of in (None, "start") else names.index(str(one.share_of))
+    index = names.index(one.controller)
+    return {"controller": index, "figure": one.figure, "relation": one.relation, "value": one.value, "share": share}
+
+
+def _claim(name: str, claims: Sequence[Claim]) -> dict[str, Any]:
+    """A row of the ledger: with its verdict where it was measured in the same run, else its name alone."""
+    found = [claim for claim in claims if claim.id == name]
+    if not found:
+        return {"id": name}
+    (claim,) = found
+    return {
+        "id": name, "statement": claim.statement, "verdict": claim.verdict, "number": claim.number or claim.measured,
+        "place": f"claims.html#claim-{name}",
+    }  # fmt: skip

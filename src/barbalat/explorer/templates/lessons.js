@@ -1,0 +1,137 @@
+// Lessons: a setting to begin from, a goal that is checked after every run, and the claims that it is about.
+
+import { caseSetting } from "./setting.js";
+
+const WORDS = {
+  max_abs_e: "largest error", tail_max_abs_e: "largest error in the tail", theta_hat_variation_rate: "variation of the estimates, 1/s",
+};
+
+function largest(figures, name) {
+  const value = figures[name];
+  if (value === null) return null;
+  return Array.isArray(value) ? Math.max(...value) : value;
+}
+
+function compared(found, relation, wanted) {
+  if (found === null || wanted === null) return false;
+  return { "<": found < wanted, ">": found > wanted, "<=": found <= wanted * (1 + 1e-9), ">=": found >= wanted * (1 - 1e-9) }[relation];
+}
+
+function settingOf(data, setting, path) {
+  const own = { "simulation.dt": setting.dt, "simulation.t_end": setting.tEnd, "plant.input.delay": setting.delay };
+  return path in own ? own[path] : setting.values[data.numbers.findIndex((number) => number.path === path)];
+}
+
+function short(value) {
+  return value === null ? "none: the run diverged" : String(Number(value.toPrecision(3)));
+}
+
+// Whether a check holds, and what was found.
+function judged(data, setting, figures, started, check) {
+  if ("unprojected" in check) return [setting.projection[check.unprojected] === "off", "projection is on again"];
+  if ("bounded" in check) {
+    const at = figures[check.bounded].diverged_at;
+    return [at === null, `${data.controllers[check.bounded].name} diverges at ${at === null ? "" : short(at)} s`];
+  }
+  if ("path" in check) {
+    const value = settingOf(data, setting, check.path);
+    const number = data.numbers.find((one) => one.path === check.path);
+    const name = number ? number.label : { "simulation.dt": "the step", "plant.input.delay": "the delay" }[check.path];
+    return [compared(value, check.relation, check.value), `${name} is ${value}`];
+  }
+  const found = largest(figures[check.controller], check.figure);
+  const whole = { null: () => 1, start: () => largest(started[check.controller], check.figure) }[check.share]
+    ?? (() => largest(figures[check.share], check.figure));
+  const of = whole();
+  const wanted = of === null ? null : check.value * of;
+  const said = `${data.controllers[check.controller].name}: ${WORDS[check.figure]} ${short(found)}, wanted ${check.relation} ${short(wanted)}`;
+  return [compared(found, check.relation, wanted), said];
+}
+
+export function reached(data, lesson, setting, figures, started) {
+  const all = lesson.checks.map((check) => judged(data, setting, figures, started, check));
+  return { holds: all.every(([holds]) => holds), missing: all.filter(([holds]) => !holds).map(([, said]) => said) };
+}
+
+export function withNumbers(data, setting, numbers) {
+  for (const [path, value] of Object.entries(numbers)) {
+    if (path === "simulation.dt") setting.dt = value;
+    else if (path === "plant.input.delay") setting.delay = value;
+    else setting.values[data.numbers.findIndex((number) => number.path === path)] = value;
+  }
+  return setting;
+}
+
+// The setting that a page, or one of its lessons, begins with.
+export function beginningOf(data, key) {
+  const setting = caseSetting(data);
+  const lesson = lessonOf(data, key);
+  if (!lesson) return setting;
+  setting.lesson = lesson.key;
+  setting.shown = lesson.shown.slice();
+  for (const [i, side] of Object.entries(lesson.projection)) setting.projection[i] = side;
+  return withNumbers(data, setting, lesson.numbers);
+}
+
+export function lessonOf(data, key) {
+  return data.lessons.find((lesson) => lesson.key === key) || null;
+}
+
+function claimOf(claim) {
+  const row = document.createElement("li");
+  const name = document.createElement(claim.place ? "a" : "code");
+  if (claim.place) name.href = claim.place;
+  name.textContent = claim.id;
+  row.append(name);
+  if (claim.verdict) {
+    const verdict = document.createElement("b");
+    verdict.textContent = claim.verdict;
+    row.append(`: ${claim.statement}. Verdict: `, verdict, `. ${claim.number}.`);
+  } else row.append(`: its verdict is measured by barbalat claims ${claim.id}.`);
+  return row;
+}
+
+// The chooser above the figures. begin(key) sets a lesson up, show(lesson) its example; told() is what the last runs came to.
+export class Lessons {
+  constructor(root, data, begin, example) {
+    this.root = root;
+    this.data = data;
+    this.started = null;
+    root.hidden = data.lessons.length === 0;
+    if (root.hidden) return;
+    const at = (name) => root.querySelector(`[data-part=${name}]`);
+    this.parts = Object.fromEntries(["choice", "text", "goal", "said", "claims", "again", "example", "body"].map((name) => [name, at(name)]));
+    const none = new Option("choose one, or move the sliders freely", "");
+    this.parts.choice.append(none, ...data.lessons.map((lesson) => new Option(lesson.title, lesson.key)));
+    this.parts.choice.addEventListener("change", () => begin(this.parts.choice.value));
+    this.parts.again.addEventListener("click", () => begin(this.parts.choice.value));
+    this.parts.example.addEventListener("click", () => example(lessonOf(data, this.parts.choice.value)));
+  }
+
+  // Another lesson, or the same one from its beginning; its first runs are what shares are of.
+  begun(key) {
+    this.started = null;
+    this.lesson = lessonOf(this.data, key);
+    if (this.root.hidden) return;
+    const { choice, text, goal, said, claims, body } = this.parts;
+    choice.value = this.lesson ? key : "";
+    body.hidden = !this.lesson;
+    said.textContent = "";
+    delete this.root.dataset.goal;
+    if (!this.lesson) return;
+    text.textContent = this.lesson.text;
+    goal.textContent = this.lesson.goal;
+    claims.replaceChildren(...this.lesson.claims.map(claimOf));
+  }
+
+  // After runs: figures by controller, null where one is not simulated.
+  told(setting, figures) {
+    if (!this.lesson) return;
+    const needed = this.lesson.shown.flatMap((shown, i) => (shown ? [i] : []));
+    if (needed.some((i) => !figures[i])) return;
+    this.started ??= figures.slice();
+    const { holds, missing } = reached(this.data, this.lesson, setting, figures, this.started);
+    this.root.dataset.goal = holds ? "reached" : "open";
+    this.parts.said.textContent = holds ? "Reached." : `Not yet. ${missing.join("; ")}.`;
+  }
+}

@@ -1,0 +1,100 @@
+// Panels as in barbalat run: motion with model and command, error, control, estimates.
+
+// The panels' series, from the runs that are shown; each is {t, label, low, high?, colour, dash}.
+export function panelsOf(data, shown, moved) {
+  const errors = shown.map((part) => ({ ...part, t: part.run.t, low: largestError(data, part.run) }));
+  return [
+    ...data.controllers[0].panels.map((panel) => motion(data, shown, moved, panel)),
+    { title: "Largest |eᵢ| between two recorded instants", series: errors, log: true },
+    { title: "Control u", series: shown.flatMap((part) => envelopes(data, part, "u", "u")) },
+    ...data.controllers.flatMap((controller, index) => {
+      const own = shown.filter(({ run }) => run.index === index);
+      const none = !own.length || controller.theta_hat[1] === controller.theta_hat[0];
+      return none ? [] : [estimates(data, own, moved, controller)];
+    }),
+  ];
+}
+
+function motion(data, shown, moved, panel) {
+  const series = shown.map((part) => {
+    const at = data.controllers[part.run.index];
+    return { ...part, t: part.run.t, low: at.output ? middle(part.run, at, "y", 0) : rows(part.run, at.x[panel.state]) };
+  });
+  const { output } = data.controllers[0];
+  const title = output ? "Output y, model and command" : `State x${panel.state + 1}, model and command`;
+  const first = shown.find(({ dash }) => !dash) || shown[0];
+  if (!first) return { title, series };
+  const { run } = first;
+  const at = data.controllers[run.index];
+  let model = null;
+  if (at.output) {
+    const e = middle(run, at, "e", 0);
+    model = middle(run, at, "y", 0).map((v, i) => v - e[i]);
+  } else model = rows(run, at.x_m[panel.state]);
+  series.push({ t: run.t, low: model, colour: "ink", dash: [6, 4], label: "model" });
+  for (const { index, gain } of panel.commands) {
+    const scale = moved ? 1 : gain; // the model's gain at rest is the case's
+    const value = run.t.map((_, i) => scale * run.r[i * at.shape.commands + index]);
+    const label = Math.abs(scale - 1) < 1e-3 ? "command" : `${Number(scale.toPrecision(4))} × command`;
+    series.push({ t: run.t, low: value, colour: "quiet", dash: [2, 3], label });
+  }
+  return { title, series };
+}
+
+function estimates(data, own, moved, controller) {
+  const series = own.flatMap(({ run, dash }) => envelopes(data, { run, dash, colour: null, label: null }, "theta_hat", "θ̂"));
+  const count = controller.theta_hat[1] - controller.theta_hat[0];
+  if (controller.true && controller.true.length === count && !moved) {
+    const { t } = own[0].run;
+    controller.true.forEach((value, i) => {
+      series.push({ t, low: t.map(() => value), colour: i, dash: [2, 3], label: i ? null : "true values" });
+    });
+  }
+  return { title: `${controller.name}: estimates`, series };
+}
+
+function largestError(data, run) {
+  const at = data.controllers[run.index];
+  const found = new Float64Array(run.t.length).fill(Number.MIN_VALUE);
+  for (const side of ["min", "max"]) {
+    for (const part of entries(run, at, "e", side)) {
+      for (let i = 0; i < found.length; i++) if (!(Math.abs(part[i]) <= found[i])) found[i] = Math.abs(part[i]);
+    }
+  }
+  return found;
+}
+
+// A row of what was recorded, at every instant.
+function rows(run, row) {
+  const found = new Float64Array(run.t.length);
+  for (let i = 0; i < found.length; i++) found[i] = run.recorded[i * run.size + row];
+  return found;
+}
+
+function place(at, quantity, side) {
+  let row = at.shape.states;
+  for (const [name, operation, size] of at.operations) {
+    if (name === quantity && operation === side) return [row, size];
+    row += size;
+  }
+  return [row, 0];
+}
+
+function entries(run, at, quantity, side) {
+  const [row, size] = place(at, quantity, side);
+  return Array.from({ length: size }, (_, j) => rows(run, row + j));
+}
+
+function middle(run, at, quantity, j) {
+  const [low, high] = ["min", "max"].map((side) => entries(run, at, quantity, side)[j]);
+  return low.map((v, i) => (v + high[i]) / 2);
+}
+
+function envelopes(data, { run, colour, dash, label }, quantity, symbol) {
+  const at = data.controllers[run.index];
+  const [low, high] = ["min", "max"].map((side) => entries(run, at, quantity, side));
+  return low.map((values, j) => ({
+    t: run.t, low: values, high: high[j], colour: colour ?? j, dash,
+    label: low.length > 1 || label === null ? `${label ? `${label}, ` : ""}${symbol}${j + 1}` : label,
+  }));
+}

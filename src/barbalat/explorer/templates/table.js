@@ -1,0 +1,37 @@
+// The table of figures: a row for each run, in the same cells as long as the runs are the same ones.
+
+const NAMES = {
+  max_abs_e: "max |e|", tail_max_abs_e: "max |e|, tail", rms_e: "RMS e", max_abs_u: "max |u|", theta_hat_final: "estimates at the end",
+  theta_hat_variation_rate: "variation, 1/s",
+};
+
+function brief(value) {
+  if (value === null) return "–";
+  if (Array.isArray(value)) return value.length ? value.map(brief).join(", ") : "–";
+  return value === 0 ? "0" : String(Number(value.toPrecision(4)));
+}
+
+export class Figures {
+  constructor(body) {
+    this.body = body;
+  }
+
+  show(parts) {
+    while (this.body.rows.length > parts.length) this.body.deleteRow(-1);
+    parts.forEach(({ run, label }, i) => this.put(this.body.rows[i] ?? this.body.insertRow(), run.figures, label));
+  }
+
+  put(row, figures, label) {
+    const diverged = figures.diverged_at !== null;
+    const look = `${label} ${diverged}`;
+    if (row.dataset.look !== look) {
+      row.dataset.look = look;
+      row.replaceChildren(Object.assign(document.createElement("th"), { scope: "row", textContent: label }));
+      for (const name of diverged ? [""] : Object.values(NAMES)) row.insertCell().dataset.label = name;
+      if (diverged) row.cells[1].colSpan = Object.keys(NAMES).length;
+    }
+    if (diverged) row.cells[1].textContent = `diverged at t = ${brief(figures.diverged_at)} s`;
+    else Object.keys(NAMES).forEach((key, j) => { row.cells[j + 1].textContent = brief(figures[key]); });
+    row.dataset.figures = JSON.stringify(figures);
+  }
+}

@@ -1,0 +1,57 @@
+// A panel's interval by keyboard and by touch; a mouse drags, which uPlot does itself.
+
+const CLOSER = 0.7; // of the interval that a press of + leaves
+const MOVED = 0.2; // of the interval that an arrow moves it
+
+// charts: shown() is the interval [min, max], zoom(min, max) sets it, whole() shows all.
+export function gestures(box, charts) {
+  box.addEventListener("keydown", (event) => {
+    if (event.ctrlKey || event.altKey || event.metaKey) return;
+    const [min, max] = charts.shown();
+    const width = max - min;
+    const by = {
+      "+": () => charts.zoom(min + (width * (1 - CLOSER)) / 2, max - (width * (1 - CLOSER)) / 2),
+      "-": () => charts.zoom(min - (width * (1 / CLOSER - 1)) / 2, max + (width * (1 / CLOSER - 1)) / 2),
+      ArrowLeft: () => moved(charts, -MOVED * width), ArrowRight: () => moved(charts, MOVED * width), 0: () => charts.whole(), Escape: () => charts.whole(),
+    }[event.key === "=" ? "+" : event.key];
+    if (!by) return;
+    event.preventDefault();
+    by();
+  });
+  touches(box, charts);
+}
+
+// Along by so much, but not beyond the run.
+function moved(charts, by) {
+  const [min, max] = charts.shown();
+  const whole = charts.plots[0].data[0];
+  const free = Math.min(Math.max(by, whole[0] - min), whole[whole.length - 1] - max);
+  if (free) charts.zoom(min + free, max + free);
+}
+
+// Two fingers zoom, each staying over its instant; one finger moves what is zoomed. Up and down scrolls the page.
+function touches(box, charts) {
+  let held = null;
+  const places = (event) => {
+    const over = box.querySelector(".u-over").getBoundingClientRect();
+    return Array.from(event.touches, (one) => (one.clientX - over.left) / over.width);
+  };
+  const hold = (event) => {
+    const [min, max] = charts.shown();
+    held = event.touches.length ? { at: places(event).map((share) => min + share * (max - min)) } : null;
+  };
+  box.addEventListener("touchstart", hold, { passive: true });
+  box.addEventListener("touchend", hold, { passive: true });
+  box.addEventListener("touchmove", (event) => {
+    if (!held || held.at.length !== event.touches.length) return;
+    const shares = places(event);
+    const [min, max] = charts.shown();
+    if (shares.length === 1) {
+      moved(charts, held.at[0] - (min + shares[0] * (max - min)));
+    } else if (shares.length === 2 && Math.abs(shares[1] - shares[0]) > 0.02) {
+      const width = (held.at[1] - held.at[0]) / (shares[1] - shares[0]);
+      if (width > 0) charts.zoom(held.at[0] - shares[0] * width, held.at[0] + (1 - shares[0]) * width);
+      event.preventDefault();
+    }
+  }, { passive: false });
+}
