@@ -32,6 +32,8 @@ MOVE = """([i, share]) => {
     slider.dispatchEvent(new Event('input'));
     return slider.value;
 }"""
+ROWS = """() => Object.fromEntries([...document.querySelectorAll('#figures tr')]
+    .map(row => [row.cells[0].textContent, JSON.parse(row.dataset.figures)]))"""
 READY = "() => document.body.dataset.state === 'ready' && document.querySelector('#figures tr')"
 
 
@@ -97,11 +99,13 @@ def compared(tab: Page, when: str) -> Iterator[str]:
     except ValueError as error:
         yield f"{when}: the copied case is refused: {error}"
         return
-    runs = simulate(case.problem, case.controllers, case.simulation)
-    rows = tab.evaluate("[...document.querySelectorAll('#figures tr')].map(row => JSON.parse(row.dataset.figures))")
-    if len(rows) != len(runs):
-        yield f"{when}: {len(rows)} rows for {len(runs)} runs"
-    for (name, run), figures in zip(runs.items(), rows, strict=False):
+    rows = tab.evaluate(ROWS)
+    shown = [controller for controller in case.controllers if controller.name in rows]
+    if len(rows) != len(shown) or len(rows) != tab.locator("input[id^=shown-]:checked").count():
+        yield f"{when}: rows for {', '.join(rows) or 'nothing'}"
+    runs = simulate(case.problem, shown, case.simulation)
+    for name, figures in rows.items():
+        run = runs[name]
         for key, value in run.figures.items():
             if figures.get(key) != value:
                 yield f"{when}: {name}: {key} is {figures.get(key)}, and {value} in barbalat run"

@@ -62,6 +62,7 @@ def _reproduced(
     from barbalat.claims import figures as paper
     from barbalat.claims import ledger, section_v
     from barbalat.claims.rows import LEDGER
+    from barbalat.explorer import section_v as explorers
     from barbalat.report import documents, page, write
 
     processes = 1 if quick else os.cpu_count() or 1
@@ -74,6 +75,7 @@ def _reproduced(
         figures = paper.paper_figures(runs)
         narrow = ahead.pool.submit(write.narrow_pictures, figures)
         certified = ahead.certified.result()
+        exploring = {} if quick else {file: ahead.pool.submit(explorers.contents, file) for file in explorers.PAGES}
         drawing_loops = ahead.pool.submit(write.loop_pictures, certified.certificates)
         pictures = write.draw_reproduction(folder, figures, drawn=lambda share: pace.drawn(PICTURES_SECONDS * share))
         seconds["pictures"] = time.perf_counter() - started - sum(seconds.values())
@@ -87,10 +89,13 @@ def _reproduced(
         )
         pictures, loops = write.with_narrow(pictures, narrow.result()), drawing_loops.result()
         write.keep(folder, [*pictures.values(), *loops])
-        seconds["claims, maps, certificates"] = time.perf_counter() - started - sum(seconds.values())
+        for file, contents in exploring.items():
+            folder.write(file, contents.result().page(claims))
+        seconds["claims, maps, certificates, explorers"] = time.perf_counter() - started - sum(seconds.values())
     seconds["total"] = time.perf_counter() - started
     document = documents.as_json(documents.reproduction_document(figures, claims, certified, seconds))
-    for file, text in page.reproduction(figures, claims, pictures, maps, certified, loops, seconds).items():
+    tried = explorers.addresses(claims) if exploring else {}
+    for file, text in page.reproduction(figures, claims, pictures, maps, certified, loops, seconds, tried).items():
         folder.write(file, text)
     folder.write("report.json", document)
     return figures, claims, document, seconds["total"]

@@ -77,7 +77,7 @@ class Described:
                 "smooth": [is_smooth(signal) for signal in problem.signals],
                 "grids": self._grids() if breaks_anywhere(problem.signals) else None,
             },
-            "delay": None if problem.delay == 0 else {"value": problem.delay, "slider": self._delay_moves(), "weights": delay_weights()},
+            "delay": self._delay() if problem.delay > 0 else None,
             "numbers": [
                 {
                     "path": str(one.number.path), "label": one.number.label, "group": _group_name(one.number, self.case),
@@ -94,15 +94,17 @@ class Described:
     def slots(self) -> list[FieldPath]:
         """Places in a copied case file that take a number of the page: the sliders', horizon and step, the delay."""
         own = [FieldPath(("simulation", key)) for key in GRID]
-        return [*(one.number.path for one in self.sliders), *own, *([DELAY] if self.case.problem.delay > 0 else [])]
+        return [*(one.number.path for one in self.sliders), *own, *([DELAY] if self.case.problem.delay > 0 and self._delay()["slider"] else [])]
 
-    def _delay_moves(self) -> bool:
-        """Whether the case's text has one number that is the delay."""
-        tried = self.case.problem.delay + self.case.simulation.dt
+    def _delay(self) -> dict[str, Any]:
+        """It has a slider where the case has one number that is the delay."""
+        own = self.case.problem.delay
+        tried = own + self.case.simulation.dt
         try:
-            return self.source.at({DELAY: tried}).problem.delay == tried
+            moves = self.source.at({DELAY: tried}).problem.delay == tried
         except InputError:
-            return False
+            moves = False
+        return {"value": own, "slider": moves, "weights": delay_weights()}
 
     def _grids(self) -> list[dict[str, Any]]:
         """All for one kind of kernel: with steps in pieces, or without."""

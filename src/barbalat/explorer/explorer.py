@@ -31,16 +31,16 @@ FRAME_HEIGHT = 900
 
 @dataclass(frozen=True, eq=False)
 class Contents:
-    """A page's data and the HTML of its certificates."""
+    """A page's data and the HTML of its certificates; ``names`` are its controllers'."""
 
     data: dict[str, Any]
     certificates: str
-    case: Case
+    names: tuple[str, ...]
     lessons: tuple[Lesson, ...]
 
     def page(self, claims: Sequence[Claim]) -> str:
         """The whole page, with the verdicts on these claims; InputError where it would be too large."""
-        lessons = [lesson.as_data(self.case, claims) for lesson in self.lessons]
+        lessons = [lesson.as_data(self.names, claims) for lesson in self.lessons]
         return html(self.data | {"lessons": lessons}, self.certificates)
 
 
@@ -60,7 +60,8 @@ class Explorer:
     def contents(self) -> Contents:
         """All that is on the page but for the verdicts on claims that its lessons name."""
         described = Described.of(self.source)
-        return Contents(described.as_data(), section(described.case), described.case, self.lessons)
+        names = tuple(controller.name for controller in described.case.controllers)
+        return Contents(described.as_data(), section(described.case), names, self.lessons)
 
     def save(self, path: str | Path) -> Path:
         """Write it to a file."""

@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
-from barbalat.cases.build import Case
 from barbalat.claims.claim import Claim
 
 
@@ -73,9 +72,8 @@ class Lesson:
     numbers: Mapping[str, float] = field(default_factory=dict)
     projection: Mapping[str, bool] = field(default_factory=dict)
 
-    def as_data(self, case: Case, claims: Sequence[Claim]) -> dict[str, Any]:
-        """For a page of this case; ``claims`` are those that were measured, of which there may be none."""
-        names = [controller.name for controller in case.controllers]
+    def as_data(self, names: Sequence[str], claims: Sequence[Claim]) -> dict[str, Any]:
+        """For a page of controllers with these names; ``claims`` are those that were measured, of which there may be none."""
         return {
             "key": self.key, "title": self.title, "text": self.text, "goal": self.goal,
             "numbers": dict(self.numbers), "example": dict(self.example),
@@ -86,7 +84,7 @@ class Lesson:
         }  # fmt: skip
 
 
-def _goal(one: Goal, names: list[str]) -> dict[str, Any]:
+def _goal(one: Goal, names: Sequence[str]) -> dict[str, Any]:
     if isinstance(one, SettingGoal):
         return {"path": one.path, "relation": one.relation, "value": one.value}
     if isinstance(one, UnprojectedGoal):

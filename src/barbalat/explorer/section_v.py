@@ -1,8 +1,14 @@
-"""The lessons of Section V: Figures 2 to 5, and what the paper says of its schemes, each to be tried."""
+"""Section V as pages: lessons on Figures 2 to 5, and on what the paper says of its schemes, each to be tried."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
+from barbalat.cases.load import CaseText, text_to_start_from
+from barbalat.claims.claim import Claim
+from barbalat.explorer.explorer import Contents, Explorer
 from barbalat.explorer.lessons import BoundedGoal, FigureGoal, Lesson, SettingGoal, UnprojectedGoal
+from barbalat.explorer.source import TextSource
 
 TAU, KAPPA, GAMMA, MRAC_GAMMA = "controller[0].tau", "controller[1].filter.kappa", "controller[1].gamma", "controller[2].gamma"
 STEP, DELAY = "simulation.dt", "plant.input.delay"
@@ -16,14 +22,20 @@ QUIET_GAIN = 300.0
 ON_THE_PAPER_S_EXAMPLE = (
     Lesson(
         key="figure-2", title="Figure 2: robust MRAC, and what tau buys", shown=("Robust MRAC",),
-        text="The error dies out and the estimates converge. In the transient the auxiliary input keeps the error small, in proportion to τ.",
+        text=(
+            "The error dies out and the estimates converge. In the transient the auxiliary input keeps the error "
+            "small, in proportion to τ."
+        ),
         goal="Bring the largest error to 0.6 of what it is here, or less.",
         checks=(FigureGoal(controller="Robust MRAC", figure="max_abs_e", relation="<", value=0.6, share_of="start"),),
         example={TAU: 0.25}, claims=("figures-2-5", "tau-error"),
     ),
     Lesson(
         key="figure-3", title="Figure 3: L1-AC at h = 1e-4 s", shown=("L1",),
-        text="The estimates sweep through the whole known set, thousands of times a second. Look for what they depend on.",
+        text=(
+            "The estimates sweep through the whole known set, thousands of times a second. Look for what they "
+            "depend on."
+        ),
         goal="Quieten the estimates (variation below 1 per s) without a smaller step.",
         checks=(
             SettingGoal(path=STEP, relation=">=", value=1e-4),
@@ -33,7 +45,10 @@ ON_THE_PAPER_S_EXAMPLE = (
     ),
     Lesson(
         key="onset", title="Where the oscillation begins", shown=("L1",), numbers={GAMMA: 3000.0},
-        text="At this gain the loop oscillates at h = 1e-4 s. Halve the step and it is gone: the onset is at a fixed product of step and √Γ.",
+        text=(
+            "At this gain the loop oscillates at h = 1e-4 s. Halve the step and it is gone: the onset is at a "
+            "fixed product of step and √Γ."
+        ),
         goal="Make it oscillate (variation above 20 per s) at half this step.",
         checks=(
             SettingGoal(path=STEP, relation="<=", value=5e-5),
@@ -43,7 +58,10 @@ ON_THE_PAPER_S_EXAMPLE = (
     ),
     Lesson(
         key="figure-4", title="Figure 4: a tenth of the step", shown=("L1",), numbers={STEP: 1e-5},
-        text="The same controller, the same gain, six million steps instead of six hundred thousand: the estimates move with the command alone.",
+        text=(
+            "The same controller, the same gain, six million steps instead of six hundred thousand: the estimates"
+            " move with the command alone."
+        ),
         goal="Bring the oscillation back (variation above 20 per s) at this step.",
         checks=(
             SettingGoal(path=STEP, relation="<=", value=1e-5),
@@ -78,8 +96,14 @@ ON_THE_PAPER_S_EXAMPLE = (
     ),
     Lesson(
         key="kappa", title="Toward kappa = 0.05", shown=("L1",), numbers={GAMMA: QUIET_GAIN},
-        text="The paper's condition on the filter ends at κ = 0.05 s, and with it the guarantee. What the loop does there is another question.",
-        goal="Take κ beyond 0.05 s, where nothing is guaranteed any more, and find the loop bounded, with three times the error and more.",
+        text=(
+            "The paper's condition on the filter ends at κ = 0.05 s, and with it the guarantee. What the loop "
+            "does there is another question."
+        ),
+        goal=(
+            "Take κ beyond 0.05 s, where nothing is guaranteed any more, and find the loop bounded, with three "
+            "times the error and more."
+        ),
         checks=(
             SettingGoal(path=KAPPA, relation=">=", value=0.05),
             BoundedGoal(controller="L1"),
@@ -90,7 +114,10 @@ ON_THE_PAPER_S_EXAMPLE = (
     Lesson(
         key="small-gain", title="A small gain instead", shown=("L1", "MRAC"), numbers={MRAC_GAMMA: 1e-2},
         text="L1-AC with Figure 3's gain beside the standard MRAC with a millionth of it, at the same step.",
-        goal="Find a gain of MRAC, at most 10, with which its largest error is a tenth of L1-AC's or less, and its estimates are quiet (variation below 1 per s).",
+        goal=(
+            "Find a gain of MRAC, at most 10, with which its largest error is a tenth of L1-AC's or less, and its"
+            " estimates are quiet (variation below 1 per s)."
+        ),
         checks=(
             SettingGoal(path=MRAC_GAMMA, relation="<=", value=10.0),
             FigureGoal(controller="MRAC", figure="max_abs_e", relation="<", value=0.1, share_of="L1"),
@@ -102,7 +129,8 @@ ON_THE_PAPER_S_EXAMPLE = (
 
 WITH_A_DELAY = (
     Lesson(
-        key="tau-and-delay", title="Theorem 2: tau against a modelling error", shown=("Robust MRAC",), numbers={TAU: 0.02, DELAY: 0.05},
+        key="tau-and-delay", title="Theorem 2: tau against a modelling error",
+        shown=("Robust MRAC",), numbers={TAU: 0.02, DELAY: 0.05},
         text="An input delay of 50 ms, and a τ that would be excellent without it: the loop is lost.",
         goal="Find a τ that bears this delay with an error below 3 in the tail: neither too small nor too large.",
         checks=(
@@ -113,8 +141,12 @@ WITH_A_DELAY = (
         example={TAU: 0.1}, claims=("tau-limit-delay", "delta-2-term"),
     ),
     Lesson(
-        key="delay-and-filter", title="Delay against filter", shown=("L1", "MRAC"), numbers={DELAY: 0.1, GAMMA: 100.0},
-        text="With a delay of 100 ms both L1-AC and the standard MRAC oscillate. Without it a filter only costs error (the lesson What the filter costs); with it, see.",
+        key="delay-and-filter", title="Delay against filter",
+        shown=("L1", "MRAC"), numbers={DELAY: 0.1, GAMMA: 100.0},
+        text=(
+            "With a delay of 100 ms both L1-AC and the standard MRAC oscillate. Without it a filter only costs "
+            "error (the lesson What the filter costs); with it, see."
+        ),
         goal="Choose the filter so that L1-AC's error in the tail is half of MRAC's or less.",
         checks=(
             SettingGoal(path=DELAY, relation=">=", value=0.1),
@@ -124,3 +156,33 @@ WITH_A_DELAY = (
         example={KAPPA: 0.05}, claims=("filter-reduces-margins", "gain-reduces-margins"),
     ),
 )  # fmt: skip
+
+PAGES = {"explorer.html": ON_THE_PAPER_S_EXAMPLE, "explorer-delay.html": WITH_A_DELAY}
+"""By file: ``barbalat reproduce`` leaves them beside its report."""
+
+
+def late(text: str) -> str:
+    """The example with an input delay, at a step that serves it as well; what adapts fast is not its subject."""
+    changed = text.replace('name = "Section V"', 'name = "Section V with an input delay"', 1).replace("dt = 1e-4", "dt = 1e-3", 1)
+    return changed.replace("[reference_model]", "[plant.input]\ndelay = 0.01\n\n[reference_model]", 1)
+
+
+def explorer(file: str) -> Explorer:
+    """The page of that name."""
+    text = text_to_start_from(PAPER)
+    return Explorer(TextSource(CaseText(late(text) if PAGES[file] is WITH_A_DELAY else text)), PAGES[file])
+
+
+def contents(file: str) -> Contents:
+    """Of the page of that name, before anything is measured: another process can make it."""
+    return explorer(file).contents
+
+
+def addresses(claims: Sequence[Claim]) -> dict[str, str]:
+    """Where a figure, and a claim that was measured, can be tried: the first lesson about it."""
+    found: dict[str, str] = {}
+    for file, lessons in PAGES.items():
+        for lesson in lessons:
+            for name in (lesson.key, *(claim.id for claim in claims if claim.id in lesson.claims)):
+                found.setdefault(name, f"{file}#lesson={lesson.key}")
+    return found

@@ -81,6 +81,8 @@ PAGE = "report.html"
 """What a command's first page is called."""
 REPRODUCTION = {PAGE: "Figures", "claims.html": "Claims", "guarantees.html": "Guarantees"}
 """The pages of ``barbalat reproduce``: file -> what the others call it."""
+EXPLORER = "explorer.html"
+"""The page of lessons beside them."""
 
 
 def reproduction(
@@ -91,11 +93,16 @@ def reproduction(
     certified: Certified,
     loops: Sequence[Picture],
     seconds: dict[str, float],
+    tried: Mapping[str, str],
 ) -> dict[str, str]:
-    """The pages of ``barbalat reproduce`` by their files; ``pictures`` and ``maps`` are by key, ``seconds`` by part."""
+    """The pages of ``barbalat reproduce`` by their files; ``pictures`` and ``maps`` are by key, ``seconds`` by part.
+
+    tried  addresses of lessons by the names of claims and of figures, as "figure-2"; empty without explorers
+    """
     tally = Counter(claim.verdict for claim in claims)
     count = sum(figure.reproduced for figure in figures)
-    values: dict[str, object] = {"tally": dict(tally.most_common()), "reproduced": count, "siblings": REPRODUCTION}
+    values: dict[str, object] = {"tally": dict(tally.most_common()), "reproduced": count, "tried": tried}
+    values["siblings"] = REPRODUCTION | ({EXPLORER: "Explorer"} if tried else {})
     values |= {
         "figures": figures,
         "claims": claims,

@@ -130,7 +130,7 @@ export function built(root, data, setting, changed) {
   let place = 0;
   for (const [name, elements] of groups) {
     const wide = matchMedia("(min-width: 761px)").matches;
-    const open = wide ? place < data.controllers.length || ["Command", "Simulation"].includes(name) : place === 0;
+    const open = wide ? place < data.controllers.length || ["Command", "Simulation"].includes(name) : false;
     const group = made("details", open ? { open: "" } : {}, made("summary", {}, name), ...elements);
     root.append(group);
     place += 1;

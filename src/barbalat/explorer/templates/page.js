@@ -18,14 +18,24 @@ const runs = data.controllers.map(() => null);
 const keys = data.controllers.map(() => "");
 const wanted = data.controllers.map(() => null);
 const busy = data.controllers.map(() => false);
+const costs = data.controllers.map(() => 0);
 let pinned = null;
 let drawn = 0;
+let drawnAt = 0;
+const PATIENCE = 150; // ms without a picture, after which one run is drawn before the others are there
 let following = null; // what is set once a lesson's beginning was simulated
 
 const source = URL.createObjectURL(new Blob([JSON.parse(byId("worker").textContent)], { type: "text/javascript" }));
 const count = Math.max(1, Math.min(data.controllers.length, navigator.hardwareConcurrency || 1));
 const workers = Array.from({ length: count }, () => new Worker(source));
-for (const worker of workers) worker.onmessage = ({ data: answer }) => answered(answer);
+const idle = workers.slice();
+for (const worker of workers) {
+  worker.onmessage = ({ data: answer }) => {
+    idle.push(worker);
+    answered(answer);
+    send();
+  };
+}
 
 function changed() {
   history.replaceState(null, "", `#${toHash(data, setting)}`);
@@ -40,17 +50,22 @@ function request() {
     if (key === keys[i]) return;
     keys[i] = key;
     wanted[i] = { task, began: performance.now() };
-    send(i);
   });
+  send();
   document.body.dataset.state = "busy";
-  show();
+  if (![...busy, ...wanted].some(Boolean)) show();
 }
 
-function send(i) {
-  if (busy[i] || !wanted[i]) return;
-  busy[i] = wanted[i];
-  wanted[i] = null;
-  workers[i % count].postMessage({ ...busy[i].task, id: i });
+// To workers that are free, what took longest the last time first.
+function send() {
+  while (idle.length) {
+    const waiting = wanted.flatMap((one, i) => (one && !busy[i] ? [i] : []));
+    if (!waiting.length) return;
+    const i = waiting.reduce((best, one) => (costs[one] > costs[best] ? one : best));
+    busy[i] = wanted[i];
+    wanted[i] = null;
+    idle.pop().postMessage({ ...busy[i].task, id: i });
+  }
 }
 
 function answered(answer) {
@@ -63,10 +78,10 @@ function answered(answer) {
     answer.t = answer.starts.map((k) => (k * tEnd) / steps);
     answer.began = began;
     runs[i] = answer;
+    costs[i] = answer.milliseconds;
     byId("failed").textContent = "";
   }
-  send(i);
-  show();
+  if (![...busy, ...wanted].some(Boolean) || performance.now() - drawnAt > PATIENCE) show();
 }
 
 function show() {
@@ -82,12 +97,15 @@ function labelled(of, dash, after) {
 }
 
 function draw() {
+  const begun = performance.now();
   const live = labelled(runs, null, "");
   const kept = pinned ? labelled(pinned.runs, [4, 3], ", pinned") : [];
   const moved = data.numbers.some((number, i) => /^(plant|reference_model)/.test(number.path) && setting.values[i] !== number.value);
   charts.draw(panelsOf(data, [...live, ...kept], moved));
   figures.show([...live, ...kept]);
-  const waiting = busy.some(Boolean);
+  const waiting = [...busy, ...wanted].some(Boolean);
+  drawnAt = performance.now();
+  document.body.dataset.drawing = (drawnAt - begun).toFixed(1);
   if (!waiting) settled(live);
   document.body.dataset.state = waiting || drawn ? "busy" : "ready";
 }
@@ -95,7 +113,7 @@ function draw() {
 // All runs of the setting are there and drawn.
 function settled(live) {
   const { dataset } = document.body;
-  dataset.milliseconds = Math.max(0, ...live.map(({ run }) => performance.now() - run.began)).toFixed(1);
+  dataset.milliseconds = Math.min(Infinity, ...live.map(({ run }) => performance.now() - run.began)).toFixed(1);
   dataset.simulating = live.map(({ run }) => run.milliseconds.toFixed(1)).join(" ");
   dataset.stepping = live.map(({ run }) => run.stepping.toFixed(1)).join(" ");
   const ends = live.map(({ run, label }) => `${label} ${run.figures.diverged_at === null ? "stays bounded" : `diverges at ${run.figures.diverged_at} s`}`);

@@ -1,0 +1,84 @@
+"""The lessons of Section V in a real browser: none is reached from the beginning, each by its example, all as the simulator has it.
+
+    python tests/browser_lessons.py [PAGE.html]
+
+Without a page it makes those of ``barbalat reproduce`` with a lesson. What is wrong is printed, a line each, and the exit code is 1.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import sys
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+
+from browser import _at_both_widths
+from browser_explorer import compared, settled
+from playwright.sync_api import Browser, Page, sync_playwright
+
+from barbalat.explorer.section_v import PAGES, explorer
+
+
+def main() -> int:
+    """Returns the exit code."""
+    executable = os.environ.get("BROWSER") or shutil.which("chromium") or shutil.which("chromium-browser")
+    if executable is None:
+        print("no browser: install Debian's chromium, or name one by BROWSER", file=sys.stderr)  # noqa: T201
+        return 1
+    with tempfile.TemporaryDirectory() as made, sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=executable, args=["--no-sandbox"])
+        found = [one for file in PAGES for one in of_page(browser, explorer(file).save(Path(made) / file))]
+        browser.close()
+    print("\n".join(found) or "no findings")  # noqa: T201
+    return int(bool(found))
+
+
+def of_page(browser: Browser, file: Path) -> Iterator[str]:
+    """What is wrong with a page and its lessons."""
+    said: list[str] = []
+    tab = browser.new_page()
+    tab.on("console", lambda message: said.append(f"console: {message.text}"))
+    tab.on("pageerror", lambda error: said.append(f"error: {error}"))
+    tab.goto(file.as_uri())
+    settled(tab)
+    for lesson in PAGES[file.name]:
+        tab.select_option("[data-part=choice]", lesson.key)
+        said += [f"{lesson.key}: {one}" for one in taught(tab)]
+    said += by_address(tab, file)
+    tab.close()
+    yield from (f"{file.name}: {one}" for one in said)
+    yield from _at_both_widths(browser, file.name, f"{file.as_uri()}#lesson={PAGES[file.name][-1].key}")
+
+
+def taught(tab: Page) -> Iterator[str]:
+    """The chosen lesson, from its beginning to its example."""
+    settled(tab)
+    if goal(tab) != "open":
+        yield f"its goal is {goal(tab)} from the beginning"
+    tab.click("[data-part=example]")
+    settled(tab)
+    if goal(tab) != "reached":
+        yield f"its example does not reach the goal: {tab.text_content('[data-part=said]')}"
+    yield from compared(tab, "its example")
+
+
+def by_address(tab: Page, file: Path) -> Iterator[str]:
+    """A lesson with its example in the address is opened as reached, its shares taken of its beginning."""
+    lesson = PAGES[file.name][0]
+    numbers = "".join(f"&{path}={value}" for path, value in lesson.example.items())
+    tab.goto("about:blank")
+    tab.goto(f"{file.as_uri()}#lesson={lesson.key}{numbers}")
+    settled(tab)
+    if goal(tab) != "reached":
+        yield f"the address of {lesson.key} with its example opens as {goal(tab)}"
+
+
+def goal(tab: Page) -> str | None:
+    """Whether the page says that it is reached."""
+    return tab.get_attribute("#lessons", "data-goal")
+
+
+if __name__ == "__main__":
+    sys.exit(main())
