@@ -14,9 +14,10 @@ import sys
 import tempfile
 import tomllib
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
-from playwright.sync_api import Browser, Page, sync_playwright
+from playwright.sync_api import Browser, Page, Playwright, sync_playwright
 
 from barbalat import simulate
 from barbalat.cases.load import CaseText, bundled, parse_case
@@ -39,16 +40,21 @@ READY = "() => document.body.dataset.state === 'ready' && document.querySelector
 
 def main(cases: list[str]) -> int:
     """Returns the exit code."""
-    executable = os.environ.get("BROWSER") or shutil.which("chromium") or shutil.which("chromium-browser")
-    if executable is None:
-        print("no browser: install Debian's chromium, or name one by BROWSER", file=sys.stderr)  # noqa: T201
-        return 1
-    with tempfile.TemporaryDirectory() as made, sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=executable, args=["--no-sandbox"])
+    with tempfile.TemporaryDirectory() as made, sync_playwright() as playwright, launched(playwright) as browser:
         found = [one for case in cases or bundled() for one in of_case(browser, case, Path(made))]
-        browser.close()
     print("\n".join(found) or "no findings")  # noqa: T201
     return int(bool(found))
+
+
+@contextmanager
+def launched(playwright: Playwright) -> Iterator[Browser]:
+    """The system's chromium, or what BROWSER names."""
+    executable = os.environ.get("BROWSER") or shutil.which("chromium") or shutil.which("chromium-browser")
+    if executable is None:
+        sys.exit("no browser: install Debian's chromium, or name one by BROWSER")
+    browser = playwright.chromium.launch(executable_path=executable, args=["--no-sandbox"])
+    yield browser
+    browser.close()
 
 
 def of_case(browser: Browser, case: str, folder: Path) -> Iterator[str]:
@@ -77,8 +83,6 @@ def of_case(browser: Browser, case: str, folder: Path) -> Iterator[str]:
 
 def settled(tab: Page) -> None:
     """Wait until every run is there and drawn."""
-    tab.wait_for_function(READY, timeout=120_000)
-    tab.wait_for_timeout(50)
     tab.wait_for_function(READY, timeout=120_000)
 
 

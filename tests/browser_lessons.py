@@ -1,21 +1,19 @@
 """The lessons of Section V in a real browser: none is reached from the beginning, each by its example, all as the simulator has it.
 
-    python tests/browser_lessons.py [PAGE.html]
+    python tests/browser_lessons.py
 
-Without a page it makes those of ``barbalat reproduce`` with a lesson. What is wrong is printed, a line each, and the exit code is 1.
+What is wrong is printed, a line each, and the exit code is 1.
 """
 
 from __future__ import annotations
 
-import os
-import shutil
 import sys
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
 from browser import _at_both_widths
-from browser_explorer import compared, settled
+from browser_explorer import compared, launched, settled
 from playwright.sync_api import Browser, Page, sync_playwright
 
 from barbalat.explorer.section_v import PAGES, explorer
@@ -23,14 +21,8 @@ from barbalat.explorer.section_v import PAGES, explorer
 
 def main() -> int:
     """Returns the exit code."""
-    executable = os.environ.get("BROWSER") or shutil.which("chromium") or shutil.which("chromium-browser")
-    if executable is None:
-        print("no browser: install Debian's chromium, or name one by BROWSER", file=sys.stderr)  # noqa: T201
-        return 1
-    with tempfile.TemporaryDirectory() as made, sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=executable, args=["--no-sandbox"])
+    with tempfile.TemporaryDirectory() as made, sync_playwright() as playwright, launched(playwright) as browser:
         found = [one for file in PAGES for one in of_page(browser, explorer(file).save(Path(made) / file))]
-        browser.close()
     print("\n".join(found) or "no findings")  # noqa: T201
     return int(bool(found))
 

@@ -89,7 +89,7 @@ def test_every_number_of_the_loop_has_a_slider(page) -> None:
 def test_the_copied_case_file_is_the_case() -> None:
     source = TextSource(CaseText(CASE))
     described = Described.of(source)
-    numbers = [number for number, _, _ in described.numbers]
+    numbers = [slider.number for slider in described.sliders]
     text = "".join(
         part
         if isinstance(part, str)
@@ -98,7 +98,7 @@ def test_the_copied_case_file_is_the_case() -> None:
         else '"rk4"'
         if "solver" in part
         else "true"
-        for part in source.case_file(described._slots(described.numbers), described.toggles)
+        for part in source.case_file(described.slots(), described.toggles)
     )
     found, given = tomllib.loads(text), tomllib.loads(CASE)
     given["simulation"] |= {"fused": False, "solver": "rk4"}
@@ -163,7 +163,7 @@ def test_objects_of_python_get_a_page_too() -> None:
 def test_what_no_page_can_simulate_is_said() -> None:
     case = load_case("first-order")
     noisy = replace(case.problem, sensor=Sensor(noise=Noise(std=0.1, sample_time=1e-3)))
-    delayed = replace(case.problem, plant=replace(case.problem.plant, input=PlantInput(delay=0.1)))
-    for problem, message in ((noisy, "no measurement noise"), (delayed, "no delay at the plant's input")):
+    between = replace(case.problem, plant=replace(case.problem.plant, input=PlantInput(delay=1.5 * case.simulation.dt)))
+    for problem, message in ((noisy, "no measurement noise"), (between, "delays of whole solver steps")):
         with pytest.raises(InputError, match=message):
             _ = explore(problem, Mrac(gamma=2.0), case.simulation).html

@@ -1,0 +1,125 @@
+"""How fast Section V's page follows a slider in Chromium, beside the native kernel, and whether its memory grows.
+
+    python tests/browser_speed.py
+
+Times are printed, not judged: they are this machine's, in its present load. Growing memory is a finding, with exit code 1.
+"""
+
+from __future__ import annotations
+
+import statistics
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+from browser_explorer import launched, settled
+from playwright.sync_api import CDPSession, Page, sync_playwright
+
+from barbalat.explorer.section_v import explorer
+from barbalat.explorer.source import Source
+from barbalat.problem.tracking import TrackingProblem
+from barbalat.protocols import Controller
+from barbalat.run.batch import Batch
+from barbalat.run.grid import segments_of, signal_table
+from barbalat.solvers.simulation import Simulation
+
+MRAC = 2
+"""Its place among the case's controllers."""
+MOVES, RUNS = 21, 500
+"""Of a slider for a median, and for the memory."""
+MOST_GROWTH = 0.05
+"""Of the heap over RUNS runs, after garbage was collected: the engine's own bookkeeping is less."""
+MOVE = """([id, by]) => {
+    const slider = document.getElementById(id);
+    slider.value = Number(slider.value) + by;
+    slider.dispatchEvent(new Event('input'));
+}"""
+SLIDERS = """() => Object.fromEntries([...document.querySelectorAll('#controls .number')].map(one => [
+    `${one.parentElement.querySelector('summary').textContent}, ${one.querySelector('label').textContent}`,
+    one.querySelector('input[type=range]').id]))"""
+ALONE = """(i) => document.querySelectorAll('input[id^=shown-]').forEach((box, k) => { if (box.checked !== (k === i)) box.click(); })"""
+"""Only this controller is simulated."""
+TOLD = "() => ({...document.body.dataset})"
+PAINT = "() => performance.getEntriesByName('first-contentful-paint')[0].startTime"
+MOVED = {"L1": "L1, Γ", "MRAC": "MRAC, Γ", "all three": "Plant, θ [1]"}
+"""What is moved for how many controllers to follow."""
+
+
+def main() -> int:
+    """Returns the exit code."""
+    made_from = explorer("explorer.html")
+    began = time.perf_counter()
+    text = made_from.html
+    print(f"the page is made in {time.perf_counter() - began:.1f} s and has {len(text.encode()) / 1e3:.0f} kB")  # noqa: T201
+    with tempfile.TemporaryDirectory() as folder, sync_playwright() as playwright:
+        file = made_from.save(Path(folder) / "explorer.html")
+        with launched(playwright) as browser:
+            tab = browser.new_page()
+            tab.goto(file.as_uri())
+            settled(tab)
+            print(f"first paint after {tab.evaluate(PAINT):.0f} ms")  # noqa: T201
+            _follows(tab)
+            _beside_native(tab, made_from.source)
+            return _grows(tab, tab.context.new_cdp_session(tab))
+
+
+def _follows(tab: Page) -> None:
+    sliders = tab.evaluate(SLIDERS)
+    for name, label in MOVED.items():
+        times = []
+        for k in range(MOVES):
+            tab.evaluate(MOVE, [sliders[label], -1 if k % 2 else 1])
+            settled(tab)
+            times.append(float(tab.evaluate(TOLD)["milliseconds"]))
+        print(f"{name}: the picture follows in {statistics.median(times):.0f} ms at the median, {min(times):.0f} at best")  # noqa: T201
+
+
+def _beside_native(tab: Page, source: Source) -> None:
+    """Nanoseconds a step, the best of several runs each, one controller after the other: pages and kernels take turns."""
+    case = source.at({})
+    sliders, steps = tab.evaluate(SLIDERS), case.simulation.steps
+    for i, controller in enumerate(case.controllers):
+        tab.evaluate(ALONE, i)
+        settled(tab)
+        page, native = [], []
+        for k in range(7):
+            tab.evaluate(MOVE, [sliders["Plant, θ [1]"], -1 if k % 2 else 1])
+            settled(tab)
+            page.append(float(tab.evaluate(TOLD)["stepping"]) * 1e6 / steps)
+            native.append(_native(case.problem, controller, case.simulation) * 1e9 / steps)
+        ratio = min(page) / min(native)
+        print(f"{controller.name}: {min(page):.0f} ns a step in the page, {min(native):.0f} native: {ratio:.2f} times")  # noqa: T201
+
+
+def _native(problem: TrackingProblem, controller: Controller, simulation: Simulation) -> float:
+    """Seconds in the kernel for the same run, cut into the same calls."""
+    batch = Batch.of([(problem, controller)], simulation, record=True)
+    (group,), spent = batch.groups, 0.0
+    for segment in segments_of(simulation, recorded=True):
+        in_pieces = batch.program.shape.in_pieces
+        table = signal_table(problem.signals, simulation, segment.start, segment.steps, in_pieces=in_pieces)
+        began = time.thread_time()  # without the time that other programs have
+        group.call(segment.start, segment.blocks, segment.length, group.state, table)
+        spent += time.thread_time() - began
+    return spent
+
+
+def _grows(tab: Page, tools: CDPSession) -> int:
+    tab.evaluate(ALONE, MRAC)
+    slider = tab.evaluate(SLIDERS)["MRAC, Γ"]
+    heap = []
+    for k in range(RUNS + 1):
+        tab.evaluate(MOVE, [slider, -1 if k % 2 else 1])
+        settled(tab)
+        if k % (RUNS // 5) == 0:
+            tools.send("HeapProfiler.collectGarbage")
+            heap.append(tools.send("Runtime.getHeapUsage")["usedSize"])
+    grown = heap[-1] / heap[1] - 1
+    told = ", ".join(f"{used / 1e6:.2f}" for used in heap)
+    print(f"the heap every {RUNS // 5} runs: {told} MB, {100 * grown:+.1f} % since the first {RUNS // 5}")  # noqa: T201
+    return int(grown > MOST_GROWTH)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
