@@ -35,6 +35,11 @@ MOVE = """([i, share]) => {
 }"""
 ROWS = """() => Object.fromEntries([...document.querySelectorAll('#figures tr')]
     .map(row => [row.cells[0].textContent, JSON.parse(row.dataset.figures)]))"""
+NUMERICS = """() => Object.fromEntries([...document.querySelectorAll('#figures tr')]
+    .map(row => [row.cells[0].textContent, JSON.parse(row.dataset.numerics)]))"""
+STIFFEST_SEEN, BESIDE = 0.8, 1.01
+"""h|lambda| of a page over that of a run: a page looks at recorded instants, and misses the last steps before a divergence; a run
+looks at the stiffest of every eight steps in windows, of which some are left out where two thousand are about equal."""
 READY = "() => document.body.dataset.state === 'ready' && document.querySelector('#figures tr')"
 
 
@@ -83,7 +88,7 @@ def of_case(browser: Browser, case: str, folder: Path) -> Iterator[str]:
 
 def settled(tab: Page) -> None:
     """Wait until every run is there and drawn."""
-    tab.wait_for_function(READY, timeout=120_000)
+    tab.wait_for_function(READY, timeout=120_000).dispose()
 
 
 def copied(tab: Page) -> str:
@@ -113,6 +118,18 @@ def compared(tab: Page, when: str) -> Iterator[str]:
         for key, value in run.figures.items():
             if figures.get(key) != value:
                 yield f"{when}: {name}: {key} is {figures.get(key)}, and {value} in barbalat run"
+
+
+def judged_alike(tab: Page, when: str) -> Iterator[str]:
+    """Whether the page says of the step what a run of the copied case says, which looks at the spectrum more often."""
+    case, said = parse_case(copied(tab)), tab.evaluate(NUMERICS)
+    shown = [controller for controller in case.controllers if controller.name in said]
+    for name, run in simulate(case.problem, shown, case.simulation).items():
+        found = run.stiffness
+        if not STIFFEST_SEEN <= said[name]["hLambda"] / found.h_lambda_max <= BESIDE:
+            yield f"{when}: {name}: h|lambda| is up to {said[name]['hLambda']}, and {found.h_lambda_max} in barbalat run"
+        if (said[name]["unstable"] is None) != (found.unstable_from is None):
+            yield f"{when}: {name}: unstable from {said[name]['unstable']}, and from {found.unstable_from} in barbalat run"
 
 
 if __name__ == "__main__":

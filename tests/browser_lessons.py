@@ -13,7 +13,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from browser import _at_both_widths
-from browser_explorer import compared, launched, settled
+from browser_explorer import compared, judged_alike, launched, settled
 from playwright.sync_api import Browser, Page, sync_playwright
 
 from barbalat.explorer.section_v import PAGES, explorer
@@ -49,11 +49,13 @@ def taught(tab: Page) -> Iterator[str]:
     settled(tab)
     if goal(tab) != "open":
         yield f"its goal is {goal(tab)} from the beginning"
+    yield from judged_alike(tab, "its beginning")
     tab.click("[data-part=example]")
     settled(tab)
     if goal(tab) != "reached":
         yield f"its example does not reach the goal: {tab.text_content('[data-part=said]')}"
     yield from compared(tab, "its example")
+    yield from judged_alike(tab, "its example")
 
 
 def by_address(tab: Page, file: Path) -> Iterator[str]:

@@ -15,6 +15,7 @@ from barbalat.explorer.numbers import DELAY, GRID, Number
 from barbalat.explorer.outputs import delay_weights, numbers_handed, outputs
 from barbalat.explorer.sliders import Slider, Sliders, Variant
 from barbalat.explorer.source import Source
+from barbalat.explorer.spectrum import spectrum_of
 from barbalat.lowering.wasm.loop import loop as module_of
 from barbalat.run.delay import whole_steps
 from barbalat.solvers import RK4, SOLVERS
@@ -71,7 +72,9 @@ class Described:
                 "t_end": simulation.t_end, "dt": simulation.dt, "solver": simulation.solver.name,
                 "record_points": simulation.record_points, "most_steps": MOST_STEPS,
             },
-            "solvers": {name: list(tableau.nodes) for name, tableau in SOLVERS.items()},
+            "solvers": {
+                name: {"nodes": list(one.nodes), "polynomial": one.stability_polynomial.tolist()} for name, one in SOLVERS.items()
+            },
             "signals": {
                 "module": base64.b64encode(module).decode(), "parameters": doubles(values),
                 "smooth": [is_smooth(signal) for signal in problem.signals],
@@ -146,7 +149,7 @@ class Described:
                 for j, effect in effects
                 if not effect.nothing
             },
-            "modules": {name: _module(target, name) for name in SOLVERS},
+            "modules": {name: _module(target, name) for name in SOLVERS}, "spectrum": spectrum_of(target),
         }  # fmt: skip
 
 

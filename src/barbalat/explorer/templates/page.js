@@ -53,15 +53,19 @@ function request() {
   });
   send();
   document.body.dataset.state = "busy";
-  if (![...busy, ...wanted].some(Boolean)) show();
+  if (!waiting()) show();
+}
+
+function waiting() {
+  return [...busy, ...wanted].some(Boolean);
 }
 
 // To workers that are free, what took longest the last time first.
 function send() {
   while (idle.length) {
-    const waiting = wanted.flatMap((one, i) => (one && !busy[i] ? [i] : []));
-    if (!waiting.length) return;
-    const i = waiting.reduce((best, one) => (costs[one] > costs[best] ? one : best));
+    const free = wanted.flatMap((one, i) => (one && !busy[i] ? [i] : []));
+    if (!free.length) return;
+    const i = free.reduce((best, one) => (costs[one] > costs[best] ? one : best));
     busy[i] = wanted[i];
     wanted[i] = null;
     idle.pop().postMessage({ ...busy[i].task, id: i });
@@ -81,7 +85,7 @@ function answered(answer) {
     costs[i] = answer.milliseconds;
     byId("failed").textContent = "";
   }
-  if (![...busy, ...wanted].some(Boolean) || performance.now() - drawnAt > PATIENCE) show();
+  if (!waiting() || performance.now() - drawnAt > PATIENCE) show();
 }
 
 function show() {
@@ -103,11 +107,10 @@ function draw() {
   const moved = data.numbers.some((number, i) => /^(plant|reference_model)/.test(number.path) && setting.values[i] !== number.value);
   charts.draw(panelsOf(data, [...live, ...kept], moved));
   figures.show([...live, ...kept]);
-  const waiting = [...busy, ...wanted].some(Boolean);
   drawnAt = performance.now();
   document.body.dataset.drawing = (drawnAt - begun).toFixed(1);
-  if (!waiting) settled(live);
-  document.body.dataset.state = waiting || drawn ? "busy" : "ready";
+  if (!waiting()) settled(live);
+  document.body.dataset.state = waiting() || drawn ? "busy" : "ready";
 }
 
 // All runs of the setting are there and drawn.

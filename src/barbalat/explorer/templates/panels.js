@@ -34,7 +34,7 @@ function motion(data, shown, moved, panel) {
   series.push({ t: run.t, low: model, colour: "ink", dash: [6, 4], label: "model" });
   for (const { index, gain } of panel.commands) {
     const scale = moved ? 1 : gain; // the model's gain at rest is the case's
-    const value = run.t.map((_, i) => scale * run.r[i * at.shape.commands + index]);
+    const value = run.t.map((_, i) => scale * run.r[i * run.timed + index]);
     const label = Math.abs(scale - 1) < 1e-3 ? "command" : `${Number(scale.toPrecision(4))} × command`;
     series.push({ t: run.t, low: value, colour: "quiet", dash: [2, 3], label });
   }

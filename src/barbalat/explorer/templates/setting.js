@@ -110,7 +110,8 @@ export function taskOf(data, setting, index) {
   const known = data.signals.grids && data.signals.grids.find((grid) => grid.dt === setting.dt);
   return {
     index, parameters: lag ? joined(parameters, data.delay.weights[setting.solver]) : parameters, states, signals, lag, grid: { steps, tEnd: setting.tEnd, ...known },
-    tableKey: `${setting.tEnd} ${steps}`, nodes: data.solvers[setting.solver], recordPoints: data.simulation.record_points,
+    tableKey: `${setting.tEnd} ${steps}`, nodes: data.solvers[setting.solver].nodes,
+    polynomial: data.solvers[setting.solver].polynomial, spectrum: variant.spectrum, dt: setting.dt, recordPoints: data.simulation.record_points,
     module: `${index} ${side} ${setting.solver}`, code: variant.modules[setting.solver], shape: controller.shape, past: controller.past,
     reported: controller.reported, dtRow: controller.dt_row,
     operations: controller.operations, thetaHat: controller.theta_hat,

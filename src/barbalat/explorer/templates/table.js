@@ -11,6 +11,13 @@ function brief(value) {
   return value === 0 ? "0" : String(Number(value.toPrecision(4)));
 }
 
+// What the step makes of the run: the largest h |eigenvalue| that was seen, and whether the method bears it.
+function carried(numerics) {
+  if (!numerics) return "barbalat run judges it";
+  const said = numerics.unstable === null ? "inside" : `numerically unstable from about ${brief(numerics.unstable)} s`;
+  return `${brief(numerics.hLambda)}: ${said}`;
+}
+
 export class Figures {
   constructor(body) {
     this.body = body;
@@ -18,20 +25,22 @@ export class Figures {
 
   show(parts) {
     while (this.body.rows.length > parts.length) this.body.deleteRow(-1);
-    parts.forEach(({ run, label }, i) => this.put(this.body.rows[i] ?? this.body.insertRow(), run.figures, label));
+    parts.forEach(({ run, label }, i) => this.put(this.body.rows[i] ?? this.body.insertRow(), run, label));
   }
 
-  put(row, figures, label) {
+  put(row, { figures, numerics }, label) {
     const diverged = figures.diverged_at !== null;
     const look = `${label} ${diverged}`;
     if (row.dataset.look !== look) {
       row.dataset.look = look;
       row.replaceChildren(Object.assign(document.createElement("th"), { scope: "row", textContent: label }));
-      for (const name of diverged ? [""] : Object.values(NAMES)) row.insertCell().dataset.label = name;
+      for (const name of [...(diverged ? [""] : Object.values(NAMES)), "h|λ|"]) row.insertCell().dataset.label = name;
       if (diverged) row.cells[1].colSpan = Object.keys(NAMES).length;
     }
     if (diverged) row.cells[1].textContent = `diverged at t = ${brief(figures.diverged_at)} s`;
     else Object.keys(NAMES).forEach((key, j) => { row.cells[j + 1].textContent = brief(figures[key]); });
+    row.cells[row.cells.length - 1].textContent = carried(numerics);
+    row.dataset.numerics = JSON.stringify(numerics);
     row.dataset.figures = JSON.stringify(figures);
   }
 }

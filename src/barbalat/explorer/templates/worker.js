@@ -4,6 +4,7 @@ import { bytesOf } from "./bytes.js";
 import { segmentsOf, Table } from "./grid.js";
 import { Kernel, ringRows, smoothValues } from "./kernel.js";
 import { Totals } from "./figures.js";
+import { stiffness } from "./spectrum.js";
 
 const kernels = new Map();
 let table = null;
@@ -50,6 +51,27 @@ function reportedAtEnd(kernel, task, at, mask, finalState) {
   return Object.fromEntries(Object.entries(task.reported).map(([name, rows]) => [`${name}_final`, rows.map((row) => state[row])]));
 }
 
+// Of the loop along the run, from the states at recorded instants and the signals there.
+function stiffnessAlong(task, recorded, signals, kept, size) {
+  if (!task.spectrum) return null;
+  const { states } = task.shape;
+  const count = Math.min(kept, 2000);
+  const timed = signals.length / (kept || 1);
+  const [width, nonzeros] = [states + timed, task.spectrum.rows.length];
+  const which = Array.from({ length: count }, (_, i) => (count < 2 ? 0 : Math.round((i * (kept - 1)) / (count - 1))));
+  const kernel = kernelOf(`spectrum ${task.module.replace(/ [^ ]*$/, "")}`, task.spectrum.module);
+  const [parameters, rows, out] = kernel.laidOut([task.parameters.length, count * width, count * nonzeros]);
+  kernel.view(parameters, task.parameters.length).set(task.parameters);
+  const view = kernel.view(rows, count * width);
+  which.forEach((k, i) => {
+    view.set(recorded.subarray(k * size, k * size + states), i * width);
+    view.set(signals.subarray(k * timed, (k + 1) * timed), i * width + states);
+  });
+  kernel.call(count, 1, { state: parameters, parameters, signals: rows, out }, 0, 0);
+  const { largest, from } = stiffness(task.spectrum, kernel.view(out, count * nonzeros), count, states, task);
+  return { largest, from: from === null ? null : which[from] };
+}
+
 export function simulated(task) {
   const began = performance.now();
   const { grid, shape } = task;
@@ -64,7 +86,8 @@ export function simulated(task) {
   const blocks = segments.reduce((sum, one) => sum + one.blocks, 0);
   const recorded = new Float64Array(blocks * size);
   const starts = new Float64Array(blocks);
-  const r = new Float64Array(blocks * shape.commands);
+  const timed = commands.count;
+  const signals = new Float64Array(blocks * timed);
   let kept = 0;
   let bounded = true;
   let stepping = 0;
@@ -81,7 +104,7 @@ export function simulated(task) {
       const step = one.start + i * one.length;
       starts[kept + i] = step;
       const row = (commands.rowsBefore(step) - before) * commands.width;
-      for (let j = 0; j < shape.commands; j++) r[(kept + i) * shape.commands + j] = rows[row + j];
+      for (let j = 0; j < timed; j++) signals[(kept + i) * timed + j] = rows[row + j];
     }
     kept += one.blocks;
     bounded = totals.merge(one, out, shape.states);
@@ -95,9 +118,12 @@ export function simulated(task) {
     totals.mergeFinal(kernel.view(at.out, size), shape.states);
     reported = reportedAtEnd(kernel, task, at, mask, finalState);
   }
+  const found = stiffnessAlong(task, recorded, signals.subarray(0, kept * timed), kept, size);
+  const unstable = found && found.from !== null ? (starts[found.from] * grid.tEnd) / grid.steps : null;
   return {
+    numerics: found && { hLambda: found.largest, unstable }, timed,
     figures: { ...totals.figures(grid, finalState.subarray(...task.thetaHat)), ...reported }, size, stepping,
-    recorded: recorded.subarray(0, kept * size).slice(), starts: starts.slice(0, kept), r: r.slice(0, kept * shape.commands),
+    recorded: recorded.subarray(0, kept * size).slice(), starts: starts.slice(0, kept), r: signals.slice(0, kept * timed),
     milliseconds: performance.now() - began,
   };
 }
