@@ -1,0 +1,20 @@
+"""
+Settings of a page
+==================
+
+``explore`` makes one offline page with a slider for each number, and ``at`` gives the case of any setting of it: the onset of
+L1's oscillation at two steps, as a lesson of ``barbalat explore paper`` asks for it.
+"""
+
+from dataclasses import replace
+
+from barbalat import *
+
+case = load_case("paper")
+page = explore(case.problem, case.controllers, Simulation(t_end=20, dt=1e-4))
+results = []
+for dt in (1e-4, 5e-5):
+    moved = page.at({"controller[1].gamma": 3000.0, "simulation.dt": dt})
+    l1 = replace(moved.controllers[1], name=f"L1, h = {dt:g} s")
+    results += simulate(moved.problem, l1, moved.simulation).values()
+plot(results)
