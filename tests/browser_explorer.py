@@ -24,6 +24,7 @@ from barbalat.cases.load import CaseText, bundled, parse_case
 from barbalat.explorer.explorer import Explorer
 from barbalat.explorer.source import TextSource
 
+Figures = dict[str, float | list[float] | None]
 ROUNDS = 3
 """Settings of every case in which all sliders stand elsewhere, each with a solver of its own."""
 SOLVERS = ("rk4", "heun", "euler")
@@ -101,16 +102,22 @@ def copied(tab: Page) -> str:
 
 def compared(tab: Page, when: str) -> Iterator[str]:
     """Every figure on the page against a run of the copied case."""
-    text = copied(tab)
+    text, rows = copied(tab), tab.evaluate(ROWS)
+    if len(rows) != tab.locator("input[id^=shown-]:checked").count():
+        yield f"{when}: rows for {', '.join(rows) or 'nothing'}"
+    yield from differences(text, rows, when)
+
+
+def differences(text: str, rows: dict[str, Figures], when: str) -> Iterator[str]:
+    """Between figures by controller and a run of the case file's text."""
     assert tomllib.loads(text)["simulation"]["fused"] is False
     try:
         case = parse_case(text)
     except ValueError as error:
         yield f"{when}: the copied case is refused: {error}"
         return
-    rows = tab.evaluate(ROWS)
     shown = [controller for controller in case.controllers if controller.name in rows]
-    if len(rows) != len(shown) or len(rows) != tab.locator("input[id^=shown-]:checked").count():
+    if len(rows) != len(shown):
         yield f"{when}: rows for {', '.join(rows) or 'nothing'}"
     runs = simulate(case.problem, shown, case.simulation)
     for name, figures in rows.items():
