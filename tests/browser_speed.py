@@ -13,7 +13,6 @@ import tempfile
 import time
 from pathlib import Path
 
-from browser_explorer import launched, settled
 from playwright.sync_api import CDPSession, Page, sync_playwright
 
 from barbalat.explorer.section_v import explorer
@@ -23,6 +22,7 @@ from barbalat.protocols import Controller
 from barbalat.run.batch import Batch
 from barbalat.run.grid import segments_of, signal_table
 from barbalat.solvers.simulation import Simulation
+from browser_explorer import launched, settled
 
 MRAC = 2
 """Its place among the case's controllers."""
@@ -38,7 +38,9 @@ MOVE = """([id, by]) => {
 SLIDERS = """() => Object.fromEntries([...document.querySelectorAll('#controls .number')].map(one => [
     `${one.parentElement.querySelector('summary').textContent}, ${one.querySelector('label').textContent}`,
     one.querySelector('input[type=range]').id]))"""
-ALONE = """(i) => document.querySelectorAll('input[id^=shown-]').forEach((box, k) => { if (box.checked !== (k === i)) box.click(); })"""
+ALONE = """(i) => document.querySelectorAll('input[id^=shown-]').forEach((box, k) => {
+    if (box.checked !== (k === i)) box.click();
+})"""
 """Only this controller is simulated."""
 TOLD = "() => ({...document.body.dataset})"
 PAINT = "() => performance.getEntriesByName('first-contentful-paint')[0].startTime"

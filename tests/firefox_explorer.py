@@ -2,8 +2,8 @@
 
     python tests/firefox_explorer.py [CASE ...]
 
-Needs firefox-esr, or what FIREFOX names, with node and npm, by which puppeteer-core comes into a folder that goes again. Playwright
-drives its own Firefox alone. What is wrong is printed, a line each, and the exit code is 1.
+Needs firefox-esr, or what FIREFOX names, with node and npm, by which puppeteer-core comes into a folder that goes again:
+Playwright drives its own Firefox alone. What is wrong is printed, a line each, and the exit code is 1.
 """
 
 from __future__ import annotations
@@ -16,11 +16,10 @@ import sys
 import tempfile
 from pathlib import Path
 
-from browser_explorer import differences
-
 from barbalat.cases.load import CaseText
 from barbalat.explorer.explorer import Explorer
 from barbalat.explorer.source import TextSource
+from browser_explorer import differences
 
 DRIVER = "puppeteer-core@24.43.1"
 SCRIPT = Path(__file__).with_suffix(".mjs")
@@ -31,11 +30,12 @@ def main(cases: list[str]) -> int:
     """Returns the exit code."""
     firefox = os.environ.get("FIREFOX") or shutil.which("firefox-esr") or shutil.which("firefox")
     if firefox is None or shutil.which("npm") is None:
-        print("no Firefox, or no npm: install Debian's firefox-esr, nodejs and npm, or name a Firefox by FIREFOX", file=sys.stderr)  # noqa: T201
-        return 1
+        sys.exit("no Firefox, or no npm: install Debian's firefox-esr, nodejs and npm, or name a Firefox by FIREFOX")
     with tempfile.TemporaryDirectory() as folder:
         made = Path(folder)
-        subprocess.run(["npm", "install", "--silent", "--no-audit", "--prefix", folder, DRIVER], check=True, stdout=subprocess.DEVNULL)
+        subprocess.run(
+            ["npm", "install", "--silent", "--no-audit", "--prefix", folder, DRIVER], check=True, stdout=subprocess.DEVNULL
+        )
         shutil.copy(SCRIPT, made)  # modules are looked for beside it
         pages = [Explorer(TextSource(CaseText.read(case))).save(made / f"{case}.html").as_uri() for case in cases or CASES]
         done = subprocess.run(["node", str(made / SCRIPT.name), firefox, *pages], check=True, stdout=subprocess.PIPE, text=True)

@@ -160,6 +160,13 @@ def test_objects_of_python_get_a_page_too() -> None:
         made.at({}, solver="rk5")
 
 
+@pytest.mark.full
+def test_what_follows_from_another_controller_s_numbers_follows_in_the_page_too() -> None:
+    described = Described.of(TextSource(CaseText.read("l1-output")))
+    (gamma,) = [one for one in described.sliders if str(one.number.path) == "controller[0].gamma"]
+    assert [effect.nothing for effect in gamma.effects[:4]] == [False, False, True, True]  # its equivalent, and not the limit
+
+
 def test_what_no_page_can_simulate_is_said() -> None:
     case = load_case("first-order")
     noisy = replace(case.problem, sensor=Sensor(noise=Noise(std=0.1, sample_time=1e-3)))

@@ -67,7 +67,17 @@ def test_the_claims_of_lessons_are_rows_of_the_ledger() -> None:
 
 
 def test_a_verdict_is_told_only_where_it_was_measured() -> None:
-    claim = Claim("tau-error", "here", "<b>a statement</b>", "not confirmed", "measured", "how", number="7", would_change="nothing", tested="it")
+    claim = Claim(
+        "tau-error",
+        "here",
+        "<b>a statement</b>",
+        "not confirmed",
+        "measured",
+        "how",
+        number="7",
+        would_change="nothing",
+        tested="it",
+    )
     (lesson,) = [lesson for _, lesson in LESSONS if lesson.key == "figure-2"]
     told = {one["id"]: one for one in lesson.as_data(("Robust MRAC", "L1", "MRAC"), [claim])["claims"]}
     assert told["figures-2-5"] == {"id": "figures-2-5"}

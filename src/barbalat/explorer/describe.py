@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import base64
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 from barbalat.cases.build import Case
 from barbalat.explorer.commands import Grid, breaks_anywhere, is_smooth, smooth_module, steps_offered
+from barbalat.explorer.condition import condition_of
 from barbalat.explorer.effects import Target
 from barbalat.explorer.encoded import doubles
 from barbalat.explorer.numbers import DELAY, GRID, Number
@@ -59,8 +60,12 @@ class Described:
         return found + [Variant(i, True, Target.of(switched, i, switched.simulation)) for i in self.toggles]
 
     @cached_property
+    def _search(self) -> Sliders:
+        return Sliders(self.source, self.case, self.toggles, self.variants)
+
+    @cached_property
     def sliders(self) -> list[Slider]:
-        return Sliders(self.source, self.case, self.toggles, self.variants).found()
+        return self._search.found()
 
     def as_data(self) -> dict[str, Any]:
         """For the page's JSON."""
@@ -97,7 +102,11 @@ class Described:
     def slots(self) -> list[FieldPath]:
         """Places in a copied case file that take a number of the page: the sliders', horizon and step, the delay."""
         own = [FieldPath(("simulation", key)) for key in GRID]
-        return [*(one.number.path for one in self.sliders), *own, *([DELAY] if self.case.problem.delay > 0 and self._delay()["slider"] else [])]
+        return [
+            *(one.number.path for one in self.sliders),
+            *own,
+            *([DELAY] if self.case.problem.delay > 0 and self._delay()["slider"] else []),
+        ]
 
     def _delay(self) -> dict[str, Any]:
         """It has a slider where the case has one number that is the delay."""
@@ -133,7 +142,8 @@ class Described:
         target = self.variants[i].target
         return {
             "name": self.case.controllers[i].name, "projection": "on" if self.source.projected(i) else "off",
-            "variants": variants, **outputs(self.case, target.family.members),
+            "variants": variants, "condition": condition_of(self.case, i, self.sliders, partial(self._search.at, False)),
+            **outputs(self.case, target.family.members),
         }  # fmt: skip
 
     def _variant(self, k: int, target: Target) -> dict[str, Any]:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Protocol
 
 import numpy as np
 
@@ -46,6 +47,14 @@ class Effect:
         return not len(self.parameters) and not len(self.states)
 
 
+class Readable(Protocol):
+    """What takes numbers that follow from a case."""
+
+    def read(self, cases: Sequence[Case]) -> Numbers:
+        """For each of these cases; InputError where one has another structure."""
+        ...
+
+
 @dataclass(frozen=True, eq=False)
 class Target:
     """One controller of the case with the kernel that its module is."""
@@ -65,7 +74,7 @@ class Target:
         return self.family.read([(case.problem, case.controllers[self.index]) for case in cases])
 
 
-def effects_of(number: Number, targets: Sequence[Target], taken: Sequence[Rows], at: At) -> tuple[Number, list[Effect]] | None:
+def effects_of(number: Number, targets: Sequence[Readable], taken: Sequence[Rows], at: At) -> tuple[Number, list[Effect]] | None:
     """On every target, of the values at which all have their structure; None where a page can't follow it.
 
     What is handed on as it is needs no case for each value: what constructors take of such numbers is convex, and its ends and
@@ -89,7 +98,7 @@ def _tried(number: Number) -> Array:
     return np.unique([number.value, *values[[0, last // 5, last // 2, last]], *values[values == 0]])
 
 
-def _made(number: Number, values: Array, targets: Sequence[Target], at: At) -> tuple[Array, list[Effect]] | None:
+def _made(number: Number, values: Array, targets: Sequence[Readable], at: At) -> tuple[Array, list[Effect]] | None:
     """The values at which all targets have their structure, and the effects; None where the case's own is not among them."""
     kept, cases = _admitted(number, values, at)
     if number.value not in kept or len(kept) < 2:
@@ -119,7 +128,7 @@ def _admitted(number: Number, values: Array, at: At) -> tuple[list[float], list[
     return kept, cases
 
 
-def _fits(targets: Sequence[Target], case: Case) -> bool:
+def _fits(targets: Sequence[Readable], case: Case) -> bool:
     try:
         for target in targets:
             target.read([case])

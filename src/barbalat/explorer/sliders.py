@@ -69,7 +69,7 @@ class Sliders:
         for path, value in sorted(self.source.numbers(), key=_precedence):
             if path.keys[-1] in GRID or len(kept) == MOST_NUMBERS or (path == DELAY and self.case.problem.delay > 0):
                 continue
-            number = ranged(path, value, partial(self._at, False))
+            number = ranged(path, value, partial(self.at, False))
             slider = None if number is None else self._followed(number, taken)
             if slider is not None:
                 kept.append(slider)
@@ -105,7 +105,7 @@ class Sliders:
             if not which:
                 continue
             targets, rows = [self.variants[k].target for k in which], [taken[k] for k in which]
-            found = effects_of(number, targets, rows, partial(self._at, switched))
+            found = effects_of(number, targets, rows, partial(self.at, switched))
             if found is None or (switched and len(found[0].values) != len(number.values)):
                 return None
             number = found[0]
@@ -116,23 +116,21 @@ class Sliders:
     def _owner(self, path: FieldPath) -> int | None:
         """The controller whose number it is and nobody else's."""
         first, *rest = path.keys
-        own = int(rest[0]) if first == "controller" else None
-        return own if own in self._standing_alone else None
+        return int(rest[0]) if first == "controller" and self._standing_alone else None
 
     @cached_property
-    def _standing_alone(self) -> frozenset[int]:
-        """Controllers that are what they are without the others: none of them follows from another one's numbers."""
-        alone = set()
+    def _standing_alone(self) -> bool:
+        """Whether each controller is what it is without the others: none of them follows from another one's numbers."""
         for variant in self.variants:
             if variant.switched:
                 continue
             try:
                 case = self._with(False, variant.index, self.source.alone(variant.index, {}))
             except InputError:
-                continue
-            if _agrees(variant.target, case, (variant.target.base.parameters[:, 0], variant.target.base.states[:, 0])):
-                alone.add(variant.index)
-        return frozenset(alone)
+                return False
+            if not _agrees(variant.target, case, (variant.target.base.parameters[:, 0], variant.target.base.states[:, 0])):
+                return False
+        return True
 
     @cached_property
     def _switched(self) -> Case:
@@ -142,7 +140,8 @@ class Sliders:
         case = self._switched if switched else self.case
         return replace(case, controllers=(*case.controllers[:i], controller, *case.controllers[i + 1 :]))
 
-    def _at(self, switched: bool, path: FieldPath, value: float) -> Case:
+    def at(self, switched: bool, path: FieldPath, value: float) -> Case:
+        """The case with another number, and with all projections switched that can be."""
         toggled = self.toggles if switched else ()
         owner = self._owner(path)
         if owner is None:

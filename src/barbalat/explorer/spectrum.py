@@ -1,4 +1,4 @@
-"""A module that gives out a loop's exact Jacobian at instants of a run: a page takes its spectrum, and says what the step makes of it."""
+"""A module that gives out a loop's exact Jacobian at instants of a run: a page takes its spectrum, and judges the step by it."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def spectrum_of(target: Target) -> dict[str, Any] | None:
     nothing = ca.SX(0, 1)
     row = ca.vertcat(state_column, timed_column)
     inputs = [nothing, nothing, template.column, row, nothing, nothing]
-    found = ca.vertcat(nothing, *jacobian.nonzeros())
+    found = ca.vertcat(nothing, *(jacobian[int(i), int(j)] for i, j in zip(rows, columns, strict=True)))
     traced = ca.Function("jacobian", inputs, [nothing, found, nothing], {"cse": True})
     shape = LoopShape(0, len(rows), len(template.values), loop.size + loop.timed)
     module = module_of(read(traced), shape, (0.0,) * len(rows))

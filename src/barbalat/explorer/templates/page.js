@@ -46,7 +46,7 @@ function request() {
   data.controllers.forEach((_, i) => {
     if (!setting.shown[i]) return;
     const task = taskOf(data, setting, i);
-    const key = [task.module, task.tableKey, task.signals.parameters, task.parameters, task.states, task.lag].join(" ");
+    const key = [task.module, task.tableKey, task.signals.parameters, task.parameters, task.states, task.lag, task.condition?.parameters].join(" ");
     if (key === keys[i]) return;
     keys[i] = key;
     wanted[i] = { task, began: performance.now() };
@@ -107,10 +107,22 @@ function draw() {
   const moved = data.numbers.some((number, i) => /^(plant|reference_model)/.test(number.path) && setting.values[i] !== number.value);
   charts.draw(panelsOf(data, [...live, ...kept], moved));
   figures.show([...live, ...kept]);
+  byId("conditions").replaceChildren(...[...live, ...kept].filter(({ run }) => data.controllers[run.index].condition).map(conditionText));
   drawnAt = performance.now();
   document.body.dataset.drawing = (drawnAt - begun).toFixed(1);
   if (!waiting()) settled(live);
   document.body.dataset.state = waiting() || drawn ? "busy" : "ready";
+}
+
+function conditionText({ run, label }) {
+  const line = document.createElement("p");
+  line.className = "note";
+  const { condition } = run;
+  line.dataset.condition = condition === null ? "" : String(condition);
+  const value = condition === null ? "no estimate at this setting" : `${Number(condition.toPrecision(4))} (estimate, by the simulated impulse response)`;
+  const said = condition === null ? "" : condition < 1 ? ", below 1: the condition holds" : ", not below 1: the condition fails, and with it the bound (10)";
+  line.textContent = `${label}: condition ‖W_b (1 − C)‖₁ θ_max of Theorem 1 (ii): ${value}${said}.`;
+  return line;
 }
 
 // All runs of the setting are there and drawn.

@@ -11,6 +11,10 @@ export function readData(text) {
   }
   if (data.delay) for (const name of Object.keys(data.delay.weights)) data.delay.weights[name] = doublesOf(data.delay.weights[name]);
   for (const controller of data.controllers) {
+    if (controller.condition) {
+      controller.condition.parameters = doublesOf(controller.condition.parameters);
+      for (const effect of Object.values(controller.condition.effects)) effect.table = effect.table && doublesOf(effect.table);
+    }
     for (const variant of Object.values(controller.variants)) {
       variant.parameters = doublesOf(variant.parameters);
       variant.states = doublesOf(variant.states);
@@ -79,6 +83,21 @@ export function gridRefusal(data, tEnd, dt, delay) {
   return "";
 }
 
+// What the impulse response behind a condition is simulated with; null where there is none at this setting.
+function conditionTask(data, setting, controller, side) {
+  const { condition } = controller;
+  if (!condition || side !== controller.projection) return null;
+  if (condition.lost.some((j) => setting.values[j] !== data.numbers[j].value)) return null;
+  const parameters = condition.parameters.slice();
+  for (const [j, effect] of Object.entries(condition.effects)) {
+    const [value, number] = [setting.values[j], data.numbers[j]];
+    if (value === number.value) continue;
+    const from = number.values.indexOf(value) * effect.p.length;
+    effect.p.forEach((row, k) => { parameters[row] = effect.table ? effect.table[from + k] : value; });
+  }
+  return { module: condition.module, parameters, states: condition.states, filter: condition.filter };
+}
+
 function joined(first, second) {
   const found = new Float64Array(first.length + second.length);
   found.set(first);
@@ -111,7 +130,7 @@ export function taskOf(data, setting, index) {
   return {
     index, parameters: lag ? joined(parameters, data.delay.weights[setting.solver]) : parameters, states, signals, lag, grid: { steps, tEnd: setting.tEnd, ...known },
     tableKey: `${setting.tEnd} ${steps}`, nodes: data.solvers[setting.solver].nodes,
-    polynomial: data.solvers[setting.solver].polynomial, spectrum: variant.spectrum, dt: setting.dt, recordPoints: data.simulation.record_points,
+    polynomial: data.solvers[setting.solver].polynomial, spectrum: variant.spectrum, condition: conditionTask(data, setting, controller, side), dt: setting.dt, recordPoints: data.simulation.record_points,
     module: `${index} ${side} ${setting.solver}`, code: variant.modules[setting.solver], shape: controller.shape, past: controller.past,
     reported: controller.reported, dtRow: controller.dt_row,
     operations: controller.operations, thetaHat: controller.theta_hat,

@@ -4,6 +4,7 @@ import { bytesOf } from "./bytes.js";
 import { segmentsOf, Table } from "./grid.js";
 import { Kernel, ringRows, smoothValues } from "./kernel.js";
 import { Totals } from "./figures.js";
+import { conditionOf } from "./impulse.js";
 import { stiffness } from "./spectrum.js";
 
 const kernels = new Map();
@@ -121,7 +122,7 @@ export function simulated(task) {
   const found = stiffnessAlong(task, recorded, signals.subarray(0, kept * timed), kept, size);
   const unstable = found && found.from !== null ? (starts[found.from] * grid.tEnd) / grid.steps : null;
   return {
-    numerics: found && { hLambda: found.largest, unstable }, timed,
+    condition: task.condition && conditionOf({ ...task.condition, kernels }), numerics: found && { hLambda: found.largest, unstable }, timed,
     figures: { ...totals.figures(grid, finalState.subarray(...task.thetaHat)), ...reported }, size, stepping,
     recorded: recorded.subarray(0, kept * size).slice(), starts: starts.slice(0, kept), r: signals.slice(0, kept * timed),
     milliseconds: performance.now() - began,

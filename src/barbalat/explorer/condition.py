@@ -1,0 +1,114 @@
+"""Theorem 1's condition on the filter, as a page estimates it: the impulse response of W_b (1 - C), simulated; no certificate."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from barbalat.cases.build import Case
+from barbalat.controllers.l1 import Equations
+from barbalat.explorer.effects import effects_of
+from barbalat.explorer.encoded import doubles
+from barbalat.explorer.numbers import At
+from barbalat.explorer.sliders import Slider
+from barbalat.loop.packing import column, symbols
+from barbalat.lowering.operations import read
+from barbalat.lowering.shape import LoopShape
+from barbalat.lowering.wasm.loop import loop as module_of
+from barbalat.problem.known_set import ParameterBox
+from barbalat.problem.state_feedback import Problem
+from barbalat.protocols import Value
+from barbalat.run.kernel_numbers import Numbers
+from barbalat.validate import Array, InputError
+
+TAYLOR_TERMS = 4
+"""Of e^(hA) in a step, as RK4 has them on a linear system."""
+
+
+@dataclass(frozen=True, eq=False)
+class Filtered:
+    """One controller's A_m, b, the filter's A, B, C and the known set's bounds, in this order, as numbers of a module."""
+
+    index: int
+
+    def parts(self, case: Case) -> list[Array] | None:
+        """None where the condition has no meaning: another scheme or plant, no projection onto a box."""
+        problem = case.problem
+        if not isinstance(problem, Problem):
+            return None
+        equations = case.controllers[self.index].bind(problem.known)
+        if not isinstance(equations, Equations) or not isinstance(equations.box, ParameterBox):
+            return None
+        plain = problem.known.inputs == 1 and not problem.known.uncertainty.gain_unknown
+        C = equations.C
+        return [problem.known.A_m, problem.known.b, C.A, C.B, C.C, equations.box.lower, equations.box.upper] if plain else None
+
+    def read(self, cases: Sequence[Case]) -> Numbers:
+        """InputError where one has none."""
+        columns = []
+        for case in cases:
+            parts = self.parts(case)
+            if parts is None:
+                raise InputError("the condition on C(s) has no meaning here")
+            columns.append(np.concatenate([part.reshape(-1) for part in parts]))
+        if len({len(one) for one in columns}) > 1:
+            raise InputError("the filters have different orders")
+        none = np.zeros((0, len(cases)))
+        return Numbers(np.column_stack(columns), none, None, None, np.zeros(len(cases)), None)
+
+
+def condition_of(case: Case, index: int, sliders: Sequence[Slider], at: At) -> dict[str, Any] | None:
+    """For a page's JSON; sliders whose effect can't be followed are named: once they are moved there is no estimate."""
+    target = Filtered(index)
+    parts = target.parts(case)
+    if parts is None:
+        return None
+    effects, lost, taken = {}, [], set[tuple[str, int]]()
+    for j, slider in enumerate(sliders):
+        found = effects_of(slider.number, [target], [taken], at)
+        if found is None or len(found[0].values) != len(slider.number.values):
+            lost.append(j)
+        elif not found[1][0].nothing:
+            (effect,) = found[1]
+            taken |= effect.rows
+            effects[j] = {"p": effect.parameters.tolist(), "table": None if effect.table is None else doubles(effect.table)}
+    return {
+        "module": base64.b64encode(_module([part.shape for part in parts])).decode(),
+        "parameters": doubles(target.read([case]).parameters[:, 0]), "effects": effects, "lost": lost,
+        "states": len(parts[1]), "filter": len(parts[3]),
+    }  # fmt: skip
+
+
+def _module(shapes: Sequence[tuple[int, ...]]) -> bytes:
+    """Steps of x' = A_m x - b C z, z' = A z; its accumulators are the integrals of |x_i|, its last parameter is the step [s]."""
+    import casadi as ca
+
+    sizes = [int(np.prod(shape)) for shape in shapes]
+    (n,), (m,) = shapes[1], shapes[3]
+    parameter_column, parameters = symbols("parameters", sum(sizes) + 1)
+    state_column, state = symbols("state", n + m)
+    sum_column, sums = symbols("sums", n)
+    ends = np.cumsum(sizes)
+    A_m, b, A, _, C, *_ = (
+        parameters[end - size : end].reshape(shape) for end, size, shape in zip(ends, sizes, shapes, strict=True)
+    )
+    slope = partial(_slope, A_m, b, A, C, n)
+    following, term = state, state
+    for k in range(1, TAYLOR_TERMS + 1):
+        term = slope(term) * (parameters[-1] / k)
+        following = following + term
+    integrals = sums + (np.abs(state[:n]) + np.abs(following[:n])) * (parameters[-1] / 2)
+    nothing = ca.SX(0, 1)
+    inputs = [state_column, sum_column, parameter_column, nothing, nothing, nothing]
+    traced = ca.Function("impulse", inputs, [column(following), column(integrals), nothing], {"cse": True})
+    return module_of(read(traced), LoopShape(n + m, n, sum(sizes) + 1, 0), (0.0,) * n)
+
+
+def _slope(A_m: Value, b: Value, A: Value, C: Value, n: int, state: Value) -> Value:
+    x, z = state[:n], state[n:]
+    return np.concatenate([A_m @ x - b * (C @ z), A @ z])
