@@ -132,6 +132,6 @@ export class Lessons {
     this.started ??= figures.slice();
     const { holds, missing } = reached(this.data, this.lesson, setting, figures, this.started);
     this.root.dataset.goal = holds ? "reached" : "open";
-    this.parts.said.textContent = holds ? "Reached." : `Not yet. ${missing.join("; ")}.`;
+    this.parts.said.textContent = holds ? "Reached." : `Not yet: ${missing.join("; ")}.`;
   }
 }
