@@ -21,6 +21,7 @@ from barbalat.lowering.shape import ENTRY
 from barbalat.run.grid import signal_table
 from barbalat.run.portable import run_times
 from barbalat.signals import Constant, Sine, Sines, Square
+from barbalat.sweeps.paths import FieldPath
 from barbalat.validate import InputError, signal_values
 from lowering.test_c99 import same_bits
 
@@ -158,6 +159,21 @@ def test_objects_of_python_get_a_page_too() -> None:
     assert made._repr_html_().startswith("<iframe")
     with pytest.raises(InputError, match="solver must be one of"):
         made.at({}, solver="rk5")
+
+
+JUMPING = CASE.replace('kind = "sine"', 'kind = "square"').replace("dt = 1e-3", "dt = 1e-2")
+
+
+@pytest.mark.full
+def test_the_amplitude_of_a_command_that_jumps_multiplies_its_rows_and_its_frequency_has_no_slider() -> None:
+    source = TextSource(CaseText(JUMPING))
+    described = Described.of(source)
+    sliders = {str(one.number.path): one for one in described.sliders}
+    assert sliders["reference.amplitude"].signals.scales == [0]
+    assert "reference.frequency" not in sliders
+    own, other = (source.at({FieldPath.parse("reference.amplitude"): v}) for v in (4.0, 6.5))
+    before, after = (Grid.of(case.problem.signals, case.simulation) for case in (own, other))
+    assert same_bits(before.values / 4.0 * 6.5, after.values)
 
 
 @pytest.mark.full

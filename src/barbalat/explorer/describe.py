@@ -90,7 +90,8 @@ class Described:
                 {
                     "path": str(one.number.path), "label": one.number.label, "group": _group_name(one.number, self.case),
                     "value": one.number.value, "values": doubles(one.number.values), "whole": one.number.whole,
-                    "log": one.number.logarithmic, "signals": one.signals, "copied": one.copied,
+                    "log": one.number.logarithmic, "signals": one.signals.places, "scales": one.signals.scales,
+                    "copied": one.copied,
                 }
                 for one in self.sliders
             ],

@@ -9,12 +9,13 @@ from functools import cached_property, partial
 import numpy as np
 
 from barbalat.cases.build import Case
-from barbalat.explorer.commands import breaks_anywhere, is_smooth
+from barbalat.explorer.commands import Grid, breaks_anywhere, is_smooth
 from barbalat.explorer.effects import Effect, Rows, Target, composed, effects_of
 from barbalat.explorer.numbers import DELAY, GRID, Number, ranged
 from barbalat.explorer.source import Source
-from barbalat.protocols import Controller
+from barbalat.protocols import Controller, Signal
 from barbalat.run.columns import Columns
+from barbalat.solvers import RK4
 from barbalat.sweeps.paths import FieldPath
 from barbalat.validate import Array, InputError
 
@@ -37,12 +38,24 @@ class Variant:
 
 
 @dataclass(frozen=True, eq=False)
+class InSignals:
+    """What a number is among the signals.
+
+    places  entries of the smooth signals' numbers
+    scales  those of the other signals, counted among them, whose every value is the number, less it, or zero
+    """
+
+    places: list[int]
+    scales: list[int]
+
+
+@dataclass(frozen=True, eq=False)
 class Slider:
-    """A number, its effect on each variant, and the entries of the smooth signals' numbers that it is."""
+    """A number, its effect on each variant and on the signals."""
 
     number: Number
     effects: list[Effect]
-    signals: list[int]
+    signals: InSignals
 
     @property
     def copied(self) -> bool:
@@ -95,8 +108,8 @@ class Sliders:
         return True
 
     def _followed(self, number: Number, taken: Sequence[Rows]) -> Slider | None:
-        places = self._in_signals(number)
-        if places is None:
+        signals = self._in_signals(number)
+        if signals is None:
             return None
         owner = self._owner(number.path)
         effects = [Effect.none() for _ in self.variants]
@@ -111,7 +124,8 @@ class Sliders:
             number = found[0]
             for k, effect in zip(which, found[1], strict=True):
                 effects[k] = effect
-        return Slider(number, effects, places) if places or not all(effect.nothing for effect in effects) else None
+        moves = signals.places or signals.scales or not all(effect.nothing for effect in effects)
+        return Slider(number, effects, signals) if moves else None
 
     def _owner(self, path: FieldPath) -> int | None:
         """The controller whose number it is and nobody else's."""
@@ -148,24 +162,43 @@ class Sliders:
             return self.source.at({path: value}, toggled)
         return self._with(switched, owner, self.source.alone(owner, {path: value}, toggled))
 
-    def _in_signals(self, number: Number) -> list[int] | None:
-        """Where it stands among the smooth signals' numbers; None where signals follow from it in another way."""
+    def _in_signals(self, number: Number) -> InSignals | None:
+        """None where signals follow from it in another way."""
         if self._owner(number.path) is not None:
-            return []
-        tried = [self.case, *(self.source.at({number.path: float(v)}) for v in (number.values[0], number.values[-1]))]
+            return InSignals([], [])
+        tried_values = [number.value, number.values[0], number.values[-1]]
+        tried = [self.case, *(self.source.at({number.path: float(v)}) for v in tried_values[1:])]
         signals = [case.problem.signals for case in tried]
         if all(one == signals[0] for one in signals):
-            return []
-        rough = [tuple(signal for signal in one if not is_smooth(signal)) for one in signals]
-        if any(one != rough[0] for one in rough) or breaks_anywhere([s for s in signals[0] if is_smooth(s)]):
+            return InSignals([], [])
+        if breaks_anywhere([s for s in signals[0] if is_smooth(s)]):
             return None
+        scales = self._scaled(signals, tried_values)
+        if scales is None or not any(map(is_smooth, signals[0])):
+            return None if scales is None else InSignals([], scales)
         columns = Columns(tuple(signal for signal in signals[0] if is_smooth(signal)))
         for one in signals[1:]:
             columns.add(tuple(signal for signal in one if is_smooth(signal)))
         values = columns.everything()
         moved = np.flatnonzero((values != values[:, :1]).any(axis=1))
-        tried_values = [number.value, number.values[0], number.values[-1]]
-        return [int(i) for i in moved] if (values[moved] == tried_values).all() else None
+        return InSignals([int(i) for i in moved], scales) if (values[moved] == tried_values).all() else None
+
+    def _scaled(self, signals: Sequence[tuple[Signal, ...]], values: Sequence[float]) -> list[int] | None:
+        """Which signals that are kept as rows are the number times -1, 0 or 1 throughout; None where they follow otherwise."""
+        rough = [tuple(signal for signal in one if not is_smooth(signal)) for one in signals]
+        moved = [i for i in range(len(rough[0])) if any(one[i] != rough[0][i] for one in rough)]
+        if not moved:
+            return []
+        simulation = replace(self.case.simulation, solver=RK4)
+        grids = [Grid.of(one, simulation, whole=self.case.problem.delay > 0) for one in signals]
+        if any(len(one.starts) != len(grids[0].starts) or (one.starts != grids[0].starts).any() for one in grids):
+            return None
+        if any(one.cuts.tobytes() != grids[0].cuts.tobytes() for one in grids) or values[0] == 0:
+            return None
+        rows = [np.vstack([one.values.reshape(-1, len(rough[0])), one.last[None]])[:, moved] for one in grids]
+        signs = rows[0] / values[0]
+        fits = np.isin(signs, (-1, 0, 1)).all() and all((one == signs * v).all() for one, v in zip(rows, values, strict=True))
+        return moved if fits else None
 
 
 def _drawn(number: Number, share: float, draw: np.random.Generator) -> int:

@@ -86,7 +86,7 @@ function claimOf(claim) {
   if (claim.verdict) {
     const verdict = document.createElement("b");
     verdict.textContent = claim.verdict;
-    row.append(`: ${claim.statement}. Verdict: `, verdict, `. ${claim.number}.`);
+    row.append(`: ${claim.statement}. Verdict: `, verdict, `: ${claim.number}.`);
   } else row.append(`: its verdict is measured by barbalat claims ${claim.id}.`);
   return row;
 }

@@ -98,6 +98,23 @@ function conditionTask(data, setting, controller, side) {
   return { module: condition.module, parameters, states: condition.states, filter: condition.filter };
 }
 
+// The rows of signals that jump, with the numbers that they are multiples of as the setting has them.
+function scaledGrid(data, setting, grid) {
+  const moved = data.numbers.flatMap((number, j) => (number.scales.length && setting.values[j] !== number.value ? [j] : []));
+  if (!grid || !moved.length) return grid;
+  const channels = grid.last.length;
+  const found = { ...grid, values: grid.values.slice(), last: grid.last.slice() };
+  for (const j of moved) {
+    const { scales, value } = data.numbers[j];
+    for (const part of [found.values, found.last]) {
+      for (const channel of scales) {
+        for (let i = channel; i < part.length; i += channels) part[i] = (part[i] / value) * setting.values[j];
+      }
+    }
+  }
+  return found;
+}
+
 function joined(first, second) {
   const found = new Float64Array(first.length + second.length);
   found.set(first);
@@ -126,10 +143,11 @@ export function taskOf(data, setting, index) {
   parameters[controller.dt_row] = setting.dt;
   const lag = setting.delay ? Math.round(setting.delay / setting.dt) : 0;
   const steps = Math.round(setting.tEnd / setting.dt);
-  const known = data.signals.grids && data.signals.grids.find((grid) => grid.dt === setting.dt);
+  const known = scaledGrid(data, setting, data.signals.grids && data.signals.grids.find((grid) => grid.dt === setting.dt));
+  const scaled = data.numbers.flatMap((number, j) => (number.scales.length ? [setting.values[j]] : []));
   return {
     index, parameters: lag ? joined(parameters, data.delay.weights[setting.solver]) : parameters, states, signals, lag, grid: { steps, tEnd: setting.tEnd, ...known },
-    tableKey: `${setting.tEnd} ${steps}`, nodes: data.solvers[setting.solver].nodes,
+    tableKey: `${setting.tEnd} ${steps} ${scaled}`, nodes: data.solvers[setting.solver].nodes,
     polynomial: data.solvers[setting.solver].polynomial, spectrum: variant.spectrum, condition: conditionTask(data, setting, controller, side), dt: setting.dt, recordPoints: data.simulation.record_points,
     module: `${index} ${side} ${setting.solver}`, code: variant.modules[setting.solver], shape: controller.shape, past: controller.past,
     reported: controller.reported, dtRow: controller.dt_row,
