@@ -1,6 +1,6 @@
 // Whether a solver's step carries a run: eigenvalues of the exact Jacobian at some of the recorded instants.
 
-const MOST_LOOKS = 60; // half at the stiffest recorded instants, half spread over the run
+const MOST_LOOKS = 40; // half at the stiffest recorded instants, half spread over the run
 
 // Eigenvalues of a real matrix (size * size, row by row) as {re, im}; null where the iteration does not end.
 export function eigenvalues(matrix, size) {

@@ -7,6 +7,7 @@ import { Totals } from "./figures.js";
 import { conditionOf } from "./impulse.js";
 import { stiffness } from "./spectrum.js";
 
+const MOST_INSTANTS = 600; // at which the Jacobian is evaluated: its largest entries say where the spectrum is looked at
 const kernels = new Map();
 let table = null;
 
@@ -56,7 +57,7 @@ function reportedAtEnd(kernel, task, at, mask, finalState) {
 function stiffnessAlong(task, recorded, signals, kept, size) {
   if (!task.spectrum) return null;
   const { states } = task.shape;
-  const count = Math.min(kept, 2000);
+  const count = Math.min(kept, MOST_INSTANTS);
   const timed = signals.length / (kept || 1);
   const [width, nonzeros] = [states + timed, task.spectrum.rows.length];
   const which = Array.from({ length: count }, (_, i) => (count < 2 ? 0 : Math.round((i * (kept - 1)) / (count - 1))));
