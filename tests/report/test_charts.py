@@ -77,7 +77,7 @@ def test_page_and_files(tmp_path):
     pictures = write.draw_maps(folder, [claim])
     folder.commit()
     assert (tmp_path / "map-sizes.png").stat().st_size > 1000
-    html = page.reproduction([], [claim], {}, pictures, Certified({}, Table(())), [], {"total": 1.0})["claims.html"]
+    html = page.reproduction([], [claim], {}, pictures, Certified({}, Table(())), [], {"total": 1.0}, {})["claims.html"]
     assert "error over size, for whole, ends early" in html
     assert '<th scope="row">PI &amp; co</th><td>1.03</td>' in html
     assert "A table" in html

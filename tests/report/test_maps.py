@@ -78,9 +78,11 @@ def test_files_page_and_link(tmp_path):
     pictures = write.draw_maps(folder, [claim])
     folder.commit()
     assert {path.name for path in tmp_path.iterdir()} == {"map-gain-step.png", "map-gain-step.svg", "map-gain-step-narrow.svg"}
-    text = page.reproduction([], [claim], {}, pictures, Certified({}, Table(())), [], {"total": 1.0})["claims.html"]
+    tried = {"some-claim": "explorer.html#lesson=it"}
+    text = page.reproduction([], [claim], {}, pictures, Certified({}, Table(())), [], {"total": 1.0}, tried)["claims.html"]
     card = text[text.index('<article id="claim-some-claim"') : text.index("</article>")]
     assert 'id="map-gain-step"' in card
+    assert '<a href="explorer.html#lesson=it">' in card
     assert '<img class="desk" src="data:image/svg+xml,' in card and '<img class="phone" src="data:image/svg+xml,' in card
     assert "map-gain-step.svg" not in card  # the page holds its only picture
     contract, beside = (
