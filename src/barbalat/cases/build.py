@@ -43,11 +43,12 @@ class Case:
 
 @contextmanager
 def within(place: str) -> Iterator[None]:
-    """An InputError that does not speak of ``place`` gets it in front of its sentence."""
+    """An InputError whose sentence does not begin with ``place``, or with a field in it, gets it in front."""
     try:
         yield
     except InputError as error:
-        raise error if str(error).startswith(place) else InputError(f"{place}: {error}") from None
+        named = error.field == place or error.field.startswith(f"{place}.")
+        raise error if named else InputError(f"{place}: {error}", field=place) from None
 
 
 def build(case: Table, folder: Path, joining: Sequence[Controller] = ()) -> Case:

@@ -59,12 +59,14 @@ class Plant:
         poles: Sequence[Any] | None = None,
     ) -> None:
         if b is None:
-            raise InputError("plant.b is missing")
+            raise InputError.of("plant.b", "is missing")
         if A is not None:
             A_m, b, theta = _from_open_loop(A, b, A_m, theta, regressor, poles)
         elif A_m is None or theta is None:
             missing = "A_m" if A_m is None else "theta"
-            raise InputError(f"plant.{missing} is missing, got None: give A_m, b and theta, or A, b and either A_m or poles")
+            raise InputError.of(
+                f"plant.{missing}", "is missing, got None: give A_m, b and theta, or A, b and either A_m or poles"
+            )
         elif poles is not None:
             raise InputError("poles goes with plant.A, which is missing")
         freeze(self, A_m=A_m, b=b, theta=theta, x0=x0, input=input, regressor=Linear() if regressor is None else regressor)
@@ -153,8 +155,8 @@ def _from_open_loop(A: Any, b: Any, A_m: Any, theta: Any, regressor: Any, poles:
     """A_m, b and theta of x' = A x + b u."""
     for name, given in (("theta", theta), ("regressor", regressor)):
         if given is not None:
-            raise InputError(
-                f"plant.A and plant.{name} are both given; with plant.A theta follows, and the regressor is the state"
+            raise InputError.of(
+                "plant.A", f"and plant.{name} are both given; with plant.A theta follows, and the regressor is the state"
             )
     if (A_m is None) == (poles is None):
         raise InputError("give either A_m or poles of the reference model with plant.A")
@@ -171,7 +173,7 @@ def matching_parameters(A: Any, A_m: Array, b: Any) -> Array:
     A = validate.square_matrix("plant.A", A, n)
     b = input_matrix("plant.b", b, n)
     if not b.any():
-        raise InputError("plant.b must not be zero")
+        raise InputError.of("plant.b", "must not be zero")
     difference = A - A_m
     scale = np.abs(b).max()  # squares of very large or small entries would leave the range of floats
     directions = (b / scale).reshape(n, -1)
@@ -207,7 +209,9 @@ def _inputs(given: Any, m: int) -> Any:
     for path in several:
         validate.instance("plant.input", path, PlantInput)
     if len(several) != m or any(path.delay != several[0].delay for path in several):
-        raise InputError(f"plant.input must be one for all inputs, or a list of {m} with the same delay, got {len(several)}")
+        raise InputError.of(
+            "plant.input", f"must be one for all inputs, or a list of {m} with the same delay, got {len(several)}"
+        )
     return several[0] if m == 1 else several
 
 

@@ -43,7 +43,9 @@ class DelayTooShortError(InputError):
 def lag(delay: float, dt: float) -> int:
     """Steps back to the newest remembered step that a step needs; InputError for a delay below one step."""
     if delay / dt > MOST_DELAY_STEPS:
-        raise InputError(f"plant.input.delay must be at most {MOST_DELAY_STEPS:g} solver steps, got {delay:g} s at dt = {dt:g} s")
+        raise InputError.of(
+            "plant.input.delay", f"must be at most {MOST_DELAY_STEPS:g} solver steps, got {delay:g} s at dt = {dt:g} s"
+        )
     whole = whole_steps(delay, dt)
     if whole < 1:
         raise DelayTooShortError(delay, dt)

@@ -95,10 +95,10 @@ def whole_steps(field: str, time: float, simulation: Simulation) -> int:
     """How many a sample time has; InputError for part of one, and for one so long that nothing would ever happen."""
     dt = simulation.dt
     if time > simulation.t_end:
-        raise InputError(f"{field} must not exceed simulation.t_end = {simulation.t_end:g} s, got {time:g} s")
+        raise InputError.of(field, f"must not exceed simulation.t_end = {simulation.t_end:g} s, got {time:g} s")
     steps = round(time / dt)
     if steps < 1 or abs(steps * dt - time) > 1e-9 * time:
-        raise InputError(f"{field} must be a whole number of solver steps, got {time:g} s at dt = {dt:g} s")
+        raise InputError.of(field, f"must be a whole number of solver steps, got {time:g} s at dt = {dt:g} s")
     return steps
 
 
