@@ -9,7 +9,8 @@ from barbalat.cases.keys import REQUIRED, Context, Differences, Given, Key, keys
 from barbalat.problem.known_set import ParameterBall, ParameterBox
 from barbalat.problem.output_feedback import OutputProblem
 from barbalat.problem.output_plant import OutputPlant
-from barbalat.problem.plant import Plant, ReferenceModel
+from barbalat.problem.plant import Plant
+from barbalat.problem.reference_model import ReferenceModel
 from barbalat.problem.state_feedback import Problem
 from barbalat.problem.tracking import Disturbance
 from barbalat.protocols import Signal

@@ -12,7 +12,8 @@ from barbalat import validate
 from barbalat.problem.known_set import EstimateSet, KnownSet, ParameterBall, ParameterBox, ParameterProduct, with_gains
 from barbalat.problem.labels import Labels
 from barbalat.problem.measurement import Sensor
-from barbalat.problem.plant import Model, Plant, ReferenceModel
+from barbalat.problem.plant import Plant
+from barbalat.problem.reference_model import Model, ReferenceModel
 from barbalat.problem.regressors import Linear, Uncertainty
 from barbalat.problem.tracking import Disturbance, TrackingProblem, require_signal
 from barbalat.protocols import Signal

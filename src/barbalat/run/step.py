@@ -121,15 +121,16 @@ def step_function(
     import casadi as ca
 
     state_column, state = symbols("state", loop.size)
-    row_length = len(solver.nodes) * loop.timed + (len(WHOLE_STEP) if in_pieces else 0)
+    timed = loop.signals.timed
+    row_length = len(solver.nodes) * timed + (len(WHOLE_STEP) if in_pieces else 0)
     signal_column, table_row = symbols("signals", row_length)
     piece = Piece(*table_row[-len(WHOLE_STEP) :]) if in_pieces else WHOLE_STEP
-    noise_column, noise = symbols("noise", loop.noise)
-    past_column, past = symbols("past", TAPS_PER_INPUT * TAPS * loop.delayed_inputs)
+    noise_column, noise = symbols("noise", loop.signals.noise)
+    past_column, past = symbols("past", TAPS_PER_INPUT * TAPS * loop.signals.delayed)
     signals = {}
     for i, node in enumerate(solver.nodes):
         delayed = [(past.reshape(loop.inputs, TAPS_PER_INPUT * TAPS) @ delay_weights[i]).reshape(-1)] if loop.delayed else []
-        signals[node] = np.concatenate([table_row[i * loop.timed : (i + 1) * loop.timed], noise, *delayed])
+        signals[node] = np.concatenate([table_row[i * timed : (i + 1) * timed], noise, *delayed])
 
     derivative = loop.following_within(dt).derivative
     following = solver.advance(derivative, loop.limit, state, signals, piece.length * dt)
@@ -193,10 +194,10 @@ def step_program(
         accumulated,
         varied,
         signals,
-        delayed=TAPS_PER_INPUT * loop.delayed_inputs,
+        delayed=TAPS_PER_INPUT * loop.signals.delayed,
         lag_per_member=lag_per_member,
-        noise=loop.noise,
-        noise_hold=None if adjustable and loop.noise else rhythm.noise_hold,
+        noise=loop.signals.noise,
+        noise_hold=None if adjustable and loop.signals.noise else rhythm.noise_hold,
         sample_every=None if adjustable and loop.sampled else rhythm.sample_every,
         in_pieces=in_pieces,
     )
