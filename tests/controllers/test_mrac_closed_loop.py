@@ -38,8 +38,12 @@ def random_member(problems, seed):
     return problem, MracClosedLoop(gamma=sizes[seed // 9 % 3], model_feedback=L)
 
 
+EACH_PAIR = [n + 3 * known_set + 9 * ((n + known_set) % 3) for n in range(3) for known_set in range(3)]
+"""Seeds with every pair of an order, a known set and a kind of gain among them; the first 27 have every triple."""
+
+
 def test_the_bound_holds_along_runs(problems, sample):
-    for seed in range(sample(27, 1000)):
+    for seed in EACH_PAIR if sample(9, 1000) == 9 else range(1000):
         problem, controller = random_member(problems, seed)
         if np.linalg.eigvals(problem.plant.A_m + controller.model_feedback).real.max() > -0.01:
             continue

@@ -73,8 +73,13 @@ CONTROLLERS = {
 }
 
 
+EACH_KIND = ("l1", "robust", "learning, switching sigma", "bounded gain, dead zone")
+"""A predictor, a covariance with an auxiliary input, a memory, and a law that stands still."""
+
+
 @pytest.mark.parametrize("discretization", ["midpoint", "euler"])
 @pytest.mark.parametrize("name", CONTROLLERS)
+@pytest.mark.short(kept=lambda name, discretization: discretization == "midpoint" or name in EACH_KIND)
 def test_compiled_loop_against_a_plain_one(problems, name, discretization):
     """Samples every three steps, noise that changes every two. 1e-10: sums in another order, over 240 steps."""
     dt, steps, every = 2.0**-7, 240, 3
@@ -92,7 +97,7 @@ def test_compiled_loop_against_a_plain_one(problems, name, discretization):
 
 
 @pytest.mark.parametrize("name", CONTROLLERS)
-@pytest.mark.short(kept=lambda name: name in ("l1", "robust", "learning, switching sigma", "bounded gain, dead zone"))
+@pytest.mark.short(kept=lambda name: name in EACH_KIND)
 def test_midpoint_tends_to_the_continuous_controller(problems, name):
     """Holding the control costs an error in proportion to the sample time: halving it halves the distance."""
     problem, controller = problems[2], CONTROLLERS[name]

@@ -75,6 +75,7 @@ def steps_for(tau: float) -> np.ndarray:
 @pytest.mark.parametrize("tau", DELAYS)
 @pytest.mark.parametrize("level", [np.inf, 1.0])
 @pytest.mark.parametrize("history", [0.0, -0.8])
+@pytest.mark.short(kept=lambda tau, level, history: np.isinf(level) == (history == 0.0))
 def test_a_square_command_keeps_the_method_s_order(tau, level, history):
     """Open loop, limited or not: every jump inside a step, 2 t_end/0.4 of them and the one from the history."""
     limits = {"saturation": (-level, level)} if np.isfinite(level) else {}

@@ -25,6 +25,7 @@ DRIVERS = (
 @pytest.mark.parametrize("drivers", DRIVERS, ids=["steps", "sines"])
 @pytest.mark.parametrize("f", [None, "0.6*sin(2*y + cos(t)) + 0.1*y"])
 @pytest.mark.parametrize("kind", ["l1", "linear"])
+@pytest.mark.short(kept=lambda kind, f, drivers: (kind == "l1") == ((f is None) == (drivers is DRIVERS[1])))
 def test_random_loops_stay_within_their_bounds(kind, f, drivers, sample):
     """25 loops each, in short 4; where a bound is given no run exceeds it, and it is of use: within a factor of ten for most."""
     random = np.random.default_rng(3)
