@@ -213,8 +213,9 @@ FAULTS = [
 @pytest.mark.parametrize("name", [one("Mrac-state-euler"), one("RobustMrac-free-midpoint"), one("L1Adaptive-ball-midpoint")])
 @pytest.mark.short(kept=lambda name: name.startswith("Mrac"))
 def test_it_finds_planted_faults(name, tmp_path, sample) -> None:
-    """Twenty of them, in short every third, at most two missed (one): two thirds in the arithmetic, down to a unit in the last
-    place of a constant, the rest in what surrounds it. One that no vector reaches, in a branch that the run does not take, may be.
+    """Twenty of them, in short every third, at most two missed (one): two thirds in the arithmetic, down to one unit in the
+    last place of a constant, the rest in what surrounds it. One that no vector reaches, in a branch that the run does not take,
+    may be missed.
     """
     exported(name, tmp_path)
     right = (tmp_path / "controller.c").read_text()
