@@ -5,6 +5,8 @@ from dataclasses import replace
 import control
 import numpy as np
 import pytest
+from scipy.integrate import trapezoid
+from scipy.linalg import expm
 
 from barbalat.certificates.bounds import output_loop as subject
 from barbalat.certificates.bounds.slopes import largest_at_zero, largest_slope, steepest_seen
@@ -13,7 +15,7 @@ from barbalat.controllers.output.l1 import linear_equivalent
 from barbalat.controllers.output.linear import LinearOutput
 from barbalat.problem.output_plant import Nonlinearity, OutputPlant
 from barbalat.run.ensemble import simulate_ensemble
-from barbalat.signals import Sine, Square, Step
+from barbalat.signals import Constant, Sine, Square, Step
 from certificates.output_problems import SIMULATION, TF, l1, problem
 
 DRIVERS = (
@@ -56,6 +58,27 @@ def test_random_loops_stay_within_their_bounds(kind, f, drivers, sample):
     if kind == "l1":
         sigma = np.abs([metrics.theta_hat_tail_min, metrics.theta_hat_tail_max]).max(axis=(0, 2))
         assert (sigma <= [found.sigma for found in bounds]).all()
+
+
+def l1_norms(A, B, C, D):
+    """The integrals over time of the entries' magnitudes of the impulse response, by trapezoids of 1e-3 s, and |D|."""
+    samples, transition = [B], expm(1e-3 * A)
+    while np.abs(samples[-1]).max() > 1e-9 * np.abs(B).max():
+        samples.append(transition @ samples[-1])
+    return trapezoid(np.abs(C @ np.array(samples)), dx=1e-3, axis=0) + np.abs(D)
+
+
+def test_the_bounds_are_those_of_the_small_gain_theorem():
+    """By hand, with f = 0.2 y + 0.1 cos t: F = 0.1 and L = 0.2. 1e-3: trapezoids, norms rounded outward."""
+    drivers = {"reference": Sine(1.5, 2.0), "disturbance": Constant(0.5), "output_disturbance": Constant(0.05)}
+    plant = OutputPlant(transfer_function=TF([2.0], [1.0, 1.0]), nonlinear="0.2*y + 0.1*cos(t)")
+    given, controller = problem(plant, **drivers), replace(l1(), sigma_bound=None)
+    found = subject.output_bounds(given, controller, SIMULATION.t_end)
+    of_y, of_e, *of_sigma = l1_norms(*subject.linear_loop(given, controller))
+    y = (of_y @ [1.5, 0.5 + 0.1, 0.05]) / (1 - 0.2 * of_y[1])
+    driven = [1.5, 0.5 + 0.1 + 0.2 * y, 0.05]
+    assert [found.y, found.e] == pytest.approx([y, of_e @ driven], rel=1e-3)
+    assert found.sigma == pytest.approx(of_sigma[0] @ driven, rel=1e-3)
 
 
 def test_the_linear_loop_against_python_control():
