@@ -21,7 +21,7 @@ from barbalat.protocols import Controller
 from barbalat.run import delay
 from barbalat.run.step import Rhythm, whole_steps
 from barbalat.solvers.simulation import Simulation
-from barbalat.validate import InputError
+from barbalat.validate import InputError, printable
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -71,7 +71,8 @@ def build(case: Table, folder: Path, joining: Sequence[Controller] = ()) -> Case
     refused: list[str] = []
     for i, table in enumerate(tables, start=1):
         try:
-            with within(f"controller {i} ({vars(table)['name'] if 'name' in table.model_fields_set else table.recipe.choice})"):
+            called = vars(table)["name"] if "name" in table.model_fields_set else table.recipe.choice
+            with within(f"controller {i} ({printable(called)})"):
                 controllers.append(_bound(table, context, problem))
         except InputError as error:
             refused += error.sentences
