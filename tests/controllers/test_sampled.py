@@ -98,13 +98,13 @@ def test_compiled_loop_against_a_plain_one(problems, name, discretization):
 
 @pytest.mark.parametrize("name", CONTROLLERS)
 @pytest.mark.short(kept=lambda name: name in EACH_KIND)
-def test_midpoint_tends_to_the_continuous_controller(problems, name):
+def test_midpoint_tends_to_the_continuous_controller(problems, name, sample):
     """Holding the control costs an error in proportion to the sample time: halving it halves the distance."""
     problem, controller = problems[2], CONTROLLERS[name]
     simulation = Simulation(t_end=4.0, dt=2.0**-9)
     exact = simulate(problem, [controller], simulation)[controller.name].x[-1]
     distances = []
-    for every in (8, 4, 2):
+    for every in (8, 4, 2)[: sample(2, 3)]:
         sampled = Sampled(controller=controller, sample_time=every * 2.0**-9)
         distances.append(np.abs(simulate(problem, [sampled], simulation)[controller.name].x[-1] - exact).max())
     ratios = np.array(distances[:-1]) / distances[1:]
@@ -273,12 +273,12 @@ def output_problem():
 
 
 @pytest.mark.parametrize("name", OUTPUT)
-def test_output_feedback_tends_to_the_continuous_controller(name):
+def test_output_feedback_tends_to_the_continuous_controller(name, sample):
     problem, controller, simulation = output_problem(), OUTPUT[name], Simulation(t_end=4.0, dt=2.0**-9)
     exact = simulate(problem, [controller], simulation)["c"].y[-1]
     distances = [
         abs(simulate(problem, [Sampled(controller=controller, sample_time=every * 2.0**-9)], simulation)["c"].y[-1] - exact)
-        for every in (8, 4, 2)
+        for every in (8, 4, 2)[: sample(2, 3)]
     ]
     ratios = np.array(distances[:-1]) / distances[1:]
     assert ((ratios > 1.6) & (ratios < 2.6)).all()
