@@ -6,8 +6,6 @@
 from __future__ import annotations
 
 import ctypes
-import time
-from collections.abc import Callable
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -18,6 +16,7 @@ from barbalat.lowering.llvm.machine import Kernel, vector_width
 from barbalat.lowering.operations import Operation, Program
 from barbalat.lowering.shape import LoopShape
 from benchmarks.gcc import shared_library
+from benchmarks.race import best_seconds
 
 COUNT = 20_000
 REPEATS = 40
@@ -34,16 +33,6 @@ void chain(const double *x, double *y, long n) {{ double z = 0; for (long i = 0;
 """
 
 
-def seconds(call: Callable[[], None]) -> float:
-    """Of the thread's own time, the best of several."""
-    best = np.inf
-    for _ in range(REPEATS):
-        started = time.thread_time()
-        call()
-        best = min(best, time.thread_time() - started)
-    return best
-
-
 def library(name: str, x: np.ndarray, folder: Path) -> tuple[float, float]:
     """ns of the C library for one number that waits, and for one of many."""
     (folder / name).mkdir()
@@ -52,7 +41,7 @@ def library(name: str, x: np.ndarray, folder: Path) -> tuple[float, float]:
     loaded, y = ctypes.CDLL(str(shared_library(source, "-O2 -fno-builtin", folder / name))), np.empty(len(x))
     calls = [lambda f=loaded[part]: f(ctypes.c_void_p(x.ctypes.data), ctypes.c_void_p(y.ctypes.data), ctypes.c_long(len(x)))
              for part in ("chain", "each")]  # fmt: skip
-    waiting, single = (seconds(call) / len(x) * 1e9 for call in calls)
+    waiting, single = (best_seconds(call, REPEATS) / len(x) * 1e9 for call in calls)
     return waiting, single
 
 
@@ -62,7 +51,7 @@ def chained(name: str, x: np.ndarray) -> float:
     ops += [Operation("mul", (0, 2)), Operation("add", (1, 3)), Operation("constant", (), POWER)]
     ops += [Operation(name, (4, 5)[: function(name).arguments])]
     kernel = Kernel(Program(tuple(ops), ((6,), (), ())), LoopShape(1, 0, 0, 1), (), 1)
-    return seconds(kernel.bound(1, len(x), np.zeros(1), np.empty(0), x, np.empty(1))) / len(x) * 1e9
+    return best_seconds(kernel.bound(1, len(x), np.zeros(1), np.empty(0), x, np.empty(1)), REPEATS) / len(x) * 1e9
 
 
 def spread(name: str, x: np.ndarray, lanes: int) -> float:
@@ -71,7 +60,7 @@ def spread(name: str, x: np.ndarray, lanes: int) -> float:
     ops = [Operation("input", source=(5, 0)), Operation("constant", (), POWER), Operation(name, (0, 1)[:arguments])]
     kernel = Kernel(Program(tuple(ops), ((), (2,), ())), LoopShape(0, 1, 0, 0, noise=1), (0.0,), lanes)
     nothing, rows = np.empty(0), len(x) // lanes
-    return seconds(kernel.bound(rows, 1, nothing, nothing, nothing, np.empty(len(x)), None, x)) / len(x) * 1e9
+    return best_seconds(kernel.bound(rows, 1, nothing, nothing, nothing, np.empty(len(x)), None, x), REPEATS) / len(x) * 1e9
 
 
 def main() -> None:

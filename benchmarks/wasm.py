@@ -22,6 +22,7 @@ from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller
 from barbalat.run.batch import Batch
 from barbalat.run.grid import signal_table
+from benchmarks.race import best_seconds
 
 STEPS = 20_000
 REPEATS = 20
@@ -39,8 +40,8 @@ def main() -> None:
             made = (time.perf_counter() - made) * 1e3
             fused = Batch.of([(given.problem, controller)], replace(simulation, fused=True))
             table = signal_table(given.problem.signals, simulation, 0, STEPS, in_pieces=batch.program.shape.in_pieces)
-            wasm = seconds(running(module, batch, table))
-            native, with_fma = (seconds(partial(kernel_call, one, table)) for one in (batch, fused))
+            wasm = best_seconds(running(module, batch, table), REPEATS)
+            native, with_fma = (best_seconds(partial(kernel_call, one, table), REPEATS) for one in (batch, fused))
             ns = [t / STEPS * 1e9 for t in (wasm, native, with_fma)]
             name = f"{case}, {controller.name}"
             print(f"{name:44}{len(module) / 1e3:8.1f}{made:12.0f}" + "".join(f"{t:8.1f}" for t in ns) + f"{ns[0] / ns[2]:8.2f}")
@@ -82,16 +83,6 @@ def running(module: bytes, batch: Batch, table: np.ndarray) -> Callable[[], None
         exports[ENTRY](store, *arguments)
 
     return call
-
-
-def seconds(call: Callable[[], None]) -> float:
-    """Of the thread's own time, the best of several."""
-    best = np.inf
-    for _ in range(REPEATS):
-        started = time.thread_time()
-        call()
-        best = min(best, time.thread_time() - started)
-    return best
 
 
 if __name__ == "__main__":

@@ -4,13 +4,11 @@
 
 Without pages it makes those of the quick ``reproduce`` and of two bundled cases. A folder is a site: all of its pages are read as
 from a server. Each page is opened at the width of a desk and of a phone, there in the dark. What is wrong is printed, a line
-each, and the exit code is 1. The browser is the system's: ``chromium``, or what BROWSER names.
+each, and the exit code is 1. The browser is the system's: see ``chromium``.
 """
 
 from __future__ import annotations
 
-import os
-import shutil
 import subprocess
 import sys
 import tempfile
@@ -19,10 +17,13 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import partial
 from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
+from itertools import chain
 from pathlib import Path
 
 from axe_playwright_python.sync_playwright import Axe
-from playwright.sync_api import Browser, sync_playwright
+from playwright.sync_api import Browser
+
+from chromium import look, overheard
 
 WIDTHS = {"desk": 1280, "phone": 390}
 """In CSS pixels."""
@@ -33,8 +34,8 @@ COMMANDS = {
     "run": ["run", "first-order"],
     "output": ["run", "l1-output"],
 }
-EXPLORER = "explore.html"
 """What makes pages, by the folder that they go to."""
+EXPLORER = "explore.html"
 UNSCROLLABLE = """
 () => [...document.querySelectorAll('body *')]
     .filter(one => one.getBoundingClientRect().right > innerWidth + 1 && !one.closest('.wide, svg, math'))
@@ -46,24 +47,21 @@ SCROLLING = """
     .filter(one => one.scrollWidth > one.clientWidth + 1).slice(0, 3).map(one => one.textContent.trim().slice(0, 60))
 """
 """Tables of which one must scroll to see all columns; block diagrams may."""
+OWN_ADDRESSES = ("file:", "data:", "blob:", "http://127.0.0.1:")
+"""What a page may ask for: what lies in it or beside it."""
 OPENED = "() => document.querySelectorAll('details').forEach(one => { one.open = true })"
 """What is folded away is looked at too."""
 
 
 def main(pages: list[Path]) -> int:
     """Returns the exit code."""
-    executable = os.environ.get("BROWSER") or shutil.which("chromium") or shutil.which("chromium-browser")
-    if executable is None:
-        print("no browser: install Debian's chromium, or name one by BROWSER", file=sys.stderr)  # noqa: T201
-        return 1
-    with tempfile.TemporaryDirectory() as made, sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=executable, args=["--no-sandbox"])
-        found = []
-        for page in pages or _made_in(Path(made)):
-            found += _of_site(browser, page) if page.is_dir() else _findings(browser, page, page.resolve().as_uri())
-        browser.close()
-    print("\n".join(dict.fromkeys(found)) or "no findings")  # noqa: T201
-    return int(bool(found))
+    with tempfile.TemporaryDirectory() as made:
+        return look(lambda browser: chain.from_iterable(_of(browser, page) for page in pages or _made_in(Path(made))))
+
+
+def _of(browser: Browser, page: Path) -> Iterator[str]:
+    """What is wrong with a page, or with those of a site."""
+    return _of_site(browser, page) if page.is_dir() else _findings(browser, page, page.resolve().as_uri())
 
 
 def _made_in(folder: Path) -> list[Path]:
@@ -112,10 +110,7 @@ def _findings(browser: Browser, page: Path, address: str) -> Iterator[str]:
 def _at_both_widths(browser: Browser, page: str, address: str) -> Iterator[str]:
     for name, width in WIDTHS.items():
         tab = browser.new_page(viewport={"width": width, "height": 900}, color_scheme="dark" if name == "phone" else "light")
-        said: list[str] = []
-        tab.on("console", lambda message, said=said: said.append(f"console: {message.text} {message.location['url']}"))
-        tab.on("pageerror", lambda error, said=said: said.append(f"error: {error}"))
-        tab.on("request", lambda request, said=said: said.append(f"asks for {request.url}") if _is_outside(request.url) else None)
+        said = overheard(tab, OWN_ADDRESSES)
         tab.goto(address)
         tab.evaluate(OPENED)
         said += [f"scrolls: {one}" for one in tab.evaluate(SCROLLING)]
@@ -125,10 +120,6 @@ def _at_both_widths(browser: Browser, page: str, address: str) -> Iterator[str]:
             said += [f"{rule['id']}: {node['html'][:100]}" for node in rule["nodes"][:3]]
         yield from (f"{page} on a {name}: {one}" for one in said if "favicon" not in one)
         tab.close()
-
-
-def _is_outside(address: str) -> bool:
-    return not address.startswith(("file:", "data:", "blob:", "http://127.0.0.1:"))
 
 
 if __name__ == "__main__":

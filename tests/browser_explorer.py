@@ -7,22 +7,20 @@ Without names all bundled cases. What is wrong is printed, a line each, and the 
 
 from __future__ import annotations
 
-import os
 import random
-import shutil
 import sys
 import tempfile
 import tomllib
 from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
-from playwright.sync_api import Browser, Page, Playwright, sync_playwright
+from playwright.sync_api import Browser, Page
 
 from barbalat import simulate
 from barbalat.cases.load import CaseText, bundled, parse_case
 from barbalat.explorer.explorer import Explorer
 from barbalat.explorer.source import TextSource
+from chromium import look, overheard
 
 Figures = dict[str, float | list[float] | None]
 ROUNDS = 3
@@ -46,31 +44,15 @@ READY = "() => document.body.dataset.state === 'ready' && document.querySelector
 
 def main(cases: list[str]) -> int:
     """Returns the exit code."""
-    with tempfile.TemporaryDirectory() as made, sync_playwright() as playwright, launched(playwright) as browser:
-        found = [one for case in cases or bundled() for one in of_case(browser, case, Path(made))]
-    print("\n".join(found) or "no findings")  # noqa: T201
-    return int(bool(found))
-
-
-@contextmanager
-def launched(playwright: Playwright) -> Iterator[Browser]:
-    """The system's chromium, or what BROWSER names."""
-    executable = os.environ.get("BROWSER") or shutil.which("chromium") or shutil.which("chromium-browser")
-    if executable is None:
-        sys.exit("no browser: install Debian's chromium, or name one by BROWSER")
-    browser = playwright.chromium.launch(executable_path=executable, args=["--no-sandbox"])
-    yield browser
-    browser.close()
+    with tempfile.TemporaryDirectory() as made:
+        return look(lambda browser: [one for case in cases or bundled() for one in of_case(browser, case, Path(made))])
 
 
 def of_case(browser: Browser, case: str, folder: Path) -> Iterator[str]:
     """What is wrong with a bundled case's explorer."""
     file = Explorer(TextSource(CaseText.read(case))).save(folder / f"{case}.html")
-    said: list[str] = []
     tab = browser.new_page()
-    tab.on("console", lambda message: said.append(f"console: {message.text}"))
-    tab.on("pageerror", lambda error: said.append(f"error: {error}"))
-    tab.on("request", lambda request: None if request.url.startswith(("file:", "blob:", "data:")) else said.append(request.url))
+    said = overheard(tab, ("file:", "blob:", "data:"))
     tab.goto(file.as_uri())
     settled(tab)
     sliders = tab.locator("#controls input[type=range]").count()

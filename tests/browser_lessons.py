@@ -12,13 +12,14 @@ import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
-from playwright.sync_api import Browser, Page, sync_playwright
+from playwright.sync_api import Browser, Page
 
 from barbalat import certify
 from barbalat.cases.load import parse_case
 from barbalat.explorer.section_v import PAGES, explorer
 from browser import _at_both_widths
-from browser_explorer import compared, copied, judged_alike, launched, settled
+from browser_explorer import compared, copied, judged_alike, settled
+from chromium import look, overheard
 
 CONDITIONS = "() => [...document.querySelectorAll('#conditions [data-condition]')].map(one => one.dataset.condition)"
 ESTIMATE_ERROR = 1e-3
@@ -27,18 +28,14 @@ ESTIMATE_ERROR = 1e-3
 
 def main() -> int:
     """Returns the exit code."""
-    with tempfile.TemporaryDirectory() as made, sync_playwright() as playwright, launched(playwright) as browser:
-        found = [one for file in PAGES for one in of_page(browser, explorer(file).save(Path(made) / file))]
-    print("\n".join(found) or "no findings")  # noqa: T201
-    return int(bool(found))
+    with tempfile.TemporaryDirectory() as made:
+        return look(lambda browser: [one for file in PAGES for one in of_page(browser, explorer(file).save(Path(made) / file))])
 
 
 def of_page(browser: Browser, file: Path) -> Iterator[str]:
     """What is wrong with a page and its lessons."""
-    said: list[str] = []
     tab = browser.new_page()
-    tab.on("console", lambda message: said.append(f"console: {message.text}"))
-    tab.on("pageerror", lambda error: said.append(f"error: {error}"))
+    said = overheard(tab, ("file:", "blob:", "data:"))
     tab.goto(file.as_uri())
     settled(tab)
     for lesson in PAGES[file.name]:

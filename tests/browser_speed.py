@@ -13,7 +13,7 @@ import tempfile
 import time
 from pathlib import Path
 
-from playwright.sync_api import CDPSession, Page, sync_playwright
+from playwright.sync_api import CDPSession, Page
 
 from barbalat.explorer.section_v import explorer
 from barbalat.explorer.source import Source
@@ -22,7 +22,8 @@ from barbalat.protocols import Controller
 from barbalat.run.batch import Batch
 from barbalat.run.grid import segments_of, signal_table
 from barbalat.solvers.simulation import Simulation
-from browser_explorer import launched, settled
+from browser_explorer import settled
+from chromium import launched
 
 MRAC = 2
 """Its place among the case's controllers."""
@@ -63,9 +64,9 @@ def main() -> int:
     began = time.perf_counter()
     text = made_from.html
     print(f"the page is made in {time.perf_counter() - began:.1f} s and has {len(text.encode()) / 1e3:.0f} kB")  # noqa: T201
-    with tempfile.TemporaryDirectory() as folder, sync_playwright() as playwright:
+    with tempfile.TemporaryDirectory() as folder:
         file = made_from.save(Path(folder) / "explorer.html")
-        with launched(playwright) as browser:
+        with launched() as browser:
             tab = browser.new_page()
             tab.goto(file.as_uri())
             settled(tab)

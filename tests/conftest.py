@@ -31,8 +31,11 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
         raise pytest.UsageError("--full runs everything, --rest what is left out without it: give one of them")
     if everything:
         return
-    kept = [item for item in items if (_left_out(item) or _draws_samples(item) if rest else not _left_out(item))]
-    config.hook.pytest_deselected(items=[item for item in items if item not in set(kept)])
+    kept, others = [], []
+    for item in items:
+        runs = _left_out(item) or _draws_samples(item) if rest else not _left_out(item)
+        (kept if runs else others).append(item)
+    config.hook.pytest_deselected(items=others)
     items[:] = kept
 
 

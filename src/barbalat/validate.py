@@ -22,11 +22,22 @@ Matrix: TypeAlias = Annotated[Any, "matrix"]
 
 
 class InputError(ValueError):
-    """Input that can't be used: one sentence for the user, or several where more was found at once."""
+    """Input that can't be used: one sentence for the user, or several where more was found at once.
 
-    def __init__(self, *sentences: str) -> None:
+    field       the one that the sentence begins with, dotted as in a case file, so that nobody puts its place before it once more
+    controller  the name of the controller that the sentence names
+    """
+
+    def __init__(self, *sentences: str, field: str = "", controller: str = "") -> None:
         super().__init__("; also: ".join(sentences))
         self.sentences = sentences
+        self.field = field
+        self.controller = controller
+
+    @classmethod
+    def of(cls, field: str, what: str) -> InputError:
+        """A sentence that begins with the field: what it must be, and what was given."""
+        return cls(f"{field} {what}", field=field)
 
 
 def show(value: Any) -> str:
@@ -64,13 +75,13 @@ MOST_SHOWN = 36
 def number(field: str, value: Any) -> float:
     """A finite real number."""
     if isinstance(value, bool) or not isinstance(value, (int, float, np.integer, np.floating)):
-        raise InputError(f"{field} must be a number, got {show(value)}")
+        raise InputError.of(field, f"must be a number, got {show(value)}")
     try:
         result = float(value)
     except OverflowError:
         result = math.inf
     if not math.isfinite(result):
-        raise InputError(f"{field} must be finite, got {show(value)}")
+        raise InputError.of(field, f"must be finite, got {show(value)}")
     return result
 
 
@@ -79,7 +90,7 @@ def whole(field: str, value: Any, least: int, most: int | None = None) -> int:
     is_whole = isinstance(value, (int, np.integer)) and not isinstance(value, bool)
     if not is_whole or value < least or (most is not None and value > most):
         limits = f"of at least {least}" if most is None else f"from {least} to {most}"
-        raise InputError(f"{field} must be a whole number {limits}, got {show(value)}")
+        raise InputError.of(field, f"must be a whole number {limits}, got {show(value)}")
     return int(value)
 
 
@@ -87,7 +98,7 @@ def positive(field: str, value: Any) -> float:
     """A finite number above zero."""
     result = number(field, value)
     if result <= 0:
-        raise InputError(f"{field} must be positive, got {show(value)}")
+        raise InputError.of(field, f"must be positive, got {show(value)}")
     return result
 
 
@@ -95,7 +106,7 @@ def not_negative(field: str, value: Any) -> float:
     """A finite number, zero or above."""
     result = number(field, value)
     if result < 0:
-        raise InputError(f"{field} must not be negative, got {show(value)}")
+        raise InputError.of(field, f"must not be negative, got {show(value)}")
     return result
 
 
@@ -104,20 +115,20 @@ def array(field: str, value: Any, shape: tuple[int | None, ...]) -> Array:
     try:
         given = np.asarray(value)
     except (TypeError, ValueError, OverflowError):
-        raise InputError(f"{field} must be an array of numbers, got {show(value)}") from None
+        raise InputError.of(field, f"must be an array of numbers, got {show(value)}") from None
     if np.ma.is_masked(value):
-        raise InputError(f"{field} must be without masked entries, got {show(value)}")
+        raise InputError.of(field, f"must be without masked entries, got {show(value)}")
     if given.dtype.kind not in "iuf":
-        raise InputError(f"{field} must be an array of real numbers, got {show(value)}")
+        raise InputError.of(field, f"must be an array of real numbers, got {show(value)}")
     with np.errstate(over="ignore"):  # a longer float that does not fit becomes infinite and is refused below
         result = np.array(given, dtype=np.float64)
     fits = result.ndim == len(shape) and all(s == k or (s is None and k > 0) for s, k in zip(shape, result.shape, strict=True))
     if not fits:
         wanted = " x ".join("n" if s is None else str(s) for s in shape)
         got = " x ".join(map(str, result.shape)) or "a number"
-        raise InputError(f"{field} must have shape {wanted}, got {got}: {show(value)}")
+        raise InputError.of(field, f"must have shape {wanted}, got {got}: {show(value)}")
     if not np.isfinite(result).all():
-        raise InputError(f"{field} must be finite, got {show(value)}")
+        raise InputError.of(field, f"must be finite, got {show(value)}")
     result.flags.writeable = False
     return result
 
@@ -139,7 +150,7 @@ def square_matrix(field: str, value: Any, size: int | None = None) -> Array:
     """A read-only square matrix."""
     result = array(field, value, (size, size))
     if result.shape[0] != result.shape[1]:
-        raise InputError(f"{field} must be square, got {result.shape[0]} x {result.shape[1]}: {show(value)}")
+        raise InputError.of(field, f"must be square, got {result.shape[0]} x {result.shape[1]}: {show(value)}")
     return result
 
 
@@ -147,7 +158,7 @@ def instance(field: str, value: Any, kind: type | tuple[type, ...]) -> None:
     """Refuse an object of another kind, with the kinds that would be right."""
     if not isinstance(value, kind) or isinstance(value, type):  # a class has the attributes that a protocol asks for
         names = " or ".join(k.__name__ for k in (kind if isinstance(kind, tuple) else (kind,)))
-        raise InputError(f"{field} must be a {names}, got {show(value)}")
+        raise InputError.of(field, f"must be a {names}, got {show(value)}")
 
 
 UNSHOWABLE = ("Cc", "Cs", "Cn", "Zl", "Zp")
@@ -159,9 +170,9 @@ TURNING = ("LRE", "RLE", "LRO", "RLO", "PDF", "LRI", "RLI", "FSI", "PDI")
 def line(field: str, value: Any) -> str:
     """Text that every page, picture and terminal can show on one line; it may be empty."""
     if not isinstance(value, str):
-        raise InputError(f"{field} must be a text, got {show(value)}")
+        raise InputError.of(field, f"must be a text, got {show(value)}")
     if any(map(_controls, value)):
-        raise InputError(f"{field} must be without control characters, got {value!a}")
+        raise InputError.of(field, f"must be without control characters, got {value!a}")
     return value
 
 
@@ -177,7 +188,7 @@ def _controls(character: str) -> bool:
 def label(field: str, value: Any) -> str:
     """A name: text that is not empty."""
     if not isinstance(value, str) or not value:
-        raise InputError(f"{field} must be a text that is not empty, got {show(value)}")
+        raise InputError.of(field, f"must be a text that is not empty, got {show(value)}")
     return line(field, value)
 
 

@@ -59,10 +59,10 @@ def test_the_kernel_does_what_plain_stepping_does(problems, scheme, variant, bal
     problem, settings = problems[2], controller(scheme, variant)
     if ball:
         problem = replace(problem, uncertainty=ParameterBall(center=[0.1, 0.0], radius=0.6))
-    dt, steps = 2.0**-7, 320
+    dt, steps = 2.0**-6, 128
     samples = brute_force(ClosedLoop.of(problem, settings), problem.signals, "rk4", dt, steps)
     result = simulate(problem, [settings], Simulation(t_end=steps * dt, dt=dt, solver=RK4, record_points=steps))[settings.name]
-    np.testing.assert_allclose(result.theta_hat, samples.theta_hat, rtol=0, atol=1e-9)  # 320 steps of roundings of 1e-16
+    np.testing.assert_allclose(result.theta_hat, samples.theta_hat, rtol=0, atol=1e-9)  # 128 steps of roundings of 1e-16
     np.testing.assert_allclose(result.e, samples.e, rtol=0, atol=1e-9)
     assert all(problem.uncertainty.contains(theta_hat) for theta_hat in result.theta_hat)
 

@@ -293,6 +293,7 @@ LINES = [line for line in PAPER.splitlines() if "=" in line and not line.startsw
 @example(line="gamma = 1e4", value=10**400)
 @example(line='law = { kind = "least-squares", covariance0 = 500.0 }', value={"\n": 1})
 @example(line="b = [0.0, 1.0]", value=[])
+@example(line='name = "MRAC"', value="\n")
 @example(line="A_m = [[0.0, 1.0], [-0.3, -1.0]]", value=[[-1.0], [-1.0, 2.0]])
 @example(line="theta = [4.0, -3.0]", value=[1e300, 1e300])
 def test_fuzz_values(line, value):

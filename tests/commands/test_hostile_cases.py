@@ -33,12 +33,24 @@ def strict(text):
     return json.loads(text, parse_constant=refuse)
 
 
+SHOWN = {
+    "name-markup": ("[/b]", "[red]x", "[bold", "[link=http://x]y"),
+    "name-math": (r"$\frac{$", "_hidden"),
+    "name-long": (),
+    "name-two-diagrams": (),
+}
+"""Names that are shown as they are: markup, mathematics and underscores are letters like others."""
+
+
 @pytest.mark.parametrize("case", HOSTILE, ids=lambda path: path.stem)
 def test_every_command_ends_well(case, tmp_path, capsys):
     out = tmp_path / "out"
-    for arguments in (["certify", str(case), "--json"], ["run", str(case), "--out", str(out), "--json"], ["certify", str(case)]):
-        code = main(arguments)
+    shown = {}
+    in_json = [] if case.stem in SHOWN else [["certify", "--json"]]
+    for command, *options in (*in_json, ["run", "--out", str(out)], ["certify"]):
+        code = main([command, str(case), *options])
         captured = capsys.readouterr()
+        shown[command] = captured.out
         if case.stem in REFUSED:
             assert code == 2 and captured.out == "" and not out.exists()
             assert REFUSED[case.stem] in captured.err
@@ -46,9 +58,16 @@ def test_every_command_ends_well(case, tmp_path, capsys):
             assert len(lines) <= 4 and all(line.isprintable() for line in lines) and len(captured.err) < 600
         else:
             assert code == 0
-            assert "--json" not in arguments or strict(captured.out)["controllers"]
+            assert "--json" not in options or strict(captured.out)["controllers"]
     if case.stem not in REFUSED:
-        assert strict((out / "run.json").read_text())["certificates"]
+        document = strict((out / "run.json").read_text())
+        assert document["certificates"] and document["controllers"]
+    if case.stem in SHOWN:
+        assert all(name in text for text in shown.values() for name in SHOWN[case.stem])
+        assert max(len(path.name) for path in out.iterdir()) < 100
+        assert (out / "comparison.svg").read_text().endswith("</svg>\n")
+    if case.stem == "name-two-diagrams":
+        assert len({path.read_bytes() for path in out.glob("diagram-*.svg")}) == 2
 
 
 def test_every_entry_that_claims_something_is_finite(tmp_path):
@@ -96,21 +115,6 @@ def test_the_simulation_is_written_before_anything_is_certified(tmp_path, monkey
     assert main(["run", str(HOSTILE[0].parent / "name-markup.toml"), "--out", str(out)]) == 130
     assert {path.name for path in out.iterdir()} == {"run.json", "1-b.csv", "2-red-x.csv", "3-bold.csv", "4-link-http-x-y.csv"}
     assert strict((out / "run.json").read_text())["controllers"]
-
-
-def test_names_are_shown_as_they_are(tmp_path, capsys):
-    """Markup, mathematics and underscores are letters like others; files of long names are short, of two names two."""
-    for case in ("name-markup", "name-math", "name-long", "name-two-diagrams"):
-        out = tmp_path / case
-        assert main(["run", str(HOSTILE[0].parent / f"{case}.toml"), "--out", str(out)]) == 0
-        assert max(len(path.name) for path in out.iterdir()) < 100
-        assert (out / "comparison.svg").read_text().endswith("</svg>\n")
-    assert len({path.read_bytes() for path in (tmp_path / "name-two-diagrams").glob("diagram-*.svg")}) == 2
-    shown = capsys.readouterr().out
-    for name in ("[/b]", "[red]x", "[bold", r"$\frac{$", "_hidden"):
-        assert name in shown
-    assert main(["certify", str(HOSTILE[0].parent / "name-markup.toml")]) == 0
-    assert "[link=http://x]y" in capsys.readouterr().out
 
 
 def test_legends_show_every_name():

@@ -21,8 +21,14 @@ from independent import brute_force, example_controllers, jacobian_against_diffe
 ORDERS = (1, 2, 3)
 EXAMPLES = [(name, n, i) for name in SCHEMES for n in ORDERS for i in range(len(example_controllers(n).get(name, [None])))]
 
-SHORT_PAIRS = {(1, "euler"), (2, "rk4"), (3, "heun")}
+SHORT_PAIRS = ((1, "euler"), (2, "rk4"), (3, "heun"))
 """Order and solver together in short; what does not depend on the order is looked at with the second alone."""
+
+
+def kept_in_short(example, solver):
+    """The second pair of every example, and by turns the first or the third."""
+    _, n, i = example
+    return (n, solver) in (SHORT_PAIRS[1], SHORT_PAIRS[i % 2 * 2])
 
 
 @pytest.fixture(params=EXAMPLES, ids=[f"{name}-n{n}-{i}" for name, n, i in EXAMPLES])
@@ -74,14 +80,14 @@ def test_the_flat_state_and_its_parts(example):
 
 
 @pytest.mark.parametrize("solver", SOLVERS)
-@pytest.mark.short(kept=lambda example, solver: (example[1], solver) in SHORT_PAIRS)
+@pytest.mark.short(kept=kept_in_short)
 def test_the_kernel_does_what_plain_stepping_does(example, solver):
     """Machine code, tables, blocks and record against a Python loop over the textbook formulas.
 
-    1e-9: 320 steps of roundings of 1e-16 times terms up to 1e3, in loops that do not amplify.
+    1e-9: 128 steps of roundings of 1e-16 times terms up to 1e3, in loops that do not amplify.
     """
     problem, controller = example
-    dt, steps = 2.0**-7, 320
+    dt, steps = 2.0**-6, 128
     samples = brute_force(ClosedLoop.of(problem, controller), problem.signals, solver, dt, steps)
     simulation = Simulation(t_end=steps * dt, dt=dt, solver=SOLVERS[solver], record_points=steps)
     result = simulate(problem, [controller], simulation)[controller.name]

@@ -138,10 +138,10 @@ class Case:
 
 
 @pytest.mark.parametrize(("m", "gain_unknown"), [(1, False), (2, False), (3, False), (1, True), (2, True)])
-def test_lyapunov_identity_at_any_gain_and_sample_time(m, gain_unknown):
+def test_lyapunov_identity_at_any_gain_and_sample_time(m, gain_unknown, sample):
     """V_next - V = fall - moved without a set, no more within a box or a ball."""
     random = np.random.default_rng(11 + m)
-    for _ in range(300):
+    for _ in range(sample(75, 300)):
         case = Case(random, m, gain_unknown=gain_unknown)
         before, after, V, V_next = case.run(None)
         assert abs(V_next - V - case.fall(after) + case.moved(before, after)) <= case.slack(V, V_next)
@@ -166,12 +166,12 @@ def test_V_falls_with_a_matrix_gain():
             assert V_next - V <= case.fall(after) + 1e4 * case.slack(V, V_next)
 
 
-def test_the_predictor_is_fed_with_the_estimate_inside_the_set():
+def test_the_predictor_is_fed_with_the_estimate_inside_the_set(sample):
     """x_hat follows from the estimate that the set left: with C = 1 that keeps it at the model. Sums of two orders: 1e-9."""
     random = np.random.default_rng(17)
     for m in (1, 2):
         agree = []
-        for _ in range(200):
+        for _ in range(sample(100, 200)):
             case = Case(random, m)
             for known_set in (case.box, case.ball) if m == 1 else (case.box,):
                 before, after, _, _ = case.run(known_set)
@@ -192,13 +192,13 @@ LEAKAGES = {
 
 
 @pytest.mark.parametrize("kind", LEAKAGES)
-def test_leakage(kind):
+def test_leakage(kind, sample):
     """V_next - V = fall - moved - 2 T w theta_tilde'theta_hat without a set; with one, at most fall + T w |theta|^2/2.
 
     The switching one takes V below what it would be without, since |theta| < M_0, in every case.
     """
     random = np.random.default_rng(23)
-    for i in range(400):
+    for i in range(sample(100, 400)):
         case = Case(random, leakage=LEAKAGES[kind], matrix=i % 4 == 3)
         ease = 1e4 if i % 4 == 3 else 1.0  # Gamma^-1 is computed
         for known_set in (None, case.box, case.ball):

@@ -20,7 +20,7 @@ pytestmark = needs_gcc
 
 
 @pytest.mark.parametrize("name", CHOSEN)
-@pytest.mark.short(kept=lambda name: name in CHOSEN[:4])
+@pytest.mark.short(kept=lambda name: name in CHOSEN[:2])
 def test_the_same_run_in_every_bit(name) -> None:
     problem, controller = EXAMPLES[name]
     origin = simulate(problem, [controller], SIMULATION)[controller.name]

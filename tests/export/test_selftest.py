@@ -47,7 +47,7 @@ def exported(name, folder, *, float32=False):
 
 @needs_gcc
 @pytest.mark.parametrize(("name", "float32"), [(name, False) for name in CHOSEN] + [(name, True) for name in ARITHMETIC])
-@pytest.mark.short(kept=lambda name, float32: name in CHOSEN[1:14:4])
+@pytest.mark.short(kept=lambda name, float32: name in (CHOSEN[5:14:8] if float32 else CHOSEN[1:14:8]))
 def test_it_passes(name, float32, tmp_path) -> None:
     """Without a warning, and in float32 without a number of double precision."""
     exported(name, tmp_path, float32=float32)
@@ -212,15 +212,16 @@ FAULTS = [
 @needs_gcc
 @pytest.mark.parametrize("name", [one("Mrac-state-euler"), one("RobustMrac-free-midpoint"), one("L1Adaptive-ball-midpoint")])
 @pytest.mark.short(kept=lambda name: name.startswith("Mrac"))
-def test_it_finds_planted_faults(name, tmp_path) -> None:
-    """Twenty of them, at least 18 found: two thirds in the arithmetic, down to one unit in the last place of a constant, the rest
-    in what surrounds it. One that no vector reaches, in a branch that the run does not take, may be missed.
+def test_it_finds_planted_faults(name, tmp_path, sample) -> None:
+    """Twenty of them, in short every third, at most two missed (one): two thirds in the arithmetic, down to one unit in the
+    last place of a constant, the rest in what surrounds it. One that no vector reaches, in a branch that the run does not take,
+    may be missed.
     """
     exported(name, tmp_path)
     right = (tmp_path / "controller.c").read_text()
     macro = EXAMPLES[name][1].name.upper()
     found = []
-    for number, fault in enumerate(FAULTS):
+    for number, fault in list(enumerate(FAULTS))[:: sample(3, 1)]:
         if isinstance(fault, tuple):
             wrong = right.replace(*(text.replace("{macro}", macro) for text in fault), 1)
         else:
@@ -229,4 +230,4 @@ def test_it_finds_planted_faults(name, tmp_path) -> None:
         (tmp_path / "controller.c").write_text(wrong)
         done = run_selftest(tmp_path, "gcc", *ISO, "-O1", "-w")
         found.append(done.returncode != 0)
-    assert sum(found) >= 18, [i for i, seen in enumerate(found) if not seen]
+    assert found.count(False) <= sample(1, 2), [i for i, seen in enumerate(found) if not seen]

@@ -21,7 +21,7 @@ from barbalat.protocols import Controller
 from barbalat.run import delay
 from barbalat.run.step import Rhythm, whole_steps
 from barbalat.solvers.simulation import Simulation
-from barbalat.validate import InputError
+from barbalat.validate import InputError, printable
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -43,11 +43,12 @@ class Case:
 
 @contextmanager
 def within(place: str) -> Iterator[None]:
-    """An InputError that does not speak of ``place`` gets it in front of its sentence."""
+    """An InputError whose sentence does not begin with ``place``, or with a field in it, gets it in front."""
     try:
         yield
     except InputError as error:
-        raise error if str(error).startswith(place) else InputError(f"{place}: {error}") from None
+        named = error.field == place or error.field.startswith(f"{place}.")
+        raise error if named else InputError(f"{place}: {error}", field=place) from None
 
 
 def build(case: Table, folder: Path, joining: Sequence[Controller] = ()) -> Case:
@@ -70,7 +71,8 @@ def build(case: Table, folder: Path, joining: Sequence[Controller] = ()) -> Case
     refused: list[str] = []
     for i, table in enumerate(tables, start=1):
         try:
-            with within(f"controller {i} ({vars(table)['name'] if 'name' in table.model_fields_set else table.recipe.choice})"):
+            called = vars(table)["name"] if "name" in table.model_fields_set else table.recipe.choice
+            with within(f"controller {i} ({printable(called)})"):
                 controllers.append(_bound(table, context, problem))
         except InputError as error:
             refused += error.sentences

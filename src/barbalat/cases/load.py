@@ -38,6 +38,8 @@ def text_to_start_from(name: str | None = None) -> str:
 
 DECIMAL_COMMA = re.compile(r"^\s*([\w.-]+)\s*=\s*([-+]?\d+),(\d+)\s*(?:#.*)?$", re.MULTILINE)
 """A key whose value is a number with a decimal comma, alone on its line."""
+SINGLE_BRACKETS = re.compile(r"^\s*\[\s*controller\s*\]", re.MULTILINE)
+"""The head of the only controller of a case: a second one makes it no TOML."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,7 +80,7 @@ class CaseText:
         try:
             return tomllib.loads(self.text)
         except (tomllib.TOMLDecodeError, ValueError, RecursionError) as error:
-            twice = "('controller',) twice" in str(error)
+            twice = len(SINGLE_BRACKETS.findall(self.text)) > 1
             meant = "; each controller stands under [[controller]], with two brackets" if twice else ""
             comma = DECIMAL_COMMA.search(self.text)
             if comma is not None and not twice:

@@ -19,7 +19,7 @@ from types import ModuleType
 from typing import Any
 
 from barbalat.cases.schema import table_of
-from barbalat.loop.blame import blamed
+from barbalat.loop.blame import Subject, blamed
 from barbalat.protocols import Controller
 from barbalat.validate import InputError, show
 
@@ -65,7 +65,7 @@ class OwnFile:
         return tuple(self._made(one) if isinstance(one, type) else one for one in given)
 
     def _made(self, kind: type) -> Controller:
-        with blamed(f"{kind.__name__}() in {str(self.path)!r}"):
+        with blamed(Subject(f"{kind.__name__}() in {str(self.path)!r}")):
             controller: Controller = kind()
         return controller
 
@@ -91,7 +91,7 @@ def run(path: str | Path) -> OwnFile:
     folder = str(path.resolve().parent)
     sys.path.append(folder)  # for files beside it; last, so that none stands in the place of an installed package
     try:
-        with blamed(f"--controllers: {str(path)!r}"):
+        with blamed(Subject(f"--controllers: {str(path)!r}")):
             loader.exec_module(module)
     finally:
         sys.path.remove(folder)
@@ -110,7 +110,7 @@ def schemes(names: Set[str], own: OwnFile | None) -> dict[str, type]:
     found = {} if own is None else {name: kind for name, kind in own.classes.items() if name in names}
     for name in sorted(names - found.keys()):
         for entry in entry_points(group=ENTRY_POINT_GROUP, name=name):
-            with blamed(f"the scheme {name!r} of {entry.value!r}"):
+            with blamed(Subject(f"the scheme {name!r} of {entry.value!r}")):
                 found[name] = entry.load()
     for name, kind in found.items():
         _require_settings(name, kind)
@@ -134,8 +134,7 @@ def _require_settings(name: str, kind: Any) -> None:
     try:
         table_of(kind, "scheme", name)
     except (TypeError, NameError) as error:
-        reason = str(error).partition(":")[0]
         raise InputError(
             f"the scheme {name!r}: its fields must be float, int, bool, str, or barbalat.validate's Vector and Matrix for a case "
-            f"file to give them; {reason}"
+            f"file to give them; {error}"
         ) from None

@@ -9,7 +9,8 @@ from barbalat.cases.keys import REQUIRED, Context, Differences, Given, Key, keys
 from barbalat.problem.known_set import ParameterBall, ParameterBox
 from barbalat.problem.output_feedback import OutputProblem
 from barbalat.problem.output_plant import OutputPlant
-from barbalat.problem.plant import Plant, ReferenceModel
+from barbalat.problem.plant import Plant
+from barbalat.problem.reference_model import ReferenceModel
 from barbalat.problem.state_feedback import Problem
 from barbalat.problem.tracking import Disturbance
 from barbalat.protocols import Signal
@@ -43,20 +44,22 @@ def _plant(plant: Given, model: Given) -> Plant:
     """The plant, given by A_m and theta, or by A with the model's A_m or poles."""
     if "A" not in plant:
         if "A_m" not in plant:
-            raise InputError("plant.A_m is missing (or give plant.A together with reference_model.A_m or .poles)")
+            raise InputError.of("plant.A_m", "is missing (or give plant.A together with reference_model.A_m or .poles)")
         if "theta" not in plant:
-            raise InputError("plant.theta is missing")
+            raise InputError.of("plant.theta", "is missing")
         if "poles" in model:
-            raise InputError("reference_model.poles goes with plant.A, which is missing")
+            raise InputError.of("reference_model.poles", "goes with plant.A, which is missing")
         if model.get("A_m", plant["A_m"]) != plant["A_m"]:
-            raise InputError("reference_model.A_m differs from plant.A_m; give one of them, or plant.A with reference_model.A_m")
+            raise InputError.of(
+                "reference_model.A_m", "differs from plant.A_m; give one of them, or plant.A with reference_model.A_m"
+            )
         return Plant(**plant)
     if "A_m" in plant:
-        raise InputError("plant.A and plant.A_m are both given; plant.A goes with reference_model.A_m")
+        raise InputError.of("plant.A", "and plant.A_m are both given; plant.A goes with reference_model.A_m")
     if "theta" in plant:
-        raise InputError("plant.A and plant.theta are both given; theta follows from plant.A and reference_model.A_m")
+        raise InputError.of("plant.A", "and plant.theta are both given; theta follows from plant.A and reference_model.A_m")
     if "regressor" in plant:
-        raise InputError("plant.A and plant.regressor are both given; with plant.A the regressor is the state")
+        raise InputError.of("plant.A", "and plant.regressor are both given; with plant.A the regressor is the state")
     if ("A_m" in model) == ("poles" in model):
         raise InputError("give either reference_model.A_m or reference_model.poles with plant.A")
     return Plant(**plant, **{key: model[key] for key in ("A_m", "poles") if key in model})
@@ -70,7 +73,7 @@ def _uncertainty(given: Given, _: Context) -> Given:
         return gain
     if found.keys() not in (_BOX.keys(), _BALL.keys()):
         got = ", ".join(sorted(found)) or "nothing"
-        raise InputError(f"uncertainty must have either lower and upper, or center and radius, got {got}")
+        raise InputError.of("uncertainty", f"must have either lower and upper, or center and radius, got {got}")
     for key, value in found.items():
         if isinstance(value, list) and value and isinstance(value[0], list):
             found[key] = validate.array(f"uncertainty.{key}", value, (None, None)).reshape(-1)

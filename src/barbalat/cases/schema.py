@@ -165,7 +165,9 @@ def form(hint: Any) -> Any:
     is_table = isinstance(member, type) and issubclass(member, Table)
     if is_table or member in (bool, int, str) or get_origin(member) in (Annotated, Literal):
         return member
-    raise TypeError(f"no form in a case file is known for {hint}: say in cases/scheme_keys.py which keys give it")
+    unknown = TypeError(f"no form in a case file is known for {hint}")
+    unknown.add_note("cases/scheme_keys.py can say which keys give it")
+    raise unknown
 
 
 def _one_of(registry: Mapping[str, type], key: str) -> Any:

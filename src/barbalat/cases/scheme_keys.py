@@ -37,10 +37,10 @@ def _low_pass(given: Given, _: Context) -> TransferFunction | None:
     """C(s); None for C = 1."""
     if "kappa" in given:
         if len(given) > 1:
-            raise InputError("filter: give either kappa or num and den")
+            raise InputError("give either kappa or num and den")
         return None if given["kappa"] == 0 else input_filter(given["kappa"])
     if len(given) < 2:
-        raise InputError("filter: give kappa, or both num and den")
+        raise InputError("give kappa, or both num and den")
     return TransferFunction(**given)
 
 

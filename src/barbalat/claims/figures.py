@@ -8,14 +8,12 @@ import numpy as np
 
 from barbalat.claims import section_v
 from barbalat.claims.claim import Claim, Listing, verdict
+from barbalat.claims.figure_checks import bounded, diverges, error_converges, error_stays, of_run, sweeps_the_bounds
 from barbalat.claims.paper_figure import ADDED, Check, PaperFigure
 from barbalat.claims.section_v import Runs
 from barbalat.claims.variants import numbers, table
-from barbalat.run.result import Result
-from barbalat.validate import Array
 
 THETA = np.array([4.0, -3.0])
-BOUND = 5.0
 
 
 def paper_figures(runs: Runs) -> list[PaperFigure]:
@@ -26,11 +24,11 @@ def paper_figures(runs: Runs) -> list[PaperFigure]:
 def _figure_2(runs: Runs) -> PaperFigure:
     shown, plain = runs.coarse["Robust MRAC"], runs.coarse["Robust MRAC, no auxiliary input"]
     early = np.abs(shown.e[shown.t <= section_v.T_END / 4]).max(axis=0)
-    tail = _figure(shown, "tail_max_abs_e")
-    transient, without = _figure(shown, "max_abs_e"), _figure(plain, "max_abs_e")
-    distance = float(np.abs(_figure(shown, "theta_hat_final") - THETA).max())
+    tail = of_run(shown, "tail_max_abs_e")
+    transient, without = of_run(shown, "max_abs_e"), of_run(plain, "max_abs_e")
+    distance = float(np.abs(of_run(shown, "theta_hat_final") - THETA).max())
     checks = (
-        _error_converges(early, tail),
+        error_converges(early, tail),
         Check(
             "the auxiliary input improves the transient",
             bool((transient < without).all()),
@@ -41,7 +39,7 @@ def _figure_2(runs: Runs) -> PaperFigure:
             distance < 1e-3,  # the drawn line can't show a smaller distance on an axis of 10
             f"|theta_hat - theta*| = {distance:.2g} at the end",
         ),
-        _bounded(runs.coarse["Robust MRAC, no projection"], "bounded without projection too"),
+        bounded(runs.coarse["Robust MRAC, no projection"], "bounded without projection too"),
     )
     return PaperFigure(
         key="2",
@@ -54,16 +52,16 @@ def _figure_2(runs: Runs) -> PaperFigure:
 
 def _figure_3(runs: Runs) -> PaperFigure:
     shown, half, free = (runs.coarse[name] for name in ("L1", "L1, kappa/2", "L1, no projection"))
-    ratio = _figure(shown, "tail_max_abs_e") / _figure(half, "tail_max_abs_e")
+    ratio = of_run(shown, "tail_max_abs_e") / of_run(half, "tail_max_abs_e")
     checks = (
-        _error_stays(shown),
+        error_stays(shown),
         Check(
             "the steady amplitude of the error is proportional to kappa",
             bool((np.abs(ratio - 2) < 0.2).all()),  # proportional to first order: the next order is kappa/kappa_max of it
             f"doubling kappa from 0.01 to 0.02 s multiplies it by {numbers(ratio)}",
         ),
-        _sweeps_the_bounds(shown),
-        _diverges(free),
+        sweeps_the_bounds(shown),
+        diverges(free),
     )
     return PaperFigure(
         key="3",
@@ -76,16 +74,16 @@ def _figure_3(runs: Runs) -> PaperFigure:
 
 def _figure_4(runs: Runs) -> PaperFigure:
     shown, free = runs.fine["L1, gamma 1e4"], runs.fine["L1, gamma 1e4, no projection"]
-    rate = _figure(shown, "theta_hat_variation_rate")
-    factor = _figure(runs.coarse["L1"], "theta_hat_variation_rate") / rate
+    rate = of_run(shown, "theta_hat_variation_rate")
+    factor = of_run(runs.coarse["L1"], "theta_hat_variation_rate") / rate
     checks = (
-        _error_stays(shown),
+        error_stays(shown),
         Check(
             "the high-frequency oscillation of the estimates is gone at the smaller step",
             bool((factor > 1e3).all()),  # from kilohertz sweeps to one slow wave in the command's rhythm
             f"total variation {numbers(rate)} per s in the tail, {numbers(factor)} times less than at h = 1e-4 s",
         ),
-        _bounded(free, "bounded without projection at this step"),
+        bounded(free, "bounded without projection at this step"),
     )
     return PaperFigure(
         key="4",
@@ -103,14 +101,14 @@ def _figure_5(runs: Runs) -> PaperFigure:
         title="Figure 5: L1-AC, adaptive gain 1e6, step 1e-5 s",
         caption="kappa = 0.02 s, Gamma = 1e6, h = 1e-5 s",
         results={r.name: r for r in (shown, free)},
-        checks=(_error_stays(shown), _sweeps_the_bounds(shown), _diverges(free)),
+        checks=(error_stays(shown), sweeps_the_bounds(shown), diverges(free)),
     )
 
 
 def _added(runs: Runs) -> PaperFigure:
     mrac, robust, filtered = (runs.coarse[name] for name in ("MRAC", "Robust MRAC", "L1"))
-    peaks = [_figure(r, "max_abs_e") for r in (mrac, robust, filtered)]
-    tails = [_figure(r, "tail_max_abs_e") for r in (mrac, robust, filtered)]
+    peaks = [of_run(r, "max_abs_e") for r in (mrac, robust, filtered)]
+    tails = [of_run(r, "tail_max_abs_e") for r in (mrac, robust, filtered)]
     checks = (
         Check(
             "with a moderate gain the standard MRAC tracks better than L1-AC at the same step",
@@ -154,8 +152,8 @@ def without_projection(runs: Runs) -> Claim:
         "no-projection", "Section V, discussion of Figures 3 to 5; Figures 3 and 5, captions", "Boundedness is the projection's doing: without it all signals go unbounded, for numerical reasons",
         verdict(holds=None not in ends and smooth.diverged_at is None),
         f"L1-AC without projection diverges at the gain and step of Figures 3 and 5 ({times}), and stays bounded at those of Figure 4, max |e| "
-        f"{numbers(_figure(smooth, 'max_abs_e'))}; the robust MRAC of Figure 2 stays bounded too, "
-        f"{numbers(_figure(robust, 'max_abs_e'))}",
+        f"{numbers(of_run(smooth, 'max_abs_e'))}; the robust MRAC of Figure 2 stays bounded too, "
+        f"{numbers(of_run(robust, 'max_abs_e'))}",
         "RK4, 60 s; the same equations at a tenth of the step are bounded, see the numerics under the figures",
         listings=(_ends((ends[0], smooth.diverged_at, ends[1])),),
         tested="whether L1-AC without projection diverges within 60 s at the gain and step of Figures 3 and 5, and not at those of Figure 4",
@@ -168,7 +166,7 @@ def erratum_claim(runs: Runs) -> Claim:
     """The sign of W_c0 in (14), decided by how the error answers to tau."""
     tau, half = section_v.ERRATUM_TAUS
     derived, derived_half, printed, printed_half = (
-        _figure(runs.coarse[f"tau {value}{sign}"], "max_abs_e") for sign in ("", ", printed sign") for value in (tau, half)
+        of_run(runs.coarse[f"tau {value}{sign}"], "max_abs_e") for sign in ("", ", printed sign") for value in (tau, half)
     )
     halved = np.abs(derived / derived_half - tau / half) < 0.1  # the next order in tau is a few per cent here
     printed_is_wrong = bool(halved.all() and (printed / printed_half < 1.1).all())
@@ -207,54 +205,3 @@ def _ends(diverged_at: Sequence[float | None]) -> Listing:
     settings = {"figure": ("3", "4", "5"), "Gamma": (1e4, 1e4, 1e6), "h [s]": (section_v.COARSE, section_v.FINE, section_v.FINE)}
     ends = [np.nan if at is None else at for at in diverged_at]
     return table("L1-AC without projection at the settings of the figures", settings | {"diverges at [s]": ends})
-
-
-def _figure(result: Result, name: str) -> Array:
-    """A figure as an array; entries without a finite value are NaN, which no comparison lets pass."""
-    return np.array(result.figures[name], dtype=float)
-
-
-def _error_converges(early: Array, tail: Array) -> Check:
-    # "to zero" in 60 s: two decades below the first quarter's error in every component
-    return Check(
-        "the tracking error converges to zero",
-        bool((tail < early / 100).all()),
-        f"max |e| {numbers(early)} in the first quarter, {numbers(tail)} in the last",
-    )
-
-
-def _error_stays(result: Result) -> Check:
-    peak, tail = _figure(result, "max_abs_e"), _figure(result, "tail_max_abs_e")
-    return Check(
-        "the tracking error does not converge to zero",
-        bool((tail > peak / 2).all()),  # in the last quarter it is still of the size of its largest value
-        f"max |e| {numbers(peak)}, in the last quarter still {numbers(tail)}",
-    )
-
-
-def _sweeps_the_bounds(result: Result) -> Check:
-    least, most = _figure(result, "theta_hat_tail_min"), _figure(result, "theta_hat_tail_max")
-    rate = _figure(result, "theta_hat_variation_rate")
-    sweeps = rate / (2 * 2 * BOUND)  # there and back across the box, per second
-    permanent = bool((least == -BOUND).all() and (most == BOUND).all() and (sweeps > 100).all())
-    return Check(
-        "the estimates oscillate permanently between the projection bounds, with no learning",
-        permanent,  # both bounds reached, hundreds of sweeps a second where the command makes one in 12 s
-        f"tail from {numbers(least)} to {numbers(most)}, total variation worth {numbers(sweeps)} full sweeps per s",
-    )
-
-
-def _diverges(result: Result) -> Check:
-    at = result.diverged_at
-    return Check(
-        "without projection all signals go unbounded",
-        at is not None,
-        "bounded" if at is None else f"diverged at t = {at:.4f} s",
-    )
-
-
-def _bounded(result: Result, statement: str) -> Check:
-    at = result.diverged_at
-    return Check(
-        statement, at is None, f"max |e| {numbers(_figure(result, 'max_abs_e'))}" if at is None else f"diverged at t = {at:.4f} s"
-    )

@@ -6,7 +6,7 @@ import numpy as np
 
 from barbalat.adaptation.laws import Gradient
 from barbalat.claims import section_v
-from barbalat.claims.claim import Claim, Reading, of_readings, verdict
+from barbalat.claims.claim import Claim, Listing, Reading, of_readings, verdict
 from barbalat.claims.section_v import Runs
 from barbalat.claims.variants import table, variant
 from barbalat.controllers import Mrac, NormalizedMrac
@@ -91,22 +91,20 @@ def exponential() -> Claim:
         f"it falls exponentially, by {rate:.3f} per s; MRAC with Gamma = 1 has {distance['MRAC'][at][-1]:.3g} left after "
         f"{INSTANTS[-1]:g} s",
         "Section V with r = 10 sin 0.5t + 10 sin 1.7t, RK4, h = 1e-3 s, 480 s",
-        listings=(
-            table(
-                "The distance |theta_hat - theta*| of the estimates from the true values",
-                {
-                    "t [s]": INSTANTS,
-                    "least squares (15)": distance["least squares"][at],
-                    "normalised gradient": distance["normalised gradient"][at],
-                    "MRAC, Gamma = 1": distance["MRAC"][at],
-                },
-            ),
-        ),
+        listings=(_distances({name: values[at] for name, values in distance.items()}),),
         number=f"pure least squares goes as t^{power:.2f}, the gradient law as exp(-{rate:.3f} t)",
         readings=readings,
         condition="the covariance does not vanish: the gradient law, or least squares with forgetting or resetting, not (15) as printed",
         would_change="for (15): a covariance kept from zero, by forgetting or resetting; for the gradient law: too little excitation",
     )  # fmt: skip
+
+
+def _distances(at_instants: dict[str, Array]) -> Listing:
+    columns = {"least squares (15)": "least squares", "normalised gradient": "normalised gradient", "MRAC, Gamma = 1": "MRAC"}
+    return table(
+        "The distance |theta_hat - theta*| of the estimates from the true values",
+        {"t [s]": INSTANTS} | {shown: at_instants[name] for shown, name in columns.items()},
+    )
 
 
 def _distance(result: Result) -> Array:

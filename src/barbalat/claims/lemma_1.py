@@ -91,21 +91,12 @@ def with_error(runs: dict[float, Along]) -> Claim:
     constants = {name: np.array([run.constant(name) for run in some]) for name in ("epsilon", "error", "rate")}
     gap = max(float(np.abs(run.V + run.integrals["error"] - run.integrals["eta"] - run.V[0]).max() / run.V[0]) for run in some)
     by_definition = {name: np.array([run.constant_of_largest(name) for run in some]) for name in constants}
-    bounds = {"epsilon": 1.0, "error": 1.0, "rate": section_v.COVARIANCE0**2}
     eta, risen = (
         np.array(values) for values in ([np.abs(run.eta).max() for run in some], [run.V.max() / run.V[0] for run in some])
     )
     readings = (
-        Reading(
-            "with the paper's constant mu, the largest eta^2/m_s^2 of the run, along these runs",
-            verdict(holds=all(bool((by_definition[name] <= bound).all()) for name, bound in bounds.items())),
-            _at_most(by_definition),
-        ),
-        Reading(
-            "with the integral of eta^2/m_s^2 over the same interval, along these runs",
-            verdict(holds=all(bool((constants[name] <= bound).all()) for name, bound in bounds.items())),
-            _at_most(constants),
-        ),
+        _along_runs("with the paper's constant mu, the largest eta^2/m_s^2 of the run", by_definition),
+        _along_runs("with the integral of eta^2/m_s^2 over the same interval", constants),
         *scalar_lemma.readings(),
     )
     return Claim(
@@ -136,6 +127,13 @@ def with_error(runs: dict[float, Along]) -> Claim:
         condition="along the loop's own runs with these sizes of mu; not one nu for any signals of (13), with pure least squares",
         would_change="a law whose gain is kept from zero: with the gradient law both readings hold for any signals",
     )  # fmt: skip
+
+
+def _along_runs(what: str, constants: dict[str, Array]) -> Reading:
+    """Whether they are at most those that V' bounds."""
+    bounds = {"epsilon": 1.0, "error": 1.0, "rate": section_v.COVARIANCE0**2}
+    holds = all(bool((constants[name] <= bound).all()) for name, bound in bounds.items())
+    return Reading(f"{what}, along these runs", verdict(holds=holds), _at_most(constants))
 
 
 def _suprema(mus: tuple[float, ...], halves: dict[str, Array]) -> Listing:

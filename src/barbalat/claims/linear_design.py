@@ -59,22 +59,25 @@ class Measured:
     largest_delay: float
 
 
+L1_NAME, PI_NAME = "L1-AC, Γ = 100, κ = 0.02 s", "PI"
+
+
 def claims() -> list[Claim]:
     """Both rows; without the extra ``robust`` they are about the PI controller alone, and say so."""
     contestants, missing = _contestants()
     measured = {c.name: _measure(c.controller) for c in contestants}
-    l1, pi = (next(m.plain for name, m in measured.items() if name.startswith(start)) for start in ("L1", "PI"))
-    return [_adaptive_against_linear(contestants, measured, missing), l1_against_pi.claim(l1, pi)]
+    against_pi = l1_against_pi.claim(measured[L1_NAME].plain, measured[PI_NAME].plain)
+    return [_adaptive_against_linear(contestants, measured, missing), against_pi]
 
 
 def _contestants() -> tuple[list[Contestant], str]:
     known = section_v.problem().known
     controllers: list[Controller] = [
         Mrac(gamma=section_v.MODERATE_GAIN, name="MRAC, Γ = 10"),
-        section_v.l1("L1-AC, Γ = 100, κ = 0.02 s", 100.0),
+        section_v.l1(L1_NAME, 100.0),
         section_v.robust_mrac("Robust MRAC, τ = 0.5 s"),
         section_v.robust_mrac("Robust MRAC, τ = 0.02 s", 0.02),
-        pi_feedback(known, unmodelled_delay=PI_DELAY, name="PI"),
+        pi_feedback(known, unmodelled_delay=PI_DELAY, name=PI_NAME),
     ]
     missing = ""
     try:

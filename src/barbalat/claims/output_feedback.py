@@ -10,7 +10,7 @@ from barbalat.adaptation.modifications.dead_zone import DeadZone
 from barbalat.adaptation.output_lyapunov import LyapunovLaw
 from barbalat.cases.build import Case
 from barbalat.cases.load import load_case
-from barbalat.claims.claim import Claim, Reading, of_readings, verdict
+from barbalat.claims.claim import Claim, Listing, Reading, of_readings, verdict
 from barbalat.claims.variants import span, table
 from barbalat.controllers.output.l1 import L1Output, linear_equivalent
 from barbalat.controllers.output.linear import LinearOutput
@@ -90,7 +90,7 @@ def rohrs() -> Claim:
     bounded = {name: run for name, run in runs.items() if run.diverged_at is None}
     ended = _dead_zones(case)
     lost = [g_0 for g_0, at in zip(ZONES, ended, strict=True) if np.isfinite(at)]
-    heights = np.array([run.figures["max_abs_y"] for run in bounded.values()], dtype=float)
+    heights = _heights(bounded)
     adapting = [name for name, run in bounded.items() if _moved(run) > LEAST_PATH]
     falls = f"diverges at t = {classical.diverged_at:.4g} s" if classical.diverged_at else "stays"
     readings = (
@@ -118,11 +118,7 @@ def rohrs() -> Claim:
         f"{len(lost)} diverge" + (f", those of {span(lost)}" if lost else ""),
         how="Rohrs' plant and command 0.3 + 1.85 sin 16.1 t, RK4, h = 1e-4 s; dead zones at h = 1e-3 s",
         listings=(
-            table(
-                f"What the modified laws do over {case.simulation.t_end:g} s: the largest |y|, and how far their estimates moved "
-                "in all",
-                {"law": list(bounded), "max |y|": heights, "path": [_moved(run) for run in bounded.values()]},
-            ),
+            _motions(bounded, case.simulation.t_end),
             table(
                 "Narrower and wider dead zones: when the run diverges; -: it does not",
                 {"g_0": ZONES, "diverges at [s]": ended},
@@ -132,6 +128,18 @@ def rohrs() -> Claim:
         readings=readings,
         condition="the dead zone is wider than the error that the initial estimates leave",
         would_change="a run of the classical law that stays bounded, or of sigma-modification, normalisation or the robust law that does not",
+    )
+
+
+def _heights(runs: dict[str, Result]) -> Array:
+    """The largest |y| of each."""
+    return np.array([run.figures["max_abs_y"] for run in runs.values()], dtype=float)
+
+
+def _motions(runs: dict[str, Result], t_end: float) -> Listing:
+    return table(
+        f"What the modified laws do over {t_end:g} s: the largest |y|, and how far their estimates moved in all",
+        {"law": list(runs), "max |y|": _heights(runs), "path": [_moved(run) for run in runs.values()]},
     )
 
 

@@ -11,7 +11,8 @@ from barbalat.claims import section_v
 from barbalat.claims.claim import Listing
 from barbalat.problem.actuation import PlantInput
 from barbalat.problem.known_set import ParameterBox
-from barbalat.problem.plant import Plant, ReferenceModel
+from barbalat.problem.plant import Plant
+from barbalat.problem.reference_model import ReferenceModel
 from barbalat.problem.state_feedback import Problem
 from barbalat.protocols import Controller, Signal
 from barbalat.run.ensemble import simulate_ensemble

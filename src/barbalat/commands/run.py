@@ -56,7 +56,7 @@ def execute(options: argparse.Namespace) -> int:
             checked = in_the_loop.checked(results, running) if options.sil else None
             document = documents.as_json(documents.run_document(case.name, results, None, checked))
             if folder is not None:
-                _write_runs(folder, results, document, whole=options.full_record)
+                write_runs(folder, results, document, whole=options.full_record)
                 if plots:
                     document = with_page(folder, case, results, running, checked)
         if options.json:
@@ -96,7 +96,7 @@ def _simulated(case: Case, running: Work) -> list[Result]:
     return list(found.values())
 
 
-def _write_runs(folder: Folder, results: Sequence[Result], document: str, *, whole: bool) -> None:
+def write_runs(folder: Folder, results: Sequence[Result], document: str, *, whole: bool = False) -> None:
     """JSON and trajectories: whatever becomes of the certificates, the runs are safe."""
     from barbalat.report import write
 

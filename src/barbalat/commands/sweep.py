@@ -105,10 +105,7 @@ def _replayed(study: Study, options: argparse.Namespace) -> int:
         results = list(found.results)
         document = documents.run_document(found.case.name, results, None)
         if folder is not None:
-            from barbalat.report import write
-
-            write.write_trajectories(folder, results)
-            folder.commit(gone=write.files_of_run(folder.path))
+            run.write_runs(folder, results, documents.as_json(document))
             run.with_page(folder, found.case, results, running)
     if options.json:
         varied = {str(path): float(found.columns[str(path)][0]) for path in study.plan.paths}

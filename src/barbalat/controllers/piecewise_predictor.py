@@ -62,7 +62,7 @@ class AsFlown:
         single = validate.dimensions(self.predictor_poles) == 0
         poles = validate.vector("as_flown.predictor_poles", [self.predictor_poles] if single else self.predictor_poles)
         if (poles > 0).any():
-            raise InputError(f"as_flown.predictor_poles must be at most 0, got {validate.show(self.predictor_poles)}")
+            raise InputError.of("as_flown.predictor_poles", f"must be at most 0, got {validate.show(self.predictor_poles)}")
         validate.freeze(self, predictor_poles=float(poles[0]) if single else poles)
         if self.nominal is not None:
             validate.freeze(self, nominal=validate.vector("as_flown.nominal", self.nominal))

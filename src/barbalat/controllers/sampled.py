@@ -76,11 +76,13 @@ class Sampled:
     def bind(self, known: object) -> SampledEquations:
         equations, T = self.controller.bind(known), self.sample_time
         if isinstance(equations, SampledEquations):
-            raise InputError(f"controller must be a continuous controller, but {self.name} is sampled itself")
+            raise InputError(
+                f"controller must be a continuous controller, but {self.name} is sampled itself", controller=self.name
+            )
         if self.discretization == "euler":
             return Euler(equations, T)
         if not isinstance(equations, Discretizable):
-            raise InputError(f"discretization = 'midpoint' is not available for {self.name}; 'euler' is")
+            raise InputError(f"discretization = 'midpoint' is not available for {self.name}; 'euler' is", controller=self.name)
         return equations.sampled(T)
 
     @property

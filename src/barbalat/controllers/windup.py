@@ -43,7 +43,7 @@ class ModifiedError:
         validate.freeze(self, mu=validate.not_negative("modified_error.mu", self.mu))
         margin = validate.not_negative("modified_error.margin", self.margin)
         if margin >= 1:
-            raise InputError(f"modified_error.margin must be below 1, got {margin:g}")
+            raise InputError.of("modified_error.margin", f"must be below 1, got {margin:g}")
         validate.freeze(self, margin=margin)
 
     def control(self, u_c: Value, limits: Array) -> Value:

@@ -25,7 +25,7 @@ def require_hurwitz(field: str, A: Array) -> None:
     balanced, _ = balance(A)
     largest = float(np.linalg.eigvals(balanced).real.max())
     if not largest < -rounding(balanced):
-        raise InputError(f"{field} must be Hurwitz, but its largest eigenvalue has real part {largest:.6g}: {show(A)}")
+        raise InputError.of(field, f"must be Hurwitz, but its largest eigenvalue has real part {largest:.6g}: {show(A)}")
 
 
 def require_controllable(fields: str, A: Array, b: Array) -> None:
@@ -39,4 +39,4 @@ def require_controllable(fields: str, A: Array, b: Array) -> None:
         pencil = np.column_stack([(eigenvalue * np.eye(n) - balanced) / norm, column / size if size else column])
         # 100: the eigenvalue itself carries a few roundings
         if np.linalg.svd(pencil, compute_uv=False)[-1] <= 100 * n * np.finfo(float).eps:
-            raise InputError(f"{fields} must be controllable, but b = {show(b)} does not reach the mode at {eigenvalue:.6g}")
+            raise InputError.of(fields, f"must be controllable, but b = {show(b)} does not reach the mode at {eigenvalue:.6g}")

@@ -33,19 +33,19 @@ def foreign_coefficients(field: str, system: Any) -> tuple[Array, Array]:
         found = system.to_tf()
         num, den = np.squeeze(found.num), found.den
         if np.ndim(num) > 1:
-            raise InputError(f"{field} must have one input and one output, got {validate.show(system)}")
+            raise InputError.of(field, f"must have one input and one output, got {validate.show(system)}")
         return np.atleast_1d(num), den
     if not all(hasattr(system, name) for name in ("ninputs", "noutputs", "dt")):
-        raise InputError(
-            f"{field} must be a TransferFunction, or a system of python-control or SciPy, got {validate.show(system)}"
+        raise InputError.of(
+            field, f"must be a TransferFunction, or a system of python-control or SciPy, got {validate.show(system)}"
         )
     import control
 
     if (system.ninputs, system.noutputs) != (1, 1):
-        raise InputError(f"{field} must have one input and one output, got {system.ninputs} and {system.noutputs}")
+        raise InputError.of(field, f"must have one input and one output, got {system.ninputs} and {system.noutputs}")
     if system.dt not in (0, None):
-        raise InputError(f"{field} must be a continuous-time system, got one with the sample time {system.dt}")
+        raise InputError.of(field, f"must be a continuous-time system, got one with the sample time {system.dt}")
     if not isinstance(system, (control.TransferFunction, control.StateSpace)):
-        raise InputError(f"{field} must be a transfer function or state space, got {type(system).__name__}")
+        raise InputError.of(field, f"must be a transfer function or state space, got {type(system).__name__}")
     converted = control.tf(system)
     return np.asarray(converted.num[0][0], float), np.asarray(converted.den[0][0], float)

@@ -24,10 +24,10 @@ def place(A: Any, b: Array, poles: Iterable[Any]) -> Array:
     for pole in _once_each(poles):
         parts = np.atleast_1d(pole)
         if len(parts) not in (1, 2):
-            raise InputError(f"reference_model.poles must be numbers or [real, imaginary], got {pole!r}")
+            raise InputError.of("reference_model.poles", f"must be numbers or [real, imaginary], got {pole!r}")
         wanted += [complex(*parts)] if len(parts) == 1 or parts[1] == 0 else [complex(*parts), complex(*parts).conjugate()]
     if len(wanted) != len(A):
-        raise InputError(f"reference_model.poles must place {len(A)} poles (a complex one counts twice), got {len(wanted)}")
+        raise InputError.of("reference_model.poles", f"must place {len(A)} poles (a complex one counts twice), got {len(wanted)}")
     try:
         with warnings.catch_warnings():
             # every iterate has the poles asked for; what has not converged is how little they move with A

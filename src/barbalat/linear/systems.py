@@ -78,8 +78,8 @@ class StateSpace:
             return cls(A, B[:, 0], C[0], float(D[0, 0]))
         found = TransferFunction.accept(field, system)
         if found.relative_degree < 0:
-            raise InputError(
-                f"{field} must be proper, got num = {validate.show(found.num)} over den = {validate.show(found.den)}"
+            raise InputError.of(
+                field, f"must be proper, got num = {validate.show(found.num)} over den = {validate.show(found.den)}"
             )
         return found.realise()
 
@@ -182,9 +182,9 @@ def open_loop(field: str, system: Any) -> tuple[Array, Array]:
         return system[0], system[1]
     found = (system.A, system.B, system.C, system.D) if isinstance(system, StateSpace) else foreign_state_space(system)
     if found is None:
-        raise InputError(
-            f"{field} must be a continuous state space, whose state is what is measured, or a pair (A, B), "
-            f"got {validate.show(system)}"
+        raise InputError.of(
+            field,
+            f"must be a continuous state space, whose state is what is measured, or a pair (A, B), got {validate.show(system)}",
         )
     return found[0], found[1]
 
@@ -242,5 +242,5 @@ def strictly_proper(name: str, given: Any) -> TransferFunction:
     system = TransferFunction.accept(name, given)
     if system.relative_degree < 1 or not system.num.any():
         shown = f"num = {validate.show(system.num)}, den = {validate.show(system.den)}"
-        raise InputError(f"{name} must be strictly proper and not zero, got {shown}")
+        raise InputError.of(name, f"must be strictly proper and not zero, got {shown}")
     return system

@@ -8,7 +8,7 @@ from itertools import chain, count
 from typing import Any, TypeGuard
 
 from barbalat import validate
-from barbalat.loop.blame import blamed
+from barbalat.loop.blame import Subject, blamed
 from barbalat.loop.checking import Ports, check_equations
 from barbalat.loop.structure import comes_from_outside, identical, parts_of, structure
 from barbalat.problem.tracking import TrackingProblem
@@ -41,7 +41,7 @@ def bound(problem: TrackingProblem, controller: Controller) -> Equations | Sampl
         ports = ports_of(problem)
         key = tuple(port.shape for port in ports), *structure(equations)
         if key not in _checked:
-            check_equations(equations, ports, said_of(controller))
+            check_equations(equations, ports, subject_of(controller))
             _checked.add(key)
     return equations
 
@@ -83,23 +83,25 @@ def check_controller(controller: Controller, problem: TrackingProblem) -> None:
     what the lines say. Raises InputError, with the class, the equation, the shape and what would be right.
     """
     validate.instance("problem", problem, TrackingProblem)
-    check_equations(_equations(problem, controller), ports_of(problem), said_of(controller))
+    check_equations(_equations(problem, controller), ports_of(problem), subject_of(controller))
 
 
 def _equations(problem: TrackingProblem, controller: Controller) -> Equations | SampledEquations:
     require_controllers([controller])
     feedback = feedback_of(controller)
     if feedback != problem.feedback:
-        raise InputError(f"{controller.name} feeds back the {feedback}, but the problem measures the {problem.feedback}")
+        raise Subject(controller.name, controller.name).error(
+            f" feeds back the {feedback}, but the problem measures the {problem.feedback}"
+        )
     if not comes_from_outside(controller):
         return controller.bind(problem.known)
-    with blamed(f"{said_of(controller)}: bind"):
+    with blamed(subject_of(controller).part(": bind")):
         return controller.bind(problem.known)
 
 
-def said_of(controller: Controller) -> str:
+def subject_of(controller: Controller) -> Subject:
     """A controller in a message: its class and its name."""
-    return f"{type(controller).__name__} {validate.show(controller.name)}"
+    return Subject(f"{type(controller).__name__} {validate.show(controller.name)}", controller.name)
 
 
 def ports_of(problem: TrackingProblem) -> Ports:

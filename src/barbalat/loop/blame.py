@@ -5,7 +5,7 @@ from __future__ import annotations
 import traceback
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -21,29 +21,44 @@ LONGEST_REASON = 160
 
 @dataclass(frozen=True)
 class Subject:
-    """Whose equations are spoken of: the settings' class with the name, and the equations' class."""
+    """What is spoken of: ``said`` as a sentence begins with it, ``controller`` the name of the one that is named there."""
 
-    controller: str
-    equations: str
+    said: str
+    controller: str = ""
+    symbolic: bool = False
 
-    def of(self, equation: str) -> str:
-        return f"{self.controller}: {self.equations}.{equation}"
+    def part(self, name: str) -> Subject:
+        """One of its equations, or all of them."""
+        return replace(self, said=f"{self.said}{name}")
+
+    @property
+    def on_numbers(self) -> Subject:
+        return self.part(" on numbers")
+
+    @property
+    def on_symbols(self) -> Subject:
+        """An equation that went well on numbers: what fails now fails because of the symbols."""
+        return replace(self.part(" on symbols"), symbolic=True)
+
+    def error(self, what: str) -> InputError:
+        """A sentence that begins with it."""
+        return InputError(f"{self.said}{what}", controller=self.controller)
 
 
-def require_state(state: Any, what: str) -> None:
+def require_state(state: Any, what: Subject) -> None:
     """InputError where ``initial`` gives no NamedTuple of arrays with the field theta_hat."""
     if not isinstance(state, tuple) or type(state) is tuple:
-        raise InputError(f"{what} must return a NamedTuple of arrays, got {validate.show(state)}")
+        raise what.error(f" must return a NamedTuple of arrays, got {validate.show(state)}")
     if "theta_hat" not in names_of(state):
-        raise InputError(
-            f"{what} returns a {type(state).__name__} without the field theta_hat: give it one, the estimates, or np.zeros(0) "
+        raise what.error(
+            f" returns a {type(state).__name__} without the field theta_hat: give it one, the estimates, or np.zeros(0) "
             "where nothing is estimated"
         )
     for place, leaf in leaves(state):
         if not isinstance(leaf, (np.ndarray, np.generic)) or leaf.dtype.kind not in "iuf":
-            raise InputError(f"{what}: {place} must be an array of real numbers, as np.zeros(2) is, got {validate.show(leaf)}")
+            raise what.error(f": {place} must be an array of real numbers, as np.zeros(2) is, got {validate.show(leaf)}")
         if not np.isfinite(leaf).all():
-            raise InputError(f"{what}: {place} must be finite, got {validate.show(leaf)}")
+            raise what.error(f": {place} must be finite, got {validate.show(leaf)}")
 
 
 def names_of(state: tuple[Any, ...]) -> tuple[str, ...]:
@@ -61,33 +76,33 @@ def leaves(state: Any, place: str = "") -> Iterator[tuple[str, Any]]:
         yield from leaves(part, f"{place}.{name}" if place else name)
 
 
-def require_array(found: Any, shape: tuple[int, ...], what: str, name: str) -> None:
+def require_array(found: Any, shape: tuple[int, ...], what: Subject, name: str) -> None:
     """InputError for what is no number and no array of this shape; one number may stand in an array of one entry."""
     given = shape_of(found)
     if given is None:
-        raise InputError(f"{what}: {name} must be {_named(shape)}, got {_shown(found)}")
+        raise what.error(f": {name} must be {_named(shape)}, got {_shown(found)}")
     if given != shape and not (shape == () and given == (1,)):
-        raise InputError(f"{what}: {name} must be {_named(shape)}, got shape {given}; `a @ b` of two vectors is a number")
+        raise what.error(f": {name} must be {_named(shape)}, got shape {given}; `a @ b` of two vectors is a number")
 
 
-def require_like(found: Any, state: Any, what: str) -> None:
+def require_like(found: Any, state: Any, what: Subject) -> None:
     """InputError for a state of another form than the initial one."""
     if not isinstance(found, tuple):
-        raise InputError(f"{what}: it must return the state, a {type(state).__name__}, got {_shown(found)}")
+        raise what.error(f": it must return the state, a {type(state).__name__}, got {_shown(found)}")
     expected, given = list(leaves(state)), list(leaves(found))
     if len(expected) != len(given):
-        raise InputError(f"{what}: it must return {len(expected)} arrays, as initial does, got {len(given)}")
+        raise what.error(f": it must return {len(expected)} arrays, as initial does, got {len(given)}")
     places = [place for place, _ in given]
     if type(found) is not tuple and places != [place for place, _ in expected]:
-        raise InputError(
-            f"{what}: it must return a {type(state).__name__} with the fields {', '.join(place for place, _ in expected)}, "
+        raise what.error(
+            f": it must return a {type(state).__name__} with the fields {', '.join(place for place, _ in expected)}, "
             f"got a {type(found).__name__} with {', '.join(places)}"
         )
     for (place, array), (_, value) in zip(expected, given, strict=True):
         shape = shape_of(value)
         if shape != array.shape:
             got = _shown(value) if shape is None else f"shape {shape}"
-            raise InputError(f"{what}: {place} must have shape {array.shape}, as initial gives it, got {got}")
+            raise what.error(f": {place} must have shape {array.shape}, as initial gives it, got {got}")
 
 
 def shape_of(value: Any) -> tuple[int, ...] | None:
@@ -112,14 +127,14 @@ def _shown(value: Any) -> str:
 
 
 @contextmanager
-def blamed(what: str) -> Iterator[None]:
+def blamed(what: Subject) -> Iterator[None]:
     """Whatever the user's own lines raise becomes one sentence with the line in it."""
     try:
         yield
     except InputError:
         raise
     except (Exception, SystemExit) as error:
-        raise InputError(f"{what} fails{_line(error)}: {_reason(error)}") from error
+        raise what.error(f" fails{_line(error)}: {_reason(error, what)}") from error
 
 
 @contextmanager
@@ -128,22 +143,27 @@ def named(controller: str) -> Iterator[None]:
     try:
         yield
     except InputError as error:
-        if validate.show(controller) in str(error) or str(error).startswith(f"{controller} "):
-            raise  # it is named
-        raise InputError(f"controller {validate.show(controller)}: {error}") from error
+        if error.controller == controller:
+            raise
+        raise InputError(f"controller {validate.show(controller)}: {error}", controller=controller) from error
 
 
-def _reason(error: BaseException) -> str:
+REMEDIES = {
+    "__bool__": "it branches on a value that is known only during a run; use np.where, np.clip, np.minimum or np.maximum",
+    "__array__": "np.array can't hold symbols; use np.stack or np.concatenate",
+}
+"""By the method of a symbol that refuses: Python asks the first for a truth value, NumPy the second for numbers."""
+
+
+def _reason(error: BaseException, what: Subject) -> str:
     """What went wrong, and the remedy where it is known."""
-    text = " ".join(str(error).split())
-    said = f"{type(error).__name__}: {text[:LONGEST_REASON]}"
-    if "truth value of a CasADi" in text:
-        return "it branches on a value that is known only during a run; use np.where, np.clip, np.minimum or np.maximum"
-    if "convert symbolic" in text:
-        return "np.array can't hold symbols; use np.stack or np.concatenate"
-    if "no implementation found" in text or "ArrayInterface" in text:
-        return f"{said}; write it with NumPy functions that also take symbols, such as sums, products, np.where, np.tanh"
-    return said
+    said = f"{type(error).__name__}: {' '.join(str(error).split())[:LONGEST_REASON]}"
+    if not what.symbolic:
+        return said
+    last = traceback.extract_tb(error.__traceback__)[-1]
+    if _is_library(last.filename) and last.name in REMEDIES:
+        return REMEDIES[last.name]
+    return f"{said}; write it with NumPy functions that also take symbols, such as sums, products, np.where, np.tanh"
 
 
 def _is_library(filename: str) -> bool:

@@ -17,7 +17,7 @@ from barbalat import vocabulary
 from barbalat.loop.blame import Subject, blamed, require_array, require_like, require_state
 from barbalat.loop.packing import column, flatten, map_arrays, symbols, unflatten
 from barbalat.protocols import DiscretizedEquations, Dynamics, Equations, Sample, SampledEquations
-from barbalat.validate import Array, InputError
+from barbalat.validate import Array
 
 POINTS_TRIED = 4
 """States at which the equations are evaluated: the initial one, and others drawn around it."""
@@ -49,18 +49,18 @@ class Arguments(NamedTuple):
     before: Ports
 
 
-def check_equations(equations: Equations | SampledEquations, ports: Ports, controller: str) -> None:
+def check_equations(equations: Equations | SampledEquations, ports: Ports, whose: Subject) -> None:
     """InputError where the equations can't be traced, or mean something else on symbols than on numbers.
 
-    ``controller`` is the settings' class with the name, for the messages.
+    ``whose`` is the controller, for the messages.
     """
     if isinstance(equations, DiscretizedEquations):
-        check_equations(equations.continuous, ports, controller)
-    _require_methods(equations, controller)
-    whose = Subject(controller, type(equations).__name__)
-    with blamed(whose.of("initial")):
+        check_equations(equations.continuous, ports, whose)
+    _require_methods(equations, whose)
+    whose = whose.part(f": {type(equations).__name__}")
+    with blamed(whose.part(".initial")):
         initial = equations.initial()
-    require_state(initial, whose.of("initial"))
+    require_state(initial, whose.part(".initial"))
     numbers = Trial(whose, equations, Arguments(initial, ports, ports))
     for equation in numbers.equations:
         numbers.compare(equation, numbers.equations[equation])
@@ -68,21 +68,21 @@ def check_equations(equations: Equations | SampledEquations, ports: Ports, contr
 
 def check_varied(numbers: Any, varied: Any, ports: Ports, values: tuple[Any, Array]) -> None:
     """The same for the equations of an ensemble, where symbols stand for settings: a column of them, and numbers (p,) for it."""
-    whose = Subject("an ensemble", type(numbers).__name__)
+    whose = Subject(f"an ensemble: {type(numbers).__name__}")
     trial = Trial(whose, numbers, Arguments(numbers.initial(), ports, ports), *values)
     others = Trial(whose, varied, trial.arguments).equations
     for equation in trial.equations:
         trial.compare(equation, others[equation])
 
 
-def _require_methods(equations: Any, controller: str) -> None:
+def _require_methods(equations: Any, whose: Subject) -> None:
     """InputError for what lacks a method that a loop calls."""
     wanted = SAMPLED if isinstance(equations, SampledEquations) else CONTINUOUS
     missing = [name for name in wanted if name not in dir(equations)]
     if missing or isinstance(equations, type):
         kind = "a class" if isinstance(equations, type) else f"a {type(equations).__name__} without {', '.join(missing)}"
-        raise InputError(
-            f"{controller}: bind must return an object with the methods initial(), control(state, x, x_m, r), limit(state) and "
+        raise whose.error(
+            ": bind must return an object with the methods initial(), control(state, x, x_m, r), limit(state) and "
             f"derivative(state, x, x_m, r, u), got {kind}"
         )
 
@@ -112,33 +112,33 @@ class Trial:
         """One equation's values on numbers and on symbols, at all points."""
         import casadi as ca
 
-        what = self.whose.of(equation)
+        what = self.whose.part(f".{equation}")
         expected = [self._evaluated(equation, self.equations[equation], arguments) for arguments in self._points]
         given, traced = self._symbols
-        with blamed(f"{what} on symbols"):
+        with blamed(what.on_symbols):
             found = symbolic(traced)
-        self._require(equation, found, f"{what} on symbols")
+        self._require(equation, found, what.on_symbols)
         inputs, more = ([given], []) if self.settings is None else ([given, self.settings], [self.numbers])
         function = ca.Function("equation", inputs, [column(flatten((found,)))])
         if unknown := vocabulary.unknown(function):
-            raise InputError(
-                f"{what} uses {', '.join(unknown)}, which runs have no machine code for: write it with + - * /, powers and "
+            raise what.error(
+                f" uses {', '.join(unknown)}, which runs have no machine code for: write it with + - * /, powers and "
                 "np.sqrt, exp, log, sin, cos, tan, tanh, arctan, abs, sign, minimum, maximum, clip, where, floor, ceil"
             )
         for arguments, numbers in zip(self._points, expected, strict=True):
             self._same(np.array(function(flatten(arguments), *more)).reshape(-1), numbers, what)
         never = np.flatnonzero(~np.isfinite(expected).any(axis=0))
         if len(never):
-            raise InputError(f"{what} gives {expected[0][never[0]]:.6g} on all numbers that were tried, in entry {never[0] + 1}")
+            raise what.error(f" gives {expected[0][never[0]]:.6g} on all numbers that were tried, in entry {never[0] + 1}")
 
     def _evaluated(self, equation: str, call: Equation, arguments: Arguments) -> Array:
-        what = f"{self.whose.of(equation)} on numbers"
+        what = self.whose.part(f".{equation}").on_numbers
         with np.errstate(all="ignore"), blamed(what):
             found = call(map_arrays(np.copy, arguments))  # a copy: what changes its arguments in place changes nothing here
         self._require(equation, found, what)
         return np.asarray(flatten((found,)), dtype=float)
 
-    def _require(self, equation: str, found: Any, what: str) -> None:
+    def _require(self, equation: str, found: Any, what: Subject) -> None:
         if equation == "control":
             require_array(found, self.arguments.now.u.shape, what, "u")
         else:
@@ -157,11 +157,11 @@ class Trial:
         arguments, _ = unflatten(self.arguments, flat, 0)
         return given, arguments
 
-    def _same(self, symbolic: Array, numbers: Array, what: str) -> None:
+    def _same(self, symbolic: Array, numbers: Array, what: Subject) -> None:
         lost = np.isnan(symbolic) & np.isfinite(numbers)
         if lost.any():
-            raise InputError(
-                f"{what} turns symbols into numbers, NaN in a run: use NumPy's functions instead of math's and of float(), "
+            raise what.error(
+                " turns symbols into numbers, NaN in a run: use NumPy's functions instead of math's and of float(), "
                 "and np.stack or np.concatenate instead of filling an array entry by entry"
             )
         size = float(np.abs(numbers[np.isfinite(numbers)]).max(initial=0.0))
@@ -171,12 +171,12 @@ class Trial:
         if len(differs):
             i = differs[0]
             if not np.isfinite(numbers[i]):
-                raise InputError(
-                    f"{what} gives {numbers[i]:.6g} on finite numbers, as 0/0 does: it must not divide by what may be zero; add "
+                raise what.error(
+                    f" gives {numbers[i]:.6g} on finite numbers, as 0/0 does: it must not divide by what may be zero; add "
                     "to the denominator, or choose one by np.where that never is"
                 )
-            raise InputError(
-                f"{what} gives {numbers[i]:.6g} on numbers and {symbolic[i]:.6g} on symbols: it may depend on nothing but its "
+            raise what.error(
+                f" gives {numbers[i]:.6g} on numbers and {symbolic[i]:.6g} on symbols: it may depend on nothing but its "
                 "arguments and settings that don't change, so keep what it remembers in the state, and draw nothing at random"
             )
 

@@ -4,17 +4,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import pairwise
 
 import numpy as np
 
 from barbalat import validate
 from barbalat.linear.zero_order_hold import HeldSystem
+from barbalat.loop import input_paths
 from barbalat.loop.binding import Bind, bound, is_sampled
 from barbalat.loop.packing import as_array, flatten, map_arrays, unflatten
-from barbalat.loop.parts import LoopState, Outputs, Signals
+from barbalat.loop.parts import LoopState, Outputs, Signals, SignalSizes
 from barbalat.loop.sampling import Acting, SampledController, held_model
-from barbalat.problem.actuation import InputPath
 from barbalat.problem.measurement import Sensor
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller, DiscretizedEquations, Dynamics, Equations, SampledEquations, Value
@@ -28,7 +27,7 @@ class ClosedLoop:
     plant: Dynamics
     model: Dynamics
     equations: Equations | SampledEquations
-    paths: tuple[InputPath | None, ...] = (None,)  # for each input
+    paths: input_paths.Paths = (None,)  # for each input
     commands: int | None = None  # None for one command, a scalar
     lag: Sensor | None = None  # of the sensor
     noise_std: Array | None = None
@@ -73,7 +72,7 @@ class ClosedLoop:
         return LoopState(
             x=self.plant.x0,
             x_m=self.model.x0,
-            input=tuple(() if path is None else path.initial() for path in self.paths),
+            input=input_paths.initial(self.paths),
             sensor=np.zeros(0) if self.lag is None else y,
             controller=self.equations.initial() if acting is None else acting.controller,
             held=() if acting is None else acting.held,
@@ -106,25 +105,23 @@ class ClosedLoop:
         """Entries of u."""
         return len(self.paths)
 
-    @property
-    def delayed_inputs(self) -> int:
-        """Inputs with a delay."""
-        return self.inputs if self.delayed else 0
-
-    @property
-    def noise(self) -> int:
-        """Noisy measured quantities."""
-        return 0 if self.noise_std is None else len(self.noise_std)
-
-    @property
-    def timed(self) -> int:
-        """Entries of ``signals`` that are functions of time: r, the disturbances, t itself."""
-        return (self.commands or 1) + self.disturbed + len(self.directions) + self.output_disturbed + self.clocked
+    @cached_property
+    def signals(self) -> SignalSizes:
+        """What drives the loop: functions of time, noisy measured quantities, inputs with a delay."""
+        return SignalSizes(
+            commands=self.commands,
+            matched=int(self.disturbed),
+            unmatched=len(self.directions),
+            at_output=int(self.output_disturbed),
+            clock=int(self.clocked),
+            noise=0 if self.noise_std is None else len(self.noise_std),
+            delayed=self.inputs if self.delayed else 0,
+        )
 
     @property
     def signal_count(self) -> int:
-        """Entries of ``signals``: the functions of time, the noise, the delayed plant input."""
-        return self.timed + self.noise + self.delayed_inputs
+        """Entries of ``signals``."""
+        return self.signals.total
 
     @property
     def size(self) -> int:
@@ -160,20 +157,19 @@ class ClosedLoop:
 
     def following_within(self, time: Value) -> ClosedLoop:
         """The loop for a solver whose step is ``time`` [s]: what its rate limiters, if any, are given to follow their demand."""
-        if all(path is None or path.rate_limit is None for path in self.paths):
-            return self
-        return replace(self, paths=tuple(path and replace(path, following=time) for path in self.paths))
+        following = input_paths.following_within(self.paths, time)
+        return self if following is self.paths else replace(self, paths=following)
 
     def derivative(self, flat: Value, signals: Value) -> Value:
         """d/dt of the flat state; ``signals`` (signal_count,) stand in the order of ``Signals``."""
-        state, given = self.unpack(flat), self._signals(signals)
+        state, given = self.unpack(flat), self.signals.named(signals)
         u = self._control(state, given)
-        v = given.delayed.reshape(u.shape) if self.delayed else self._through_input(state, u)
+        v = given.delayed.reshape(u.shape) if self.delayed else input_paths.output(self.paths, state.input, u)
         return flatten(self._rates(state, given, u, v))
 
     def derivative_given_input(self, flat: Value, signals: Value, v: Value) -> tuple[Value, Value]:
         """d/dt of the flat state, and the control u, when v reaches the plant instead of u: the loop broken there."""
-        state, given = self.unpack(flat), self._signals(signals)
+        state, given = self.unpack(flat), self.signals.named(signals)
         u = self._control(state, given)
         return flatten(self._rates(state, given, u, v)), u
 
@@ -191,10 +187,7 @@ class ClosedLoop:
         return LoopState(
             x=x_dot,
             x_m=self.model.derivative(state.x_m, given.r),  # (2)
-            input=tuple(
-                part if path is None else path.derivative(part, u.reshape(-1)[i])
-                for i, (path, part) in enumerate(zip(self.paths, state.input, strict=True))
-            ),
+            input=input_paths.derivative(self.paths, state.input, u),
             sensor=state.sensor if self.lag is None else self.lag.derivative(state.sensor, self._output(state, given)),
             controller=controller,
             held=held,
@@ -202,7 +195,7 @@ class ClosedLoop:
 
     def sampled_at(self, flat: Value, signals: Value) -> tuple[Value, Value]:
         """What a sampled controller is handed: the measurement and the command."""
-        state, given = self.unpack(flat), self._signals(signals)
+        state, given = self.unpack(flat), self.signals.named(signals)
         return self._measured(state, given), given.r
 
     def sample(self, flat: Value, signals: Value) -> Value:
@@ -215,14 +208,7 @@ class ClosedLoop:
     def undelayed_input(self, flat: Value, signals: Value) -> Value:
         """What enters the delay."""
         state = self.unpack(flat)
-        return self._through_input(state, self._control(state, self._signals(signals)))
-
-    def _signals(self, flat: Value) -> Signals:
-        commands = self.commands or 1
-        timed = [self.disturbed, len(self.directions), self.output_disturbed, self.clocked]
-        ends = np.cumsum([commands, *timed, self.noise, self.delayed_inputs])
-        r = flat[0] if self.commands is None else flat[:commands]
-        return Signals(r, *(flat[start:end] for start, end in pairwise(ends)))
+        return input_paths.output(self.paths, state.input, self._control(state, self.signals.named(signals)))
 
     def _output(self, state: LoopState, given: Signals) -> Value:
         y = self.plant.output(state.x)
@@ -237,14 +223,6 @@ class ClosedLoop:
             return state.held.u
         y, y_m = self._measured(state, given), self.model.output(state.x_m)
         return as_array(self.equations.control(state.controller, y, y_m, given.r))
-
-    def _through_input(self, state: LoopState, u: Value) -> Value:
-        if all(path is None for path in self.paths):
-            return u
-        flat, passed = u.reshape(-1), []
-        for i, (path, part) in enumerate(zip(self.paths, state.input, strict=True)):
-            passed.append((flat[i] if path is None else path.output(part, flat[i])).reshape(1))
-        return np.concatenate(passed).reshape(u.shape)
 
     def limit(self, flat: Value) -> Value:
         """The state with the estimates limited to the known set; applied at every stage and at a step's end."""
@@ -261,7 +239,7 @@ class ClosedLoop:
         return np.abs(moved.reshape(-1))
 
     def outputs(self, flat: Value, signals: Value) -> Outputs:
-        state, given = self.unpack(flat), self._signals(signals)
+        state, given = self.unpack(flat), self.signals.named(signals)
         u, y = self._control(state, given), self._output(state, given)
         e = (y - self.model.output(state.x_m)).reshape(-1)
         y = y.reshape(-1)[: self.measured_outputs]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from itertools import accumulate, pairwise
 from typing import Any, NamedTuple
 
 from barbalat.protocols import Value
@@ -50,3 +52,34 @@ class Signals(NamedTuple):
     clock: Value  # (0,) or (1,): t, for a plant that depends on it
     noise: Value  # (n,) or (0,): standard Gaussian numbers of the measurement
     delayed: Value  # (0,) or (m,): what leaves the delay at the plant's input
+
+
+@dataclass(frozen=True)
+class SignalSizes:
+    """How many entries each part of ``Signals`` has in a flat vector, in which they stand in that order.
+
+    commands  None for a single one, which is a number
+    """
+
+    commands: int | None
+    matched: int
+    unmatched: int
+    at_output: int
+    clock: int
+    noise: int
+    delayed: int
+
+    @property
+    def timed(self) -> int:
+        """Entries that are functions of time: r, the disturbances, t itself."""
+        return (self.commands or 1) + self.matched + self.unmatched + self.at_output + self.clock
+
+    @property
+    def total(self) -> int:
+        return self.timed + self.noise + self.delayed
+
+    def named(self, flat: Value) -> Signals:
+        """The parts of a flat vector."""
+        sizes = (self.commands or 1, self.matched, self.unmatched, self.at_output, self.clock, self.noise, self.delayed)
+        r, *others = (flat[start:end] for start, end in pairwise(accumulate(sizes, initial=0)))
+        return Signals(flat[0] if self.commands is None else r, *others)

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 class LoopShape:
     """Sizes of a step function's arguments: state, accumulators, parameters, signals, and its memory of the past.
 
-    delayed            channels whose value at every step is remembered; the step gets TAPS consecutive ones of each back
+    delayed            channels whose value at every step is remembered; the step gets TAPS_PER_CHANNEL ones in a row of each back
     lag_per_member     whether members look back differently far
     noise              numbers of its own that each member gets at every step, the same for ``noise_hold`` steps
     sample_every       steps between two calls of the sampled part, which acts on the state before the step; 0: there is none
@@ -46,7 +46,7 @@ def require_count(name: str, count: int, least: int) -> None:
         raise ValueError(f"{name} must be from {least} to {MOST_STEPS}, got {count}")
 
 
-TAPS = 3
+TAPS_PER_CHANNEL = 3
 """Remembered values handed to a step for each delayed channel."""
 
 

@@ -45,8 +45,8 @@ class PlantInput:
         if self.saturation is not None:
             low, high = limits = validate.vector("plant.input.saturation", self.saturation, 2)
             if not low < 0 < high:
-                raise InputError(
-                    f"plant.input.saturation must be [lower, upper] with lower < 0 < upper, got {validate.show(limits)}"
+                raise InputError.of(
+                    "plant.input.saturation", f"must be [lower, upper] with lower < 0 < upper, got {validate.show(limits)}"
                 )
             validate.freeze(self, saturation=limits)
         parts = {"actuator": self.actuator, "multiplicative": self.multiplicative}
@@ -55,9 +55,9 @@ class PlantInput:
                 continue
             system = TransferFunction.accept(f"plant.input.{name}", part)
             if system.relative_degree < 0 or not system.is_stable:
-                raise InputError(
-                    f"plant.input.{name} must be proper and stable, got num = {validate.show(system.num)}, "
-                    f"den = {validate.show(system.den)}"
+                raise InputError.of(
+                    f"plant.input.{name}",
+                    f"must be proper and stable, got num = {validate.show(system.num)}, den = {validate.show(system.den)}",
                 )
             validate.freeze(self, **{name: system})
         validate.freeze(self, gain=validate.positive("plant.input.gain", self.gain))

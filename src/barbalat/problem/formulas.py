@@ -66,9 +66,10 @@ def formula(field: str, text: Any, variables: Variables) -> Formula:
 
 def _refusal(field: str, text: Any, variables: Variables, part: ast.AST | None = None) -> InputError:
     found = "" if part is None else f", which contains {ast.unparse(part)!r}"
-    return InputError(
-        f"{field} must be a formula in {variables.shown}, numbers, + - * / ** and {', '.join(_FUNCTIONS)}, "
-        f"got {validate.show(text)}{found}"
+    return InputError.of(
+        field,
+        f"must be a formula in {variables.shown}, numbers, + - * / ** and {', '.join(_FUNCTIONS)}, "
+        f"got {validate.show(text)}{found}",
     )
 
 
@@ -94,7 +95,9 @@ class _Reader:
     def read(self, node: ast.expr, depth: int) -> tuple[Evaluation, bool]:
         """A part as a function of the variables, and whether it is a constant, which must then be a finite real number."""
         if depth > DEEPEST_NESTING:
-            raise InputError(f"{self.field} must not be nested more than {DEEPEST_NESTING} deep, got {validate.show(self.text)}")
+            raise InputError.of(
+                self.field, f"must not be nested more than {DEEPEST_NESTING} deep, got {validate.show(self.text)}"
+            )
         evaluate, parts = self._combined(node, depth + 1)
         if isinstance(node, ast.Name) or not all(constant for _, constant in parts):
             self._require_divisor(node, parts)
@@ -133,7 +136,7 @@ class _Reader:
 
     def _unusable(self, node: ast.expr, why: str) -> InputError:
         part = validate.show(ast.unparse(node))
-        return InputError(f"{self.field} must have a finite real value, got {validate.show(self.text)}, of which {part} {why}")
+        return InputError.of(self.field, f"must have a finite real value, got {validate.show(self.text)}, of which {part} {why}")
 
 
 def _number(evaluate: Evaluation) -> float | None:

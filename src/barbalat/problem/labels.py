@@ -25,7 +25,7 @@ class Labels:
     def __post_init__(self) -> None:
         for field, given in (("names", self.names), ("units", self.units), ("input_units", self.input_units)):
             if not isinstance(given, (list, tuple)):
-                raise InputError(f"labels.{field} must be a list of texts, got {validate.show(given)}")
+                raise InputError.of(f"labels.{field}", f"must be a list of texts, got {validate.show(given)}")
             freeze(self, **{field: tuple(validate.line(f"labels.{field}", one) for one in given)})
 
     def require(self, measured: int, inputs: int) -> None:
@@ -36,7 +36,7 @@ class Labels:
             ("input_units", self.input_units, inputs),
         ):
             if given and len(given) != wanted:
-                raise InputError(f"labels.{field} must have {wanted} entries, got {len(given)}")
+                raise InputError.of(f"labels.{field}", f"must have {wanted} entries, got {len(given)}")
 
     def name(self, i: int) -> str:
         """Of the i-th state or the output; empty where none is given."""

@@ -34,7 +34,7 @@ class Noise:
             "sensor.noise.std", self.std if np.ndim(self.std) else [validate.number("sensor.noise.std", self.std)]
         )
         if (std < 0).any():
-            raise InputError(f"sensor.noise.std must not be negative, got {validate.show(std)}")
+            raise InputError.of("sensor.noise.std", f"must not be negative, got {validate.show(std)}")
         validate.freeze(
             self,
             std=std,

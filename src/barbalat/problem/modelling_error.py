@@ -65,7 +65,9 @@ class ScaledError:
 
     def added(self, path: PlantInput, size: float) -> PlantInput:
         if path.multiplicative is not None:
-            raise InputError("plant.input.multiplicative must be left out where a modelling error is to be added in its place")
+            raise InputError.of(
+                "plant.input.multiplicative", "must be left out where a modelling error is to be added in its place"
+            )
         return replace(path, multiplicative=TransferFunction(size * self.shape.num, self.shape.den))
 
     def allowed(self, w: Array, gain: Array) -> Array:

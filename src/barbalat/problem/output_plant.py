@@ -134,9 +134,9 @@ class OutputReferenceModel:
         W_m = strictly_proper("reference_model.transfer_function", self.transfer_function)
         shown = f"num = {validate.show(W_m.num)}, den = {validate.show(W_m.den)}"
         if not W_m.is_stable:
-            raise InputError(f"reference_model.transfer_function must be stable, got {shown}")
+            raise InputError.of("reference_model.transfer_function", f"must be stable, got {shown}")
         if not W_m.is_minimum_phase:
-            raise InputError(f"reference_model.transfer_function must be minimum phase, got {shown}")
+            raise InputError.of("reference_model.transfer_function", f"must be minimum phase, got {shown}")
         freeze(self, transfer_function=W_m)
 
     @property

@@ -1,4 +1,4 @@
-"""The plant (1) and the reference model (2)."""
+"""The plant (1)."""
 
 from __future__ import annotations
 
@@ -59,12 +59,14 @@ class Plant:
         poles: Sequence[Any] | None = None,
     ) -> None:
         if b is None:
-            raise InputError("plant.b is missing")
+            raise InputError.of("plant.b", "is missing")
         if A is not None:
             A_m, b, theta = _from_open_loop(A, b, A_m, theta, regressor, poles)
         elif A_m is None or theta is None:
             missing = "A_m" if A_m is None else "theta"
-            raise InputError(f"plant.{missing} is missing, got None: give A_m, b and theta, or A, b and either A_m or poles")
+            raise InputError.of(
+                f"plant.{missing}", "is missing, got None: give A_m, b and theta, or A, b and either A_m or poles"
+            )
         elif poles is not None:
             raise InputError("poles goes with plant.A, which is missing")
         freeze(self, A_m=A_m, b=b, theta=theta, x0=x0, input=input, regressor=Linear() if regressor is None else regressor)
@@ -153,8 +155,8 @@ def _from_open_loop(A: Any, b: Any, A_m: Any, theta: Any, regressor: Any, poles:
     """A_m, b and theta of x' = A x + b u."""
     for name, given in (("theta", theta), ("regressor", regressor)):
         if given is not None:
-            raise InputError(
-                f"plant.A and plant.{name} are both given; with plant.A theta follows, and the regressor is the state"
+            raise InputError.of(
+                "plant.A", f"and plant.{name} are both given; with plant.A theta follows, and the regressor is the state"
             )
     if (A_m is None) == (poles is None):
         raise InputError("give either A_m or poles of the reference model with plant.A")
@@ -171,7 +173,7 @@ def matching_parameters(A: Any, A_m: Array, b: Any) -> Array:
     A = validate.square_matrix("plant.A", A, n)
     b = input_matrix("plant.b", b, n)
     if not b.any():
-        raise InputError("plant.b must not be zero")
+        raise InputError.of("plant.b", "must not be zero")
     difference = A - A_m
     scale = np.abs(b).max()  # squares of very large or small entries would leave the range of floats
     directions = (b / scale).reshape(n, -1)
@@ -207,47 +209,7 @@ def _inputs(given: Any, m: int) -> Any:
     for path in several:
         validate.instance("plant.input", path, PlantInput)
     if len(several) != m or any(path.delay != several[0].delay for path in several):
-        raise InputError(f"plant.input must be one for all inputs, or a list of {m} with the same delay, got {len(several)}")
+        raise InputError.of(
+            "plant.input", f"must be one for all inputs, or a list of {m} with the same delay, got {len(several)}"
+        )
     return several[0] if m == 1 else several
-
-
-@dataclass(frozen=True, eq=False)
-class Model:
-    """The reference model as a system of its own, which the loop integrates beside the plant."""
-
-    A_m: Array
-    b: Array
-    k_0: Array | float
-    x0: Array
-
-    def derivative(self, x_m: Value, r: Value) -> Value:
-        return self.A_m @ x_m + np.dot(self.b, np.dot(self.k_0, r))  # (2)
-
-    def output(self, x_m: Value) -> Value:
-        """What the plant's output is to follow."""
-        return x_m
-
-    def remedy(self, gain: float) -> str | None:
-        """The k_0 with which it would settle at a command of which it settles at ``gain`` times."""
-        return None if gain == 0 or np.ndim(self.k_0) > 0 else f"k_0 = {self.k_0 / gain:.6g}"
-
-    @property
-    def matrices(self) -> tuple[Array, Array, Array]:
-        """A, B, C with x_m' = A x_m + B r and the output C x_m."""
-        n = len(self.b)
-        return self.A_m, self.b.reshape(n, -1) @ np.atleast_2d(self.k_0), np.eye(n)
-
-
-@dataclass(frozen=True, eq=False)
-class ReferenceModel:
-    """x_m' = A_m x_m + b k_0 r, x_m(0) = x(0): eq. (2); A_m and b are the plant's.
-
-    k_0  a number; with m inputs a matrix (m, q) for q commands
-    """
-
-    k_0: float | Matrix = 1.0
-
-    def __post_init__(self) -> None:
-        name = "reference_model.k_0"
-        matrix = isinstance(self.k_0, (list, tuple)) or validate.dimensions(self.k_0) > 0
-        freeze(self, k_0=validate.array(name, self.k_0, (None, None)) if matrix else validate.number(name, self.k_0))

@@ -92,7 +92,9 @@ class GaussianRBF:
 
     def size(self, n: int) -> int:
         if self.centers.shape[1] != n:
-            raise InputError(f"plant.regressor.centers must have {n} columns, one for each state, got {self.centers.shape[1]}")
+            raise InputError.of(
+                "plant.regressor.centers", f"must have {n} columns, one for each state, got {self.centers.shape[1]}"
+            )
         return len(self.centers)
 
     def __call__(self, x: Value) -> Value:
@@ -116,8 +118,8 @@ class Terms:
 
     def __post_init__(self) -> None:
         if not isinstance(self.terms, (list, tuple)) or not self.terms or not all(isinstance(term, str) for term in self.terms):
-            raise InputError(
-                f"plant.regressor.terms must be a list of formulas such as 'abs(x1)*x2', got {validate.show(self.terms)}"
+            raise InputError.of(
+                "plant.regressor.terms", f"must be a list of formulas such as 'abs(x1)*x2', got {validate.show(self.terms)}"
             )
         validate.freeze(self, terms=tuple(self.terms))
         self._formulas()  # refuses what is none
@@ -133,7 +135,7 @@ class Terms:
     def size(self, n: int) -> int:
         largest = max((int(name[1:]) for found in self._formulas() for name in found.names), default=0)
         if largest > n:
-            raise InputError(f"plant.regressor.terms speak of x{largest}, but the plant has {n} states")
+            raise InputError.of("plant.regressor.terms", f"speak of x{largest}, but the plant has {n} states")
         return len(self.terms)
 
     def __call__(self, x: Value) -> Value:

@@ -12,7 +12,8 @@ from barbalat import validate
 from barbalat.problem.known_set import EstimateSet, KnownSet, ParameterBall, ParameterBox, ParameterProduct, with_gains
 from barbalat.problem.labels import Labels
 from barbalat.problem.measurement import Sensor
-from barbalat.problem.plant import Model, Plant, ReferenceModel
+from barbalat.problem.plant import Plant
+from barbalat.problem.reference_model import Model, ReferenceModel
 from barbalat.problem.regressors import Linear, Uncertainty
 from barbalat.problem.tracking import Disturbance, TrackingProblem, require_signal
 from barbalat.protocols import Signal
@@ -114,7 +115,7 @@ class Problem(TrackingProblem):
             size, wanted = self.uncertainty.size, len(self.plant.theta)
             if size != wanted:
                 field = f"uncertainty.{self.uncertainty.first_field}"
-                raise InputError(f"{field} must have {wanted} entries, one for each parameter, got {size}")
+                raise InputError.of(field, f"must have {wanted} entries, one for each parameter, got {size}")
         if self.input_gain is not None:
             self._check_input_gain()
         self._check_commands()
@@ -141,7 +142,7 @@ class Problem(TrackingProblem):
         pairs = validate.array(name, self.input_gain, (m, 2)) if several else validate.vector(name, self.input_gain, 2)[None]
         for low, high in pairs:
             if not 0 < low <= high:
-                raise InputError(f"{name} must be [lower, upper] with 0 < lower <= upper, got [{low:g}, {high:g}]")
+                raise InputError.of(name, f"must be [lower, upper] with 0 < lower <= upper, got [{low:g}, {high:g}]")
         given = tuple((float(low), float(high)) for low, high in pairs)
         freeze(self, input_gain=given if several else given[0])
 
@@ -155,7 +156,7 @@ class Problem(TrackingProblem):
         wanted = (self.plant.inputs, len(commands)) if several or self.plant.inputs > 1 else ()
         if shape != wanted:
             asked = f"a matrix {wanted[0]} x {wanted[1]} (inputs x commands)" if wanted else "a number"
-            raise InputError(f"reference_model.k_0 must be {asked}, got {validate.show(self.reference_model.k_0)}")
+            raise InputError.of("reference_model.k_0", f"must be {asked}, got {validate.show(self.reference_model.k_0)}")
         freeze(self, reference=commands if several else self.reference)
 
     @property

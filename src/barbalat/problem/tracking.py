@@ -158,4 +158,4 @@ class TrackingProblem:
 def require_signal(field: str, signal: Any) -> None:
     """InputError, naming the field, for what is no signal."""
     if not isinstance(signal, Signal) or isinstance(signal, type):
-        raise InputError(f"{field} must be a signal such as Sine(amplitude=1, frequency=2), got {validate.show(signal)}")
+        raise InputError.of(field, f"must be a signal such as Sine(amplitude=1, frequency=2), got {validate.show(signal)}")

@@ -13,7 +13,7 @@ from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.lowering.llvm.machine import Kernel, Past, Watch, vector_width
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller
-from barbalat.run.delay import TAPS_PER_INPUT
+from barbalat.run.delay import CHANNELS_PER_INPUT
 from barbalat.run.grid import Segment, segments_of
 from barbalat.run.members import Members
 from barbalat.run.metrics import Metrics, Totals
@@ -130,9 +130,9 @@ class Batch:
 
     def _past(self, index: Array) -> Past:
         assert self.lags is not None
-        inputs = self.program.shape.delayed // TAPS_PER_INPUT
+        inputs = self.program.shape.delayed // CHANNELS_PER_INPUT
         given = np.zeros((inputs, self.states.shape[1])) if self.history is None else self.history
-        return Past(self.lags[index], np.repeat(given, TAPS_PER_INPUT, axis=0)[:, index])
+        return Past(self.lags[index], np.repeat(given, CHANNELS_PER_INPUT, axis=0)[:, index])
 
     @property
     def final_states(self) -> Array:

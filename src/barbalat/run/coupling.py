@@ -30,7 +30,8 @@ def coupling_function(loop: ClosedLoop, step: ca.Function, dt: Value = None, par
     if parameters is not None:
         given[2] = parameters
     state, table_row, noise = (ca.array(given[i]).reshape(-1) for i in (0, 3, 5))
-    signals = np.concatenate([table_row[: loop.timed], noise, np.zeros(loop.delayed_inputs)])  # of the step's start
+    # of the step's start
+    signals = np.concatenate([table_row[: loop.signals.timed], noise, np.zeros(loop.signals.delayed)])
     twin = continuous_twin(loop).following_within(dt)
     slope: Value = column(twin.derivative(state[: twin.size], signals))
     own, crossed = _cycles(ca.jacobian(slope, given[0][: twin.size]))

@@ -18,15 +18,15 @@ import numpy as np
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.loop.packing import flatten
 from barbalat.lowering.llvm.machine import remembered
-from barbalat.lowering.shape import TAPS
+from barbalat.lowering.shape import TAPS_PER_CHANNEL
 from barbalat.solvers import Tableau
 from barbalat.validate import Array, InputError
 
 MOST_DELAY_STEPS = 10_000_000
 """Steps that a member may remember: 160 MB each."""
 
-TAPS_PER_INPUT = 2
-"""Remembered of each input: the value at a step's start, and at its end."""
+CHANNELS_PER_INPUT = 2
+"""What is remembered of each input: the value at a step's start, and at its end."""
 
 
 class DelayTooShortError(InputError):
@@ -43,7 +43,9 @@ class DelayTooShortError(InputError):
 def lag(delay: float, dt: float) -> int:
     """Steps back to the newest remembered step that a step needs; InputError for a delay below one step."""
     if delay / dt > MOST_DELAY_STEPS:
-        raise InputError(f"plant.input.delay must be at most {MOST_DELAY_STEPS:g} solver steps, got {delay:g} s at dt = {dt:g} s")
+        raise InputError.of(
+            "plant.input.delay", f"must be at most {MOST_DELAY_STEPS:g} solver steps, got {delay:g} s at dt = {dt:g} s"
+        )
     whole = whole_steps(delay, dt)
     if whole < 1:
         raise DelayTooShortError(delay, dt)
@@ -55,7 +57,7 @@ def require_memory(longest: float, inputs: int, runs: int, dt: float) -> None:
     free = free_memory()
     if not longest or free is None:
         return
-    needed = runs * remembered(lag(longest, dt)) * TAPS_PER_INPUT * inputs * 8  # bytes
+    needed = runs * remembered(lag(longest, dt)) * CHANNELS_PER_INPUT * inputs * 8  # bytes
     if needed > free:
         raise InputError(
             f"plant.input.delay = {longest:g} s at dt = {dt:g} s needs {needed / 1e9:.3g} GB of memory for {runs} runs, "
@@ -90,7 +92,7 @@ def brings_bends(loop: ClosedLoop) -> bool:
 
 
 def weights(delay: float, dt: float, solver: Tableau) -> Array:
-    """(nodes, TAPS_PER_INPUT TAPS): what multiplies the starts, then the ends, of remembered steps, the newest first.
+    """(nodes, channels times taps of an input): what multiplies the starts, then the ends, of remembered steps, the newest first.
 
     With d = floor(delay/dt) and f the fraction left, step k sees of step k - d - 1 the last part f and then the first part 1 - f
     of step k - d. The cubic stands on the end of k - d, the end and the start of k - d - 1, and the start of k - d - 2.
@@ -98,7 +100,7 @@ def weights(delay: float, dt: float, solver: Tableau) -> Array:
     fraction = max(delay / dt - whole_steps(delay, dt), 0.0)
     if fraction * dt <= 1e-9 * delay:
         fraction = 0.0
-    start, end = np.eye(TAPS_PER_INPUT * TAPS).reshape(TAPS_PER_INPUT, TAPS, -1)
+    start, end = np.eye(CHANNELS_PER_INPUT * TAPS_PER_CHANNEL).reshape(CHANNELS_PER_INPUT, TAPS_PER_CHANNEL, -1)
     jump, earlier = start[0] - end[1], start[1] - end[2]  # between k - d - 1 and k - d, and one step before
     values = np.array([end[0] - jump, end[1], start[1], start[2] + earlier])  # as if there were no jump
     places = np.array([1.0, 0.0, -1.0, -2.0])  # of these values, in steps from the beginning of step k - d

@@ -89,7 +89,7 @@ class Family:
             lags,
             np.column_stack(reader.history[1:]) if reader.loop.delayed else None,
             np.array([problem.delay for problem, _ in members]),
-            np.array(reader.seeds[1:]) if reader.loop.noise else None,
+            np.array(reader.seeds[1:]) if reader.loop.signals.noise else None,
         )
 
     def given(self, numbers: Numbers, streams: Array) -> Members:

@@ -227,7 +227,7 @@ class Reader:
             np.arange(self.columns.count),
             lags,
             np.column_stack(self.history) if self.loop.delayed else None,
-            np.array(self.seeds) if self.loop.noise else None,
+            np.array(self.seeds) if self.loop.signals.noise else None,
             max(self.known_delays, default=0.0),
             windows,
         )

@@ -54,8 +54,8 @@ def sample_program(loop: ClosedLoop, step: ca.Function, parameters: ca.SX | None
 
     state_column, state = symbols("state", loop.size)
     signal_column, table_row = symbols("signals", step.nnz_in(3))
-    noise_column, noise = symbols("noise", loop.noise)
-    first = np.concatenate([table_row[: loop.timed], noise, np.zeros(loop.delayed_inputs)])
+    noise_column, noise = symbols("noise", loop.signals.noise)
+    first = np.concatenate([table_row[: loop.signals.timed], noise, np.zeros(loop.signals.delayed)])
     y, r = loop.sampled_at(state, first)
     inputs = [state_column, ca.SX(0, 1), parameters_column(parameters), signal_column, ca.SX(0, 1), noise_column]
     outputs = [state_column, column(y), column(r)]

@@ -15,11 +15,11 @@ from barbalat.lowering.llvm.machine import Kernel
 from barbalat.lowering.llvm.outside import Outside
 from barbalat.lowering.operations import Program, read
 from barbalat.lowering.optimize import optimize
-from barbalat.lowering.shape import TAPS, LoopShape
+from barbalat.lowering.shape import TAPS_PER_CHANNEL, LoopShape
 from barbalat.problem.measurement import Noise
 from barbalat.protocols import Value
 from barbalat.run.coupling import coupling_function
-from barbalat.run.delay import TAPS_PER_INPUT
+from barbalat.run.delay import CHANNELS_PER_INPUT
 from barbalat.run.grid import WHOLE_STEP, Piece
 from barbalat.run.metrics import Accumulators
 from barbalat.run.sampled_part import parameters_column, sample_program
@@ -95,10 +95,10 @@ def whole_steps(field: str, time: float, simulation: Simulation) -> int:
     """How many a sample time has; InputError for part of one, and for one so long that nothing would ever happen."""
     dt = simulation.dt
     if time > simulation.t_end:
-        raise InputError(f"{field} must not exceed simulation.t_end = {simulation.t_end:g} s, got {time:g} s")
+        raise InputError.of(field, f"must not exceed simulation.t_end = {simulation.t_end:g} s, got {time:g} s")
     steps = round(time / dt)
     if steps < 1 or abs(steps * dt - time) > 1e-9 * time:
-        raise InputError(f"{field} must be a whole number of solver steps, got {time:g} s at dt = {dt:g} s")
+        raise InputError.of(field, f"must be a whole number of solver steps, got {time:g} s at dt = {dt:g} s")
     return steps
 
 
@@ -121,16 +121,17 @@ def step_function(
     import casadi as ca
 
     state_column, state = symbols("state", loop.size)
-    row_length = len(solver.nodes) * loop.timed + (len(WHOLE_STEP) if in_pieces else 0)
+    timed = loop.signals.timed
+    row_length = len(solver.nodes) * timed + (len(WHOLE_STEP) if in_pieces else 0)
     signal_column, table_row = symbols("signals", row_length)
     piece = Piece(*table_row[-len(WHOLE_STEP) :]) if in_pieces else WHOLE_STEP
-    noise_column, noise = symbols("noise", loop.noise)
-    past_column, past = symbols("past", TAPS_PER_INPUT * TAPS * loop.delayed_inputs)
+    noise_column, noise = symbols("noise", loop.signals.noise)
+    past_column, past = symbols("past", CHANNELS_PER_INPUT * TAPS_PER_CHANNEL * loop.signals.delayed)
+    taps = past.reshape(loop.inputs, CHANNELS_PER_INPUT * TAPS_PER_CHANNEL) if loop.delayed else None
     signals = {}
     for i, node in enumerate(solver.nodes):
-        delayed = [(past.reshape(loop.inputs, TAPS_PER_INPUT * TAPS) @ delay_weights[i]).reshape(-1)] if loop.delayed else []
-        signals[node] = np.concatenate([table_row[i * loop.timed : (i + 1) * loop.timed], noise, *delayed])
-
+        delayed = [] if taps is None else [(taps @ delay_weights[i]).reshape(-1)]
+        signals[node] = np.concatenate([table_row[i * timed : (i + 1) * timed], noise, *delayed])
     derivative = loop.following_within(dt).derivative
     following = solver.advance(derivative, loop.limit, state, signals, piece.length * dt)
     remembered = ca.SX(0, 1)
@@ -139,9 +140,7 @@ def step_function(
         remembered = column(np.column_stack([loop.undelayed_input(*end).reshape(-1) for end in ends]).reshape(-1))
     accumulators, old_column, new = None, ca.SX(0, 1), ca.SX(0, 1)
     if figures:
-        accumulators = Accumulators(
-            errors=loop.errors, parameters=loop.parameters, inputs=loop.inputs, outputs=loop.measured_outputs
-        )
+        accumulators = accumulators_of(loop)
         outputs = loop.outputs(state, signals[solver.nodes[0]])
         after = loop.unpack(following)
         old_column, old = symbols("accumulators", len(accumulators.resets))
@@ -149,6 +148,11 @@ def step_function(
         new = column(accumulators.update(old, outputs, after, following, moved, begins=piece.begins, ends=piece.ends))
     inputs = [state_column, old_column, parameters_column(parameters), signal_column, past_column, noise_column]
     return ca.Function("step", inputs, [column(following), new, remembered], {"cse": True}), accumulators
+
+
+def accumulators_of(loop: ClosedLoop) -> Accumulators:
+    """Those of the loop's figures."""
+    return Accumulators(errors=loop.errors, parameters=loop.parameters, inputs=loop.inputs, outputs=loop.measured_outputs)
 
 
 def sampled_states(loop: ClosedLoop) -> ca.Function:
@@ -193,10 +197,10 @@ def step_program(
         accumulated,
         varied,
         signals,
-        delayed=TAPS_PER_INPUT * loop.delayed_inputs,
+        delayed=CHANNELS_PER_INPUT * loop.signals.delayed,
         lag_per_member=lag_per_member,
-        noise=loop.noise,
-        noise_hold=None if adjustable and loop.noise else rhythm.noise_hold,
+        noise=loop.signals.noise,
+        noise_hold=None if adjustable and loop.signals.noise else rhythm.noise_hold,
         sample_every=None if adjustable and loop.sampled else rhythm.sample_every,
         in_pieces=in_pieces,
     )

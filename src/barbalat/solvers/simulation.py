@@ -42,21 +42,24 @@ class Simulation:
         dt = validate.positive("simulation.dt", self.dt)
         validate.instance("simulation.solver", self.solver, Tableau)
         if not isinstance(self.fused, (bool, np.bool_)):
-            raise InputError(f"simulation.fused must be true or false, got {validate.show(self.fused)}")
+            raise InputError.of("simulation.fused", f"must be true or false, got {validate.show(self.fused)}")
         record_points = validate.whole("simulation.record_points", self.record_points, least=2)
         ratio = t_end / dt
         if ratio > 1e12:  # a day of computing on one core: surely a slip of the pen
-            raise InputError(f"simulation.dt = {dt:g} makes {ratio:.3g} steps up to t_end = {t_end:g}; at most 1e12 are possible")
+            raise InputError.of(
+                "simulation.dt", f"= {dt:g} makes {ratio:.3g} steps up to t_end = {t_end:g}; at most 1e12 are possible"
+            )
         steps = round(ratio)
         if steps < 1 or abs(steps * dt - t_end) > 1e-9 * t_end:
             nearest = t_end / max(steps, 1)
-            raise InputError(
-                f"simulation.dt must divide simulation.t_end, but {t_end:g} / {dt:g} = {ratio:.9g}; {nearest!r} would"
+            raise InputError.of(
+                "simulation.dt", f"must divide simulation.t_end, but {t_end:g} / {dt:g} = {ratio:.9g}; {nearest!r} would"
             )
         if min(steps, record_points) > MOST_RECORDED:
-            raise InputError(
-                f"simulation.record_points must be at most {MOST_RECORDED}, got {record_points}: each point of each controller "
-                "takes some 1 kB of memory; figures are over every step all the same"
+            raise InputError.of(
+                "simulation.record_points",
+                f"must be at most {MOST_RECORDED}, got {record_points}: each point of each controller "
+                "takes some 1 kB of memory; figures are over every step all the same",
             )
         object.__setattr__(self, "t_end", t_end)
         object.__setattr__(self, "dt", dt)

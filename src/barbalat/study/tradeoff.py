@@ -141,26 +141,26 @@ def trade_off(
     if estimate is not None:
         estimate(time.perf_counter() - started + sum(forecast.expected.values()))
     motion, criteria = Motion.of(problem, simulation), (onset or Onset(), lost or Lost())
-    clouds, runs = [], 0
-    for k in chosen:
-        group = members[k.scheme]
+
+    def margins(scheme: str) -> DelayMargins:
+        begun, group = time.perf_counter(), members[scheme]
         numbers = np.tile(np.arange(plants), len(group) // plants)  # every tuning has the same noise on a plant
-        begun = time.perf_counter()
         found = delay_margins_ensemble(
             group, simulation, longest=longest, onset=criteria[0], lost=criteria[1], numbers=numbers,
-            progress=_in_time(progress, forecast, k.scheme),
+            progress=_in_time(progress, forecast, scheme),
         )  # fmt: skip
-        clouds.append(_cloud(k, found, motion.rms, plants))
-        forecast.finished[k.scheme] = time.perf_counter() - begun
-        runs += found.runs
+        forecast.finished[scheme] = time.perf_counter() - begun
+        return found
+
+    found = [margins(k.scheme) for k in chosen]
     return TradeOff(
         problem=problem,
         simulation=simulation,
         thetas=np.stack([p.plant.theta for p in family]),
-        clouds=tuple(clouds),
+        clouds=tuple(_cloud(k, of_scheme, motion.rms, plants) for k, of_scheme in zip(chosen, found, strict=True)),
         criteria=criteria,
         notes=(*left_out, *([REST_SENTENCE] if motion.comes_to_rest else [])),
-        runs=runs,
+        runs=sum(of_scheme.runs for of_scheme in found),
         seconds=time.perf_counter() - started,
     )
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from importlib.util import find_spec
+from typing import NamedTuple
 
 import numpy as np
 
@@ -70,23 +71,19 @@ def sensitivities(rows: Rows, controllers: Sequence[str], plan: Plan) -> tuple[l
             if lacking:
                 notes.append(f"{name}: {lacking} members have none, so that its variance is unknown")
             else:
-                found += [
-                    Sensitivity(
-                        controller=controller,
-                        figure=figure,
-                        path=path,
-                        first=first,
-                        low=low,
-                        high=high,
-                        total=total,
-                        estimator=how,
-                    )
-                    for path, first, low, high, total, how in indices
-                ]
+                found += [Sensitivity(controller=controller, figure=figure, **index._asdict()) for index in indices]
     return found, notes
 
 
-Index = tuple[FieldPath, float, float, float, float | None, str]
+class Index(NamedTuple):
+    """What a ``Sensitivity`` says, of whichever figure."""
+
+    path: FieldPath
+    first: float
+    low: float
+    high: float
+    total: float | None
+    estimator: str
 
 
 def _figure(rows: Rows, name: str, plan: Plan) -> tuple[int, list[Index]]:
@@ -105,7 +102,7 @@ def _of(rows: Rows, values: Array, plan: Plan) -> Iterator[Index]:
     for i, path in enumerate(plan.axes):
         others = tuple(k for k in range(by_point.ndim) if k != i)
         share = float(by_point.mean(axis=others).var()) / total
-        yield path, share, share, share, None, FACTORIAL
+        yield Index(path, share, share, share, None, FACTORIAL)
     if plan.members >= FEWEST_DRAWS and find_spec("SALib") is not None:
         yield from _drawn(rows, by_point, plan, total)
 
@@ -124,7 +121,8 @@ def _drawn(rows: Rows, by_point: Array, plan: Plan, total: float) -> Iterator[In
     problem = {"num_vars": len(names), "names": names, "bounds": [[0.0, 1.0]] * len(names)}
     found = rbd_fast.analyze(problem, given, mean[:count], num_resamples=RESAMPLES, conf_level=CONFIDENCE, seed=plan.seed)
     for path, first, half in zip(plan.draws, found["S1"], found["S1_conf"], strict=True):
-        yield path, float(part * first), float(part * (first - half)), float(part * (first + half)), None, RBD_FAST
+        low, high = float(part * (first - half)), float(part * (first + half))
+        yield Index(path, float(part * first), low, high, None, RBD_FAST)
 
 
 def _saltelli(values: Array, plan: Plan) -> Iterator[Index]:
@@ -138,4 +136,4 @@ def _saltelli(values: Array, plan: Plan) -> Iterator[Index]:
     first, whole = np.atleast_2d(found.first_order)[0], np.atleast_2d(found.total_order)[0]
     low, high = np.atleast_2d(spread.low)[0], np.atleast_2d(spread.high)[0]
     for i, path in enumerate(plan.draws):
-        yield path, float(first[i]), float(low[i]), float(high[i]), float(whole[i]), SALTELLI
+        yield Index(path, float(first[i]), float(low[i]), float(high[i]), float(whole[i]), SALTELLI)

@@ -20,7 +20,8 @@ from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.problem.actuation import PlantInput
 from barbalat.problem.output_feedback import OutputProblem
 from barbalat.problem.output_plant import OutputPlant, OutputReferenceModel
-from barbalat.problem.plant import Plant, ReferenceModel
+from barbalat.problem.plant import Plant
+from barbalat.problem.reference_model import ReferenceModel
 from barbalat.problem.state_feedback import Problem
 from barbalat.signals import Sine
 from barbalat.solvers.simulation import Simulation

@@ -53,6 +53,7 @@ def labelled(controller, solver, dt):
 
 @pytest.mark.parametrize("name", SCHEMES)
 @pytest.mark.parametrize("solver", [HEUN, RK4], ids=["heun", "rk4"])
+@pytest.mark.short(kept=lambda solver, name: solver is RK4 or name == "l1")
 def test_the_step_at_which_a_run_leaves_the_region(solver, name):
     controller = SCHEMES[name]
     found = limits(controller, solver)

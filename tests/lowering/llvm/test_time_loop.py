@@ -226,15 +226,15 @@ def pages():
     gc.collect()
     return int(Path("/proc/self/statm").read_text().split()[1])
 
-for i in range(30):
+for i in range(20):
     compile(i)
 before = pages()
-for i in range(30, 130):
+for i in range(20, 70):
     compile(i)
 print((pages() - before) * 4096 / 1e6)
 """
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert float(done.stdout) < 2.5, "MB for a hundred kernels"
+    assert float(done.stdout) < 1.25, "MB for fifty kernels"
 
 
 def test_a_long_quantity_is_a_function_of_its_own_and_has_the_same_bits(problems, monkeypatch):

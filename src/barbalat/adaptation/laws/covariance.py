@@ -107,9 +107,10 @@ def initial(covariance0: float | Array, n: int, bound: float | None = None) -> M
     P = Gain(covariance0).as_matrix(n)
     exceeds = bound is not None and np.linalg.norm(P) > bound
     if isinstance(exceeds, (bool, np.bool_)) and exceeds:  # no number where an ensemble varies it; its members were checked
-        raise InputError(
-            f"law.covariance0 must not exceed law.covariance_bound = {bound:g} in the Frobenius norm, but {validate.show(P)} "
-            f"has the norm {np.linalg.norm(P):.6g} (a multiple of I has that times the square root of n)"
+        raise InputError.of(
+            "law.covariance0",
+            f"must not exceed law.covariance_bound = {bound:g} in the Frobenius norm, but {validate.show(P)} "
+            f"has the norm {np.linalg.norm(P):.6g} (a multiple of I has that times the square root of n)",
         )
     return Memory(P)
 

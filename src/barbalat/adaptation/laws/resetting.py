@@ -47,7 +47,7 @@ class LeastSquaresResetting(CovarianceLaw):
             validate.freeze(self, **{name: validate.positive(f"law.{name}", getattr(self, name))})
         leak.accept(self.leakage, "least squares", leak.Borne.BOUNDED, covariance.NOT_PROPORTIONAL)
         if not self.rho_1 < self.rho_0:
-            raise InputError(f"law.rho_1 must be below law.rho_0 = {self.rho_0:g}, got {self.rho_1:g}")
+            raise InputError.of("law.rho_1", f"must be below law.rho_0 = {self.rho_0:g}, got {self.rho_1:g}")
         zone.accept(self.dead_zone)
 
     def initial(self, n: int) -> Memory:

@@ -78,8 +78,8 @@ class LinearOutput:
                 continue
             system = TransferFunction.accept(field, getattr(self, field))
             if system.relative_degree < 0:
-                raise InputError(
-                    f"{field} must be proper, got num = {validate.show(system.num)}, den = {validate.show(system.den)}"
+                raise InputError.of(
+                    field, f"must be proper, got num = {validate.show(system.num)}, den = {validate.show(system.den)}"
                 )
             validate.freeze(self, **{field: system})
         F, K = self.feedforward, self.loop

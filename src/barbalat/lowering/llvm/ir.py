@@ -15,7 +15,7 @@ from barbalat.lowering.llvm.past import lag_loads, past_loads, remember
 from barbalat.lowering.llvm.printer import Printer
 from barbalat.lowering.llvm.watch import LAST_BLOCK, LONGEST_INSIDE, called, keep_largest
 from barbalat.lowering.operations import Program
-from barbalat.lowering.shape import ENTRY, TAPS, LoopShape
+from barbalat.lowering.shape import ENTRY, TAPS_PER_CHANNEL, LoopShape
 
 HEAD = (
     f"define void @{ENTRY}(i64 %blocks, i64 %steps, ptr noalias %state, ptr noalias %parameters, "
@@ -43,8 +43,8 @@ def loop(
     out         [blocks][states + accumulators][W]: the state at a block's start, the accumulators at its end
     start       number of the first step since t = 0
     lags        [W]: the newest value handed back is that of ``lag`` steps ago, at least 1
-    ring        [mask + TAPS][delayed][W]: remembered values, a power of two of steps and the first ones again; what stands there
-                first is the past
+    ring        [mask + TAPS_PER_CHANNEL][delayed][W]: remembered values, a power of two of steps and the first ones again; what
+                stands there first is the past
     noise       [rows][noise][W]: a row for each ``noise_hold`` steps since t = 0, the first row that of ``start``
 
     watched     rows of ``watch``, see ``watch.keep_largest``; then the first step of the first and the steps of each
@@ -97,7 +97,7 @@ def _inputs(shape: LoopShape) -> dict[tuple[int, int], str]:
         "a": shape.accumulators,
         "p": shape.parameters,
         "s": shape.signals,
-        "d": shape.delayed * TAPS,
+        "d": shape.delayed * TAPS_PER_CHANNEL,
         "n": shape.noise,
     }
     return {(k, i): f"%{name}{i}" for k, (name, size) in enumerate(counts.items()) for i in range(size)}

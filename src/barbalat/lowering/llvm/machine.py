@@ -17,7 +17,7 @@ from barbalat.lowering.llvm import ir
 from barbalat.lowering.llvm.outside import Outside
 from barbalat.lowering.operations import Program
 from barbalat.lowering.registers import few_waiting
-from barbalat.lowering.shape import ENTRY, TAPS, LoopShape, require_count
+from barbalat.lowering.shape import ENTRY, TAPS_PER_CHANNEL, LoopShape, require_count
 
 Given = ParamSpec("Given")
 
@@ -62,7 +62,7 @@ def _unscheduled() -> Iterator[None]:
 
 def remembered(lag: int) -> int:
     """Steps that a ring for this lag holds: a power of two, and the first ones again."""
-    return (1 << (lag + TAPS - 1).bit_length()) - 1 + TAPS
+    return (1 << (lag + TAPS_PER_CHANNEL - 1).bit_length()) - 1 + TAPS_PER_CHANNEL
 
 
 class Past:
@@ -77,8 +77,8 @@ class Past:
             raise ValueError(f"lags must be at least 1, got {lags.min()}")
         self.lags = np.ascontiguousarray(lags, dtype=np.int64)
         self.history = history
-        self.mask = remembered(int(lags.max())) - TAPS
-        self.ring = np.tile(history, (self.mask + TAPS, 1, 1))
+        self.mask = remembered(int(lags.max())) - TAPS_PER_CHANNEL
+        self.ring = np.tile(history, (self.mask + TAPS_PER_CHANNEL, 1, 1))
 
 
 class Watch:
@@ -98,6 +98,28 @@ def _at_once(bound: Callable[Given, Callable[[], None]]) -> Callable[Given, None
         bound(*given, **named)()
 
     return call
+
+
+def _engine(source: str, *, quickly: bool) -> llvm.ExecutionEngine:
+    """What holds the machine code of a module, not yet made."""
+    target = _target()
+    machine = target.create_target_machine(
+        cpu=llvm.get_host_cpu_name(), features=llvm.get_host_cpu_features().flatten(), opt=0 if quickly else 3
+    )
+    module = llvm.parse_assembly(source)
+    module.triple = target.triple
+    module.data_layout = str(machine.target_data)
+    # The operations come optimised: a higher level finds nothing more and takes longer.
+    options = llvm.create_pipeline_tuning_options(speed_level=1)
+    # One member at a time is a chain of dependent operations: packing neighbours into vectors only adds shuffles.
+    options.slp_vectorization = False
+    options.loop_unrolling = False
+    passes = llvm.create_pass_builder(machine, options)
+    pipeline = passes.getModulePassManager()
+    pipeline.run(module, passes)
+    NewPassManager._dispose(pipeline)  # 0.1 to 0.2 MB; llvmlite 0.50 inherits from a class that frees nothing before this one
+    pipeline.detach()
+    return llvm.create_mcjit_compiler(module, machine)
 
 
 class Kernel:
@@ -127,24 +149,7 @@ class Kernel:
         if lanes > 1:
             step = few_waiting(step, urgent_first=many_registers())
         self.ir = ir.loop(step, shape, resets, lanes, sample, watch, outside)
-        target = _target()
-        machine = target.create_target_machine(
-            cpu=llvm.get_host_cpu_name(), features=llvm.get_host_cpu_features().flatten(), opt=0 if quickly else 3
-        )
-        module = llvm.parse_assembly(self.ir)
-        module.triple = target.triple
-        module.data_layout = str(machine.target_data)
-        # The operations come optimised: a higher level finds nothing more and takes longer.
-        options = llvm.create_pipeline_tuning_options(speed_level=1)
-        # One member at a time is a chain of dependent operations: packing neighbours into vectors only adds shuffles.
-        options.slp_vectorization = False
-        options.loop_unrolling = False
-        passes = llvm.create_pass_builder(machine, options)
-        pipeline = passes.getModulePassManager()
-        pipeline.run(module, passes)
-        NewPassManager._dispose(pipeline)  # 0.1 to 0.2 MB; llvmlite 0.50 inherits from a class that frees nothing before this one
-        pipeline.detach()
-        self._engine = llvm.create_mcjit_compiler(module, machine)
+        self._engine = _engine(self.ir, quickly=quickly)
         with nullcontext() if lanes == 1 or many_registers() else _unscheduled():
             self._engine.finalize_object()
         i64, pointer = ctypes.c_int64, ctypes.c_void_p

@@ -1,12 +1,12 @@
 """IR for a step that remembers: a ring of past values beside the loop, one for each delayed channel.
 
-The ring's first TAPS - 1 rows stand once more behind its last, so that the taps of a step are neighbours: one address for each
-member, however many taps and channels.
+The ring's first TAPS_PER_CHANNEL - 1 rows stand once more behind its last, so that the taps of a step are neighbours: one
+address for each member, however many taps and channels.
 """
 
 from __future__ import annotations
 
-from barbalat.lowering.shape import TAPS, LoopShape
+from barbalat.lowering.shape import TAPS_PER_CHANNEL, LoopShape
 
 
 def lag_loads(shape: LoopShape, lanes: int) -> list[str]:
@@ -21,7 +21,7 @@ def lag_loads(shape: LoopShape, lanes: int) -> list[str]:
 
 
 def past_loads(shape: LoopShape, lanes: int, vector: str) -> list[str]:
-    """%d{channel * TAPS + tap}: what was remembered lag + tap steps ago."""
+    """%d{channel * TAPS_PER_CHANNEL + tap}: what was remembered lag + tap steps ago."""
     if not shape.delayed:
         return []
     lines = []
@@ -29,15 +29,15 @@ def past_loads(shape: LoopShape, lanes: int, vector: str) -> list[str]:
     for j in range(width):
         lines += [
             f"  %newest{j} = sub i64 %now, %lag{j}",
-            f"  %oldest{j} = sub i64 %newest{j}, {TAPS - 1}",
+            f"  %oldest{j} = sub i64 %newest{j}, {TAPS_PER_CHANNEL - 1}",
             f"  %slot{j} = and i64 %oldest{j}, %mask",
             f"  %base{j} = mul i64 %slot{j}, {shape.delayed}",
         ]
     for channel in range(shape.delayed):
-        for tap in range(TAPS):
-            name = f"d{channel * TAPS + tap}"
+        for tap in range(TAPS_PER_CHANNEL):
+            name = f"d{channel * TAPS_PER_CHANNEL + tap}"
             for j in range(width):
-                lines.append(f"  %{name}.{j}.row = add i64 %base{j}, {(TAPS - 1 - tap) * shape.delayed + channel}")
+                lines.append(f"  %{name}.{j}.row = add i64 %base{j}, {(TAPS_PER_CHANNEL - 1 - tap) * shape.delayed + channel}")
             if not shape.lag_per_member or lanes == 1:
                 lines += [
                     f"  %{name}.at = getelementptr {vector}, ptr %ring, i64 %{name}.0.row",
@@ -64,7 +64,7 @@ def remember(shape: LoopShape, vector: str, values: list[str]) -> list[str]:
         return []
     lines = [
         "  %slot.now = and i64 %now, %mask",
-        f"  %is.first = icmp ult i64 %slot.now, {TAPS - 1}",
+        f"  %is.first = icmp ult i64 %slot.now, {TAPS_PER_CHANNEL - 1}",
         "  %slot.behind = add i64 %slot.now, %mask",
         "  %slot.again = add i64 %slot.behind, 1",
         "  %slot.twin = select i1 %is.first, i64 %slot.again, i64 %slot.now",  # elsewhere the same is stored twice

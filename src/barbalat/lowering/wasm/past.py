@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from barbalat.lowering.shape import TAPS, LoopShape
+from barbalat.lowering.shape import TAPS_PER_CHANNEL, LoopShape
 from barbalat.lowering.wasm.encode import DOUBLE_BYTES, Code, Do, Kind
 
 
@@ -13,7 +13,7 @@ class Past:
 
     def __init__(self, shape: LoopShape, code: Code, at: Mapping[str, int]) -> None:
         self.channels, self.code, self.at = shape.delayed, code, at
-        self.values = [code.local() for _ in range(shape.delayed * TAPS)]
+        self.values = [code.local() for _ in range(shape.delayed * TAPS_PER_CHANNEL)]
         self.lag, self.slot, self.row = code.local(Kind.I64), code.local(Kind.I64), code.local(Kind.I32)
 
     def before_the_loop(self) -> None:
@@ -29,17 +29,17 @@ class Past:
         c = self.code
         c.get(now, self.lag)
         c.do(Do.I64_SUB)
-        c.i64(TAPS - 1)
+        c.i64(TAPS_PER_CHANNEL - 1)
         c.do(Do.I64_SUB)
         c.get(self.at["mask"])
         c.do(Do.I64_AND)
         c.set(self.slot)
         self._address()
         for channel in range(self.channels):
-            for tap in range(TAPS):
+            for tap in range(TAPS_PER_CHANNEL):
                 c.get(self.row)
-                c.load((TAPS - 1 - tap) * self.channels + channel)
-                c.set(self.values[channel * TAPS + tap])
+                c.load((TAPS_PER_CHANNEL - 1 - tap) * self.channels + channel)
+                c.set(self.values[channel * TAPS_PER_CHANNEL + tap])
 
     def remember(self, now: int, values: Sequence[int]) -> None:
         """Store the channels' values at the step's start; the ring's first rows stand once more behind its last."""
@@ -51,7 +51,7 @@ class Past:
         c.set(self.slot)
         self._store(values)
         c.get(self.slot)
-        c.i64(TAPS - 1)
+        c.i64(TAPS_PER_CHANNEL - 1)
         c.do(Do.I64_LT_U)
         c.begin_if()
         c.get(self.slot, self.at["mask"])

@@ -53,9 +53,9 @@ class ParameterBox:
         empty = np.flatnonzero(lower > upper)
         if len(empty):
             i = int(empty[0])
-            raise InputError(
-                f"uncertainty.lower must not exceed uncertainty.upper, but in component {i + 1} "
-                f"{lower[i]:g} > {upper[i]:g}: the set is empty"
+            raise InputError.of(
+                "uncertainty.lower",
+                f"must not exceed uncertainty.upper, but in component {i + 1} {lower[i]:g} > {upper[i]:g}: the set is empty",
             )
         validate.freeze(self, lower=lower)
         validate.freeze(self, upper=upper)

@@ -187,8 +187,8 @@ class Run:
         if problem.noise is not None and len(steps):
             rows = steps // self.batch.rhythm.noise_hold
             number = 0 if self.batch.numbers is None else int(self.batch.numbers[0])
-            drawn = [standard_normal(problem.noise.seed, number, int(row), 1, loop.noise) for row in rows]
-            signals[loop.timed : loop.timed + loop.noise] = np.concatenate(drawn).T
+            drawn = [standard_normal(problem.noise.seed, number, int(row), 1, loop.signals.noise) for row in rows]
+            signals[loop.signals.timed : loop.signals.timed + loop.signals.noise] = np.concatenate(drawn).T
         return signals
 
 

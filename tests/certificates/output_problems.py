@@ -1,0 +1,21 @@
+"""A small problem with a measured output and L1-AC for it, of which tests change what they are about."""
+
+from barbalat.controllers.output.l1 import L1Output
+from barbalat.linear.systems import TransferFunction
+from barbalat.problem.output_feedback import OutputProblem
+from barbalat.problem.output_plant import OutputPlant, OutputReferenceModel
+from barbalat.signals import Sine
+from barbalat.solvers.simulation import Simulation
+
+TF = TransferFunction
+SIMULATION = Simulation(t_end=20.0, dt=2e-3)
+
+
+def problem(plant=None, m=3.0, **settings):
+    plant = plant or OutputPlant(transfer_function=TF([2.0], [1.0, 1.0]))
+    model = OutputReferenceModel(transfer_function=TF([m], [1.0, m]))
+    return OutputProblem(plant=plant, reference_model=model, **({"reference": Sine(1.0, 1.3)} | settings))
+
+
+def l1(**settings):
+    return L1Output(**({"m": 3.0, "gamma": 1e3, "filter": TF([30.0], [1.0, 30.0]), "sigma_bound": 100.0} | settings))
