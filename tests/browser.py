@@ -80,7 +80,7 @@ def _of_site(browser: Browser, folder: Path) -> Iterator[str]:
         for page in sorted(folder.rglob("*.html")):
             place = page.relative_to(folder)
             if place.parts[0] not in ("_static", "reproduction"):
-                yield from _at_both_widths(browser, f"{folder.name}/{place}", f"{address}/{place.as_posix()}")
+                yield from at_both_widths(browser, f"{folder.name}/{place}", f"{address}/{place.as_posix()}")
 
 
 @contextmanager
@@ -104,10 +104,10 @@ def _findings(browser: Browser, page: Path, address: str) -> Iterator[str]:
     most = LARGEST_EXPLORER if page.name == EXPLORER else LARGEST_PAGE
     if page.stat().st_size > most:
         yield f"{page.parent.name}/{page.name}: {page.stat().st_size} bytes, more than {most}"
-    yield from _at_both_widths(browser, f"{page.parent.name}/{page.name}", address)
+    yield from at_both_widths(browser, f"{page.parent.name}/{page.name}", address)
 
 
-def _at_both_widths(browser: Browser, page: str, address: str) -> Iterator[str]:
+def at_both_widths(browser: Browser, page: str, address: str) -> Iterator[str]:
     for name, width in WIDTHS.items():
         tab = browser.new_page(viewport={"width": width, "height": 900}, color_scheme="dark" if name == "phone" else "light")
         said = overheard(tab, OWN_ADDRESSES)

@@ -33,8 +33,8 @@ def spectrum_of(target: Target) -> dict[str, Any] | None:
     template = Template.of(reader.columns, opened=True).adjustable(reader.simulation.dt, None)
     loop = template.loop.following_within(template.dt)
     state_column, state = symbols("state", loop.size)
-    timed_column, timed = symbols("timed", loop.timed)
-    signals = np.concatenate([timed, np.zeros(loop.noise + loop.delayed_inputs)])
+    timed_column, timed = symbols("timed", loop.signals.timed)
+    signals = np.concatenate([timed, np.zeros(loop.signals.noise + loop.signals.delayed)])
     jacobian = ca.jacobian(column(loop.derivative(state, signals)), state_column)
     rows, columns = jacobian.sparsity().get_triplet()
     nothing = ca.SX(0, 1)
@@ -42,6 +42,6 @@ def spectrum_of(target: Target) -> dict[str, Any] | None:
     inputs = [nothing, nothing, template.column, row, nothing, nothing]
     found = ca.vertcat(nothing, *(jacobian[int(i), int(j)] for i, j in zip(rows, columns, strict=True)))
     traced = ca.Function("jacobian", inputs, [nothing, found, nothing], {"cse": True})
-    shape = LoopShape(0, len(rows), len(template.values), loop.size + loop.timed)
+    shape = LoopShape(0, len(rows), len(template.values), loop.size + loop.signals.timed)
     module = module_of(read(traced), shape, (0.0,) * len(rows))
     return {"module": base64.b64encode(module).decode(), "rows": list(rows), "columns": list(columns)}

@@ -15,7 +15,8 @@ from barbalat.flight.equipment import Equipment
 from barbalat.flight.trim import Trim
 from barbalat.problem.actuation import PlantInput
 from barbalat.problem.known_set import ParameterBox
-from barbalat.problem.plant import Plant, ReferenceModel
+from barbalat.problem.plant import Plant
+from barbalat.problem.reference_model import ReferenceModel
 from barbalat.problem.regressors import Polynomial
 from barbalat.problem.state_feedback import Problem
 from barbalat.signals import Constant
