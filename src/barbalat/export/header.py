@@ -19,7 +19,9 @@ def header(printed: Printed) -> str:
     ]
     if contents.parameters:
         names = ", ".join(one.name for one in contents.parameters)
-        members.append(f"{printed.real} parameter[{len(contents.parameters)}]; /* {names}: set between init and reset, or between steps */")
+        members.append(
+            f"{printed.real} parameter[{len(contents.parameters)}]; /* {names}: set between init and reset, or between steps */"
+        )
     estimates = [f"{printed.real} theta_hat[{macro}_ESTIMATES]; /* estimates */"] if p else []
     state = contents.measures_state
     return filled(

@@ -16,7 +16,6 @@ import numpy as np
 from barbalat.export.limits import estimate_limits
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.loop.structure import parts_of
-from barbalat.problem.actuation import PlantInput
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller
 from barbalat.run import breaks
@@ -27,12 +26,14 @@ from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array, InputError
 
 Case = tuple[TrackingProblem, Controller]
+Rebuild = Callable[[Any], Any]
+"""A whole with another part, of that part."""
 
 BUMPS: tuple[Callable[[float], float], ...] = (
     lambda value: 1.125 * value + 0.0625 * (value == 0),
     lambda value: 0.875 * value - 0.0625 * (value == 0),
 )
-"""Other values that a setting is tried with, up or else down: exact in floating point for short numbers, never the value itself."""
+"""Other values that a setting is tried with, up or else down; never the value itself."""
 NOT_OFFERED = frozenset({"sample_time", "delay", "history"})
 """Settings that more follows from than a loop's numbers: how often a controller is called, what a delay remembers."""
 
@@ -64,11 +65,14 @@ class Candidate:
 class Opened:
     """The loop's lists with parameters in them.
 
+    cases   this case, then for each parameter the case with another value of it, ``tried``: an ensemble with these lists
     feeds   by entries of the lists' third argument, which parameter each is; None for a number that is none
     starts  by entries of the loop's flat state, which parameter it begins with
     """
 
     parameters: tuple[Parameter, ...]
+    tried: tuple[float, ...]
+    cases: tuple[Case, ...]
     members: Members
     template: Template
     feeds: tuple[int | None, ...]
@@ -79,15 +83,16 @@ class Opened:
         """InputError where the controller does not fit the problem; without ``tunable`` every number is compiled in."""
         controller = _explicit_estimates(problem, controller)
         reader = Reader.of((problem, controller), simulation, adjustable=False)
-        found: list[Parameter] = []
-        for candidate in _candidates(problem, controller) if tunable else ():
-            other = _tried(problem, controller, candidate)
-            if other is not None:
-                reader.add(*other)
-                found.append(candidate.parameter)
+        candidates = _candidates(problem, controller) if tunable else ()
+        every = ((one, _tried(problem, controller, one)) for one in candidates)
+        found = [(one.parameter, *other) for one, other in every if other is not None]
+        for _, _, case in found:
+            reader.add(*case)
         members = reader.members(0)
         return cls(
-            tuple(found),
+            tuple(one for one, _, _ in found),
+            tuple(value for _, value, _ in found),
+            ((problem, controller), *(case for _, _, case in found)),
             members,
             Template.of(reader.columns, opened=not simulation.fused),
             tuple(_followed(row) for row in members.parameters),
@@ -135,8 +140,8 @@ def _explicit_estimates(problem: TrackingProblem, controller: Controller) -> Con
     return controller if same.differing()[0].any() else explicit
 
 
-def _tried(problem: TrackingProblem, controller: Controller, candidate: Candidate) -> Case | None:
-    """The case with another value of the setting, if that is a parameter."""
+def _tried(problem: TrackingProblem, controller: Controller, candidate: Candidate) -> tuple[float, Case] | None:
+    """Another value of the setting, and the case with it, if the setting is a parameter."""
     loop = ClosedLoop.of(problem, controller)
     for bump in BUMPS:
         value = bump(candidate.parameter.value)
@@ -150,7 +155,7 @@ def _tried(problem: TrackingProblem, controller: Controller, candidate: Candidat
             continue
         moved = [found.differing()[1] for found in (columns, initial)]
         direct = all((rows[:, 1] == value).all() for rows in moved) and any(len(rows) for rows in moved)
-        return other if direct and _same_set(loop, changed) else None
+        return (value, other) if direct and _same_set(loop, changed) else None
     return None
 
 
@@ -168,13 +173,18 @@ def _candidates(problem: TrackingProblem, controller: Controller) -> Iterator[Ca
         plain = name.removeprefix("controller.")
         if plain not in NOT_OFFERED:
             meaning = "initial estimate" if "theta_hat0" in plain else "setting of the controller"
-            yield Candidate(Parameter(plain, value, meaning), lambda v, rebuilt=rebuilt: (problem, rebuilt(v)))
+
+            def changed(v: float, rebuilt: Rebuild = rebuilt) -> Case:
+                return problem, rebuilt(v)
+
+            yield Candidate(Parameter(plain, value, meaning), changed)
+    case: Any = problem
     for name, value, rebuilt in _numbers(problem.plant):
         if name.rpartition(".")[2] in NOT_OFFERED:
             continue
 
-        def other(v: float, rebuilt: Callable[[float], Any] = rebuilt) -> Case:
-            return replace(problem, plant=rebuilt(v)), controller  # type: ignore[type-var]
+        def other(v: float, rebuilt: Rebuild = rebuilt) -> Case:
+            return replace(case, plant=rebuilt(v)), controller
 
         limit = _limit(name)
         if limit is None:
@@ -197,7 +207,7 @@ def _settable(part: Any, name: str) -> bool:
     return any(field.name == name and field.init for field in fields(part))
 
 
-def _numbers(part: Any) -> Iterator[tuple[str, float, Callable[[float], Any]]]:
+def _numbers(part: Any) -> Iterator[tuple[str, float, Rebuild]]:
     """Settings that are numbers or entries of arrays, by their places, and the whole with another value of each."""
     for name, inner in (parts_of(part) or {}).items() if is_dataclass(part) else ():
         if not _settable(part, name):
@@ -210,26 +220,39 @@ def _numbers(part: Any) -> Iterator[tuple[str, float, Callable[[float], Any]]]:
             yield name, inner, put
         elif isinstance(inner, np.ndarray):
             yield from _entries(name, inner, put)
-        elif isinstance(inner, tuple) and inner and all(isinstance(one, PlantInput) for one in inner):
+        elif isinstance(inner, tuple):
             for i, one in enumerate(inner):
-                for below, value, rebuilt in _numbers(one):
-                    yield (
-                        f"{name}[{i + 1}].{below}",
-                        value,
-                        lambda v, i=i, rebuilt=rebuilt, inner=inner, put=put: put((*inner[:i], rebuilt(v), *inner[i + 1 :])),
-                    )
+                yield from _below(f"{name}[{i + 1}]", one, _after(put, _in_place(inner, i)))
         else:
-            for below, value, rebuilt in _numbers(inner):
-                yield f"{name}.{below}", value, lambda v, rebuilt=rebuilt, put=put: put(rebuilt(v))
+            yield from _below(name, inner, put)
 
 
-def _entries(name: str, array: Array, put: Callable[[Any], Any]) -> Iterator[tuple[str, float, Callable[[float], Any]]]:
+def _below(name: str, part: Any, put: Rebuild) -> Iterator[tuple[str, float, Rebuild]]:
+    for inner, value, rebuilt in _numbers(part):
+        yield f"{name}.{inner}", value, _after(put, rebuilt)
+
+
+def _entries(name: str, array: Array, put: Rebuild) -> Iterator[tuple[str, float, Rebuild]]:
     for place, value in np.ndenumerate(array):
 
-        def with_entry(v: float, place: tuple[int, ...] = place) -> Any:
+        def with_entry(v: float, place: tuple[int, ...] = place) -> Array:
             other = array.copy()
             other[place] = v
-            return put(other)
+            return other
 
         text = ",".join(str(i + 1) for i in place)
-        yield (f"{name}[{text}]" if place else name), float(value), with_entry
+        yield (f"{name}[{text}]" if place else name), float(value), _after(put, with_entry)
+
+
+def _in_place(whole: tuple[Any, ...], i: int) -> Rebuild:
+    def with_other(part: Any) -> tuple[Any, ...]:
+        return (*whole[:i], part, *whole[i + 1 :])
+
+    return with_other
+
+
+def _after(put: Rebuild, rebuilt: Rebuild) -> Rebuild:
+    def both(value: Any) -> Any:
+        return put(rebuilt(value))
+
+    return both

@@ -38,7 +38,7 @@ def plant_header(made: PrintedPlant) -> str:
     if plant.channels:
         members.append(f"double past[{plant.lag + TAPS}][{plant.channels}]; /* what is on its way through the delay */")
         members.append("int slot; /* of the past where this step is to stand */")
-    inputs = ["double u[%s_PLANT_CONTROLS]; /* control, held over the step */" % macro]
+    inputs = [f"double u[{macro}_PLANT_CONTROLS]; /* control, held over the step */"]
     if plant.disturbances:
         inputs.append(f"double disturbance[{macro}_PLANT_NODES][{macro}_PLANT_DISTURBANCES]; /* at the step's instants */")
     if plant.loop.noise:
@@ -71,8 +71,12 @@ def plant_source(made: PrintedPlant) -> str:
         functions=f"{functions}\n" if functions else "",
         name=made.printed.name,
         macro=made.printed.macro,
-        defaults=indented(f"p->parameter[{k}] = {c99.constant(one.value)}; /* {one.name} */" for k, one in enumerate(plant.parameters)),
-        reset=indented([*(f"p->state[{i}] = {made.number(plant.start(row))};" for i, row in enumerate(plant.rows)), *_nothing(plant)]),
+        defaults=indented(
+            f"p->parameter[{k}] = {c99.constant(one.value)}; /* {one.name} */" for k, one in enumerate(plant.parameters)
+        ),
+        reset=indented(
+            [*(f"p->state[{i}] = {made.number(plant.start(row))};" for i, row in enumerate(plant.rows)), *_nothing(plant)]
+        ),
         measure=indented(_measured(made)),
         step=indented(_stepped(made)),
     )
@@ -92,7 +96,7 @@ def _measured(made: PrintedPlant) -> list[str]:
     lines = c99.statements(program, _inputs(made, program))
     printer = c99.Printer(program)
     lines += [f"y[{i}] = {printer.number(at)};" for i, at in enumerate(program.outputs[0])]
-    return lines if any(kind == NOISE or kind == SIGNAL for kind, _ in sources(program)) else [*lines, "(void)in;"]
+    return lines if any(kind in {NOISE, SIGNAL} for kind, _ in sources(program)) else [*lines, "(void)in;"]
 
 
 def _stepped(made: PrintedPlant) -> list[str]:

@@ -57,7 +57,8 @@ class Archive:
 
     def _sources(self) -> tuple[str, dict[str, str]]:
         """The token that they are known by, and they."""
-        unit, texts = self.unit, {}
+        unit = self.unit
+        texts: dict[str, str] = {}
         if unit.controller:
             texts |= {"controller.h": header(unit.printed), "controller.c": source(unit.printed)}
         if unit.made is not None:
@@ -86,7 +87,9 @@ class Archive:
             token=token,
             reals=len(found.reals),
             first_whole=found.time + 1,
-            step=unit.printed.number(unit.step_size) if unit.made is None or unit.controller else f"{unit.printed.macro}_PLANT_STEP",
+            step=unit.printed.number(unit.step_size)
+            if unit.made is None or unit.controller
+            else f"{unit.printed.macro}_PLANT_STEP",
             parts=indented(parts),
             settable="".join(one.settable for one in found.reals),
             kinds="".join("b" if one.kind == "truth" else "w" for one in found.wholes),
@@ -114,7 +117,9 @@ class Archive:
         system, ending = _SYSTEMS.get(sys.platform, ("", ""))
         machine = _MACHINES.get(platform.machine().lower(), "")
         if not system or not machine:
-            raise InputError(f"no name of a platform is known for {sys.platform} on {platform.machine()}: export the sources alone")
+            raise InputError(
+                f"no name of a platform is known for {sys.platform} on {platform.machine()}: export the sources alone"
+            )
         if self.version == 3:
             return f"{machine}-{'windows' if system == 'win' else system}", ending
         return (f"{system}64" if machine == "x86_64" else f"{machine}-{system}"), ending

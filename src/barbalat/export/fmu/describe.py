@@ -15,7 +15,7 @@ TOOL = f"barbalat {__version__}"
 def describe_2(unit: Unit, token: str, sources: Iterable[str], stop: float) -> str:
     """modelDescription.xml of FMI 2.0."""
     variables = unit.variables
-    root = xml.Element("fmiModelDescription", fmiVersion="2.0", guid=token, **_general(unit))
+    root = xml.Element("fmiModelDescription", {"fmiVersion": "2.0", "guid": token} | _general(unit))
     can = xml.SubElement(root, "CoSimulation", modelIdentifier=unit.identifier, canNotUseMemoryManagementFunctions="true")
     can.attrib |= {"canGetAndSetFMUstate": "true", "canSerializeFMUstate": "true"}
     files = xml.SubElement(can, "SourceFiles")
@@ -25,7 +25,7 @@ def describe_2(unit: Unit, token: str, sources: Iterable[str], stop: float) -> s
     listed = xml.SubElement(root, "ModelVariables")
     outputs = []
     for index, (reference, one) in enumerate(variables.by_reference, start=1):
-        scalar = xml.SubElement(listed, "ScalarVariable", valueReference=str(reference), **_described(one))
+        scalar = xml.SubElement(listed, "ScalarVariable", {"valueReference": str(reference)} | _described(one))
         kind = xml.SubElement(scalar, {"real": "Real", "truth": "Boolean", "whole": "Integer"}[one.kind])
         kind.attrib |= _value(one)
         if one.causality == "output":
@@ -41,7 +41,7 @@ def describe_2(unit: Unit, token: str, sources: Iterable[str], stop: float) -> s
 def describe_3(unit: Unit, token: str, stop: float) -> str:
     """modelDescription.xml of FMI 3.0."""
     variables = unit.variables
-    root = xml.Element("fmiModelDescription", fmiVersion="3.0", instantiationToken=token, **_general(unit))
+    root = xml.Element("fmiModelDescription", {"fmiVersion": "3.0", "instantiationToken": token} | _general(unit))
     can = xml.SubElement(root, "CoSimulation", modelIdentifier=unit.identifier, fixedInternalStepSize=repr(unit.step_size))
     can.attrib |= {"canGetAndSetFMUState": "true", "canSerializeFMUState": "true"}
     _common(root, unit, stop)
@@ -49,7 +49,7 @@ def describe_3(unit: Unit, token: str, stop: float) -> str:
     time = {"name": "time", "valueReference": str(variables.time), "causality": "independent", "variability": "continuous"}
     for reference, one in variables.by_reference:
         kind = {"real": "Float64", "truth": "Boolean", "whole": "Int32"}[one.kind]
-        xml.SubElement(listed, kind, valueReference=str(reference), **_described(one), **_value(one))
+        xml.SubElement(listed, kind, {"valueReference": str(reference)} | _described(one) | _value(one))
     xml.SubElement(listed, "Float64", time, description="time", unit="s")
     structure = xml.SubElement(root, "ModelStructure")
     outputs = [reference for reference, one in variables.by_reference if one.causality == "output"]

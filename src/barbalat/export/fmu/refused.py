@@ -36,8 +36,8 @@ _FMI3 = {
     "fmi3EnterEventMode": "",
     "fmi3GetNumberOfVariableDependencies": "fmi3ValueReference r, size_t *count",
     "fmi3GetVariableDependencies": (
-        "fmi3ValueReference r, size_t dependent[], fmi3ValueReference independent[], size_t elements[], fmi3DependencyKind kinds[], "
-        "size_t count"
+        "fmi3ValueReference r, size_t dependent[], fmi3ValueReference independent[], size_t elements[], "
+        "fmi3DependencyKind kinds[], size_t count"
     ),
     "fmi3GetDirectionalDerivative": _SEEDED,
     "fmi3GetAdjointDerivative": _SEEDED,
@@ -84,7 +84,9 @@ _FMI3_OF_NONE = {
 def refused(version: int) -> str:
     """C text of all of them, for FMI 2 or 3."""
     if version == 2:
-        of_state = [_function(2, name, f"const fmi2StatusKind kind, {kind} *value", "fmi2Discard") for name, kind in _FMI2_STATUS.items()]
+        of_state = [
+            _function(2, name, f"const fmi2StatusKind kind, {kind} *value", "fmi2Discard") for name, kind in _FMI2_STATUS.items()
+        ]
         return "\n".join(of_state + [_function(2, name, rest, _saying(name)) for name, rest in _FMI2.items()])
     if version != 3:
         raise InputError(f"version must be 2 or 3, got {version}")

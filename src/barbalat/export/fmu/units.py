@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 from barbalat.export.fmu.variables import Variable, Variables, array, entries, parameters, require_distinct
+from barbalat.export.layout import Part
 from barbalat.export.meanings import meaning
 from barbalat.export.parameters import Parameter
 from barbalat.export.plant_source import PrintedPlant
@@ -49,7 +50,6 @@ class Unit:
     @cached_property
     def variables(self) -> Variables:
         """In the order of their value references."""
-        inside = self.controller and self.made is not None
         found = self._inputs() + self._outputs()
         wanted: dict[Parameter, bool] = {}
         if self.controller:
@@ -61,7 +61,7 @@ class Unit:
             wanted |= {one: one in starts or wanted.get(one, False) for one in plant.parameters}
         found += parameters(wanted, [one for one, fixed in wanted.items() if fixed])
         if self.controller:
-            found += self._states(inside)
+            found += self._states()
         if self.made is not None:
             found += array("plant.x", "local", "continuous", "state of the plant, without the sensor", [None] * self._order)
         return require_distinct(Variables(tuple(found), (FREEZE, STATUS) if self.controller else ()))
@@ -112,7 +112,7 @@ class Unit:
         units = () if labels is None else labels.input_units
         return array(name, causality, variability, text, starts, scalar=len(starts) == 1, units=units)
 
-    def _states(self, inside: bool) -> list[Variable]:
+    def _states(self) -> list[Variable]:
         """What the controller keeps, but for what is an output anyway."""
         found = []
         for part in self._kept:
@@ -120,7 +120,7 @@ class Unit:
         return found
 
     @property
-    def _kept(self) -> list:
+    def _kept(self) -> list[Part]:
         layout = self.printed.contents.layout
         return [part for part in layout.parts if part not in (layout.u, layout.theta_hat, layout.started)]
 
@@ -132,7 +132,9 @@ class Unit:
             lines += [f"{name}_init(&m->controller);", *self._load_controller(), f"{name}_reset(&m->controller);"]
             both = [f"m->out.{one}[%d] = m->controller.{contents.layout.u.name}[%d];" for one in ("u", "u_limited")]
             lines += [line % (i, i) for line in both for i in range(contents.sizes[2])]
-            lines += [f"m->out.theta_hat[{i}] = m->controller.{contents.layout.theta_hat.name}[{i}];" for i in range(contents.sizes[3])]
+            lines += [
+                f"m->out.theta_hat[{i}] = m->controller.{contents.layout.theta_hat.name}[{i}];" for i in range(contents.sizes[3])
+            ]
             lines.append("m->whole[1] = 0;")
         if self.made is not None:
             lines += [f"{name}_plant_init(&m->plant);", *self._load_plant(), f"{name}_plant_reset(&m->plant);"]

@@ -55,7 +55,7 @@ class Variables:
     @property
     def by_reference(self) -> tuple[tuple[int, Variable], ...]:
         """All but the independent one."""
-        return tuple([*enumerate(self.reals), *enumerate(self.wholes, self.time + 1)])
+        return (*enumerate(self.reals), *enumerate(self.wholes, self.time + 1))
 
     @property
     def units(self) -> tuple[str, ...]:
@@ -82,7 +82,9 @@ def array(
     values = list(starts)
     given = units if len(units) == len(values) else ("",) * len(values)
     names = entries(name, len(values), scalar=scalar)
-    return [Variable(*one) for one in zip(names, *_same(len(values), causality, variability, meaning), values, given, strict=True)]
+    return [
+        Variable(*one) for one in zip(names, *_same(len(values), causality, variability, meaning), values, given, strict=True)
+    ]
 
 
 def _same(count: int, *values: str) -> list[list[str]]:
@@ -92,9 +94,7 @@ def _same(count: int, *values: str) -> list[list[str]]:
 def parameters(found: Iterable[Parameter], fixed: Iterable[Parameter]) -> list[Variable]:
     """Parameters; of those that a state begins with, none changes after the start."""
     begun = set(fixed)
-    return [
-        Variable(one.name, "parameter", "fixed" if one in begun else "tunable", one.meaning, one.value) for one in found
-    ]
+    return [Variable(one.name, "parameter", "fixed" if one in begun else "tunable", one.meaning, one.value) for one in found]
 
 
 def require_distinct(variables: Variables) -> Variables:
