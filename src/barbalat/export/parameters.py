@@ -38,6 +38,10 @@ NOT_OFFERED = frozenset({"sample_time", "delay", "history"})
 """Settings that more follows from than a loop's numbers: how often a controller is called, what a delay remembers."""
 
 
+GAINS = ("gamma", "covariance0")
+"""What laws call the gain that they begin with."""
+
+
 @dataclass(frozen=True)
 class Parameter:
     """One open number.
@@ -201,6 +205,11 @@ def _limit(name: str) -> tuple[int, int] | None:
         return None
     which = 0 if first == "input" else int(first.removeprefix("input[").removesuffix("]")) - 1
     return which, int(last.removeprefix("saturation[").removesuffix("]")) - 1
+
+
+def gain_of(controller: Controller) -> tuple[str, float, Rebuild] | None:
+    """The controller's gain, where it has one for all estimates: its setting, its value, and the controller with another one."""
+    return next((one for one in _numbers(controller) if one[0].rpartition(".")[2] in GAINS), None)
 
 
 def _settable(part: Any, name: str) -> bool:
