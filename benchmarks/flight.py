@@ -1,6 +1,6 @@
 """What a sample of an exported controller costs on a Cortex-M4F: instructions, bytes, and an estimate of the rate.
 
-``python -m benchmarks.flight`` writes docs/guides/flight-cost.md. Instructions are those that an emulated Cortex-M4F executes,
+``python -m benchmarks.flight`` writes docs/guides/flight-cost.txt. Instructions are those that an emulated Cortex-M4F executes,
 one by one, from the call of the step to its return: `-singlestep -d exec,nochain`, as Debian's QEMU has no plugins that count.
 Cycles are theirs by Arm's table for the Cortex-M4, which has no waiting for the flash in it: an estimate.
 """
@@ -27,7 +27,7 @@ from benchmarks.flight_cases import CASES, SIMULATION
 MACHINE = ["-mcpu=cortex-m4", "-mthumb", "-mfpu=fpv4-sp-d16", "-mfloat-abi=hard"]
 OPTIONS = ["-std=c99", "-ffp-contract=off", "-O2"]
 BOARD = Path(__file__).parents[1] / "tests" / "export" / "cortex_m4"
-PAGE = Path(__file__).parents[1] / "docs" / "guides" / "flight-cost.md"
+PAGE = Path(__file__).parents[1] / "docs" / "guides" / "flight-cost.txt"
 SAMPLES = 20
 """That are counted, from the first one on; the longest one is shown."""
 CLOCK = 168e6
