@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from barbalat import Labels, Mrac, Sampled, Simulation, Sine, export_controller
+from barbalat import Labels, Mrac, PlantInput, Sampled, Simulation, Sine, Square, export_controller
 from barbalat.cli import main
 from barbalat.export.parameters import Opened
 from barbalat.export.write import files, units
@@ -271,3 +271,16 @@ def test_what_is_refused(tmp_path, monkeypatch, capsys) -> None:
     with pytest.raises(SystemExit):
         main([*asked, "--controller-only", "--closed-loop"])
     capsys.readouterr()
+
+
+@needs_gcc
+def test_a_jump_inside_of_a_step_ends_the_replay(tmp_path) -> None:
+    """The simulation cuts its step there, an exported plant does not: at t = pi, after 314 samples of 0.01 s."""
+    problem = replace(
+        FREE, reference=Square(amplitude=1.0, frequency=1.0), sensor=None, plant=replace(FREE.plant, input=PlantInput())
+    )
+    write(tmp_path, files(problem, Sampled(controller=Mrac(gamma=5.0), sample_time=T), SHORT, closed_loop=True))
+    command = ["gcc", *ISO, "-O1", *STRICT, "controller.c", "plant.c", "loop.c", "-o", "loop", "-lm"]
+    subprocess.run(command, cwd=tmp_path, check=True, timeout=60)
+    done = subprocess.run([tmp_path / "loop"], capture_output=True, text=True, check=False, timeout=60)
+    assert done.stdout == "mrac, closed loop: 314 samples agree in every bit\n"

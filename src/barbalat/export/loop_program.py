@@ -8,19 +8,24 @@ from barbalat.export.texts import filled, indented
 from barbalat.lowering import c99
 from barbalat.run.grid import WHOLE_STEP, signal_table
 from barbalat.run.noise import standard_normal
-from barbalat.validate import Array
+from barbalat.validate import Array, InputError
 
 MOST_NUMBERS = 20_000
 """Numbers of disturbances in the table, some 500 kB of C; with more of them at a sample fewer samples are replayed."""
 
 
 def loop_program(made: PrintedPlant) -> str:
-    """The text of loop.c; InputError where a signal jumps inside of a solver step."""
+    """The text of loop.c; InputError where a signal jumps inside of the first sample."""
     plant, printed = made.plant, made.printed
     vectors, every = printed.contents.vectors, plant.steps_per_sample
     at_a_sample = every * plant.nodes * plant.disturbances
     count = len(vectors.commands) if not at_a_sample else max(1, min(len(vectors.commands), MOST_NUMBERS // at_a_sample))
-    plant.opened.require_whole_steps(count * every)
+    count = plant.opened.whole_samples(count)
+    if not count:
+        raise InputError(
+            "loop.c replays samples up to the first jump inside of a solver step, and here that is in the first one: let "
+            "simulation.dt have the signals' jumps on its grid"
+        )
     macro, declared, given = printed.macro, [], []
     if plant.loop.noise:
         declared.append(f"static const double noise[SAMPLES][{macro}_PLANT_NOISES] = {{\n{_rows(_noise(plant, count))}}};\n")

@@ -108,11 +108,14 @@ class Opened:
         """(p,) what the lists' third argument is in this case."""
         return np.asarray(self.members.parameters[:, 0])
 
-    def require_whole_steps(self, samples: int) -> None:
-        """InputError where a signal breaks inside of a step: what is exported takes whole ones."""
+    def whole_samples(self, samples: int) -> int:
+        """How many samples, of so many, pass before a signal breaks inside of a solver step: exports take whole ones."""
         simulation, signals = self.members.simulation, self.members.signals
-        if breaks.can_be_split(signals, simulation) and len(breaks.breaks_inside(signals, simulation, 0, samples)):
-            raise InputError("a plant is exported with whole solver steps: let simulation.dt have the signals' jumps on its grid")
+        if not breaks.can_be_split(signals, simulation):
+            return samples
+        every = self.members.rhythm.sample_every
+        found = breaks.breaks_inside(signals, simulation, 0, samples * every)
+        return min(samples, int(found.min() / (every * simulation.dt))) if len(found) else samples
 
 
 def _followed(row: Array) -> int | None:
