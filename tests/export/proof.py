@@ -65,7 +65,7 @@ def alarms(printed: Printed, folder: Path, states: int = STATES) -> list[str]:
 
 
 def unbounded_alone(program: Program) -> bool:
-    """Whether infinite constants are nothing but bounds that bound nothing: second operands of a minimum or maximum, by selection.
+    """Whether infinite constants are nothing but bounds that bound nothing: second operands of a minimum or maximum.
 
     Then the largest finite number does the same in their place, and Eva, which counts an infinite constant as an alarm, may be
     given that: it shows that every number beside it is finite, so none is beyond it, and the bound is never the result.

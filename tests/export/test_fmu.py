@@ -274,6 +274,7 @@ def test_what_is_refused(tmp_path, monkeypatch, capsys) -> None:
 
 
 @needs_gcc
+@pytest.mark.full
 def test_a_jump_inside_of_a_step_ends_the_replay(tmp_path) -> None:
     """The simulation cuts its step there, an exported plant does not: at t = pi, after 314 samples of 0.01 s."""
     problem = replace(
