@@ -20,6 +20,7 @@ from barbalat.export.write import files, units
 from export.examples import FREE, STATE, T, sampled_examples
 from export.targets import ISO, STRICT, needs_gcc, write
 from export.units import Ensemble, Slave, write_units
+from foreign import Plain, PlainEquations
 from independent import refusal
 
 SHORT = Simulation(t_end=10.0, dt=T / 2)
@@ -218,6 +219,25 @@ def test_parameters_are_what_enters_as_it_is() -> None:
     assert {"gamma", "theta_hat0[1]", "theta_hat0[2]", "u_min", "u_max", "plant.theta[1]", "plant.x0[2]"} <= set(names)
     assert not any("filter" in name or "sample_time" in name or "delay" in name or "A_m" in name for name in names)
     assert not Opened.of(problem, controller, SHORT, tunable=False).parameters
+
+
+class BranchingEquations(PlainEquations):
+    def derivative(self, state, x, x_m, r, u):
+        return super().derivative(state, x if float(self.gamma) > 1.0 else -x, x_m, r, u)
+
+
+class Branching(Plain):
+    def bind(self, known):
+        plain = super().bind(known)
+        return BranchingEquations(plain.gamma, plain.P_b, plain.k_0, plain.n)
+
+
+def test_of_a_strangers_settings_those_are_parameters_that_bear_a_symbol() -> None:
+    for kind, expected in ((Plain, True), (Branching, False)):
+        controller = Sampled(controller=kind(gamma=2.0, name="own"), sample_time=T, discretization="euler")
+        opened = Opened.of(FREE, controller, SHORT, tunable=True)
+        assert ("gamma" in [one.name for one in opened.parameters]) == expected
+        assert "u_max" in [one.name for one in opened.parameters]
 
 
 def test_units_have_units(tmp_path) -> None:

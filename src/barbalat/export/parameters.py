@@ -8,26 +8,25 @@ its poles, it is compiled in. The lists are those of an ensemble whose members d
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, fields, is_dataclass, replace
+from dataclasses import dataclass, is_dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from barbalat.export.limits import estimate_limits
+from barbalat.export.settings import Rebuild, numbers, settable
 from barbalat.loop.closed_loop import ClosedLoop
-from barbalat.loop.structure import parts_of
+from barbalat.loop.structure import comes_from_outside, parts_of
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller
 from barbalat.run import breaks
 from barbalat.run.columns import Columns, StructureError
 from barbalat.run.members import Members, Reader
-from barbalat.run.template import Template
+from barbalat.run.template import Member, Template
 from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array, InputError
 
 Case = tuple[TrackingProblem, Controller]
-Rebuild = Callable[[Any], Any]
-"""A whole with another part, of that part."""
 
 BUMPS: tuple[Callable[[float], float], ...] = (
     lambda value: 1.125 * value + 0.0625 * (value == 0),
@@ -36,10 +35,6 @@ BUMPS: tuple[Callable[[float], float], ...] = (
 """Other values that a setting is tried with, up or else down; never the value itself."""
 NOT_OFFERED = frozenset({"sample_time", "delay", "history"})
 """Settings that more follows from than a loop's numbers: how often a controller is called, what a delay remembers."""
-
-
-GAINS = ("gamma", "covariance0")
-"""What laws call the gain that they begin with."""
 
 
 @dataclass(frozen=True)
@@ -132,7 +127,7 @@ def _explicit_estimates(problem: TrackingProblem, controller: Controller) -> Con
         if not is_dataclass(part) or isinstance(part, type):
             return part
         found = parts_of(part) or {}
-        changed = {name: written(value) for name, value in found.items() if is_dataclass(value) and _settable(part, name)}
+        changed = {name: written(value) for name, value in found.items() if is_dataclass(value) and settable(part, name)}
         changed = {name: value for name, value in changed.items() if value is not found[name]}
         if "theta_hat0" in found and found["theta_hat0"] is None and size:
             changed["theta_hat0"] = np.zeros(size)
@@ -162,8 +157,21 @@ def _tried(problem: TrackingProblem, controller: Controller, candidate: Candidat
             continue
         moved = [found.differing()[1] for found in (columns, initial)]
         direct = all((rows[:, 1] == value).all() for rows in moved) and any(len(rows) for rows in moved)
-        return (value, other) if direct and _same_set(loop, changed) else None
+        return (value, other) if direct and _same_set(loop, changed) and _bears_symbols(loop, changed) else None
     return None
+
+
+def _bears_symbols(loop: ClosedLoop, other: ClosedLoop) -> bool:
+    """Whether equations from outside the package compute with a symbol what they do with a number: none branches on it."""
+    if not comes_from_outside(loop.equations):
+        return True
+    columns = Columns(Member(loop, None))
+    columns.add(Member(other, None))
+    try:
+        Template.of(columns)
+    except InputError:
+        return False
+    return True
 
 
 def _same_set(loop: ClosedLoop, other: ClosedLoop) -> bool:
@@ -176,7 +184,7 @@ def _same_set(loop: ClosedLoop, other: ClosedLoop) -> bool:
 
 def _candidates(problem: TrackingProblem, controller: Controller) -> Iterator[Candidate]:
     """Settings of the controller, limits of u, then settings of the plant."""
-    for name, value, rebuilt in _numbers(controller):
+    for name, value, rebuilt in numbers(controller):
         plain = name.removeprefix("controller.")
         if plain not in NOT_OFFERED:
             meaning = "initial estimate" if "theta_hat0" in plain else "setting of the controller"
@@ -186,7 +194,7 @@ def _candidates(problem: TrackingProblem, controller: Controller) -> Iterator[Ca
 
             yield Candidate(Parameter(plain, value, meaning), changed)
     case: Any = problem
-    for name, value, rebuilt in _numbers(problem.plant):
+    for name, value, rebuilt in numbers(problem.plant):
         if name.rpartition(".")[2] in NOT_OFFERED:
             continue
 
@@ -208,63 +216,3 @@ def _limit(name: str) -> tuple[int, int] | None:
         return None
     which = 0 if first == "input" else int(first.removeprefix("input[").removesuffix("]")) - 1
     return which, int(last.removeprefix("saturation[").removesuffix("]")) - 1
-
-
-def gain_of(controller: Controller) -> tuple[str, float, Rebuild] | None:
-    """The controller's gain, where it has one for all estimates: its setting, its value, and the controller with another one."""
-    return next((one for one in _numbers(controller) if one[0].rpartition(".")[2] in GAINS), None)
-
-
-def _settable(part: Any, name: str) -> bool:
-    return any(field.name == name and field.init for field in fields(part))
-
-
-def _numbers(part: Any) -> Iterator[tuple[str, float, Rebuild]]:
-    """Settings that are numbers or entries of arrays, by their places, and the whole with another value of each."""
-    for name, inner in (parts_of(part) or {}).items() if is_dataclass(part) else ():
-        if not _settable(part, name):
-            continue
-
-        def put(value: Any, name: str = name) -> Any:
-            return replace(part, **{name: value})
-
-        if isinstance(inner, float):
-            yield name, inner, put
-        elif isinstance(inner, np.ndarray):
-            yield from _entries(name, inner, put)
-        elif isinstance(inner, tuple):
-            for i, one in enumerate(inner):
-                yield from _below(f"{name}[{i + 1}]", one, _after(put, _in_place(inner, i)))
-        else:
-            yield from _below(name, inner, put)
-
-
-def _below(name: str, part: Any, put: Rebuild) -> Iterator[tuple[str, float, Rebuild]]:
-    for inner, value, rebuilt in _numbers(part):
-        yield f"{name}.{inner}", value, _after(put, rebuilt)
-
-
-def _entries(name: str, array: Array, put: Rebuild) -> Iterator[tuple[str, float, Rebuild]]:
-    for place, value in np.ndenumerate(array):
-
-        def with_entry(v: float, place: tuple[int, ...] = place) -> Array:
-            other = array.copy()
-            other[place] = v
-            return other
-
-        text = ",".join(str(i + 1) for i in place)
-        yield (f"{name}[{text}]" if place else name), float(value), _after(put, with_entry)
-
-
-def _in_place(whole: tuple[Any, ...], i: int) -> Rebuild:
-    def with_other(part: Any) -> tuple[Any, ...]:
-        return (*whole[:i], part, *whole[i + 1 :])
-
-    return with_other
-
-
-def _after(put: Rebuild, rebuilt: Rebuild) -> Rebuild:
-    def both(value: Any) -> Any:
-        return put(rebuilt(value))
-
-    return both

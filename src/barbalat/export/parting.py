@@ -10,7 +10,7 @@ import numpy as np
 from barbalat.certificates.certificate import Certificate, Draft
 from barbalat.export.compiler import require_compiler
 from barbalat.export.in_the_loop import simulate_export
-from barbalat.export.parameters import gain_of
+from barbalat.export.settings import gain_of
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller
