@@ -28,6 +28,9 @@ MACHINE = ["-mcpu=cortex-m4", "-mthumb", "-mfpu=fpv4-sp-d16", "-mfloat-abi=hard"
 OPTIONS = ["-std=c99", "-ffp-contract=off", "-O2"]
 BOARD = Path(__file__).parents[1] / "tests" / "export" / "cortex_m4"
 PAGE = Path(__file__).parents[1] / "docs" / "guides" / "flight-cost.txt"
+BOARD_EMULATOR = (
+    "qemu-system-arm", "-M", "mps2-an386", "-nographic", "-semihosting-config", "enable=on,target=native", "-kernel", "program",
+)  # fmt: skip
 SAMPLES = 20
 """That are counted, from the first one on; the longest one is shown."""
 CLOCK = 168e6
@@ -91,21 +94,26 @@ def cost(problem: TrackingProblem, controller: Controller) -> Cost:
     printed = Printed(Contents.of(problem, controller, SIMULATION, c99.FLOAT), prefix="flown")
     with tempfile.TemporaryDirectory() as made:
         folder = Path(made)
-        files = {"controller.h": header(printed), "controller.c": source(printed), "main.c": _main(printed)}
-        for name, text in files.items():
-            (folder / name).write_text(text)
-        _run(folder, "arm-none-eabi-gcc", *MACHINE, *OPTIONS, "-fcallgraph-info=su", "-c", "controller.c")
-        _run(folder, "arm-none-eabi-gcc", *MACHINE, *OPTIONS, "-c", "main.c")
-        linked = ["--specs=rdimon.specs", "-T", str(BOARD / "memory.ld"), str(BOARD / "startup.c")]
-        _run(folder, "arm-none-eabi-gcc", *MACHINE, *OPTIONS, "main.o", "controller.o", *linked, "-o", "program")
+        build(folder, printed, main_program(printed))
         text, _, _ = _run(folder, "arm-none-eabi-size", "controller.o").splitlines()[1].split()[:3]
         data = int(re.findall(r"^\w+ (\w+) \w controller_state$", _run(folder, "arm-none-eabi-nm", "-S", "program"), re.M)[0], 16)
-        counted = _counted(folder, f"{printed.name}_step")
+        cycles, instructions = max(counted(folder, f"{printed.name}_step"))
         stack = _stack((folder / "controller.ci").read_text(), f"{printed.name}_step")
-    return Cost(len(printed.contents.step.operations), *counted, int(text), data, stack)
+    return Cost(len(printed.contents.step.operations), instructions, cycles, int(text), data, stack)
 
 
-def _main(printed: Printed) -> str:
+def build(folder: Path, printed: Printed, main: str) -> None:
+    """The controller and a program that calls it, for the board."""
+    for name, text in {"controller.h": header(printed), "controller.c": source(printed), "main.c": main}.items():
+        (folder / name).write_text(text)
+    _run(folder, "arm-none-eabi-gcc", *MACHINE, *OPTIONS, "-fcallgraph-info=su", "-c", "controller.c")
+    _run(folder, "arm-none-eabi-gcc", *MACHINE, *OPTIONS, "-c", "main.c")
+    linked = ["--specs=rdimon.specs", "-T", str(BOARD / "memory.ld"), str(BOARD / "startup.c")]
+    _run(folder, "arm-none-eabi-gcc", *MACHINE, *OPTIONS, "main.o", "controller.o", *linked, "-o", "program")
+
+
+def main_program(printed: Printed) -> str:
+    """C of a program that takes the first samples."""
     vectors = printed.contents.vectors
     rows = {
         name: ", ".join("{" + ", ".join(c99.constant(v, c99.FLOAT) for v in row) + "}" for row in values[:SAMPLES])
@@ -118,15 +126,14 @@ def _run(folder: Path, *command: str) -> str:
     return subprocess.run(command, cwd=folder, capture_output=True, text=True, check=True, timeout=120).stdout
 
 
-def _counted(folder: Path, step: str) -> tuple[int, int]:
-    """Instructions and cycles of the sample that has the most cycles."""
+def counted(folder: Path, step: str) -> list[tuple[int, int]]:
+    """Cycles and instructions of each sample."""
     listing = _run(folder, "arm-none-eabi-objdump", "-d", "program")
     (entry,) = (int(at, 16) for at in re.findall(rf"^(\w+) <{step}>:$", listing, re.MULTILINE))
     code: dict[int, tuple[int, str, str]] = {}
     for at, raw, name, operands in re.findall(r"^ *(\w+):\t([\da-f ]+?) *\t(\S+)(?:\t([^\n]*))?$", listing, re.MULTILINE):
         code[int(at, 16)] = len(raw.replace(" ", "")) // 2, name, operands
-    machine = ["-M", "mps2-an386", "-nographic", "-semihosting-config", "enable=on,target=native", "-kernel", "program"]
-    _run(folder, "qemu-system-arm", *machine, "-singlestep", "-d", "exec,nochain", "-D", "trace")
+    _run(folder, *BOARD_EMULATOR, "-singlestep", "-d", "exec,nochain", "-D", "trace")
     trace = [int(at, 16) for at in re.findall(r"^Trace \d+: \S+ \[\w+/(\w+)/", (folder / "trace").read_text(), re.MULTILINE)]
     calls, found = [k for k, at in enumerate(trace) if at == entry], []
     if len(calls) != SAMPLES:
@@ -141,8 +148,7 @@ def _counted(folder: Path, step: str) -> tuple[int, int]:
                 last - first,
             )
         )
-    cycles, instructions = max(found)
-    return instructions, cycles
+    return found
 
 
 def _cycles(_: int, name: str, operands: str, *, taken: bool) -> int:

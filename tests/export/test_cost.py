@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import re
+import subprocess
 
 import pytest
 from benchmarks import flight
 from benchmarks.flight_cases import CASES
 
+from barbalat.export.contents import Contents
+from barbalat.export.texts import Printed
+from barbalat.lowering.c99 import FLOAT
 from export.targets import needs
 
 ROWS = ("MRAC", "L1, output feedback", "robust MRAC, least squares")
@@ -31,6 +35,56 @@ def test_the_table_is_what_is_counted() -> None:
         assert (operations, state) == (c.operations, c.data)
         for was, found in ((instructions, c.instructions), (cycles, c.cycles), (code, c.code)):
             assert was == found if same else abs(was - found) < found / 4, name
+
+
+TIMED = """\
+#include "controller.h"
+#include <stdio.h>
+#define SYSTICK ((volatile unsigned *)0xE000E010u) /* of every Cortex-M: it counts down at 25 MHz on this board */
+
+int main(void)
+{{
+    {name}_controller c, before;
+    {name}_input in = {{ {macro}_SAMPLE_TIME, {{ 0 }}, {{ 0 }}, 0 }};
+    {name}_output out;
+    unsigned start, with, without;
+    int k;
+    {name}_init(&before);
+    SYSTICK[1] = 0xffffffu;
+    SYSTICK[2] = 0u;
+    SYSTICK[0] = 5u;
+    while (SYSTICK[2] == 0u) {{
+    }}
+    start = SYSTICK[2];
+    for (k = 0; k < 2000; ++k) {{
+        c = before;
+        (void){name}_step(&c, &in, &out);
+    }}
+    with = start - SYSTICK[2];
+    start = SYSTICK[2];
+    for (k = 0; k < 2000; ++k) {{
+        c = before;
+        __asm__ volatile("" ::"r"(&c) : "memory");
+    }}
+    without = start - SYSTICK[2];
+    printf("%u\\n", 40u * (with - without) / 2000u); /* an instruction lasts 1 ns here, and a tick 40 */
+    return 0;
+}}
+"""
+
+
+@pytest.mark.full
+@needs("arm-none-eabi-gcc", "qemu-system-arm")
+def test_a_timer_counts_the_same(tmp_path) -> None:
+    """The emulated board's own timer, under ``-icount``, where an instruction lasts 1 ns: the first sample, but for its call."""
+    _, problem, controller = next(case for case in CASES if case[0] == "robust MRAC, least squares")
+    printed = Printed(Contents.of(problem, controller, flight.SIMULATION, FLOAT), prefix="flown")
+    flight.build(tmp_path, printed, flight.main_program(printed))
+    _, instructions = flight.counted(tmp_path, "flown_step")[0]
+    flight.build(tmp_path, printed, TIMED.format(name="flown", macro="FLOWN"))
+    command = [*flight.BOARD_EMULATOR, "-icount", "shift=0"]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=True, timeout=60)
+    assert abs(int(done.stdout) - instructions) < 0.02 * instructions
 
 
 def test_the_cycles_are_those_of_arms_table() -> None:

@@ -18,8 +18,9 @@ from barbalat.cli import main
 from barbalat.export.parameters import Opened
 from barbalat.export.write import files, units
 from export.examples import FREE, STATE, T, sampled_examples
+from export.slave import Slave
 from export.targets import ISO, STRICT, needs_gcc, write
-from export.units import Ensemble, Slave, write_units
+from export.units import Ensemble, write_units
 from foreign import Plain, PlainEquations
 from independent import refusal
 
@@ -126,7 +127,7 @@ def test_all_functions_are_there_as_the_standard_declares_them(version, tmp_path
 RESUME = """
 import sys
 from pathlib import Path
-from export.units import Slave
+from export.slave import Slave
 
 path, folder, start, stop = Path(sys.argv[1]), Path(sys.argv[2]), int(sys.argv[3]), int(sys.argv[4])
 slave = Slave(path, folder)
