@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import math
 import os
 import re
 import subprocess
+import sys
 from pathlib import Path
 
 from barbalat.export.header import header
 from barbalat.export.source import source
 from barbalat.export.texts import Printed
+from barbalat.lowering.operations import Program
 from export.targets import write
 
 OPTIONS = (
@@ -18,6 +21,7 @@ OPTIONS = (
     "-eva-split-return", "full",  # what a check has returned, together with what it has seen
     "-warn-special-float", "non-finite",
 )  # fmt: skip
+LARGEST = sys.float_info.max.hex()
 STATES = 2000
 """Kept apart at a line, at the most: enough for the checks of some twenty entries; more of them cost minutes elsewhere."""
 SECONDS = 300
@@ -47,7 +51,9 @@ int main(void)
 
 def alarms(printed: Printed, folder: Path, states: int = STATES) -> list[str]:
     """What Eva can't exclude in one step, from whatever finite numbers; the contract of the header among it."""
-    write(folder, {"controller.h": header(printed), "controller.c": source(printed), "main.c": _main(printed)})
+    assert unbounded_alone(printed.contents.step), "an infinite constant is not a bound here: it may be computed with"
+    text = source(printed).replace("INFINITY", LARGEST)
+    write(folder, {"controller.h": header(printed), "controller.c": text, "main.c": _main(printed)})
     command = ["frama-c", *OPTIONS, "-eva-slevel", str(states), "controller.c", "main.c"]
     surroundings = {**os.environ, "PWD": str(folder)}  # that Frama-C finds the files by
     done = subprocess.run(command, cwd=folder, env=surroundings, capture_output=True, text=True, timeout=SECONDS, check=True)
@@ -56,6 +62,27 @@ def alarms(printed: Printed, folder: Path, states: int = STATES) -> list[str]:
     assert re.search(r"(\d+) functions analyzed \(out of \d+\)", text), text[-2000:]
     found = re.findall(r"\[eva:alarm\][^\n]*\n(?:  [^\n]*\n)+", text)
     return [*found, *re.findall(r"[^\n]*(?:invalid|unknown)\.[^\n]*", text)]
+
+
+def unbounded_alone(program: Program) -> bool:
+    """Whether infinite constants are nothing but bounds that bound nothing: second operands of a minimum or maximum.
+
+    Then the largest finite number does the same in their place, and Eva, which counts an infinite constant as an alarm, may be
+    given that: it shows that every number beside it is finite, so none is beyond it, and the bound is never the result.
+    """
+    infinite: dict[int, float] = {}
+    for i, op in enumerate(program.operations):
+        if op.name == "constant" and math.isinf(op.value):
+            infinite[i] = op.value
+        found = {infinite[j] for j in op.operands if j in infinite}
+        if not found:
+            continue
+        bounds = {"fmin": math.inf, "fmax": -math.inf}
+        if op.name in {"select", "if_else_zero"} and len(found) == 1 and op.operands[0] not in infinite:
+            (infinite[i],) = found
+        elif op.operands[0] in infinite or bounds.get(op.name) not in found or len(found) > 1:
+            return False
+    return not any(i in infinite for row in program.outputs for i in row)
 
 
 def _main(printed: Printed) -> str:

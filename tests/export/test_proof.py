@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 import subprocess
 
@@ -13,8 +14,9 @@ from barbalat.export.header import header
 from barbalat.export.source import source
 from barbalat.export.texts import Printed
 from barbalat.lowering.c99 import DOUBLE
+from barbalat.lowering.operations import Operation, Program
 from export.examples import SIMULATION, sampled_examples
-from export.proof import STATES, alarms
+from export.proof import STATES, alarms, unbounded_alone
 from export.targets import needs, write
 
 EXAMPLES = {name: (problem, controller) for name, problem, controller in sampled_examples()}
@@ -37,6 +39,16 @@ PROVEN = [
     one("Mrac-gain-midpoint"),
     one("MracOutput-output-midpoint"),
     one("LinearOutput-output-midpoint"),
+    one("Mrac-state-euler"),
+    one("Mrac-free-euler"),
+    one("L1Adaptive-state-euler"),
+    one("L1Adaptive-free-euler"),
+    one("MracOutput-output-euler"),
+    one("L1Output-output-euler"),
+    one("KnownParameters-state-euler"),
+    one("NormalizedMrac-state-euler"),
+    one("LinearFeedback-state-midpoint"),
+    one("L1PiecewiseConstant-state"),
 ]
 
 
@@ -50,6 +62,21 @@ def printed(name: str) -> Printed:
 def test_no_step_can_go_wrong(name, tmp_path) -> None:
     states = 10 * STATES if name == THIRD_ORDER else STATES  # of which the third order has twice the entries
     assert alarms(printed(name), tmp_path, states) == []
+
+
+def test_an_infinite_constant_is_a_bound_or_nothing() -> None:
+    """What the proofs put a finite number in the place of: never where it could be computed with."""
+
+    def bounded(*last: Operation) -> bool:
+        first = (Operation("input"), Operation("constant", value=math.inf), Operation("constant", value=-math.inf))
+        return unbounded_alone(Program((*first, *last), ((len(first) + len(last) - 1,),)))
+
+    assert bounded(Operation("lt", (0, 0)), Operation("if_else_zero", (3, 1)), Operation("fmin", (0, 4)))
+    assert bounded(Operation("fmax", (0, 2)))
+    assert not bounded(Operation("fmax", (0, 1)))  # always infinite
+    assert not bounded(Operation("fmin", (1, 0)))
+    assert not bounded(Operation("mul", (0, 1)))
+    assert not bounded(Operation("lt", (0, 0)), Operation("if_else_zero", (3, 1)))
 
 
 @needs("frama-c")

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import pytest
 
-from barbalat import L1Adaptive, Mrac, PlantInput, Sampled, Simulation, export_controller, input_filter
+from barbalat import L1Adaptive, L1PiecewiseConstant, Mrac, PlantInput, Sampled, Simulation, export_controller, input_filter
 from barbalat.cli import main
 from barbalat.export.names import distinct, identifier, prefix_of
 from barbalat.export.write import files
@@ -33,7 +33,7 @@ def test_names_of_controllers_become_identifiers() -> None:
     assert distinct(["last_u", "Γ", "Θ"]) == ["last_u_2", "n__", "n___2"]
     for bad in ("制御", "123", "--"):
         assert "letter" in refusal(lambda bad=bad: prefix_of(bad))
-    assert "at most 20" in refusal(lambda: prefix_of("a controller with a long name"))
+    assert "at most 23" in refusal(lambda: prefix_of("a controller with a long name"))
 
 
 def test_the_same_files_every_time(tmp_path) -> None:
@@ -49,6 +49,21 @@ def test_the_same_files_every_time(tmp_path) -> None:
             assert forbidden not in text
     for library in ("#include <stdio.h>", "#include <string.h>"):
         assert library not in found["controller.c"] + found["controller.h"]
+
+
+def test_a_law_that_may_be_patented_says_so() -> None:
+    made = files(STATE, L1PiecewiseConstant(sample_time=T, filter=input_filter(0.05)), SIMULATION)
+    assert "patent 8,712,559" in made["README.md"].replace("\n", " ")
+    assert "patent" not in files(STATE, MRAC, SIMULATION)["README.md"]
+
+
+def test_a_plain_export_leaves_no_plant_of_another_one(tmp_path) -> None:
+    export_controller(STATE, MRAC, SIMULATION, out=tmp_path, closed_loop=True)
+    assert sorted(file.name for file in tmp_path.iterdir()) == sorted([*NAMES, "loop.c", "plant.c", "plant.h"])
+    assert "loop.c" in (tmp_path / "README.md").read_text()
+    export_controller(STATE, MRAC, SIMULATION, out=tmp_path)
+    assert sorted(file.name for file in tmp_path.iterdir()) == NAMES
+    assert "loop.c" not in (tmp_path / "README.md").read_text()
 
 
 @needs_gcc

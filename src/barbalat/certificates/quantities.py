@@ -53,6 +53,7 @@ QUANTITIES = {
     "adaptation_frequency": Quantity("of the frozen oscillator of adaptation", "rad/s"),
     "gamma_max": Quantity("gain that the solver, or a law that takes Euler steps, bears at its step at least: |x| at its bound"),
     "step_max": Quantity("step that the gain bears at least: |x| at its bound", "s"),
+    "gamma_float32": Quantity("gain from which on a compiled export in 32 bits, in the loop, is no longer the simulation"),
     "gamma_max_at_model": Quantity("the same with |x| as large as the command makes |x_m|: above it oscillations are due"),
     "step_max_at_model": Quantity("the same with |x| as large as the command makes |x_m|: above it oscillations are due", "s"),
     "delay_margin": Quantity("smallest destabilising delay", "s"),

@@ -26,6 +26,11 @@ def add(commands: Commands) -> None:
     parser.add_argument(
         "--share", type=float, metavar="S", help="with --simulate: added error, in motions, that is lost; default 1"
     )
+    parser.add_argument(
+        "--float32",
+        action="store_true",
+        help="with --simulate: the gain at which a compiled export in 32 bits parts from the run",
+    )
     parser.add_argument("--out", metavar="DIR", help="Bode, Nyquist and sensitivity pictures of the loops, page and JSON")
     parser.add_argument("--full", action="store_true", help="every value with its kind, all assumptions, and Table 1")
     parser.add_argument("--json", action="store_true", help="one JSON document on standard output")
@@ -42,6 +47,8 @@ def execute(options: argparse.Namespace) -> int:
 
     if options.share is not None and not options.simulate:
         raise InputError("--share needs --simulate: without it no loop is simulated")
+    if options.float32 and not options.simulate:
+        raise InputError("--float32 needs --simulate: without it no loop is simulated")
     case = load_case(options.case, options.controllers)
     with folder_of(options.out, None) as folder, work(_expected(case, options)) as running:
         certificates = _certified(case, options, running)
@@ -86,6 +93,7 @@ def _expected(case: Case, options: argparse.Namespace) -> dict[str, float]:
     """Seconds for each part of the work."""
     count = len(case.controllers)
     simulating = {"simulating": SIMULATING_SECONDS * count} if options.simulate else {}
+    simulating |= {"float32": SIMULATING_SECONDS * count} if options.float32 else {}
     drawing = {"drawing": DRAWING_SECONDS} if options.out is not None else {}
     return {"certifying": CERTIFYING_SECONDS * count} | simulating | drawing
 
@@ -105,4 +113,9 @@ def _certified(case: Case, options: argparse.Namespace, running: Work) -> dict[s
             certificates = with_simulated_margins(
                 certificates, case.problem, case.controllers, case.simulation, lost=lost, progress=progress
             )
+    if options.float32:
+        from barbalat.export.parting import with_float32_gains
+
+        with running.part("float32") as progress:
+            certificates = with_float32_gains(certificates, case.problem, case.controllers, case.simulation, progress=progress)
     return certificates

@@ -1,4 +1,4 @@
-"""``barbalat export``: a case's controller as source for a flight computer."""
+"""``barbalat export``: a case's controller as source for a flight computer, or as a unit for co-simulation."""
 
 from __future__ import annotations
 
@@ -19,10 +19,17 @@ def add(commands: Commands) -> None:
     parser.add_argument("case", metavar="CASE", help="a case file, or a bundled case's name")
     parser.add_argument("--controller", required=True, metavar="NAME", help="one of the case's, which runs sampled")
     parser.add_argument(
-        "--target", choices=TARGETS, default=TARGETS[0], help="c99: controller.h, controller.c, selftest.c, README.md"
+        "--target",
+        choices=TARGETS,
+        default=TARGETS[0],
+        help="c99: controller.h, controller.c, selftest.c, README.md; fmu2, fmu3: a unit for Co-Simulation, FMI 2.0 or 3.0",
     )
     parser.add_argument("--out", required=True, metavar="DIR", help="the folder; an export that is there is replaced as a whole")
     parser.add_argument("--float32", action="store_true", help="numbers of 32 bits instead of 64")
+    which = parser.add_mutually_exclusive_group()
+    which.add_argument("--controller-only", action="store_true", help="nothing but the controller, which is the default")
+    which.add_argument("--closed-loop", action="store_true", help="the plant and the whole loop as well")
+    parser.add_argument("--sources-only", action="store_true", help="units without a binary, which needs a C compiler here")
     add_controllers(parser)
     parser.set_defaults(execute=execute)
 
@@ -41,7 +48,18 @@ def execute(options: argparse.Namespace) -> int:
         raise InputError("--out must name a folder, got ''; the current one is '.'")
     controller = found[options.controller]
     folder = export_controller(
-        case.problem, controller, case.simulation, out=options.out, target=options.target, float32=options.float32
+        case.problem,
+        controller,
+        case.simulation,
+        out=options.out,
+        target=options.target,
+        float32=options.float32,
+        closed_loop=options.closed_loop,
+        sources_only=options.sources_only,
     )
-    say(f"written: {folder}; check it with: cd {folder} && cc -std=c99 -ffp-contract=off controller.c selftest.c -lm && ./a.out")
+    if options.target == "c99":
+        check = f"cd {folder} && cc -std=c99 -ffp-contract=off controller.c selftest.c -lm && ./a.out"
+    else:
+        check = f"fmpy validate {folder}/*.fmu"
+    say(f"written: {folder}; check it with: {check}")
     return 0

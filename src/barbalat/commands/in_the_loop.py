@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 def require(case: Case) -> None:
     """InputError before anything is simulated, where no C can run, or nothing could be exported."""
-    from barbalat.export.in_the_loop import require_compiler
+    from barbalat.export.compiler import require_compiler
     from barbalat.loop.closed_loop import ClosedLoop
     from barbalat.validate import InputError
 

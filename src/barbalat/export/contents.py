@@ -9,17 +9,18 @@ import numpy as np
 
 from barbalat.export.evaluate import evaluate
 from barbalat.export.layout import Layout
+from barbalat.export.limits import estimate_limits
+from barbalat.export.parameters import Opened, Parameter
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.loop.packing import flatten, unflatten
 from barbalat.loop.sampling import Acting
 from barbalat.lowering.c99 import DOUBLE, Real
-from barbalat.lowering.operations import Program, sliced
-from barbalat.problem.known_set import UNREACHED_BOUND, Projecting
+from barbalat.lowering.operations import Program, sliced, sources
 from barbalat.problem.state_feedback import Problem
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller, DiscretizedEquations, SampledEquations
 from barbalat.run.recording import Recording, recorded
-from barbalat.run.sampled_part import COMMAND, FREEZE, MEASURED, STATE, controller_program, initial_acting
+from barbalat.run.sampled_part import COMMAND, FREEZE, MEASURED, PARAMETER, STATE, controller_program, initial_acting
 from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array, InputError
 
@@ -40,6 +41,7 @@ class Contents:
     program  the whole of the controller's list, as the simulation runs it
     layout   what is kept of its state
     vectors  samples of the simulation, to be met in every bit
+    opened   which numbers of the list are parameters; None where all are compiled in
     """
 
     problem: TrackingProblem
@@ -49,9 +51,18 @@ class Contents:
     layout: Layout
     vectors: Recording
     real: Real = DOUBLE
+    opened: Opened | None = None
 
     @classmethod
-    def of(cls, problem: TrackingProblem, controller: Controller, simulation: Simulation, real: Real) -> Contents:
+    def of(
+        cls,
+        problem: TrackingProblem,
+        controller: Controller,
+        simulation: Simulation,
+        real: Real,
+        *,
+        opened: Opened | None = None,
+    ) -> Contents:
         """InputError for a continuous controller, and for one that diverges before the vectors end."""
         loop = ClosedLoop.of(problem, controller)
         if not loop.sampled:
@@ -59,14 +70,14 @@ class Contents:
                 f"{controller.name} is continuous, and a flight computer runs from sample to sample: give it a sample_time in "
                 "the case file, or wrap it as Sampled(controller=..., sample_time=...)"
             )
-        program = controller_program(loop)
+        program = controller_program(loop) if opened is None else controller_program(opened.template.loop, opened.template.column)
         vectors = recorded(problem, controller, simulation, VECTORS)
         if not all(np.isfinite(part).all() for part in (vectors.measured, vectors.commands, vectors.states)):
             raise InputError(
                 f"{controller.name} diverges on this case within {len(vectors.states)} samples: an export would have no test "
                 "vectors, and nobody should fly it"
             )
-        made = cls(problem, controller, loop, program, Layout.of(program, initial_acting(loop)), vectors, real)
+        made = cls(problem, controller, loop, program, Layout.of(program, initial_acting(loop)), vectors, real, opened)
         if len(vectors.states) < FEWEST_VECTORS:
             raise InputError(
                 f"the self-test of an export needs {FEWEST_VECTORS} samples, and this simulation has {len(vectors.states)}: let "
@@ -116,18 +127,35 @@ class Contents:
     @cached_property
     def limits(self) -> tuple[Array, Array] | None:
         """The least and the largest value of each estimate in the set that it is projected onto; infinite where it has none."""
-        equations = self.loop.continuous
-        box = equations.box if isinstance(equations, Projecting) else None
-        if box is None:
-            return None
-        low, high = np.full((2, self.layout.theta_hat.size), np.inf) * [[-1.0], [1.0]]
-        if box.sphere is not None:
-            first = slice(0, box.sphere.size)
-            low[first], high[first] = box.sphere.extent
-        if box.intervals is not None:
-            last = slice(len(low) - box.intervals.size, len(low))
-            low[last], high[last] = box.intervals.extent
-        return np.where(low <= -UNREACHED_BOUND, -np.inf, low), np.where(high >= UNREACHED_BOUND, np.inf, high)
+        return estimate_limits(self.loop)
+
+    @cached_property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """Those that this controller depends on."""
+        if self.opened is None:
+            return ()
+        read = {at for part in (self.step, self.model) if part is not None for kind, at in sources(part) if kind == PARAMETER}
+        used = {self.opened.feeds[at] for at in read} | set(self._all_starts.values())
+        return tuple(
+            one for k, one in enumerate(self.opened.parameters) if k in used or (one.limit and self.saturation is not None)
+        )
+
+    @cached_property
+    def starts(self) -> dict[int, Parameter]:
+        """Entries of the flat state that begin with a parameter."""
+        return {} if self.opened is None else {row: self.opened.parameters[k] for row, k in self._all_starts.items()}
+
+    @cached_property
+    def _all_starts(self) -> dict[int, int]:
+        assert self.opened is not None
+        first = self.loop.size - len(self.initial)  # the controller's state stands last in the loop's
+        return {row - first: k for row, k in self.opened.starts.items() if row - first in set(self.layout.rows)}
+
+    def fed(self, entry: int) -> Parameter | float:
+        """What an entry of the list's third argument is: a parameter, or a number that stays."""
+        assert self.opened is not None
+        k = self.opened.feeds[entry]
+        return float(self.opened.values[entry]) if k is None else self.opened.parameters[k]
 
     @property
     def saturation(self) -> Array | None:
@@ -176,6 +204,8 @@ class Contents:
         for k, (y, r) in enumerate(zip(self.vectors.measured, self.vectors.commands, strict=True)):
             given = {(MEASURED, i): numbers(value) for i, value in enumerate(y)} | {(FREEZE, 0): numbers(0)}
             given |= {(COMMAND, i): numbers(value) for i, value in enumerate(r)}
+            if self.opened is not None:
+                given |= {(PARAMETER, i): numbers(value) for i, value in enumerate(self.opened.values)}
             after = evaluate(self.step, state | given, numbers)
             state = {(STATE, row): value for row, value in zip(rows, after, strict=True)}
             states[k, rows] = after

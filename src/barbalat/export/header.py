@@ -17,6 +17,11 @@ def header(printed: Printed) -> str:
         f"{printed.real} {part.name}[{part.size}]; /* {shape(part.shape)}{meaning(part.path)} */"
         for part in contents.layout.parts
     ]
+    if contents.parameters:
+        names = ", ".join(one.name for one in contents.parameters)
+        members.append(
+            f"{printed.real} parameter[{len(contents.parameters)}]; /* {names}: set between init and reset, or between steps */"
+        )
     estimates = [f"{printed.real} theta_hat[{macro}_ESTIMATES]; /* estimates */"] if p else []
     state = contents.measures_state
     return filled(

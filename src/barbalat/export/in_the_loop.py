@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ctypes
-import shutil
 import subprocess
 import tempfile
 from dataclasses import dataclass, replace
@@ -11,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from barbalat.export.compiler import COMPILING_SECONDS, require_compiler
 from barbalat.export.contents import Contents
 from barbalat.export.header import header
 from barbalat.export.source import source
@@ -29,11 +29,8 @@ from barbalat.run.simulate import result_of
 from barbalat.solvers.simulation import Simulation
 from barbalat.validate import InputError
 
-COMPILERS = ("cc", "gcc", "clang")
 FLAGS = ("-std=c99", "-ffp-contract=off", "-O2", "-shared", "-fPIC")
 """As the export's README says."""
-COMPILING_SECONDS = 600
-"""That a compiler may take: it needs a second for each few thousand operations."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,16 +92,6 @@ def _outside(printed: Printed, members: Members, library: ctypes.CDLL) -> Outsid
     address = ctypes.cast(library.barbalat_sample, ctypes.c_void_p).value
     assert address is not None
     return Outside(address, tuple(map(int, given)), tuple(first + row for row in printed.contents.layout.rows))
-
-
-def require_compiler() -> str:
-    """The path of a C compiler; InputError where this machine has none."""
-    found = next(filter(None, map(shutil.which, COMPILERS)), None)
-    if found is None:
-        raise InputError(
-            f"the exported C is to run here, and none of {', '.join(COMPILERS)} is on this machine's PATH: install a C compiler"
-        )
-    return found
 
 
 def _compiled(printed: Printed) -> ctypes.CDLL:

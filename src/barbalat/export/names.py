@@ -11,8 +11,9 @@ from barbalat import validate
 from barbalat.validate import InputError
 
 LONGEST = 31
-"""Characters of an identifier that every C99 compiler tells apart, also between files (5.2.4.1); prefixes stay well below."""
-LONGEST_PREFIX = 20
+"""Characters of an identifier that every C99 compiler tells apart, also between files (5.2.4.1)."""
+LONGEST_PREFIX = LONGEST - len("_plant_s")
+"""With this behind it functions that differ only then are still told apart."""
 
 _KEYWORDS = """
     alignas alignof and asm auto bitand bitor bool break case catch char class compl concept const consteval constexpr constinit
@@ -23,7 +24,7 @@ _KEYWORDS = """
 """
 RESERVED = frozenset(_KEYWORDS.split())
 """Keywords of C99 and C++20, macros of the headers that are included, and what an export defines beside them."""
-MEMBERS = frozenset({"sample_time", "last_u", "bump", "fade", "fade_left", "matching", "waiting"})
+MEMBERS = frozenset({"sample_time", "last_u", "bump", "fade", "fade_left", "matching", "waiting", "parameter"})
 """What the state of every export has, see ``templates/controller.h``."""
 
 

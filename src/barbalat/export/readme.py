@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from barbalat.controllers.l1_piecewise import L1PiecewiseConstant
 from barbalat.export.contents import is_explicit
 from barbalat.export.header import shape
 from barbalat.export.meanings import meaning
 from barbalat.export.texts import Printed, comment, filled
 
 
-def readme(printed: Printed) -> str:
+def readme(printed: Printed, *, closed_loop: bool = False) -> str:
     """The text of README.md."""
     contents = printed.contents
     layout, macro = contents.layout, printed.macro
@@ -36,8 +37,22 @@ def readme(printed: Printed) -> str:
         set=", or an estimate outside the known set" if contents.limits is not None else "",
         freeze=EULER_SWAPPING if euler else "",
         members=members,
+        loop=filled("README_loop.md", library=" -lm").rstrip() + "\n" if closed_loop else "",
+        patent=_patent(printed),
     )
 
+
+def _patent(printed: Printed) -> str:
+    """What is to be asked before such a law flies."""
+    return PATENT if isinstance(printed.contents.controller, L1PiecewiseConstant) else ""
+
+
+PATENT = """
+## Before you fly it
+
+This is the piecewise-constant L1 law of published papers; nothing of the flight code L1Quad is used in it. That code names US
+patent 8,712,559 for the law: ask whether it covers your use before you fly it.
+"""
 
 EULER_SWAPPING = " The swapping term of (14) moves as if the law did: Euler's steps know it from the law's rate alone."
 

@@ -8,8 +8,8 @@ from barbalat.export.layout import Part
 from barbalat.export.meanings import meaning
 from barbalat.export.texts import Printed, filled, indented
 from barbalat.lowering import c99
-from barbalat.lowering.operations import Program
-from barbalat.run.sampled_part import COMMAND, FREEZE, MEASURED, STATE
+from barbalat.lowering.operations import Program, sources
+from barbalat.run.sampled_part import COMMAND, FREEZE, MEASURED, PARAMETER, STATE
 
 CLOCK_TOLERANCE = 1e-6
 """By how much, relatively, a sample time or an estimate may be off: above a float's rounding, below any clock's error."""
@@ -59,10 +59,21 @@ def source(printed: Printed) -> str:
         miss=indented([f"if (c->waiting != 0 || c->{started.name}[0] > 0) {{", "    advance_model(c);", "}"]) if model else "",
         resume=indented(["if (next.waiting != 0) {", "    advance_model(&next);", "}"]) if model else "",
         give=indented(_given(printed)),
-        reset=indented(f"{text} = {printed.number(contents.initial[row])};" for row, text in contents.layout.entries().items()),
+        defaults=indented(
+            f"c->parameter[{k}] = {printed.number(one.value)}; /* {one.name} */" for k, one in enumerate(contents.parameters)
+        ),
+        reset=indented(
+            f"{text} = {_initial(printed, row, contents.initial[row])};" for row, text in contents.layout.entries().items()
+        ),
         start=_start(printed),
         start_argument=f"const {printed.real} x[{printed.macro}_MEASURED], " if state else "",
     )
+
+
+def _initial(printed: Printed, row: int, value: float) -> str:
+    """C text of what an entry of the state begins with: a parameter, or this value."""
+    starts = printed.contents.starts
+    return printed.parameter(starts[row]) if row in starts else printed.number(value)
 
 
 def _operations(printed: Printed, program: Program, parts: list[Part], fixed: dict[int, str]) -> str:
@@ -72,6 +83,8 @@ def _operations(printed: Printed, program: Program, parts: list[Part], fixed: di
     inputs = {(STATE, row): text for row, text in (contents.layout.entries() | fixed).items()}
     inputs |= {(MEASURED, i): f"in->{printed.measured}[{i}]" for i in range(y)} | {(COMMAND, i): f"in->r[{i}]" for i in range(q)}
     one, zero = (c99.constant(value, contents.real) for value in (1.0, 0.0))
+    read = sorted(at for kind, at in sources(program) if kind == PARAMETER)
+    inputs |= {(PARAMETER, at): printed.parameter(contents.fed(at)) for at in read}
     inputs[FREEZE, 0] = f"in->freeze != 0 ? {one} : {zero}"
     printer = c99.Printer(program, contents.real)
     lines = c99.statements(program, inputs, contents.real)
@@ -105,9 +118,9 @@ def _given(printed: Printed) -> list[str]:
     lines += [f"for (i = 0; i < {printed.macro}_INPUTS; ++i) {{", f"    out->u[i] = held != 0 ? c->last_u[i] : {zero};"]
     lines += ["    out->u_limited[i] = out->u[i];", "}"]
     if contents.saturation is not None:
-        for i, (low, high) in enumerate(contents.saturation.T):
-            for bound, relation in ((low, "<"), (high, ">")):
-                text = printed.number(bound)
+        for i in range(contents.saturation.shape[1]):
+            for side, relation in ((0, "<"), (1, ">")):
+                text = printed.limit(i, side)
                 lines += [f"if (out->u[{i}] {relation} {text}) {{", f"    out->u_limited[{i}] = {text};", "}"]
     if contents.sizes[3]:
         name = contents.layout.theta_hat.name
@@ -125,7 +138,7 @@ def _start(printed: Printed) -> str:
         terms = [
             f"x[{i}]" if factor == 1 else f"{printed.number(factor)} * x[{i}]" for i, factor in enumerate(of_x[row]) if factor
         ]
-        value = " + ".join(terms if terms and not rest[row] else [printed.number(rest[row]), *terms])
+        value = " + ".join(terms if terms and not rest[row] else [_initial(printed, row, rest[row]), *terms])
         (kept if row in contents.learnt else others).append(f"{text} = {value};")
     last = ["if (keep_estimates == 0) {", *(f"    {line}" for line in kept), "}"] if kept else ["(void)keep_estimates;"]
     unused = ["(void)x;"] if contents.measures_state and not of_x[contents.layout.rows].any() else []

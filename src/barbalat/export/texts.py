@@ -12,6 +12,7 @@ from string import Template
 from barbalat import __version__
 from barbalat.export.contents import Contents
 from barbalat.export.names import prefix_of
+from barbalat.export.parameters import Parameter
 from barbalat.lowering import c99
 
 SHORT_NUMBER_LENGTH = 8
@@ -52,6 +53,18 @@ class Printed:
         """A constant, exactly, with its decimal form where that is short."""
         text, short = c99.constant(value, self.contents.real), repr(float(value))
         return f"{text} /* {short} */" if len(short) <= SHORT_NUMBER_LENGTH else text
+
+    def parameter(self, wanted: Parameter | float) -> str:
+        """C text of a number that may be a parameter of the controller ``c``."""
+        if isinstance(wanted, float):
+            return c99.constant(wanted, self.contents.real)
+        return f"c->parameter[{self.contents.parameters.index(wanted)}]"
+
+    def limit(self, i: int, side: int) -> str:
+        """C text of a limit of the i-th input, side 0 for the lower one, where all have some."""
+        assert self.contents.saturation is not None
+        open_one = next((one for one in self.contents.parameters if one.limit == (i, side)), None)
+        return self.number(self.contents.saturation[side, i]) if open_one is None else self.parameter(open_one)
 
     @cached_property
     def mark(self) -> str:

@@ -19,8 +19,8 @@ from barbalat.lowering.optimize import optimize
 if TYPE_CHECKING:
     import casadi as ca
 
-STATE, MEASURED, COMMAND, FREEZE = 0, 1, 3, 4
-"""Arguments of a controller's list, beside its parameters, the third of them; its one output is the state one sample later."""
+STATE, MEASURED, PARAMETER, COMMAND, FREEZE = range(5)
+"""Arguments of a controller's list; its one output is the state one sample later."""
 
 
 def controller_program(loop: ClosedLoop, parameters: ca.SX | None = None) -> Program:

@@ -78,7 +78,7 @@ void ${name}_init(${name}_controller *c)
     for (i = 0; i < ${macro}_INPUTS; ++i) {
         c->last_u[i] = ${zero};
     }
-    ${name}_reset(c);
+${defaults}    ${name}_reset(c);
 }
 
 void ${name}_start(${name}_controller *c, ${start_argument}const ${real} u_now[${macro}_INPUTS], long samples,

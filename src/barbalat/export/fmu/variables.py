@@ -1,0 +1,105 @@
+"""The variables of a unit, as both versions of the standard describe them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from itertools import pairwise
+
+from barbalat.export.parameters import Parameter
+
+
+@dataclass(frozen=True)
+class Variable:
+    """One scalar.
+
+    name         structured: "theta_hat[1]", "plant.x[2]"
+    causality    "input", "output", "parameter", "local"
+    variability  "discrete", "continuous", "tunable", "fixed"
+    start        None for what is calculated
+    kind         "real", "truth" or "whole"
+    """
+
+    name: str
+    causality: str
+    variability: str
+    meaning: str
+    start: float | None = None
+    unit: str = ""
+    kind: str = "real"
+
+    @property
+    def settable(self) -> str:
+        """Of a real one, for ``fmu_instance.h``: i always, any value; t always; s before the start; n never."""
+        if self.causality == "input":
+            return "i"
+        return {"tunable": "t", "fixed": "s"}.get(self.variability, "n") if self.causality == "parameter" else "n"
+
+
+@dataclass(frozen=True)
+class Variables:
+    """All variables of a unit: real ones first, then the independent one, then the others; so their references count up."""
+
+    reals: tuple[Variable, ...]
+    wholes: tuple[Variable, ...]
+
+    def place(self, name: str) -> int:
+        """Where it stands among the real ones."""
+        return next(i for i, one in enumerate(self.reals) if one.name == name)
+
+    @property
+    def time(self) -> int:
+        """The value reference of the independent one."""
+        return len(self.reals)
+
+    @property
+    def by_reference(self) -> tuple[tuple[int, Variable], ...]:
+        """All but the independent one."""
+        return (*enumerate(self.reals), *enumerate(self.wholes, self.time + 1))
+
+    @property
+    def units(self) -> tuple[str, ...]:
+        """Those that are used, each once."""
+        return tuple(dict.fromkeys(["s", *(one.unit for one in self.reals if one.unit)]))
+
+
+def entries(name: str, count: int, *, scalar: bool = False) -> list[str]:
+    """The names of an array's entries; of a scalar its own."""
+    return [name] if scalar else [f"{name}[{i + 1}]" for i in range(count)]
+
+
+def array(
+    name: str,
+    causality: str,
+    variability: str,
+    meaning: str,
+    starts: Iterable[float | None],
+    *,
+    scalar: bool = False,
+    units: tuple[str, ...] = (),
+) -> list[Variable]:
+    """The entries of an array."""
+    values = list(starts)
+    given = units if len(units) == len(values) else ("",) * len(values)
+    names = entries(name, len(values), scalar=scalar)
+    return [
+        Variable(*one) for one in zip(names, *_same(len(values), causality, variability, meaning), values, given, strict=True)
+    ]
+
+
+def _same(count: int, *values: str) -> list[list[str]]:
+    return [[value] * count for value in values]
+
+
+def parameters(found: Iterable[Parameter], fixed: Iterable[Parameter]) -> list[Variable]:
+    """Parameters; of those that a state begins with, none changes after the start."""
+    begun = set(fixed)
+    return [Variable(one.name, "parameter", "fixed" if one in begun else "tunable", one.meaning, one.value) for one in found]
+
+
+def require_distinct(variables: Variables) -> Variables:
+    """A scheme of the user's own may have states of any name; of two variables with one name the second would be lost."""
+    names = sorted(one.name for _, one in variables.by_reference)
+    same = [a for a, b in pairwise(names) if a == b]
+    assert not same, same
+    return variables

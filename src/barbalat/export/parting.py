@@ -1,0 +1,169 @@
+"""What numbers of 32 bits do to a high gain: the gain from which on the compiled export and the simulation part."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from barbalat.certificates.certificate import Certificate, Draft
+from barbalat.export.compiler import require_compiler
+from barbalat.export.in_the_loop import simulate_export
+from barbalat.export.settings import gain_of
+from barbalat.loop.closed_loop import ClosedLoop
+from barbalat.problem.tracking import TrackingProblem
+from barbalat.protocols import Controller
+from barbalat.run.progress import Progress
+from barbalat.run.simulate import simulate
+from barbalat.solvers.simulation import Simulation
+from barbalat.validate import InputError
+
+PARTED = 0.01
+"""Of the largest |x|: what shows in a figure, and far above what rounding to 24 bits does by itself, 6e-8 of each number."""
+DECADES = 8
+"""Above the case's gain, or below it where they have parted there: at most; more than 24 bits can tell apart."""
+HALVINGS = 3
+"""Of the decade in which they part: the gain is found within a factor of 10^(1/8) = 1.33."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Parting:
+    """Where float32 and float64 part, of one controller.
+
+    setting  the gain's name, and its value in the case
+    apart    by gains that were tried, the largest difference of the plant's state by its largest value
+    at       the lowest gain that was tried and at which they part; None where they do at none
+    diverges  the lowest gain that was tried and at which the simulation in 64 bits diverges; None where it does at none
+    """
+
+    setting: str
+    gain: float
+    apart: dict[float, float]
+    at: float | None
+    diverges: float | None
+
+    @property
+    def sentence(self) -> str:
+        """For people."""
+        own = self.apart.get(self.gain)
+        here = "" if own is None else f"at {self.setting} = {self.gain:g} they are {own:.2g} of the largest |x| apart"
+        if self.at is not None:
+            return f"{here}; they part, by {PARTED:g} of it, at {self.setting} = {self.at:.3g}".lstrip("; ")
+        ends = "" if self.diverges is None else f"; at {self.diverges:.3g} the simulation in 64 bits diverges itself"
+        return f"{here}; up to {self.setting} = {max(self.apart, default=self.gain):.3g} they do not part{ends}".lstrip("; ")
+
+
+def parting(
+    problem: TrackingProblem, controller: Controller, simulation: Simulation, *, progress: Progress | None = None
+) -> Parting:
+    """Simulate with the export in 32 bits in the loop and, beside it, as ever, at higher and higher gains.
+
+    InputError for a controller without a gain of its own, and as of ``simulate_export``.
+    """
+    found = gain_of(controller)
+    if found is None:
+        raise InputError(f"{controller.name} has no gain, gamma or covariance0, that is one number")
+    setting, gain, rebuilt = found
+    apart: dict[float, float] = {}
+    diverges: list[float] = []
+
+    def parts(value: float) -> bool:
+        difference = _difference(problem, rebuilt(value), simulation)
+        if difference is None:
+            diverges.append(value)
+            return False
+        apart[value] = difference
+        if progress is not None:
+            progress(min(1.0, len(apart) / (DECADES + HALVINGS)))
+        return difference > PARTED
+
+    steps = _upwards(gain) if not parts(gain) else _downwards(gain)
+    last, at = gain, gain if apart.get(gain, 0.0) > PARTED else None
+    for value in steps:
+        parted = parts(value)
+        if value in diverges:
+            break
+        if parted != (at is not None):
+            low, high = sorted((last, value))
+            at = _between(low, high, parts)
+            break
+        last, at = value, value if parted else None
+    return Parting(
+        setting=setting.removeprefix("controller."),
+        gain=gain,
+        apart=dict(sorted(apart.items())),
+        at=at,
+        diverges=min(diverges, default=None),
+    )
+
+
+def _upwards(gain: float) -> Iterator[float]:
+    return (gain * 10.0**k for k in range(1, DECADES + 1))
+
+
+def _downwards(gain: float) -> Iterator[float]:
+    return (gain * 10.0**-k for k in range(1, DECADES + 1))
+
+
+def _between(low: float, high: float, parts: Callable[[float], bool]) -> float:
+    """The higher end of a smaller range with the same property: at it they part."""
+    for _ in range(HALVINGS):
+        middle = float(np.sqrt(low * high))
+        low, high = (low, middle) if parts(middle) else (middle, high)
+    return high
+
+
+def _difference(problem: TrackingProblem, controller: Controller, simulation: Simulation) -> float | None:
+    """The largest difference of the plant's state by its largest value; None where the run in 64 bits diverges."""
+    (origin,) = simulate(problem, [controller], simulation).values()
+    if origin.diverged_at is not None:
+        return None
+    made = simulate_export(problem, controller, simulation, float32=True).result
+    if made.diverged_at is not None or len(made.states) != len(origin.states):
+        return float("inf")
+    loop = ClosedLoop.of(problem, controller)
+    x = loop.unpack(np.arange(loop.size)).x.reshape(-1)
+    return float(np.abs(made.states[:, x] - origin.states[:, x]).max() / np.abs(origin.states[:, x]).max())
+
+
+def with_float32_gains(
+    certificates: dict[str, Certificate],
+    problem: TrackingProblem,
+    controllers: Sequence[Controller],
+    simulation: Simulation,
+    *,
+    progress: Progress | None = None,
+) -> dict[str, Certificate]:
+    """The certificates of the sampled controllers with ``gamma_float32``; InputError where there is no C compiler, or none."""
+    require_compiler("a float32 export is to run here")
+    sampled = [one for one in controllers if ClosedLoop.of(problem, one).sampled]
+    if not sampled:
+        raise InputError("--float32 takes sampled controllers, and this case has none: give one a sample_time")
+    result = dict(certificates)
+    for i, controller in enumerate(sampled):
+        part = None if progress is None else _share(progress, i, len(sampled))
+        try:
+            found = parting(problem, controller, simulation, progress=part)
+        except InputError as error:
+            old = result[controller.name]
+            result[controller.name] = old.with_entries(old.entries, f"float32 beside float64 was not measured: {error}")
+            continue
+        result[controller.name] = _with(result[controller.name], found)
+    return result
+
+
+def _share(progress: Progress, i: int, count: int) -> Progress:
+    def told(done: float) -> None:
+        progress((i + done) / count)
+
+    return told
+
+
+def _with(certificate: Certificate, found: Parting) -> Certificate:
+    said = f"measured on the case's own run, the compiled export in 32 bits beside the simulation in 64: {found.sentence}"
+    if found.at is None:
+        return certificate.with_entries(certificate.entries, said)
+    measured = Draft()
+    measured.estimate({"gamma_float32": found.at}, f"gamma_float32 was {said}")
+    return certificate.with_entries((*certificate.entries, *measured.entries.values()))

@@ -1,0 +1,135 @@
+"""The plant of an exported loop: a slice of the simulation's own step, with what a sensor measures of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import count
+
+import numpy as np
+
+from barbalat.export.parameters import Opened, Parameter
+from barbalat.loop.closed_loop import ClosedLoop
+from barbalat.loop.packing import flatten
+from barbalat.lowering.operations import Program, sliced, sources
+from barbalat.problem.tracking import TrackingProblem
+from barbalat.run.sampled_part import STATE
+from barbalat.validate import InputError
+
+PARAMETER, SIGNAL, PAST, NOISE = 2, 3, 4, 5
+"""Arguments of a step's list, beside the state; see ``run.step.step_function``."""
+
+
+@dataclass(frozen=True, eq=False)
+class PlantContents:
+    """All between the control and the measurement: limits, actuators, delay, plant, sensor, one solver step at a time.
+
+    rows  of the loop's flat state that are its own: x, then what is before the plant, then what is behind it
+    """
+
+    problem: TrackingProblem
+    opened: Opened
+    loop: ClosedLoop
+    rows: tuple[int, ...]
+
+    @classmethod
+    def of(cls, problem: TrackingProblem, opened: Opened) -> PlantContents:
+        """InputError for a plant whose equations contain t."""
+        if problem.depends_on_time:
+            raise InputError("a plant is exported without a clock of its own, and this one's equations contain t")
+        loop = opened.members.loop
+        at = loop.unpack(np.arange(loop.size))
+        own = flatten((at.x, at.input, at.sensor))
+        return cls(problem, opened, loop, tuple(int(row) for row in own))
+
+    @cached_property
+    def step(self) -> Program:
+        """Its state one solver step later, then what the delay is to remember of this step."""
+        whole = self.opened.members.program.program
+        following, _, remembered = whole.outputs
+        both = Program(whole.operations, ((*(following[row] for row in self.rows), *remembered),))
+        return sliced(both, range(len(both.outputs[0])))
+
+    @cached_property
+    def measurement(self) -> Program:
+        """What a controller is handed."""
+        sample = self.opened.members.program.sample
+        assert sample is not None
+        held = self.loop.unpack(np.arange(self.loop.size)).held
+        return sliced(sample, [int(row) for row in held.measured.reshape(-1)])
+
+    @property
+    def inputs(self) -> int:
+        return self.loop.inputs
+
+    @property
+    def outputs(self) -> int:
+        """Entries of what is measured."""
+        return len(self.measurement.outputs[0])
+
+    @property
+    def disturbances(self) -> int:
+        """Signals beside the commands: the matched one, then the others."""
+        return self.loop.timed - (self.loop.commands or 1)
+
+    @property
+    def nodes(self) -> int:
+        """Instants of a solver step at which it sees the signals."""
+        return len(self.opened.members.simulation.solver.nodes)
+
+    @property
+    def channels(self) -> int:
+        """Numbers that the delay remembers of each step."""
+        return self.opened.members.program.shape.delayed
+
+    @property
+    def lag(self) -> int:
+        """Steps that the delay looks back, at the least."""
+        lags = self.opened.members.lags
+        return 0 if lags is None else int(lags[0])
+
+    @property
+    def history(self) -> tuple[float, ...]:
+        """What each channel was before t = 0."""
+        history = self.opened.members.history
+        return () if history is None else tuple(np.repeat(history[:, 0], self.channels // self.inputs).tolist())
+
+    @property
+    def steps_per_sample(self) -> int:
+        return int(self.opened.members.rhythm.sample_every)
+
+    @cached_property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """Those that the plant depends on."""
+        read = {at for part in (self.step, self.measurement) for kind, at in sources(part) if kind == PARAMETER}
+        used = {self.opened.feeds[at] for at in read} | {self.opened.starts.get(row) for row in self.rows}
+        return tuple(one for k, one in zip(count(), self.opened.parameters) if k in used)
+
+    def fed(self, entry: int) -> Parameter | float:
+        """What an entry of a list's third argument is: a parameter, or a number that stays."""
+        k = self.opened.feeds[entry]
+        return float(self.opened.values[entry]) if k is None else self.opened.parameters[k]
+
+    def start(self, row: int) -> Parameter | float:
+        """What an entry of the loop's state begins with."""
+        k = self.opened.starts.get(row)
+        return float(self.opened.members.states[row, 0]) if k is None else self.opened.parameters[k]
+
+    def signal(self, entry: int) -> tuple[int, int] | None:
+        """Node and disturbance that an entry of a step's signals is; None for what a whole step says of itself, 1."""
+        node, which = divmod(entry, self.loop.timed)
+        if node >= self.nodes:
+            return None
+        assert which >= (self.loop.commands or 1), "no plant reads the command"
+        return node, which - (self.loop.commands or 1)
+
+    @cached_property
+    def control_rows(self) -> tuple[int, ...]:
+        """Of the loop's state, where the held control stands."""
+        held = self.loop.unpack(np.arange(self.loop.size)).held
+        return tuple(int(row) for row in held.u.reshape(-1))
+
+    def entries(self) -> dict[tuple[int, int], str]:
+        """C text of its state and its control by the lists' arguments."""
+        own = {(STATE, row): f"p->state[{i}]" for i, row in enumerate(self.rows)}
+        return own | {(STATE, row): f"in->u[{i}]" for i, row in enumerate(self.control_rows)}

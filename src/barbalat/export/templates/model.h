@@ -1,0 +1,34 @@
+/*
+ * ${origin}
+ * The unit ${identifier}: its variables, and what a step of it is.
+ */
+#ifndef MODEL_H
+#define MODEL_H
+
+${include}
+#define MODEL_TOKEN "${token}"
+#define MODEL_REALS ${reals}u /* real variables, whose value references begin at 0 */
+#define MODEL_TIME ${reals}u
+#define MODEL_FIRST_WHOLE ${first_whole}u
+#define MODEL_STEP ${step} /* [s] */
+#define MODEL_TOLERANCE 1e-6 /* relative, of times: above their rounding, below what anybody means by another time */
+#define MODEL_MOST_STEPS 1e9 /* in one call; more is a mistake */
+
+typedef struct {
+    double real[MODEL_REALS];
+    int whole[2]; /* freeze and status, of a unit with a controller */
+${parts}} model;
+
+/* For each real variable: i an input, t tunable, s fixed from the start on, n calculated. */
+static const char model_settable[] = "${settable}";
+/* For each other variable: b a truth value, w a whole number. */
+static const char model_kinds[] = "${kinds}";
+static const unsigned model_wholes = (unsigned)sizeof model_kinds - 1u;
+enum { FMU_OK, FMU_WARNING, FMU_ERROR }; /* of a step */
+
+void model_defaults(model *m);
+void model_start(model *m);
+int model_step(model *m);
+void model_outputs(model *m);
+
+#endif

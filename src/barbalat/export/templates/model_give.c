@@ -1,0 +1,4 @@
+static void give(const model *m, ${name}_plant_input *in)
+{
+${body}}
+

@@ -1,0 +1,104 @@
+"""The table of what a sample costs on a Cortex-M4F: made by a command, and still true."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+
+import pytest
+from benchmarks import flight
+from benchmarks.flight_cases import CASES
+
+from barbalat.export.contents import Contents
+from barbalat.export.texts import Printed
+from barbalat.lowering.c99 import FLOAT
+from export.targets import needs
+
+ROWS = ("MRAC", "L1, output feedback", "robust MRAC, least squares")
+
+
+@pytest.mark.full
+@needs("arm-none-eabi-gcc", "qemu-system-arm")
+def test_the_table_is_what_is_counted() -> None:
+    """By the compiler that the page names; another one makes other code, within a quarter."""
+    page = flight.PAGE.read_text()
+    same = flight.tools() in page
+    shown = {
+        name: list(map(int, re.findall(r"\d+", rest))) for name, rest in re.findall(r"^\| ([^|]+?) (\|.*)$", page, re.MULTILINE)
+    }
+    assert set(shown) >= {name for name, _, _ in CASES}
+    for name, problem, controller in CASES:
+        if name not in ROWS:
+            continue
+        c = flight.cost(problem, controller)
+        operations, instructions, cycles, _, code, state, _ = shown[name]
+        assert (operations, state) == (c.operations, c.data)
+        for was, found in ((instructions, c.instructions), (cycles, c.cycles), (code, c.code)):
+            assert was == found if same else abs(was - found) < found / 4, name
+
+
+TIMED = """\
+#include "controller.h"
+#include <stdio.h>
+#define SYSTICK ((volatile unsigned *)0xE000E010u) /* of every Cortex-M: it counts down at 25 MHz on this board */
+
+int main(void)
+{{
+    {name}_controller c, before;
+    {name}_input in = {{ {macro}_SAMPLE_TIME, {{ 0 }}, {{ 0 }}, 0 }};
+    {name}_output out;
+    unsigned start, with, without;
+    int k;
+    {name}_init(&before);
+    SYSTICK[1] = 0xffffffu;
+    SYSTICK[2] = 0u;
+    SYSTICK[0] = 5u;
+    while (SYSTICK[2] == 0u) {{
+    }}
+    start = SYSTICK[2];
+    for (k = 0; k < 2000; ++k) {{
+        c = before;
+        (void){name}_step(&c, &in, &out);
+    }}
+    with = start - SYSTICK[2];
+    start = SYSTICK[2];
+    for (k = 0; k < 2000; ++k) {{
+        c = before;
+        __asm__ volatile("" ::"r"(&c) : "memory");
+    }}
+    without = start - SYSTICK[2];
+    printf("%u\\n", 40u * (with - without) / 2000u); /* an instruction lasts 1 ns here, and a tick 40 */
+    return 0;
+}}
+"""
+
+
+@pytest.mark.full
+@needs("arm-none-eabi-gcc", "qemu-system-arm")
+def test_a_timer_counts_the_same(tmp_path) -> None:
+    """The emulated board's own timer, under ``-icount``, where an instruction lasts 1 ns: the first sample, but for its call."""
+    _, problem, controller = next(case for case in CASES if case[0] == "robust MRAC, least squares")
+    printed = Printed(Contents.of(problem, controller, flight.SIMULATION, FLOAT), prefix="flown")
+    flight.build(tmp_path, printed, flight.main_program(printed))
+    _, instructions = flight.counted(tmp_path, "flown_step")[0]
+    flight.build(tmp_path, printed, TIMED.format(name="flown", macro="FLOWN"))
+    command = [*flight.BOARD_EMULATOR, "-icount", "shift=0"]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=True, timeout=60)
+    assert abs(int(done.stdout) - instructions) < 0.02 * instructions
+
+
+def test_the_cycles_are_those_of_arms_table() -> None:
+    """Read from the manual by hand: a product one, a quotient fourteen, a load two, N registers one more, a branch its refill."""
+    for wanted, name, operands, taken in (
+        (1, "vmul.f32", "s15, s14, s13", False),
+        (14, "vdiv.f32", "s0, s1, s2", False),
+        (14, "vsqrt.f32", "s0, s1", False),
+        (2, "vldr", "s0, [r3, #4]", False),
+        (5, "push", "{r4, r5, r6, lr}", False),
+        (5, "vpush", "{s16-s19}", False),
+        (8, "ldmia.w", "sp!, {r4, r5, r6, pc}", True),
+        (3, "ldrd", "r2, r3, [r0]", False),
+        (4, "bl", "8000 <f>", True),
+        (1, "bne.n", "8000 <f>", False),
+    ):
+        assert flight._cycles(4, name, operands, taken=taken) == wanted, name

@@ -1,0 +1,308 @@
+"""Units of FMI 2.0 and 3.0, by FMPy: valid in whole, complete, equal to simulations in every bit, their states kept as bytes."""
+
+from __future__ import annotations
+
+import ctypes
+import re
+import shutil
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from barbalat import Labels, Mrac, PlantInput, Sampled, Simulation, Sine, Square, export_controller
+from barbalat.cli import main
+from barbalat.export.parameters import Opened
+from barbalat.export.write import files, units
+from export.examples import FREE, STATE, T, sampled_examples
+from export.slave import Slave
+from export.targets import ISO, STRICT, needs_gcc, write
+from export.units import Ensemble, write_units
+from foreign import Plain, PlainEquations
+from independent import refusal
+
+SHORT = Simulation(t_end=10.0, dt=T / 2)
+EXAMPLES = {name: (problem, controller) for name, problem, controller in sampled_examples()}
+SAMPLES = 60
+
+
+def one(start: str) -> str:
+    return next(name for name in EXAMPLES if name.startswith(start))
+
+
+CHOSEN = [
+    one("L1Adaptive-state-midpoint"), one("Mrac-free-euler"), one("L1Adaptive-terms"), one("L1Adaptive-several"),
+    one("NormalizedMrac-ball"), one("RobustMrac-state-midpoint"), one("LinearFeedback"), one("KnownParameters"),
+    one("MracOutput-third"), one("L1Output"), one("L1PiecewiseConstant-state"),
+]  # fmt: skip
+
+
+def head(version: int) -> str:
+    """The standard's own header, as FMPy has it."""
+    import fmpy
+
+    return (Path(fmpy.__file__).parent / "c-code" / f"fmi{version}Functions.h").read_text()
+
+
+def declared(version: int) -> set[str]:
+    return set(re.findall(rf"FMI{version}_Export fmi{version}\w+TYPE\s+(fmi{version}\w+);", head(version)))
+
+
+@needs_gcc
+@pytest.mark.parametrize(("name", "version"), [(name, 2 + i % 2) for i, name in enumerate([*CHOSEN, CHOSEN[0]])])
+@pytest.mark.short(kept=lambda name, version: name == CHOSEN[1])
+def test_a_loop_of_units_is_the_simulation(name, version, tmp_path) -> None:
+    """FMPy's validation of the whole finds nothing. A master closes the loop of controller and plant; that, and the unit of the
+    loop, give the state of an ensemble in which each parameter has another value in one member: in every bit.
+    """
+    from fmpy.validation import validate_fmu
+
+    problem, controller = EXAMPLES[name]
+    paths = write_units(tmp_path, problem, controller, SHORT, version)
+    assert [validate_fmu(str(path)) for path in paths.values()] == [[], [], []]
+    ensemble = Ensemble(problem, controller, SHORT)
+    assert len(ensemble.opened.parameters) >= 2
+    expected = ensemble.run(SAMPLES)
+    for member in range(len(ensemble.opened.cases)):
+        found = closed(paths, tmp_path, ensemble, member)
+        parts = ensemble.batch.loop.unpack
+        for k, (by_two, by_one) in enumerate(found):
+            after = parts(expected[k, :, member])
+            wanted = np.concatenate([part.reshape(-1) for part in (after.held.u, after.controller.theta_hat, after.x)])
+            assert wanted.tobytes() == np.array(by_two).tobytes() == np.array(by_one).tobytes(), (member, k)
+
+
+def closed(paths, folder, ensemble: Ensemble, member: int) -> list[tuple[list[float], list[float]]]:
+    """u, the estimates and x after each sample, of a loop of two units, and of one unit with both."""
+    starts, noise = ensemble.value(member), ensemble.noise(SAMPLES, member)
+    controller, plant, loop = (Slave(paths[what], folder, starts) for what in ("controller", "plant", "loop"))
+    assert any(name in slave.at for slave in (controller, plant) for name in starts) or not starts
+    measured = "y" if "y" in controller.at else "x"
+    found = []
+    for k in range(SAMPLES):
+        r = ensemble.commands(k)
+        plant.set_all("noise", noise[k])
+        loop.set_all("noise", noise[k])
+        controller.set_all("r", r)
+        loop.set_all("r", r)
+        controller.set_all(measured, plant.get_all(measured))
+        controller.step(k * T, T)
+        plant.set_all("u", controller.get_all("u"))
+        plant.step(k * T, T)
+        loop.step(k * T, T)
+        by_two = [*controller.get_all("u"), *controller.get_all("theta_hat"), *plant.get_all("plant.x")]
+        found.append((by_two, [*loop.get_all("u"), *loop.get_all("theta_hat"), *loop.get_all("plant.x")]))
+    for slave in (controller, plant, loop):
+        slave.close()
+    return found
+
+
+@needs_gcc
+@pytest.mark.full
+@pytest.mark.parametrize("version", [2, 3])
+def test_all_functions_are_there_as_the_standard_declares_them(version, tmp_path) -> None:
+    """The sources compile without a warning beside the standard's own headers, which check every signature."""
+    import fmpy
+
+    path = write_units(tmp_path, *EXAMPLES[CHOSEN[0]], SHORT, version)["loop"]
+    fmpy.extract(str(path), str(tmp_path / "loop"))
+    (binary,) = (tmp_path / "loop" / "binaries").rglob("*.so")
+    library = ctypes.CDLL(str(binary))
+    names = declared(version)
+    assert len(names) == {2: 44, 3: 75}[version]
+    assert {name for name in names if name in library.__dict__ or library[name]} == names
+    sources = tmp_path / "loop" / "sources"
+    own = [*ISO, *STRICT, "-DFMI_OFFICIAL_HEADERS", f"-I{Path(fmpy.__file__).parent / 'c-code'}"]
+    compiled = sorted(file.name for file in sources.glob("*.c"))
+    subprocess.run(["gcc", *own, "-c", *compiled], cwd=sources, check=True, timeout=60)
+    subprocess.run(["gcc", *ISO, *STRICT, "-c", *compiled], cwd=sources, check=True, timeout=60)
+    if shutil.which("nm"):
+        shown = subprocess.run(["nm", "-D", "--defined-only", binary], capture_output=True, text=True, check=True).stdout
+        assert {line.split()[-1] for line in shown.splitlines()} == names  # nothing else is visible
+
+
+RESUME = """
+import sys
+from pathlib import Path
+from export.slave import Slave
+
+path, folder, start, stop = Path(sys.argv[1]), Path(sys.argv[2]), int(sys.argv[3]), int(sys.argv[4])
+slave = Slave(path, folder)
+if start:
+    slave.restore((folder / "state").read_bytes())
+for k in range(start, stop):
+    slave.set({"r": float(k % 7), "gamma": 5.0 + (k > 20)})
+    slave.step(k * slave.size, slave.size)
+print([value.hex() for value in slave.get_all("plant.x") + slave.get_all("theta_hat")])
+(folder / "state").write_bytes(slave.saved())
+slave.close()
+"""
+
+
+@needs_gcc
+@pytest.mark.parametrize("version", [2, 3])
+@pytest.mark.full
+def test_a_state_goes_on_in_another_process(version, tmp_path) -> None:
+    path = write_units(tmp_path, STATE, Sampled(controller=Mrac(gamma=5.0), sample_time=T), SHORT, version)["loop"]
+
+    def played(folder: str, start: int, stop: int) -> str:
+        (tmp_path / folder).mkdir(exist_ok=True)
+        command = [sys.executable, "-c", RESUME, str(path), str(tmp_path / folder), str(start), str(stop)]
+        return subprocess.run(
+            command, cwd=Path(__file__).parents[1], capture_output=True, text=True, check=True, timeout=60
+        ).stdout
+
+    played("parts", 0, 15)
+    assert played("parts", 15, 40) == played("whole", 0, 40)
+
+
+@needs_gcc
+@pytest.mark.full
+@pytest.mark.parametrize("version", [2, 3])
+def test_states_are_got_set_and_freed(version, tmp_path) -> None:
+    """A step is taken back, and taken once more; bytes of another unit, or too few of them, are refused."""
+    paths = write_units(tmp_path, *EXAMPLES[one("Mrac-state-midpoint")], SHORT, version)
+    slave, other = Slave(paths["loop"], tmp_path), Slave(paths["plant"], tmp_path)
+    slave.step(0.0, T)
+    before = slave.saved()
+    slave.step(T, T)
+    after = slave.get_all("plant.x")
+    slave.restore(before)
+    assert slave.get_all("plant.x") != after
+    slave.step(T, T)
+    assert slave.get_all("plant.x") == after
+    for wrong in (other.saved(), before[:-1], bytes([before[0] ^ 1]) + before[1:]):
+        with pytest.raises(Exception, match=r"[Ff]ail|error|status"):
+            slave.restore(wrong)
+    slave.step(2 * T, T)
+    slave.close()
+    other.close()
+
+
+@needs_gcc
+@pytest.mark.full
+@pytest.mark.parametrize("version", [2, 3])
+def test_misuse_is_refused_and_changes_nothing(version, tmp_path) -> None:
+    paths = write_units(tmp_path, *EXAMPLES[one("Mrac-state-midpoint")], SHORT, version)
+    slave, right = Slave(paths["controller"], tmp_path), Slave(paths["controller"], tmp_path)
+    for wrong in (
+        lambda: slave.set({"u": 1.0}),  # an output
+        lambda: slave.set({"theta_hat0[1]": 1.0}),  # fixed since the start
+        lambda: slave.set({"gamma": float("nan")}),
+        lambda: slave.step(0.0, 0.4 * T),
+        lambda: slave.step(0.0, 0.0),
+        lambda: slave.step(0.0, -T),
+        lambda: slave.step(7 * T, T),  # not where it is
+    ):
+        with pytest.raises(Exception, match=r"[Ff]ail|error|status"):
+            wrong()
+    for one_of in (slave, right):
+        one_of.set({"x[1]": 0.7, "r": 1.0})
+        one_of.step(0.0, T)
+        one_of.step(T, 2 * T)  # several samples at once
+    assert slave.get_all("u") == right.get_all("u")
+    slave.set({"x[1]": float("nan")})  # an input that is no number: the last u is held, and the status says why
+    slave.step(3 * T, T)
+    assert slave.get_all("u") == right.get_all("u")
+    assert slave.whole("status") == 2
+    slave.close()
+    right.close()
+
+
+def test_parameters_are_what_enters_as_it_is() -> None:
+    """Gains, limits and initial estimates are; a filter's poles, P and the sample time are compiled in."""
+    problem, controller = EXAMPLES[one("L1Adaptive-state-midpoint")]
+    opened = Opened.of(problem, controller, SHORT, tunable=True)
+    names = [one.name for one in opened.parameters]
+    assert {"gamma", "theta_hat0[1]", "theta_hat0[2]", "u_min", "u_max", "plant.theta[1]", "plant.x0[2]"} <= set(names)
+    assert not any("filter" in name or "sample_time" in name or "delay" in name or "A_m" in name for name in names)
+    assert not Opened.of(problem, controller, SHORT, tunable=False).parameters
+
+
+class BranchingEquations(PlainEquations):
+    def derivative(self, state, x, x_m, r, u):
+        return super().derivative(state, x if float(self.gamma) > 1.0 else -x, x_m, r, u)
+
+
+class Branching(Plain):
+    def bind(self, known):
+        plain = super().bind(known)
+        return BranchingEquations(plain.gamma, plain.P_b, plain.k_0, plain.n)
+
+
+def test_of_a_strangers_settings_those_are_parameters_that_bear_a_symbol() -> None:
+    for kind, expected in ((Plain, True), (Branching, False)):
+        controller = Sampled(controller=kind(gamma=2.0, name="own"), sample_time=T, discretization="euler")
+        opened = Opened.of(FREE, controller, SHORT, tunable=True)
+        assert ("gamma" in [one.name for one in opened.parameters]) == expected
+        assert "u_max" in [one.name for one in opened.parameters]
+
+
+def test_units_have_units(tmp_path) -> None:
+    import fmpy
+
+    problem = replace(FREE, labels=Labels(names=("alpha", "q"), units=("rad", "rad/s"), input_units=("deg",)))
+    controller = Sampled(controller=Mrac(gamma=5.0), sample_time=T)
+    for version in (2, 3):
+        made = units(problem, controller, SHORT, version=version, compiled=False)
+        for name, content in made.items():
+            (tmp_path / name).write_bytes(content)
+            described = fmpy.read_model_description(str(tmp_path / name))
+            found = {one.name: one.unit for one in described.modelVariables}
+            assert (found["x[1]"], found["x[2]"], found["u"], found["gamma"]) == ("rad", "rad/s", "deg", None)
+
+
+@needs_gcc
+@pytest.mark.parametrize("name", [CHOSEN[0], CHOSEN[3], CHOSEN[8]])
+@pytest.mark.short(kept=lambda name: name == CHOSEN[0])
+def test_the_loop_in_c_is_the_simulation(name, tmp_path) -> None:
+    """Noise, lag, limits, rate limit and delay are the plant's; so are disturbances, at every instant of the solver's steps."""
+    problem, controller = EXAMPLES[name]
+    if problem.plant.paths[1:] == ():
+        problem = replace(problem, disturbance=Sine(amplitude=0.3, frequency=2.0))
+    write(tmp_path, files(problem, controller, SHORT, closed_loop=True))
+    command = ["gcc", *ISO, "-O2", *STRICT, "controller.c", "plant.c", "loop.c", "-o", "loop", "-lm"]
+    subprocess.run(command, cwd=tmp_path, check=True, timeout=60)
+    done = subprocess.run([tmp_path / "loop"], capture_output=True, text=True, check=False, timeout=60)
+    assert done.returncode == 0 and "closed loop: 1000 samples agree in every bit" in done.stdout, done.stdout
+    text = (tmp_path / "plant.c").read_text()
+    broken = re.sub(r"(const double t\d+ = t\d+) \* (t\d+;)", r"\1 + \2", text, count=1)
+    assert broken != text
+    (tmp_path / "plant.c").write_text(broken)
+    subprocess.run(["gcc", *ISO, "-O2", "-w", *command[len(ISO) + 2 + len(STRICT) :]], cwd=tmp_path, check=True, timeout=60)
+    assert subprocess.run([tmp_path / "loop"], capture_output=True, check=False, timeout=60).returncode == 1
+
+
+def test_what_is_refused(tmp_path, monkeypatch, capsys) -> None:
+    controller = Sampled(controller=Mrac(gamma=5.0), sample_time=T)
+    monkeypatch.setenv("PATH", str(tmp_path))
+    said = refusal(lambda: export_controller(FREE, controller, SHORT, out=tmp_path / "a", target="fmu2"))
+    assert "none of cc, gcc, clang" in said and "sources alone" in said
+    assert "sources anyway" in refusal(lambda: export_controller(FREE, controller, SHORT, out=tmp_path / "a", sources_only=True))
+    asked = ["export", "first-order", "--controller", "MRAC, sampled", "--target", "fmu3", "--out", str(tmp_path / "b")]
+    assert main(asked) == 2
+    assert not list(tmp_path.iterdir())
+    assert main([*asked, "--sources-only", "--closed-loop"]) == 0
+    assert sorted(file.name for file in (tmp_path / "b").iterdir()) == [
+        "mrac_sampled.fmu", "mrac_sampled_loop.fmu", "mrac_sampled_plant.fmu",
+    ]  # fmt: skip
+    with pytest.raises(SystemExit):
+        main([*asked, "--controller-only", "--closed-loop"])
+    capsys.readouterr()
+
+
+@needs_gcc
+@pytest.mark.full
+def test_a_jump_inside_of_a_step_ends_the_replay(tmp_path) -> None:
+    """The simulation cuts its step there, an exported plant does not: at t = pi, after 314 samples of 0.01 s."""
+    problem = replace(
+        FREE, reference=Square(amplitude=1.0, frequency=1.0), sensor=None, plant=replace(FREE.plant, input=PlantInput())
+    )
+    write(tmp_path, files(problem, Sampled(controller=Mrac(gamma=5.0), sample_time=T), SHORT, closed_loop=True))
+    command = ["gcc", *ISO, "-O1", *STRICT, "controller.c", "plant.c", "loop.c", "-o", "loop", "-lm"]
+    subprocess.run(command, cwd=tmp_path, check=True, timeout=60)
+    done = subprocess.run([tmp_path / "loop"], capture_output=True, text=True, check=False, timeout=60)
+    assert done.stdout == "mrac, closed loop: 314 samples agree in every bit\n"
