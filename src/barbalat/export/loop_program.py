@@ -27,7 +27,7 @@ def loop_program(made: PrintedPlant) -> str:
             "simulation.dt have the signals' jumps on its grid"
         )
     macro, declared, given = printed.macro, [], []
-    if plant.loop.noise:
+    if plant.loop.signals.noise:
         declared.append(f"static const double noise[SAMPLES][{macro}_PLANT_NOISES] = {{\n{_rows(_noise(plant, count))}}};\n")
         given.append("memcpy(given.noise, noise[k], sizeof given.noise);")
     moved = []
@@ -65,12 +65,12 @@ def _noise(plant: PlantContents, count: int) -> Array:
     noise, hold = plant.problem.noise, plant.opened.members.rhythm.noise_hold
     assert noise is not None
     rows = [step // hold for step in range(0, count * plant.steps_per_sample, plant.steps_per_sample)]
-    return standard_normal(noise.seed, 0, 0, rows[-1] + 1, plant.loop.noise)[rows]
+    return standard_normal(noise.seed, 0, 0, rows[-1] + 1, plant.loop.signals.noise)[rows]
 
 
 def _disturbances(plant: PlantContents, count: int) -> Array:
     """(steps, nodes * disturbances) at each solver step's instants."""
-    members, timed = plant.opened.members, plant.loop.timed
+    members, timed = plant.opened.members, plant.loop.signals.timed
     in_pieces = members.program.shape.in_pieces
     table = signal_table(members.signals, members.simulation, 0, count * plant.steps_per_sample, in_pieces=in_pieces)
     table = table[:, : -len(WHOLE_STEP)] if in_pieces else table

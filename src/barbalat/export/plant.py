@@ -70,7 +70,7 @@ class PlantContents:
     @property
     def disturbances(self) -> int:
         """Signals beside the commands: the matched one, then the others."""
-        return self.loop.timed - (self.loop.commands or 1)
+        return self.loop.signals.timed - (self.loop.commands or 1)
 
     @property
     def nodes(self) -> int:
@@ -117,7 +117,7 @@ class PlantContents:
 
     def signal(self, entry: int) -> tuple[int, int] | None:
         """Node and disturbance that an entry of a step's signals is; None for what a whole step says of itself, 1."""
-        node, which = divmod(entry, self.loop.timed)
+        node, which = divmod(entry, self.loop.signals.timed)
         if node >= self.nodes:
             return None
         assert which >= (self.loop.commands or 1), "no plant reads the command"

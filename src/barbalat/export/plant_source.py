@@ -9,7 +9,7 @@ from barbalat.export.plant import NOISE, PARAMETER, PAST, SIGNAL, PlantContents
 from barbalat.export.texts import Printed, filled, indented
 from barbalat.lowering import c99
 from barbalat.lowering.operations import Program, sources
-from barbalat.lowering.shape import TAPS
+from barbalat.lowering.shape import TAPS_PER_CHANNEL
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,18 +30,20 @@ def plant_header(made: PrintedPlant) -> str:
     """The text of plant.h."""
     plant, macro = made.plant, made.printed.macro
     sizes = {"STATES": len(plant.rows), "CONTROLS": plant.inputs, "OUTPUTS": plant.outputs, "NODES": plant.nodes}
-    sizes |= {"DISTURBANCES": plant.disturbances, "NOISES": plant.loop.noise, "PARAMETERS": len(plant.parameters)}
+    sizes |= {"DISTURBANCES": plant.disturbances, "NOISES": plant.loop.signals.noise, "PARAMETERS": len(plant.parameters)}
     members = [f"double state[{macro}_PLANT_STATES]; /* x, then the actuators', then the sensor's */"]
     if plant.parameters:
         names = ", ".join(one.name for one in plant.parameters)
         members.append(f"double parameter[{macro}_PLANT_PARAMETERS]; /* {names} */")
     if plant.channels:
-        members.append(f"double past[{plant.lag + TAPS}][{plant.channels}]; /* what is on its way through the delay */")
+        members.append(
+            f"double past[{plant.lag + TAPS_PER_CHANNEL}][{plant.channels}]; /* what is on its way through the delay */"
+        )
         members.append("int slot; /* of the past where this step is to stand */")
     inputs = [f"double u[{macro}_PLANT_CONTROLS]; /* control, held over the step */"]
     if plant.disturbances:
         inputs.append(f"double disturbance[{macro}_PLANT_NODES][{macro}_PLANT_DISTURBANCES]; /* at the step's instants */")
-    if plant.loop.noise:
+    if plant.loop.signals.noise:
         inputs.append(f"double noise[{macro}_PLANT_NOISES]; /* standard Gaussian numbers of the measurement */")
     return filled(
         "plant.h",
@@ -86,7 +88,7 @@ def _nothing(plant: PlantContents) -> list[str]:
     """The delay holds what was before t = 0."""
     if not plant.channels:
         return []
-    lines = ["int k;", f"for (k = 0; k < {plant.lag + TAPS}; ++k) {{"]
+    lines = ["int k;", f"for (k = 0; k < {plant.lag + TAPS_PER_CHANNEL}; ++k) {{"]
     lines += [f"    p->past[k][{i}] = {c99.constant(value)};" for i, value in enumerate(plant.history)]
     return ["p->slot = 0;", "{", *(f"    {line}" for line in (*lines, "}")), "}"]
 
@@ -101,8 +103,10 @@ def _measured(made: PrintedPlant) -> list[str]:
 
 def _stepped(made: PrintedPlant) -> list[str]:
     plant, program = made.plant, made.plant.step
-    rows = plant.lag + TAPS
-    taps = [f"const double *const tap{t} = p->past[(p->slot + {rows - plant.lag - t}) % {rows}];" for t in range(TAPS)]
+    rows = plant.lag + TAPS_PER_CHANNEL
+    taps = [
+        f"const double *const tap{t} = p->past[(p->slot + {rows - plant.lag - t}) % {rows}];" for t in range(TAPS_PER_CHANNEL)
+    ]
     lines = [*(taps if plant.channels else []), *c99.statements(program, _inputs(made, program))]
     printer = c99.Printer(program)
     own, remembered = program.outputs[0][: len(plant.rows)], program.outputs[0][len(plant.rows) :]
@@ -121,7 +125,7 @@ def _inputs(made: PrintedPlant, program: Program) -> dict[tuple[int, int], str]:
             place = made.plant.signal(at)
             texts[kind, at] = c99.constant(1.0) if place is None else f"in->disturbance[{place[0]}][{place[1]}]"
         elif kind == PAST:
-            texts[kind, at] = f"tap{at % TAPS}[{at // TAPS}]"
+            texts[kind, at] = f"tap{at % TAPS_PER_CHANNEL}[{at // TAPS_PER_CHANNEL}]"
         elif kind == NOISE:
             texts[kind, at] = f"in->noise[{at}]"
     return texts

@@ -84,7 +84,9 @@ class Unit:
         if self.made is not None:
             plant = self.made.plant
             found += array("disturbance", "input", "continuous", "held over a communication step", [0.0] * plant.disturbances)
-            found += array("noise", "input", "discrete", "standard Gaussian number of the sensor", [0.0] * plant.loop.noise)
+            found += array(
+                "noise", "input", "discrete", "standard Gaussian number of the sensor", [0.0] * plant.loop.signals.noise
+            )
         return found
 
     def _outputs(self) -> list[Variable]:
@@ -189,7 +191,7 @@ class Unit:
         lines += [f"in->u[{i}] = {'0.0' if self.controller else self._at(one)};" for i, one in enumerate(names)]
         for i, one in enumerate(entries("disturbance", plant.disturbances)):
             lines += [f"in->disturbance[{node}][{i}] = {self._at(one)};" for node in range(plant.nodes)]
-        lines += [f"in->noise[{i}] = {self._at(one)};" for i, one in enumerate(entries("noise", plant.loop.noise))]
+        lines += [f"in->noise[{i}] = {self._at(one)};" for i, one in enumerate(entries("noise", plant.loop.signals.noise))]
         return lines if any("m->" in line for line in lines) else [*lines, "(void)m;"]
 
     def outputs(self) -> list[str]:
