@@ -15,6 +15,7 @@ from scipy.integrate import solve_ivp
 from barbalat.adaptation.laws import Gradient, LeastSquares
 from barbalat.adaptation.output_lyapunov import LyapunovLaw
 from barbalat.controllers import (
+    DirectMrac,
     KnownParameters,
     L1Adaptive,
     L1PiecewiseConstant,
@@ -161,6 +162,7 @@ def example_controllers(n: int) -> dict[str, tuple]:
     return {
         "mrac": (Mrac(gamma=gamma),),
         "mrac-closed-loop": (MracClosedLoop(gamma=gamma, model_feedback=-0.5 * np.eye(n)),),
+        "mrac-direct": (DirectMrac(gamma=gamma), DirectMrac(gamma=gamma * np.ones(n), gamma_r=0.5, k_r0=0.0)),
         "l1": (L1Adaptive(gamma=gamma, filter=input_filter(0.01)),),
         "l1-piecewise": (
             L1PiecewiseConstant(sample_time=2.0**-6, filter=input_filter(0.02)),

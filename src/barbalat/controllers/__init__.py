@@ -6,6 +6,7 @@ from barbalat.controllers.l1_piecewise import L1PiecewiseConstant as L1Piecewise
 from barbalat.controllers.linear_feedback import LinearFeedback as LinearFeedback
 from barbalat.controllers.mrac import Mrac as Mrac
 from barbalat.controllers.mrac_closed_loop import MracClosedLoop as MracClosedLoop
+from barbalat.controllers.mrac_direct import DirectMrac as DirectMrac
 from barbalat.controllers.robust_mrac import NormalizedMrac as NormalizedMrac
 from barbalat.controllers.robust_mrac import RobustMrac as RobustMrac
 from barbalat.controllers.sampled import Sampled as Sampled
@@ -13,6 +14,7 @@ from barbalat.controllers.sampled import Sampled as Sampled
 SCHEMES = {
     "mrac": Mrac,
     "mrac-closed-loop": MracClosedLoop,
+    "mrac-direct": DirectMrac,
     "l1": L1Adaptive,
     "l1-piecewise": L1PiecewiseConstant,
     "mrac-normalized": NormalizedMrac,

@@ -16,6 +16,7 @@ from barbalat.explorer.effects import Effect, Rows, Target, composed, effects_of
 from barbalat.explorer.numbers import GRID, Number, ranged
 from barbalat.explorer.source import Source
 from barbalat.loop.packing import unflatten
+from barbalat.loop.true_values import true_values
 from barbalat.lowering.wasm.loop import loop as module_of
 from barbalat.problem.command_gain import commanded, gains_at_rest
 from barbalat.run.columns import Columns
@@ -255,7 +256,7 @@ def _outputs(case: Case, members: Members) -> dict[str, Any]:
     marked, _ = unflatten(loop._initial, np.arange(loop.size), 0)
     rows = loop.theta_hat_rows
     output = loop.measured_outputs > 0
-    gains = gains_at_rest(case.problem)
+    gains, true = gains_at_rest(case.problem), true_values(case.problem, loop)
     panels = [
         {"state": state, "commands": [{"index": k, "gain": float(gains[state, k])} for k in commands]}
         for state, commands in commanded(case.problem)
@@ -271,7 +272,7 @@ def _outputs(case: Case, members: Members) -> dict[str, Any]:
         "theta_hat": [rows.start, rows.stop],
         "x": [int(i) for i in marked.x.reshape(-1)], "x_m": [int(i) for i in marked.x_m.reshape(-1)],
         "output": output, "panels": panels,
-        "true": None if case.problem.parameters is None else [float(v) for v in case.problem.parameters],
+        "true": None if true is None else [float(v) for v in true],
     }  # fmt: skip
 
 
