@@ -20,6 +20,7 @@ from barbalat.controllers import (
     L1Adaptive,
     L1PiecewiseConstant,
     LinearFeedback,
+    MitRule,
     Mrac,
     MracClosedLoop,
     NormalizedMrac,
@@ -163,6 +164,7 @@ def example_controllers(n: int) -> dict[str, tuple]:
         "mrac": (Mrac(gamma=gamma),),
         "mrac-closed-loop": (MracClosedLoop(gamma=gamma, model_feedback=-0.5 * np.eye(n)),),
         "mrac-direct": (DirectMrac(gamma=gamma), DirectMrac(gamma=gamma * np.ones(n), gamma_r=0.5, k_r0=0.0)),
+        "mit-rule": (MitRule(gamma=gamma), MitRule(gamma=gamma, normalization=1.0, output=np.ones(n))),
         "l1": (L1Adaptive(gamma=gamma, filter=input_filter(0.01)),),
         "l1-piecewise": (
             L1PiecewiseConstant(sample_time=2.0**-6, filter=input_filter(0.02)),

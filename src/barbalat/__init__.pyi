@@ -23,6 +23,7 @@ from .controllers import KnownParameters as KnownParameters
 from .controllers import L1Adaptive as L1Adaptive
 from .controllers import L1PiecewiseConstant as L1PiecewiseConstant
 from .controllers import LinearFeedback as LinearFeedback
+from .controllers import MitRule as MitRule
 from .controllers import Mrac as Mrac
 from .controllers import MracClosedLoop as MracClosedLoop
 from .controllers import NormalizedMrac as NormalizedMrac

@@ -4,6 +4,7 @@ from barbalat.controllers.known_parameters import KnownParameters as KnownParame
 from barbalat.controllers.l1 import L1Adaptive as L1Adaptive
 from barbalat.controllers.l1_piecewise import L1PiecewiseConstant as L1PiecewiseConstant
 from barbalat.controllers.linear_feedback import LinearFeedback as LinearFeedback
+from barbalat.controllers.mit_rule import MitRule as MitRule
 from barbalat.controllers.mrac import Mrac as Mrac
 from barbalat.controllers.mrac_closed_loop import MracClosedLoop as MracClosedLoop
 from barbalat.controllers.mrac_direct import DirectMrac as DirectMrac
@@ -15,6 +16,7 @@ SCHEMES = {
     "mrac": Mrac,
     "mrac-closed-loop": MracClosedLoop,
     "mrac-direct": DirectMrac,
+    "mit-rule": MitRule,
     "l1": L1Adaptive,
     "l1-piecewise": L1PiecewiseConstant,
     "mrac-normalized": NormalizedMrac,

@@ -28,7 +28,8 @@ from barbalat.certificates.schemes.mrac import lyapunov_cells
 from barbalat.certificates.schemes.state_feedback import KNOWN_REGRESSOR, bounded_regressor
 from barbalat.certificates.step_limits import frozen_laws
 from barbalat.certificates.step_limits.oscillator import Oscillator
-from barbalat.controllers.mrac_direct import DirectMrac, Equations
+from barbalat.controllers.control_gains import ControlGains, feedforward_gain
+from barbalat.controllers.mrac_direct import DirectMrac
 from barbalat.linear.definite import smallest_eigenvalue
 from barbalat.linear.enclosure import OUTWARD
 from barbalat.problem.known_set import Gain
@@ -50,14 +51,14 @@ ESTIMATES = (
 
 def certificate(problem: Problem, controller: DirectMrac, simulation: Simulation) -> Certificate:
     """The bound of e, the limits of gain and step, the margins with the gains at rest on the ideal ones."""
-    draft, equations = Draft(own=OWN), controller.bind(problem.known)
+    draft, gains = Draft(own=OWN), controller.bind(problem.known).gains
     require_lyapunov(problem.known)
     theta, omega, k_0 = problem.plant.theta, _omega(problem), float(problem.model.k_0)
     draft.advise({"k_x": (theta / omega).tolist(), "k_r": k_0 / omega})
-    bound = _error_level(problem, equations, _off(equations, theta, omega), omega)
-    rests_on = _rests_on(problem, equations, bound)
+    bound = _error_level(problem, gains, _off(gains, theta, omega), omega)
+    rests_on = _rests_on(problem, gains, bound)
     draft.guarantee("error_bound", bound, *rests_on)
-    worst = _worst(problem, equations)
+    worst = _worst(problem, gains)
     if worst is not None:
         draft.guarantee("error_bound_worst", worst, *rests_on, theta_in_the_set(problem), _gain_in_the_interval(problem))
     _add_limits(draft, problem, controller, simulation, bound)
@@ -72,40 +73,40 @@ def _omega(problem: Problem) -> float:
     return float(problem.plant.paths[0].gain)
 
 
-def _off(equations: Equations, theta: Array, omega: float) -> float:
+def _off(gains: ControlGains, theta: Array, omega: float) -> float:
     """sqrt(k_x_tilde'Gamma^-1 k_x_tilde) at t = 0, rounded up."""
-    off, gamma = equations.theta_hat0 - theta / omega, equations.gamma
+    off, gamma = gains.theta_hat0 - theta / omega, gains.gamma
     if gamma.dimensions:
         return laws.weighted_error(off, np.asarray(gamma.value))
     return float(np.linalg.norm(off)) / math.sqrt(gamma.value) * OUTWARD
 
 
-def _error_level(problem: Problem, equations: Equations, off: float, omega: float) -> float:
+def _error_level(problem: Problem, gains: ControlGains, off: float, omega: float) -> float:
     """sqrt(V(0)/lambda_min(P)), rounded up, from the feedback's part ``off`` of V(0)."""
-    k_r_off = abs(equations.k_r0 - float(problem.model.k_0) / omega) / math.sqrt(equations.gamma_r) * OUTWARD
+    k_r_off = abs(gains.k_r0 - float(problem.model.k_0) / omega) / math.sqrt(gains.gamma_r) * OUTWARD
     return math.sqrt(omega / smallest_eigenvalue(problem.known.P)) * math.hypot(off, k_r_off) * OUTWARD**2
 
 
-def _worst(problem: Problem, equations: Equations) -> float | None:
+def _worst(problem: Problem, gains: ControlGains) -> float | None:
     """The largest bound over the known set, and over the interval of the input's gain where one is known."""
-    known_set, least = problem.uncertainty, laws.least_gain(equations.gamma.value)
+    known_set, least = problem.uncertainty, laws.least_gain(gains.gamma.value)
     if known_set is None:
         return None
-    gains = problem.known.gains
-    ends = [_omega(problem)] if gains is None else [*gains.lower.tolist(), *gains.upper.tolist()]
-    farthest = [known_set.farthest(omega * equations.theta_hat0) / omega / math.sqrt(least) * OUTWARD for omega in ends]
-    return max(_error_level(problem, equations, *each) for each in zip(farthest, ends, strict=True))
+    interval = problem.known.gains
+    ends = [_omega(problem)] if interval is None else [*interval.lower.tolist(), *interval.upper.tolist()]
+    farthest = [known_set.farthest(omega * gains.theta_hat0) / omega / math.sqrt(least) * OUTWARD for omega in ends]
+    return max(_error_level(problem, gains, *each) for each in zip(farthest, ends, strict=True))
 
 
-def _rests_on(problem: Problem, equations: Equations, bound: float | None) -> tuple[Assumption, ...]:
+def _rests_on(problem: Problem, gains: ControlGains, bound: float | None) -> tuple[Assumption, ...]:
     """The plant (1) with any gain of its input, and ideal gains that the projection can reach."""
     regressor = () if problem.plant.is_linear else (KNOWN_REGRESSOR, bounded_regressor(problem, bound))
-    corners = laws.keeps_V_in_corners(equations.gamma.value, equations.box)
-    return (*nominal(problem, gain_adapted=True), _reachable(problem, equations), *regressor, corners)
+    corners = laws.keeps_V_in_corners(gains.gamma.value, gains.box)
+    return (*nominal(problem, gain_adapted=True), _reachable(problem, gains), *regressor, corners)
 
 
-def _reachable(problem: Problem, equations: Equations) -> Assumption:
-    omega, box, interval = _omega(problem), equations.box, equations.interval
+def _reachable(problem: Problem, gains: ControlGains) -> Assumption:
+    omega, box, interval = _omega(problem), gains.box, gains.interval
     if box is None and interval is None:
         return Assumption("the ideal gains are theta/omega and k_0/omega")
     inside = box is None or box.contains(problem.plant.theta / omega)
@@ -127,7 +128,7 @@ def _gain_in_the_interval(problem: Problem) -> Assumption:
 def _add_limits(draft: Draft, problem: Problem, controller: DirectMrac, simulation: Simulation, bound: float) -> None:
     """The frozen law moves along q = omega (k_hat - k)'z alone, with q' = -omega (phi'Gamma phi + gamma_r r^2) b'P e."""
     gain, omega, model = Gain(controller.gamma), _omega(problem), model_bounds(problem)
-    share = math.sqrt(controller.feedforward_gain / gain.largest) * model.r
+    share = math.sqrt(feedforward_gain(controller) / gain.largest) * model.r
     oscillator = Oscillator(problem.known, simulation.solver, frozen_laws.input_poles(problem))
     if not problem.plant.is_linear:
         reach = np.array(state_bounds(problem)) + bound
@@ -152,6 +153,6 @@ def _add_limits(draft: Draft, problem: Problem, controller: DirectMrac, simulati
 def column(problem: Problem, controller: DirectMrac, certificate: Certificate) -> tuple[str, dict[str, Entry]]:
     """The scheme's name in Table 1 and its cells."""
     bound = certificate.entry("error_bound")
-    rests_on = _rests_on(problem, controller.bind(problem.known), None if bound is None else bound.value)
+    rests_on = _rests_on(problem, controller.bind(problem.known).gains, None if bound is None else bound.value)
     cells = lyapunov_cells(problem, certificate, rests_on, "sqrt(V(0)/lambda_min(P)) = ")
     return "direct MRAC, feedback and feedforward adapted", cells | {"estimates": statement("estimates", ESTIMATES, *rests_on)}
