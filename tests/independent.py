@@ -15,6 +15,7 @@ from scipy.integrate import solve_ivp
 from barbalat.adaptation.laws import Gradient, LeastSquares
 from barbalat.adaptation.output_lyapunov import LyapunovLaw
 from barbalat.controllers import (
+    Adrc,
     DirectMrac,
     KnownParameters,
     L1Adaptive,
@@ -178,6 +179,10 @@ def example_controllers(n: int) -> dict[str, tuple]:
         "linear": (
             LinearFeedback(controller=TransferFunction([50.0, 40.0], [1.0, 0.0])),
             LinearFeedback(controller=TransferFunction([50.0], [1.0, 10.0]), output=np.arange(1.0, n + 1), nominal=np.ones(n)),
+        ),
+        "adrc": (
+            Adrc(bandwidth=20.0),
+            Adrc(bandwidth=30.0, output=np.eye(n)[0], nominal=0.5 * np.ones(n)),
         ),
         "known-parameters": (KnownParameters(theta={1: [1.5], 2: [1.0, -0.5], 3: [1.0, -1.0, 0.5]}[n]),),
     }

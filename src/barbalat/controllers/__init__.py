@@ -1,5 +1,6 @@
 """The registry: one line for each scheme, by the name that case files use. The contract tests run over it."""
 
+from barbalat.controllers.adrc import Adrc as Adrc
 from barbalat.controllers.known_parameters import KnownParameters as KnownParameters
 from barbalat.controllers.l1 import L1Adaptive as L1Adaptive
 from barbalat.controllers.l1_piecewise import L1PiecewiseConstant as L1PiecewiseConstant
@@ -22,5 +23,6 @@ SCHEMES = {
     "mrac-normalized": NormalizedMrac,
     "robust-mrac": RobustMrac,
     "linear": LinearFeedback,
+    "adrc": Adrc,
     "known-parameters": KnownParameters,
 }
