@@ -60,8 +60,8 @@ class Observer:
             off = np.inf
         if not off <= PLACED:
             raise InputError(
-                f"output must see every state and a constant disturbance, but {show(c)} does not, or not beyond rounding with the "
-                f"bandwidth {bandwidth:g}"
+                f"output must see every state and a constant disturbance, but {show(c)} does not, or not beyond rounding with "
+                f"the bandwidth {bandwidth:g}"
             )
         return cls(
             F=F,
