@@ -34,6 +34,8 @@ from barbalat.linear.systems import StateSpace, TransferFunction
 from barbalat.problem.state_feedback import Problem
 from barbalat.validate import Array, InputError
 
+ONE_LINEAR_INPUT = "a bound is known for one input with phi(x) = x"
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class FixedLoop:
@@ -116,7 +118,8 @@ def cells(problem: Problem, loop: FixedLoop | None, certificate: Certificate) ->
         else (f"mu over the known set = {mu:.4g}, below 1 where every constant theta in it is stable")
     )
     if bound is None or bound.value is None or loop is None:
-        why = small_gain or ("without a known set there is nothing to cover" if bound is None else bound.why)
+        nothing_to_cover = ONE_LINEAR_INPUT if loop is None else "without a known set there is nothing to cover"
+        why = small_gain or (nothing_to_cover if bound is None else bound.why)
         stability, transient = nothing("stability", why), nothing("transient", "no bound: " + why)
     else:
         stability = statement("stability", small_gain, *loop.rests_on(problem))
