@@ -39,7 +39,7 @@ def random_member(problems, seed):
 
 def test_the_bound_holds_along_runs(problems, sample, no_searches):
     bounds = []
-    for seed in range(sample(8, 300)):
+    for seed in range(sample(8, 60)):
         problem, controller = random_member(problems, seed)
         found, _ = certified(problem, controller)
         (run,) = simulate(problem, [controller], SIMULATION).values()

@@ -51,7 +51,7 @@ def random_member(problems, seed):
 
 
 def test_the_bound_holds_along_runs(problems, sample):
-    for seed in range(sample(12, 720)):
+    for seed in range(sample(12, 72)):
         problem, controller = random_member(problems, seed)
         (found,) = certify(problem, [controller], SIMULATION).values()
         (run,) = simulate(problem, [controller], SIMULATION).values()
@@ -64,7 +64,7 @@ TERMS = {1: ("sin(x1)",), 2: ("x1*x2", "sin(x2)"), 3: ("x1*x2", "x3", "tanh(x1)"
 
 
 def test_the_bound_holds_for_another_regressor_too(problems, sample):
-    for seed in range(sample(6, 240)):
+    for seed in range(sample(6, 36)):
         problem, controller = random_member(problems, seed)
         problem = replace(problem, plant=replace(problem.plant, regressor=Terms(terms=TERMS[problem.plant.n])))
         (found,) = certify(problem, [controller], SIMULATION).values()
