@@ -144,6 +144,7 @@ class RobustMrac:
         )
 
     def bind(self, known: Known) -> Equations | several.Equations:
+        require_known_gain("robust-mrac", known)
         if known.inputs > 1:
             return _several(self, known)
         Q = auxiliary_filter(minimum_phase_model(_output_vector(self.c_0, known), known), self.tau)
