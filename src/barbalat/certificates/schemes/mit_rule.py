@@ -25,6 +25,7 @@ from barbalat.linear.margins import margins
 from barbalat.linear.systems import StateSpace
 from barbalat.problem.state_feedback import Known, Problem
 from barbalat.solvers.simulation import Simulation
+from barbalat.validate import InputError
 
 NONE_KNOWN = "none known: the rule follows a gradient that is right only while the gains stand still"
 MARGIN = "adaptation_gain_margin"
@@ -56,7 +57,11 @@ def _add_gain_margin(draft: Draft, problem: Problem, controller: MitRule) -> Non
         draft.missing(MARGIN, "G(0) = 0: at a constant command the rule stands still")
         return
     slow = SLOW * float(np.abs(np.linalg.eigvals(known.A_m).real).min()) / steady
-    largest = margins(_loop(known, equations, slow)).gain_up * slow / kappa
+    try:
+        largest = margins(_loop(known, equations, slow)).gain_up * slow / kappa
+    except InputError as error:
+        draft.missing(MARGIN, str(error))
+        return
     draft.exact({MARGIN: finite(largest)}, f"kappa G(s)/s, the law linearised at the constant command {level:g}")
     if largest < 1:
         draft.note(
