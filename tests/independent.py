@@ -15,10 +15,13 @@ from scipy.integrate import solve_ivp
 from barbalat.adaptation.laws import Gradient, LeastSquares
 from barbalat.adaptation.output_lyapunov import LyapunovLaw
 from barbalat.controllers import (
+    Adrc,
+    DirectMrac,
     KnownParameters,
     L1Adaptive,
     L1PiecewiseConstant,
     LinearFeedback,
+    MitRule,
     Mrac,
     MracClosedLoop,
     NormalizedMrac,
@@ -161,6 +164,8 @@ def example_controllers(n: int) -> dict[str, tuple]:
     return {
         "mrac": (Mrac(gamma=gamma),),
         "mrac-closed-loop": (MracClosedLoop(gamma=gamma, model_feedback=-0.5 * np.eye(n)),),
+        "mrac-direct": (DirectMrac(gamma=gamma), DirectMrac(gamma=gamma * np.ones(n), gamma_r=0.5, k_r0=0.0)),
+        "mit-rule": (MitRule(gamma=gamma), MitRule(gamma=gamma, normalization=1.0, output=np.ones(n))),
         "l1": (L1Adaptive(gamma=gamma, filter=input_filter(0.01)),),
         "l1-piecewise": (
             L1PiecewiseConstant(sample_time=2.0**-6, filter=input_filter(0.02)),
@@ -174,6 +179,10 @@ def example_controllers(n: int) -> dict[str, tuple]:
         "linear": (
             LinearFeedback(controller=TransferFunction([50.0, 40.0], [1.0, 0.0])),
             LinearFeedback(controller=TransferFunction([50.0], [1.0, 10.0]), output=np.arange(1.0, n + 1), nominal=np.ones(n)),
+        ),
+        "adrc": (
+            Adrc(bandwidth=20.0),
+            Adrc(bandwidth=30.0, output=np.eye(n)[0], nominal=0.5 * np.ones(n)),
         ),
         "known-parameters": (KnownParameters(theta={1: [1.5], 2: [1.0, -0.5], 3: [1.0, -1.0, 0.5]}[n]),),
     }

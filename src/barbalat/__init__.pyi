@@ -18,10 +18,13 @@ from .cases.build import Case as Case
 from .cases.load import load_case as load_case
 from .certificates.certificate import Certificate as Certificate
 from .certificates.certify import certify as certify
+from .controllers import Adrc as Adrc
+from .controllers import DirectMrac as DirectMrac
 from .controllers import KnownParameters as KnownParameters
 from .controllers import L1Adaptive as L1Adaptive
 from .controllers import L1PiecewiseConstant as L1PiecewiseConstant
 from .controllers import LinearFeedback as LinearFeedback
+from .controllers import MitRule as MitRule
 from .controllers import Mrac as Mrac
 from .controllers import MracClosedLoop as MracClosedLoop
 from .controllers import NormalizedMrac as NormalizedMrac

@@ -101,6 +101,15 @@ class Estimating(Protocol):
 
 
 @runtime_checkable
+class GainEstimating(Protocol):
+    """Equations whose theta_hat are the controller's own gains: they are compared with the ideal ones, not with theta."""
+
+    def ideal_gains(self, theta: Array, omega: Array) -> Array:
+        """(p,), with which plant and controller are the model; omega (m,) is the effectiveness of the plant's inputs."""
+        ...
+
+
+@runtime_checkable
 class Reporting(Protocol):
     """Equations, sampled or not, with estimates that are no parameters: results have them under names of their own."""
 

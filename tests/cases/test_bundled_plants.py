@@ -13,6 +13,8 @@ STATED = {
     "lateral-aircraft": [-3.62, -0.423 - 3.06j, -0.423 + 3.06j, -0.016],
     "third-order": [-2.549 - 1.858j, -2.549 + 1.858j, -0.402],
     "first-order": [1.0],
+    "astrom-wittenmark": [-1.0],
+    "satellite-spin": [-2.5 - 9.682j, -2.5 + 9.682j],
     "paper": [-4.775, 0.775],
 }
 

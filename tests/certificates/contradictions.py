@@ -7,7 +7,7 @@ import re
 import numpy as np
 from mixtures import SIMULATION
 
-from barbalat import KnownParameters, NormalizedMrac, RobustMrac, Sampled
+from barbalat import DirectMrac, KnownParameters, NormalizedMrac, RobustMrac, Sampled
 from barbalat.certificates.bounds.slopes import steepest_seen
 from barbalat.certificates.cells import Column
 from barbalat.certificates.certificate import Certificate
@@ -88,6 +88,8 @@ def estimates_grow(run: Result, text: str) -> bool:
     scheme = run.controller
     if isinstance(scheme, Sampled) or "pulled" in text or run.diverged_at is not None or run.problem.feedback == "output":
         return False
+    if isinstance(scheme, DirectMrac):
+        return gains_grow(run, scheme)
     theta_tilde = run.theta_hat - run.problem.parameters
     if isinstance(scheme, (NormalizedMrac, RobustMrac)):
         parts = [run.loop.unpack(state).controller.memory for state in run.states]
@@ -98,6 +100,16 @@ def estimates_grow(run: Result, text: str) -> bool:
         metrics = [Gain(scheme.gamma).as_matrix(theta_tilde.shape[1])] * len(theta_tilde)
     V = [error @ np.linalg.solve(metric, error) for error, metric in zip(theta_tilde, metrics, strict=True)]
     return bool(max(V) > V[0] * ROUNDING + 1e-12)
+
+
+def gains_grow(run: Result, scheme: DirectMrac) -> bool:
+    """The same of feedback and feedforward together: k_x_tilde'Gamma^-1 k_x_tilde + k_r_tilde^2/gamma_r."""
+    plant = run.problem.plant
+    (omega,) = (path.gain for path in plant.paths)
+    k_x, k_r = run.theta_hat - plant.theta / omega, run.reported["k_r_hat"] - run.problem.reference_model.k_0 / omega
+    inverse = np.linalg.inv(Gain(scheme.gamma).as_matrix(k_x.shape[1]))
+    V = np.einsum("ki,ij,kj->k", k_x, inverse, k_x) + k_r[:, 0] ** 2 / (scheme.gamma_r or scheme.gamma)
+    return bool(V.max() > V[0] * ROUNDING + 1e-12)
 
 
 def claims_where_nothing_holds(certificate: Certificate, column: Column) -> list[str]:

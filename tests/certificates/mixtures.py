@@ -34,7 +34,7 @@ from barbalat.adaptation.modifications.epsilon_modification import EpsilonModifi
 from barbalat.adaptation.modifications.fixed_sigma import FixedSigma
 from barbalat.adaptation.modifications.switching_sigma import SwitchingSigma
 from barbalat.adaptation.normalization import Normalization
-from barbalat.controllers import KnownParameters, MracClosedLoop
+from barbalat.controllers import Adrc, DirectMrac, KnownParameters, MitRule, MracClosedLoop
 from barbalat.controllers.windup import ModifiedError
 from barbalat.loop.binding import bound
 from barbalat.problem.measurement import Noise, Sensor
@@ -197,6 +197,9 @@ def state_controllers(random: np.random.Generator, problem: Problem) -> list[Con
         ),
         lambda: LinearFeedback(controller=TF([20.0, 20.0], [1.0, 0.0]), nominal=np.zeros(n)),
         lambda: KnownParameters(theta=problem.plant.theta),
+        lambda: Adrc(bandwidth=10 ** random.uniform(0, 2), nominal=problem.plant.theta if random.random() < 0.5 else None),
+        lambda: MitRule(gamma=gain, gamma_r=gamma, normalization=random.choice([None, 1.0]), projection=projection),
+        lambda: DirectMrac(gamma=gain, gamma_r=gamma, projection=projection),
     ]
     return fitting(random, problem, made)
 

@@ -9,10 +9,9 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from barbalat.adaptation.laws import Gradient
 from barbalat.cases.load import load_case
 from barbalat.certificates.certify import certify
-from barbalat.controllers import L1Adaptive, LinearFeedback, Mrac, RobustMrac
+from barbalat.controllers import L1Adaptive, LinearFeedback, Mrac, MracClosedLoop
 from barbalat.linear.pole_placement import place
 from barbalat.linear.systems import TransferFunction, input_filter
 from barbalat.loop.packing import column, symbols
@@ -245,7 +244,7 @@ def test_place():
         (lambda: replace(two_inputs(), input_gain=((0.5, 1.0), (2.0, 1.0))), ["input_gain", "0 < lower", "[2, 1]"]),
         (lambda: replace(two_inputs(), input_gain=((0.5, 1.0),) * 3), ["input_gain", "2 x 2"]),
         (lambda: Plant(A=np.eye(3), A_m=A_M, b=B), ["matched", "out of the reach"]),
-        (lambda: RobustMrac(tau=1.0, law=Gradient(gamma=1.0)).bind(two_inputs().known), ["one input", "2"]),
+        (lambda: MracClosedLoop(gamma=1.0, model_feedback=-np.eye(2)).bind(two_inputs().known), ["one input", "2"]),
         (lambda: LinearFeedback(controller=TransferFunction([1.0], [1.0, 1.0])).bind(two_inputs().known), ["one input"]),
         (
             lambda: Mrac(gamma=1.0, projection=True).bind(replace(two_inputs(), uncertainty=None, input_gain=(0.5, 2.0)).known),

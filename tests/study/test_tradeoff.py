@@ -85,7 +85,7 @@ def test_every_bundled_case_with_measured_state(name):
     simulation = replace(case.simulation, t_end=case.simulation.t_end / 6)
     found = trade_off(case.problem, simulation, density=2, plants=1)
     assert [cloud.scheme for cloud in found.clouds][:2] == ["MRAC", "L1-AC"]
-    takes_robust = case.problem.plant.inputs == 1 and case.problem.input_gain is None
+    takes_robust = case.problem.input_gain is None
     assert (len(found.clouds) == 3) == takes_robust
     assert any("Robust MRAC is left out: robust-mrac takes" in sentence for sentence in found.notes) == (not takes_robust)
     for cloud in found.clouds:

@@ -8,6 +8,8 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple, Protocol, runtime_checkable
 
+import numpy as np
+
 from barbalat import validate
 from barbalat.adaptation.guarantee import Guarantee
 from barbalat.adaptation.modifications.leakage import Leakage
@@ -17,11 +19,29 @@ from barbalat.validate import Array, InputError
 
 
 class Estimation(NamedTuple):
-    """The linear parametric model z = theta'phi, (13), at one instant; all of it is measured."""
+    """The linear parametric model z = theta'phi, (13), at one instant; all of it is measured.
 
-    phi: Value  # (n,) regressor
+    With m equations, one for each input of a plant, z = phi'theta and epsilon are (m,).
+    """
+
+    phi: Value  # (n,) regressor, (n, m)
     m_s_squared: Value  # normalising signal
     epsilon: Value  # estimation error (z - theta_hat'phi)/m_s^2
+
+    @property
+    def squared_error(self) -> Value:
+        """(epsilon m_s)^2, of all equations."""
+        epsilon, m_s_squared = self.epsilon, self.m_s_squared
+        return epsilon * epsilon * m_s_squared if self.phi.ndim == 1 else (epsilon @ epsilon) * m_s_squared
+
+    def descent(self, gain: Gain) -> Value:
+        """Gamma phi epsilon."""
+        return gain.scaled(self.epsilon, self.phi) if self.phi.ndim == 1 else gain.times(self.phi @ self.epsilon)
+
+
+def gram(phi: Value) -> Value:
+    """phi phi', (n, n)."""
+    return np.outer(phi, phi) if phi.ndim == 1 else phi @ phi.T
 
 
 class Rates(NamedTuple):

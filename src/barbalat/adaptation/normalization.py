@@ -30,4 +30,8 @@ class Normalization:
         return np.maximum(1 + phi @ phi + self.alpha_0 * n_d, 1)  # (16)
 
     def n_d_dot(self, n_d: Value, u: Value) -> Value:
-        return -self.delta_0 * n_d + u * u  # (16)
+        return self.driven(n_d, u * u)
+
+    def driven(self, n_d: Value, squared: Value) -> Value:
+        """n_d' for u^2, or |u|^2 of several inputs."""
+        return -self.delta_0 * n_d + squared  # (16)

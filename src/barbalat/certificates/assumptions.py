@@ -38,17 +38,18 @@ def beyond_the_paper(problem: Problem) -> bool:
     return problem.plant.inputs > 1 or not problem.plant.is_linear or problem.input_gain is not None
 
 
-def nominal(problem: TrackingProblem) -> tuple[Assumption, ...]:
+def nominal(problem: TrackingProblem, *, gain_adapted: bool = False) -> tuple[Assumption, ...]:
     """The plant (1) as it stands, nothing that acts on it, and a command of the class that is followed."""
-    plant = exact_plant(problem), undisturbed(problem), measured(problem)
+    plant = exact_plant(problem, gain_adapted=gain_adapted), undisturbed(problem), measured(problem)
     return *plant, bounded_command(problem), START_TOGETHER, ACTS_CONTINUOUSLY
 
 
-def exact_plant(problem: TrackingProblem) -> Assumption:
-    """No dynamics, limits or delay before the plant."""
+def exact_plant(problem: TrackingProblem, *, gain_adapted: bool = False) -> Assumption:
+    """No dynamics, limits or delay before the plant; with ``gain_adapted`` the scheme takes any gain of its input."""
+    known = not gain_adapted and _gain_known(problem)
     return Assumption(
         "the plant is (1): matched uncertainty, no unmodelled dynamics, no delay or limits",
-        ", ".join(dict.fromkeys(word for path in problem.plant.paths for word in _on_the_way(path, _gain_known(problem)))),
+        ", ".join(dict.fromkeys(word for path in problem.plant.paths for word in _on_the_way(path, known))),
     )
 
 

@@ -72,7 +72,9 @@ class Observed:
     name: str = "observed"
 
     def bind(self, known: Known) -> Equations:
-        return Equations(self.scheme.bind(known), self.theta)
+        bound = self.scheme.bind(known)
+        assert isinstance(bound, RobustEquations)  # Section V has one input
+        return Equations(bound, self.theta)
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,7 +6,7 @@ The same equations without the auxiliary input are the normalised MRAC that Sect
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any, ClassVar, NamedTuple
+from typing import ClassVar
 
 import numpy as np
 
@@ -14,10 +14,12 @@ from barbalat import validate
 from barbalat.adaptation.law import AdaptiveLaw, Estimation, require_law
 from barbalat.adaptation.laws.least_squares import LeastSquares
 from barbalat.adaptation.normalization import Normalization
+from barbalat.controllers import robust_mrac_several as several
 from barbalat.controllers.knobs import Knobs, Reach
 from barbalat.controllers.parametric_model import auxiliary_filter, minimum_phase_model
 from barbalat.controllers.robust_mrac_sampled import StateEstimator
-from barbalat.controllers.settings import check_common, initial_estimate, projection_box, require_one_input
+from barbalat.controllers.robust_mrac_state import State
+from barbalat.controllers.settings import check_common, initial_estimate, projection_box, require_known_gain, require_one_input
 from barbalat.controllers.windup import applied, limits_of_predictor
 from barbalat.linear.systems import StateSpace
 from barbalat.problem.known_set import EstimateSet, limit
@@ -25,18 +27,6 @@ from barbalat.problem.regressors import Regressor
 from barbalat.problem.state_feedback import Known
 from barbalat.protocols import Value
 from barbalat.validate import Array, Vector
-
-
-class State(NamedTuple):
-    """What the controller integrates."""
-
-    theta_hat: Value  # (p,) estimate of theta
-    memory: Any  # of the law
-    xi: Value  # (n,) the known part of x: xi' = A_m xi + b u, xi(0) = x(0); sat(u) with ``saturated_predictor``
-    Xi: Value  # (n, p) W_b(s)[phi(x)'], where phi(x) = x in the paper
-    n_d: Value  # scalar, dynamic normalising signal
-    swapping: Value  # (n,) (sI - A_m)^-1 [Xi theta_hat']; (0,) without auxiliary input
-    filter: Value  # (n,) state of Q(s); (0,) without auxiliary input
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -113,7 +103,7 @@ class RobustMrac:
 
     tau            time constant of the auxiliary input [s], > 0
     law            LeastSquares (the paper's) or another of ``adaptation.laws``
-    c_0            (n,); W_m(s) = c_0'(sI - A_m)^-1 b must be minimum phase; P b by default
+    c_0            (n,); W_m(s) = c_0'(sI - A_m)^-1 b must be minimum phase; P b by default. With m inputs (m, n), b'P by default
     normalization  of the estimation error: eq. (16)
     theta_hat0     (n,), zero by default; inside the known set
     projection     onto the known set; by default on where one is given
@@ -134,7 +124,7 @@ class RobustMrac:
 
     tau: float
     law: AdaptiveLaw
-    c_0: Vector | None = None
+    c_0: Array | None = None
     normalization: Normalization = field(default_factory=Normalization)
     theta_hat0: Vector | None = None
     projection: bool | None = None
@@ -153,8 +143,10 @@ class RobustMrac:
             make=lambda tau, covariance0: cls(tau=tau, law=LeastSquares(covariance0=covariance0)),
         )
 
-    def bind(self, known: Known) -> Equations:
-        require_one_input("robust-mrac", known)
+    def bind(self, known: Known) -> Equations | several.Equations:
+        require_known_gain("robust-mrac", known)
+        if known.inputs > 1:
+            return _several(self, known)
         Q = auxiliary_filter(minimum_phase_model(_output_vector(self.c_0, known), known), self.tau)
         return _equations(self, known, Q)
 
@@ -164,7 +156,7 @@ class NormalizedMrac:
     """u = -theta_hat'x + k_0 r with a law driven by the normalised estimation error: RobustMrac without auxiliary input.
 
     law            of ``adaptation.laws``
-    c_0            (n,); W_m(s) = c_0'(sI - A_m)^-1 b must be minimum phase; P b by default
+    c_0            (n,); W_m(s) = c_0'(sI - A_m)^-1 b must be minimum phase; P b by default. With m inputs (m, n), b'P by default
     normalization  of the estimation error: eq. (16)
     theta_hat0     (n,), zero by default; inside the known set
     projection     onto the known set; by default on where one is given
@@ -174,7 +166,7 @@ class NormalizedMrac:
     """
 
     law: AdaptiveLaw
-    c_0: Vector | None = None
+    c_0: Array | None = None
     normalization: Normalization = field(default_factory=Normalization)
     theta_hat0: Vector | None = None
     projection: bool | None = None
@@ -186,14 +178,15 @@ class NormalizedMrac:
     def __post_init__(self) -> None:
         _check_model_and_law(self)
 
-    def bind(self, known: Known) -> Equations:
-        return _equations(self, known, Q=None)
+    def bind(self, known: Known) -> Equations | several.Equations:
+        return _several(self, known) if known.inputs > 1 else _equations(self, known, Q=None)
 
 
 def _check_model_and_law(settings: RobustMrac | NormalizedMrac) -> None:
     check_common(settings)
     if settings.c_0 is not None:
-        object.__setattr__(settings, "c_0", validate.vector("c_0", settings.c_0))
+        rows = (None,) if validate.dimensions(settings.c_0) == 1 else (None, None)
+        validate.freeze(settings, c_0=validate.array("c_0", settings.c_0, rows))
     require_law(settings.law)
     validate.instance("normalization", settings.normalization, Normalization)
 
@@ -201,6 +194,20 @@ def _check_model_and_law(settings: RobustMrac | NormalizedMrac) -> None:
 def _output_vector(c_0: Array | None, known: Known) -> Array:
     """c_0, by default P b: W_m is then strictly positive real (Kalman-Yakubovich), so minimum phase of relative degree 1."""
     return known.P @ known.b if c_0 is None else validate.vector("c_0", c_0, known.n)
+
+
+def _several(settings: RobustMrac | NormalizedMrac, known: Known) -> several.Equations:
+    require_known_gain("a controller on the parametric model (13)", known)
+    return several.equations(
+        known,
+        c_0=settings.c_0,
+        tau=settings.tau,
+        law=settings.law,
+        normalization=settings.normalization,
+        theta_hat0=settings.theta_hat0,
+        box=projection_box(settings.projection, known),
+        limits=limits_of_predictor(settings.saturated_predictor, known),
+    )
 
 
 def _equations(settings: RobustMrac | NormalizedMrac, known: Known, Q: StateSpace | None) -> Equations:

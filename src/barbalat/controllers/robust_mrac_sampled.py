@@ -15,6 +15,7 @@ from barbalat.protocols import Sample, Value
 
 if TYPE_CHECKING:
     from barbalat.controllers import robust_mrac
+    from barbalat.controllers.robust_mrac_state import State
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,7 +30,7 @@ class StateEstimator(Estimator):
         Q = None if equations.Q is None else Filter.of(equations.Q, T)
         return cls(equations, T, law, LinearStep.of(equations.A_m, T), Q)
 
-    def advance(self, state: robust_mrac.State, before: Sample, u: Value, now: Sample) -> robust_mrac.State:
+    def advance(self, state: State, before: Sample, u: Value, now: Sample) -> State:
         c = self.continuous
         u = applied(u, c.limits)
         x_mid = (before.x + now.x) / 2

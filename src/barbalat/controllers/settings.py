@@ -48,7 +48,12 @@ def initial_estimate(theta_hat0: Array | None, box: EstimateSet | None, known: K
 def require_one_input(scheme: str, known: Known) -> None:
     """InputError for several inputs or an unknown input gain, which only the Lyapunov schemes take."""
     if known.inputs > 1:
-        raise InputError(f"{scheme} takes plants with one input, got {known.inputs}; mrac and l1 take several")
+        raise InputError(f"{scheme} takes plants with one input, got {known.inputs}; mrac, robust-mrac and l1 take several")
+    require_known_gain(scheme, known)
+
+
+def require_known_gain(scheme: str, known: Known) -> None:
+    """InputError for an unknown input gain."""
     if known.uncertainty.gain_unknown:
         raise InputError(f"{scheme} takes the input gain as known; mrac and l1 estimate it (uncertainty.input_gain)")
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
+import numpy as np
+
 from barbalat.controllers.steps import LinearStep
 from barbalat.protocols import Equations, Sample, Value
 
@@ -26,6 +28,6 @@ class Tustin:
         return self.continuous.control(state, x, x_m, r)
 
     def advance(self, state: Any, before: Sample, u: Value, now: Sample) -> Any:
-        rest = self.continuous.initial()  # at the origin the derivative is the forcing alone
+        rest = type(state)(state.theta_hat, np.zeros(state[1].shape))  # at the origin the derivative is the forcing alone
         forcings = [self.continuous.derivative(rest, *sample, u)[1] for sample in (before, now)]
         return type(state)(state.theta_hat, self.step.end(state[1], (forcings[0] + forcings[1]) / 2))

@@ -10,6 +10,7 @@ from barbalat.cases.build import Case
 from barbalat.explorer.encoded import doubles
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.loop.packing import unflatten
+from barbalat.loop.true_values import true_values
 from barbalat.problem.command_gain import commanded, gains_at_rest
 from barbalat.protocols import Reporting
 from barbalat.run import delay
@@ -24,7 +25,7 @@ def outputs(case: Case, members: Members) -> dict[str, Any]:
     assert isinstance(accumulators, Accumulators)
     marked, _ = unflatten(loop._initial, np.arange(loop.size), 0)
     rows = loop.theta_hat_rows
-    gains = gains_at_rest(case.problem)
+    gains, true = gains_at_rest(case.problem), true_values(case.problem, loop)
     panels = [
         {"state": state, "commands": [{"index": k, "gain": float(gains[state, k])} for k in commands]}
         for state, commands in commanded(case.problem)
@@ -40,7 +41,7 @@ def outputs(case: Case, members: Members) -> dict[str, Any]:
         "theta_hat": [rows.start, rows.stop],
         "x": [int(i) for i in marked.x.reshape(-1)], "x_m": [int(i) for i in marked.x_m.reshape(-1)],
         "output": loop.measured_outputs > 0, "panels": panels,
-        "true": None if case.problem.parameters is None else [float(v) for v in case.problem.parameters],
+        "true": None if true is None else [float(v) for v in true],
         "reported": _reported(loop),
         "past": None if members.history is None else members.history[:, 0].tolist(),
     }  # fmt: skip

@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from barbalat import validate
-from barbalat.problem.known_set import EstimateSet, KnownSet, ParameterBall, ParameterBox, ParameterProduct, with_gains
+from barbalat.problem.known_set import EstimateSet, KnownSet, ParameterBall, ParameterBox, with_gains
 from barbalat.problem.labels import Labels
 from barbalat.problem.measurement import Sensor
 from barbalat.problem.plant import Plant
@@ -45,9 +45,8 @@ class Known:
 
     @property
     def theta_set(self) -> KnownSet | None:
-        """The known set of theta, for schemes that take the input gain as known."""
-        assert not self.uncertainty.gain_unknown and not isinstance(self.box, ParameterProduct)
-        return self.box
+        """The known set of theta alone."""
+        return None if self.box is None else self.box.of_theta(self.uncertainty.regressor.size(self.n) * self.inputs)
 
     @property
     def gains(self) -> ParameterBox | None:

@@ -80,7 +80,7 @@ def _estimates(result: Result, chosen: Sequence[int]) -> list[Series]:
 
 
 def _true_values(result: Result, p: int, chosen: Sequence[int]) -> list[Level]:
-    true = result.problem.parameters
+    true = result.true_values
     if true is None or len(true) != p:
         return []
     return [Level(value=float(true[i]), colour=i, dash=1, label="true values", of=k) for k, i in enumerate(chosen)]

@@ -10,6 +10,7 @@ import numpy as np
 
 from barbalat import validate
 from barbalat.loop.closed_loop import ClosedLoop
+from barbalat.loop.true_values import true_values
 from barbalat.problem.command_gain import command_warning
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller, Reporting
@@ -105,6 +106,11 @@ class Result:
         return {name: np.array([row[name] for row in rows]) for name in rows[0]}
 
     @property
+    def true_values(self) -> Array | None:
+        """(p,) what the estimates are to become: the parameters, or the ideal gains; None where the problem knows none."""
+        return true_values(self.problem, self.loop)
+
+    @property
     def diverged_at(self) -> float | None:
         """When the run diverged [s]: x, x_m and theta_hat, or y and e, left 1e12, or a state ceased to be a number."""
         return self.metrics.end_of(0)
@@ -139,7 +145,7 @@ class Result:
         envelope, loop = self.envelope, self.loop
         extrema = envelope.theta_hat_min, envelope.theta_hat_max
         phi = regressor_along(loop, self.states, self.x if self.y is None else self.y, self.u)
-        return adapting(loop, self.t, self.theta_hat, extrema, envelope.theta_hat_path, phi, self.problem.parameters)
+        return adapting(loop, self.t, self.theta_hat, extrema, envelope.theta_hat_path, phi, self.true_values)
 
     @property
     def warnings(self) -> tuple[str, ...]:

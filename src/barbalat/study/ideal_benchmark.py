@@ -10,6 +10,7 @@ import numpy as np
 
 from barbalat.controllers import KnownParameters
 from barbalat.loop.closed_loop import ClosedLoop
+from barbalat.loop.true_values import true_values
 from barbalat.problem.known_set import Projecting
 from barbalat.problem.state_feedback import Problem
 from barbalat.problem.tracking import TrackingProblem
@@ -86,7 +87,7 @@ def known_width(problem: TrackingProblem, controller: Controller) -> Array:
     if known_set is not None and known_set.bounds_theta:
         extents = [part.extent for part in (known_set.sphere, known_set.intervals) if part is not None]
         return np.concatenate([high - low for low, high in extents])[: loop.parameters]
-    theta = problem.parameters
+    theta = true_values(problem, loop)
     return np.full(loop.parameters, np.inf if theta is None else 2 * float(np.linalg.norm(theta)))
 
 

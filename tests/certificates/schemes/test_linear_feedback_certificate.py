@@ -34,7 +34,7 @@ def test_the_norm_against_an_impulse_response(section_v):
     t = np.linspace(0, 40, 400_001)
     _, g = scipy_signal.impulse(closed, T=t)
     by_quadrature = np.trapezoid(np.abs(g), t, axis=0).max()
-    found = linear_feedback.error_norm(equations, section_v.known)
+    found = linear_feedback.loop_of(section_v, given).error_norm()
     assert found.lower <= found.upper
     assert by_quadrature == pytest.approx(found.upper, rel=1e-4)
 

@@ -13,6 +13,7 @@ from barbalat import (
     EULER,
     HEUN,
     RK4,
+    DirectMrac,
     Gradient,
     L1Adaptive,
     Mrac,
@@ -32,6 +33,7 @@ T_END = 15.0  # s; a period of the command is 12.6 s, so that |x_m| has been at 
 SCHEMES = {
     "mrac": Mrac(gamma=10.0),
     "closed-loop model": MracClosedLoop(gamma=10.0, model_feedback=[[-1.0, 0.0], [0.0, -1.0]]),
+    "direct": DirectMrac(gamma=5.0, gamma_r=2.0),
     "l1": L1Adaptive(gamma=100.0, filter=input_filter(0.02)),
     "normalised": NormalizedMrac(law=Gradient(gamma=50.0)),
 }

@@ -17,7 +17,7 @@ import numpy as np
 from barbalat import validate
 from barbalat.adaptation import implicit
 from barbalat.adaptation.guarantee import ModifiedLaw
-from barbalat.adaptation.law import Estimation, Moved, Rates, SampleData
+from barbalat.adaptation.law import Estimation, Moved, Rates, SampleData, gram
 from barbalat.adaptation.modifications import dead_zone as zone
 from barbalat.adaptation.modifications import leakage as leak
 from barbalat.adaptation.modifications.dead_zone import DeadZone
@@ -126,11 +126,11 @@ def learn(
     """theta_hat' = proj(P (epsilon phi - w theta_hat)), and what the data take from the covariance: P phi phi'P/m_s^2."""
     phi, m_s_squared, epsilon = estimation
     P_phi = P @ phi
-    taken = np.outer(P_phi, P_phi) / m_s_squared
+    taken = gram(P_phi) / m_s_squared
     if dead_zone is not None:
-        a = dead_zone.weight(epsilon * epsilon * m_s_squared)
+        a = dead_zone.weight(estimation.squared_error)
         epsilon, taken = a * epsilon, a * taken
-    rate = P_phi * epsilon
+    rate = P_phi * epsilon if phi.ndim == 1 else P_phi @ epsilon
     if leakage is not None:
         rate = rate - P @ (leakage.coefficient(theta_hat, epsilon * np.sqrt(m_s_squared)) * theta_hat)
     return project(rate, theta_hat, known_set, Gain(P)), taken

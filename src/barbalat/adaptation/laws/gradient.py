@@ -48,13 +48,13 @@ class Gradient(ModifiedLaw):
         return ()
 
     def rates(self, theta_hat: Value, memory: tuple[()], estimation: Estimation, known_set: EstimateSet | None) -> Rates:
-        phi, m_s_squared, epsilon = estimation
         if self.dead_zone is not None:
-            epsilon = self.dead_zone.weight(epsilon * epsilon * m_s_squared) * epsilon
+            share = self.dead_zone.weight(estimation.squared_error)
+            estimation = estimation._replace(epsilon=share * estimation.epsilon)
         gamma = self.metric
-        rate = gamma.scaled(epsilon, phi)
+        rate = estimation.descent(gamma)
         if self.leakage is not None:
-            w = self.leakage.coefficient(theta_hat, epsilon * np.sqrt(m_s_squared))
+            w = self.leakage.coefficient(theta_hat, estimation.epsilon * np.sqrt(estimation.m_s_squared))
             rate = rate - gamma.times(w * theta_hat)
         return Rates(project(rate, theta_hat, known_set, gamma), memory)
 

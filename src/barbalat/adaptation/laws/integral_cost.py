@@ -10,7 +10,7 @@ import numpy as np
 from barbalat import validate
 from barbalat.adaptation import implicit
 from barbalat.adaptation.guarantee import Guarantee, with_modifications
-from barbalat.adaptation.law import Estimation, Moved, Rates, SampleData
+from barbalat.adaptation.law import Estimation, Moved, Rates, SampleData, gram
 from barbalat.adaptation.modifications.leakage import Borne, Leakage, accept
 from barbalat.problem.known_set import EstimateSet, Gain, gain, project
 from barbalat.protocols import Value
@@ -64,14 +64,16 @@ class IntegralCost:
     def rates(self, theta_hat: Value, memory: Memory, estimation: Estimation, known_set: EstimateSet | None) -> Rates:
         phi, m_s_squared, epsilon = estimation
         R, Q = memory
-        z = epsilon * m_s_squared + theta_hat @ phi
+        one = phi.ndim == 1
+        z = epsilon * m_s_squared + (theta_hat @ phi if one else phi.T @ theta_hat)
+        seen = phi * (z / m_s_squared) if one else phi @ z / m_s_squared
         gamma = self.metric
         rate = gamma.times(Q - R @ theta_hat)
         if self.leakage is not None:
             rate = rate - gamma.times(self.leakage.coefficient(theta_hat, 0.0) * theta_hat)
         return Rates(
             project(rate, theta_hat, known_set, gamma),
-            Memory(np.outer(phi, phi) / m_s_squared - self.forgetting * R, phi * (z / m_s_squared) - self.forgetting * Q),
+            Memory(gram(phi) / m_s_squared - self.forgetting * R, seen - self.forgetting * Q),
         )
 
     def limit(self, memory: Memory) -> Memory:

@@ -12,6 +12,7 @@ from barbalat.linear.systems import StateSpace
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.loop.linearization import jacobian_function
 from barbalat.loop.packing import column, flatten, symbols
+from barbalat.loop.true_values import true_values
 from barbalat.problem.actuation import InputPath
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import BoundedSignal
@@ -121,7 +122,7 @@ def _start(problem: TrackingProblem, loop: ClosedLoop, signals: Array) -> Array:
         start[places.x] = start[places.x_m]
     if loop.lag is not None:  # settled, so that nothing else has to move for its sake
         start[places.sensor] = loop.plant.output(start[places.x])
-    parameters = problem.parameters
+    parameters = true_values(problem, loop)
     if parameters is not None and len(parameters) == loop.parameters:
         start[loop.theta_hat_rows] = parameters
     return start

@@ -18,6 +18,7 @@ from barbalat.certificates.schemes.state_feedback import add_margins_at_rest, in
 from barbalat.certificates.step_limits import frozen_laws
 from barbalat.controllers import NormalizedMrac, RobustMrac
 from barbalat.controllers.parametric_model import minimum_phase_model
+from barbalat.controllers.robust_mrac import Equations
 from barbalat.problem.state_feedback import Problem
 from barbalat.solvers.simulation import Simulation
 
@@ -26,6 +27,7 @@ OWN_QUANTITIES = {
 }
 MINIMUM_PHASE = Assumption("c_0 makes W_m minimum phase")
 """``bind`` refuses a c_0 that doesn't."""
+SEVERAL_INPUTS = "none known: Theorem 2 is for one input"
 
 
 def certificate(problem: Problem, controller: RobustMrac | NormalizedMrac, simulation: Simulation) -> Certificate:
@@ -96,7 +98,9 @@ def _window(controller: NormalizedMrac | RobustMrac, tau: float) -> str:
 
 
 def _transient(problem: Problem, controller: NormalizedMrac | RobustMrac, *rests_on: Assumption) -> Entry:
-    degree = minimum_phase_model(controller.bind(problem.known).c_0, problem.known).relative_degree
+    equations, degree = controller.bind(problem.known), 1
+    if isinstance(equations, Equations):
+        degree = minimum_phase_model(equations.c_0, problem.known).relative_degree
     power = "" if degree == 1 else f"^{degree}"
     kept = f"the auxiliary input leaves 1 - 1/(tau s + 1){power} of c_0'e, of the order of tau; no number bounds it"
     return statement("transient", kept, *rests_on)
@@ -113,6 +117,8 @@ def _robustness(problem: Problem, controller: NormalizedMrac | RobustMrac, found
     box = controller.bind(problem.known).box
     if not found.bounded:
         return nothing("modelling_error", found.why)
+    if problem.plant.inputs > 1:
+        return nothing("modelling_error", SEVERAL_INPUTS)
     if controller.normalization.alpha_0 == 0:
         return nothing("modelling_error", "needs the dynamic normalisation, alpha_0 > 0 in (16); it is 0 here")
     if not projected(box) and not found.leaks:

@@ -15,6 +15,7 @@ from barbalat.certificates.bounds.laws import ModifiedScheme, least_gain
 from barbalat.certificates.bounds.model import largest_along_the_command
 from barbalat.certificates.entry import NotApplicable
 from barbalat.certificates.step_limits.oscillator import Oscillator
+from barbalat.controllers import robust_mrac_several
 from barbalat.controllers.robust_mrac import Equations
 from barbalat.problem.known_set import Gain
 from barbalat.problem.state_feedback import Problem
@@ -118,7 +119,9 @@ def _largest_gain(root_g: float, offset: float, factor: float) -> float | NotApp
     return None if offset == 0 else (room / offset) ** 2
 
 
-def of_parametric_model(problem: Problem, equations: Equations, simulation: Simulation) -> dict[str, Any]:
+def of_parametric_model(
+    problem: Problem, equations: Equations | robust_mrac_several.Equations, simulation: Simulation
+) -> dict[str, Any]:
     """For a law on the parametric model (13), whose adaptation is a decay: the regressor does not depend on the estimates."""
     filters = [np.linalg.eigvals(problem.known.A_m), input_poles(problem), np.array([-equations.normalization.delta_0])]
     if equations.Q is not None:

@@ -126,6 +126,16 @@ class ParameterBall:
 
         return ParameterProduct(self, gains)
 
+    def of_theta(self, count: int) -> ParameterBall:
+        """Of the parameters alone, which are all that is in it."""
+        return self
+
+    def over(self, gains: ParameterBox) -> ParameterBall:
+        """A ball that holds theta/omega for every theta in this one and every omega > 0 in the interval."""
+        (low,), (high,) = 1 / gains.upper, 1 / gains.lower  # of 1/omega
+        reach = self.radius * high + math.hypot(*self.center) * (high - low) / 2
+        return ParameterBall(center=self.center * (low + high) / 2, radius=float(reach) * ROUNDED_UP)
+
     @property
     def sphere(self) -> ParameterBall:
         """The ball that the first of the estimates are in: here all of them."""

@@ -133,6 +133,15 @@ class ParameterBox:
         """The intervals that the last of the estimates have: here all of them."""
         return self
 
+    def of_theta(self, count: int) -> ParameterBox:
+        """Of the parameters alone, which come first."""
+        return self if count == self.size else ParameterBox(lower=self.lower[:count], upper=self.upper[:count])
+
+    def over(self, gains: ParameterBox) -> ParameterBox:
+        """The least box that holds theta/omega for every theta in this one and every omega > 0 in the interval."""
+        ends = np.stack([self.lower / gains.lower, self.lower / gains.upper, self.upper / gains.lower, self.upper / gains.upper])
+        return ParameterBox(lower=ends.min(axis=0), upper=ends.max(axis=0))
+
     def last(self, count: int) -> ParameterBox:
         """Of the last components alone."""
         return ParameterBox(lower=self.lower[-count:], upper=self.upper[-count:])

@@ -53,6 +53,10 @@ class ParameterProduct:
         bound = bound - sum((Fraction(value) for value in self.gains.upper.tolist()), Fraction(0))
         return bound >= 0 and (self.theta is None or self.theta.within(bound))
 
+    def of_theta(self, count: int) -> ParameterBall | None:
+        """Of the parameters alone."""
+        return self.theta
+
     @property
     def intervals(self) -> ParameterBox:
         """Of the last of what is estimated."""

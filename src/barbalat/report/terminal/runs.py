@@ -50,7 +50,7 @@ def _estimates(screen: Screen, found: Sequence[tuple[Result, Adapting]]) -> None
     rows = []
     for result, adapting in found:
         true, ends, rates = (
-            result.problem.parameters,
+            result.true_values,
             _values(result, "theta_hat_final"),
             _values(result, "theta_hat_variation_rate"),
         )

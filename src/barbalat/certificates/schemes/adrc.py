@@ -1,0 +1,76 @@
+"""The certificate of active disturbance rejection: it is a linear controller, whose loop and margins are exact.
+
+Where the observer starts at x(0) and f_hat = 0, theta = theta_0 and b_0 the input's gain, it follows without an error: f_hat
+stays zero and x is x_m. What theta - theta_0 adds is a matched disturbance: ``fixed_loop``, with T the response of x to it.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from barbalat.certificates.assumptions import BEYOND_ONE_LINEAR_INPUT
+from barbalat.certificates.certificate import Certificate, Draft
+from barbalat.certificates.entry import Assumption, Entry
+from barbalat.certificates.linear_loops.margin_values import with_dynamics
+from barbalat.certificates.schemes.fixed_loop import FixedLoop, add_loop, cells
+from barbalat.certificates.schemes.stranger import add_linearised
+from barbalat.certificates.step_limits.modes import largest_step
+from barbalat.controllers.adrc import Adrc, Equations
+from barbalat.linear.interconnections import sensitivity
+from barbalat.linear.systems import StateSpace
+from barbalat.problem.state_feedback import Known, Problem
+from barbalat.solvers.simulation import Simulation
+from barbalat.validate import Array
+
+STARTS_AT_THE_STATE = Assumption("the observer starts at x(0), with f_hat = 0")
+STEP = "step_max is that of the linear loop, without delay and limits"
+
+
+def loop_at(theta: Array, equations: Equations, known: Known) -> StateSpace:
+    """The loop broken at the plant's input, from v to -u, on the plant with ``theta``; the plant's states come first."""
+    o, n, b_0 = equations.observer, known.n, equations.b_0
+    feedback = np.hstack([equations.theta_0.T, np.eye(1)]) / b_0  # of (x_hat, f_hat)
+    of_x, of_xi = (feedback @ o.N)[0], (feedback @ o.M)[0]
+    A = np.block(
+        [
+            [known.A_m + np.outer(known.b, theta), np.zeros((n, len(o.F)))],
+            [o.G - np.outer(b_0 * o.H[:, 0], of_x), o.F - np.outer(b_0 * o.H[:, 0], of_xi)],
+        ]
+    )
+    return StateSpace(A, np.append(known.b, np.zeros(len(o.F))), np.append(of_x, of_xi), 0.0)
+
+
+def loop_of(problem: Problem, controller: Adrc) -> FixedLoop | None:
+    """None for several inputs, or another regressor than x."""
+    if problem.plant.inputs > 1 or not problem.plant.is_linear:
+        return None
+    known, omega = problem.known, float(problem.plant.paths[0].gain)
+    equations = controller.bind(known)
+    other = "" if omega == controller.b_0 else f"input gain {omega:g}, where b_0 = {controller.b_0:g} is assumed"
+    return FixedLoop(
+        at=lambda theta: loop_at(theta, equations, known),
+        theta_0=equations.theta_0[:, 0],
+        norm="T",
+        own=(STARTS_AT_THE_STATE, Assumption("b_0 is the input's gain", other)),
+        integrates="f_hat follows every constant disturbance: T(0) = 0",
+        gain=controller.b_0,
+    )
+
+
+def certificate(problem: Problem, controller: Adrc, simulation: Simulation) -> Certificate:
+    """The error's bound in Theorem 1's form, exact margins and peaks on the true plant, mu of the family."""
+    loop, draft = loop_of(problem, controller), Draft()
+    if loop is None:
+        draft.note(BEYOND_ONE_LINEAR_INPUT)
+        add_linearised(draft, problem, controller, simulation)
+        return draft.finish()
+    add_loop(draft, problem, loop)
+    modes = np.linalg.eigvals(sensitivity(with_dynamics(problem, loop.at(problem.plant.theta))).A)
+    draft.estimate({"step_max": largest_step(simulation, modes)}, STEP)
+    return draft.finish()
+
+
+def column(problem: Problem, controller: Adrc, certificate: Certificate) -> tuple[str, dict[str, Entry]]:
+    """The scheme's name in Table 1 and its cells."""
+    kind = "disturbance observer" if controller.output is None else "extended-state observer"
+    return f"active disturbance rejection, {kind}", cells(problem, loop_of(problem, controller), certificate)

@@ -1,0 +1,158 @@
+"""The certificate of the direct MRAC: what its Lyapunov function gives, and its column of Table 1.
+
+With k = (k_x, k_r), z = (-phi, r) and the input's gain omega > 0, e' = A_m e + b omega (k_hat - k)'z. The law makes
+V = e'P e + omega [k_x_tilde'Gamma^-1 k_x_tilde + k_r_tilde^2/gamma_r] fall by |e|^2, so lambda_min(P) |e|^2 <= V(0) at all times.
+V(0) is convex in (theta, omega), as a sum of squares of linear functions over omega: its largest value over a known set and an
+interval of omega is at one of the interval's ends.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from barbalat.certificates.assumptions import FROZEN_LAW, nominal, theta_in_the_set
+from barbalat.certificates.bounds import laws
+from barbalat.certificates.bounds.model import largest_along_the_command, model_bounds, require_lyapunov, state_bounds
+from barbalat.certificates.bounds.regressor import largest_square
+from barbalat.certificates.cells import statement
+from barbalat.certificates.certificate import Certificate, Draft
+from barbalat.certificates.entry import NUMBERS_ALONE, Assumption, Entry
+from barbalat.certificates.linear_loops import over_known_set
+from barbalat.certificates.linear_loops.ideal import known_parameters
+from barbalat.certificates.linear_loops.margin_values import add_margins
+from barbalat.certificates.quantities import Quantity
+from barbalat.certificates.schemes.mrac import lyapunov_cells
+from barbalat.certificates.schemes.state_feedback import KNOWN_REGRESSOR, bounded_regressor
+from barbalat.certificates.step_limits import frozen_laws
+from barbalat.certificates.step_limits.oscillator import Oscillator
+from barbalat.controllers.control_gains import ControlGains, feedforward_gain
+from barbalat.controllers.mrac_direct import DirectMrac
+from barbalat.linear.definite import smallest_eigenvalue
+from barbalat.linear.enclosure import OUTWARD
+from barbalat.problem.known_set import Gain
+from barbalat.problem.state_feedback import Problem
+from barbalat.solvers.simulation import Simulation
+from barbalat.validate import Array
+
+OWN = {
+    "k_x": Quantity("the feedback's ideal gains theta/omega", timeless=True),
+    "k_r": Quantity("the feedforward's ideal gain k_0/omega", timeless=True),
+}
+AT_REST = "with the gains at rest on the ideal ones"
+BOTH_GAINS = "gamma_max is of Gamma with gamma_r in proportion to it"
+ESTIMATES = (
+    "V never grows; where phi and r together are persistently exciting, which isn't checked here, they converge to theta/omega "
+    "and k_0/omega"
+)
+
+
+def certificate(problem: Problem, controller: DirectMrac, simulation: Simulation) -> Certificate:
+    """The bound of e, the limits of gain and step, the margins with the gains at rest on the ideal ones."""
+    draft, gains = Draft(own=OWN), controller.bind(problem.known).gains
+    require_lyapunov(problem.known)
+    theta, omega, k_0 = problem.plant.theta, _omega(problem), float(problem.model.k_0)
+    draft.advise({"k_x": (theta / omega).tolist(), "k_r": k_0 / omega})
+    bound = _error_level(problem, gains, _off(gains, theta, omega), omega)
+    rests_on = _rests_on(problem, gains, bound)
+    draft.guarantee("error_bound", bound, *rests_on)
+    worst = _worst(problem, gains)
+    if worst is not None:
+        draft.guarantee("error_bound_worst", worst, *rests_on, theta_in_the_set(problem), _gain_in_the_interval(problem))
+    _add_limits(draft, problem, controller, simulation, bound)
+    if problem.plant.is_linear:
+        add_margins(draft, problem, known_parameters(problem.plant, theta / omega), AT_REST)
+        if omega == 1:
+            over_known_set.add_at_rest(draft, problem)
+    return draft.finish()
+
+
+def _omega(problem: Problem) -> float:
+    return float(problem.plant.paths[0].gain)
+
+
+def _off(gains: ControlGains, theta: Array, omega: float) -> float:
+    """sqrt(k_x_tilde'Gamma^-1 k_x_tilde) at t = 0, rounded up."""
+    off, gamma = gains.theta_hat0 - theta / omega, gains.gamma
+    if gamma.dimensions:
+        return laws.weighted_error(off, np.asarray(gamma.value))
+    return float(np.linalg.norm(off)) / math.sqrt(gamma.value) * OUTWARD
+
+
+def _error_level(problem: Problem, gains: ControlGains, off: float, omega: float) -> float:
+    """sqrt(V(0)/lambda_min(P)), rounded up, from the feedback's part ``off`` of V(0)."""
+    k_r_off = abs(gains.k_r0 - float(problem.model.k_0) / omega) / math.sqrt(gains.gamma_r) * OUTWARD
+    return math.sqrt(omega / smallest_eigenvalue(problem.known.P)) * math.hypot(off, k_r_off) * OUTWARD**2
+
+
+def _worst(problem: Problem, gains: ControlGains) -> float | None:
+    """The largest bound over the known set, and over the interval of the input's gain where one is known."""
+    known_set, least = problem.uncertainty, laws.least_gain(gains.gamma.value)
+    if known_set is None:
+        return None
+    interval = problem.known.gains
+    ends = [_omega(problem)] if interval is None else [*interval.lower.tolist(), *interval.upper.tolist()]
+    farthest = [known_set.farthest(omega * gains.theta_hat0) / omega / math.sqrt(least) * OUTWARD for omega in ends]
+    return max(_error_level(problem, gains, *each) for each in zip(farthest, ends, strict=True))
+
+
+def _rests_on(problem: Problem, gains: ControlGains, bound: float | None) -> tuple[Assumption, ...]:
+    """The plant (1) with any gain of its input, and ideal gains that the projection can reach."""
+    regressor = () if problem.plant.is_linear else (KNOWN_REGRESSOR, bounded_regressor(problem, bound))
+    corners = laws.keeps_V_in_corners(gains.gamma.value, gains.box)
+    return (*nominal(problem, gain_adapted=True), _reachable(problem, gains), *regressor, corners)
+
+
+def _reachable(problem: Problem, gains: ControlGains) -> Assumption:
+    omega, box, interval = _omega(problem), gains.box, gains.interval
+    if box is None and interval is None:
+        return Assumption("the ideal gains are theta/omega and k_0/omega")
+    inside = box is None or box.contains(problem.plant.theta / omega)
+    inside &= interval is None or interval.contains(np.array([float(problem.model.k_0) / omega]))
+    return Assumption(
+        "the ideal gains theta/omega and k_0/omega lie in the sets that the estimates are projected onto",
+        "" if inside else "ideal gains outside what is projected onto",
+    )
+
+
+def _gain_in_the_interval(problem: Problem) -> Assumption:
+    gains = problem.known.gains
+    if gains is None:
+        return NUMBERS_ALONE
+    inside = gains.contains(np.array([_omega(problem)]))
+    return Assumption("omega lies in its interval", "" if inside else "omega outside its interval")
+
+
+def _add_limits(draft: Draft, problem: Problem, controller: DirectMrac, simulation: Simulation, bound: float) -> None:
+    """The frozen law moves along q = omega (k_hat - k)'z alone, with q' = -omega (phi'Gamma phi + gamma_r r^2) b'P e."""
+    gain, omega, model = Gain(controller.gamma), _omega(problem), model_bounds(problem)
+    share = math.sqrt(feedforward_gain(controller) / gain.largest) * model.r
+    oscillator = Oscillator(problem.known, simulation.solver, frozen_laws.input_poles(problem))
+    if not problem.plant.is_linear:
+        reach = np.array(state_bounds(problem)) + bound
+        g = omega * gain.largest * (largest_square(problem.plant.regressor, -reach, reach) + share**2)
+        if math.isfinite(g):
+            frequency = math.sqrt(oscillator.bPb * g)
+            draft.estimate({"adaptation_frequency": frequency, "step_max": oscillator.largest_step(g)}, FROZEN_LAW)
+        return
+
+    def limits(x: float, falling: float = 0.0) -> dict[str, Any]:
+        offset = math.sqrt(omega) * math.hypot(x, share) if falling == 0 else math.sqrt(omega) * (x + share)
+        return frozen_laws.of_lyapunov_law(
+            problem, controller.gamma, simulation, offset, math.sqrt(omega) * falling, oscillator=oscillator
+        )
+
+    falling = bound * math.sqrt(laws.least_gain(controller.gamma))
+    draft.estimate(limits(model.x_m_euclidean, falling), FROZEN_LAW, BOTH_GAINS)
+    at_model = limits(largest_along_the_command(problem, simulation))
+    draft.estimate({f"{key}_at_model": at_model[key] for key in ("gamma_max", "step_max")}, FROZEN_LAW, BOTH_GAINS)
+
+
+def column(problem: Problem, controller: DirectMrac, certificate: Certificate) -> tuple[str, dict[str, Entry]]:
+    """The scheme's name in Table 1 and its cells."""
+    bound = certificate.entry("error_bound")
+    rests_on = _rests_on(problem, controller.bind(problem.known).gains, None if bound is None else bound.value)
+    cells = lyapunov_cells(problem, certificate, rests_on, "sqrt(V(0)/lambda_min(P)) = ")
+    return "direct MRAC, feedback and feedforward adapted", cells | {"estimates": statement("estimates", ESTIMATES, *rests_on)}

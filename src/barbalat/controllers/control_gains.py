@@ -1,0 +1,122 @@
+"""Feedback and feedforward gains that a scheme adapts, u = -k_x_hat'phi(x) + k_r_hat r; ideal are theta/omega and k_0/omega."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Protocol
+
+import numpy as np
+
+from barbalat import validate
+from barbalat.controllers.settings import Adaptive, check_common, initial_estimate, projection_box
+from barbalat.problem.known_set import Gain, KnownSet, ParameterBox, gain, limit, project
+from barbalat.problem.regressors import Uncertainty
+from barbalat.problem.state_feedback import Known
+from barbalat.protocols import Value
+from barbalat.validate import Array, InputError
+
+
+class GainSettings(Adaptive, Protocol):
+    """Settings of a scheme that adapts both gains."""
+
+    @property
+    def gamma(self) -> float | Array: ...
+
+    @property
+    def gamma_r(self) -> float | None: ...
+
+    @property
+    def k_r0(self) -> float | None: ...
+
+    @property
+    def projection(self) -> bool | None: ...
+
+
+def check_gains(settings: GainSettings) -> None:
+    """The checks of such settings that need no plant; stores what was accepted."""
+    check_common(settings)
+    object.__setattr__(settings, "gamma", gain.accept("gamma", settings.gamma))
+    if settings.gamma_r is not None:
+        validate.freeze(settings, gamma_r=validate.positive("gamma_r", settings.gamma_r))
+    elif Gain(settings.gamma).dimensions:
+        raise InputError("gamma_r is missing: give the feedforward's gain, a number, where gamma is a list or a matrix")
+    if settings.k_r0 is not None:
+        validate.freeze(settings, k_r0=validate.number("k_r0", settings.k_r0))
+
+
+def feedforward_gain(settings: GainSettings) -> float:
+    """gamma_r, or gamma in its place."""
+    return float(settings.gamma if settings.gamma_r is None else settings.gamma_r)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ControlGains:
+    """Both gains on a plant: where they start, what they are projected onto, and the control that they make."""
+
+    uncertainty: Uncertainty
+    gamma: Gain
+    gamma_r: float
+    theta_hat0: Array
+    k_r0: float
+    box: KnownSet | None  # of k_x
+    interval: ParameterBox | None  # of k_r
+
+    @classmethod
+    def of(cls, scheme: str, settings: GainSettings, known: Known) -> ControlGains:
+        """InputError for several inputs, and where the settings don't fit the plant."""
+        if known.inputs > 1 or np.ndim(known.k_0):
+            raise InputError(
+                f"{scheme} takes plants with one input and one command, got {known.inputs} inputs; mrac takes several"
+            )
+        projection_box(settings.projection, known)  # refuses what is no switch, and a projection onto nothing
+        regressor, gamma = known.uncertainty.regressor, Gain(settings.gamma)
+        gamma.require_size("gamma", regressor.size(known.n))
+        onto = settings.projection is None or settings.projection
+        box, interval = sets_of_ideal_gains(known) if onto else (None, None)
+        single = replace(known, box=box, uncertainty=Uncertainty(regressor, inputs=1))
+        return cls(
+            uncertainty=single.uncertainty,
+            gamma=gamma,
+            gamma_r=feedforward_gain(settings),
+            theta_hat0=initial_estimate(settings.theta_hat0, box, single),
+            k_r0=_initial_feedforward(settings.k_r0, float(known.k_0), interval),
+            box=box,
+            interval=interval,
+        )
+
+    def control(self, k_x_hat: Value, k_r_hat: Value, x: Value, r: Value) -> Value:
+        return -self.uncertainty.phi(x).T @ k_x_hat + k_r_hat[0] * r
+
+    def with_input(self, x: Value, u: Value) -> Value:
+        """phi(x) and u: as long as k_r_hat is not zero they span what phi(x) and r do, which excites the gains."""
+        return np.concatenate([self.uncertainty.phi(x), u.reshape(1)])
+
+    def ideal(self, theta: Array, omega: Array) -> Array:
+        """k_x, by the matching condition omega k_x = theta."""
+        return np.asarray(theta / omega)
+
+    def rates(self, error: Value, of_x: Value, of_r: Value, k_x_hat: Value, k_r_hat: Value) -> tuple[Value, Value]:
+        """proj(Gamma error of_x) and proj(-gamma_r error of_r)."""
+        k_x_dot, k_r_dot = self.gamma.scaled(error, of_x), (-self.gamma_r * error * of_r).reshape(1)
+        return project(k_x_dot, k_x_hat, self.box, self.gamma), project(k_r_dot, k_r_hat, self.interval)
+
+    def limited(self, k_x_hat: Value, k_r_hat: Value) -> tuple[Value, Value]:
+        return limit(k_x_hat, self.box), limit(k_r_hat, self.interval)
+
+
+def _initial_feedforward(given: float | None, k_0: float, interval: ParameterBox | None) -> float:
+    wanted = k_0 if given is None else given
+    if interval is None or interval.contains(np.array([wanted])):
+        return wanted
+    if given is None:
+        return float(interval.limit(np.array([k_0]))[0])
+    raise InputError(f"k_r0 must lie {interval}, which is k_0 over the interval of the input's gain, got {given:g}")
+
+
+def sets_of_ideal_gains(known: Known) -> tuple[KnownSet | None, ParameterBox | None]:
+    """Sets that hold k_x = theta/omega and k_r = k_0/omega, as far as theta and omega are known; else omega counts as 1."""
+    theta, gains = known.theta_set, known.gains
+    if gains is None:
+        return theta, None
+    k_0 = np.array([float(known.k_0)])
+    return None if theta is None else theta.over(gains), ParameterBox(lower=k_0, upper=k_0).over(gains)

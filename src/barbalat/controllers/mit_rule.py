@@ -1,0 +1,113 @@
+"""The MIT rule, for teaching: the gains follow the gradient of the squared error as if they stood still; nothing is proven."""
+
+from __future__ import annotations
+
+from dataclasses import KW_ONLY, dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from barbalat import validate
+from barbalat.controllers.control_gains import ControlGains, check_gains
+from barbalat.problem.known_set import KnownSet
+from barbalat.problem.state_feedback import Known
+from barbalat.protocols import Value
+from barbalat.validate import Array, Vector
+
+
+class State(NamedTuple):
+    """What the controller integrates."""
+
+    theta_hat: Value  # (p,) the feedback's gains, estimate of k_x = theta/omega
+    k_r_hat: Value  # (1,) the feedforward's, of k_r = k_0/omega
+    Psi: Value  # (n, p) the model's response to phi(x)', as if through b
+    psi_r: Value  # (n,) the same to r
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Equations:
+    """de/dk_x = -omega (sI - A_m)^-1 b [phi'] and de/dk_r = omega (sI - A_m)^-1 b [r], once plant and model are alike."""
+
+    A_m: Array
+    b: Array
+    c: Array
+    normalization: float | None
+    gains: ControlGains
+
+    @property
+    def box(self) -> KnownSet | None:
+        return self.gains.box
+
+    def initial(self) -> State:
+        n, p = len(self.b), len(self.gains.theta_hat0)
+        return State(self.gains.theta_hat0, np.array([self.gains.k_r0]), np.zeros((n, p)), np.zeros(n))
+
+    def control(self, state: State, x: Value, x_m: Value, r: Value) -> Value:
+        return self.gains.control(state.theta_hat, state.k_r_hat, x, r)
+
+    def regressor_at(self, state: State, x: Value, u: Value) -> Value:
+        return self.gains.with_input(x, u)
+
+    def reported(self, state: State) -> dict[str, Value]:
+        return {"k_r_hat": state.k_r_hat}
+
+    def ideal_gains(self, theta: Array, omega: Array) -> Array:
+        return self.gains.ideal(theta, omega)
+
+    def derivative(self, state: State, x: Value, x_m: Value, r: Value, u: Value) -> State:
+        of_x, of_r, error = self.c @ state.Psi, self.c @ state.psi_r, self.c @ (x - x_m)
+        if self.normalization is not None:
+            error = error / (self.normalization + of_x @ of_x + of_r * of_r)
+        k_x_dot, k_r_dot = self.gains.rates(error, of_x, of_r, state.theta_hat, state.k_r_hat)
+        Psi_dot = self.A_m @ state.Psi + np.outer(self.b, self.gains.uncertainty.phi(x))
+        return State(k_x_dot, k_r_dot, Psi_dot, self.A_m @ state.psi_r + self.b * r)
+
+    def limit(self, state: State) -> State:
+        k_x_hat, k_r_hat = self.gains.limited(state.theta_hat, state.k_r_hat)
+        return state._replace(theta_hat=k_x_hat, k_r_hat=k_r_hat)
+
+
+@dataclass(frozen=True, eq=False)
+class MitRule:
+    """u = -k_x_hat'phi(x) + k_r_hat r with the gains going down the gradient of (c'e)^2/2: dk/dt = -gamma (c'e) d(c'e)/dk.
+
+    With G(s) = c'(sI - A_m)^-1 b, k_x_hat' = proj(Gamma (c'e) G[phi(x)]), k_r_hat' = proj(-gamma_r (c'e) G[r]); the input's gain
+    omega > 0 is taken into Gamma, as in the textbook. Its known limits: the gradient is that of gains that stand still, so
+    above some gain, or some size of the command, they burst away from the ideal ones; no Gamma holds for every command.
+
+    gamma       adaptive gain Gamma > 0 of the feedback: a number, a diagonal (p,) or an s.p.d. matrix (p, p)
+    gamma_r     of the feedforward, > 0; by default gamma, where that is a number
+    output      c, (n,): whose error is squared; the first state by default
+    normalization  alpha > 0 of the normalised rule, which divides by alpha + |G[phi]|^2 + G[r]^2; by default not normalised
+    theta_hat0  k_x_hat(0), (p,), zero by default; inside the known set
+    k_r0        k_r_hat(0), by default k_0, or the nearest that an interval of the input's gain allows
+    projection  onto what the known set, divided by the input's gain, leaves possible; by default on where one is given
+
+    Source: Astrom and Wittenmark, Adaptive Control, second edition, sections 5.2 and 5.3.
+    """
+
+    gamma: float | Array
+    _: KW_ONLY
+    gamma_r: float | None = None
+    output: Vector | None = None
+    normalization: float | None = None
+    theta_hat0: Vector | None = None
+    k_r0: float | None = None
+    projection: bool | None = None
+    name: str = "MIT rule"
+
+    def __post_init__(self) -> None:
+        check_gains(self)
+        if self.output is not None:
+            validate.freeze(self, output=validate.vector("output", self.output))
+        if self.normalization is not None:
+            validate.freeze(self, normalization=validate.positive("normalization", self.normalization))
+
+    def bind(self, known: Known) -> Equations:
+        return Equations(
+            A_m=known.A_m,
+            b=known.b,
+            c=np.eye(known.n)[0] if self.output is None else validate.vector("output", self.output, known.n),
+            normalization=self.normalization,
+            gains=ControlGains.of("mit-rule", self, known),
+        )

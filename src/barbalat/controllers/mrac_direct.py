@@ -1,0 +1,88 @@
+"""Direct MRAC, which adapts its feedforward too: of the input's gain only the sign is known, and it is never divided by."""
+
+from __future__ import annotations
+
+from dataclasses import KW_ONLY, dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from barbalat.controllers.control_gains import ControlGains, check_gains
+from barbalat.problem.known_set import KnownSet
+from barbalat.problem.state_feedback import Known
+from barbalat.protocols import Value
+from barbalat.validate import Array, Vector
+
+
+class State(NamedTuple):
+    """What the controller integrates."""
+
+    theta_hat: Value  # (p,) the feedback's gains, estimate of k_x = theta/omega
+    k_r_hat: Value  # (1,) the feedforward's, of k_r = k_0/omega
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Equations:
+    """The Lyapunov law of both gains, driven by the tracking error; omega > 0 of b omega u stands nowhere."""
+
+    b: Array
+    P: Array
+    gains: ControlGains
+
+    @property
+    def box(self) -> KnownSet | None:
+        return self.gains.box
+
+    def initial(self) -> State:
+        return State(self.gains.theta_hat0, np.array([self.gains.k_r0]))
+
+    def control(self, state: State, x: Value, x_m: Value, r: Value) -> Value:
+        return self.gains.control(*state, x, r)
+
+    def regressor_at(self, state: State, x: Value, u: Value) -> Value:
+        return self.gains.with_input(x, u)
+
+    def reported(self, state: State) -> dict[str, Value]:
+        return {"k_r_hat": state.k_r_hat}
+
+    def ideal_gains(self, theta: Array, omega: Array) -> Array:
+        return self.gains.ideal(theta, omega)
+
+    def derivative(self, state: State, x: Value, x_m: Value, r: Value, u: Value) -> State:
+        e_P_b = (x - x_m) @ (self.P @ self.b)
+        return State(*self.gains.rates(e_P_b, self.gains.uncertainty.phi(x), r, *state))
+
+    def limit(self, state: State) -> State:
+        return State(*self.gains.limited(*state))
+
+
+@dataclass(frozen=True, eq=False)
+class DirectMrac:
+    """u = -k_x_hat'phi(x) + k_r_hat r, k_x_hat' = proj(Gamma (e'P b) phi(x)), k_r_hat' = proj(-gamma_r (e'P b) r).
+
+    The plant's input may have any effectiveness omega > 0: its sign is that of b, and nothing more need be known of it. The
+    estimates are of k_x = theta/omega, reported as theta_hat, and k_r = k_0/omega, reported as k_r_hat.
+
+    gamma       adaptive gain Gamma > 0 of the feedback: a number, a diagonal (p,) or an s.p.d. matrix (p, p)
+    gamma_r     of the feedforward, > 0; by default gamma, where that is a number
+    theta_hat0  k_x_hat(0), (p,), zero by default; inside the known set
+    k_r0        k_r_hat(0), by default k_0, or the nearest that an interval of the input's gain allows
+    projection  onto what the known set, divided by the input's gain, leaves possible; by default on where one is given
+
+    Source: Ioannou and Sun, Robust Adaptive Control, section 6.2; Lavretsky and Wise, Robust and Adaptive Control, section 9.2;
+    for first order Astrom and Wittenmark, Adaptive Control, example 5.7.
+    """
+
+    gamma: float | Array
+    _: KW_ONLY
+    gamma_r: float | None = None
+    theta_hat0: Vector | None = None
+    k_r0: float | None = None
+    projection: bool | None = None
+    name: str = "Direct MRAC"
+
+    def __post_init__(self) -> None:
+        check_gains(self)
+
+    def bind(self, known: Known) -> Equations:
+        return Equations(b=known.b, P=known.P, gains=ControlGains.of("mrac-direct", self, known))

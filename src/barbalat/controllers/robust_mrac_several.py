@@ -1,0 +1,159 @@
+"""Robust and normalised MRAC for several inputs: the parametric model (13) with an equation for each input.
+
+With C_0 (m, n) in the place of c_0', W_m(s) = C_0 (sI - A_m)^-1 B is square: z = C_0 (x - xi) = phi'theta with phi (p m, m), and
+epsilon, which drives the law, is a vector. With C_0 = B'P W_m is strictly positive real. See docs/equations.md, section 12.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from barbalat import validate
+from barbalat.adaptation.guarantee import ModifiedLaw
+from barbalat.adaptation.law import AdaptiveLaw, Estimation
+from barbalat.adaptation.normalization import Normalization
+from barbalat.controllers.robust_mrac_state import State
+from barbalat.controllers.settings import initial_estimate
+from barbalat.controllers.windup import applied
+from barbalat.linear.conditions import require_hurwitz
+from barbalat.problem.known_set import EstimateSet, limit
+from barbalat.problem.regressors import Uncertainty
+from barbalat.problem.state_feedback import Known
+from barbalat.protocols import Value
+from barbalat.validate import Array, InputError
+
+
+@dataclass(frozen=True, eq=False)
+class AuxiliaryFilter:
+    """Q(s) = W_m(s)^-1/(tau s + 1): q' = A q + B v, Q[v] = C q + D v.
+
+    C_0 q is v behind the lag, with the input that makes it so: C_0 q' = (v - C_0 q)/tau.
+    """
+
+    A: Array
+    B: Array
+    C: Array
+    D: Array
+
+    @classmethod
+    def of(cls, C_0: Array, A_m: Array, B: Array, tau: float) -> AuxiliaryFilter:
+        inverse = np.linalg.inv(C_0 @ B)
+        C = -inverse @ (C_0 / tau + C_0 @ A_m)
+        return cls(A_m + B @ C, B @ inverse / tau, C, inverse / tau)
+
+    def derivative(self, q: Value, v: Value) -> Value:
+        return self.A @ q + self.B @ v
+
+    def output(self, q: Value, v: Value) -> Value:
+        return self.C @ q + self.D @ v
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Equations:
+    """As with one input, epsilon a vector."""
+
+    A_m: Array
+    B: Array  # (n, m)
+    k_0: Array
+    uncertainty: Uncertainty
+    C_0: Array  # (m, n)
+    Q: AuxiliaryFilter | None
+    law: AdaptiveLaw
+    normalization: Normalization
+    theta_hat0: Array
+    x0: Array
+    box: EstimateSet | None
+    limits: Array | None = None  # of the inputs, where the parametric model is fed with what is left of u
+
+    def initial(self) -> State:
+        n, p = len(self.A_m), len(self.theta_hat0)
+        auxiliary = np.zeros(0 if self.Q is None else n)
+        memory = self.law.initial(p)
+        return State(self.theta_hat0, memory, self.x0, np.zeros((n, p)), np.zeros(()), auxiliary, auxiliary)
+
+    def estimation(self, state: State, x: Value) -> Estimation:
+        z = self.C_0 @ (x - state.xi)  # (13)
+        phi = (self.C_0 @ state.Xi).T  # (13)
+        m_s_squared = self.normalization.m_s_squared(phi.reshape(-1), state.n_d)  # (16) with |phi|_F
+        return Estimation(phi, m_s_squared, (z - phi.T @ state.theta_hat) / m_s_squared)
+
+    def regressor_at(self, state: State, x: Value, u: Value) -> Value:
+        estimation = self.estimation(state, x)
+        return estimation.phi / np.sqrt(estimation.m_s_squared)
+
+    def auxiliary_input_argument(self, state: State, x: Value) -> Value:
+        """What -Q(s) filters."""
+        estimation = self.estimation(state, x)
+        return estimation.epsilon * estimation.m_s_squared + self.C_0 @ state.swapping
+
+    def control(self, state: State, x: Value, x_m: Value, r: Value) -> Value:
+        u = -self.uncertainty.phi(x).T @ state.theta_hat + np.dot(self.k_0, r)
+        if self.Q is None:
+            return u
+        return u - self.Q.output(state.filter, self.auxiliary_input_argument(state, x))  # (14)
+
+    def derivative(self, state: State, x: Value, x_m: Value, r: Value, u: Value) -> State:
+        u = applied(u, self.limits)
+        rates = self.law.rates(state.theta_hat, state.memory, self.estimation(state, x), self.box)  # (15)
+        swapping_dot, filter_dot = state.swapping, state.filter
+        if self.Q is not None:
+            swapping_dot = self.A_m @ state.swapping + state.Xi @ rates.theta_hat
+            filter_dot = self.Q.derivative(state.filter, self.auxiliary_input_argument(state, x))
+        return State(
+            theta_hat=rates.theta_hat,
+            memory=rates.memory,
+            xi=self.A_m @ state.xi + self.B @ u,
+            Xi=self.A_m @ state.Xi + self.B @ self.uncertainty.phi(x).T,
+            n_d=self.normalization.driven(state.n_d, u @ u),
+            swapping=swapping_dot,
+            filter=filter_dot,
+        )
+
+    def limit(self, state: State) -> State:
+        return state._replace(theta_hat=limit(state.theta_hat, self.box), memory=self.law.limit(state.memory))
+
+
+def equations(
+    known: Known,
+    *,
+    c_0: Array | None,
+    tau: float | None,
+    law: AdaptiveLaw,
+    normalization: Normalization,
+    theta_hat0: Array | None,
+    box: EstimateSet | None,
+    limits: Array | None,
+) -> Equations:
+    """InputError where W_m has no relative degree one for each input, or a zero in Re s >= 0."""
+    if isinstance(law, ModifiedLaw) and law.leakage is not None and law.leakage.one_input_only:
+        raise InputError(f"{type(law.leakage).__name__} takes plants with one input, got {known.inputs}; give a sigma")
+    C_0 = known.b.T @ known.P if c_0 is None else validate.array("c_0", c_0, (known.inputs, known.n))
+    require_minimum_phase(C_0, known)
+    law.initial(known.parameters)  # refuses settings of another size
+    return Equations(
+        A_m=known.A_m,
+        B=known.b,
+        k_0=np.asarray(known.k_0),
+        uncertainty=known.uncertainty,
+        C_0=C_0,
+        Q=None if tau is None else AuxiliaryFilter.of(C_0, known.A_m, known.b, tau),
+        law=law,
+        normalization=normalization,
+        theta_hat0=initial_estimate(theta_hat0, box, known),
+        x0=known.x0,
+        box=box,
+        limits=limits,
+    )
+
+
+def require_minimum_phase(C_0: Array, known: Known) -> None:
+    """InputError unless C_0 B is regular and the zeros of W_m, the modes with C_0 x = 0, decay."""
+    CB = C_0 @ known.b
+    if np.linalg.matrix_rank(CB) < known.inputs:
+        raise InputError(f"c_0 must make c_0 b regular, with a row for each input, but c_0 b = {validate.show(CB)}")
+    inside = np.linalg.svd(C_0)[2][known.inputs :].T  # an orthonormal basis of C_0 x = 0
+    if inside.shape[1]:
+        kept = np.eye(known.n) - known.b @ np.linalg.solve(CB, C_0)
+        require_hurwitz("the zeros of c_0 (sI - A_m)^-1 b", inside.T @ kept @ known.A_m @ inside)

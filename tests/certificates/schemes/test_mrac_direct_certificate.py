@@ -1,0 +1,124 @@
+"""The certificate of the direct MRAC: by hand, against runs of random problems, and at the vertices of a known set."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from barbalat import DirectMrac, ParameterBall, ParameterBox, Plant, PlantInput, Sine, Terms, certify, load_case, simulate
+from barbalat.certificates.table_1 import table_1
+from barbalat.solvers.simulation import Simulation
+
+SIMULATION = Simulation(t_end=10.0, dt=1e-3)
+
+
+def test_the_textbook_s_plant_by_hand():
+    """P = 1/4, V(0) = omega (k_x^2 + k_r^2)/Gamma = 0.5 (4 + 16)/4 = 2.5: |e| <= sqrt(2.5/0.25). 1e-9: roundings outward.
+
+    The linear loop is -1 from omega k_x/(s + 1) = 1/(s + 1): no delay takes it, its gain is below 1.
+    """
+    case = load_case("astrom-wittenmark")
+    found = certify(case.problem, case.controllers, case.simulation)["Direct MRAC"]
+    assert found.values["error_bound"] == pytest.approx(np.sqrt(10), rel=1e-9)
+    assert "error_bound" in found.guaranteed
+    assert (found.values["k_x"], found.values["k_r"]) == ([2.0], 4.0)
+    assert "delay_margin" in found.values["unlimited"]
+    # omega (Gamma |x|^2 + gamma_r r^2) b'P b with |x| <= |x_m| + |e| <= 1 + sqrt(10), |r| = 1
+    assert found.values["adaptation_frequency"] == pytest.approx(np.sqrt(0.5 * 4 / 4) * (2 + np.sqrt(10)), rel=1e-6)
+    dt, offset, e = 1e-3, np.sqrt(0.5) * 2, np.sqrt(0.5) * np.sqrt(10) * 2
+    assert found.values["gamma_max"] == pytest.approx(((2 * np.sqrt(2) / dt * 2 - e) / offset) ** 2, rel=1e-6)
+
+
+def random_member(problems, seed):
+    """Orders 1 to 3, any gain of the input, scalar, diagonal and matrix gains, a box, a ball, nothing known; with an interval."""
+    rng = np.random.default_rng(seed)
+    n = 1 + seed % 3
+    given, theta, omega = problems[n], rng.uniform(-1.0, 1.0, n), 10 ** rng.uniform(-0.5, 0.5)
+    box, ball = ParameterBox(lower=-2 * np.ones(n), upper=2 * np.ones(n)), ParameterBall(center=np.zeros(n), radius=2.0)
+    root = rng.normal(size=(n, n))
+    sizes = (10 ** rng.uniform(0, 2), 10 ** rng.uniform(0, 2, n), 5 * (root @ root.T + 0.3 * np.eye(n)))
+    known = seed // 3 % 4
+    problem = replace(
+        given,
+        plant=replace(given.plant, theta=theta, x0=rng.normal(size=n), input=PlantInput(gain=omega)),
+        uncertainty=(box, ball, None, None)[known],
+        input_gain=(omega / 2, 2 * omega) if known < 3 else None,
+        reference=Sine(amplitude=rng.uniform(0.1, 5), frequency=10 ** rng.uniform(-1, 1)),
+    )
+    return problem, DirectMrac(gamma=sizes[seed // 12 % 3], gamma_r=10 ** rng.uniform(-1, 1))
+
+
+def test_the_bound_holds_along_runs(problems, sample):
+    for seed in range(sample(12, 72)):
+        problem, controller = random_member(problems, seed)
+        (found,) = certify(problem, [controller], SIMULATION).values()
+        (run,) = simulate(problem, [controller], SIMULATION).values()
+        assert "error_bound" in found.guaranteed
+        assert max(run.figures["max_abs_e"]) <= found.values["error_bound"], seed
+        assert found.values["error_bound"] <= found.values.get("error_bound_worst", np.inf)
+
+
+TERMS = {1: ("sin(x1)",), 2: ("x1*x2", "sin(x2)"), 3: ("x1*x2", "x3", "tanh(x1)")}
+
+
+def test_the_bound_holds_for_another_regressor_too(problems, sample):
+    for seed in range(sample(6, 36)):
+        problem, controller = random_member(problems, seed)
+        problem = replace(problem, plant=replace(problem.plant, regressor=Terms(terms=TERMS[problem.plant.n])))
+        (found,) = certify(problem, [controller], SIMULATION).values()
+        (run,) = simulate(problem, [controller], SIMULATION).values()
+        assert "error_bound" in found.guaranteed and "delay_margin" not in found.values
+        assert max(run.figures["max_abs_e"]) <= found.values["error_bound"], seed
+
+
+def test_the_worst_of_the_known_set_is_at_a_vertex(problems):
+    """V(0) is convex in (theta, omega): the largest bound at the vertices of box and interval. 1e-9: roundings outward."""
+    box, given = ParameterBox(lower=[-1.0, -2.0], upper=[4.0, 0.5]), problems[2]
+    controller = DirectMrac(gamma=3.0, gamma_r=0.7, theta_hat0=[0.3, -0.1], k_r0=3.0)
+
+    def at(a, c, omega):
+        plant = replace(given.plant, theta=np.array([a, c]), input=PlantInput(gain=omega))
+        return certify(replace(given, plant=plant, uncertainty=box, input_gain=(0.5, 3.0)), [controller], SIMULATION)[
+            controller.name
+        ].values
+
+    vertices = [at(a, c, omega) for a in (-1.0, 4.0) for c in (-2.0, 0.5) for omega in (0.5, 3.0)]
+    inside = [at(a, c, omega) for a, c, omega in ((0.0, 0.0, 1.0), (3.0, -1.0, 0.7), (-0.5, 0.2, 2.5))]
+    worst = vertices[0]["error_bound_worst"]
+    assert max(values["error_bound"] for values in vertices) == pytest.approx(worst, rel=1e-9)
+    assert max(values["error_bound"] for values in inside) < worst
+
+
+def judged(problem, controller):
+    certificates = certify(problem, [controller], SIMULATION)
+    (column,) = table_1(problem, [controller], certificates).columns
+    return certificates[controller.name], column
+
+
+def test_where_an_ideal_gain_is_out_of_reach_nothing_is_claimed(problems):
+    """theta in the set, but theta/omega is not, and the designer, who knows no interval, projects onto the set."""
+    problem = replace(problems[1], plant=replace(problems[1].plant, input=PlantInput(gain=0.3)))
+    found, column = judged(problem, DirectMrac(gamma=2.0))
+    assert "error_bound" not in found.values and "ideal gains outside" in found.entry("error_bound").why
+    assert not column.cells["stability"].applies
+    (run,) = simulate(problem, [DirectMrac(gamma=2.0)], Simulation(t_end=60.0, dt=1e-3)).values()
+    assert max(run.figures["tail_max_abs_e"]) > 0.1  # nor does it follow
+    found, column = judged(problem, DirectMrac(gamma=2.0, projection=False))
+    assert "error_bound" in found.guaranteed and column.cells["tracking"].applies
+
+
+def test_nothing_is_claimed_beside_a_delay(problems):
+    plant = replace(problems[2].plant, input=PlantInput(gain=2.0, delay=0.1))
+    found, _ = judged(replace(problems[2], plant=plant), DirectMrac(gamma=1.0))
+    assert "delay 0.1 s" in found.entry("error_bound").why and "gain" not in found.entry("error_bound").why
+
+
+def test_the_linear_loop_is_that_of_the_ideal_gains(problems):
+    """It does not depend on omega: omega k_x = theta. 1e-9: a product and a quotient more."""
+    found = []
+    for omega in (1.0, 4.0):
+        plant = Plant(A_m=[[0.0, 1.0], [-1.0, -1.0]], b=[0.0, 1.0], theta=[3.0, 2.0], input=PlantInput(gain=omega))
+        found.append(judged(replace(problems[2], plant=plant, uncertainty=None), DirectMrac(gamma=1.0))[0].values["delay_margin"])
+    assert found[0] == pytest.approx(found[1], rel=1e-9)
