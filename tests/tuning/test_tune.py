@@ -53,7 +53,12 @@ def drive(tmp_path, monkeypatch):
 
 def test_the_best_of_a_fine_grid_is_not_better_and_its_case_file_gives_the_same_run(drive):
     limit = 0.72
-    options = {"subject_to": [f"max_abs_u <= {limit}"], "vary": {"controller[0].gamma": "0.1:300:log"}, "plants": 1, "trials": 256}
+    options = {
+        "subject_to": [f"max_abs_u <= {limit}"],
+        "vary": {"controller[0].gamma": "0.1:300:log"},
+        "plants": 1,
+        "trials": 256,
+    }
     found = tune(drive, "rms_e", **options)
     grid = sweep(drive, vary={"controller[0].gamma": "0.1:300:400:log"}, bounds=False)
     error, effort = grid.column("MRAC/rms_e[0]"), grid.column("MRAC/max_abs_u")

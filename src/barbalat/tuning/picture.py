@@ -29,7 +29,8 @@ def draw(found: Tuning, *, narrow: bool = False, shown: bool = False) -> Figure:
         _curve(axes, found, one, name, k)
     axes.axvline(first.requirement.limit, color=theme.quiet, linewidth=1.0, linestyle=":")
     for scale, values in ((axes.set_xscale, _values(found, 0)), (axes.set_yscale, _values(found, 1))):
-        if values and min(values) > 0 and max(values) > FACTOR_FOR_LOG * min(values):
+        positive = [value for value in values if value > 0]
+        if positive and min(values) >= 0 and max(positive) > FACTOR_FOR_LOG * min(positive):  # what is 0 is left out then
             scale("log")
     axes.set_xlabel(f"{first.quantity.name} (dotted: {first.requirement})", fontsize=9)
     axes.set_ylabel(found.aim.quantity.name, fontsize=9)
