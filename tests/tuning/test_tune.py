@@ -57,7 +57,7 @@ def test_the_best_of_a_fine_grid_is_not_better_and_its_case_file_gives_the_same_
         "subject_to": [f"max_abs_u <= {limit}"],
         "vary": {"controller[0].gamma": "0.1:300:log"},
         "plants": 1,
-        "trials": 256,
+        "trials": 288,
     }
     found = tune(drive, "rms_e", **options)
     grid = sweep(drive, vary={"controller[0].gamma": "0.1:300:400:log"}, bounds=False)
@@ -86,7 +86,7 @@ def test_the_best_of_a_fine_grid_is_not_better_and_its_case_file_gives_the_same_
 def test_a_certificates_condition_stops_the_filter_where_it_flips(drive):
     """The delay margin grows with kappa, so that the best filter is the slowest that the condition admits."""
     found = tune(
-        drive, "delay_margin", maximize=True, subject_to=["condition < 1"], plants=1, trials=64,
+        drive, "delay_margin", maximize=True, subject_to=["condition < 1"], plants=1, trials=288,
         vary={"controller[1].filter.kappa": "0.01:3:log"},
     )  # fmt: skip
     (tuned,) = found.controllers.values()
@@ -147,14 +147,14 @@ def test_no_worse_than_the_trade_offs_front_at_equal_delay(tmp_path):
         front = cloud.front("worst", "onset")
         at = front[len(front) // 2]
         asked = f"delay_onset_simulated >= {float(margin[at])!r}"
-        found = tune(path, "rms_e", subject_to=[asked], controller=cloud.scheme, plants=2, trials=256).controllers[cloud.scheme]
+        found = tune(path, "rms_e", subject_to=[asked], controller=cloud.scheme, plants=2).controllers[cloud.scheme]
         assert found.chosen is not None and found.chosen.meets, cloud.scheme
         assert found.chosen.value <= error[at] * scale * (1 + 1e-9), cloud.scheme
         assert min(p.found[next(iter(p.found))] for p in (found.chosen,)) >= margin[at]
 
 
 def test_command_and_its_page(drive, tmp_path, capsys):
-    command = ["tune", drive, "--for", "tail_max_abs_e", "--controller", "L1", "--trials", "64", "--plants", "2"]
+    command = ["tune", drive, "--for", "tail_max_abs_e", "--controller", "L1", "--trials", "288", "--plants", "2"]
     assert main([*command, "--subject-to", "max_abs_u < 9", "theta_hat_tail_max[0] < 4", "--json"]) == 0
     document = json.loads(capsys.readouterr().out)
     assert document["for"] == "tail_max_abs_e" and document["subject_to"] == ["max_abs_u < 9", "theta_hat_tail_max[0] < 4"]
@@ -164,7 +164,7 @@ def test_command_and_its_page(drive, tmp_path, capsys):
     assert {path.name for path in tmp_path.iterdir()} == {"drive.toml"}
     assert main([*command, "--subject-to", "max_abs_u < 0.001", "--out", "none"]) == 0
     said = capsys.readouterr().out
-    assert "none of 64 tunings meets every constraint" in said and "nearest" in said
+    assert "none of 288 tunings meets every constraint" in said and "nearest" in said
     assert (tmp_path / "none" / "tuned.toml").read_text() == DRIVE
     assert "What it costs" in (tmp_path / "none" / "report.html").read_text()
 

@@ -15,9 +15,6 @@ from barbalat.tuning.aim import Aim
 from barbalat.tuning.quantity import Constraint, Origin
 from barbalat.validate import Array
 
-FAR = 1e100
-"""Scores from here on are of tunings that break a constraint: times how much is broken, and how early that was seen."""
-
 
 @dataclass(eq=False)
 class Trial:

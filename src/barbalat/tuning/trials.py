@@ -19,7 +19,8 @@ from barbalat.study.ideal_benchmark import Member
 from barbalat.sweeps.varied import Varied
 from barbalat.tuning.aim import Aim
 from barbalat.tuning.quantity import DELAYS, Constraint, Origin, Quantity
-from barbalat.tuning.trial import FAR, Plants, Trial
+from barbalat.tuning.search import FAR
+from barbalat.tuning.trial import Plants, Trial
 from barbalat.validate import Array, InputError
 
 

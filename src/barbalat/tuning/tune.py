@@ -27,15 +27,15 @@ from barbalat.tuning.aim import DEFAULT_PLANTS, Aim
 from barbalat.tuning.chosen import choose
 from barbalat.tuning.quantity import Origin
 from barbalat.tuning.result import Tuned, Tuning
-from barbalat.tuning.search import search
+from barbalat.tuning.search import least_trials, search
 from barbalat.tuning.space import Range, Space, of_knobs
 from barbalat.tuning.trial import Plants
 from barbalat.tuning.trials import Trials
 from barbalat.tuning.written import with_numbers
 from barbalat.validate import Array, InputError
 
-DEFAULT_TRIALS = 256
-"""Tunings tried for each controller: eight generations; Section V then takes a minute on two cores for its three schemes."""
+DEFAULT_TRIALS = 384
+"""Tunings tried for each controller: a spread of 128, then two generations over all and six around the best."""
 SEARCHING = 0.75
 """Of a controller's time, about; the rest is the front's and the new plants'."""
 
@@ -109,6 +109,7 @@ class Tuner:
 
     def tuned(self, controller: int, space: Space, progress: Progress | None) -> Tuned:
         """One controller."""
+        validate.whole("trials", self.trials, least=least_trials(len(space)))
         trials, start = self._trials(controller, space), self._start(space)
         own = trials.whole(np.zeros(0) if start is None else start, self.case)  # what can't be judged is refused here
 
