@@ -72,8 +72,9 @@ def execute(options: argparse.Namespace) -> int:
         try:
             result = _run(study, requirements, scheduler, options)
         except SchedulerLostError:
-            kept = "what was computed is lost" if options.store is None else f"what is stored in {options.store} stays"
-            say(f"the scheduler {options.scheduler} does not answer any more; {kept}, and the same command goes on")
+            stays = f"what is stored in {options.store} stays, and the same command goes on"
+            what = "without --store nothing is kept" if options.store is None else stays
+            say(f"the scheduler {options.scheduler} does not answer any more; {what}")
             return FAILED
         from barbalat.report import documents
 
