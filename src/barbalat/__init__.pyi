@@ -104,6 +104,8 @@ from .study.tradeoff import TradeOff as TradeOff
 from .study.tradeoff import trade_off as trade_off
 from .sweeps.result import SweepResult as SweepResult
 from .sweeps.sweep import sweep as sweep
+from .tuning.result import Tuning as Tuning
+from .tuning.tune import tune as tune
 from .validate import InputError as InputError
 
 __version__: str

@@ -25,6 +25,7 @@ from barbalat.commands import (
     schema,
     sweep,
     tradeoff,
+    tune,
 )
 from barbalat.commands.interrupt import interruptible
 from barbalat.commands.screen import say
@@ -79,6 +80,6 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="barbalat", description=description)
     parser.add_argument("--version", action="version", version=f"barbalat {barbalat.__version__}")
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
-    for command in (reproduce, run, certify, sweep, tradeoff, explore, export, fly, claims, cases, new, schema, completion):
+    for command in (reproduce, run, certify, sweep, tune, tradeoff, explore, export, fly, claims, cases, new, schema, completion):
         command.add(commands)
     return parser

@@ -14,6 +14,7 @@ from barbalat.commands.screen import Work, say, work
 if TYPE_CHECKING:
     from barbalat.commands import Commands
     from barbalat.run.progress import Progress
+    from barbalat.sweeps.cluster import Scheduler
     from barbalat.sweeps.requirement import Requirement
     from barbalat.sweeps.result import SweepResult
     from barbalat.sweeps.study import Study
@@ -42,6 +43,10 @@ def add(commands: Commands) -> None:
         "--require", action="append", default=[], metavar="REQUIREMENT", help='counted where broken, such as "max_abs_e[0] < 2"'
     )
     parser.add_argument("--no-bounds", action="store_true", help="certify nothing: the guaranteed bounds are not compared")
+    parser.add_argument(
+        "--scheduler", metavar="ADDRESS",
+        help="tcp://HOST:PORT of a Dask scheduler, or local:N for N processes here; default: threads",
+    )  # fmt: skip
     parser.add_argument("--store", metavar="DIR", help="keep every member's row there, as Parquet; the same command goes on")
     parser.add_argument(
         "--member", type=int, metavar="K", help="run this one alone, recorded and plotted, bit for bit as in the sweep"
@@ -55,14 +60,22 @@ def add(commands: Commands) -> None:
 
 def execute(options: argparse.Namespace) -> int:
     """Run the command; returns the exit code."""
+    from barbalat.sweeps.cluster import Scheduler, SchedulerLostError
     from barbalat.sweeps.requirement import Requirement
 
     requirements = [Requirement.parse(text) for text in options.require]
+    scheduler = None if options.scheduler is None else Scheduler.parse(options.scheduler)
     study = _study(options)
     if options.member is not None:
         return _replayed(study, options)
     with folder_of(options.out, None if options.json else "barbalat-sweep") as folder:
-        result = _run(study, requirements, options)
+        try:
+            result = _run(study, requirements, scheduler, options)
+        except SchedulerLostError:
+            stays = f"what is stored in {options.store} stays, and the same command goes on"
+            what = "without --store nothing is kept" if options.store is None else stays
+            say(f"the scheduler {options.scheduler} does not answer any more; {what}")
+            return FAILED
         from barbalat.report import documents
 
         document = documents.as_json(result.as_json())
@@ -157,7 +170,11 @@ SECONDS_EACH_STEP = 10e-9
 """Of a small loop, on one core."""
 
 
-def _run(study: Study, requirements: list[Requirement], options: argparse.Namespace) -> SweepResult:
+FAILED = 1
+"""Exit code of what went wrong, where the input was right."""
+
+
+def _run(study: Study, requirements: list[Requirement], scheduler: Scheduler | None, options: argparse.Namespace) -> SweepResult:
     from barbalat.sweeps.sweep import run_study
 
     store = None if options.store is None else _folder(options.store)
@@ -169,6 +186,7 @@ def _run(study: Study, requirements: list[Requirement], options: argparse.Namesp
                 study,
                 requirements=requirements,
                 store=store,
+                scheduler=scheduler,
                 bounds=not options.no_bounds,
                 progress=_with_rate(running, progress, len(study)),
                 told=say,

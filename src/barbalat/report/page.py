@@ -23,6 +23,7 @@ from barbalat.claims.paper_figure import PaperFigure
 from barbalat.flight.comparison import FlightComparison
 from barbalat.flight.failures import FAILS_AT
 from barbalat.report import flights, tradeoff
+from barbalat.report import tuning as tuning_rows
 from barbalat.report.certificates import rows
 from barbalat.report.narrow import fits_a_phone
 from barbalat.report.notation import mathematics
@@ -32,6 +33,7 @@ from barbalat.run.result import Result
 from barbalat.study.tradeoff import TradeOff
 from barbalat.study.tradeoff_picture import TITLES, panels
 from barbalat.sweeps.result import SweepResult
+from barbalat.tuning.result import Tuning
 
 FIGURE_COLUMNS = {
     "max_abs_e": "max |e|",
@@ -167,6 +169,13 @@ def flight(found: FlightComparison, pictures: Mapping[str, Picture]) -> str:
         "fails_at": f"{FAILS_AT:g}",
     }
     return _render("flights.html", found=found, pictures=pictures, **told, **values)
+
+
+def tuning(found: Tuning, picture: Picture | None) -> str:
+    """The page of ``barbalat tune``."""
+    rows_of = tuning_rows
+    made = (rows_of.points, rows_of.columns, rows_of.changes, rows_of.held_out, rows_of.front, rows_of.judged)
+    return _render("tuning.html", found=found, picture=picture, **{one.__name__: one for one in made})
 
 
 def _symbols(rows: Sequence[Sequence[str]]) -> list[list[str]]:

@@ -35,9 +35,12 @@ from barbalat.study.tradeoff import TradeOff
 from barbalat.study.tradeoff_picture import draw as draw_trade_off
 from barbalat.sweeps import picture as of_sweep
 from barbalat.sweeps.result import SweepResult
+from barbalat.tuning.picture import draw as draw_tuning
+from barbalat.tuning.result import Tuning
 
 RUN, CERTIFICATES, PICTURE, LOOPS = "run.json", "certify.json", "comparison", "loops"
 """Names of files; of the picture without its two suffixes."""
+TUNED_CASE = "tuned.toml"
 NARROW = "-narrow"
 """After the name of a picture for a phone."""
 MOST_NUMBERS = 44_000
@@ -172,6 +175,14 @@ def write_flights(folder: Folder, found: FlightComparison) -> None:
 def files_of_flights() -> set[str]:
     """What ``barbalat fly`` may have left in a folder, beside the files that it always writes."""
     return {f"flight-{name}.{kind}" for name in FAILURES for kind in ("png", "csv")}
+
+
+def write_tuning(folder: Folder, found: Tuning) -> None:
+    """The case file where there is one, the picture of the fronts, and the page."""
+    if found.text is not None:
+        folder.write(TUNED_CASE, found.text)
+    picture = _draw_both(folder, "front", partial(draw_tuning, found)) if found.aim.constraints else None
+    folder.write(page.PAGE, page.tuning(found, picture))
 
 
 def write_trajectories(folder: Folder, results: Sequence[Result], *, whole: bool = False) -> None:

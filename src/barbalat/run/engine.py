@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import os
 from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import Protocol
 
 from barbalat import validate
 from barbalat.protocols import Signal
@@ -12,6 +14,33 @@ from barbalat.run.grid import Segment, final_row, segments_of, signal_table
 from barbalat.run.progress import Progress
 from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array
+
+
+class Tables(Protocol):
+    """The signals of a run, by the rows of ``grid.signal_table``."""
+
+    def rows(self, segment: Segment) -> Array:
+        """Those of a segment's steps."""
+        ...
+
+    def last(self) -> Array:
+        """That of t_end."""
+        ...
+
+
+@dataclass(frozen=True)
+class Evaluated:
+    """Made while the run goes on, so that memory does not grow with t_end."""
+
+    signals: tuple[Signal, ...]
+    simulation: Simulation
+    in_pieces: bool
+
+    def rows(self, segment: Segment) -> Array:
+        return signal_table(self.signals, self.simulation, segment.start, segment.steps, in_pieces=self.in_pieces)
+
+    def last(self) -> Array:
+        return final_row(self.signals, self.simulation, in_pieces=self.in_pieces)
 
 
 def run(
@@ -23,28 +52,36 @@ def run(
     progress: Progress | None = None,
 ) -> None:
     """Advance all batches from 0 to t_end. Memory does not grow with t_end, except for what a batch records."""
+    (in_pieces,) = {batch.program.shape.in_pieces for batch in batches}
+    advance(batches, Evaluated(signals, simulation, in_pieces), simulation, threads=threads, progress=progress)
+
+
+def advance(
+    batches: list[Batch],
+    tables: Tables,
+    simulation: Simulation,
+    *,
+    threads: int | None = None,
+    progress: Progress | None = None,
+) -> None:
+    """The same with signals by their tables."""
     if threads is not None:
         validate.whole("threads", threads, least=1)
     segments = list(segments_of(simulation, recorded=any(batch.record for batch in batches)))
     groups = [group for batch in batches for group in batch.groups]
-    (in_pieces,) = {batch.program.shape.in_pieces for batch in batches}
     with ThreadPoolExecutor(threads or os.cpu_count() or 1) as pool:
-
-        def table(segment: Segment) -> Future[Array]:
-            return pool.submit(signal_table, signals, simulation, segment.start, segment.steps, in_pieces=in_pieces)
-
-        following = table(segments[0])
+        following = pool.submit(tables.rows, segments[0])
         for i, segment in enumerate(segments):
             current = following.result()
             if i + 1 < len(segments):
-                following = table(segments[i + 1])
+                following = pool.submit(tables.rows, segments[i + 1])
             if len(groups) == 1:
                 groups[0].advance(segment, current)
             else:
                 _finish([pool.submit(group.advance, segment, current) for group in groups])
             if progress is not None:
                 progress((segment.start + segment.steps) / simulation.steps)
-    last = final_row(signals, simulation, in_pieces=in_pieces)
+    last = tables.last()
     for group in groups:
         group.finish(simulation.steps, last)
 

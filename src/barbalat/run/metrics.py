@@ -129,6 +129,10 @@ class Metrics:
         named = {name: [getattr(part, name) for part in parts] for name in cls.__dataclass_fields__}
         return cls(**{name: None if values[0] is None else np.concatenate(values) for name, values in named.items()})
 
+    def of(self, which: slice) -> Metrics:
+        """The figures of some of the members."""
+        return Metrics(**{name: None if values is None else values[which] for name, values in vars(self).items()})
+
     def end_of(self, i: int) -> float | None:
         """When a member diverged [s]; None where it did not."""
         instant = float(self.diverged_at[i])

@@ -23,15 +23,13 @@ from barbalat.run.ensemble import simulate_ensemble
 from barbalat.run.metrics import Metrics
 from barbalat.run.progress import Progress, part_of
 from barbalat.solvers.simulation import Simulation
-from barbalat.study.criteria import Lost, Onset, tracks
-from barbalat.study.ideal_benchmark import Benchmark, Member, with_delay
+from barbalat.study.criteria import Lost, Onset
+from barbalat.study.delay_search import LONGEST, SCANNED, DelaySearch, scanned
+from barbalat.study.ideal_benchmark import SHORTEST_DELAY_STEPS, Benchmark, Ideals, Member, with_delay
 from barbalat.validate import Array, InputError
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-SHORTEST_DELAY_STEPS = 2
-"""Solver steps: the shortest delay that can be simulated."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,8 +86,8 @@ def delay_margins(
     controllers: Controller | Iterable[Controller],
     simulation: Simulation,
     *,
-    longest: float = 2.0,
-    scan: int = 12,
+    longest: float = LONGEST,
+    scan: int = SCANNED,
     resolution: float = 0.02,
     onset: Onset | None = None,
     lost: Lost | None = None,
@@ -115,12 +113,13 @@ def delay_margins_ensemble(
     members: Sequence[Member],
     simulation: Simulation,
     *,
-    longest: float = 2.0,
-    scan: int = 12,
+    longest: float = LONGEST,
+    scan: int = SCANNED,
     resolution: float = 0.02,
     onset: Onset | None = None,
     lost: Lost | None = None,
     numbers: Sequence[int] | Array | None = None,
+    ideals: Ideals | None = None,
     threads: int | None = None,
     progress: Progress | None = None,
 ) -> DelayMargins:
@@ -131,6 +130,7 @@ def delay_margins_ensemble(
                 a loop that is lost, saved and lost again as the delay grows is caught where the scan resolves it
     resolution  relative distance of ``bears`` and ``loses`` at which bisection ends
     numbers     as for ``simulate_ensemble``: a member has one noise in all its runs, whoever runs beside it
+    ideals      of this simulation and ``longest``, where others have been found before
 
     Members have one structure, as for ``simulate_ensemble``; they advance together, and every run is judged by both criteria.
     Raises InputError.
@@ -139,11 +139,11 @@ def delay_margins_ensemble(
         raise InputError(f"longest must exceed two solver steps, {SHORTEST_DELAY_STEPS * simulation.dt:g} s, got {longest:g} s")
     validate.whole("scan", scan, least=2)
     resolution = validate.positive("resolution", resolution)
-    delays = np.geomspace(SHORTEST_DELAY_STEPS * simulation.dt, longest, scan)
+    delays = scanned(simulation, longest, scan)
     streams = np.arange(len(members)) if numbers is None else np.asarray(numbers)
     undelayed = simulate_ensemble(members, simulation, numbers=streams, threads=threads).metrics
-    benchmark = Benchmark.of(members, simulation, undelayed, float(delays[0]), longest, streams)
-    search = _DelaySearch(benchmark, (onset or Onset(), lost or Lost()), scan, halvings(delays[1] / delays[0], resolution))
+    benchmark = Benchmark.of(members, undelayed, streams, ideals or Ideals.over(simulation, longest))
+    search = DelaySearch(benchmark, (onset or Onset(), lost or Lost()), scan, halvings(delays[1] / delays[0], resolution))
     if members[0][0].noise is None:  # noise moves the estimates too: then nothing is said of the undelayed run
         search.find_swinging(undelayed)
 
@@ -164,7 +164,7 @@ RUNS_AT_ONCE = 64
 
 
 def _advance(
-    search: _DelaySearch,
+    search: DelaySearch,
     members: Sequence[Member],
     simulation: Simulation,
     delays: Array,
@@ -199,49 +199,3 @@ def _advance(
         search.halvings_left -= 1
     if progress is not None:
         progress(1.0)
-
-
-class _DelaySearch:
-    """The brackets of M members, (2, M): by the onset, by the loss."""
-
-    def __init__(self, benchmark: Benchmark, criteria: tuple[Onset, Lost], scan: int, halvings: int) -> None:
-        self.benchmark, self.criteria = benchmark, criteria
-        self.scans_left, self.halvings_left, self.runs = scan, halvings, 0
-        without = benchmark.without
-        self.tracks, self.swings = tracks(without.error, without.motion), np.zeros(len(without.error), dtype=bool)
-        self.bears = np.zeros((2, len(without.error)))
-        self.loses = np.tile(np.where(self.tracks, np.inf, 0.0), (2, 1))
-
-    def find_swinging(self, undelayed: Metrics) -> None:
-        """Those whose onset lies at no delay at all."""
-        self.swings = self.criteria[0].undelayed(undelayed, self.benchmark.without)
-        self.loses[0, self.swings] = 0.0
-
-    def open_members(self) -> Array:
-        """Those of which a criterion has not seen a losing delay yet."""
-        return np.flatnonzero(np.isinf(self.loses).any(axis=0))
-
-    def between(self) -> tuple[Array, Array]:
-        """(members, delays): the middle of every bracket, once where both criteria have the same."""
-        middles = np.sqrt(self.bears * self.loses)
-        asked = [(i, middles[c, i]) for c, i in np.argwhere((self.bears > 0) & np.isfinite(self.loses))]
-        pairs = sorted(set(asked))
-        return np.array([i for i, _ in pairs], dtype=int), np.array([delay for _, delay in pairs])
-
-    def take(self, chosen: Array, added: Array, metrics: Metrics) -> None:
-        """Judge runs of members ``chosen`` with the delays ``added`` and narrow what they lie within."""
-        expected = self.benchmark.at(chosen, added)
-        onset, loss = (criterion.judge(metrics, expected) for criterion in self.criteria)
-        for delay in np.unique(added):  # from short to long: a member may have been run with several
-            for c, lost in enumerate((onset | loss, loss)):
-                within = (added == delay) & (self.bears[c, chosen] < delay) & (delay < self.loses[c, chosen])
-                self.loses[c, chosen[within & lost]] = delay
-                self.bears[c, chosen[within & ~lost]] = delay
-        self.runs += len(chosen)
-
-    def to_come(self) -> float:
-        """Runs that are expected still: as if the members that are open were lost evenly over the rest of the scan."""
-        scans = len(self.open_members()) * (1 + self.scans_left / 2)
-        inside = (self.loses > 0) & ~((self.bears == 0) & np.isfinite(self.loses))
-        both = inside.all(axis=0) & (self.loses[0] == self.loses[1])
-        return float(scans + self.halvings_left * (inside.sum() - 0.5 * both.sum()))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -25,6 +25,8 @@ from barbalat.validate import Array
 
 Member = tuple[TrackingProblem, Controller]
 
+SHORTEST_DELAY_STEPS = 2
+"""Solver steps: the shortest delay that can be simulated."""
 DELAYS_TRIED = 40
 """Delays at which the loop that knows theta is run; in between its error is interpolated."""
 
@@ -41,6 +43,39 @@ def without_error(members: Sequence[Member], metrics: Metrics, motions: Sequence
     )
 
 
+@dataclass(eq=False)
+class Ideals:
+    """What the model and the loop that knows theta do on problems, found once for each; the problems are kept.
+
+    delays  (K,) at which the loop is run
+    """
+
+    simulation: Simulation
+    delays: Array
+    known: dict[int, tuple[TrackingProblem, Motion, Array]] = field(default_factory=dict)
+
+    @classmethod
+    def over(cls, simulation: Simulation, longest: float) -> Ideals:
+        """For delays from the shortest one on [s]."""
+        return cls(simulation, np.geomspace(SHORTEST_DELAY_STEPS * simulation.dt, longest, DELAYS_TRIED))
+
+    def of(self, problem: TrackingProblem, number: int) -> tuple[Motion, Array]:
+        """The model's motion, and (K,) what the delays explain; ``number`` is the stream of the noise."""
+        if id(problem) not in self.known:
+            self.find([problem], [number])
+        return self.known[id(problem)][1:]
+
+    def find(self, problems: Sequence[TrackingProblem], numbers: Sequence[int]) -> None:
+        """The same for several problems of one structure, side by side."""
+        motions = [Motion.of(problem, self.simulation) for problem in problems]
+        if isinstance(problems[0], Problem):
+            groups = [[problem, *(with_delay(problem, float(d)) for d in self.delays)] for problem in problems]
+            added = _added_errors(groups, self.simulation, motions, numbers)
+        else:
+            added = np.array([np.full(len(self.delays), motion.largest) for motion in motions])
+        self.known |= {id(one): (one, *found) for one, *found in zip(problems, motions, added, strict=True)}
+
+
 @dataclass(frozen=True, eq=False)
 class Benchmark:
     """The same for any delay: ``explained`` (M, K) at the ``delays`` (K,)."""
@@ -50,28 +85,11 @@ class Benchmark:
     explained: Array
 
     @classmethod
-    def of(
-        cls,
-        members: Sequence[Member],
-        simulation: Simulation,
-        undelayed: Metrics,
-        shortest: float,
-        longest: float,
-        numbers: Array,
-    ) -> Benchmark:
+    def of(cls, members: Sequence[Member], undelayed: Metrics, numbers: Array, ideals: Ideals) -> Benchmark:
         """Members that share a problem share its motion and its ideal loop."""
-        delays = np.geomspace(shortest, longest, DELAYS_TRIED)
-        motions: dict[int, Motion] = {}
-        added: dict[int, Array] = {}
-        for (problem, _), number in zip(members, numbers, strict=True):
-            if id(problem) in motions:
-                continue
-            motion = motions[id(problem)] = Motion.of(problem, simulation)
-            found = ideal_errors([problem, *(with_delay(problem, float(d)) for d in delays)], simulation, motion, int(number))
-            added[id(problem)] = np.full(len(delays), motion.largest) if found is None else found
-        keys = [id(problem) for problem, _ in members]
-        without = without_error(members, undelayed, [motions[key] for key in keys])
-        return cls(without, delays, np.stack([added[key] for key in keys]))
+        found = [ideals.of(problem, int(number)) for (problem, _), number in zip(members, numbers, strict=True)]
+        without = without_error(members, undelayed, [motion for motion, _ in found])
+        return cls(without, ideals.delays, np.stack([explained for _, explained in found]))
 
     def at(self, chosen: Array, added: Array) -> Expected:
         """For these members with these delays."""
@@ -100,14 +118,24 @@ def ideal_errors(problems: Sequence[Any], simulation: Simulation, motion: Motion
     """
     if not isinstance(problems[0], Problem):
         return None
-    (without,), found = (
-        tail_error(simulate_ensemble(group, simulation, numbers=[number] * len(group)).metrics)
-        for group in ([ideal(problems[0])], [ideal(problem) for problem in problems[1:]])
-    )
-    alone = simulate_ensemble([ideal(_left_alone(problem)) for problem in problems[1:]], simulation).metrics
+    return _added_errors([problems], simulation, [motion], [number])[0]
+
+
+def _added_errors(
+    groups: Sequence[Sequence[Any]], simulation: Simulation, motions: Sequence[Motion], numbers: Sequence[int]
+) -> Array:
+    """(P, K) the same for P groups of as many problems, which all have one structure; each with its motion and its noise."""
+    first, others = [group[0] for group in groups], [problem for group in groups for problem in group[1:]]
+    streams = np.repeat(numbers, len(groups[0]) - 1)
+    without = tail_error(simulate_ensemble([ideal(problem) for problem in first], simulation, numbers=numbers).metrics)
+    found = tail_error(simulate_ensemble([ideal(problem) for problem in others], simulation, numbers=streams).metrics)
+    alone = simulate_ensemble([ideal(_left_alone(problem)) for problem in others], simulation).metrics
     decays = tail_error(alone) < DECAY_SHARE * alone.max_abs_e.max(axis=1)
+    most = np.array([motion.largest for motion in motions])[:, None]
+    added, decays = (values.reshape(len(groups), -1) for values in (found, decays))
     with np.errstate(invalid="ignore"):
-        return np.where(decays, np.nan_to_num(np.clip(found - without, 0.0, motion.largest), nan=motion.largest), 0.0)
+        clipped = np.clip(added - without[:, None], 0.0, most)
+    return np.where(decays, np.where(np.isnan(clipped), most, clipped), 0.0)
 
 
 DECAY_SHARE = 0.5

@@ -23,9 +23,8 @@ def default_knobs(problem: Problem, simulation: Simulation, *, density: int = 12
     Gains go up to the largest that this step resolves, time constants from five steps to the slowest one of the model. Also what
     is left out, as sentences: tunings, and schemes that don't take the problem.
     """
-    highest, how = largest_gain(problem, simulation)
-    slowest = 1 / float(np.abs(np.linalg.eigvals(problem.plant.A_m).real).min())
-    reach = Reach(highest_gain=highest, times=np.geomspace(5 * simulation.dt, slowest, 3 * density), density=density)
+    reach, how = reach_of(problem, simulation, density=density)
+    highest = reach.highest_gain
     candidates = [scheme.knobs(reach) for scheme in SCHEMES.values() if isinstance(scheme, Tunable)]
     left_out = [
         f"gains above {highest:.3g}, which h = {simulation.dt:g} s does not resolve ({how}: an estimate), are left out",
@@ -40,6 +39,13 @@ def default_knobs(problem: Problem, simulation: Simulation, *, density: int = 12
         else:
             kept.append(knobs)
     return tuple(kept), tuple(left_out)
+
+
+def reach_of(problem: Problem, simulation: Simulation, *, density: int = 12) -> tuple[Reach, str]:
+    """How far knobs are turned on a case, and how the largest gain was found."""
+    highest, how = largest_gain(problem, simulation)
+    slowest = 1 / float(np.abs(np.linalg.eigvals(problem.plant.A_m).real).min())
+    return Reach(highest_gain=highest, times=np.geomspace(5 * simulation.dt, slowest, 3 * density), density=density), how
 
 
 def largest_gain(problem: Problem, simulation: Simulation) -> tuple[float, str]:

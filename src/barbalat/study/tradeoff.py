@@ -17,8 +17,9 @@ from barbalat.problem.state_feedback import Problem
 from barbalat.run.progress import Progress
 from barbalat.solvers.simulation import Simulation
 from barbalat.study.criteria import Lost, Onset
-from barbalat.study.delay_margin import SHORTEST_DELAY_STEPS, DelayMargins, delay_margins_ensemble
+from barbalat.study.delay_margin import DelayMargins, delay_margins_ensemble
 from barbalat.study.forecast import Cost, Forecast
+from barbalat.study.ideal_benchmark import SHORTEST_DELAY_STEPS
 from barbalat.study.knobs import default_knobs
 from barbalat.study.motion import REST_SENTENCE, Motion
 from barbalat.validate import Array, InputError
@@ -134,7 +135,7 @@ def trade_off(
         raise InputError("the trade-off needs the known set: give uncertainty.lower and .upper, or .center and .radius")
     validate.whole("plants", plants, least=1)
     chosen, left_out = default_knobs(problem, simulation, density=density) if knobs is None else (knobs, ())
-    family = _family(problem, problem.uncertainty, plants, seed)
+    family = plants_of(problem, problem.uncertainty, plants, seed)
     members = {k.scheme: [(p, k.make(**tuning)) for tuning in k.tunings() for p in family] for k in chosen}
     expected = {name: Cost.measured(group, simulation) for name, group in members.items()}
     forecast = Forecast({name: cost.seconds(len(members[name]), plants, simulation.steps) for name, cost in expected.items()})
@@ -165,8 +166,8 @@ def trade_off(
     )
 
 
-def _family(problem: Problem, known_set: KnownSet, plants: int, seed: int) -> list[Problem]:
-    """The case's plant, and others of its known set."""
+def plants_of(problem: Problem, known_set: KnownSet, plants: int, seed: int) -> list[Problem]:
+    """The case's plant, and others, drawn from its known set."""
     thetas = known_set.drawn(np.random.default_rng(seed), plants - 1)
     return [problem, *(replace(problem, plant=replace(problem.plant, theta=theta)) for theta in thetas)]
 

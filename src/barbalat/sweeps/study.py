@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterator
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from barbalat.run import delay
 from barbalat.run.batch import Batch
 from barbalat.run.breaks import can_be_split
 from barbalat.run.engine import run
+from barbalat.run.members import Members
 from barbalat.run.metrics import Metrics
 from barbalat.run.progress import Progress, part_of
 from barbalat.study.criteria import Expected, Onset, tail_error
@@ -30,6 +31,15 @@ OSCILLATED = "oscillated"
 """A controller's column: whether its estimates swing, by ``Onset``; NaN where the width of what is known of them is not."""
 MOST_SETTINGS = 64
 """Kernels that are kept for members to come."""
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """Members with one set of signals: their places among those asked for, and what each controller's kernel is given."""
+
+    which: Array
+    setting: Setting
+    members: tuple[Members, ...]
 
 
 @dataclass(eq=False)
@@ -73,29 +83,42 @@ class Study:
 
     def run(self, first: int, count: int, *, threads: int | None = None, progress: Progress | None = None) -> Columns:
         """All columns of these members: number, what varies, figures. InputError, with its number, for one that makes no case."""
+        parts, figures, done = [], [], 0
+        for one in self.parts(first, count):
+            part = part_of(progress, done / count, len(one.which) / count)
+            figures.append(_simulated(one.setting, one.members, threads, part))
+            parts.append(replace(one, members=()))
+            done += len(one.which)
+        return self.columns(first, count, parts, figures)
+
+    def parts(self, first: int, count: int) -> Iterator[Part]:
+        """Members that run together, ready for their kernels; InputError, with its number, for one that makes no case."""
         rows, streams = self.values(first, count), self.plan.streams(first, count)
-        found: Columns = {"member": np.arange(first, first + count)}
-        found |= {str(path): rows[:, i] for i, path in enumerate(self.plan.paths)}
-        done = 0
         for which in self._groups(rows):
             setting = self.setting(rows[which[0]])
-            part = part_of(progress, done / count, len(which) / count)
             try:
-                metrics = self._simulated(setting, rows[which], streams[which], threads, part)
+                yield Part(which, setting, setting.members(rows[which], streams[which]))
             except RefusedError as error:
                 raise InputError(f"member {first + int(which[error.place])}: {error}") from None
-            judged = self._oscillated(setting, metrics)
+
+    def columns(self, first: int, count: int, parts: Sequence[Part], figures: Sequence[Sequence[Metrics]]) -> Columns:
+        """All columns of members whose parts have run, by each part's figures of each controller."""
+        rows = self.values(first, count)
+        found: Columns = {"member": np.arange(first, first + count)}
+        found |= {str(path): rows[:, i] for i, path in enumerate(self.plan.paths)}
+        for part, metrics in zip(parts, figures, strict=True):
+            judged = self._oscillated(part.setting, metrics)
             for controller, one, oscillated in zip(self.controllers, metrics, judged, strict=True):
                 for name, values in (columns_of(one) | {OSCILLATED: oscillated}).items():
                     column = found.setdefault(f"{controller}/{name}", np.full(count, np.nan))
-                    column[which] = values
-            done += len(which)
+                    column[part.which] = values
         return found
 
     def simulated(self, member: int) -> list[Metrics]:
         """Figures of one member, for each controller."""
         row = self.values(member, 1)
-        return self._simulated(self.setting(row[0]), row, self.plan.streams(member, 1), None, None)
+        setting = self.setting(row[0])
+        return _simulated(setting, setting.members(row, self.plan.streams(member, 1)), None, None)
 
     def _groups(self, rows: Array) -> Iterator[Array]:
         """The rows that run together: those of one structure with one set of signals."""
@@ -126,18 +149,7 @@ class Study:
         found = self.settings[key]
         return found.driven_by(base) if driven else found
 
-    def _simulated(
-        self, setting: Setting, rows: Array, streams: Array, threads: int | None, progress: Progress | None
-    ) -> list[Metrics]:
-        members = setting.members(rows, streams)
-        simulation, signals = setting.simulation, setting.signals
-        for one in members:
-            delay.require_memory(one.longest_delay, one.loop.inputs, len(rows) * len(members), simulation.dt)
-        batches = [Batch.part(one, slice(0, len(rows))) for one in members]
-        run(batches, signals, simulation, threads=threads, progress=progress)
-        return [batch.metrics(simulation) for batch in batches]
-
-    def _oscillated(self, setting: Setting, metrics: list[Metrics]) -> list[Array]:
+    def _oscillated(self, setting: Setting, metrics: Sequence[Metrics]) -> list[Array]:
         """Of each controller (M,): 1 where its estimates swing, NaN where nothing says what is much."""
         problem, motion = setting.example.problem, setting.motion
         found = []
@@ -173,6 +185,16 @@ class Study:
     def identity(self) -> dict[str, object]:
         """What a store must have been made with to be gone on with."""
         return {"case": self.varied.source, "plan": self.plan.as_json(), "equations": self.equations()}
+
+
+def _simulated(setting: Setting, members: Sequence[Members], threads: int | None, progress: Progress | None) -> list[Metrics]:
+    """Of each controller."""
+    simulation = setting.simulation
+    for one in members:
+        delay.require_memory(one.longest_delay, one.loop.inputs, len(one) * len(members), simulation.dt)
+    batches = [Batch.part(one, slice(0, len(one))) for one in members]
+    run(batches, setting.signals, simulation, threads=threads, progress=progress)
+    return [batch.metrics(simulation) for batch in batches]
 
 
 def columns_of(metrics: Metrics) -> Columns:

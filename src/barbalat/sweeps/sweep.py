@@ -12,6 +12,7 @@ from barbalat.cases.load import CaseText
 from barbalat.run.progress import Progress
 from barbalat.sweeps.bounds import ERROR_BOUND, Bounds
 from barbalat.sweeps.chunks import Chunk, chunk_size, chunks_of
+from barbalat.sweeps.cluster import Scheduler, Workers, connected
 from barbalat.sweeps.evidence import evidence
 from barbalat.sweeps.paths import FieldPath
 from barbalat.sweeps.plan import DEFAULT_MEMBERS, Design, Plan, design_of
@@ -39,6 +40,7 @@ def sweep(
     seed: int = 0,
     require: Sequence[str] = (),
     store: str | Path | None = None,
+    scheduler: str | Scheduler | None = None,
     bounds: bool = True,
     threads: int | None = None,
     progress: Progress | None = None,
@@ -53,6 +55,7 @@ def sweep(
     design   of the draws: "latin", "sobol", "random" (exact intervals), "saltelli" (Sobol indices)
     require  such as "max_abs_e[0] < 2"; counted where broken
     store    a folder that keeps every row and from which the same call goes on
+    scheduler  "tcp://HOST:PORT" of a Dask scheduler, or "local:N" for N processes here; the same bits as in threads, the default
     bounds   certify what can be certified and hold the errors against it
     Raises InputError.
     """
@@ -67,6 +70,7 @@ def sweep(
         Study(varied, plan),
         requirements=requirements,
         store=None if store is None else Path(store),
+        scheduler=Scheduler.parse(scheduler) if isinstance(scheduler, str) else scheduler,
         bounds=bounds,
         threads=threads,
         progress=progress,
@@ -79,6 +83,7 @@ def run_study(
     requirements: Sequence[Requirement] = (),
     store: Path | None = None,
     chunk: int | None = None,
+    scheduler: Scheduler | None = None,
     bounds: bool = True,
     threads: int | None = None,
     progress: Progress | None = None,
@@ -87,6 +92,7 @@ def run_study(
     """All members; with a store those that it lacks.
 
     chunk   members of a new store's files, by default as many as take about a second; no bit depends on it
+    scheduler  of the workers that run them; by default threads here
     bounds  certify what can be certified, a second for each controller, and hold the errors against it
     told    what happened to the store
     Raises InputError for a member that makes no case, with its number; what was stored before stays.
@@ -94,7 +100,7 @@ def run_study(
     if store is not None:
         require_parquet()
     judged = Bounds(study) if bounds else None
-    first = _columns(study, judged, Chunk(0, 1), threads)
+    first = _judged(study.run(0, 1, threads=threads), study, judged, Chunk(0, 1))
     for requirement in requirements:
         requirement.require_known(list(first), study.controllers)
     started = time.perf_counter()
@@ -103,14 +109,19 @@ def run_study(
             told(f"damaged in the store and made again: {', '.join(sink.damaged)}")
         resumed = sink.stored if isinstance(sink, Store) else 0
         done = resumed
-        for one in _open_chunks(study, sink):
-            part = _part(progress, done, one.size, len(study))
-            columns = _columns(study, judged, one, threads, part)
+        open_chunks = _open_chunks(study, sink, chunk)
+        made = _here(study, open_chunks, threads, progress) if scheduler is None else _elsewhere(study, open_chunks, scheduler)
+        if not isinstance(sink, Store):
+            made = _in_order(made)
+        for one, figures in made:
+            columns = _judged(figures, study, judged, one)
             if isinstance(sink, Store):
                 sink.add(one, columns)
             else:
                 sink.add(columns)
             done += one.size
+            if progress is not None:
+                progress(done / len(study))
         rows: Rows = sink.rows() if isinstance(sink, Store) else sink
     return SweepResult(
         case=study.example.name,
@@ -133,15 +144,45 @@ def _sink(study: Study, store: Path | None, chunk: int | None, columns: int) -> 
         yield found
 
 
-def _open_chunks(study: Study, sink: Store | Kept) -> list[Chunk]:
+def _open_chunks(study: Study, sink: Store | Kept, chunk: int | None) -> list[Chunk]:
     if isinstance(sink, Store):
         return [chunk for chunk in sink.chunks if not sink.holds(chunk)]
-    return list(chunks_of(len(study), chunk_size(len(study), study.steps)))
+    return list(chunks_of(len(study), chunk or chunk_size(len(study), study.steps)))
 
 
-def _columns(study: Study, bounds: Bounds | None, chunk: Chunk, threads: int | None, progress: Progress | None = None) -> Columns:
-    """A chunk's, with what is guaranteed of each member."""
-    found = study.run(*chunk, threads=threads, progress=progress)
+Made = Iterator[tuple[Chunk, Columns]]
+"""Chunks with their columns, as they are complete."""
+
+
+def _here(study: Study, chunks: Sequence[Chunk], threads: int | None, progress: Progress | None) -> Made:
+    """In threads, one chunk after the other."""
+    done = len(study) - sum(chunk.size for chunk in chunks)
+    for one in chunks:
+        yield one, study.run(*one, threads=threads, progress=_part(progress, done, one.size, len(study)))
+        done += one.size
+
+
+def _elsewhere(study: Study, chunks: Sequence[Chunk], scheduler: Scheduler) -> Made:
+    """On a cluster, in any order."""
+    if chunks:
+        with connected(scheduler) as client:
+            yield from Workers(study, client).run(chunks)
+
+
+def _in_order(made: Made) -> Made:
+    """By their first members; what comes early waits in memory."""
+    waiting: dict[int, tuple[Chunk, Columns]] = {}
+    first = 0
+    for chunk, columns in made:
+        waiting[chunk.first] = chunk, columns
+        while first in waiting:
+            following = waiting.pop(first)
+            yield following
+            first += following[0].size
+
+
+def _judged(found: Columns, study: Study, bounds: Bounds | None, chunk: Chunk) -> Columns:
+    """A chunk's columns with what is guaranteed of each member."""
     if bounds is not None:
         found |= {f"{name}/{ERROR_BOUND}": values for name, values in bounds.of(study.values(*chunk)).items()}
     return found

@@ -1,0 +1,129 @@
+"""``barbalat tune``: the settings of a case's controllers that make one quantity small under constraints."""
+
+from __future__ import annotations
+
+import argparse
+from typing import TYPE_CHECKING
+
+from barbalat.commands.options import add_controllers
+from barbalat.commands.output import folder_of, print_json
+from barbalat.commands.screen import Work, work
+
+if TYPE_CHECKING:
+    from barbalat.commands import Commands
+    from barbalat.report.files import Folder
+    from barbalat.tuning.result import Tuning
+    from barbalat.tuning.space import Space
+
+
+def add(commands: Commands) -> None:
+    """Register the command and its options."""
+    parser = commands.add_parser("tune", help="settings that make an error small under constraints, as a case file")
+    parser.add_argument("case", metavar="CASE", help="a case file, or a bundled case's name")
+    add_controllers(parser)
+    parser.add_argument(
+        "--for", dest="objective", required=True, metavar="METRIC",
+        help="what is made small: a figure of a run, such as rms_e, or a key of certify",
+    )  # fmt: skip
+    parser.add_argument("--maximize", action="store_true", help="make it large instead")
+    parser.add_argument(
+        "--subject-to", action="append", default=[], nargs="+", metavar="REQUIREMENT",
+        help='such as "delay_margin >= 0.02", "condition < 1", "delay_onset_simulated >= 0.01", "max_abs_u < 400"',
+    )  # fmt: skip
+    parser.add_argument(
+        "--vary", action="append", default=[], metavar="PATH=START:STOP[:log]",
+        help="a number of the case file that is tuned; default: the knobs of each controller's scheme",
+    )  # fmt: skip
+    parser.add_argument("--controller", metavar="NAME", help="the one that is tuned; default: all, one after the other")
+    parser.add_argument(
+        "--plants", type=int, default=4, metavar="N", help="the case's plant and N - 1 of its known set; default 4"
+    )
+    parser.add_argument(
+        "--quantile", type=float, default=1.0, metavar="Q", help="of the plants, from 0 to 1; default 1, the worst of them"
+    )
+    parser.add_argument("--trials", type=int, default=384, metavar="N", help="tunings tried for each controller; default 384")
+    parser.add_argument("--seed", type=int, default=0, metavar="S", help="of the plants and of the search; default 0")
+    parser.add_argument("--out", metavar="DIR", help="for case file, page and JSON; default: barbalat-tune, none with --json")
+    parser.add_argument("--json", action="store_true", help="one JSON document on standard output")
+    parser.set_defaults(execute=execute)
+
+
+SECONDS_EACH_STEP = 10e-9
+"""Of a small loop, on one core."""
+RUNS_EACH_TRIAL = 5
+"""For each plant: without a delay, and with some."""
+DRAWING_SECONDS = 3.0
+
+
+def execute(options: argparse.Namespace) -> int:
+    """Run the command; returns the exit code."""
+    from barbalat.cases.load import CaseText
+    from barbalat.tuning.aim import Aim
+    from barbalat.tuning.tune import Tuner, tune_case
+
+    text = CaseText.read(options.case, options.controllers)
+    case = text.case()
+    aim = Aim.of(
+        options.objective,
+        [text for group in options.subject_to for text in group],
+        maximize=options.maximize,
+        plants=options.plants,
+        quantile=options.quantile,
+        seed=options.seed,
+    )
+    space, tuner = _space(options.vary), Tuner(text, case, aim, options.trials)
+    steps = case.simulation.steps * options.trials * RUNS_EACH_TRIAL * options.plants * len(case.controllers)
+    expected = {"tuning": max(steps * SECONDS_EACH_STEP, 1.0), "drawing": DRAWING_SECONDS}
+    with folder_of(options.out, None if options.json else "barbalat-tune") as folder, work(expected) as running:
+        with running.part("tuning") as progress:
+            found = tune_case(tuner, space, controller=options.controller, progress=progress)
+        from barbalat.report import documents
+
+        document = documents.as_json(found.as_json())
+        if folder is not None:
+            _write(folder, found, document, running)
+    if options.json:
+        print_json(document)
+        return 0
+    from barbalat.report.terminal import tuning
+    from barbalat.report.terminal.layout import Screen
+
+    screen = Screen()
+    tuning.show(screen, found)
+    if folder is not None:
+        from barbalat.report.page import PAGE
+        from barbalat.report.write import TUNED_CASE
+
+        screen.whole(f"case: {folder.path / TUNED_CASE}")
+        screen.whole(f"page: {folder.path / PAGE}")
+    return 0
+
+
+def _write(folder: Folder, found: Tuning, document: str, running: Work) -> None:
+    from barbalat.report import write
+
+    with running.part("drawing"):
+        folder.write("tune.json", document)
+        write.write_tuning(folder, found)
+        folder.commit()
+
+
+def _space(given: list[str]) -> Space | None:
+    """What ``--vary`` says; None without it."""
+    from barbalat.sweeps.paths import FieldPath
+    from barbalat.tuning.space import Range, Space
+    from barbalat.validate import InputError, show
+
+    ranges = {}
+    for one in given:
+        place, sign, spread = one.partition("=")
+        if not sign:
+            raise InputError(f"--vary takes PATH=START:STOP[:log], such as controller[0].gamma=1:1000:log, got {show(one)}")
+        path = FieldPath.parse(place.strip())
+        if path in ranges:
+            raise InputError(f"{path} is varied twice")
+        try:
+            ranges[path] = Range.parse(spread.strip())
+        except InputError as error:
+            raise InputError(f"{path}: {error}") from None
+    return Space(ranges) if ranges else None

@@ -1,0 +1,85 @@
+"""A tuning as rows of tables, for the page and for the terminal."""
+
+from __future__ import annotations
+
+from barbalat.report.numbers import number_text
+from barbalat.tuning.result import Point, Tuned, Tuning
+
+
+def points(found: Tuning) -> list[list[str]]:
+    """Controller, which tuning, its numbers, what it reaches, the constraints' values, whether it meets them."""
+    rows = []
+    for name, one in found.controllers.items():
+        last = ("tuned", one.chosen) if one.chosen is not None else ("nearest", one.nearest)
+        rows += [[name, what, *_point(found, point)] for what, point in (("as it was", one.start), last)]
+    return rows
+
+
+def columns(found: Tuning) -> tuple[str, ...]:
+    """Of ``points``."""
+    return ("controller", "tuning", found.aim.quantity.name, *(one.quantity.name for one in found.aim.constraints), "meets all")
+
+
+def numbers(point: Point) -> str:
+    """The tuned fields of a point, each by the last part of its path."""
+    return ", ".join(f"{str(path).rsplit('.', 1)[-1]} {value:.4g}" for path, value in point.tuning.items())
+
+
+def changes(one: Tuned) -> list[str]:
+    """A line for each field of the chosen tuning: its path, and what became of its number."""
+    if one.chosen is None:
+        return []
+    before = one.start.tuning
+    return [
+        f"{path} = {value:.4g}" + (f", was {before[path]:.4g}" if path in before else "")
+        for path, value in one.chosen.tuning.items()
+    ]
+
+
+def held_out(found: Tuning) -> list[list[str]]:
+    """Controller, the median and the worst on plants that the search did not see, where that is, and how many break what."""
+    rows = []
+    for name, one in found.controllers.items():
+        if one.held_out is None:
+            continue
+        new = one.held_out.as_json()
+        broken = [f"{count} of {new['plants']} break {text}" for text, count in new["broken"].items()]
+        theta = ", ".join(f"{value:.3g}" for value in new["worst"]["theta"])
+        rows.append(
+            [
+                name,
+                number_text(new["median"]),
+                number_text(new["worst"]["value"]),
+                f"[{theta}]",
+                "; ".join(broken) or "none asked",
+            ]
+        )
+    return rows
+
+
+def front(one: Tuned, found: Tuning) -> list[list[str]]:
+    """The numbers of each tuning on the front, what it reaches, the first constraint's quantity."""
+    first = found.aim.constraints[0]
+    return [
+        [numbers(point), number_text(_known(point.value)), number_text(_known(point.found.get(first)))] for point in one.front
+    ]
+
+
+def judged(found: Tuning) -> str:
+    """A sentence: on what plants."""
+    aim, count = found.aim, max(len(found.thetas), 1)
+    share = "the worst of" if aim.quantile == 1 else f"the {100 * aim.quantile:g} % quantile over"
+    return (
+        f"{'largest' if aim.maximize else 'smallest'} {aim.quantity.name}, {share} {count} plants"
+        if count > 1
+        else (f"{'largest' if aim.maximize else 'smallest'} {aim.quantity.name} on the case's own plant")
+    )
+
+
+def _point(found: Tuning, point: Point) -> list[str]:
+    values = [number_text(_known(point.found.get(one))) for one in found.aim.constraints]
+    return [number_text(_known(point.value)), *values, "yes" if point.meets else "no"]
+
+
+def _known(value: float | None) -> float | None:
+    return value if value is not None and abs(value) != float("inf") else None

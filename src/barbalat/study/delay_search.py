@@ -1,0 +1,76 @@
+"""Between which delays loops are lost: what is known of each, narrowed by every run."""
+
+from __future__ import annotations
+
+from enum import Enum
+
+import numpy as np
+
+from barbalat.run.metrics import Metrics
+from barbalat.solvers.simulation import Simulation
+from barbalat.study.criteria import Lost, Onset, tracks
+from barbalat.study.ideal_benchmark import SHORTEST_DELAY_STEPS, Benchmark
+from barbalat.validate import Array
+
+LONGEST = 2.0
+"""The largest delay that is tried unless another is asked for [s]."""
+SCANNED = 12
+"""Delays up to that one, from the shortest on: a factor of 2 to 3 from one to the next."""
+
+
+class Criterion(Enum):
+    """By which of the two a loop is lost."""
+
+    ONSET = "onset"
+    LOSS = "loss"
+
+
+def scanned(simulation: Simulation, longest: float, count: int) -> Array:
+    """The delays that are tried first, geometrically apart [s]."""
+    return np.asarray(np.geomspace(SHORTEST_DELAY_STEPS * simulation.dt, longest, count))
+
+
+class DelaySearch:
+    """The brackets of M members, (2, M): by the onset, by the loss."""
+
+    def __init__(self, benchmark: Benchmark, criteria: tuple[Onset, Lost], scan: int, halvings: int) -> None:
+        self.benchmark, self.criteria = benchmark, criteria
+        self.scans_left, self.halvings_left, self.runs = scan, halvings, 0
+        without = benchmark.without
+        self.tracks, self.swings = tracks(without.error, without.motion), np.zeros(len(without.error), dtype=bool)
+        self.bears = np.zeros((2, len(without.error)))
+        self.loses = np.tile(np.where(self.tracks, np.inf, 0.0), (2, 1))
+
+    def find_swinging(self, undelayed: Metrics) -> None:
+        """Those whose onset lies at no delay at all."""
+        self.swings = self.criteria[0].undelayed(undelayed, self.benchmark.without)
+        self.loses[0, self.swings] = 0.0
+
+    def open_members(self) -> Array:
+        """Those of which a criterion has not seen a losing delay yet."""
+        return np.flatnonzero(np.isinf(self.loses).any(axis=0))
+
+    def between(self) -> tuple[Array, Array]:
+        """(members, delays): the middle of every bracket, once where both criteria have the same."""
+        middles = np.sqrt(self.bears * self.loses)
+        asked = [(i, middles[c, i]) for c, i in np.argwhere((self.bears > 0) & np.isfinite(self.loses))]
+        pairs = sorted(set(asked))
+        return np.array([i for i, _ in pairs], dtype=int), np.array([delay for _, delay in pairs])
+
+    def take(self, chosen: Array, added: Array, metrics: Metrics) -> None:
+        """Judge runs of members ``chosen`` with the delays ``added`` and narrow what they lie within."""
+        expected = self.benchmark.at(chosen, added)
+        onset, loss = (criterion.judge(metrics, expected) for criterion in self.criteria)
+        for delay in np.unique(added):  # from short to long: a member may have been run with several
+            for c, lost in enumerate((onset | loss, loss)):
+                within = (added == delay) & (self.bears[c, chosen] < delay) & (delay < self.loses[c, chosen])
+                self.loses[c, chosen[within & lost]] = delay
+                self.bears[c, chosen[within & ~lost]] = delay
+        self.runs += len(chosen)
+
+    def to_come(self) -> float:
+        """Runs that are expected still: as if the members that are open were lost evenly over the rest of the scan."""
+        scans = len(self.open_members()) * (1 + self.scans_left / 2)
+        inside = (self.loses > 0) & ~((self.bears == 0) & np.isfinite(self.loses))
+        both = inside.all(axis=0) & (self.loses[0] == self.loses[1])
+        return float(scans + self.halvings_left * (inside.sum() - 0.5 * both.sum()))

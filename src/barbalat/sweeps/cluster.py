@@ -1,0 +1,204 @@
+"""Chunks on Dask's workers, on this machine or on others: they may join and die, and what one took with it is made again."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import re
+import warnings
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from barbalat import validate
+from barbalat.run.metrics import Metrics
+from barbalat.sweeps.chunks import Chunk
+from barbalat.sweeps.sent import Sent, Tabulated, figures, kept
+from barbalat.sweeps.setting import Setting
+from barbalat.sweeps.study import Columns, Part, Study
+from barbalat.validate import InputError
+
+if TYPE_CHECKING:
+    from distributed import Client, Future, as_completed
+
+PATIENCE = 10.0
+"""Seconds until a scheduler that does not answer is given up."""
+CLOSING = 0.5
+"""Seconds for what is told to a cluster at the end: Ctrl-C is to be over within two."""
+AHEAD = 2
+"""Chunks for each thread of the workers that are under way or wait there, so that none is idle while its next one is sent."""
+MOST_TABLES = 8
+"""Of signals that a cluster holds for chunks to come: some 10 MB each."""
+MOST_DEATHS = 5
+"""Times that a chunk is given out anew after the scheduler gave it up, which it does when three workers died with it."""
+
+
+class SchedulerLostError(Exception):
+    """It does not answer any more: what was stored stays."""
+
+
+@dataclass(frozen=True)
+class Scheduler:
+    """Where a cluster is: ``address`` of one that runs, or as many ``workers`` of its own on this machine."""
+
+    address: str | None = None
+    workers: int | None = None
+
+    @classmethod
+    def parse(cls, text: str) -> Scheduler:
+        """tcp://HOST:PORT, tls://HOST:PORT or local:N."""
+        if local := re.fullmatch(r"local:(\d+)", text):
+            return cls(workers=validate.whole("--scheduler local:N", int(local[1]), least=1, most=1024))
+        if not re.fullmatch(r"(tcp|tls)://[^/\s]+:\d+", text):
+            raise InputError(f"--scheduler must be tcp://HOST:PORT of a Dask scheduler or local:N, got {validate.show(text)}")
+        return cls(address=text)
+
+
+@contextlib.contextmanager
+def connected(scheduler: Scheduler) -> Iterator[Client]:
+    """A client; InputError where no scheduler answers."""
+    validate.require_extra("distributed", "study", "--scheduler")
+    import logging
+
+    from distributed import Client, LocalCluster
+
+    logging.getLogger("distributed").setLevel(logging.CRITICAL)  # workers that die are said by what becomes of their chunks
+    cluster = None
+    if scheduler.address is not None:
+        _require_answer(scheduler.address)
+    else:
+        cluster = LocalCluster(
+            n_workers=scheduler.workers,
+            threads_per_worker=1,
+            processes=True,
+            dashboard_address=None,
+            silence_logs=logging.CRITICAL,
+        )
+    client = Client(scheduler.address or cluster, timeout=PATIENCE, set_as_default=False)
+    try:
+        yield client
+    finally:
+        with contextlib.suppress(TimeoutError, OSError):
+            client.close(timeout=CLOSING)
+        if cluster is not None:
+            with contextlib.suppress(TimeoutError, OSError):  # what is not over by then ends with this process
+                cluster.close(timeout=CLOSING)
+
+
+def _require_answer(address: str) -> None:
+    """InputError where no scheduler says who it is; a client would wait for a port that is open but silent."""
+    from distributed.core import connect
+
+    async def ask() -> None:
+        comm = await connect(address, timeout=PATIENCE)
+        try:
+            await comm.write({"op": "identity", "reply": True})
+            await comm.read()
+        finally:
+            comm.abort()
+
+    async def within() -> None:
+        await asyncio.wait_for(ask(), PATIENCE)
+
+    with ThreadPoolExecutor(1) as pool:  # a notebook's own thread has a loop that runs already
+        try:
+            pool.submit(asyncio.run, within()).result()
+        except (OSError, TimeoutError):
+            raise InputError(
+                f"the scheduler {address!r} does not answer within {PATIENCE:g} s: start one there with 'dask scheduler', "
+                "or leave --scheduler out"
+            ) from None
+
+
+@dataclass(eq=False)
+class _Given:
+    """A chunk that is under way: its parts, and the figures of those that have run."""
+
+    chunk: Chunk
+    parts: list[Part]
+    found: dict[int, list[Metrics]] = field(default_factory=dict)
+    deaths: int = 0
+
+
+@dataclass(eq=False)
+class Workers:
+    """The chunks of a study on a cluster."""
+
+    study: Study
+    client: Client
+    tables: dict[int, tuple[Setting, Future]] = field(default_factory=dict)
+    under_way: dict[Future, tuple[_Given, int]] = field(default_factory=dict)
+
+    def run(self, chunks: Sequence[Chunk]) -> Iterator[tuple[Chunk, Columns]]:
+        """Each with its columns as it is complete, in any order; SchedulerLostError."""
+        from distributed import as_completed
+
+        waiting, done = iter(chunks), as_completed(loop=self.client.loop)
+        self._give_more(waiting, done)
+        for future in done:
+            given, place = self.under_way.pop(future)
+            result = self._result(future, given)
+            if result is None:
+                self._give(given, place, done)
+                continue
+            given.found[place] = result
+            if len(given.found) == len(given.parts):
+                figures_of = [given.found[i] for i in range(len(given.parts))]
+                yield given.chunk, self.study.columns(*given.chunk, given.parts, figures_of)
+            self._give_more(waiting, done)
+
+    def _give_more(self, waiting: Iterator[Chunk], done: as_completed) -> None:
+        """Until every thread has its work, and more waits."""
+        room = AHEAD * max(self._threads(), 1)
+        while len(self.under_way) < room:
+            chunk = next(waiting, None)
+            if chunk is None:
+                return
+            given = _Given(chunk, list(self.study.parts(*chunk)))
+            for place in range(len(given.parts)):
+                self._give(given, place, done)
+
+    def _give(self, given: _Given, place: int, done: as_completed) -> None:
+        part = given.parts[place]
+        with warnings.catch_warnings():
+            warnings.filterwarnings("ignore", "Sending large graph")  # the signals' tables, once for all chunks
+            future = self.client.submit(figures, Sent.of(part), self._table(part), pure=False)
+        self.under_way[future] = given, place
+        done.add(future)
+
+    def _table(self, part: Part) -> Future:
+        key = id(part.setting)
+        if key not in self.tables:
+            if len(self.tables) >= MOST_TABLES:
+                del self.tables[next(iter(self.tables))]
+            self.tables[key] = part.setting, self.client.submit(kept, Tabulated.of(part), pure=False)
+        return self.tables[key][1]
+
+    def _threads(self) -> int:
+        try:
+            return sum(self.client.nthreads().values())
+        except (OSError, TimeoutError) as error:
+            raise SchedulerLostError from error
+
+    def _result(self, future: Future, given: _Given) -> list[Metrics] | None:
+        """A part's figures; None where its workers died."""
+        from concurrent.futures import CancelledError
+
+        from distributed import KilledWorker
+
+        try:
+            found: list[Metrics] = future.result()
+        except KilledWorker as error:
+            given.deaths += 1
+            if given.deaths > MOST_DEATHS:
+                first, size = given.chunk
+                raise InputError(
+                    f"members {first} to {first + size - 1} ended every worker that took them, {error.last_worker} last: memory?"
+                ) from None
+            return None
+        except CancelledError as error:
+            raise SchedulerLostError from error
+        except (ImportError, AttributeError) as error:
+            raise InputError(f"a worker lacks the client's version of barbalat: {error}; install it there") from None
+        return found

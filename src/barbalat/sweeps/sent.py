@@ -1,0 +1,95 @@
+"""What is sent to workers on any machine, and what they do with it: nothing there depends on the processor or its C library.
+
+Numbers that LAPACK or the C library makes (P, inverses, matrix exponentials, a delay's weights, a sine's samples) are made once,
+where the sweep was started, and sent with the operation lists. A worker translates the lists and runs them.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import sys
+from dataclasses import dataclass, replace
+from importlib import metadata
+
+import barbalat
+from barbalat.run.batch import Batch
+from barbalat.run.engine import Evaluated, advance
+from barbalat.run.grid import Segment, segments_of
+from barbalat.run.members import Members
+from barbalat.run.metrics import Metrics
+from barbalat.run.noise import standard_normal
+from barbalat.solvers.simulation import Simulation
+from barbalat.sweeps.study import Part
+from barbalat.validate import Array, InputError
+
+COMPARED = ("numpy", "scipy", "casadi", "llvmlite")
+"""Packages on which a worker's bits may depend, beside Python's minor version and Barbalat's own."""
+NOISE_TRIED = 10_000
+"""Numbers of noise that tell whether a C library makes other ones: its logarithm is needed for 5 % of them, in the tails."""
+
+
+@dataclass(frozen=True, eq=False)
+class Tabulated:
+    """Signals by their samples."""
+
+    samples: dict[int, Array]
+    final: Array
+
+    @classmethod
+    def of(cls, part: Part) -> Tabulated:
+        simulation = part.setting.simulation
+        (in_pieces,) = {one.program.shape.in_pieces for one in part.members}
+        made = Evaluated(part.setting.signals, simulation, in_pieces)
+        return cls({one.start: made.rows(one) for one in segments_of(simulation, recorded=False)}, made.last())
+
+    def rows(self, segment: Segment) -> Array:
+        return self.samples[segment.start]
+
+    def last(self) -> Array:
+        return self.final
+
+
+@dataclass(frozen=True, eq=False)
+class Sent:
+    """One part of a chunk, without its signals."""
+
+    members: tuple[Members, ...]
+    simulation: Simulation
+    versions: dict[str, str]
+    noise: str | None
+
+    @classmethod
+    def of(cls, part: Part) -> Sent:
+        noisy = any(one.seeds is not None for one in part.members)
+        plain = tuple(replace(one, signals=()) for one in part.members)
+        return cls(plain, part.setting.simulation, versions(), noise_made() if noisy else None)
+
+
+def versions() -> dict[str, str]:
+    """Of this process."""
+    found = {"barbalat": barbalat.__version__, "python": ".".join(map(str, sys.version_info[:2]))}
+    return found | {name: metadata.version(name) for name in COMPARED}
+
+
+def noise_made() -> str:
+    """SHA-256 of some noise as this process makes it."""
+    return hashlib.sha256(standard_normal(0, 0, 0, NOISE_TRIED, 1).tobytes()).hexdigest()
+
+
+def kept(tables: Tabulated) -> Tabulated:
+    """What a cluster holds for many chunks; made again from what its scheduler knows where a worker that held it is gone."""
+    return tables
+
+
+def figures(sent: Sent, tables: Tabulated) -> list[Metrics]:
+    """Of each controller, by one thread; InputError on a worker that would make other bits."""
+    own = versions()
+    if different := [f"{name} {own[name]}, not {sent.versions[name]}" for name in own if own[name] != sent.versions.get(name)]:
+        raise InputError(f"a worker has other versions than the client: {', '.join(different)}; install the client's there")
+    if sent.noise not in (None, noise_made()):
+        raise InputError(
+            "a worker's C library makes other noise than the client's, in the last bits: run this sweep on alike machines"
+        )
+    batches = [Batch.part(one, slice(0, len(one))) for one in sent.members]
+    advance(batches, tables, sent.simulation, threads=1)
+    return [batch.metrics(sent.simulation) for batch in batches]

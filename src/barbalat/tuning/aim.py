@@ -1,0 +1,76 @@
+"""What a tuning is for: one quantity, under constraints, over plants of the known set."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from barbalat import validate
+from barbalat.cases.build import Case
+from barbalat.problem.state_feedback import Problem
+from barbalat.problem.tracking import TrackingProblem
+from barbalat.study.delay_search import LONGEST
+from barbalat.study.tradeoff import plants_of
+from barbalat.tuning.quantity import Constraint, Origin, Quantity
+from barbalat.validate import InputError
+
+DEFAULT_PLANTS = 4
+"""The case's own and three more, as in a trade-off."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Aim:
+    """quantity is made small, or large with ``maximize``; the constraints are kept.
+
+    plants    the case's own and ``plants`` - 1 others of its known set, drawn by ``seed``; its own alone where there is none
+    quantile  of the plants on which a constraint is kept and the quantity is reached: 1, the worst of them, by default
+    """
+
+    quantity: Quantity
+    maximize: bool = False
+    constraints: tuple[Constraint, ...] = ()
+    plants: int = DEFAULT_PLANTS
+    quantile: float = 1.0
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        validate.whole("plants", self.plants, least=1)
+        validate.whole("seed", self.seed, least=0)
+        if not 0 < validate.number("quantile", self.quantile) <= 1:
+            raise InputError(f"quantile must be above 0 and at most 1, got {self.quantile:g}")
+
+    @classmethod
+    def of(cls, objective: str, subject_to: Sequence[str], *, maximize: bool, plants: int, quantile: float, seed: int) -> Aim:
+        """From what a person writes."""
+        return cls(
+            quantity=Quantity(objective, larger_is_worse=not maximize),
+            maximize=maximize,
+            constraints=tuple(Constraint.parse(text) for text in subject_to),
+            plants=plants,
+            quantile=quantile,
+            seed=seed,
+        )
+
+    @property
+    def quantities(self) -> tuple[Quantity, ...]:
+        return (self.quantity, *(one.quantity for one in self.constraints))
+
+    def asks(self, origin: Origin) -> bool:
+        return any(one.origin is origin for one in self.quantities)
+
+    @property
+    def longest(self) -> float:
+        """Delay that is tried [s]."""
+        asked = [one.requirement.limit for one in self.constraints if one.quantity.origin is Origin.DELAY]
+        return max([LONGEST, *asked])
+
+    def signed(self, value: float) -> float:
+        """The quantity as what is made small."""
+        return -value if self.maximize else value
+
+    def family(self, case: Case) -> list[TrackingProblem]:
+        """The case's problem with each of the plants."""
+        problem = case.problem
+        if self.plants == 1 or not isinstance(problem, Problem) or problem.uncertainty is None:
+            return [problem]
+        return list(plants_of(problem, problem.uncertainty, self.plants, self.seed))

@@ -1,0 +1,127 @@
+"""The tuning that is chosen of those that were tried, its front, its certificate, and plants that the search never saw."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from barbalat.cases.build import Case
+from barbalat.certificates.certificate import Certificate
+from barbalat.certificates.certify import certify
+from barbalat.problem.state_feedback import Problem
+from barbalat.run.progress import Progress
+from barbalat.study.tradeoff import pareto_front, plants_of
+from barbalat.tuning.quantity import Constraint, Origin
+from barbalat.tuning.result import HeldOut, Point, Tuned
+from barbalat.tuning.space import Space
+from barbalat.tuning.trial import Plants, Trial
+from barbalat.tuning.trials import Trials
+from barbalat.validate import Array
+
+FRONT = 16
+"""Tunings of which the first constraint's quantity is found in full for the front, from the best by the aim to the worst."""
+HELD_OUT = 32
+"""New plants: where one in ten fails, all of these are well with a chance of 3 %."""
+LOOKED_AT = 8
+"""Of the best tunings, those that are looked at in full until one meets every constraint: delays beyond the required one can
+show a loss below it, which the search's own delays stepped over."""
+
+
+def choose(trials: Trials, space: Space, own: Trial, progress: Progress | None) -> Tuned:
+    """What is reported of one controller; ``own`` is the case as it stands."""
+    ordered = sorted((trial for trial in trials.all if trial.case is not None), key=lambda trial: trial.score)
+    wholes = []
+    chosen: Trial | None = None
+    for trial in [one for one in ordered if one.meets(trials.aim)][:LOOKED_AT]:
+        whole = trials.whole(trial.row)
+        wholes.append(whole)
+        if whole.meets(trials.aim):
+            chosen = whole
+            break
+    nearest = chosen or trials.whole(ordered[0].row if ordered else trials.all[0].row)
+    _tell(progress, 0.3)
+    front = _front(trials, [*wholes, *([own] if len(own.row) else [])])
+    _tell(progress, 0.8)
+    made = None if chosen is None else chosen.case
+    assert own.case is not None
+    controller = own.case.controllers[trials.controller]
+    found = Tuned(
+        controller=controller.name,
+        space=space,
+        start=_point(trials, space, own),
+        chosen=None if chosen is None else _point(trials, space, chosen),
+        nearest=_point(trials, space, nearest),
+        front=tuple(_point(trials, space, one) for one in front),
+        held_out=None if made is None else _held_out(trials, made),
+        certificate=None if made is None else _certificate(trials, made),
+        trials=len(trials.all),
+        runs=trials.runs,
+    )
+    _tell(progress, 1.0)
+    return found
+
+
+def _front(trials: Trials, wholes: Sequence[Trial]) -> list[Trial]:
+    """Those that no other beats; of what was tried, a spread is looked at."""
+    aim = trials.aim
+    if not aim.constraints:
+        return []
+    known = [trial for trial in trials.all if trial.value is not None and np.isfinite(trial.value)]
+    known.sort(key=lambda trial: aim.signed(trial.value or 0.0))
+    places = np.unique(np.linspace(0, len(known) - 1, min(FRONT, len(known))).round().astype(int))
+    first = aim.constraints[0]
+    spread = [replace(known[i], found=dict(known[i].found)) for i in places]
+    if spread and first.quantity.origin is not Origin.RUN:
+        trials.measure(spread, first)
+    candidates = [
+        trial
+        for trial in (*wholes, *spread)
+        if trial.value is not None and np.isfinite(trial.value) and trial.found.get(first) is not None
+    ]
+    if not candidates:
+        return []
+    values = np.array([aim.signed(trial.value or 0.0) for trial in candidates])
+    reached = np.array([trial.found[first] or 0.0 for trial in candidates])
+    better = np.unique(-reached if first.quantity.larger_is_worse else reached, return_inverse=True)[1] + 1.0
+    return [candidates[i] for i in pareto_front(values, better)]
+
+
+def _point(trials: Trials, space: Space, trial: Trial) -> Point:
+    known = dict(zip(space.paths, map(float, trial.row), strict=True)) if len(trial.row) else {}
+    return Point(tuning=known, value=trial.value, found=trial.found, meets=trial.meets(trials.aim))
+
+
+def _held_out(trials: Trials, made: Case) -> HeldOut | None:
+    """On plants drawn by another seed; nothing where no run tells anything, or there is no set to draw from."""
+    problem, aim = made.problem, trials.aim
+    told = [one for one in aim.quantities if one.origin is not Origin.CERTIFICATE]
+    if not told or not isinstance(problem, Problem) or problem.uncertainty is None:
+        return None
+    others = plants_of(problem, problem.uncertainty, HELD_OUT + 1, aim.seed + 1)[1:]
+    plants = Plants.of(made, aim, others)
+    values = trials.on_other_plants(made, plants, told[0], None)
+    broken = {one: _broken(trials, made, plants, one) for one in aim.constraints if one.quantity in told}
+    signs = values if told[0].larger_is_worse else -values
+    return HeldOut(
+        quantity=told[0].name,
+        thetas=np.array([other.parameters for other in others]),
+        values=values,
+        broken=broken,
+        worst=int(np.argmax(signs)),
+    )
+
+
+def _broken(trials: Trials, made: Case, plants: Plants, one: Constraint) -> Array:
+    return one.requirement.broken(trials.on_other_plants(made, plants, one.quantity, one.requirement.limit))
+
+
+def _certificate(trials: Trials, made: Case) -> Certificate:
+    controller = made.controllers[trials.controller]
+    return certify(made.problem, controller, made.simulation)[controller.name]
+
+
+def _tell(progress: Progress | None, fraction: float) -> None:
+    if progress is not None:
+        progress(fraction)

@@ -1,0 +1,134 @@
+"""What a tuning is judged by: figures of its runs, the delays that it bears in simulation, values of its certificate."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from difflib import get_close_matches
+from enum import Enum
+from math import inf
+
+import numpy as np
+
+from barbalat import validate
+from barbalat.certificates.certificate import Certificate
+from barbalat.run.metrics import Metrics
+from barbalat.study.delay_search import Criterion
+from barbalat.sweeps.requirement import Requirement
+from barbalat.sweeps.study import columns_of
+from barbalat.validate import Array, InputError
+
+FIGURES = tuple(field.name for field in fields(Metrics) if field.name != "diverged_at")
+DELAYS = {"delay_onset_simulated": Criterion.ONSET, "delay_margin_simulated": Criterion.LOSS}
+"""By the keys of ``certify --simulate``."""
+
+
+class Origin(Enum):
+    """How a value is found, from what costs least to what costs most."""
+
+    RUN = "run"
+    CERTIFICATE = "certificate"
+    DELAY = "runs with delays"
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """A figure of ``run --json``, with an index or for all components, or a key of ``certify --json``.
+
+    larger_is_worse  which side of several components, plants, or of an enclosure is the one that counts
+    """
+
+    name: str
+    larger_is_worse: bool
+
+    def __post_init__(self) -> None:
+        if not self.name:
+            raise InputError(f"a quantity must be a figure ({', '.join(FIGURES)}) or a key of certify, got ''")
+
+    @property
+    def origin(self) -> Origin:
+        if self.name in DELAYS:
+            return Origin.DELAY
+        return Origin.RUN if self.name.split("[")[0] in FIGURES else Origin.CERTIFICATE
+
+    @property
+    def worst(self) -> float:
+        return inf if self.larger_is_worse else -inf
+
+    def of_runs(self, metrics: Metrics) -> Array:
+        """(M,); of several components the worst, of ``rms_e`` the root of their squares' sum; the worst where a run diverged."""
+        columns = columns_of(metrics)
+        if self.name in columns:
+            found = columns[self.name]
+        else:
+            parts = [values for name, values in columns.items() if name.split("[")[0] == self.name]
+            if not parts:
+                known = [name for name in columns if name.split("[")[0] == self.name.split("[")[0]]
+                raise InputError(f"{self.name} is no figure of this case; known are {', '.join(known) or ', '.join(columns)}")
+            found = self._together(np.array(parts))
+        return np.where(np.isnan(found), self.worst, found)
+
+    def _together(self, parts: Array) -> Array:
+        if self.name == "rms_e":
+            return np.asarray(np.sqrt((parts**2).sum(axis=0)))
+        return np.asarray(parts.max(axis=0) if self.larger_is_worse else parts.min(axis=0))
+
+    def over_plants(self, values: Array, quantile: float) -> Array:
+        """(K,) of (K, P): the value that a share ``quantile`` of the plants keeps, for 1 the worst of them."""
+        ordered = np.sort(values, axis=1) if self.larger_is_worse else -np.sort(-values, axis=1)
+        place = max(int(np.ceil(quantile * values.shape[1])) - 1, 0)
+        return np.asarray(ordered[:, place])
+
+    def of_certificate(self, certificate: Certificate) -> float | None:
+        """Where the certificate claims it on this case; of an enclosure the side that counts."""
+        key, _, part = self.name.partition(".")
+        values = certificate.values
+        if key in values.get("unlimited", ()):
+            return inf
+        found = values.get(key)
+        if part and isinstance(found, dict):
+            found = found.get(part)
+        if isinstance(found, dict):
+            side = "upper" if self.larger_is_worse else "lower"
+            found = found.get(side, found.get("value_upper") if self.larger_is_worse else None)
+        return float(found) if isinstance(found, (int, float)) and not isinstance(found, bool) else None
+
+    def require_known(self, certificate: Certificate) -> None:
+        """InputError where the certificate of the case as it stands has no such key."""
+        if certificate.entry(self.name.partition(".")[0]) is None:
+            known = (*FIGURES, *DELAYS, *(entry.key for entry in certificate.entries))
+            near = get_close_matches(self.name, known, n=1)
+            meant = f"; did you mean {near[0]!r}?" if near else ""
+            raise InputError(
+                f"{validate.show(self.name)} is neither a figure of run --json, such as rms_e, nor one of {', '.join(DELAYS)}, "
+                f"nor a key of this controller in certify --json{meant}"
+            )
+
+
+@dataclass(frozen=True)
+class Constraint:
+    """A requirement of a tuning."""
+
+    requirement: Requirement
+    quantity: Quantity
+
+    @classmethod
+    def parse(cls, text: str) -> Constraint:
+        """InputError for what can't be parsed, or asks for nothing that a search can keep."""
+        requirement = Requirement.parse(text)
+        quantity = Quantity(requirement.figure, larger_is_worse=requirement.sign.startswith("<"))
+        if quantity.origin is Origin.DELAY and (quantity.larger_is_worse or requirement.limit <= 0):
+            raise InputError(f"{quantity.name} takes a least delay above 0, such as {quantity.name} >= 0.01, got {text!r}")
+        return cls(requirement, quantity)
+
+    def holds(self, value: float | None) -> bool:
+        return value is not None and not self.requirement.broken(np.array(value))
+
+    def violation(self, value: float | None) -> float:
+        """0 where it holds, up to 1: how far it is from that, relative to both numbers; 1 where there is no value."""
+        if self.holds(value):
+            return 0.0
+        if value is None or not np.isfinite(value):
+            return 1.0
+        limit = self.requirement.limit
+        size = abs(value) + abs(limit)
+        return 0.5 * abs(value - limit) / size if size else 0.0

@@ -1,0 +1,116 @@
+"""The search for the best tuning: points spread over all, then SciPy's differential evolution, over all and around the best."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from barbalat.run.progress import Progress
+from barbalat.validate import Array, InputError
+
+POPULATION = 32
+"""Tunings of a generation, for up to three numbers; with more of them twice as many. A generation is an ensemble."""
+SPREAD = 4
+"""Generations' worth of points spread over all ranges: where few tunings meet the constraints, some of these do."""
+BEYOND = 0.15
+"""Of a range, looked at beyond either end, where a point counts as the end itself: that is where many a best tuning is."""
+AROUND = (0.1, 0.02)
+"""Of a range, to either side of the best so far, where the search goes on: constraints that bind leave no more room."""
+SETTLED = 5e-3
+"""Relative spread of a generation at which it evolves no further: the best of it is closer still to what can be reached."""
+FAR = 1e100
+"""Scores from here on are of tunings that break a constraint: times how much is broken, and how early that was seen."""
+
+Judged = Callable[[Array, float], Array]
+"""Scores (K,) of points (K, d) of the unit cube, the smaller the better; one above the number needs no exact score."""
+
+
+def least_trials(dimensions: int) -> int:
+    """The spread, a generation over all, and one around each best with the one that it begins with."""
+    return (SPREAD + 1 + 2 * len(AROUND)) * _size(dimensions)
+
+
+def search(judged: Judged, dimensions: int, *, trials: int, seed: int, start: Array | None, progress: Progress | None) -> None:
+    """Spend ``trials`` on the unit cube; who judges keeps what was found. ``start`` is among the first."""
+    from scipy.stats import qmc
+
+    size, random = _size(dimensions), np.random.default_rng(seed)
+    spent = _Spent(judged, trials, progress)
+    low, high = np.full(dimensions, -BEYOND), np.full(dimensions, 1 + BEYOND)
+    spread = qmc.scale(qmc.Sobol(dimensions, rng=random).random(SPREAD * size), low, high)
+    if start is not None:
+        spread[0] = start
+    scores = spent.score(spread, np.inf)
+    best = np.argsort(scores, kind="stable")[:size]
+    generations = (trials // size - SPREAD - len(AROUND)) // (1 + len(AROUND))
+    spent.evolve(spread[best], scores[best], low, high, generations, random)
+    for share in AROUND:
+        lower, upper = np.maximum(low, spent.best - share), np.minimum(high, spent.best + share)
+        near = qmc.scale(qmc.Sobol(dimensions, rng=random).random(size), lower, upper)
+        near[0] = spent.best
+        spent.evolve(near, spent.score(near, np.inf), lower, upper, generations, random)
+
+
+@dataclass(eq=False)
+class _Spent:
+    """What is judged, with the best point so far."""
+
+    judged: Judged
+    trials: int
+    progress: Progress | None
+    done: int = 0
+    least: float = np.inf
+
+    def score(self, points: Array, to_beat: float) -> Array:
+        found = self.judged(np.clip(points, 0.0, 1.0), to_beat)
+        self.done += len(points)
+        if self.progress is not None:
+            self.progress(min(self.done / self.trials, 1.0))
+        if found.min() < self.least or self.done == len(points):
+            self.least, self.best = float(found.min()), np.array(points[np.argmin(found)])
+        return found
+
+    def evolve(
+        self, points: Array, scores: Array, low: Array, high: Array, generations: int, random: np.random.Generator
+    ) -> None:
+        """Some generations from points whose scores are known."""
+        from scipy.optimize import Bounds, OptimizeResult, differential_evolution
+
+        to_beat, known = float(scores.max()), [scores]
+
+        def score(columns: Array) -> Array:
+            if known:  # the first generation
+                return known.pop()
+            try:
+                return self.score(columns.T, to_beat)
+            except InputError as error:  # a ValueError, of which SciPy would say that the function is malformed
+                raise _RefusedError(error) from None
+
+        def told(intermediate_result: OptimizeResult) -> None:
+            nonlocal to_beat
+            energies = intermediate_result.population_energies
+            to_beat = float(np.max(energies))
+            if to_beat < FAR and float(np.ptp(energies)) <= SETTLED * abs(float(np.mean(energies))):
+                raise StopIteration
+
+        try:
+            differential_evolution(
+                score, Bounds(low, high), init=points, maxiter=generations, vectorized=True, updating="deferred",
+                polish=False, tol=0.0, rng=random, callback=told,
+            )  # fmt: skip
+        except _RefusedError as stopped:
+            raise stopped.reason from None
+
+
+def _size(dimensions: int) -> int:
+    return POPULATION if dimensions <= 3 else 2 * POPULATION
+
+
+class _RefusedError(Exception):
+    """What can't be judged, on its way through SciPy."""
+
+    def __init__(self, reason: InputError) -> None:
+        super().__init__()
+        self.reason = reason

@@ -1,0 +1,218 @@
+"""Tune a case's controllers: the search, the choice that is looked at in full, its front, and plants that it never saw."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from barbalat import validate
+from barbalat.cases.build import Case
+from barbalat.cases.load import CaseText
+from barbalat.certificates.certify import certify
+from barbalat.controllers import Sampled
+from barbalat.controllers.knobs import Tunable
+from barbalat.problem.state_feedback import Problem
+from barbalat.run.progress import Progress, part_of
+from barbalat.study.ideal_benchmark import SHORTEST_DELAY_STEPS
+from barbalat.study.knobs import reach_of
+from barbalat.sweeps.kinds import Kind, Tried, kinds_of
+from barbalat.sweeps.paths import FieldPath
+from barbalat.sweeps.varied import Varied, VariedObjects
+from barbalat.sweeps.varied_case import VariedCase
+from barbalat.tuning.aim import DEFAULT_PLANTS, Aim
+from barbalat.tuning.chosen import choose
+from barbalat.tuning.quantity import Origin
+from barbalat.tuning.result import Tuned, Tuning
+from barbalat.tuning.search import least_trials, search
+from barbalat.tuning.space import Range, Space, of_knobs
+from barbalat.tuning.trial import Plants
+from barbalat.tuning.trials import Trials
+from barbalat.tuning.written import with_numbers
+from barbalat.validate import Array, InputError
+
+DEFAULT_TRIALS = 384
+"""Tunings tried for each controller: a spread of 128, then two generations over all and six around the best."""
+SEARCHING = 0.75
+"""Of a controller's time, about; the rest is the front's and the new plants'."""
+
+
+def tune(
+    case: str | Path | Case,
+    objective: str,
+    *,
+    maximize: bool = False,
+    subject_to: Sequence[str] = (),
+    vary: Mapping[str, str | Range] | None = None,
+    controller: str | None = None,
+    plants: int = DEFAULT_PLANTS,
+    quantile: float = 1.0,
+    trials: int = DEFAULT_TRIALS,
+    seed: int = 0,
+    threads: int | None = None,
+    progress: Progress | None = None,
+) -> Tuning:
+    """Find the settings of each controller that make one quantity small, or large, under constraints.
+
+    case        a case file or a bundled case's name, or a ``Case``, whose fields ``vary`` then names
+    objective   a figure of a run, such as "rms_e", a key of a certificate, or "delay_margin_simulated"
+    subject_to  such as "delay_margin >= 0.02", "condition < 1", "delay_onset_simulated >= 0.01", "max_abs_u < 400"
+    vary        by paths "START:STOP" or "START:STOP:log"; by default the knobs of each scheme, as far as they stand in the case
+    controller  the one to tune, by its name; by default all
+    plants      the case's own and so many less one of its known set
+    quantile    of the plants; 1: the worst of them
+    trials      tunings that are tried for each controller
+    seed        of the plants and of the search: the same seed gives the same result
+    Raises InputError.
+    """
+    text = None if isinstance(case, Case) else CaseText.read(case)
+    aim = Aim.of(objective, subject_to, maximize=maximize, plants=plants, quantile=quantile, seed=seed)
+    spaces = {FieldPath.parse(path): one if isinstance(one, Range) else Range.parse(one) for path, one in (vary or {}).items()}
+    whole = text.case() if text is not None else case
+    assert isinstance(whole, Case)
+    return tune_case(
+        Tuner(text, whole, aim, trials, threads), Space(spaces) if spaces else None, controller=controller, progress=progress
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Tuner:
+    """A case, with its text where it is a file, and what it is tuned for."""
+
+    text: CaseText | None
+    case: Case
+    aim: Aim
+    trials: int
+    threads: int | None = None
+
+    def varied(self, paths: tuple[FieldPath, ...]) -> Varied:
+        return VariedObjects(self.case, paths) if self.text is None else VariedCase(self.text, paths)
+
+    def space_of(self, controller: int) -> Space:
+        """By the scheme's own knobs; InputError where it has none."""
+        settings = self.case.controllers[controller]
+        scheme = settings.controller if isinstance(settings, Sampled) else settings
+        problem = self.case.problem
+        if self.text is None or not isinstance(scheme, Tunable) or not isinstance(problem, Problem):
+            raise InputError(
+                f"{settings.name}: nothing says which of its settings are tuned: give --vary controller[{controller}].KEY="
+                "START:STOP[:log]"
+            )
+        tables = self.text.data()["controller"]
+        if controller >= len(tables):
+            raise InputError(f"{settings.name} does not stand in the case file: its settings can't be tuned there")
+        reach, _ = reach_of(problem, self.case.simulation)
+        return of_knobs(scheme.knobs(reach), tables[controller], controller)
+
+    def tuned(self, controller: int, space: Space, progress: Progress | None) -> Tuned:
+        """One controller."""
+        validate.whole("trials", self.trials, least=least_trials(len(space)))
+        trials, start = self._trials(controller, space), self._start(space)
+        own = trials.whole(np.zeros(0) if start is None else start, self.case)  # what can't be judged is refused here
+
+        def judged(points: Array, to_beat: float) -> Array:
+            return np.array([trial.score for trial in trials.judged(space.rows(points), to_beat)])
+
+        shares = None if start is None else space.shares(start)
+        search(judged, len(space), trials=self.trials, seed=self.aim.seed, start=shares, progress=part_of(progress, 0, SEARCHING))
+        return choose(trials, space, own, part_of(progress, SEARCHING, 1 - SEARCHING))
+
+    def _trials(self, controller: int, space: Space) -> Trials:
+        varied = self.varied(space.paths)
+        ends = [np.array([one.low, one.high]) for one in space.ranges.values()]
+        middle = space.rows(np.full((1, len(space)), 0.5))[0]
+        kinds = kinds_of(varied, Tried(middle, tuple(ends)))
+        own = all(path.keys[0] == "controller" for path in space.paths)
+        return Trials(
+            varied,
+            controller,
+            self.aim,
+            together=all(kind is Kind.NUMBER for kind in kinds),
+            shared=Plants.of(self.case, self.aim) if own else None,
+            threads=self.threads,
+        )
+
+    def _start(self, space: Space) -> Array | None:
+        """(d,) the case's own tuning; None where a number of it is left to a default."""
+        if self.text is None:
+            return None
+        found = [path.of(self.text.data()) for path in space.paths]
+        if any(not isinstance(one, (int, float)) for one in found):
+            return None
+        return np.array(found, dtype=float)
+
+
+def tune_case(tuner: Tuner, space: Space | None, *, controller: str | None, progress: Progress | None) -> Tuning:
+    """All controllers that are asked for, one after the other."""
+    started = time.perf_counter()
+    _require_steps(tuner.aim, tuner.case)
+    spaces = _spaces(tuner, space, controller)
+    _require_known(tuner, list(spaces))
+    found: dict[str, Tuned] = {}
+    for i, (which, one) in enumerate(spaces.items()):
+        part = part_of(progress, i / len(spaces), 1 / len(spaces))
+        found[tuner.case.controllers[which].name] = tuner.tuned(which, one, part)
+    numbers = {path: value for one in found.values() if one.chosen for path, value in one.chosen.tuning.items()}
+    text = None if tuner.text is None else with_numbers(tuner.text.text, numbers)
+    case = tuner.varied(tuple(numbers)).at(list(numbers.values()))
+    thetas = [problem.parameters for problem in tuner.aim.family(tuner.case)]
+    return Tuning(
+        aim=tuner.aim,
+        case=case,
+        text=text,
+        thetas=np.array([theta for theta in thetas if theta is not None]),
+        controllers=found,
+        notes=_notes(tuner, found),
+        seconds=time.perf_counter() - started,
+    )
+
+
+def _spaces(tuner: Tuner, space: Space | None, controller: str | None) -> dict[int, Space]:
+    """What is varied of each controller that is tuned, by its place."""
+    names = [one.name for one in tuner.case.controllers]
+    if controller is not None and controller not in names:
+        raise InputError(f"--controller must be one of the case's ({', '.join(names)}), got {validate.show(controller)}")
+    chosen = range(len(names)) if controller is None else [names.index(controller)]
+    if space is None:
+        return {which: tuner.space_of(which) for which in chosen}
+    places = {path.keys[1] if path.keys[0] == "controller" and len(path.keys) > 1 else None for path in space.paths}
+    own = {place for place in places if isinstance(place, int)}
+    if controller is None and None in places and len(names) > 1 and len(own) != 1:
+        raise InputError(f"say with --controller which one is tuned ({', '.join(names)}): not all of --vary is one controller's")
+    if None in places or controller is not None:
+        which = names.index(controller) if controller is not None else next(iter(own), 0)
+        return {which: space}
+    return {which: Space({path: one for path, one in space.ranges.items() if path.keys[1] == which}) for which in sorted(own)}
+
+
+def _require_steps(aim: Aim, case: Case) -> None:
+    shortest = SHORTEST_DELAY_STEPS * case.simulation.dt
+    for one in aim.constraints:
+        if one.quantity.origin is Origin.DELAY and one.requirement.limit < shortest:
+            raise InputError(f"{one.requirement} asks for less than can be simulated, two steps, {shortest:g} s")
+
+
+def _require_known(tuner: Tuner, controllers: Sequence[int]) -> None:
+    """InputError where a key is in no certificate of those that are tuned."""
+    asked = [one for one in tuner.aim.quantities if one.origin is Origin.CERTIFICATE]
+    if not asked:
+        return
+    for which in controllers:
+        controller = tuner.case.controllers[which]
+        certificate = certify(tuner.case.problem, controller, tuner.case.simulation)[controller.name]
+        for one in asked:
+            one.require_known(certificate)
+
+
+def _notes(tuner: Tuner, found: Mapping[str, Tuned]) -> tuple[str, ...]:
+    """Sentences on what the result is not."""
+    said = []
+    if len(tuner.aim.family(tuner.case)) < tuner.aim.plants:
+        said.append("only the case's own plant was looked at: it has no known set from which others of theta could be drawn")
+    for name, one in found.items():
+        if one.chosen is None:
+            said.append(f"{name}: none of {one.trials} tunings meets every constraint; the case file keeps its own")
+    return tuple(said)

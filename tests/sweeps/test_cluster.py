@@ -1,0 +1,145 @@
+"""Chunks elsewhere: the bits of this process on any processor, workers that die, a scheduler that is not there or goes."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import pickle
+import signal
+import socket
+import subprocess
+import sys
+import time
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from barbalat.cases.load import CaseText
+from barbalat.cli import main
+from barbalat.sweeps import cluster
+from barbalat.sweeps.cluster import Scheduler
+from barbalat.sweeps.plan import Plan
+from barbalat.sweeps.sent import Sent, Tabulated, figures
+from barbalat.sweeps.study import Study
+from barbalat.sweeps.varied_case import VariedCase, sampled
+from independent import refusal
+
+ANOTHER_PROCESSOR = {"OPENBLAS_CORETYPE": "Prescott", "GLIBC_TUNABLES": "glibc.cpu.hwcaps=-AVX2,-FMA,-AVX512F,-AVX2_Usable"}
+"""What LAPACK and the C library then compute with is that of a processor of 2004."""
+NOISY = "\n[sensor]\nnoise = { std = 0.01, sample_time = 0.01 }\n[simulation]"
+
+
+def study(members: int = 40, t_end: float = 0.5, noise: bool = False) -> Study:
+    text = CaseText.read("paper").text.replace("t_end = 60.0", f"t_end = {t_end}").replace("dt = 1e-4", "dt = 1e-3")
+    text = CaseText(text.replace("\n[simulation]", NOISY) if noise else text)
+    plan = Plan({}, sampled(text, [("plant.theta", "known-set"), ("controller[1].filter.kappa", "uniform:0.01:0.03")]), members)
+    return Study(VariedCase(text, plan.paths), plan)
+
+
+def same(one, other):
+    assert set(one) == set(other)
+    assert not [name for name in one if one[name].tobytes() != other[name].tobytes()]
+
+
+WORKER = """
+import pickle, sys
+from barbalat.sweeps.sent import figures
+sent, tables = pickle.load(sys.stdin.buffer)
+sys.stdout.buffer.write(pickle.dumps(figures(sent, tables)))
+"""
+
+
+def test_a_worker_on_another_processor_gives_the_clients_bits():
+    here = study()
+    parts = list(here.parts(0, 40))
+    found = []
+    for part in parts:
+        given = pickle.dumps((Sent.of(part), Tabulated.of(part)))
+        environment = os.environ | ANOTHER_PROCESSOR
+        done = subprocess.run([sys.executable, "-c", WORKER], input=given, capture_output=True, env=environment, check=True)
+        found.append(pickle.loads(done.stdout))
+    same(here.columns(0, 40, parts, found), study().run(0, 40))
+
+
+def test_a_worker_that_would_make_other_bits_refuses():
+    (part,) = study(noise=True).parts(0, 4)
+    sent, tables = Sent.of(part), Tabulated.of(part)
+    assert len(figures(sent, tables)) == 3
+    other = replace(sent, versions=sent.versions | {"numpy": "1.0"})
+    assert "a worker has other versions than the client: numpy" in refusal(lambda: figures(other, tables))
+    assert "makes other noise than the client's" in refusal(lambda: figures(replace(sent, noise="0"), tables))
+
+
+@pytest.mark.parametrize("address", ["localhost:8786", "tcp://host", "http://h:1", "local:", "local:-1", ""])
+def test_addresses_that_are_none(address):
+    assert "--scheduler must be tcp://HOST:PORT" in refusal(lambda: Scheduler.parse(address))
+
+
+def test_a_scheduler_that_does_not_answer(monkeypatch, capsys):
+    pytest.importorskip("distributed")
+    monkeypatch.setattr(cluster, "PATIENCE", 0.3)
+    with socket.create_server(("127.0.0.1", 0)) as silent:
+        address = f"tcp://127.0.0.1:{silent.getsockname()[1]}"
+        sweep = ["sweep", "first-order", "--vary", "controller[0].gamma=1:2:2", "--no-bounds", "--scheduler", address]
+        assert main(sweep) == 2
+    assert "does not answer within 0.3 s" in capsys.readouterr().err
+
+
+@pytest.mark.full
+def test_workers_that_join_and_die_and_a_scheduler_that_goes(tmp_path):
+    distributed = pytest.importorskip("distributed")
+    processes = []
+
+    def start(*command: str, **environment: str) -> subprocess.Popen[bytes]:
+        arguments = [sys.executable, "-m", "distributed.cli." + command[0], *command[1:], "--no-dashboard"]
+        found = subprocess.Popen(arguments, env=os.environ | environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        processes.append(found)
+        return found
+
+    with socket.create_server(("127.0.0.1", 0)) as free:
+        address = f"tcp://127.0.0.1:{free.getsockname()[1]}"
+    port = address.rsplit(":", 1)[1]
+    try:
+        scheduler = start("dask_scheduler", "--host", "127.0.0.1", "--port", port)
+        workers = [start("dask_worker", address, "--no-nanny", "--nthreads", "1", **ANOTHER_PROCESSOR) for _ in range(2)]
+        while True:
+            with contextlib.suppress(ConnectionRefusedError), socket.create_connection(("127.0.0.1", int(port)), timeout=60):
+                break
+            assert scheduler.poll() is None
+            time.sleep(0.2)
+        with cluster.connected(Scheduler(address=address)) as client:
+            client.wait_for_workers(2, timeout=60)
+            here, given = study(400, t_end=20.0), cluster.Workers(study(400, t_end=20.0), client)
+            chunks = [cluster.Chunk(first, 40) for first in range(0, 400, 40)]
+            found = {}
+            for i, (chunk, columns) in enumerate(given.run(chunks)):
+                found[chunk.first] = columns
+                if i == 1:
+                    workers[0].send_signal(signal.SIGKILL)
+                    workers.append(start("dask_worker", address, "--no-nanny", "--nthreads", "1"))
+            assert sorted(found) == list(range(0, 400, 40))
+            together = {name: np.concatenate([found[first][name] for first in sorted(found)]) for name in found[0]}
+            same(together, here.run(0, 400))
+            with pytest.raises(cluster.SchedulerLostError):
+                for _ in cluster.Workers(study(400, t_end=20.0), client).run(chunks):
+                    scheduler.send_signal(signal.SIGKILL)
+    finally:
+        for process in processes:
+            process.kill()
+            process.wait()
+    assert distributed.__version__
+
+
+@pytest.mark.full
+def test_an_interrupt_ends_a_local_cluster_within_two_seconds(tmp_path):
+    pytest.importorskip("distributed")
+    sweep = [sys.executable, "-m", "barbalat", "sweep", "paper", "--sample", "plant.theta=known-set", "--members", "4000"]
+    process = subprocess.Popen(
+        [*sweep, "--no-bounds", "--scheduler", "local:2", "--store", str(tmp_path / "s")], stderr=subprocess.PIPE, text=True
+    )
+    while not list(tmp_path.glob("s/members-*")) and process.poll() is None:
+        time.sleep(0.1)
+    process.send_signal(signal.SIGINT)
+    said = process.communicate(timeout=60)[1]
+    assert process.returncode == 130 and "the same command goes on" in said

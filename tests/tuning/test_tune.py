@@ -1,0 +1,192 @@
+"""Tunings: against brute force, against a bound known in closed form, against trade-offs' fronts; the case file; bad input."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+from barbalat import Simulation, certify, load_case, simulate, sweep, trade_off, tune
+from barbalat.cases.load import parse_case
+from barbalat.cli import main
+from barbalat.study.motion import Motion
+from independent import refusal
+
+DRIVE = """
+name = "Drive"  # mine
+[plant]
+A_m = [[-2.0]]
+b = [1.5]
+theta = [1.0]
+x0 = [0.3]
+[reference_model]
+k_0 = 1.3
+[reference]
+kind = "sine"
+amplitude = 1.0
+frequency = 1.2
+[uncertainty]
+lower = [-3.0]
+upper = [3.0]
+[simulation]
+t_end = 4.0
+dt = 1e-3
+[[controller]]
+name = "MRAC"
+scheme = "mrac"
+gamma = 3.0  # by hand
+[[controller]]
+name = "L1"
+scheme = "l1"
+gamma = 100.0
+filter = { kappa = 0.1 }   # slow
+"""
+
+
+@pytest.fixture
+def drive(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "drive.toml").write_text(DRIVE)
+    return "drive.toml"
+
+
+def test_the_best_of_a_fine_grid_is_not_better_and_its_case_file_gives_the_same_run(drive):
+    limit = 0.72
+    options = {
+        "subject_to": [f"max_abs_u <= {limit}"],
+        "vary": {"controller[0].gamma": "0.1:300:log"},
+        "plants": 1,
+        "trials": 288,
+    }
+    found = tune(drive, "rms_e", **options)
+    grid = sweep(drive, vary={"controller[0].gamma": "0.1:300:400:log"}, bounds=False)
+    error, effort = grid.column("MRAC/rms_e[0]"), grid.column("MRAC/max_abs_u")
+    assert (effort > limit).any() and (effort <= limit).any()  # the constraint decides
+    best = error[effort <= limit].min()
+    chosen = found.controllers["MRAC"].chosen
+    # a step of the grid changes the error by 1 %, as it changes gamma by 2 %
+    assert chosen.meets and chosen.value <= best * 1.002 and chosen.value >= best * 0.98
+    assert "MRAC" in found.controllers and "L1" not in found.controllers
+    changed = [new for new, old in zip(found.text.splitlines(), DRIVE.splitlines(), strict=True) if new != old]
+    assert changed == [f"gamma = {chosen.tuning[next(iter(chosen.tuning))]:.4g}  # by hand"]
+    case = parse_case(found.text)
+    run = simulate(case.problem, case.controllers, case.simulation)["MRAC"].metrics
+    assert run.rms_e[0, 0] == pytest.approx(chosen.value, rel=1e-12)  # its gamma is compiled in: other last bits
+    assert run.max_abs_u[0] <= limit
+    again = tune(drive, "rms_e", **options)
+    assert again.as_json() | {"seconds": 0} == found.as_json() | {"seconds": 0}
+    front = found.controllers["MRAC"].front
+    values, efforts = np.array([(p.value, next(iter(p.found.values()))) for p in front]).T
+    assert len(front) > 3 and (np.diff(values) > 0).all() != (np.diff(values) < 0).all()
+    assert all(not ((values < v) & (efforts < u)).any() for v, u in zip(values, efforts, strict=True))
+
+
+@pytest.mark.full
+def test_a_certificates_condition_stops_the_filter_where_it_flips(drive):
+    """The delay margin grows with kappa, so that the best filter is the slowest that the condition admits."""
+    found = tune(
+        drive, "delay_margin", maximize=True, subject_to=["condition < 1"], plants=1, trials=288,
+        vary={"controller[1].filter.kappa": "0.01:3:log"},
+    )  # fmt: skip
+    (tuned,) = found.controllers.values()
+    case = load_case(drive)
+    flips = certify(case.problem, case.controllers[1], case.simulation)[tuned.controller].values["kappa_admissible"]
+    (kappa,) = tuned.chosen.tuning.values()
+    assert 0.95 * flips < kappa <= flips
+    assert tuned.certificate.values["condition"]["holds"] and tuned.held_out is None
+    assert tuned.certificate.values["delay_margin"] == tuned.chosen.value
+
+
+SECTION_V = """
+name = "Section V"
+[plant]
+A_m = [[0.0, 1.0], [-0.3, -1.0]]
+b = [0.0, 1.0]
+theta = [4.0, -3.0]
+x0 = [1.0, 1.0]
+[reference_model]
+k_0 = 4.0
+[reference]
+kind = "sine"
+amplitude = 50.0
+frequency = 0.5
+[uncertainty]
+lower = [-5.0, -5.0]
+upper = [5.0, 5.0]
+[simulation]
+t_end = 20.0
+dt = 1e-3
+[[controller]]
+name = "MRAC"
+scheme = "mrac"
+gamma = 0.01
+[[controller]]
+name = "L1-AC"
+scheme = "l1"
+gamma = 1.0
+filter = { kappa = 0.05 }
+[[controller]]
+name = "Robust MRAC"
+scheme = "robust-mrac"
+tau = 0.5
+law = { kind = "least-squares", covariance0 = 500.0 }
+"""
+
+
+@pytest.mark.full
+def test_no_worse_than_the_trade_offs_front_at_equal_delay(tmp_path):
+    path = tmp_path / "section-v.toml"
+    path.write_text(SECTION_V)
+    case = load_case(path)
+    assert case.simulation == Simulation(t_end=20.0, dt=1e-3)
+    clouds = trade_off(case.problem, case.simulation, density=4, plants=2).clouds
+    scale = Motion.of(case.problem, case.simulation).rms
+    for cloud in clouds:
+        error, margin = cloud.at("worst", "onset")
+        front = cloud.front("worst", "onset")
+        at = front[len(front) // 2]
+        asked = f"delay_onset_simulated >= {float(margin[at])!r}"
+        found = tune(path, "rms_e", subject_to=[asked], controller=cloud.scheme, plants=2).controllers[cloud.scheme]
+        assert found.chosen is not None and found.chosen.meets, cloud.scheme
+        assert found.chosen.value <= error[at] * scale * (1 + 1e-9), cloud.scheme
+        assert min(p.found[next(iter(p.found))] for p in (found.chosen,)) >= margin[at]
+
+
+def test_command_and_its_page(drive, tmp_path, capsys):
+    command = ["tune", drive, "--for", "tail_max_abs_e", "--controller", "L1", "--trials", "288", "--plants", "2"]
+    assert main([*command, "--subject-to", "max_abs_u < 9", "theta_hat_tail_max[0] < 4", "--json"]) == 0
+    document = json.loads(capsys.readouterr().out)
+    assert document["for"] == "tail_max_abs_e" and document["subject_to"] == ["max_abs_u < 9", "theta_hat_tail_max[0] < 4"]
+    found = document["controllers"]["L1"]
+    assert set(found["chosen"]["tuning"]) == {"controller[1].filter.kappa", "controller[1].gamma"}
+    assert found["held_out"]["worst"]["value"] > 0 and found["certificate"]["entries"]
+    assert {path.name for path in tmp_path.iterdir()} == {"drive.toml"}
+    assert main([*command, "--subject-to", "max_abs_u < 0.001", "--out", "none"]) == 0
+    said = capsys.readouterr().out
+    assert "none of 288 tunings meets every constraint" in said and "nearest" in said
+    assert (tmp_path / "none" / "tuned.toml").read_text() == DRIVE
+    assert "What it costs" in (tmp_path / "none" / "report.html").read_text()
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ({"objective": "rms"}, "'rms' is neither a figure"),
+        ({"subject_to": ["condition 1"]}, "a requirement must be"),
+        ({"subject_to": ["delay_onset_simulated < 0.1"]}, "takes a least delay above 0"),
+        ({"subject_to": ["delay_onset_simulated >= 1e-3"]}, "less than can be simulated, two steps, 0.002 s"),
+        ({"subject_to": ["no_such_key < 1"]}, "'no_such_key' is neither a figure"),
+        ({"objective": "rms_e[3]"}, "rms_e[3] is no figure of this case; known are rms_e[0]"),
+        ({"controller": "L2"}, "--controller must be one of the case's (MRAC, L1), got 'L2'"),
+        ({"vary": {"controller[0].gamma": "5:1"}}, "START must be below STOP"),
+        ({"vary": {"controller[0].gamma": "0:1:log"}}, "START must be positive for log"),
+        ({"vary": {"controller[0].gama": "1:5"}}, "unknown key"),
+        ({"vary": {"reference_model.k_0": "1:5"}}, "say with --controller which one"),
+        ({"plants": 0}, "plants must be"),
+        ({"quantile": 1.5}, "quantile must be above 0 and at most 1, got 1.5"),
+        ({"trials": 10}, "trials must be"),
+    ],
+)
+def test_bad_input(drive, given, said):
+    assert said in refusal(lambda: tune(drive, **{"objective": "rms_e"} | given))
