@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, is_dataclass
+from dataclasses import dataclass, fields, is_dataclass
 from importlib import import_module
 from inspect import isabstract
 from pathlib import Path
@@ -72,6 +72,16 @@ PUBLIC |= {name.upper(): tableau for name, tableau in SOLVERS.items()}
 def test_everything_registered_is_a_public_name():
     lacking = [name for name, kind in PUBLIC.items() if getattr(barbalat, name, None) is not kind]
     assert not lacking, "add them to src/barbalat/__init__.pyi"
+
+
+@pytest.mark.parametrize("name", [name for name, kind in PUBLIC.items() if isinstance(kind, type)])
+def test_a_misspelt_keyword_is_told_with_the_one_that_is_meant(name):
+    kind = PUBLIC[name]
+    (first, *_) = [one.name for one in fields(kind) if one.init]
+    with pytest.raises(TypeError, match=rf"{name} has no keyword '{first}s'; did you mean '{first}'\?"):
+        kind(**{f"{first}s": 1.0})
+    with pytest.raises(TypeError, match="known here: "):
+        kind(qqq=1.0)
 
 
 ROOMS = {

@@ -6,11 +6,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from barbalat import validate
+from barbalat.settings import Settings
 from barbalat.validate import InputError, freeze
 
 
 @dataclass(frozen=True, kw_only=True)
-class Labels:
+class Labels(Settings):
     """Names and units on the axes of pictures; no number is changed by them.
 
     names        one for each state, or one for the output, such as "alpha"

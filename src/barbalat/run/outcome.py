@@ -40,6 +40,15 @@ def outcome(run: Finished) -> str:
     return "; ".join([*(f"{FIGURES[name]} {text_of(run.figures[name])}" for name in shown), *label])
 
 
+def outcome_in_brief(run: Finished) -> str:
+    """In a few words: one of several on a line."""
+    return run.label or (f"diverged at t = {run.diverged_at:.4g} s" if run.diverged_at is not None else _error_of(run))
+
+
+def _error_of(run: Finished) -> str:
+    return f"{FIGURES['max_abs_e']} {text_of(run.figures['max_abs_e'])}"
+
+
 def text_of(value: float | list[float] | None) -> str:
     """A figure, or its components in brackets, with four digits."""
     if isinstance(value, list):
