@@ -27,7 +27,7 @@ def interruptible() -> Iterator[None]:
         yield
         return
 
-    kinds = {signal.SIGINT: KeyboardInterrupt, signal.SIGTERM: Terminated}
+    kinds: dict[int, type[KeyboardInterrupt]] = {signal.SIGINT: KeyboardInterrupt, signal.SIGTERM: Terminated}
     asked: list[int] = []
 
     def attempt(*_: object) -> None:
