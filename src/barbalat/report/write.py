@@ -18,13 +18,13 @@ from matplotlib.figure import Figure
 
 from barbalat.certificates.certificate import Certificate
 from barbalat.certificates.overview import Certified
-from barbalat.certificates.picture import MarginLoop, distinct
-from barbalat.certificates.picture import figure_of as loops_figure
+from barbalat.certificates.picture import MarginLoop, distinct, responses_of
 from barbalat.claims.claim import Chart, Claim, Map
 from barbalat.claims.paper_figure import PaperFigure
 from barbalat.flight import picture as of_flight
 from barbalat.flight.comparison import FlightComparison
 from barbalat.flight.failures import FAILURES
+from barbalat.pictures.frequency import draw as draw_responses
 from barbalat.pictures.render import render
 from barbalat.pictures.theme import COLOURS
 from barbalat.report import charts, diagrams, flights, maps, page
@@ -96,7 +96,8 @@ def loop_pictures(certificates: Mapping[str, Certificate]) -> list[page.Picture]
 
 
 def _loops(name: str, loops: Sequence[MarginLoop]) -> page.Picture:
-    wide, narrow = (loops_figure(loops, "", narrow=narrow, shown=False) for narrow in (False, True))
+    responses = responses_of(loops)
+    wide, narrow = (draw_responses(responses, "", narrow=narrow) for narrow in (False, True))
     return page.Picture(_svg(name, wide), _svg(f"{name}{NARROW}", narrow))
 
 
@@ -202,7 +203,7 @@ def _narrow(name: str, results: Sequence[Result]) -> page.Drawing:
 
 def _draw(folder: Folder, name: str, drawing: Figure) -> page.Picture:
     folder.write(f"{name}.png", render(drawing, "png"))
-    drawing.set_layout_engine("none")  # what the first rendering has laid out stays where it is
+    drawing.set_layout_engine(None)  # what the first rendering has laid out stays where it is
     wide = _svg(name, drawing)
     folder.write(wide.file, wide.svg)
     return page.Picture(wide)
