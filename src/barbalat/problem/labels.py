@@ -53,6 +53,16 @@ class Labels(Settings):
         return bracketed(self.units) if len(set(self.units)) == 1 else ""
 
     @property
+    def every_unit(self) -> str:
+        """The common unit, or all of them, "[rad, rad/s]"; empty where none is given."""
+        return self.common_unit or (f"[{', '.join(unit or '1' for unit in self.units)}]" if any(self.units) else "")
+
+    @property
+    def every_input_unit(self) -> str:
+        """The same of the inputs."""
+        return self.input_unit or (f"[{', '.join(unit or '1' for unit in self.input_units)}]" if any(self.input_units) else "")
+
+    @property
     def input_unit(self) -> str:
         """The unit of all inputs, where they have one in common."""
         return bracketed(self.input_units) if len(set(self.input_units)) == 1 else ""

@@ -105,15 +105,48 @@ def _loop_names(count: int) -> list[str]:
     return [f"{LOOPS}{f'-{i}' if i > 1 else ''}" for i in range(1, count + 1)]
 
 
-def write_comparison(folder: Folder, case: str, results: Sequence[Result], certified: Certified) -> None:
+def write_comparison(
+    folder: Folder,
+    case: str,
+    results: Sequence[Result],
+    certified: Certified,
+    progress: Callable[[float], None] = lambda _: None,
+) -> None:
     """The picture of the runs, those of their loops, a block diagram of each controller that has one, and the page."""
-    picture = _draw_runs(folder, PICTURE, results)
     names = _diagram_names([result.name for result in results])
     figures = [diagrams.of_controller(result.controller, result.problem) for result in results]
-    drawn = [_draw(folder, name, figure) for name, figure in zip(names, figures, strict=True) if figure is not None]
+    shown = {name: figure for name, figure in zip(names, figures, strict=True) if figure is not None}
+    whole = drawing_seconds(len(results)) + DIAGRAM_SECONDS * len(shown) + LOOPS_SECONDS * bool(distinct(certified.certificates))
+    done = PAGE_SECONDS
+
+    def told(seconds: float) -> None:
+        nonlocal done
+        done += seconds
+        progress(done / whole)
+
+    wide = _draw(folder, PICTURE, figure_of(results))
+    told(WIDE_SECONDS * len(results))
+    picture = replace(wide, narrow=_narrow(PICTURE, results))
+    told(NARROW_SECONDS * len(results))
+    drawn = []
+    for name, figure in shown.items():
+        drawn.append(_draw(folder, name, figure))
+        told(DIAGRAM_SECONDS)
     loops = loop_pictures(certified.certificates)
+    told(LOOPS_SECONDS * bool(loops))
     keep(folder, [picture, *loops])
     folder.write(page.PAGE, page.comparison(case, results, certified, picture, drawn, loops))
+
+
+def drawing_seconds(results: int) -> float:
+    """About how long the picture and the page of so many runs take; block diagrams and loops come to it."""
+    return (WIDE_SECONDS + NARROW_SECONDS) * results + PAGE_SECONDS
+
+
+WIDE_SECONDS, NARROW_SECONDS = 0.25, 0.15
+"""For each run, about, where no other work is on the machine: its part of the picture, and of that for phones."""
+DIAGRAM_SECONDS, LOOPS_SECONDS, PAGE_SECONDS = 0.4, 0.5, 0.1
+"""Of a block diagram, of all loops, and of what is left, likewise."""
 
 
 def write_certificates(folder: Folder, case: str, certified: Certified, document: str) -> None:
@@ -190,11 +223,6 @@ def write_trajectories(folder: Folder, results: Sequence[Result], *, whole: bool
         numbers = np.column_stack(list(columns.values()))[rows]
         writer.writerows(numbers.tolist())
         folder.write(name, buffer.getvalue())
-
-
-def _draw_runs(folder: Folder, name: str, results: Sequence[Result]) -> page.Picture:
-    """The picture of runs as it is on a page, and as it is on a phone."""
-    return replace(_draw(folder, name, figure_of(results)), narrow=_narrow(name, results))
 
 
 def _narrow(name: str, results: Sequence[Result]) -> page.Drawing:

@@ -25,4 +25,4 @@ def html_of(results: Sequence[Result]) -> str:
         for sentence in (result.numerics, *result.warnings)
     ]
     picture = image_of(figure_of(results), f"{', '.join(result.name for result in results)} over time")
-    return f"{table(results)}<small>{'<br>'.join(notes)}</small><br>{picture}"
+    return f"{table(results, results[0].problem.labels)}<small>{'<br>'.join(notes)}</small><br>{picture}"
