@@ -231,8 +231,8 @@ class Reader:
         if self.adjustable:
             template = template.adjustable(simulation.dt, self.weights)
         dt, weights = simulation.dt if template.dt is None else template.dt, template.delay_weights
-        given = template.loop, simulation.solver, dt, template.column
-        return step_program(*given, delay_weights=weights, rhythm=self.rhythm, **how)
+        loop, column, method, rhythm = template.loop, template.column, simulation.solver, self.rhythm
+        return step_program(loop, method, dt, column, delay_weights=weights, rhythm=rhythm, **how)
 
     def _traced_by(self, which: Array, how: dict[str, bool]) -> Hashable | None:
         """All that the step's program depends on: what is no number, and the numbers that are no arguments."""
