@@ -25,7 +25,7 @@ class Settings:
     def __new__(cls, *_: object, **given: object) -> Self:
         kind: type = cls
         known = _keywords(kind)
-        if given.keys() <= known.keys():
+        if known is None or given.keys() <= known.keys():
             return super().__new__(cls)
         from difflib import get_close_matches
 
@@ -36,11 +36,14 @@ class Settings:
 
 
 @cache
-def _keywords(kind: type) -> dict[str, None]:
-    """The names that a constructor takes, in its order."""
-    from inspect import getattr_static, signature
+def _keywords(kind: type) -> dict[str, None] | None:
+    """The names that a constructor takes, in its order; None of one, of somebody else's, that takes any."""
+    from inspect import Parameter, getattr_static, signature
 
-    return dict.fromkeys(list(signature(getattr_static(kind, "__init__")).parameters)[1:])  # without self
+    _, *parameters = signature(getattr_static(kind, "__init__")).parameters.values()  # the first is self
+    if any(one.kind is Parameter.VAR_KEYWORD for one in parameters):
+        return None
+    return {one.name: None for one in parameters}
 
 
 def one_line(shown: DataclassInstance) -> str:

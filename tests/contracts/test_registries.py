@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import copy
+import pickle
 from dataclasses import dataclass, fields, is_dataclass
 from importlib import import_module
 from inspect import isabstract
@@ -82,6 +84,15 @@ def test_a_misspelt_keyword_is_told_with_the_one_that_is_meant(name):
         kind(**{f"{first}s": 1.0})
     with pytest.raises(TypeError, match="known here: "):
         kind(qqq=1.0)
+
+
+def test_a_class_of_somebody_else_may_take_any_keyword():
+    class Own(Mrac):
+        def __init__(self, **given):
+            super().__init__(given["speed"])
+
+    assert Own(speed=3.0).gamma == 3.0
+    assert copy.copy(Own(speed=3.0)).gamma == pickle.loads(pickle.dumps(Mrac(3.0))).gamma == 3.0
 
 
 ROOMS = {
