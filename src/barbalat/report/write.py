@@ -6,7 +6,6 @@ import csv
 import io
 import json
 import math
-import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
@@ -28,6 +27,7 @@ from barbalat.pictures.frequency import draw as draw_responses
 from barbalat.pictures.render import render
 from barbalat.pictures.theme import COLOURS
 from barbalat.report import charts, diagrams, flights, maps, page
+from barbalat.report.file_names import diagram_names, table_names
 from barbalat.report.files import Folder
 from barbalat.run.picture import figure_of
 from barbalat.run.result import Result
@@ -42,8 +42,6 @@ NARROW = "-narrow"
 """After the name of a picture for a phone."""
 MOST_NUMBERS = 44_000
 """In all CSVs of a folder: some 450 kB. Results in Python have all that was recorded."""
-LONGEST_NAME = 80
-"""Characters of a controller's name in a file's; file systems take 255 bytes, and people read fewer."""
 
 
 class Drawn(Protocol):
@@ -113,7 +111,7 @@ def write_comparison(
     progress: Callable[[float], None] = lambda _: None,
 ) -> None:
     """The picture of the runs, those of their loops, a block diagram of each controller that has one, and the page."""
-    names = _diagram_names([result.name for result in results])
+    names = diagram_names([result.name for result in results])
     figures = [diagrams.of_controller(result.controller, result.problem) for result in results]
     shown = {name: figure for name, figure in zip(names, figures, strict=True) if figure is not None}
     whole = drawing_seconds(len(results)) + DIAGRAM_SECONDS * len(shown) + LOOPS_SECONDS * bool(distinct(certified.certificates))
@@ -163,10 +161,10 @@ def files_of_run(folder: Path) -> set[str]:
         names = [str(name) for name in json.loads((folder / RUN).read_bytes())["controllers"]]
     except (OSError, ValueError, LookupError, TypeError):
         return set()
-    drawn = {f"{name}.{kind}" for name in (PICTURE, *_diagram_names(names)) for kind in ("png", "svg")}
+    drawn = {f"{name}.{kind}" for name in (PICTURE, *diagram_names(names)) for kind in ("png", "svg")}
     drawn.add(f"{PICTURE}{NARROW}.svg")
     drawn |= {f"{name}{variant}.svg" for name in _loop_names(len(names)) for variant in ("", NARROW)}
-    return {RUN, page.PAGE, *_table_names(names)} | drawn
+    return {RUN, page.PAGE, *table_names(names)} | drawn
 
 
 def write_tradeoff(folder: Folder, found: TradeOff) -> None:
@@ -213,7 +211,7 @@ def write_trajectories(folder: Folder, results: Sequence[Result], *, whole: bool
 
     With ``whole`` every recorded instant.
     """
-    for name, result in zip(_table_names([result.name for result in results]), results, strict=True):
+    for name, result in zip(table_names([result.name for result in results]), results, strict=True):
         buffer = io.StringIO()
         columns = {"t": result.t} | result.columns()
         writer = csv.writer(buffer, lineterminator="\n")
@@ -246,23 +244,3 @@ def _draw_both(folder: Folder, name: str, figure: Drawn) -> page.Picture:
 
 def _svg(name: str, drawing: Figure) -> page.Drawing:
     return page.Drawing(f"{name}.svg", render(drawing, "svg").decode())
-
-
-def _table_names(names: Sequence[str]) -> list[str]:
-    """Of the controllers' CSVs; the number makes them different."""
-    return [f"{i}-{_file_name(name)}.csv" for i, name in enumerate(names, start=1)]
-
-
-def _diagram_names(names: Sequence[str]) -> list[str]:
-    """For each controller one of its own."""
-    chosen: list[str] = []
-    for name in names:
-        plain = f"diagram-{_file_name(name)}"
-        numbered = (f"{plain}-{i}" for i in range(2, len(names) + 1))
-        chosen.append(next(new for new in (plain, *numbered) if new not in chosen))
-    return chosen
-
-
-def _file_name(name: str) -> str:
-    """What of a name every file system takes."""
-    return re.sub(r"[^A-Za-z0-9]+", "-", name)[:LONGEST_NAME].strip("-").lower() or "controller"
