@@ -80,6 +80,7 @@ from .run.ensemble import EnsembleResult as EnsembleResult
 from .run.ensemble import simulate_ensemble as simulate_ensemble
 from .run.plot import plot as plot
 from .run.result import Result as Result
+from .run.results import Results as Results
 from .run.simulate import simulate as simulate
 from .signals import Chirp as Chirp
 from .signals import Constant as Constant

@@ -27,10 +27,10 @@ from barbalat.commands import (
     tradeoff,
     tune,
 )
-from barbalat.commands.interrupt import interruptible
+from barbalat.commands.interrupt import Terminated, interruptible
 from barbalat.commands.screen import say
 
-FAILED, BAD_INPUT, INTERRUPTED = 1, 2, 130
+FAILED, BAD_INPUT, INTERRUPTED, TERMINATED = 1, 2, 130, 143
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -56,6 +56,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         _close_standard_output()
         say(f"barbalat: cannot write{f' {error.filename!r}' if error.filename else ''}: {error.strerror or error}")
         return FAILED
+    except Terminated:
+        say("terminated")
+        return TERMINATED
     except KeyboardInterrupt:
         say("interrupted")
         return INTERRUPTED

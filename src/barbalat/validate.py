@@ -4,14 +4,11 @@ from __future__ import annotations
 
 import math
 import unicodedata
-from dataclasses import MISSING, Field, fields, is_dataclass
+from dataclasses import is_dataclass
 from importlib.util import find_spec
-from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
+from typing import Annotated, Any, TypeAlias
 
 import numpy as np
-
-if TYPE_CHECKING:
-    from _typeshed import DataclassInstance
 
 Array: TypeAlias = Any
 """A float NumPy array; its shape stands beside each name. Constructors take whatever NumPy can turn into one, hence Any."""
@@ -48,24 +45,6 @@ def show(value: Any) -> str:
         text = f"a {type(value).__name__} nested too deeply to be shown"
     text = " ".join(text.split())
     return text if len(text) <= 100 else text[:97] + "..."
-
-
-def one_line(shown: DataclassInstance) -> str:
-    """A dataclass at a prompt: on one line, without the fields that are as by default."""
-    given = {one: getattr(shown, one.name) for one in fields(shown) if one.init and one.repr}
-    said = [f"{one.name}={_at_a_prompt(value)}" for one, value in given.items() if not _is_default(one, value)]
-    return f"{type(shown).__name__}({', '.join(said)})"
-
-
-def _is_default(one: Field[Any], value: Any) -> bool:
-    default = one.default if one.default_factory is MISSING else one.default_factory()
-    return value is default or (type(value) is type(default) and not isinstance(value, np.ndarray) and bool(value == default))
-
-
-def _at_a_prompt(value: Any) -> str:
-    if not isinstance(value, np.ndarray):
-        return repr(value)
-    return " ".join(np.array2string(value, separator=", ", threshold=MOST_SHOWN, edgeitems=2).split())
 
 
 MOST_SHOWN = 36

@@ -9,7 +9,7 @@ import time
 import pytest
 
 from barbalat.claims.ledger import _deaf_children
-from barbalat.commands.interrupt import RETRY_PERIOD, interruptible
+from barbalat.commands.interrupt import RETRY_PERIOD, Terminated, interruptible
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="no timers of signals")
 
@@ -56,6 +56,16 @@ def test_what_a_library_makes_of_an_interrupt_is_one():
         raise SystemError("another one")
 
 
+def test_a_request_to_end_is_told_from_ctrl_c():
+    before = signal.getsignal(signal.SIGTERM)
+    for number, kind in ((signal.SIGTERM, Terminated), (signal.SIGINT, KeyboardInterrupt)):
+        with pytest.raises(KeyboardInterrupt) as found, interruptible():
+            os.kill(os.getpid(), number)
+            time.sleep(20 * RETRY_PERIOD)
+        assert found.type is kind
+    assert signal.getsignal(signal.SIGTERM) == before
+
+
 @pytest.fixture
 def interrupts():
     """As in a terminal: where tests run in the background, SIGINT is ignored from the start."""
@@ -77,22 +87,28 @@ def test_an_interrupt_while_processes_start_is_kept():
     assert signal.SIGINT not in signal.pthread_sigmask(signal.SIG_BLOCK, ())
 
 
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 @pytest.mark.parametrize("after", [1.0, 1.5, 2.0, 2.5, 5.0])
-@pytest.mark.short(kept=lambda after: after == 2.5)
-def test_reproduce_stops_at_once_and_says_one_word(after, tmp_path):
-    """Ctrl-C reaches the workers too: so soon they start, later they measure."""
+@pytest.mark.short(kept=lambda after, number: (after, number) in ((2.5, signal.SIGINT), (2.5, signal.SIGTERM)))
+def test_reproduce_stops_at_once_and_says_one_word(after, number, tmp_path):
+    """Ctrl-C reaches the workers too, a request to end this process alone: so soon they start, later they measure."""
     started = subprocess.Popen(
         [sys.executable, "-m", "barbalat", "reproduce", "--out", str(tmp_path / "out")],
         env=os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)},
         start_new_session=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
     )  # fmt: skip
     time.sleep(after)
-    os.killpg(started.pid, signal.SIGINT)
+    (os.killpg if number == signal.SIGINT else os.kill)(started.pid, number)
     try:
         out, said = started.communicate(timeout=60)  # a lost interrupt runs for minutes; a busy machine is no fault
     finally:
         if started.poll() is None:
             os.killpg(started.pid, signal.SIGKILL)
     if said:  # before the command has begun there is nothing to say
-        assert (out, said) == ("", "interrupted\n") or ("KeyboardInterrupt" in said and after < 2), said
+        word = {signal.SIGINT: "interrupted", signal.SIGTERM: "terminated"}[number]
+        assert (out, said) == ("", f"{word}\n") or ("KeyboardInterrupt" in said and after < 2), said
+        assert started.returncode == 128 + number or after < 2
     assert not (tmp_path / "out").exists()
+    table = subprocess.run(["ps", "-eo", "pgid=,stat="], capture_output=True, text=True, check=True).stdout
+    own = [state for group, state in map(str.split, table.splitlines()) if int(group) == started.pid]
+    assert all(state.startswith("Z") for state in own), "a worker is left"  # ended, but not yet asked for

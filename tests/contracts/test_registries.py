@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, is_dataclass
+import copy
+import pickle
+from dataclasses import dataclass, fields, is_dataclass
 from importlib import import_module
 from inspect import isabstract
 from pathlib import Path
@@ -74,6 +76,25 @@ def test_everything_registered_is_a_public_name():
     assert not lacking, "add them to src/barbalat/__init__.pyi"
 
 
+@pytest.mark.parametrize("name", [name for name, kind in PUBLIC.items() if isinstance(kind, type)])
+def test_a_misspelt_keyword_is_told_with_the_one_that_is_meant(name):
+    kind = PUBLIC[name]
+    (first, *_) = [one.name for one in fields(kind) if one.init]
+    with pytest.raises(TypeError, match=rf"{name} has no keyword '{first}s'; did you mean '{first}'\?"):
+        kind(**{f"{first}s": 1.0})
+    with pytest.raises(TypeError, match="known here: "):
+        kind(qqq=1.0)
+
+
+def test_a_class_of_somebody_else_may_take_any_keyword():
+    class Own(Mrac):
+        def __init__(self, **given):
+            super().__init__(given["speed"])
+
+    assert Own(speed=3.0).gamma == 3.0
+    assert copy.copy(Own(speed=3.0)).gamma == pickle.loads(pickle.dumps(Mrac(3.0))).gamma == 3.0
+
+
 ROOMS = {
     "controllers": lambda kind: is_dataclass(kind) and hasattr(kind, "bind"),
     "adaptation.laws": lambda kind: is_dataclass(kind) and hasattr(kind, "rates") and not isabstract(kind),
@@ -104,12 +125,13 @@ def test_the_docs_hold_what_the_registries_make():
 def test_editors_get_a_schema(problem):
     """JSON Schema with every kind and scheme, each key described."""
     schema = case_table(problem).model_json_schema()
+    assert all(value["description"] for value in schema["properties"].values())
     tags = {value.get("const") for table in schema["$defs"].values() for value in table["properties"].values()}
     assert tags >= {*CASES[problem], *SIGNALS}
     for table in schema["$defs"].values():
         assert table["additionalProperties"] is False
         for key, value in table["properties"].items():
-            assert "const" in value or value["description"], (table["title"], key)
+            assert value["description"], (table["title"], key)
 
 
 def test_every_key_has_a_meaning():

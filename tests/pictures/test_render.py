@@ -13,6 +13,7 @@ from PIL import Image
 from barbalat.pictures.panel_drawing import draw
 from barbalat.pictures.panels import Panel, Series, text_of
 from barbalat.pictures.render import on_dark, render
+from barbalat.pictures.symbols import in_symbols
 from barbalat.pictures.theme import COLOURS, DARK_GROUND, DARK_INK, GROUND, INK, ON_DARK, QUIET_INK, new_figure
 
 
@@ -79,6 +80,13 @@ def test_names_are_shown_as_they_are():
     assert text_of("a $ b") == r"a \$ b"
     assert len(text_of("x" * 100)) == 40
     assert text_of("_hidden").startswith("\u200b_")
+
+
+def test_names_in_pictures_have_symbols_and_powers_of_ten():
+    """Where a value follows; a scheme that is called after a letter keeps its name."""
+    assert in_symbols("L1, gamma 1e6, no projection") == "L1, γ 10⁶, no projection"
+    assert in_symbols("Gamma = 4.3e-05, kappa 0.02") == "Γ = 4.3·10⁻⁵, κ 0.02"
+    assert in_symbols("Sigma-modification, fixed gamma, 0x1e5, v1e5") == "Sigma-modification, fixed gamma, 0x1e5, v1e5"
 
 
 @pytest.mark.parametrize("narrow", [False, True])

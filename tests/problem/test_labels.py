@@ -1,9 +1,14 @@
 """Names and units: on the axes of a run's pictures, of the right count, and in no number."""
 
+import re
+
 import numpy as np
 import pytest
 
 from barbalat import Labels, Mrac, Plant, Problem, ReferenceModel, Simulation, Step, load_case, simulate
+from barbalat.report.page import figure_columns
+from barbalat.report.terminal import runs as terminal
+from barbalat.report.terminal.layout import Screen
 from barbalat.run.picture import panels
 from independent import refusal
 
@@ -20,6 +25,18 @@ def test_they_stand_on_the_axes():
     assert "angle" in motion.title and motion.y.endswith("[rad]")
     assert control.y.endswith("[N m]")
     assert [series.label.split()[-1] for series in error.series] == ["[rad]", "[rad/s]"]
+
+
+def test_tables_of_runs_have_units(capsys):
+    """On pages and in notebooks in the headings, on a terminal beside each component; nowhere where none is given."""
+    named, bare = run(GIVEN), run(None)
+    columns = figure_columns([named])
+    assert columns["max_abs_e"] == "max |e| [rad, rad/s]" and columns["max_abs_u"] == "max |u| [N m]"
+    assert figure_columns([bare])["max_abs_e"] == "max |e|"
+    assert "RMS e [rad, rad/s]</th>" in named._repr_html_() and "[" not in re.search(r"<tr>.*?</tr>", bare._repr_html_())[0]
+    terminal.show(Screen(), "a case", [named])
+    shown = capsys.readouterr().out
+    assert "e_1 [rad] " in shown and "e_2 [rad/s] " in shown and "[N m]" in shown
 
 
 def test_no_number_depends_on_them():

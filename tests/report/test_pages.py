@@ -87,3 +87,14 @@ def test_claims_lead_to_one_another():
 )
 def test_a_sweeps_page_names_figures_by_symbols(name, shown):
     assert in_symbols(name) == shown
+
+
+def test_progress_of_drawing_rises_to_its_end(results, tmp_path):
+    """In as many steps as there are pictures, where there are no loops to draw too."""
+    for certificates in ({}, certify(next(iter(results.values())).problem, [Mrac(gamma=5)], Simulation(t_end=1, dt=1e-2))):
+        told = []
+        write.write_comparison(
+            Folder(tmp_path), "a case", list(results.values()), Certified(certificates, Table(())), told.append
+        )
+        assert told == sorted(told) and told[0] < 0.8 and told[-1] == pytest.approx(1.0)
+        assert len(told) >= 2

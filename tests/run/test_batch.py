@@ -135,3 +135,32 @@ def test_recorded_blocks_of_members_that_stop_at_different_times(problems):
     assert np.isfinite(blocks.states[:, :, 1]).all() and np.isnan(blocks.states[-1, :, 0]).all()
     largest = np.maximum(-blocks.figure("e", "min"), blocks.figure("e", "max"))[:, :, 1].max(axis=0)
     assert (batch.metrics(simulation).max_abs_e[1] >= largest).all()
+
+
+def test_a_step_is_traced_once_for_all_that_it_depends_on(problems):
+    """Other arguments of the kernel have the same program; another constant, step, option or a class from outside has its own."""
+
+    def program(members, dt=STEPS[0], **how):
+        return Batch.of(members, Simulation(t_end=4.0, dt=dt, **how)).program
+
+    members, problem, other = cases(problems[2])["delayed"], problems[2], problems[3]
+    first = program(members)
+    assert program(members[::-1]) is first  # the same numbers differ
+    assert program([(one, Mrac(gamma=2.0)) for one, _ in members]) is not first
+    assert program(members, dt=STEPS[1]) is not first and program(members, fused=False) is not first
+    assert program([(problem, Mrac(gamma=2.0))]) is program([(replace(problem), Mrac(gamma=2.0, name="another"))])
+    constant = replace(problem, plant=replace(problem.plant, theta=2 * problem.plant.theta))
+    assert program([(problem, Mrac(gamma=2.0))]) is not program([(constant, Mrac(gamma=2.0))])
+    assert program([(other, Mrac(gamma=2.0))]) is not program([(problem, Mrac(gamma=2.0))])
+
+    class Own(type(Mrac(1.0).bind(problem.known))):
+        """From outside."""
+
+    class Controller:
+        name = "own"
+
+        def bind(self, known):
+            given = vars(Mrac(gamma=2.0).bind(known))
+            return Own(**given)
+
+    assert program([(problem, Controller())]) is not program([(problem, Controller())])

@@ -1,5 +1,7 @@
 """Results plot themselves, and say on one line what they are."""
 
+from html import escape
+
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
@@ -12,11 +14,13 @@ from barbalat import (
     Plant,
     Problem,
     ReferenceModel,
+    Results,
     Sampled,
     Simulation,
     Sine,
     Step,
     certify,
+    check_numerics,
     delay_margins,
     load_case,
     plot,
@@ -58,11 +62,22 @@ def test_any_collection_of_controllers_or_one(results):
 
 
 def test_a_result_on_one_line_and_in_a_notebook(results):
-    text = repr(results)
-    assert "\n" not in text and len(repr(results["MRAC"])) < 250
-    assert "max |e|" in text
+    text = repr(results["MRAC"])
+    assert "\n" not in text and len(text) < 250 and "max |e|" in text
     html = results["MRAC"]._repr_html_()
     assert "<table>" in html and "data:image/svg+xml;base64," in html
+
+
+def test_several_results_are_a_dictionary_that_shows_itself(results):
+    """On one line, with a row for each run and one picture of all in a notebook; it behaves as the plain dictionary does."""
+    assert isinstance(results, dict) and results == dict(results)
+    assert isinstance(check_numerics(results), Results)
+    text = repr(results)
+    assert "\n" not in text and len(text) < 60 * len(results) and all(repr(name) in text for name in results)
+    html = results._repr_html_()
+    assert html.count("<tr>") == 1 + len(results) and html.count("<img") == 1
+    assert [axes.get_title() for axes in results.plot().axes] == [axes.get_title() for axes in plot(results).axes]
+    assert "no runs" in Results()._repr_html_()
 
 
 def test_the_first_panel_is_the_motion_with_model_and_command(results):
@@ -170,10 +185,24 @@ def test_a_panel_that_stands_alone_has_its_whole_row(results):
 
 
 def test_what_a_problem_is_made_of_is_one_line_at_a_prompt():
-    shown = repr(problem())
+    shown = repr(problem().plant)
     assert "\n" not in shown and "theta=[ 1., -1.]" in shown and "regressor" not in shown
+    boxed = problem(uncertainty=ParameterBox([-2, -2], [2, 2]))
+    assert repr(boxed) == "<Problem 'problem': 2 states, 1 input; 2 unknown parameters in a known set; command Step>"
+    assert repr(load_case("rohrs").problem).startswith(
+        '<OutputProblem "Rohrs\' counterexample": output feedback, a plant of order 3'
+    )
     assert repr(Simulation(2.0, 1e-2)) == "Simulation(t_end=2.0, dt=0.01)"
     assert repr(Simulation(2.0, 1e-2, solver=EULER)) == "Simulation(t_end=2.0, dt=0.01, solver=<Tableau 'euler' of order 1>)"
+
+
+@pytest.mark.parametrize("name", ["paper", "rohrs", "lateral-aircraft"])
+def test_a_case_in_a_notebook_says_what_is_given(name):
+    case = load_case(name)
+    html = case._repr_html_()
+    assert case.problem._repr_html_() in html and html.count("<table>") == 3
+    assert all(escape(one.name) in html for one in case.controllers) and "plant." in html
+    assert "array(" not in html and "None" not in html
 
 
 def test_an_estimate_that_moves_little_gets_axes_on_which_it_is_seen():

@@ -10,6 +10,7 @@ import numpy as np
 from barbalat import validate
 from barbalat.adaptation.implicit import forgotten
 from barbalat.protocols import Value
+from barbalat.settings import Settings
 from barbalat.validate import Array
 
 
@@ -23,7 +24,7 @@ class Memory(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class CompositeLearning:
+class CompositeLearning(Settings):
     """theta_hat' = proj(Gamma (x e'P b + gamma_c (Q - R theta_hat))): the data seen so far pull the estimates to theta.
 
     gamma_c        weight of the memory against the tracking error, > 0

@@ -8,10 +8,11 @@ import numpy as np
 
 from barbalat import validate
 from barbalat.protocols import Value
+from barbalat.settings import Settings
 
 
 @dataclass(frozen=True, kw_only=True)
-class Normalization:
+class Normalization(Settings):
     """m_s^2 = 1 + phi'phi + alpha_0 n_d, n_d' = -delta_0 n_d + u^2, n_d(0) = 0.
 
     alpha_0  weight of the dynamic part; 0 is enough without modelling error

@@ -10,13 +10,14 @@ from barbalat.adaptation.modifications import dead_zone as zone
 from barbalat.adaptation.modifications import leakage as leak
 from barbalat.problem.known_set import EstimateSet, Gain, gain, project
 from barbalat.protocols import Value
+from barbalat.settings import Settings
 from barbalat.validate import Array
 
 ON_THE_OUTPUT = "a dead zone on the output's error guarantees nothing: V is of the whole state's, and may grow inside"
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class LyapunovLaw:
+class LyapunovLaw(Settings):
     """theta_hat' = proj(-Gamma (e omega sgn(k_p/k_m) + w theta_hat)), e = y - y_m.
 
     gamma      Gamma > 0: a number, a diagonal (2 n,) or an s.p.d. matrix (2 n, 2 n)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, is_dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -20,8 +20,9 @@ from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller
 from barbalat.run import delay
 from barbalat.run.step import Rhythm, whole_steps
+from barbalat.settings import given_of, one_line
 from barbalat.solvers.simulation import Simulation
-from barbalat.validate import InputError, printable
+from barbalat.validate import InputError, printable, show
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -39,6 +40,19 @@ class Case:
     def __repr__(self) -> str:
         names = ", ".join(controller.name for controller in self.controllers)
         return f"<Case {self.name!r}: {names}; {self.simulation.t_end:g} s with h = {self.simulation.dt:g} s>"
+
+    def _repr_html_(self) -> str:
+        """For notebooks: the problem, the controllers with their settings, the simulation."""
+        from barbalat.problem.notebook import html_of, table_of
+
+        rows = {one.name: one_line(one) if is_dataclass(one) else show(one) for one in self.controllers}
+        return "".join(
+            [
+                html_of(self.problem),
+                table_of("Controllers", rows),
+                table_of("Simulation", given_of(self.simulation)),
+            ]
+        )
 
 
 @contextmanager

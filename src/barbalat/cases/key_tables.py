@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-import inspect
 import re
 import sys
 from collections.abc import Mapping
@@ -17,7 +16,7 @@ from barbalat.adaptation.law import AdaptiveLaw, OutputErrorLaw
 from barbalat.adaptation.laws import LAWS, OUTPUT_LAWS
 from barbalat.adaptation.learning import CompositeLearning
 from barbalat.adaptation.normalization import Normalization
-from barbalat.cases.keys import REQUIRED, Key
+from barbalat.cases.keys import REQUIRED, Key, summary
 from barbalat.cases.schema import NAMES_OF_TYPE, case_table, members_of, table_of
 from barbalat.cases.scheme_keys import SAMPLING, LowPass, sampling_of
 from barbalat.controllers import SCHEMES
@@ -119,11 +118,6 @@ def _registry(registry: Mapping[str, type], choice: str) -> str:
         which = " but ".join(["all", *(f"`{name}`" for name in besides[key])])
         rows.append((which, f"`{key}`", *_described(given._replace(default=None) if differs else given)))
     return _markdown(choice, "key", "type", "default", "meaning", rows=rows)
-
-
-def summary(settings: type) -> str:
-    """The first sentence of a docstring."""
-    return inspect.cleandoc(settings.__doc__ or "").split("\n\n")[0]
 
 
 def _described(key: Key) -> tuple[str, str, str]:

@@ -89,6 +89,11 @@ def meanings_of(settings: type) -> dict[str, str]:
     return found
 
 
+def summary(settings: type) -> str:
+    """The first paragraph of a docstring: what a kind, a law or a scheme is."""
+    return inspect.cleandoc(settings.__doc__ or "").split("\n\n")[0]
+
+
 def _meanings_in(docstring: str) -> dict[str, str]:
     """A docstring's lines "name  meaning", with their continuations further in."""
     found: dict[str, str] = {}

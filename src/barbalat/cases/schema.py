@@ -13,7 +13,7 @@ from pydantic.json_schema import models_json_schema
 
 from barbalat.adaptation.law import AdaptiveLaw, OutputErrorLaw
 from barbalat.adaptation.laws import LAWS, OUTPUT_LAWS
-from barbalat.cases.keys import REQUIRED, Context, Differences, Given, Key, Make, keys_of
+from barbalat.cases.keys import REQUIRED, Context, Differences, Given, Key, Make, keys_of, summary
 from barbalat.cases.modifications import Modification, choices_of, joined, modification_keys, modified, named_or_modified
 from barbalat.cases.problem_keys import DIFFERENCES as PROBLEM_DIFFERENCES
 from barbalat.cases.scheme_keys import DIFFERENCES as SCHEME_DIFFERENCES
@@ -77,13 +77,15 @@ def case_table(problem: type, further: tuple[tuple[str, type], ...] = (), *, alo
     """
     schemes = {**CASES[problem], **dict(further)}
     controllers = GenericAlias(list, (_one_of(schemes, "scheme"),))
-    return _model(_recipe(problem), controller=(controllers, Field(min_length=1) if alone else Field(default_factory=list)))
+    meaning = "those that are compared on the problem, a table [[controller]] for each"
+    how = Field(min_length=1, description=meaning) if alone else Field(default_factory=list, description=meaning)
+    return _model(_recipe(problem), controller=(controllers, how))
 
 
 @cache
 def table_of(settings: type, key: str = "", choice: str = "") -> type[Table]:
     """The table that makes an object of a class; it may be one of several, of which ``key`` = "``choice``" chooses it."""
-    more = {key: (Literal[choice], ...)} if key else {}
+    more = {key: (Literal[choice], Field(description=" ".join(summary(settings).split())))} if key else {}
     return _model(_recipe(settings, choice, is_scheme=key == "scheme"), **more)
 
 

@@ -38,11 +38,15 @@ def certify(
 
 
 def certify_where_possible(
-    problem: TrackingProblem, controllers: Sequence[Controller], simulation: Simulation
+    problem: TrackingProblem,
+    controllers: Sequence[Controller],
+    simulation: Simulation,
+    progress: Callable[[float], None] = lambda _: None,
 ) -> dict[str, Certificate]:
     """The same for a report: what can't be certified, for whatever reason, has the reason as its finding."""
     found = {}
-    for controller in controllers:
+    for i, controller in enumerate(controllers):
+        progress(i / len(controllers))
         try:
             found[controller.name] = _computed(problem, controller, simulation)
         except Exception as error:  # noqa: BLE001 (a report of runs is not lost to a fault of ours)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 from barbalat.certificates.certificate import Certificate
@@ -28,7 +28,12 @@ class Certified(NamedTuple):
         return {"certificates": {n: c.as_json() for n, c in self.certificates.items()}, "table_1": self.table.as_json()}
 
 
-def certified_case(problem: TrackingProblem, controllers: Sequence[Controller], simulation: Simulation) -> Certified:
+def certified_case(
+    problem: TrackingProblem,
+    controllers: Sequence[Controller],
+    simulation: Simulation,
+    progress: Callable[[float], None] = lambda _: None,
+) -> Certified:
     """Certificates of all controllers; what can't be certified has the reason as its finding."""
-    certificates = certify_where_possible(problem, controllers, simulation)
+    certificates = certify_where_possible(problem, controllers, simulation, progress)
     return Certified(certificates, table_1(problem, controllers, certificates))

@@ -44,9 +44,14 @@ def figure_of(loops: Sequence[MarginLoop], title: str, *, narrow: bool = False, 
     """Bode, Nyquist and sensitivity pictures of the loops; ``shown`` to a person at once, by pyplot where that is in use."""
     from barbalat.pictures.frequency import draw
 
+    return draw(responses_of(loops), title, narrow=narrow, shown=shown)
+
+
+def responses_of(loops: Sequence[MarginLoop]) -> list[Response]:
+    """What is drawn of loops, over the frequencies that show the margins of all."""
     found = [Marked.of(loop) for loop in loops]
     span = min(one.span[0] for one in found), max(one.span[1] for one in found)
-    return draw([one.response(*span) for one in found], title, narrow=narrow, shown=shown)
+    return [one.response(*span) for one in found]
 
 
 def distinct(certificates: Mapping[str, Certificate]) -> list[MarginLoop]:

@@ -90,22 +90,25 @@ def _submitted(pool: ProcessPoolExecutor, place: int, full: bool, told: Told | N
 def _deaf_children() -> Iterator[None]:
     """Processes that start meanwhile leave Ctrl-C, which a terminal sends to all, to this one: they would print tracebacks.
 
-    They inherit that it is blocked. Here it is neither lost, nor does it interrupt a process that is half started: it waits.
+    They inherit that it is blocked. Here it is neither lost, nor does it interrupt a process that is half started: it waits, as
+    a request to end does, to which they stay open: it is how this one ends them.
     """
     if sys.platform == "win32" or current_thread() is not main_thread():  # where signals can't be set, and none arrive
         yield
         return
     resource_tracker.ensure_running()  # it would unblock the signal when the first process starts it
     waiting: list[int] = []
-    before = signal.signal(signal.SIGINT, lambda number, _: waiting.append(number))  # another thread may be the one to get it
+    kept = (signal.SIGINT, signal.SIGTERM)  # another thread may be the one to get it
+    before = {number: signal.signal(number, lambda number, _: waiting.append(number)) for number in kept}
     signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield
     finally:
         signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
-        signal.signal(signal.SIGINT, before)
+        for number, handler in before.items():
+            signal.signal(number, handler)
     if waiting:
-        signal.raise_signal(signal.SIGINT)
+        signal.raise_signal(signal.Signals(waiting[0]))
 
 
 def _rows(place: int, full: bool, *runs: Runs) -> Measured:

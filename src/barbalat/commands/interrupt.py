@@ -1,4 +1,4 @@
-"""Ctrl-C that is not lost: CasADi drops what is raised while it asks Python for a shape or tries a conversion.
+"""Ctrl-C, and a request to end, that are not lost: CasADi drops what is raised while it asks Python for a shape or converts.
 
 Measured while Section V was being traced: 4 of 40 interrupts left no trace, each had arrived below such a question.
 """
@@ -11,39 +11,49 @@ import sys
 import threading
 from collections.abc import Iterator
 
+
+class Terminated(KeyboardInterrupt):
+    """The command is asked to end by a signal, as ``kill``, ``timeout`` and job schedulers do: it tidies up as at Ctrl-C."""
+
+
 RETRY_PERIOD = 0.3
 """Seconds from one attempt to the next: a second one is seldom needed, a third hardly ever."""
 
 
 @contextlib.contextmanager
 def interruptible() -> Iterator[None]:
-    """KeyboardInterrupt at Ctrl-C, again and again until it is on its way out of what runs in here."""
+    """KeyboardInterrupt at Ctrl-C, Terminated at SIGTERM, again and again until it is on its way out of what runs in here."""
     if sys.platform == "win32" or threading.current_thread() is not threading.main_thread():  # no timers, no signals
         yield
         return
 
+    kinds: dict[int, type[KeyboardInterrupt]] = {signal.SIGINT: KeyboardInterrupt, signal.SIGTERM: Terminated}
+    asked: list[int] = []
+
     def attempt(*_: object) -> None:
         if not _is_interrupt(sys.exc_info()[1]):  # else folders are being tidied up, processes ended
-            raise KeyboardInterrupt
+            raise kinds[asked[0]]
 
-    def begin(*_: object) -> None:
+    def begin(number: int, *_: object) -> None:
+        asked.append(number)
         alarms.append(signal.signal(signal.SIGALRM, attempt))
         signal.setitimer(signal.ITIMER_REAL, RETRY_PERIOD, RETRY_PERIOD)
-        raise KeyboardInterrupt
+        raise kinds[number]
 
     alarms: list[signal._HANDLER] = []
-    before = signal.signal(signal.SIGINT, begin)
+    before = {number: signal.signal(number, begin) for number in kinds}
     try:
         yield
     except Exception as error:
         if _is_interrupt(error):
-            raise KeyboardInterrupt from None
+            raise kinds[asked[0] if asked else signal.SIGINT] from None
         raise
     finally:
         if alarms:
             signal.setitimer(signal.ITIMER_REAL, 0)
             signal.signal(signal.SIGALRM, alarms[0])
-        signal.signal(signal.SIGINT, before)
+        for number, handler in before.items():
+            signal.signal(number, handler)
 
 
 def _is_interrupt(error: BaseException | None) -> bool:

@@ -67,8 +67,8 @@ def execute(options: argparse.Namespace) -> int:
     return in_the_loop.exit_code(checked or {})
 
 
-CERTIFYING_SECONDS, DRAWING_SECONDS = 0.5, 0.4
-"""Seconds for each controller, about; drawing takes a second more."""
+CERTIFYING_SECONDS, DRAWING_SECONDS = 0.2, 0.55
+"""Seconds for each controller, about; drawing takes half a second more."""
 STEPS_EACH_SECOND = 5e6
 """Of a small loop, about; a controller's code takes ``COMPILING_SECONDS`` seconds before."""
 COMPILING_SECONDS = 0.2
@@ -78,7 +78,7 @@ def _expected(case: Case, *, plots: bool) -> dict[str, float]:
     """Seconds for each part of the work."""
     count = len(case.controllers)
     simulating = {"simulating": count * (COMPILING_SECONDS + case.simulation.steps / STEPS_EACH_SECOND)}
-    return simulating | ({"certifying": CERTIFYING_SECONDS * count, "drawing": 1.0 + DRAWING_SECONDS * count} if plots else {})
+    return simulating | ({"certifying": CERTIFYING_SECONDS * count, "drawing": 0.5 + DRAWING_SECONDS * count} if plots else {})
 
 
 def _simulated(case: Case, running: Work) -> list[Result]:
@@ -127,12 +127,12 @@ def with_page(
     from barbalat.report import documents, write
 
     with _kept(folder):
-        with running.part("certifying"):
-            certified = certified_case(case.problem, case.controllers, case.simulation)
-        with running.part("drawing"):
+        with running.part("certifying") as progress:
+            certified = certified_case(case.problem, case.controllers, case.simulation, progress)
+        with running.part("drawing") as progress:
             document = documents.as_json(documents.run_document(case.name, results, certified, compiled))
             folder.write(write.RUN, document)
-            write.write_comparison(folder, case.name, results, certified)
+            write.write_comparison(folder, case.name, results, certified, progress)
             folder.commit()
     return document
 

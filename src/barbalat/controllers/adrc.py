@@ -9,6 +9,7 @@ import numpy as np
 
 from barbalat import validate
 from barbalat.controllers.disturbance_observer import Observer
+from barbalat.controllers.settings import Scheme
 from barbalat.controllers.steps import LinearStep
 from barbalat.controllers.tustin import Tustin
 from barbalat.controllers.windup import applied, limits_of_predictor
@@ -54,7 +55,7 @@ class Equations:
 
 
 @dataclass(frozen=True, eq=False)
-class Adrc:
+class Adrc(Scheme):
     """u = (k_0 r - theta_0'x_hat - f_hat)/b_0, f_hat of an observer of x' = A x + b (b_0 u + f), f' = 0; A = A_m + b theta_0'.
 
     bandwidth  omega_o [rad/s]: every pole of the observer is at -omega_o

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from barbalat import validate
+from barbalat.controllers.settings import Scheme
 from barbalat.problem.regressors import Uncertainty
 from barbalat.problem.state_feedback import Known
 from barbalat.protocols import Value
@@ -43,7 +44,7 @@ class Equations:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class KnownParameters:
+class KnownParameters(Scheme):
     """u = k_0 r - theta'phi(x), over omega where the plant's input gain is unknown: what every estimate is to converge to.
 
     With ``theta=problem.parameters`` the loop is the reference model as long as nothing stands between controller and plant:

@@ -14,7 +14,7 @@ from barbalat.adaptation.modifications.dead_zone import DeadZone
 from barbalat.adaptation.modifications.leakage import Leakage
 from barbalat.controllers.knobs import Knobs, Reach
 from barbalat.controllers.l1_sampled import Predictor
-from barbalat.controllers.settings import check_common, initial_estimate, projection_box
+from barbalat.controllers.settings import Scheme, check_common, initial_estimate, projection_box
 from barbalat.controllers.windup import applied, limits_of_predictor
 from barbalat.linear.systems import StateSpace, TransferFunction, input_filter
 from barbalat.problem.known_set import EstimateSet, Gain, gain, limit
@@ -92,7 +92,7 @@ class Equations:
 
 
 @dataclass(frozen=True, eq=False)
-class L1Adaptive:
+class L1Adaptive(Scheme):
     """u = C(s)[-theta_hat'x + k_0 r], predictor x_hat, law theta_hat' = proj(Gamma (x_tilde'P b) x).
 
     gamma       adaptive gain Gamma > 0: a number, a diagonal (p,) or an s.p.d. matrix (p, p)

@@ -15,6 +15,7 @@ from barbalat import validate
 from barbalat.controllers.l1 import require_low_pass
 from barbalat.controllers.piecewise_filter import FilterStep, filter_step
 from barbalat.controllers.piecewise_predictor import AsFlown, PredictorStep
+from barbalat.controllers.settings import Scheme
 from barbalat.controllers.windup import applied, limits_of_predictor
 from barbalat.linear.systems import TransferFunction
 from barbalat.problem.regressors import Uncertainty
@@ -83,7 +84,7 @@ class Equations:
 
 
 @dataclass(frozen=True, eq=False)
-class L1PiecewiseConstant:
+class L1PiecewiseConstant(Scheme):
     """u = C(s)[k_0 r - sigma_hat_m - H_m(s)^-1 H_um(s) sigma_hat_um], sigma_hat = -B^-1 Phi^-1 e^(A_m T) x_tilde at each sample.
 
     B = [b, b_um] with b'b_um = 0, Phi = A_m^-1 (e^(A_m T) - I), predictor x_hat' = A_m x_hat + b u + B sigma_hat, exact from

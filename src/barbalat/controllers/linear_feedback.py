@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from barbalat import validate
-from barbalat.controllers.settings import require_one_input
+from barbalat.controllers.settings import Scheme, require_one_input
 from barbalat.controllers.steps import LinearStep
 from barbalat.controllers.tustin import Tustin
 from barbalat.linear.systems import StateSpace, TransferFunction
@@ -51,7 +51,7 @@ class Equations:
 
 
 @dataclass(frozen=True, eq=False)
-class LinearFeedback:
+class LinearFeedback(Scheme):
     """u = k_0 r - theta_0'x + K(s)[c'(x_m - x)]: model following without adaptation.
 
     controller  K(s), proper, a TransferFunction, StateSpace or python-control system; an integrator is allowed. Starts at rest

@@ -9,6 +9,7 @@ import numpy as np
 
 from barbalat import validate
 from barbalat.controllers.control_gains import ControlGains, check_gains
+from barbalat.controllers.settings import Scheme
 from barbalat.problem.known_set import KnownSet
 from barbalat.problem.state_feedback import Known
 from barbalat.protocols import Value
@@ -68,7 +69,7 @@ class Equations:
 
 
 @dataclass(frozen=True, eq=False)
-class MitRule:
+class MitRule(Scheme):
     """u = -k_x_hat'phi(x) + k_r_hat r with the gains going down the gradient of (c'e)^2/2: dk/dt = -gamma (c'e) d(c'e)/dk.
 
     With G(s) = c'(sI - A_m)^-1 b, k_x_hat' = proj(Gamma (c'e) G[phi(x)]), k_r_hat' = proj(-gamma_r (c'e) G[r]); the input's gain

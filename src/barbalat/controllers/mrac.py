@@ -15,7 +15,7 @@ from barbalat.adaptation.modifications.leakage import Leakage
 from barbalat.controllers import l1
 from barbalat.controllers.knobs import Knobs, Reach
 from barbalat.controllers.l1_sampled import Predictor
-from barbalat.controllers.settings import check_common, initial_estimate, projection_box
+from barbalat.controllers.settings import Scheme, check_common, initial_estimate, projection_box
 from barbalat.controllers.windup import ModifiedError, applied, known_limits
 from barbalat.linear.systems import StateSpace
 from barbalat.problem.known_set import EstimateSet, Gain, gain, limit
@@ -101,7 +101,7 @@ class Equations:
 
 
 @dataclass(frozen=True, eq=False)
-class Mrac:
+class Mrac(Scheme):
     """u = -theta_hat'phi(x) + k_0 r with the Lyapunov law theta_hat' = proj(Gamma (e'P b) phi(x)); phi(x) = x in the paper.
 
     With an unknown input gain omega, u = (-theta_hat'phi + k_0 r)/omega_hat and omega_hat' = proj(Gamma (e'P b) u).

@@ -6,7 +6,7 @@ from dataclasses import KW_ONLY, dataclass, replace
 from typing import NamedTuple
 
 from barbalat import validate
-from barbalat.controllers.settings import check_common, initial_estimate, projection_box, require_one_input
+from barbalat.controllers.settings import Scheme, check_common, initial_estimate, projection_box, require_one_input
 from barbalat.linear.conditions import require_hurwitz
 from barbalat.problem.known_set import EstimateSet, Gain, gain, limit, project
 from barbalat.problem.state_feedback import Known
@@ -52,7 +52,7 @@ class Equations:
 
 
 @dataclass(frozen=True, eq=False)
-class MracClosedLoop:
+class MracClosedLoop(Scheme):
     """u = -theta_hat'phi(x) + k_0 r, theta_hat' = proj(Gamma (e_c'P b) phi(x)), e_c = x - x_c, x_c' = A_m x_c + b k_0 r - L e_c.
 
     P solves P (A_m + L) + (A_m + L)'P = -I. The error is still reported against the open-loop model (2).

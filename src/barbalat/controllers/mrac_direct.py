@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from barbalat.controllers.control_gains import ControlGains, check_gains
+from barbalat.controllers.settings import Scheme
 from barbalat.problem.known_set import KnownSet
 from barbalat.problem.state_feedback import Known
 from barbalat.protocols import Value
@@ -57,7 +58,7 @@ class Equations:
 
 
 @dataclass(frozen=True, eq=False)
-class DirectMrac:
+class DirectMrac(Scheme):
     """u = -k_x_hat'phi(x) + k_r_hat r, k_x_hat' = proj(Gamma (e'P b) phi(x)), k_r_hat' = proj(-gamma_r (e'P b) r).
 
     The plant's input may have any effectiveness omega > 0: its sign is that of b, and nothing more need be known of it. The

@@ -9,6 +9,7 @@ import numpy as np
 from barbalat import validate
 from barbalat.linear.zero_order_hold import HeldSystem
 from barbalat.protocols import Value
+from barbalat.settings import Settings
 from barbalat.validate import Array, InputError, Vector
 
 
@@ -41,7 +42,7 @@ class PredictorStep:
 
 
 @dataclass(frozen=True, eq=False)
-class AsFlown:
+class AsFlown(Settings):
     """x_hat[k+1] = x_hat + T [A_m x + b (theta_0'phi(x) + u) + B sigma_hat + A_s x_tilde], A_s = diag(a): Euler's step.
 
     sigma_hat = -B^-1 diag(a e^(aT)/(e^(aT) - 1)) x_tilde, each state for itself, and u = k_0 r - theta_0'phi(x)

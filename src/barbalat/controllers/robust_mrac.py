@@ -19,7 +19,14 @@ from barbalat.controllers.knobs import Knobs, Reach
 from barbalat.controllers.parametric_model import auxiliary_filter, minimum_phase_model
 from barbalat.controllers.robust_mrac_sampled import StateEstimator
 from barbalat.controllers.robust_mrac_state import State
-from barbalat.controllers.settings import check_common, initial_estimate, projection_box, require_known_gain, require_one_input
+from barbalat.controllers.settings import (
+    Scheme,
+    check_common,
+    initial_estimate,
+    projection_box,
+    require_known_gain,
+    require_one_input,
+)
 from barbalat.controllers.windup import applied, limits_of_predictor
 from barbalat.linear.systems import StateSpace
 from barbalat.problem.known_set import EstimateSet, limit
@@ -98,7 +105,7 @@ class Equations:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class RobustMrac:
+class RobustMrac(Scheme):
     """u = -theta_hat'x + k_0 r + u_a with a law on the linear parametric model and the auxiliary input u_a.
 
     tau            time constant of the auxiliary input [s], > 0
@@ -152,7 +159,7 @@ class RobustMrac:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class NormalizedMrac:
+class NormalizedMrac(Scheme):
     """u = -theta_hat'x + k_0 r with a law driven by the normalised estimation error: RobustMrac without auxiliary input.
 
     law            of ``adaptation.laws``

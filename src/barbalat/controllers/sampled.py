@@ -6,6 +6,7 @@ from dataclasses import KW_ONLY, dataclass, replace
 from typing import Any, ClassVar, NamedTuple
 
 from barbalat import validate
+from barbalat.controllers.settings import Scheme
 from barbalat.protocols import Controller, Discretizable, Equations, Sample, SampledEquations, Value, feedback_of
 from barbalat.validate import InputError
 
@@ -41,7 +42,7 @@ def _moved(state: Any, rates: Any, T: float) -> Any:
 
 
 @dataclass(frozen=True, eq=False)
-class Sampled:
+class Sampled(Scheme):
     """A controller that acts every ``sample_time`` and holds u in between, while the plant moves on.
 
     controller      any of the schemes

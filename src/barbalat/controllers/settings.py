@@ -9,7 +9,13 @@ import numpy as np
 from barbalat import validate
 from barbalat.problem.known_set import EstimateSet, with_gains
 from barbalat.problem.state_feedback import Known
+from barbalat.protocols import Controller
+from barbalat.settings import Settings
 from barbalat.validate import Array, InputError
+
+
+class Scheme(Settings, Controller):
+    """The base of the package's schemes, by which type checkers know a list of several as one of controllers."""
 
 
 class Adaptive(Protocol):

@@ -15,11 +15,12 @@ from barbalat import validate
 from barbalat.problem.output_feedback import OutputKnown
 from barbalat.problem.state_feedback import Known
 from barbalat.protocols import Value
+from barbalat.settings import Settings
 from barbalat.validate import Array, InputError
 
 
 @dataclass(frozen=True, kw_only=True)
-class ModifiedError:
+class ModifiedError(Settings):
     """MRAC driven by e - e_d, e_d' = A_m e_d + b omega_hat (sat(u) - u_c): the error that the limit causes is not learnt from.
 
     mu      0: the modified error of Karason and Annaswamy. Above 0 the positive mu-modification: beyond the inner limits

@@ -12,11 +12,12 @@ from barbalat import validate
 from barbalat.linear.conditions import balance
 from barbalat.linear.foreign_systems import foreign_coefficients, foreign_state_space, is_scipy
 from barbalat.protocols import Value
+from barbalat.settings import Settings, one_line
 from barbalat.validate import Array, InputError, Vector
 
 
 @dataclass(frozen=True, eq=False)
-class StateSpace:
+class StateSpace(Settings):
     """x' = A x + B u, y = C x + D u with one input and one output; A (n, n), B (n,), C (n,), D scalar, n may be 0.
 
     Equal, and of one hash, where all the numbers are.
@@ -27,7 +28,7 @@ class StateSpace:
     C: Array
     D: float
 
-    __repr__ = validate.one_line
+    __repr__ = one_line
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, StateSpace) and self._numbers() == other._numbers()
@@ -85,7 +86,7 @@ class StateSpace:
 
 
 @dataclass(frozen=True, eq=False)
-class TransferFunction:
+class TransferFunction(Settings):
     """num(s)/den(s); leading zeros are dropped, den is made monic.
 
     num, den  coefficients, highest power first
@@ -94,7 +95,7 @@ class TransferFunction:
     num: Vector
     den: Vector
 
-    __repr__ = validate.one_line
+    __repr__ = one_line
 
     def __post_init__(self) -> None:
         num, den = (np.trim_zeros(validate.vector(name, getattr(self, name)), "f") for name in ("num", "den"))

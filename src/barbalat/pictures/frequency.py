@@ -16,6 +16,7 @@ from matplotlib.patches import Circle
 from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
 from barbalat.pictures.panels import as_typed
+from barbalat.pictures.symbols import in_symbols, times_power
 from barbalat.pictures.theme import DASHES, NARROW, WIDE, Theme, new_figure
 from barbalat.validate import Array
 
@@ -23,7 +24,6 @@ NYQUIST_WINDOW = (-3.2, 1.6, -2.4, 2.4)
 """Around -1: what decides on stability; loops with an integrator leave it for infinity."""
 MOST_DECADES = 9
 """Marks of a logarithmic axis, so that their texts stay apart on a phone."""
-SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -92,7 +92,7 @@ MARKS = {"o": "where the phase margin is measured: |L| = 1", "s": "where the gai
 
 def _legend(figure: Figure, responses: Sequence[Response], theme: Theme, *, narrow: bool) -> None:
     width = 60 if narrow else 150
-    captions = [as_typed(textwrap.fill(response.caption, width)) for response in responses]
+    captions = [as_typed(textwrap.fill(in_symbols(response.caption), width)) for response in responses]
     lines = [Line2D([], [], color=theme.colour(k), label=caption) for k, caption in enumerate(captions)]
     marks = [Line2D([], [], color=theme.quiet, marker=m, linestyle="", label=t) for m, t in MARKS.items()]
     small = 7.5 if narrow else 8.5
@@ -124,7 +124,7 @@ def _in_decades(axis: Axis) -> None:
 def power_of_ten(value: float) -> str:
     """0.1, 1, 10, and 10 with its exponent beyond; for whole powers."""
     exponent = round(math.log10(value))
-    return f"{10.0**exponent:g}" if abs(exponent) <= 1 else "10" + str(exponent).translate(SUPERSCRIPTS)
+    return f"{10.0**exponent:g}" if abs(exponent) <= 1 else times_power("1", exponent)
 
 
 def _bode(magnitude: Axes, phase: Axes, response: Response, colour: str, width: float) -> None:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from barbalat.pictures.symbols import in_symbols
 from barbalat.validate import Array
 
 LONGEST_LABEL = 40
@@ -80,13 +81,14 @@ class Panel:
 
 
 def text_of(name: str) -> str:
-    """A name as Matplotlib shows it as it is: no mathematics, no label that legends leave out, none that pushes the axes away."""
+    """A name in a picture: γ 10⁶ for gamma 1e6, no mathematics of Matplotlib's, no label that pushes the axes away."""
+    name = in_symbols(name)
     short = name if len(name) <= LONGEST_LABEL else name[: LONGEST_LABEL - 1] + "…"
     return as_typed(short)
 
 
 def as_typed(text: str) -> str:
-    """The same without a limit of its length."""
+    """A text as Matplotlib shows it as it is: no mathematics, and no label that legends leave out."""
     return ("\u200b" if text.startswith("_") else "") + text.replace("$", r"\$")
 
 

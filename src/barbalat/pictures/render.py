@@ -6,6 +6,8 @@ import colorsys
 import io
 import re
 import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
 
 from matplotlib.figure import Figure
 
@@ -22,7 +24,7 @@ def render(figure: Figure, kind: str) -> bytes:
     import matplotlib as mpl
 
     buffer = io.BytesIO()
-    with warnings.catch_warnings():
+    with warnings.catch_warnings(), _laid_out(figure):
         warnings.filterwarnings("ignore", message=r"Glyph \d+")  # where the font lacks a script, names are boxes
         if kind == "svg":
             with mpl.rc_context({"svg.hashsalt": "barbalat", "svg.fonttype": "path", "path.simplify_threshold": 0.25}):
@@ -30,6 +32,21 @@ def render(figure: Figure, kind: str) -> bytes:
             return adaptive(buffer.getvalue().decode()).encode()
         figure.savefig(buffer, format="png", dpi=PIXELS_PER_INCH, pil_kwargs={"compress_level": 0})
     return _packed(buffer)
+
+
+@contextmanager
+def _laid_out(figure: Figure) -> Iterator[None]:
+    """With its layout found once: Matplotlib would draw the whole figure for it, and then again."""
+    engine = figure.get_layout_engine()
+    if engine is None:
+        yield
+        return
+    engine.execute(figure)
+    figure.set_layout_engine(None)  # "none" is an engine too
+    try:
+        yield
+    finally:
+        figure.set_layout_engine(engine)
 
 
 def _packed(png: io.BytesIO) -> bytes:

@@ -10,11 +10,12 @@ import numpy as np
 from barbalat import validate
 from barbalat.linear.systems import StateSpace, TransferFunction
 from barbalat.protocols import Value
+from barbalat.settings import Settings
 from barbalat.validate import Array, InputError, Vector
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class PlantInput:
+class PlantInput(Settings):
     """The path of u to the plant: quantised, saturated, rate-limited, through omega (1 + Delta_m(s)), delayed; in this order.
 
     quantization    step of a converter's output [unit of u]: u becomes the nearest multiple

@@ -6,11 +6,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from barbalat import validate
+from barbalat.settings import Settings
 from barbalat.validate import InputError, freeze
 
 
 @dataclass(frozen=True, kw_only=True)
-class Labels:
+class Labels(Settings):
     """Names and units on the axes of pictures; no number is changed by them.
 
     names        one for each state, or one for the output, such as "alpha"
@@ -50,6 +51,16 @@ class Labels:
     def common_unit(self) -> str:
         """The unit of all, where they have one in common."""
         return bracketed(self.units) if len(set(self.units)) == 1 else ""
+
+    @property
+    def every_unit(self) -> str:
+        """The common unit, or all of them, "[rad, rad/s]"; empty where none is given."""
+        return self.common_unit or (f"[{', '.join(unit or '1' for unit in self.units)}]" if any(self.units) else "")
+
+    @property
+    def every_input_unit(self) -> str:
+        """The same of the inputs."""
+        return self.input_unit or (f"[{', '.join(unit or '1' for unit in self.input_units)}]" if any(self.input_units) else "")
 
     @property
     def input_unit(self) -> str:

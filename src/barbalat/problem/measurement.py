@@ -8,6 +8,7 @@ import numpy as np
 
 from barbalat import validate
 from barbalat.protocols import Value
+from barbalat.settings import Settings
 from barbalat.validate import InputError, Vector
 
 LARGEST_SEED = 2**64 - 1
@@ -15,7 +16,7 @@ LARGEST_SEED = 2**64 - 1
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Noise:
+class Noise(Settings):
     """Gaussian measurement noise: a new value for each measured quantity every ``sample_time``, held in between.
 
     std          standard deviation, one for all measured quantities or one for each [their units]
@@ -44,7 +45,7 @@ class Noise:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Sensor:
+class Sensor(Settings):
     """How the plant is measured: each quantity through 1/(lag s + 1), then noise is added.
 
     lag    [s], 0 for none; the sensor starts settled on the initial value

@@ -12,6 +12,7 @@ from barbalat.problem.measurement import Sensor
 from barbalat.problem.output_plant import OutputDynamics, OutputPlant, OutputReferenceModel
 from barbalat.problem.tracking import TrackingProblem, require_signal
 from barbalat.protocols import Signal
+from barbalat.settings import Settings
 from barbalat.signals import Constant
 from barbalat.validate import Array
 
@@ -25,8 +26,8 @@ class OutputKnown:
     saturation: Array | None = None  # (2,) lower and upper limit of the actuator; None where it has none
 
 
-@dataclass(frozen=True, eq=False)
-class OutputProblem(TrackingProblem):
+@dataclass(frozen=True, eq=False, repr=False)
+class OutputProblem(TrackingProblem, Settings):
     """Plant, model, command r(t), input disturbance d(t), output disturbance, and how y is measured.
 
     plant, reference_model  by their transfer functions
@@ -50,7 +51,6 @@ class OutputProblem(TrackingProblem):
     name: str = "problem"
 
     feedback: ClassVar[str] = "output"
-    __repr__ = validate.one_line
     uncertainty: ClassVar[None] = None
     """The known set is the controller's: it depends on the parametrisation."""
 
@@ -69,6 +69,11 @@ class OutputProblem(TrackingProblem):
             validate.instance("sensor", self.sensor, Sensor)
             if self.sensor.noise is not None:
                 validate.vector("sensor.noise.std", self.sensor.noise.std, 1)
+
+    @property
+    def in_brief(self) -> str:
+        order, of_model = (len(system.den) - 1 for system in (self.known.plant, self.known.W_m))
+        return f"output feedback, a plant of order {order}, a model of order {of_model}"
 
     @property
     def dynamics(self) -> OutputDynamics:

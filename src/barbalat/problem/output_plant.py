@@ -12,6 +12,7 @@ from barbalat.linear.systems import StateSpace, TransferFunction, strictly_prope
 from barbalat.problem.actuation import PlantInput
 from barbalat.problem.formulas import BEND_OF_ABS, Formula, Variables, formula
 from barbalat.protocols import Value
+from barbalat.settings import Settings, one_line
 from barbalat.validate import Array, InputError, freeze
 
 OUTPUT_AND_TIME = Variables("y|t", "y and t")
@@ -80,7 +81,7 @@ class OutputDynamics:
 
 
 @dataclass(frozen=True, eq=False)
-class OutputPlant:
+class OutputPlant(Settings):
     """y = G(s)[u + d + f(t, y)], from rest: (18).
 
     transfer_function  G(s), strictly proper: what is simulated, its unmodelled part included; also a system of
@@ -96,7 +97,7 @@ class OutputPlant:
     nonlinear: str | None = None
     input: PlantInput | None = None
 
-    __repr__ = validate.one_line
+    __repr__ = one_line
 
     def __post_init__(self) -> None:
         freeze(self, transfer_function=strictly_proper("plant.transfer_function", self.transfer_function))
@@ -120,7 +121,7 @@ class OutputPlant:
 
 
 @dataclass(frozen=True, eq=False)
-class OutputReferenceModel:
+class OutputReferenceModel(Settings):
     """y_m = W_m(s)[r], from rest: (19).
 
     transfer_function  W_m(s): stable, strictly proper, minimum phase

@@ -16,11 +16,12 @@ from barbalat.linear.systems import open_loop
 from barbalat.problem.actuation import PlantInput
 from barbalat.problem.regressors import Linear, Regressor, Uncertainty
 from barbalat.protocols import Value
+from barbalat.settings import Settings, one_line
 from barbalat.validate import Array, InputError, Matrix, Vector, freeze
 
 
 @dataclass(frozen=True, eq=False, init=False)
-class Plant:
+class Plant(Settings):
     """Plant with matched uncertainty, x' = A_m x + b (theta'phi(x) + u + d), x(0) = x0: eq. (1), where phi(x) = x.
 
     A_m        (n, n)  known, Hurwitz, [1/s]
@@ -44,7 +45,7 @@ class Plant:
     x0: Vector | None = None
     input: PlantInput | tuple[PlantInput, ...] | None = None
     regressor: Regressor = field(default_factory=Linear)
-    __repr__ = validate.one_line
+    __repr__ = one_line
 
     def __init__(
         self,

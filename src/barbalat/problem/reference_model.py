@@ -8,6 +8,7 @@ import numpy as np
 
 from barbalat import validate
 from barbalat.protocols import Value
+from barbalat.settings import Settings
 from barbalat.validate import Array, Matrix, freeze
 
 
@@ -39,7 +40,7 @@ class Model:
 
 
 @dataclass(frozen=True, eq=False)
-class ReferenceModel:
+class ReferenceModel(Settings):
     """x_m' = A_m x_m + b k_0 r, x_m(0) = x(0): eq. (2); A_m and b are the plant's.
 
     k_0  a number; with m inputs a matrix (m, q) for q commands

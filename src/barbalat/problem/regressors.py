@@ -12,6 +12,7 @@ import numpy as np
 from barbalat import validate
 from barbalat.problem.formulas import BEND_OF_ABS, Formula, Variables, formula
 from barbalat.protocols import Value
+from barbalat.settings import Settings
 from barbalat.validate import InputError, Matrix
 
 
@@ -40,7 +41,7 @@ class Linear:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Polynomial:
+class Polynomial(Settings):
     """All monomials of the states of degree 1 ... ``degree``, a leading 1 where ``constant``; by degree, then lexically.
 
     degree    the highest, >= 1
@@ -73,7 +74,7 @@ class Polynomial:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class GaussianRBF:
+class GaussianRBF(Settings):
     """phi_i(x) = exp(-|x - c_i|^2/(2 width^2)).
 
     centers  (p, n), one row for each function
@@ -106,7 +107,7 @@ STATES = Variables(r"x[1-9][0-9]*", "x1, x2, ...")
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Terms:
+class Terms(Settings):
     """Written terms: each a formula in x1 ... xn with + - * / **, and abs, exp, sin, cos, sqrt, tanh.
 
     terms  the formulas, such as ["x1", "x2", "abs(x1)*x2"]

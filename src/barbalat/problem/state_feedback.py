@@ -17,6 +17,7 @@ from barbalat.problem.reference_model import Model, ReferenceModel
 from barbalat.problem.regressors import Linear, Uncertainty
 from barbalat.problem.tracking import Disturbance, TrackingProblem, require_signal
 from barbalat.protocols import Signal
+from barbalat.settings import Settings
 from barbalat.signals import Constant
 from barbalat.validate import Array, InputError, freeze
 
@@ -75,8 +76,8 @@ def _lyapunov_solution(A_m: bytes, n: int) -> Array:
     return P
 
 
-@dataclass(frozen=True, eq=False)
-class Problem(TrackingProblem):
+@dataclass(frozen=True, eq=False, repr=False)
+class Problem(TrackingProblem, Settings):
     """The tracking problem of Section II.
 
     plant, reference_model             eqs (1) and (2)
@@ -103,7 +104,6 @@ class Problem(TrackingProblem):
     name: str = "problem"
 
     feedback: ClassVar[str] = "state"
-    __repr__ = validate.one_line
 
     def __post_init__(self) -> None:
         validate.line("name", self.name)
@@ -157,6 +157,12 @@ class Problem(TrackingProblem):
             asked = f"a matrix {wanted[0]} x {wanted[1]} (inputs x commands)" if wanted else "a number"
             raise InputError.of("reference_model.k_0", f"must be {asked}, got {validate.show(self.reference_model.k_0)}")
         freeze(self, reference=commands if several else self.reference)
+
+    @property
+    def in_brief(self) -> str:
+        n, m, p = self.plant.n, self.plant.inputs, len(self.parameters)
+        known_set = "" if self.known.box is None else " in a known set"
+        return f"{n} state{'s' * (n > 1)}, {m} input{'s' * (m > 1)}; {p} unknown parameter{'s' * (p > 1)}{known_set}"
 
     @property
     def known(self) -> Known:

@@ -13,12 +13,13 @@ from barbalat.problem.actuation import PlantInput
 from barbalat.problem.labels import Labels
 from barbalat.problem.measurement import Noise, Sensor
 from barbalat.protocols import Dynamics, Signal
+from barbalat.settings import Settings
 from barbalat.signals import Clock
 from barbalat.validate import Array, InputError, Vector, freeze
 
 
 @dataclass(frozen=True, eq=False)
-class Disturbance:
+class Disturbance(Settings):
     """direction * signal(t), added to x': for what no control can cancel.
 
     direction  (n,)
@@ -78,6 +79,21 @@ class TrackingProblem:
         """After ``copy.deepcopy`` and unpickling."""
         vars(self).update(state)
         validate.read_only(self)
+
+    def __repr__(self) -> str:
+        commands = ", ".join(type(command).__name__ for command in self.commands)
+        return f"<{type(self).__name__} {self.name!r}: {self.in_brief}; command {commands}>"
+
+    def _repr_html_(self) -> str:
+        """For notebooks: all that is given, a row for each."""
+        from barbalat.problem.notebook import html_of
+
+        return html_of(self)
+
+    @property
+    def in_brief(self) -> str:
+        """The plant, and what is known of it, in a few words."""
+        return f"{len(self.plant.paths)} inputs"
 
     @property
     def unmatched(self) -> tuple[Disturbance, ...]:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 
@@ -29,6 +29,7 @@ from barbalat.report.narrow import fits_a_phone
 from barbalat.report.notation import mathematics
 from barbalat.report.numbers import number_text
 from barbalat.report.sweep import extremes, in_symbols, shares
+from barbalat.run.outcome import units_of
 from barbalat.run.result import Result
 from barbalat.study.tradeoff import TradeOff
 from barbalat.study.tradeoff_picture import TITLES, panels
@@ -45,6 +46,12 @@ FIGURE_COLUMNS = {
     "theta_hat_tail_max": "greatest in the tail",
     "theta_hat_variation_rate": "variation, 1/s",
 }
+
+
+def figure_columns(results: Iterable[Result]) -> dict[str, str]:
+    """The columns of a table of runs, with the units that their case has told."""
+    units = units_of(next(iter(results)).problem.labels)
+    return {name: f"{heading} {units.get(name, '')}".rstrip() for name, heading in FIGURE_COLUMNS.items()}
 
 
 LARGEST = 500_000
@@ -195,7 +202,7 @@ def _templates() -> Environment:
         "linked": linked,
         "in_symbols": in_symbols,
     }
-    environment.globals |= {"version": barbalat.__version__, "columns": FIGURE_COLUMNS, "properties": PROPERTIES}
+    environment.globals |= {"version": barbalat.__version__, "figure_columns": figure_columns, "properties": PROPERTIES}
     environment.globals["fits_a_phone"] = fits_a_phone
     return environment
 

@@ -6,7 +6,6 @@ import csv
 import io
 import json
 import math
-import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
@@ -18,16 +17,17 @@ from matplotlib.figure import Figure
 
 from barbalat.certificates.certificate import Certificate
 from barbalat.certificates.overview import Certified
-from barbalat.certificates.picture import MarginLoop, distinct
-from barbalat.certificates.picture import figure_of as loops_figure
+from barbalat.certificates.picture import MarginLoop, distinct, responses_of
 from barbalat.claims.claim import Chart, Claim, Map
 from barbalat.claims.paper_figure import PaperFigure
 from barbalat.flight import picture as of_flight
 from barbalat.flight.comparison import FlightComparison
 from barbalat.flight.failures import FAILURES
+from barbalat.pictures.frequency import draw as draw_responses
 from barbalat.pictures.render import render
 from barbalat.pictures.theme import COLOURS
 from barbalat.report import charts, diagrams, flights, maps, page
+from barbalat.report.file_names import diagram_names, table_names
 from barbalat.report.files import Folder
 from barbalat.run.picture import figure_of
 from barbalat.run.result import Result
@@ -45,8 +45,6 @@ NARROW = "-narrow"
 """After the name of a picture for a phone."""
 MOST_NUMBERS = 44_000
 """In all CSVs of a folder: some 450 kB. Results in Python have all that was recorded."""
-LONGEST_NAME = 80
-"""Characters of a controller's name in a file's; file systems take 255 bytes, and people read fewer."""
 
 
 class Drawn(Protocol):
@@ -99,7 +97,8 @@ def loop_pictures(certificates: Mapping[str, Certificate]) -> list[page.Picture]
 
 
 def _loops(name: str, loops: Sequence[MarginLoop]) -> page.Picture:
-    wide, narrow = (loops_figure(loops, "", narrow=narrow, shown=False) for narrow in (False, True))
+    responses = responses_of(loops)
+    wide, narrow = (draw_responses(responses, "", narrow=narrow) for narrow in (False, True))
     return page.Picture(_svg(name, wide), _svg(f"{name}{NARROW}", narrow))
 
 
@@ -107,15 +106,48 @@ def _loop_names(count: int) -> list[str]:
     return [f"{LOOPS}{f'-{i}' if i > 1 else ''}" for i in range(1, count + 1)]
 
 
-def write_comparison(folder: Folder, case: str, results: Sequence[Result], certified: Certified) -> None:
+def write_comparison(
+    folder: Folder,
+    case: str,
+    results: Sequence[Result],
+    certified: Certified,
+    progress: Callable[[float], None] = lambda _: None,
+) -> None:
     """The picture of the runs, those of their loops, a block diagram of each controller that has one, and the page."""
-    picture = _draw_runs(folder, PICTURE, results)
-    names = _diagram_names([result.name for result in results])
+    names = diagram_names([result.name for result in results])
     figures = [diagrams.of_controller(result.controller, result.problem) for result in results]
-    drawn = [_draw(folder, name, figure) for name, figure in zip(names, figures, strict=True) if figure is not None]
+    shown = {name: figure for name, figure in zip(names, figures, strict=True) if figure is not None}
+    whole = drawing_seconds(len(results)) + DIAGRAM_SECONDS * len(shown) + LOOPS_SECONDS * bool(distinct(certified.certificates))
+    done = PAGE_SECONDS
+
+    def told(seconds: float) -> None:
+        nonlocal done
+        done += seconds
+        progress(done / whole)
+
+    wide = _draw(folder, PICTURE, figure_of(results))
+    told(WIDE_SECONDS * len(results))
+    picture = replace(wide, narrow=_narrow(PICTURE, results))
+    told(NARROW_SECONDS * len(results))
+    drawn = []
+    for name, figure in shown.items():
+        drawn.append(_draw(folder, name, figure))
+        told(DIAGRAM_SECONDS)
     loops = loop_pictures(certified.certificates)
+    told(LOOPS_SECONDS * bool(loops))
     keep(folder, [picture, *loops])
     folder.write(page.PAGE, page.comparison(case, results, certified, picture, drawn, loops))
+
+
+def drawing_seconds(results: int) -> float:
+    """About how long the picture and the page of so many runs take; block diagrams and loops come to it."""
+    return (WIDE_SECONDS + NARROW_SECONDS) * results + PAGE_SECONDS
+
+
+WIDE_SECONDS, NARROW_SECONDS = 0.25, 0.15
+"""For each run, about, where no other work is on the machine: its part of the picture, and of that for phones."""
+DIAGRAM_SECONDS, LOOPS_SECONDS, PAGE_SECONDS = 0.4, 0.5, 0.1
+"""Of a block diagram, of all loops, and of what is left, likewise."""
 
 
 def write_certificates(folder: Folder, case: str, certified: Certified, document: str) -> None:
@@ -132,10 +164,10 @@ def files_of_run(folder: Path) -> set[str]:
         names = [str(name) for name in json.loads((folder / RUN).read_bytes())["controllers"]]
     except (OSError, ValueError, LookupError, TypeError):
         return set()
-    drawn = {f"{name}.{kind}" for name in (PICTURE, *_diagram_names(names)) for kind in ("png", "svg")}
+    drawn = {f"{name}.{kind}" for name in (PICTURE, *diagram_names(names)) for kind in ("png", "svg")}
     drawn.add(f"{PICTURE}{NARROW}.svg")
     drawn |= {f"{name}{variant}.svg" for name in _loop_names(len(names)) for variant in ("", NARROW)}
-    return {RUN, page.PAGE, *_table_names(names)} | drawn
+    return {RUN, page.PAGE, *table_names(names)} | drawn
 
 
 def write_tradeoff(folder: Folder, found: TradeOff) -> None:
@@ -190,7 +222,7 @@ def write_trajectories(folder: Folder, results: Sequence[Result], *, whole: bool
 
     With ``whole`` every recorded instant.
     """
-    for name, result in zip(_table_names([result.name for result in results]), results, strict=True):
+    for name, result in zip(table_names([result.name for result in results]), results, strict=True):
         buffer = io.StringIO()
         columns = {"t": result.t} | result.columns()
         writer = csv.writer(buffer, lineterminator="\n")
@@ -202,18 +234,13 @@ def write_trajectories(folder: Folder, results: Sequence[Result], *, whole: bool
         folder.write(name, buffer.getvalue())
 
 
-def _draw_runs(folder: Folder, name: str, results: Sequence[Result]) -> page.Picture:
-    """The picture of runs as it is on a page, and as it is on a phone."""
-    return replace(_draw(folder, name, figure_of(results)), narrow=_narrow(name, results))
-
-
 def _narrow(name: str, results: Sequence[Result]) -> page.Drawing:
     return _svg(f"{name}{NARROW}", figure_of(results, narrow=True))
 
 
 def _draw(folder: Folder, name: str, drawing: Figure) -> page.Picture:
     folder.write(f"{name}.png", render(drawing, "png"))
-    drawing.set_layout_engine("none")  # what the first rendering has laid out stays where it is
+    drawing.set_layout_engine(None)  # what the first rendering has laid out stays where it is
     wide = _svg(name, drawing)
     folder.write(wide.file, wide.svg)
     return page.Picture(wide)
@@ -228,23 +255,3 @@ def _draw_both(folder: Folder, name: str, figure: Drawn) -> page.Picture:
 
 def _svg(name: str, drawing: Figure) -> page.Drawing:
     return page.Drawing(f"{name}.svg", render(drawing, "svg").decode())
-
-
-def _table_names(names: Sequence[str]) -> list[str]:
-    """Of the controllers' CSVs; the number makes them different."""
-    return [f"{i}-{_file_name(name)}.csv" for i, name in enumerate(names, start=1)]
-
-
-def _diagram_names(names: Sequence[str]) -> list[str]:
-    """For each controller one of its own."""
-    chosen: list[str] = []
-    for name in names:
-        plain = f"diagram-{_file_name(name)}"
-        numbered = (f"{plain}-{i}" for i in range(2, len(names) + 1))
-        chosen.append(next(new for new in (plain, *numbered) if new not in chosen))
-    return chosen
-
-
-def _file_name(name: str) -> str:
-    """What of a name every file system takes."""
-    return re.sub(r"[^A-Za-z0-9]+", "-", name)[:LONGEST_NAME].strip("-").lower() or "controller"

@@ -12,6 +12,7 @@ from barbalat.protocols import Controller, Stepping
 from barbalat.run.diagnosis.step_comparison import FinerStep, Seen, at_the_same_time, compare
 from barbalat.run.progress import Progress, part_of
 from barbalat.run.result import Result
+from barbalat.run.results import Results
 from barbalat.run.simulate import simulate
 from barbalat.solvers.simulation import Simulation
 from barbalat.validate import InputError
@@ -28,7 +29,7 @@ def check_numerics(
     afforded_steps: int = AFFORDED_STEPS,
     threads: int | None = None,
     progress: Progress | None = None,
-) -> dict[str, Result]:
+) -> Results:
     """The same results; each one that is labelled *numerically unstable* comes with a ``check``, see FinerStep.
 
     The run is repeated at a tenth of its step, then at a hundredth and a thousandth while that leaves the region too. A finer
@@ -59,7 +60,7 @@ def check_numerics(
     if progress is not None:
         progress(1.0)
     unsettled = {name: _unsettled(result, afforded_steps, finest.get(name)) for name, result in pending.items()}
-    return checked | {name: replace(result, check=unsettled[name]) for name, result in pending.items()}
+    return Results(checked | {name: replace(result, check=unsettled[name]) for name, result in pending.items()})
 
 
 def _groups(pending: Mapping[str, Result], factor: int, afforded: int) -> list[dict[str, Result]]:

@@ -107,6 +107,10 @@ class Columns:
         """The first member's."""
         return tuple(self._leaves)
 
+    def first_numbers(self) -> Array:
+        """(N,) all of the first member's."""
+        return np.concatenate([*(leaf.ravel() for leaf in self._leaves), np.zeros(0)])
+
     def chosen(self, which: Array) -> Array:
         """(p, M) those of all numbers that ``which``, (N,) truth values, chooses; StructureError where others differ too."""
         ends = np.cumsum([leaf.size for leaf in self._leaves])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Hashable, Iterable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -10,13 +10,14 @@ import numpy as np
 from barbalat import validate
 from barbalat.loop.binding import Bindings
 from barbalat.loop.closed_loop import ClosedLoop
+from barbalat.loop.structure import comes_from_outside, structure
 from barbalat.lowering.llvm.machine import Watch
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller, Signal
 from barbalat.run import breaks, delay
 from barbalat.run.columns import Columns, StructureError
 from barbalat.run.grid import window_of
-from barbalat.run.step import LARGEST_WATCHED_STATE, Rhythm, StepProgram, step_program
+from barbalat.run.step import LARGEST_WATCHED_STATE, Rhythm, StepProgram, step_program, traced_once
 from barbalat.run.template import Member, Template, argument_numbers, with_grid
 from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array, InputError
@@ -198,29 +199,21 @@ class Reader:
     def members(self, windows: int, *, many_delays: bool = False) -> Members:
         """What was read; with ``many_delays`` the kernel takes each member's own, whatever those were that were read."""
         windows = windows if self.loop.size <= LARGEST_WATCHED_STATE else 0
-        simulation, signals = self.simulation, self.problem.signals
+        simulation, signals, which = self.simulation, self.problem.signals, self.arguments()
         lags = np.array(self.lags) if self.loop.delayed else None
-        template = Template.of(self.columns, opened=not simulation.fused)
-        if self.adjustable:
-            template = template.adjustable(simulation.dt, self.weights)
-        program = step_program(
-            template.loop,
-            simulation.solver,
-            simulation.dt if template.dt is None else template.dt,
-            template.column,
-            delay_weights=template.delay_weights,
-            lag_per_member=lags is not None and (many_delays or bool((lags != lags[0]).any())),
-            rhythm=self.rhythm,
-            adjustable=self.adjustable,
-            watch=windows > 0,
-            in_pieces=not self.loop.delayed and breaks.can_be_split(signals, simulation),
-            fused=simulation.fused,
-        )
+        how = {
+            "lag_per_member": lags is not None and (many_delays or bool((lags != lags[0]).any())),
+            "adjustable": self.adjustable,
+            "watch": windows > 0,
+            "in_pieces": not self.loop.delayed and breaks.can_be_split(signals, simulation),
+            "fused": simulation.fused,
+        }
+        program = traced_once(self._traced_by(which, how), self.columns.first, lambda: self._trace(how))
         return Members(
             self.loop,
             program,
             self.initial.everything(),
-            template.values,
+            self.chosen(which),
             self.rhythm,
             signals,
             simulation,
@@ -231,3 +224,22 @@ class Reader:
             max(self.known_delays, default=0.0),
             windows,
         )
+
+    def _trace(self, how: dict[str, bool]) -> StepProgram:
+        simulation = self.simulation
+        template = Template.of(self.columns, opened=not simulation.fused)
+        if self.adjustable:
+            template = template.adjustable(simulation.dt, self.weights)
+        dt, weights = simulation.dt if template.dt is None else template.dt, template.delay_weights
+        loop, column, method, rhythm = template.loop, template.column, simulation.solver, self.rhythm
+        return step_program(loop, method, dt, column, delay_weights=weights, rhythm=rhythm, **how)
+
+    def _traced_by(self, which: Array, how: dict[str, bool]) -> Hashable | None:
+        """All that the step's program depends on: what is no number, and the numbers that are no arguments."""
+        member: Member = self.columns.first
+        if comes_from_outside(member.loop):  # what a function of somebody else's does may depend on anything
+            return None
+        constants = self.columns.first_numbers()[~which].tobytes()
+        times = self.simulation.dt, self.rhythm.sample_every, self.rhythm.noise_hold
+        taps = None if self.weights is None else self.weights.first.shape
+        return *structure(member), which.tobytes(), constants, *how.values(), times, taps, self.simulation.solver

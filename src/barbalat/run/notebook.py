@@ -1,7 +1,8 @@
-"""A run as a notebook shows it."""
+"""Runs as a notebook shows them."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from html import escape
 from typing import TYPE_CHECKING
 
@@ -13,8 +14,15 @@ if TYPE_CHECKING:
     from barbalat.run.result import Result
 
 
-def html_of(result: Result) -> str:
+def html_of(results: Sequence[Result]) -> str:
     """The figures as a table, what deserves a second look, the plot."""
-    notes = "".join(f"<br>{escape(sentence)}" for sentence in (result.numerics, *result.warnings))
-    picture = image_of(figure_of([result]), f"{result.name} over time")
-    return f"{table([result])}<small>{notes.removeprefix('<br>')}</small><br>{picture}"
+    if not results:
+        return "<p>no runs</p>"
+    several = len(results) > 1
+    notes = [
+        escape(f"{result.name}: {sentence}" if several else sentence)
+        for result in results
+        for sentence in (result.numerics, *result.warnings)
+    ]
+    picture = image_of(figure_of(results), f"{', '.join(result.name for result in results)} over time")
+    return f"{table(results, results[0].problem.labels)}<small>{'<br>'.join(notes)}</small><br>{picture}"

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Protocol
 
+from barbalat.problem.labels import Labels
+
 FIGURES = {
     "max_abs_e": "max |e|",
     "rms_e": "RMS e",
@@ -40,6 +42,15 @@ def outcome(run: Finished) -> str:
     return "; ".join([*(f"{FIGURES[name]} {text_of(run.figures[name])}" for name in shown), *label])
 
 
+def outcome_in_brief(run: Finished) -> str:
+    """In a few words: one of several on a line."""
+    return run.label or (f"diverged at t = {run.diverged_at:.4g} s" if run.diverged_at is not None else _error_of(run))
+
+
+def _error_of(run: Finished) -> str:
+    return f"{FIGURES['max_abs_e']} {text_of(run.figures['max_abs_e'])}"
+
+
 def text_of(value: float | list[float] | None) -> str:
     """A figure, or its components in brackets, with four digits."""
     if isinstance(value, list):
@@ -47,11 +58,20 @@ def text_of(value: float | list[float] | None) -> str:
     return "-" if value is None else f"{value:.4g}"
 
 
-def table(runs: Iterable[Finished]) -> str:
+def units_of(labels: Labels | None) -> dict[str, str]:
+    """The units of figures by their names, in brackets, where the case has told them."""
+    if labels is None:
+        return {}
+    return dict.fromkeys(("max_abs_e", "rms_e", "tail_max_abs_e"), labels.every_unit) | {"max_abs_u": labels.every_input_unit}
+
+
+def table(runs: Iterable[Finished], labels: Labels | None = None) -> str:
     """As HTML, a row for each."""
     from html import escape
 
-    head = "".join(f"<th>{text}</th>" for text in ("controller", *FIGURES.values()))
+    units = units_of(labels)
+    said = (escape(f"{text} {units.get(name, '')}".rstrip()) for name, text in FIGURES.items())
+    head = "".join(f"<th>{text}</th>" for text in ("controller", *said))
     return f"<table><tr>{head}</tr>{''.join(_row(escape(run.name), run) for run in runs)}</table>"
 
 

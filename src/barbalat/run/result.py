@@ -162,7 +162,7 @@ class Result:
         """For notebooks: the figures as a table, and the plot."""
         from barbalat.run.notebook import html_of
 
-        return html_of(self)
+        return html_of([self])
 
     def plot(self, *, narrow: bool = False) -> Figure:
         """Motion, error, control and estimates over time, as a Matplotlib figure; ``narrow`` for a phone or a column."""

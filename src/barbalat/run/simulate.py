@@ -21,6 +21,7 @@ from barbalat.run.kinks import lost_along
 from barbalat.run.portable import at_instants
 from barbalat.run.progress import Progress
 from barbalat.run.result import Envelope, Result
+from barbalat.run.results import Results
 from barbalat.run.step import output_function
 from barbalat.solvers.simulation import Simulation
 
@@ -32,7 +33,7 @@ def simulate(
     *,
     threads: int | None = None,
     progress: Progress | None = None,
-) -> dict[str, Result]:
+) -> Results:
     """Run every controller on the problem; results by the controllers' names, of which equal ones are numbered.
 
     threads   all cores by default; results do not depend on it
@@ -49,7 +50,8 @@ def simulate(
         with named(controller.name):
             batches.append(Batch.of([(problem, controller)], simulation, record=True, windows=MOST_WINDOWS))
     run(batches, problem.signals, simulation, threads=threads, progress=progress)
-    return {c.name: result_of(problem, c, simulation, batch) for c, batch in zip(controllers, batches, strict=True)}
+    runs = zip(controllers, batches, strict=True)
+    return Results((c.name, result_of(problem, c, simulation, batch)) for c, batch in runs)
 
 
 def result_of(problem: TrackingProblem, controller: Controller, simulation: Simulation, batch: Batch) -> Result:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Hashable
 from dataclasses import dataclass
 from functools import lru_cache
 from math import inf
@@ -211,6 +212,23 @@ def step_program(
     sample = sample_program(loop, function, parameters) if loop.sampled else None
     watched = lowered(coupling_function(loop, function, dt, parameters)) if watch else None
     return StepProgram(lowered(function), shape, accumulators, sample, watched)
+
+
+_programs: dict[Hashable, tuple[StepProgram, object]] = {}
+"""What was traced, by all that it depends on: a search runs the same step again and again, with other delays, say."""
+MOST_PROGRAMS = 64
+"""That are kept, as of compiled ones."""
+
+
+def traced_once(key: Hashable | None, of: object, trace: Callable[[], StepProgram]) -> StepProgram:
+    """What ``trace`` gives, kept where a key says on what it depends; with ``of``, whose parts a key may name by their places."""
+    if key is None:
+        return trace()
+    found = _programs.pop(key, None) or (trace(), of)
+    _programs[key] = found  # the last of them
+    if len(_programs) > MOST_PROGRAMS:
+        _programs.pop(next(iter(_programs)), None)
+    return found[0]
 
 
 def output_function(loop: ClosedLoop) -> ca.Function:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from barbalat import validate
+from barbalat.settings import Settings
 from barbalat.signals.smooth import Swinging, outward, store_numbers
 from barbalat.validate import Array, InputError
 
@@ -25,7 +26,7 @@ def rounding_of(t: Array) -> Array:
 
 
 @dataclass(frozen=True)
-class Step:
+class Step(Settings):
     """constant for t < start, constant + amplitude from then on.
 
     amplitude  height of the step
@@ -55,7 +56,7 @@ class Step:
 
 
 @dataclass(frozen=True)
-class Steps:
+class Steps(Settings):
     """values[i] from times[i] on, ``initial`` before times[0].
 
     times    [s], increasing
@@ -95,7 +96,7 @@ class Steps:
 
 
 @dataclass(frozen=True)
-class Square(Swinging):
+class Square(Swinging, Settings):
     """constant + amplitude for the first half of each period 2 pi / frequency, constant - amplitude for the second.
 
     amplitude  of the swing

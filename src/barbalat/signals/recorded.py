@@ -11,19 +11,20 @@ from pathlib import Path
 import numpy as np
 
 from barbalat import validate
+from barbalat.settings import Settings, one_line
 from barbalat.signals.piecewise import between
 from barbalat.signals.smooth import Continuous, outward
 from barbalat.validate import Array, InputError
 
 
 @dataclass(frozen=True, eq=False)
-class Recorded(Continuous):
+class Recorded(Continuous, Settings):
     """Linear interpolation of (times, values); the first and last value are held outside. Times in s, increasing."""
 
     times: Array
     values: Array
 
-    __repr__ = validate.one_line
+    __repr__ = one_line
 
     def __post_init__(self) -> None:
         times = validate.vector("times", self.times)
@@ -128,7 +129,7 @@ class Recorded(Continuous):
 
 
 @dataclass(frozen=True)
-class MatFile:
+class MatFile(Settings):
     """A MATLAB file, as a case file names it: see ``Recorded.from_mat``.
 
     file    relative to the case file

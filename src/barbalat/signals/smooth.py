@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from barbalat import validate
+from barbalat.settings import Settings
 from barbalat.validate import Array, InputError
 
 
@@ -53,7 +54,7 @@ class Clock(Continuous):
 
 
 @dataclass(frozen=True)
-class Constant(Continuous):
+class Constant(Continuous, Settings):
     """amplitude, at all times."""
 
     amplitude: float = 0.0
@@ -70,7 +71,7 @@ class Constant(Continuous):
 
 
 @dataclass(frozen=True)
-class Sine(Swinging, Continuous):
+class Sine(Swinging, Continuous, Settings):
     """constant + amplitude sin(frequency t + phase).
 
     amplitude  of the swing
@@ -93,7 +94,7 @@ class Sine(Swinging, Continuous):
 
 
 @dataclass(frozen=True)
-class Sines(Continuous):
+class Sines(Continuous, Settings):
     """constant + sum of amplitudes[i] sin(frequencies[i] t + phases[i]).
 
     amplitudes   of the swings
@@ -130,7 +131,7 @@ class Sines(Continuous):
 
 
 @dataclass(frozen=True)
-class Chirp(Swinging, Continuous):
+class Chirp(Swinging, Continuous, Settings):
     """A sine whose frequency runs linearly from ``frequency_start`` to ``frequency_end`` in ``duration``, then stays.
 
     amplitude        of the swing

@@ -7,6 +7,7 @@ from dataclasses import KW_ONLY, dataclass, field
 import numpy as np
 
 from barbalat import validate
+from barbalat.settings import Settings, one_line
 from barbalat.solvers import RK4, Tableau
 from barbalat.validate import Array, InputError
 
@@ -15,7 +16,7 @@ MOST_RECORDED = 1_000_000
 
 
 @dataclass(frozen=True)
-class Simulation:
+class Simulation(Settings):
     """How to simulate: fixed steps of ``dt`` [s] from 0 to ``t_end`` [s].
 
     t_end          horizon [s]
@@ -35,7 +36,7 @@ class Simulation:
     fused: bool = True
     steps: int = field(init=False)
 
-    __repr__ = validate.one_line
+    __repr__ = one_line
 
     def __post_init__(self) -> None:
         t_end = validate.positive("simulation.t_end", self.t_end)

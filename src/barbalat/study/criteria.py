@@ -11,6 +11,7 @@ import numpy as np
 
 from barbalat import validate
 from barbalat.run.metrics import Metrics
+from barbalat.settings import Settings
 from barbalat.validate import Array
 
 
@@ -40,7 +41,7 @@ class Expected:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Lost:
+class Lost(Settings):
     """The loss of the motion: the run diverged, or its error grew by ``share`` of the model's own motion.
 
     share  of the largest |x_m| of the run, for the growth of the tail's largest |e|. 1 by default: the error that the delay
@@ -60,7 +61,7 @@ class Lost:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Onset:
+class Onset(Settings):
     """The onset of oscillation: the run is no longer the undelayed motion with what a delay does to a loop that knows theta.
 
     It diverged; or in its tail an estimate swings: it moves over more than ``share`` of the range in which it is known to lie,

@@ -9,6 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from barbalat.pictures.labels import Labels
+from barbalat.pictures.symbols import in_symbols
 from barbalat.pictures.theme import NARROW, Theme, new_figure
 from barbalat.study.tradeoff import Cloud, TradeOff
 from barbalat.validate import Array
@@ -109,9 +110,9 @@ def _label_ends(axes: Axes, found: TradeOff, which: str, criterion: str) -> None
 
 
 def tuning_text(tuning: dict[str, float]) -> str:
-    """A tuning in a few characters: Γ 1400, κ 0.02, P(0) 4.3e6."""
+    """A tuning in a few characters: Γ 1400, κ 0.02, P(0) 4.3·10⁶."""
     return ", ".join(f"{SYMBOLS.get(name, name)} {_two_digits(value)}" for name, value in tuning.items())
 
 
 def _two_digits(value: float) -> str:
-    return f"{float(f'{value:.2g}'):g}".replace("e+0", "e").replace("e+", "e")
+    return in_symbols(f"{float(f'{value:.2g}'):g}")

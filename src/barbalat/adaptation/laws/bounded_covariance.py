@@ -13,10 +13,11 @@ from barbalat.adaptation.laws.covariance import BoundedCovarianceLaw, Memory
 from barbalat.adaptation.modifications import leakage as leak
 from barbalat.problem.known_set import EstimateSet, Gain
 from barbalat.protocols import Value
+from barbalat.settings import Settings
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class LeastSquaresBounded(BoundedCovarianceLaw):
+class LeastSquaresBounded(BoundedCovarianceLaw, Settings):
     """theta_hat' = proj(P (epsilon phi - w theta_hat)), P' = beta P - P phi phi'P/m_s^2, but P' = 0 where |P|_F = R_0 would grow.
 
     covariance0       P(0), |P(0)|_F <= R_0: a number (times I), a diagonal (n,) or an s.p.d. matrix (n, n)

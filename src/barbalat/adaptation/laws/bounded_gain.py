@@ -11,10 +11,11 @@ from barbalat.adaptation.laws import covariance
 from barbalat.adaptation.laws.covariance import BoundedCovarianceLaw
 from barbalat.adaptation.modifications import leakage as leak
 from barbalat.protocols import Value
+from barbalat.settings import Settings
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class LeastSquaresBoundedGain(BoundedCovarianceLaw):
+class LeastSquaresBoundedGain(BoundedCovarianceLaw, Settings):
     """theta_hat' = proj(P epsilon phi), P' = beta(t) P - P phi phi'P/m_s^2, beta(t) = beta_0 (1 - |P|_F/k_0).
 
     covariance0       P(0), |P(0)|_F <= k_0: a number (times I), a diagonal (n,) or an s.p.d. matrix (n, n)

@@ -15,13 +15,14 @@ from barbalat.adaptation.modifications import dead_zone as zone
 from barbalat.adaptation.modifications import leakage as leak
 from barbalat.problem.known_set import EstimateSet, gain
 from barbalat.protocols import Value
+from barbalat.settings import Settings
 from barbalat.validate import Array, InputError
 
 UNEXCITED_REASON = "with unbounded forgetting nothing is guaranteed unless phi/m_s is persistently exciting"
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class LeastSquaresForgetting(CovarianceLaw):
+class LeastSquaresForgetting(CovarianceLaw, Settings):
     """theta_hat' = proj(P epsilon phi), P' = beta P - P phi phi'P/m_s^2.
 
     covariance0  P(0): a number (times I), a diagonal (n,) or an s.p.d. matrix (n, n)

@@ -14,11 +14,12 @@ from barbalat.adaptation.modifications import dead_zone as zone
 from barbalat.adaptation.modifications import leakage as leak
 from barbalat.problem.known_set import EstimateSet, Gain, gain, project
 from barbalat.protocols import Value
+from barbalat.settings import Settings
 from barbalat.validate import Array
 
 
 @dataclass(frozen=True, eq=False)
-class Gradient(ModifiedLaw):
+class Gradient(ModifiedLaw, Settings):
     """theta_hat' = proj(Gamma (epsilon phi - w theta_hat)): steepest descent of (z - theta_hat'phi)^2/(2 m_s^2).
 
     gamma      Gamma > 0: a number, a diagonal (n,) or an s.p.d. matrix (n, n)

@@ -14,6 +14,7 @@ from barbalat.adaptation.law import Estimation, Moved, Rates, SampleData, gram
 from barbalat.adaptation.modifications.leakage import Borne, Leakage, accept
 from barbalat.problem.known_set import EstimateSet, Gain, gain, project
 from barbalat.protocols import Value
+from barbalat.settings import Settings
 from barbalat.validate import Array
 
 
@@ -25,7 +26,7 @@ class Memory(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class IntegralCost:
+class IntegralCost(Settings):
     """theta_hat' = proj(Gamma (Q - R theta_hat - w theta_hat)): steepest descent of the integral
     of e^{-beta(t-s)} (z(s) - theta_hat(t)'phi(s))^2/(2 m_s^2(s)).
 

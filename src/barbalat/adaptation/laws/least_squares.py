@@ -11,11 +11,12 @@ from barbalat.adaptation.modifications import dead_zone as zone
 from barbalat.adaptation.modifications import leakage as leak
 from barbalat.problem.known_set import Gain, gain
 from barbalat.protocols import Value
+from barbalat.settings import Settings
 from barbalat.validate import Array
 
 
 @dataclass(frozen=True, eq=False)
-class LeastSquares(CovarianceLaw):
+class LeastSquares(CovarianceLaw, Settings):
     """theta_hat' = proj(P epsilon phi), P' = -P phi phi'P/m_s^2, P(0) = covariance0: eq. (15).
 
     covariance0  P(0): a number (times I), a diagonal (n,) or an s.p.d. matrix (n, n)

@@ -13,11 +13,12 @@ from barbalat.adaptation.laws.covariance import CovarianceLaw, Memory
 from barbalat.adaptation.modifications import dead_zone as zone
 from barbalat.adaptation.modifications import leakage as leak
 from barbalat.protocols import Value
+from barbalat.settings import Settings
 from barbalat.validate import InputError
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class LeastSquaresResetting(CovarianceLaw):
+class LeastSquaresResetting(CovarianceLaw, Settings):
     """theta_hat' = proj(P (epsilon phi - w theta_hat)), P' = -P phi phi'P/m_s^2, P(0) = rho_0 I, and P(t+) = rho_0 I wherever
     lambda_min(P(t)) <= rho_1.
 

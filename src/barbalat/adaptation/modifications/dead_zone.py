@@ -9,10 +9,11 @@ import numpy as np
 
 from barbalat import validate
 from barbalat.protocols import Value
+from barbalat.settings import Settings
 
 
 @dataclass(frozen=True, eq=False)
-class DeadZone:
+class DeadZone(Settings):
     """Continuous dead zone of half-width g_0 > 0: an error of size E counts as E - g_0, and as nothing inside.
 
     g_0  half-width of the zone: a bound of the modelling error

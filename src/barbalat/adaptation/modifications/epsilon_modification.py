@@ -11,10 +11,11 @@ import numpy as np
 
 from barbalat import validate
 from barbalat.protocols import Value
+from barbalat.settings import Settings
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class EpsilonModification:
+class EpsilonModification(Settings):
     """w = nu |error|, error = epsilon m_s, or e'P b for the Lyapunov laws: the leakage fades with the error, nu > 0.
 
     nu  the leakage for an error of one

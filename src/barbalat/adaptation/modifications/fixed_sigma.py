@@ -8,10 +8,11 @@ from typing import ClassVar
 
 from barbalat import validate
 from barbalat.protocols import Value
+from barbalat.settings import Settings
 
 
 @dataclass(frozen=True, eq=False)
-class FixedSigma:
+class FixedSigma(Settings):
     """w = sigma > 0: the estimates stay bounded under bounded modelling errors without a known set.
 
     sigma  the leakage

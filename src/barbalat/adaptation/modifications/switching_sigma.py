@@ -10,10 +10,11 @@ import numpy as np
 
 from barbalat import validate
 from barbalat.protocols import Value
+from barbalat.settings import Settings
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class SwitchingSigma:
+class SwitchingSigma(Settings):
     """w = 0 for |theta_hat| <= M_0, sigma (|theta_hat|/M_0 - 1) up to 2 M_0, sigma beyond; Euclidean norm.
 
     sigma  the leakage far out

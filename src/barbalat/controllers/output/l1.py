@@ -10,6 +10,7 @@ import numpy as np
 from barbalat import validate
 from barbalat.controllers.l1 import require_low_pass
 from barbalat.controllers.output.l1_sampled import OutputPredictor
+from barbalat.controllers.settings import Scheme
 from barbalat.linear.systems import StateSpace, TransferFunction, strictly_proper
 from barbalat.problem.known_set import ParameterBox, limit, project
 from barbalat.problem.output_feedback import OutputKnown
@@ -55,7 +56,7 @@ class Equations:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class L1Output:
+class L1Output(Scheme):
     """u = C(s)[r - sigma], sigma' = proj(gamma (y - y_hat)), y_hat' = -m y_hat + m (u + sigma).
 
     m             pole of the model m/(s + m) [rad/s], > 0; the problem's reference model must be it

@@ -8,6 +8,7 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 
 from barbalat import validate
+from barbalat.controllers.settings import Scheme
 from barbalat.controllers.steps import LinearStep
 from barbalat.controllers.tustin import Tustin
 from barbalat.linear.conditions import balance
@@ -56,7 +57,7 @@ class Equations:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class LinearOutput:
+class LinearOutput(Scheme):
     """u = K(s)[y_m - y]; or u = F(s)[r] - K(s)[y] where a feedforward is given; both proper, from rest.
 
     loop         K(s)

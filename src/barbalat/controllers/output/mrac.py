@@ -16,6 +16,7 @@ from barbalat.adaptation.normalization import Normalization
 from barbalat.controllers.output import mrac_normalized, mrac_unnormalized
 from barbalat.controllers.output.matching import filter_polynomial, input_filter, is_strictly_positive_real, refuse_contradiction
 from barbalat.controllers.parametric_model import auxiliary_filter
+from barbalat.controllers.settings import Scheme
 from barbalat.controllers.windup import limits_of_predictor
 from barbalat.problem.known_set import UNREACHED_BOUND, ParameterBox
 from barbalat.problem.output_feedback import OutputKnown
@@ -26,7 +27,7 @@ LARGEST_ORDER = 100
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class MracOutput:
+class MracOutput(Scheme):
     """u = theta_hat'omega + u_a for a plant of which order, relative degree and the sign of its gain are assumed.
 
     order            n of the plant that is designed for

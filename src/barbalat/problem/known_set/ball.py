@@ -12,6 +12,7 @@ import numpy as np
 from barbalat import validate
 from barbalat.problem.known_set.gain import ONE, Gain
 from barbalat.protocols import Value
+from barbalat.settings import Settings
 from barbalat.validate import Array
 
 if TYPE_CHECKING:
@@ -38,7 +39,7 @@ SCALAR_ONLY = (
 
 
 @dataclass(frozen=True, eq=False)
-class ParameterBall:
+class ParameterBall(Settings):
     """The known convex set Omega = {|theta - center|_2 <= radius}.
 
     center  (p,)

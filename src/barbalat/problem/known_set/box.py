@@ -14,6 +14,7 @@ from barbalat import validate
 from barbalat.problem.known_set import cone
 from barbalat.problem.known_set.gain import ONE, Gain, quadratic
 from barbalat.protocols import Value
+from barbalat.settings import Settings
 from barbalat.validate import Array, InputError
 
 if TYPE_CHECKING:
@@ -30,7 +31,7 @@ AGREEMENT_TOLERANCE = 2.0**-36
 
 
 @dataclass(frozen=True, eq=False)
-class ParameterBox:
+class ParameterBox(Settings):
     """The known convex set Omega = {lower <= theta <= upper}, componentwise.
 
     lower, upper  (p,) each, lower <= upper

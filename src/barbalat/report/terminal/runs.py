@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from barbalat.problem.labels import Labels
 from barbalat.report.numbers import number_text
 from barbalat.report.terminal.layout import Screen, grouped
 from barbalat.run.diagnosis.adapting import Adapting
@@ -29,7 +30,9 @@ def show(screen: Screen, case: str, results: Sequence[Result]) -> None:
 def _tracking(screen: Screen, results: Sequence[Result]) -> None:
     screen.title("Tracking error e and control u, over every step")
     measured = any(_values(result, "max_abs_y") for result in results)
-    headings = ["controller", "", "max |e|", "RMS e", "max |e|\nin the tail", "max |u|", *(["max |y|"] if measured else [])]
+    labels = results[0].problem.labels or Labels()
+    u = f"max |u|\n{labels.every_input_unit}".rstrip()
+    headings = ["controller", "", "max |e|", "RMS e", "max |e|\nin the tail", u, *(["max |y|"] if measured else [])]
     rows = []
     for result in results:
         errors = [_values(result, key) for key in ("max_abs_e", "rms_e", "tail_max_abs_e")]
@@ -37,7 +40,8 @@ def _tracking(screen: Screen, results: Sequence[Result]) -> None:
         count = max(len(values) for values in (*errors, *once))
         for i in range(count):
             of = "e" if len(errors[0]) == 1 else f"e_{i + 1}" if i < len(errors[0]) else ""
-            rows.append([screen.name(result.name), of, *(_at(values, i) for values in (*errors, *once))])
+            unit = labels.unit(i) if i < len(labels.units) else ""
+            rows.append([screen.name(result.name), f"{of} {unit}".rstrip(), *(_at(values, i) for values in (*errors, *once))])
     screen.table(headings, grouped(rows), leads=2)
     screen.line("tail: the last quarter of the run", "dim")
     for result in results:

@@ -1,0 +1,47 @@
+"""Symbols and powers of ten of names in pictures, as plain text: γ and 10⁶ for gamma 1e6."""
+
+from __future__ import annotations
+
+import re
+
+SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+GREEK = {
+    "alpha": "α",
+    "beta": "β",
+    "gamma": "γ",
+    "delta": "δ",
+    "epsilon": "ε",
+    "zeta": "ζ",
+    "eta": "η",
+    "theta": "θ",
+    "kappa": "κ",
+    "lambda": "λ",
+    "mu": "μ",
+    "nu": "ν",
+    "rho": "ρ",
+    "sigma": "σ",
+    "tau": "τ",
+    "phi": "φ",
+    "omega": "ω",
+    "Gamma": "Γ",
+    "Delta": "Δ",
+    "Theta": "Θ",
+    "Lambda": "Λ",
+}
+_VALUE = re.compile(rf"\b({'|'.join(GREEK)})(?= (?:= )?[\d.])|(?<![\w.])(-?\d+(?:\.\d+)?)e([+-]?\d+)(?![\w.])")
+
+
+def in_symbols(text: str) -> str:
+    """A name with the symbol in the place of a letter's name that has a value, and with numbers as they are written."""
+
+    def symbol(found: re.Match[str]) -> str:
+        letter, mantissa, exponent = found.groups()
+        return GREEK[letter] if letter else times_power(mantissa, int(exponent))
+
+    return _VALUE.sub(symbol, text)
+
+
+def times_power(mantissa: str, exponent: int) -> str:
+    """4.3·10⁶, or 10⁶ alone."""
+    power = "10" + str(exponent).translate(SUPERSCRIPTS)
+    return power if mantissa == "1" else f"{mantissa}·{power}"

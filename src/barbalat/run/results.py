@@ -1,0 +1,30 @@
+"""What ``simulate`` gives back: the runs of several controllers, by their names."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from barbalat.run.outcome import outcome_in_brief
+from barbalat.run.result import Result
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+class Results(dict[str, Result]):
+    """Runs of one problem by their controllers' names: a dictionary that a person can read, and plot."""
+
+    def __repr__(self) -> str:
+        return f"<Results: {'; '.join(f'{name!r} {outcome_in_brief(result)}' for name, result in self.items())}>"
+
+    def _repr_html_(self) -> str:
+        """For notebooks: the figures as a table, what deserves a second look, and the plot."""
+        from barbalat.run.notebook import html_of
+
+        return html_of(list(self.values()))
+
+    def plot(self, *, narrow: bool = False) -> Figure:
+        """All runs side by side, as a Matplotlib figure; ``narrow`` for a phone or a column: see ``barbalat.plot``."""
+        from barbalat.run.plot import plot
+
+        return plot(self, narrow=narrow)
