@@ -20,12 +20,17 @@ LATE_WINDOW = (AUTOMATIC_END - 0.1, AUTOMATIC_END)
 LONG_AUTOMATIC_END = 10.0
 """[s]: past the time that an estimate lies on its bound, from 6.5 to 9.3 s."""
 TOLERANCE = 1e-7
-"""Relative, of the codes with automatic steps; at 1e-6 they damp the ringing by a quarter and more (docs/claims.md)."""
+"""Relative, of the codes with automatic steps; to 3 s at 1e-6 they damp the ringing by a quarter and more (docs/claims.md)."""
 BUDGETS: dict[SciPyMethod, int] = {"LSODA": 1_000_000}
 """It needs half of that. SciPy's BDF and Radau are Python, 20 to 40 us for each evaluation, half a minute each: ``--full`` has them."""
 LONG_BUDGETS: dict[SciPyMethod, int] = {"LSODA": 3_000_000, "BDF": 3_000_000, "Radau": 3_000_000}
 """What they need to ``AUTOMATIC_END`` at ``LOOSE_TOLERANCES``."""
 LOOSE_TOLERANCES = (1e-3, 1e-6)
+"""The first is what MATLAB's ode15s has unless told otherwise: what the paper's authors would have got without a word."""
+LOOSE_END = 4.0
+"""[s]: of the plain command at the loose tolerance; ``--full`` goes to ``LONG_AUTOMATIC_END`` with all four codes, in a minute and more."""
+PATIENT: dict[SciPyMethod, int] = {"LSODA": 30_000_000, "BDF": 30_000_000, "Radau": 30_000_000}
+"""Evaluations to ``LONG_AUTOMATIC_END`` at the loose tolerance: more than any of them needs to arrive, or to give up."""
 CONVERGED_STEPS = (1e-6, 5e-7)
 """Steps [s] at which h |lambda| is 0.07 and less: two that agree show what the equations do."""
 PAPER = Gain(1e4, T_END, CONVERGED_STEPS[0], TAIL)
@@ -38,7 +43,7 @@ FURTHER_GAINS = (Gain(3e3, T_END, 1e-6, TAIL), Gain(1e5, T_END, 2.5e-7, TAIL), G
 SHARPENED = (
     f"Gamma = {', '.join(f'{each.gamma:g}' for each in FURTHER_GAINS)} at h = 1e-4 and 1e-5 s over {FURTHER_GAINS[0].t_end:g} s ({FURTHER_GAINS[-1].t_end:g} s at "
     f"the largest); SciPy's BDF and Radau beside the two codes, to {AUTOMATIC_END:g} s at tolerances of {LOOSE_TOLERANCES[0]:g} and "
-    f"{LOOSE_TOLERANCES[1]:g}; both codes to {LONG_AUTOMATIC_END:g} s at {TOLERANCE:g}"
+    f"{LOOSE_TOLERANCES[1]:g}, all four to {LONG_AUTOMATIC_END:g} s at {LOOSE_TOLERANCES[0]:g}; both codes to {LONG_AUTOMATIC_END:g} s at {TOLERANCE:g}"
 )
 
 
@@ -50,12 +55,13 @@ class Tried:
     fixed: list[Row]
     automatic: list[Row]
     longer: list[Row]
+    loose: list[Row]
     at_figure_5: list[Row]
     at_neighbours: tuple[list[Row], ...]
 
     @staticmethod
-    def now() -> Tried:
-        """What the plain command has time for."""
+    def now(*, full: bool = False) -> Tried:
+        """What the plain command has time for; in full all codes to the end at the loose tolerance."""
         return Tried(
             explicit=[PAPER.explicit(h) for h in (section_v.COARSE, section_v.FINE)],
             fixed=[
@@ -65,6 +71,9 @@ class Tried:
             ],
             automatic=PAPER.automatic(BUDGETS, tolerance=TOLERANCE, t_end=AUTOMATIC_END),
             longer=PAPER.automatic({}, tolerance=LOOSE_TOLERANCES[1], t_end=LONG_AUTOMATIC_END),
+            loose=PAPER.automatic(
+                PATIENT if full else {}, tolerance=LOOSE_TOLERANCES[0], t_end=LONG_AUTOMATIC_END if full else LOOSE_END
+            ),
             at_figure_5=[FIGURE_5.explicit(section_v.FINE)]
             + [FIGURE_5.implicit(section_v.FINE, midpoint=midpoint) for midpoint in (True, False)],
             at_neighbours=tuple(
@@ -100,12 +109,12 @@ def stiff_solvers_further() -> Claim:
         verdict(holds=not all(rows for _, rows in followed), conditional=any(rows for _, rows in followed)),
         f"implicit steps that follow the equations, with projection: {gains}. Automatic steps: {codes}",
     )
-    return _claim(Tried.now(), more, listings=tuple(listings))
+    return _claim(Tried.now(full=True), more, listings=tuple(listings))
 
 
 def _claim(tried: Tried, *more: Reading, listings: tuple[Listing, ...] = ()) -> Claim:
     readings = (*_phenomena(tried), *_automatic(tried), *_singularity(tried), *more)
-    right, shown = PAPER.right, [*tried.explicit, *tried.fixed, *tried.automatic, *tried.longer]
+    right, shown = PAPER.right, [*tried.explicit, *tried.fixed, *tried.automatic, *tried.longer, *tried.loose]
     best = tried.fixed[0]
     neighbours = tuple(listing(rows, gain.right, gain.gamma) for gain, rows in zip(NEIGHBOURS, tried.at_neighbours, strict=True))
     return Claim(
@@ -117,18 +126,21 @@ def _claim(tried: Tried, *more: Reading, listings: tuple[Listing, ...] = ()) -> 
         + ". Automatic steps: "
         + "; ".join(
             f"{row.name}, {row.setting}, to {row.span[1]:g} s {cell(row, 1, right)}, {row.free.evaluations} evaluations, {row.free.seconds:.1f} s"
-            for row in (*tried.automatic, *tried.longer)
+            for row in (*tried.automatic, *tried.longer, *tried.loose)
         )
-        + "".join(f". {one.verdict.capitalize()} is {one.says}: {one.measured}" for one in readings if not one.decides),
+        + "".join(f". {one.verdict.capitalize()} is {one.says}: {one.measured}" for one in readings if not one.decides)
+        + f". {NOT_TESTED}",
         f"right: within a factor {AGREEMENT_FACTOR:g} of RK4 at h = {PAPER.converged_step:g} s, which rings by {numbers(right[0].ringing(*TAIL))} without and "
         f"{numbers(right[1].ringing(*TAIL))} with projection; last quarter of {T_END:g} s. Implicit steps: {NEWTON_STEPS} Newton steps of the exact Jacobian, "
         f"the estimate limited at the step's end. Automatic steps: with projection, exact Jacobian, last 0.1 s; up to {AUTOMATIC_END:g} s no estimate is "
         f"beyond {_highest():.1f} and the projection at rest; the phenomenon begins at {tried.explicit[0].free.reached:.1f} s",
         listings=(listing(shown, right, PAPER.gamma), *neighbours, listing(tried.at_figure_5, FIGURE_5.right, FIGURE_5.gamma), *listings),
-        number=f"ringing over the converged one's at Figure 3's step, with projection: RK4 {cell(tried.explicit[0], 1, right)}, {best.name} {cell(best, 1, right)}",
+        number=f"ringing over the converged one's, Figure 3: RK4 {cell(tried.explicit[0], 1, right)}, {best.name} {cell(best, 1, right)}, "
+        f"{tried.loose[0].name} at {LOOSE_TOLERANCES[0]:g} {cell(tried.loose[0], 1, right)}",
         readings=readings,
-        would_change="confirmed with conditions: implicit steps, or codes with automatic steps, none of which follows the equations with the projection, at one "
-        "of the gains; runs that are lost without it; or a code that gives up. Confirmed: all of that",
+        condition=_condition(tried),
+        would_change="confirmed: implicit steps, and codes at tight tolerances, none of which follows the equations with the projection, and runs that are lost without "
+        "it; not confirmed: codes that neither ring beyond the equations nor give up at a loose tolerance either",
         sharpened=SHARPENED,
     )  # fmt: skip
 
@@ -172,32 +184,66 @@ def _phenomena(tried: Tried) -> tuple[Reading, ...]:
 
 
 def _automatic(tried: Tried) -> tuple[Reading, ...]:
-    """Codes that choose their steps, to where the phenomenon has begun, and past the first second on a bound."""
-    return tuple(
+    """Codes that choose their steps: tight, to where the phenomenon has begun and past the first second on a bound; and loose."""
+    tight = tuple(
         Reading(
-            f"codes with automatic steps, {', '.join(row.name for row in rows)}, to {rows[0].span[1]:g} s at a tolerance of {tolerance:g}",
+            f"codes with automatic steps, {_named(rows)}, to {rows[0].span[1]:g} s at a tight tolerance, {tolerance:g}",
             verdict(holds=not any(agrees(row.boxed, PAPER.right[1], row.span) for row in rows)),
             "; ".join(f"{row.name} {cell(row, 1, PAPER.right)}" for row in rows),
         )
         for rows, tolerance in ((tried.automatic, TOLERANCE), (tried.longer, LOOSE_TOLERANCES[1]))
     )
+    failing = _failing(tried)
+    loose = Reading(
+        f"codes with automatic steps, {_named(tried.loose)}, to {tried.loose[0].span[1]:g} s at a loose tolerance, {LOOSE_TOLERANCES[0]:g}: one rings beyond "
+        "the equations, or gives up",
+        verdict(holds=bool(failing), conditional=len(failing) < len(tried.loose)),
+        "; ".join(f"{row.name} {cell(row, 1, PAPER.right)}{_amplitude(row)}" for row in tried.loose)
+        + f"; the converged solution rings by {PAPER.right[1].ringing(*tried.loose[0].span).max():.2g}. The bounds are 5 and -5",
+    )
+    return (*tight, loose)
+
+
+def _failing(tried: Tried) -> list[Row]:
+    """The runs at the loose tolerance that show something of Figures 3 and 5: more ringing than the equations', or no end."""
+    return [row for row in tried.loose if row.boxed.lost or rings_too_much(row.boxed, PAPER.right[1], row.span)]
+
+
+def _condition(tried: Tried) -> str:
+    """By what is seen: which codes fail at the loose tolerance, and where none does."""
+    said = [
+        f"{row.name} {f'gives up at {row.boxed.reached:.4g} s' if row.boxed.lost else 'rings too much'}"
+        for row in _failing(tried)
+    ]
+    return (
+        f"the code chooses its steps at a loose tolerance, {LOOSE_TOLERANCES[0]:g} ({', '.join(said) or 'none fails'}); not at {LOOSE_TOLERANCES[1]:g} to {LONG_AUTOMATIC_END:g} s and "
+        f"{TOLERANCE:g} to {AUTOMATIC_END:g} s, nor with implicit steps of the paper's size and the projection"
+    )
+
+
+def _amplitude(row: Row) -> str:
+    return "" if row.boxed.lost else f", by {row.boxed.ringing(*row.span).max():.2g}"
+
+
+def _named(rows: list[Row]) -> str:
+    return ", ".join(row.name for row in rows)
+
+
+NOT_TESTED = (
+    "Not tested, and no reading: a singularity in general. Of (1)-(8) without modelling error the solution has none, at any Gamma: V of Theorem 1 does not "
+    "grow, whatever u is, so theta_hat is bounded; x, x_hat and the filter then obey linear equations with bounded coefficients and stay finite at all times"
+)
 
 
 def _singularity(tried: Tried) -> tuple[Reading, ...]:
-    codes = [*tried.automatic, *tried.longer]
-    gave_up = [row.name for row in codes if row.boxed.lost]
+    """What a code says that meets one: its step falls below what doubles can add to t."""
+    codes = [*tried.automatic, *tried.longer, *tried.loose]
+    gave_up = [f"{row.name}, {row.setting}, at {row.boxed.reached:.4g} s" for row in codes if row.boxed.lost]
     return (
         Reading(
             "a possible singularity of the solution, on this problem: that a code gives up",
-            verdict(holds=bool(gave_up)),
-            f"{len(gave_up)} of {len(codes)} runs with automatic steps gave up",
-        ),
-        Reading(
-            "a possible singularity of the solution, in general",
-            "not confirmed",
-            "not tested by runs. Of (1)-(8) without modelling error the solution has none, at any Gamma: V of Theorem 1 does not grow, whatever u is, so "
-            "theta_hat is bounded; x, x_hat and the filter then obey linear equations with bounded coefficients and stay finite at all times. Of other "
-            "plants and schemes nothing is shown",
+            verdict(holds=bool(gave_up), conditional=len(gave_up) < len(codes)),
+            f"{len(gave_up)} of {len(codes)} runs with automatic steps gave up" + "".join(f": {said}" for said in gave_up),
         ),
     )
 
