@@ -6,7 +6,7 @@ import pytest
 
 from barbalat import Mrac
 from barbalat.certificates.linear_loops.around_equilibrium import around_equilibrium
-from barbalat.claims import adapting_margins, section_v
+from barbalat.claims import adapting_margins, gain_margins, section_v
 from barbalat.linear.interconnections import series
 from barbalat.linear.margins import margins
 from barbalat.linear.systems import TransferFunction
@@ -65,9 +65,14 @@ def test_the_filter_costs_gain_margin_whatever_the_gain(effect):
 
 def test_the_ends_of_the_curves():
     """Gamma -> 0: the loop with the estimates at rest. MRAC at high gain: 1/Gamma. L1-AC: the limit loop's margin."""
-    claim = adapting_margins.gain_reduces_margins()
+    claim = gain_margins.gain_reduces_margins()
     (chart,) = claim.maps
-    assert [reading.verdict for reading in claim.readings] == ["confirmed", "not confirmed"]
+    falls = {reading.says: reading.verdict == "confirmed" for reading in claim.readings}
+    assert [name for name, found in falls.items() if not found] == [
+        "MRAC: gain margin downwards",  # more gain bears more loss of it
+        *(f"L1-AC, kappa = 0.02 s: {name}" for name in ("gain margin downwards", "phase margin", "delay margin")),
+    ]
+    assert "small-gain margin" in claim.condition
     curves = {curve.label: curve.y for curve in chart.curves}
     plain, filtered = curves["MRAC"], curves["L1-AC, κ = 0.02 s"]
     assert plain[0] == pytest.approx(0.254, rel=0.01) and filtered[0] == pytest.approx(0.234, rel=0.01)
@@ -76,8 +81,10 @@ def test_the_ends_of_the_curves():
     assert filtered.min() < filtered[-1] / 100 and filtered.argmin() not in (0, len(filtered) - 1)
 
 
-def test_the_gain_margin_is_the_papers_evidence_the_delay_margin_is_not(effect):
-    assert [reading.verdict for reading in effect.readings] == ["confirmed with conditions", "not confirmed"]
+def test_the_gain_margin_upwards_is_the_papers_evidence_no_other_is(effect):
+    assert [reading.verdict for reading in effect.readings] == ["confirmed with conditions", *["not confirmed"] * 4]
+    assert effect.fall_at_every_gain == (adapting_margins.UPWARDS,)
+    assert effect.rise_at_high_gain == ("phase margin", "delay margin", "small-gain margin 1/||T||_inf")
     slow = effect.readings[0].measured  # the cells that are not in the condition are named: 3 filters of 43 gains
     assert "all 387 cells with kappa <= 0.1 s" in slow and slow.count("of 43 cells") == 3
     assert (
@@ -87,3 +94,29 @@ def test_the_gain_margin_is_the_papers_evidence_the_delay_margin_is_not(effect):
         loop = linearised(1e4, 50.0, kappa)
         for k, stable in ((factor * 0.9999, True), (factor * 1.0001, False)):
             assert (np.linalg.eigvals(loop.A - k * np.outer(loop.B, loop.C)).real.max() < 0) == stable
+
+
+@pytest.mark.parametrize(
+    ("gain", "phases", "sizes", "downwards"),
+    [(100.0, (0.00118, 0.0201), (0.00118, 0.00478), (1.2e-4, 0.077)), (2.5e7, (2.35e-6, 1.63), (2.35e-6, 0.0046), (0.0, 0.077))],
+)
+def test_phase_and_small_gain_margins_rise_with_the_filter_and_the_gain_margin_downwards_gets_worse(
+    gain, phases, sizes, downwards
+):
+    """Against the response of linearisations of their own at r = 50 on a grid, and eigenvalues with the gain reduced."""
+    for kappa, phase, size, down in zip((None, 0.02), phases, sizes, downwards, strict=True):
+        own = linearised(gain / 2500, 50.0, kappa)
+        borne = adapting_margins.bears(adapting_margins.loop(kappa)(gain))
+        poles = np.linalg.eigvals(own.A - np.outer(own.B, own.C))  # the peaks of T are as narrow as its poles are slow to decay
+        around = np.abs(poles.imag[:, None] + poles.real[:, None] * np.linspace(-3, 3, 2001)).ravel()
+        at = own.response(np.concatenate([np.geomspace(1e-3, 1e6, 20_001), around]))
+        assert borne.small_gain == pytest.approx(size, rel=0.01)
+        assert 1 / np.abs(at / (1 + at)).max() == pytest.approx(borne.small_gain, rel=1e-4)
+        turned = own.response(np.array(borne.margins.crossovers))  # e^(-+ j phase) brings one of them to -1
+        turns = np.exp(1j * phase * np.array([[1], [-1]]))
+        assert np.abs(1 + turned * turns).min() < 0.01 * phase + 1e-6
+        assert borne.margins.phase == pytest.approx(phase, rel=0.01)
+        assert borne.margins.gain_down == pytest.approx(down, rel=0.01, abs=1e-8)
+        if down:
+            for k, stable in ((0.98 * down, False), (1.02 * down, True)):
+                assert (np.linalg.eigvals(own.A - k * np.outer(own.B, own.C)).real.max() < 0) == stable

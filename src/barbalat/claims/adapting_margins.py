@@ -1,4 +1,4 @@
-"""What the filter and the gain do to the exact margins of the loop that adapts, around constant commands.
+"""What the filter does to the exact margins of the loop that adapts, around constant commands.
 
 At the command r the estimates act through theta_hat' = Gamma x (...) with x proportional to r, and theta_hat'x: the loop
 depends on Gamma r^2 alone.
@@ -6,71 +6,125 @@ depends on Gamma r^2 alone.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache
+from typing import NamedTuple
 
 import numpy as np
 
 from barbalat.certificates.linear_loops.around_equilibrium import around_equilibrium
-from barbalat.certificates.linear_loops.ideal import fast_adaptation
 from barbalat.claims import section_v
-from barbalat.claims.claim import Axis, Chart, Claim, Curve, Map, Reading, of_readings, verdict
+from barbalat.claims.claim import Axis, Curve, Map, Reading, verdict
 from barbalat.controllers import L1Adaptive, Mrac
+from barbalat.linear.interconnections import complementary_sensitivity
 from barbalat.linear.margins import Margins, margins
-from barbalat.linear.systems import StateSpace, input_filter
+from barbalat.linear.peaks import peak_gain
+from barbalat.linear.systems import StateSpace
 from barbalat.validate import Array, InputError
 
 GAINS = np.geomspace(1e-6, 1e8, 43)
 """Gamma r^2, three in a decade: from where the adaptation is too slow to matter, beyond Gamma = 1e4 at r = 50."""
 KAPPAS = np.geomspace(1e-3, 0.4, 12)
 """The last is too slow for Section V's plant: the filtered loop is unstable."""
-FIGURE_3_GAIN = 1e4 * 50**2
+CREST = 50.0
+"""Of Section V's command."""
+FIGURE_3_GAIN = 1e4 * CREST**2
 """Gamma r^2 at Figure 3's gain and the crest of its command."""
+TOLD_GAINS = (0.01, 100.0, FIGURE_3_GAIN)
+"""Gamma r^2 at which the readings tell the margins: slow adaptation, where L1-AC's delay margin is near its least, Figure 3's."""
 MODERATE_KAPPA = 0.1
 """The filters up to here, twice what Theorem 1's condition admits, are those of which the gain margin is claimed to fall."""
-SHOWN_KAPPAS = (0.005, section_v.KAPPA, 0.05)
-"""The filters of the chart."""
 HOW = "exact margins of the loops linearised with the law inside, Section V's plant at constant r; the loop depends on Gamma r^2 alone"
+
+
+class Borne(NamedTuple):
+    """What a stable loop bears.
+
+    small_gain  1/||T||_inf: a Delta_m of (11) that is smaller at every frequency cannot destabilise it
+    """
+
+    margins: Margins
+    small_gain: float
+
+
+UPWARDS, DOWNWARDS = "gain margin upwards", "gain margin downwards"
+MARGINS: dict[str, Callable[[Borne], float]] = {
+    UPWARDS: lambda borne: borne.margins.gain_up - 1,
+    DOWNWARDS: lambda borne: 1 - borne.margins.gain_down,
+    "phase margin": lambda borne: borne.margins.phase,
+    "delay margin": lambda borne: borne.margins.delay,
+    "small-gain margin 1/||T||_inf": lambda borne: borne.small_gain,
+}
+"""By name, each zero for a loop that bears nothing: k - 1 and 1 - k of the gain margins k, [rad], [s], the least size of Delta_m."""
 
 
 @dataclass(frozen=True)
 class FilterEffect:
-    """What the filter does to the exact margins around constant commands: read as either margin, and drawn."""
+    """What the filter does to the exact margins around constant commands: read as each of ``MARGINS``, and drawn.
+
+    fall_at_every_gain, rise_at_high_gain  names of ``MARGINS``: lower in every cell with a moderate filter; higher in all at the largest gain
+    """
 
     readings: tuple[Reading, ...]
     maps: tuple[Map, ...]
     gain_margins: tuple[float, float]
+    fall_at_every_gain: tuple[str, ...]
+    rise_at_high_gain: tuple[str, ...]
 
 
 def filter_effect() -> FilterEffect:
     """The ratio of the margins with and without the filter, over Gamma and kappa."""
-    without, scans = _scan(None), [_scan(float(kappa)) for kappa in KAPPAS]
-    delay = np.array([_ratios(scan, without, lambda m: m.delay) for scan in scans])
-    gain = np.array([_ratios(scan, without, lambda m: m.gain_up - 1) for scan in scans])
+    without, scans = scan(None), [scan(float(kappa)) for kappa in KAPPAS]
+    ratios = {name: np.array([_ratios(each, without, of) for each in scans]) for name, of in MARGINS.items()}
+    delay = ratios["delay margin"]
     rows = [i for i, row in enumerate(delay) if not np.isnan(row).any()]
-    equal = np.array([_equal_at(float(KAPPAS[i]), delay[i]) for i in rows])
-    line = Curve("ratio 1", equal, KAPPAS[rows])
-    at = _equal_at(section_v.KAPPA, _ratios(_scan(section_v.KAPPA), without, lambda m: m.delay))
-    moderate = gain[KAPPAS <= MODERATE_KAPPA]
-    beyond = gain[KAPPAS > MODERATE_KAPPA]
+    line = Curve("ratio 1", np.array([_equal_at(float(KAPPAS[i]), delay[i]) for i in rows]), KAPPAS[rows])
+    moderate = {name: found[KAPPAS <= MODERATE_KAPPA] for name, found in ratios.items()}
     plain, filtered = (margins(loop(kappa)(FIGURE_3_GAIN)).gain_up for kappa in (None, section_v.KAPPA))
-    readings = (
-        Reading(
-            "the gain margin of the loop that adapts: exact, around constant commands",
-            verdict(holds=bool(moderate.max() < 1), conditional=not (beyond < 1).all()),
-            f"k = {plain:.4g} to {filtered:.4g} at Figure 3's gain, kappa = {section_v.KAPPA:g} s and r = 50; true of all {moderate.size} cells with "
-            f"kappa <= {MODERATE_KAPPA:g} s, twice what Theorem 1's condition admits, where k - 1 falls to {moderate.min():.2g} to {moderate.max():.2g} of what it is without "
-            f"the filter. Slower filters: {_slower(gain)}",
-        ),
-        Reading(
-            "the delay margin of the loop that adapts: exact, around constant commands",
-            verdict(holds=bool((delay[rows] < 1).all())),
-            f"kappa = {section_v.KAPPA:g} s: true for Gamma r^2 < {at:.2g}, that is Gamma < {at:.2g} at r = 1 and Gamma < {at / 2500:.2g} at r = 50; "
-            f"above, the filter raises it. For kappa {KAPPAS[rows[0]]:.3g} to {KAPPAS[rows[-1]]:.3g} s that limit is {equal.min():.2g} to {equal.max():.2g}",
-        ),
+    return FilterEffect(
+        (_upwards(ratios[UPWARDS], plain, filtered), *(_reading(name, moderate[name]) for name in MARGINS if name != UPWARDS)),
+        (_delay_map(delay, line), _gain_map(ratios[UPWARDS])),
+        (plain, filtered),
+        fall_at_every_gain=tuple(name for name, found in moderate.items() if (found < 1).all()),
+        rise_at_high_gain=tuple(name for name, found in moderate.items() if (found[:, -1] > 1).all()),
     )
-    return FilterEffect(readings, (_delay_map(delay, line), _gain_map(gain)), (plain, filtered))
+
+
+def _upwards(ratios: Array, plain: float, filtered: float) -> Reading:
+    """The margin that every moderate filter lowers: the slow ones that do not are told one by one."""
+    moderate, beyond = ratios[KAPPAS <= MODERATE_KAPPA], ratios[KAPPAS > MODERATE_KAPPA]
+    return Reading(
+        f"the {UPWARDS} of the loop that adapts: exact, around constant commands",
+        verdict(holds=bool(moderate.max() < 1), conditional=not (beyond < 1).all()),
+        f"k = {plain:.4g} to {filtered:.4g} at Figure 3's gain, kappa = {section_v.KAPPA:g} s and r = 50; true of all {moderate.size} cells with "
+        f"kappa <= {MODERATE_KAPPA:g} s, twice what Theorem 1's condition admits, where k - 1 falls to {moderate.min():.2g} to {moderate.max():.2g} of what it is without "
+        f"the filter. Slower filters: {_slower(ratios)}",
+    )
+
+
+def _reading(name: str, moderate: Array) -> Reading:
+    """Another margin: in how many cells with a moderate filter it falls, and at which gains Section V's filter raises it."""
+    of, (without, filtered) = MARGINS[name], (scan(None), scan(section_v.KAPPA))
+    raised = np.array([of(f) > of(m) for f, m in zip(filtered, without, strict=True) if f is not None and m is not None])
+    said = f"the filter raises it at {int(raised.sum())} of {len(raised)} gains"
+    if raised.any():
+        first, last = GAINS[raised][0], GAINS[raised][-1]
+        said += f", Gamma r^2 = {first:.2g} to {last:.2g}, that is Gamma = {first / CREST**2:.2g} to {last / CREST**2:.2g} at r = {CREST:g}"
+    at = "; ".join(f"{_changed(name, gain)} at Gamma r^2 = {gain:.3g}" for gain in TOLD_GAINS)
+    return Reading(
+        f"the {name} of the loop that adapts: exact, around constant commands",
+        verdict(holds=bool((moderate < 1).all())),
+        f"kappa = {section_v.KAPPA:g} s: {at}; {said}. It falls in {int((moderate < 1).sum())} of {moderate.size} cells with kappa <= {MODERATE_KAPPA:g} s",
+    )
+
+
+def _changed(name: str, gain: float) -> str:
+    """Without and with the filter; of the gain margin downwards the factor itself, which is better smaller."""
+    plain, filtered = (bears(loop(kappa)(gain)) for kappa in (None, section_v.KAPPA))
+    assert plain is not None and filtered is not None
+    of = MARGINS[name] if name != DOWNWARDS else (lambda borne: borne.margins.gain_down)
+    return f"{'k = ' if name == DOWNWARDS else ''}{of(plain):.3g} to {of(filtered):.3g}"
 
 
 def _slower(ratios: Array) -> str:
@@ -88,55 +142,6 @@ def _slower(ratios: Array) -> str:
             text += f", is unstable with the filter in {int(lost.sum())}"
         said.append(text)
     return "; ".join(said)
-
-
-def gain_reduces_margins() -> Claim:
-    """The delay margin over Gamma, with and without the filter."""
-    curves = {"MRAC": _delays(_scan(None))} | {f"L1-AC, κ = {kappa:g} s": _delays(_scan(kappa)) for kappa in SHOWN_KAPPAS}
-    plain, filtered = curves["MRAC"], curves[f"L1-AC, κ = {section_v.KAPPA:g} s"]
-    lowest, C = int(filtered.argmin()), input_filter(section_v.KAPPA).realise()
-    limit = margins(fast_adaptation(section_v.problem().plant, C)).delay
-    back = int(np.flatnonzero(filtered < limit / 2)[-1]) + 1
-    slope = np.log(plain[-1] / plain[-4]) / np.log(GAINS[-1] / GAINS[-4])
-    chart = Chart(
-        key="delay-margin-gain",
-        title="The delay margin of the loop that adapts, against the gain",
-        caption=(
-            "Exact, of the loops linearised with the law inside, Section V's plant around a constant command r; they depend on Γr² alone. "
-            "With the filter the margin falls as long as the resonance of the adaptation crosses |L| = 1, and returns to the limit of "
-            "fast adaptation, near 1.6 κ here, where it no longer does."
-        ),
-        x=Axis("Γr²", GAINS, logarithmic=True),
-        quantity="delay margin [s]",
-        curves=tuple(Curve(label, GAINS, values) for label, values in curves.items()),
-    )
-    readings = (
-        Reading(
-            "MRAC", verdict(holds=bool((np.diff(plain) < 0).all())), f"{plain[0]:.3g} s falls at every step, to {plain[-1]:.2g} s"
-        ),
-        Reading(
-            f"L1-AC, kappa = {section_v.KAPPA:g} s",
-            verdict(holds=bool((np.diff(filtered) < 0).all())),
-            f"{filtered[0]:.3g} s falls to {filtered[lowest]:.2g} s and returns to {filtered[-1]:.3g} s",
-        ),
-    )
-    return Claim(
-        "gain-reduces-margins", "Section III.A, last paragraph; Section III.B, last paragraph", "A high adaptive gain reduces robustness",
-        of_readings(readings),
-        f"delay margin over {len(GAINS)} values of Gamma r^2 from {GAINS[0]:g} to {GAINS[-1]:g}: true of MRAC at every step, {plain[0]:.3g} s to {plain[-1]:.2g} s, at last as "
-        f"Gamma^{slope:.2f}. L1-AC (kappa = {section_v.KAPPA:g} s) is not monotone: {filtered[0]:.3g} s falls to {filtered[lowest]:.2g} s at Gamma r^2 = {GAINS[lowest]:.2g}, "
-        f"from {GAINS[back]:.2g} on it is at least {filtered[back:].min():.3g} s, and tends to {limit:.3g} s",
-        HOW,
-        maps=(chart,),
-        number=f"delay margin of MRAC as Gamma^{slope:.2f}; of L1-AC {filtered[lowest]:.2g} s at its least, {limit:.3g} s in the limit",
-        readings=readings,
-        condition="no filter is at the input; with one, not beyond the gain at which the margin is least",
-        would_change="an MRAC whose margin does not fall with the gain, or an L1-AC whose margin falls at all gains",
-    )  # fmt: skip
-
-
-def _delays(scan: list[Margins | None]) -> Array:
-    return np.array([np.nan if found is None else found.delay for found in scan])
 
 
 def _delay_map(ratios: Array, line: Curve) -> Map:
@@ -195,20 +200,23 @@ def _controller(gamma: float, kappa: float | None) -> Mrac | L1Adaptive:
     return Mrac(gamma=gamma) if kappa is None else section_v.l1("L1", gamma, kappa)
 
 
-def _scan(kappa: float | None) -> list[Margins | None]:
+@cache
+def scan(kappa: float | None) -> tuple[Borne | None, ...]:
     """Over ``GAINS``; ``None`` where the loop is unstable."""
     at = loop(kappa)
-    return [_margins(at(float(gamma))) for gamma in GAINS]
+    return tuple(bears(at(float(gamma))) for gamma in GAINS)
 
 
-def _margins(loop: StateSpace) -> Margins | None:
+def bears(loop: StateSpace) -> Borne | None:
+    """What the loop bears; ``None`` where it is unstable."""
     try:
-        return margins(loop)
+        found = margins(loop)
     except InputError:  # the loop is unstable, which is an answer here
         return None
+    return Borne(found, 1 / peak_gain(complementary_sensitivity(loop)).gain)
 
 
-def _ratios(with_filter: list[Margins | None], without: list[Margins | None], of: Callable[[Margins], float]) -> Array:
+def _ratios(with_filter: Sequence[Borne | None], without: Sequence[Borne | None], of: Callable[[Borne], float]) -> Array:
     """NaN where one of the loops is unstable."""
     pairs = zip(with_filter, without, strict=True)
     return np.array([np.nan if f is None or m is None else of(f) / of(m) for f, m in pairs])

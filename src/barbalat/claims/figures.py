@@ -158,7 +158,7 @@ def without_projection(runs: Runs) -> Claim:
         listings=(_ends((ends[0], smooth.diverged_at, ends[1])),),
         tested="whether L1-AC without projection diverges within 60 s at the gain and step of Figures 3 and 5, and not at those of Figure 4",
         number=f"L1-AC without projection at Figure 3's and 5's settings: {times}",
-        would_change="a run without projection that stays bounded there, or diverges at Figure 4's gain and step",
+        would_change="a run of RK4 without projection that stays bounded there (of implicit steps see stiff-solvers), or diverges at Figure 4's gain and step",
     )  # fmt: skip
 
 

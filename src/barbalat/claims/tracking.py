@@ -1,4 +1,4 @@
-"""Claims on tracking: Theorem 1's bounds, the bias of the filter, what the two schemes share."""
+"""Claims on tracking: Theorem 1's bounds, and what the two schemes share."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from barbalat.certificates.bounds import theorem_1
 from barbalat.certificates.bounds.model import model_bounds
 from barbalat.claims import section_v
 from barbalat.claims.claim import Claim, Reading, of_readings, verdict
-from barbalat.claims.variants import by_component, figures, local_exponents, numbers, short, table, variant
+from barbalat.claims.variants import by_component, figures, numbers, short, table, variant
 from barbalat.controllers import L1Adaptive, Mrac
 from barbalat.linear.systems import input_filter
 from barbalat.problem.actuation import PlantInput
@@ -105,30 +105,6 @@ def bound_9_further() -> Claim:
 def bound_10_further() -> Claim:
     """With more runs."""
     return bound_10(MORE_MEMBERS)
-
-
-def bias_is_proportional() -> Claim:
-    """The steady error against kappa."""
-    kappas = np.array([0.04, 0.02, 0.01, 0.005, 0.0025, 0.00125])
-    tail = figures([(section_v.problem(), section_v.l1("L1", 100.0, float(k))) for k in kappas], 60.0, 1e-4).tail_max_abs_e[:, 0]
-    exponents = local_exponents(tail, kappas)
-    return Claim(
-        "bias-kappa", "Section III.A, after Theorem 1; Figure 3, caption", "The filter leaves a steady error proportional to kappa",
-        verdict(holds=bool(abs(exponents[-1] - 1) < 0.02 and (np.diff(np.abs(exponents - 1)) < 0).all())),
-        f"max |e_1| in the tail goes from {tail[0]:.3g} at kappa = {kappas[0]:g} s to {tail[-1]:.3g} at {kappas[-1]:g} s, the "
-        "local exponent "
-        f"from {exponents[0]:.3g} to {exponents[-1]:.3g}: to 1 as kappa falls",
-        "Section V, Gamma = 100, RK4, h = 1e-4 s, 60 s; proportional to first order: for a sine, as kappa falls",
-        listings=(
-            table(
-                "The steady error against the filter's time constant, and the local exponent from the row above",
-                {"kappa [s]": kappas, "max |e_1|, tail": tail, "exponent": np.append(np.nan, exponents)},
-            ),
-        ),
-        tested="max |e_1| in the tail beside a sine, Gamma = 100: to first order, as kappa falls from 0.04 to 0.00125 s",
-        number=f"local exponent of kappa at the smallest: {exponents[-1]:.3f}",
-        would_change="an exponent that doesn't tend to one; another C than (6), see l1-against-pi",
-    )  # fmt: skip
 
 
 def best_at_zero() -> Claim:
