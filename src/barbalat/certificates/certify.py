@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 
+from barbalat.certificates.beside_runs import beside_its_runs
 from barbalat.certificates.cells import on_damping
 from barbalat.certificates.certificate import Certificate, reason
 from barbalat.certificates.schemes import scheme_file, stranger
@@ -61,24 +62,9 @@ def _computed(problem: TrackingProblem, controller: Controller, simulation: Simu
         found = (scheme_file(controller) or stranger).certificate(problem, controller, simulation)
         if sampled:
             return found
-        return _beside_its_runs(found if simulation.solver.imaginary_limit else on_damping(found), simulation)
+        found = found if simulation.solver.imaginary_limit else on_damping(found)
+        return beside_its_runs(problem, controller, found, simulation)
     except InputError:
         raise
     except (ArithmeticError, ValueError) as error:  # NumPy's LinAlgError is a ValueError
         return Certificate.failed(reason(error))
-
-
-def _beside_its_runs(certificate: Certificate, simulation: Simulation) -> Certificate:
-    """A bound of the solution says nothing of a run at a step that the solver does not bear: that is said beside it."""
-    limit = certificate.values.get("step_max_at_model", certificate.values.get("step_max"))
-    judged = certificate.entry("step_max")
-    if "error_bound" in certificate.guaranteed and judged is not None and judged.applies and judged.value is None:
-        unknown = "no limit of the step is known: what is guaranteed is so of the equations' solution, and a run may leave it"
-        return certificate.with_entries(certificate.entries, unknown)
-    if not certificate.guaranteed or limit is None or simulation.dt <= limit:
-        return certificate
-    note = (
-        f"at dt = {simulation.dt:g} s {simulation.solver.name} need not follow the equations: its limit is about {limit:.3g} s. "
-        "What is guaranteed is so of their solution, and a run at this step may leave it"
-    )
-    return certificate.with_entries(certificate.entries, note)

@@ -30,10 +30,11 @@ class Table:
 
 def table_1(problem: TrackingProblem, controllers: Sequence[Controller], certificates: dict[str, Certificate]) -> Table:
     """One column for each controller."""
-    return Table(tuple(_column(problem, controller, certificates[controller.name]) for controller in controllers))
+    return Table(tuple(column_of(problem, controller, certificates[controller.name]) for controller in controllers))
 
 
-def _column(problem: TrackingProblem, controller: Controller, certificate: Certificate) -> Column:
+def column_of(problem: TrackingProblem, controller: Controller, certificate: Certificate) -> Column:
+    """A controller's column; where its computation fails, each cell says so."""
     file = scheme_file(controller) or stranger
     try:
         return Column(controller.name, *file.column(problem, controller, certificate))

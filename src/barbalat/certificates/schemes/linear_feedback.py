@@ -11,6 +11,7 @@ from barbalat.certificates.assumptions import BEYOND_ONE_LINEAR_INPUT, beyond_th
 from barbalat.certificates.certificate import Certificate, Draft
 from barbalat.certificates.entry import Assumption, Entry
 from barbalat.certificates.schemes.fixed_loop import FixedLoop, add_loop, cells
+from barbalat.certificates.schemes.stranger import add_step_of_modes
 from barbalat.controllers import LinearFeedback, linear_feedback
 from barbalat.linear.systems import StateSpace
 from barbalat.problem.state_feedback import Known, Problem
@@ -40,13 +41,14 @@ def loop_of(problem: Problem, controller: LinearFeedback) -> FixedLoop:
     )
 
 
-def certificate(problem: Problem, controller: LinearFeedback, _: Simulation) -> Certificate:
+def certificate(problem: Problem, controller: LinearFeedback, simulation: Simulation) -> Certificate:
     """The error's bound in Theorem 1's form, margins and peaks on the true plant, mu of the family."""
     loop, draft = loop_of(problem, controller), Draft()
     if beyond_the_paper(problem):
         draft.note(BEYOND_ONE_LINEAR_INPUT)
     else:
         add_loop(draft, problem, loop)
+        add_step_of_modes(draft, problem, controller, simulation)
     return draft.finish()
 
 

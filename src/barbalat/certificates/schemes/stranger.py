@@ -35,14 +35,28 @@ def add_linearised(draft: Draft, problem: TrackingProblem, controller: Controlle
     moving = rest_of(problem, loop, frozen=False)
     still = rest_of(problem, loop, frozen=True) if isinstance(moving, NotApplicable) and loop.parameters else moving
     _add_margins(draft, problem, loop, moving, still)
+    _add_step(draft, simulation, moving)
+
+
+def add_step_of_modes(draft: Draft, problem: TrackingProblem, controller: Controller, simulation: Simulation) -> None:
+    """The step that the loop's modes bear; where a part of the loop has a limit in the draft already, the smaller of the two."""
+    of_a_part = draft.get("step_max")
+    _add_step(draft, simulation, rest_of(problem, ClosedLoop.of(problem, controller), frozen=False), of_a_part)
+
+
+def _add_step(draft: Draft, simulation: Simulation, moving: Rest | NotApplicable, of_a_part: float | None = None) -> None:
     if isinstance(moving, NotApplicable):
-        draft.missing("step_max", moving.why)
+        if of_a_part is None:
+            draft.missing("step_max", moving.why)
     elif moving.modes.any():
+        step = largest_step(simulation, moving.modes)
+        if of_a_part is not None and of_a_part <= step:
+            return
         rests_on = (
             f"step_max is that of the loop linearised {_at(moving)}, by exact Jacobians, without delay and limits: an estimate "
             "for the loop in motion"
         )
-        draft.estimate({"step_max": largest_step(simulation, moving.modes)}, rests_on)
+        draft.estimate({"step_max": step}, rests_on)
 
 
 def _add_margins(

@@ -63,5 +63,5 @@ def test_output_feedback_below_and_above_its_step(tmp_path):
 def test_rohrs_controllers_have_limits():
     case = load_case("rohrs")
     for name, found in certify(case.problem, case.controllers, case.simulation).items():
-        assert ("step_max" in found.values) == (name != "Not adapting")
+        assert found.values["step_max"] > 0, name
         assert "step_max" not in found.guaranteed

@@ -28,6 +28,7 @@ from barbalat.certificates.schemes.output_feedback import (
     add_linear_loop,
     cells_of_linear_loop,
 )
+from barbalat.certificates.schemes.stranger import add_step_of_modes
 from barbalat.controllers.output.l1 import L1Output, LinearEquivalent, fast_limit, linear_equivalent
 from barbalat.linear.enclosure import OUTWARD, Enclosure
 from barbalat.linear.l1_norms import l1_norm
@@ -77,6 +78,7 @@ def certificate(problem: OutputProblem, controller: L1Output, simulation: Simula
         draft.note("(20) is judged for the design plant, which is not the plant; the bounds and margins are of the plant")
     pair = "gamma_max and step_max are those of the pair sigma, y_hat alone: estimates for the loop"
     draft.estimate({"adaptation_frequency": math.sqrt(controller.gamma * controller.m)} | _limits(controller, simulation), pair)
+    add_step_of_modes(draft, problem, controller, simulation)  # a fast plant or filter beside the pair
     equivalent, tends_to = linear_equivalent(controller), fast_limit(controller)
     inside = "that the controller is while sigma is inside its bounds"
     draft.exact({"linear_equivalent": _coefficients(equivalent)}, inside)

@@ -13,19 +13,21 @@ from barbalat.certificates.schemes.output_feedback import (
     add_linear_loop,
     cells_of_linear_loop,
 )
+from barbalat.certificates.schemes.stranger import add_step_of_modes
 from barbalat.controllers.output.linear import LinearOutput
 from barbalat.problem.output_feedback import OutputProblem
 from barbalat.solvers.simulation import Simulation
 
 
 def certificate(problem: OutputProblem, controller: LinearOutput, simulation: Simulation) -> Certificate:
-    """The bounds of y and e, and the margins of the loop."""
+    """The bounds of y and e, the margins of the loop, the step that its modes bear."""
     draft = Draft(own=OF_LINEAR_LOOPS)
     found = add_linear_loop(draft, problem, controller, simulation)
     if found is not None:
         add_bounds(draft, problem, found)
     loop = (controller.loop * problem.plant.transfer_function).realise()
     add_margins(draft, problem, loop, "itself", LINEAR_LOOP)
+    add_step_of_modes(draft, problem, controller, simulation)
     return draft.finish()
 
 
