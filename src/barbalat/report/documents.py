@@ -65,6 +65,7 @@ def run_block(result: Result) -> dict[str, Any]:
         "numerically_unstable_at": found.unstable_from,
         "label": result.label,
         "finer_step": check,
+        **({} if result.damping is None else {"solver_damping": result.damping.as_json()}),
         **lost,
         "adapting": None if result.adapting is None else result.adapting.as_json(),
     }

@@ -16,6 +16,7 @@ from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller, Reporting
 from barbalat.run.breaks import LostOrder
 from barbalat.run.diagnosis.adapting import Adapting, adapting, regressor_along
+from barbalat.run.diagnosis.damping import SolverDamping
 from barbalat.run.diagnosis.label import label
 from barbalat.run.diagnosis.spectrum import Stiffness
 from barbalat.run.diagnosis.step_comparison import FinerStep
@@ -124,6 +125,11 @@ class Result:
         return label(self.stiffness.unstable_from, self.diverged_at, self.check)
 
     @property
+    def damping(self) -> SolverDamping | None:
+        """What the method's own damping may hide of the loop's oscillations; None where nothing, or where the run is labelled."""
+        return None if self.label else self.stiffness.damping
+
+    @property
     def numerics(self) -> str:
         """Solver, step and stiffness in one line."""
         s = self.simulation
@@ -134,7 +140,7 @@ class Result:
         parts = [f"{s.solver.name}, h = {s.dt:g} s{how}, {seen}; the solver's limit is {limit}"]
         if found.radius_max is not None:
             parts.append(f"the sampled law's map from sample to sample has spectral radius up to {found.radius_max:.4g}")
-        sentences = [found.sentence for found in (self.lost, self.check) if found is not None]
+        sentences = [said.sentence for said in (self.damping, self.lost, self.check) if said is not None]
         return "; ".join([*parts, *([self.label] if self.label else []), *sentences])
 
     @cached_property

@@ -129,7 +129,7 @@ def numerics(result: Result) -> str:
     if found.radius_max is not None:
         parts.append(f"the sampled law's map from sample to sample has spectral radius up to {found.radius_max:.4g}")
     parts += [result.label] if result.label else []
-    return "; ".join([*parts, *(said.sentence for said in (result.lost, result.check) if said is not None)])
+    return "; ".join([*parts, *(said.sentence for said in (result.damping, result.lost, result.check) if said is not None)])
 
 
 def _values(result: Result, key: str) -> list[float | None]:

@@ -10,6 +10,7 @@ import numpy as np
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.loop.linearization import continuous_twin, jacobian_function, sampled_jacobian_function
 from barbalat.protocols import DiscretizedEquations
+from barbalat.run.diagnosis.damping import SolverDamping, worst_damping
 from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array
 
@@ -25,6 +26,7 @@ class Stiffness:
     unstable_from  the first step [s] at which the solver, or a law sampled by Euler steps, amplified a mode that the equations
                    don't; None if none was found
     looks          at how many instants the spectrum was taken
+    damping        what the method's own damping hides of an oscillation at these instants; None where nothing
     radius_max     for a law sampled by Euler steps: the largest spectral radius of the map from sample to sample; else None
     """
 
@@ -32,6 +34,7 @@ class Stiffness:
     unstable_from: float | None
     looks: int
     radius_max: float | None = None
+    damping: SolverDamping | None = None
 
 
 class Looks(NamedTuple):
@@ -40,6 +43,17 @@ class Looks(NamedTuple):
     h_lambda: Array  # the largest h |eigenvalue|; infinite where the Jacobian is not finite
     outside: Array  # whether a mode is amplified that the equations don't amplify
     radius: Array | None  # of the map from sample to sample
+    damping: SolverDamping | None  # the worst of all
+
+    def stiffness(self, unstable_from: float | None) -> Stiffness:
+        """The largest of all instants."""
+        return Stiffness(
+            h_lambda_max=float(self.h_lambda[np.isfinite(self.h_lambda)].max(initial=0.0)),
+            unstable_from=unstable_from,
+            looks=len(self.h_lambda),
+            radius_max=None if self.radius is None else float(self.radius.max(initial=0.0)),
+            damping=self.damping,
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,11 +86,12 @@ class Spectrum:
             spurious = np.log(np.abs(self.simulation.solver.amplification(z))) - np.maximum(z.real, 0)
         h_lambda[finite] = np.abs(z).max(axis=1, initial=0.0)
         outside[finite] = (spurious * self.simulation.steps > 1).any(axis=1)
+        damping = worst_damping(self.simulation.solver, z)
         if self.law is None:
-            return Looks(h_lambda, outside, None)
+            return Looks(h_lambda, outside, None, damping)
         radius, amplified = self.law.at(states[finite], signals[finite], matrices[finite])
         outside[finite] |= amplified
-        return Looks(h_lambda, outside, radius)
+        return Looks(h_lambda, outside, radius, damping)
 
     def coupling(self, states: Array, signals: Array) -> Array:
         """(K,) what ``coupling_function`` is, with what is constant of it, of loops that are too large to watch it."""

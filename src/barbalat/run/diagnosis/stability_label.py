@@ -70,12 +70,7 @@ def stiffness_along(run: Run) -> Stiffness:
     if found.outside.any():
         until = np.arange(int(chosen[found.outside.argmax()]) + 1)
         step = run.first_outside(_first(stiffest.chosen(until), look), watch.window, look)
-    return Stiffness(
-        h_lambda_max=float(found.h_lambda[np.isfinite(found.h_lambda)].max(initial=0.0)),
-        unstable_from=None if step is None else float(run.simulation.time(step)),
-        looks=len(chosen),
-        radius_max=None if found.radius is None else float(found.radius.max(initial=0.0)),
-    )
+    return found.stiffness(None if step is None else float(run.simulation.time(step)))
 
 
 def _of_a_large_loop(run: Run, spectrum: Spectrum, look: Look) -> Stiffness:
@@ -88,12 +83,7 @@ def _of_a_large_loop(run: Run, spectrum: Spectrum, look: Look) -> Stiffness:
     order = np.argsort(-spectrum.coupling(at.states, run.signals(steps).T), kind="stable")
     at = at.chosen(np.sort(order[:looks]))
     found = look(at)
-    return Stiffness(
-        h_lambda_max=float(found.h_lambda[np.isfinite(found.h_lambda)].max(initial=0.0)),
-        unstable_from=float(run.simulation.time(at.steps[found.outside.argmax()])) if found.outside.any() else None,
-        looks=len(at.steps),
-        radius_max=None if found.radius is None else float(found.radius.max(initial=0.0)),
-    )
+    return found.stiffness(float(run.simulation.time(at.steps[found.outside.argmax()])) if found.outside.any() else None)
 
 
 def _kept(watch: Watch, stop: float) -> tuple[Instants, Array]:
