@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from barbalat.certificates.certificate import Certificate
+from barbalat.certificates.columns import column_of
 from barbalat.certificates.entry import NUMBERS_ALONE, Entry
-from barbalat.certificates.table_1 import column_of
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller
 from barbalat.solvers.simulation import Simulation

@@ -10,9 +10,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from barbalat.certificates.cells import PROPERTIES, Column, nothing
-from barbalat.certificates.certificate import Certificate, reason
-from barbalat.certificates.schemes import scheme_file, stranger
+from barbalat.certificates.cells import PROPERTIES, Column
+from barbalat.certificates.certificate import Certificate
+from barbalat.certificates.columns import column_of
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller
 
@@ -31,12 +31,3 @@ class Table:
 def table_1(problem: TrackingProblem, controllers: Sequence[Controller], certificates: dict[str, Certificate]) -> Table:
     """One column for each controller."""
     return Table(tuple(column_of(problem, controller, certificates[controller.name]) for controller in controllers))
-
-
-def column_of(problem: TrackingProblem, controller: Controller, certificate: Certificate) -> Column:
-    """A controller's column; where its computation fails, each cell says so."""
-    file = scheme_file(controller) or stranger
-    try:
-        return Column(controller.name, *file.column(problem, controller, certificate))
-    except Exception as error:  # noqa: BLE001 (one column; the others stand)
-        return Column(controller.name, type(controller).__name__, {key: nothing(key, reason(error)) for key in PROPERTIES})
