@@ -15,21 +15,23 @@ def beside_its_runs(
 ) -> Certificate:
     """The certificate of a controller in continuous time, with a note where a run may leave what is guaranteed of the solution.
 
-    That is where the limit of the step is exceeded, or where none is known, whatever the scheme; the cells of Table 1 are
+    That is where the least limit of the step is exceeded, or where none is known, whatever the scheme; the cells of Table 1 are
     guarantees as the entries are.
     """
-    limit = certificate.values.get("step_max_at_model") or certificate.values.get("step_max")
-    if limit is not None and simulation.dt <= limit:
+    keys = ("step_max", "step_max_at_model")  # between the two a run may or may not follow
+    limits = [limit for limit in (certificate.values.get(key) for key in keys) if limit is not None]
+    if limits and simulation.dt <= limits[0]:
         return certificate
     cells = column_of(problem, controller, certificate).cells
     if not any(map(_speaks_of_the_motion, (*certificate.entries, *cells.values()))):
         return certificate
-    if limit is None:
+    if not limits:
         note = "no limit of the step is known: what is guaranteed is so of the equations' solution, and a run may leave it"
     else:
+        about = " to ".join(f"{limit:.3g}" for limit in limits)
         note = (
-            f"at dt = {simulation.dt:g} s {simulation.solver.name} need not follow the equations: its limit is about "
-            f"{limit:.3g} s. What is guaranteed is so of their solution, and a run at this step may leave it"
+            f"at dt = {simulation.dt:g} s {simulation.solver.name} need not follow the equations: its limit is about {about} s. "
+            "What is guaranteed is so of their solution, and a run at this step may leave it"
         )
     return certificate.with_entries(certificate.entries, note)
 

@@ -35,13 +35,17 @@ def model_bounds(problem: Problem) -> ModelBounds:
     return ModelBounds(r.bound, max(each), math.hypot(*each) * OUTWARD)
 
 
-def largest_along_the_command(problem: Problem, simulation: Simulation) -> float:
-    """The largest |x_m|_2 that the case's own command makes in the run: no bound, the model's response at sampled instants."""
+def motion_along_the_command(problem: Problem, simulation: Simulation) -> tuple[Array, Array]:
+    """Instants (K,) and x_m there, (K, n), under the case's own command: the exact response for what is straight between them."""
     known = problem.known
     B = known.b.reshape(known.n, -1) @ np.atleast_2d(known.k_0)
     identity = np.eye(known.n)
-    _, x_m = driven_response(known.A_m, B, identity, known.x0, problem.commands, simulation.t_end, simulation.steps)
-    return float(np.linalg.norm(x_m, axis=1).max())
+    return driven_response(known.A_m, B, identity, known.x0, problem.commands, simulation.t_end, simulation.steps)
+
+
+def largest_along_the_command(problem: Problem, simulation: Simulation) -> float:
+    """The largest |x_m|_2 that the case's own command makes in the run: no bound, the model's response at sampled instants."""
+    return float(np.linalg.norm(motion_along_the_command(problem, simulation)[1], axis=1).max())
 
 
 def command_bounds(problem: Problem) -> Array:

@@ -24,7 +24,7 @@ from barbalat.certificates.schemes.state_feedback import (
     of_the_lyapunov_law,
     unproven_robustness,
 )
-from barbalat.certificates.step_limits import any_regressor, frozen_laws
+from barbalat.certificates.step_limits import any_regressor, at_model, frozen_laws
 from barbalat.certificates.step_limits.held_oscillator import HeldOscillator
 from barbalat.controllers import Mrac
 from barbalat.problem.state_feedback import Problem
@@ -64,13 +64,17 @@ def _excited(problem: Problem, controller: Mrac) -> any_regressor.Excited:
 
 
 def held_limits(problem: Problem, controller: Mrac, simulation: Simulation, nu_0: float) -> dict[str, Any]:
-    """gamma_max and step_max from sample to sample; |x| within the bounds of the model and of e."""
+    """gamma_max and step_max from sample to sample, |x| within the bounds of the model and of e; and at the model's motion."""
     held = HeldOscillator(problem.known)
     if beyond_the_paper(problem):
-        return any_regressor.of_lyapunov_law(_excited(problem, controller), simulation, nu_0, oscillator=held)
+        excited = _excited(problem, controller)
+        limits = any_regressor.of_lyapunov_law(excited, simulation, nu_0, oscillator=held)
+        return limits | at_model.of_lyapunov_law(excited, simulation, oscillator=held)
     reach = model_bounds(problem).x_m_euclidean
     values = frozen_laws.of_lyapunov_law(problem, controller.gamma, simulation, reach, nu_0, oscillator=held)
-    return frozen_laws.with_modifications(values, controller, simulation)
+    if laws.is_modified(controller):
+        return frozen_laws.with_modifications(values, controller, simulation)
+    return values | frozen_laws.of_the_motion(problem, controller.gamma, simulation, held)
 
 
 def midpoint_form(problem: Problem, controller: Mrac, sample_time: float) -> midpoint.MidpointForm:

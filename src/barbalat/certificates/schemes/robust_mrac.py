@@ -15,7 +15,7 @@ from barbalat.certificates.quantities import Quantity
 from barbalat.certificates.rounding import down
 from barbalat.certificates.schemes import midpoint
 from barbalat.certificates.schemes.state_feedback import add_margins_at_rest, inside, of_the_case, projected
-from barbalat.certificates.step_limits import frozen_laws
+from barbalat.certificates.step_limits import at_model, frozen_laws
 from barbalat.controllers import NormalizedMrac, RobustMrac
 from barbalat.controllers.parametric_model import minimum_phase_model
 from barbalat.controllers.robust_mrac import Equations
@@ -40,7 +40,9 @@ def certificate(problem: Problem, controller: RobustMrac | NormalizedMrac, simul
         draft.estimate(frozen_laws.of_parametric_model(problem, equations, simulation), FROZEN_LAW)
         return draft.finish()
     draft.missing("error_bound", "no number bounds e: Lemma 1's constants can't be computed from the case")
-    draft.estimate(frozen_laws.of_parametric_model(problem, equations, simulation), FROZEN_LAW)
+    limits = frozen_laws.of_parametric_model(problem, equations, simulation)
+    draft.estimate(limits, FROZEN_LAW)
+    draft.estimate(at_model.of_parametric_model(problem, equations, simulation, limits), FROZEN_LAW)
     add_margins_at_rest(draft, problem)
     if controller.tau is not None:
         draft.advise({"tau_below": 1 / controller.normalization.delta_0})

@@ -21,7 +21,7 @@ NO_MIDPOINT_LIMITS = "no gain makes its law numerically unstable, so there is no
 EULER_LIMITS = "gamma_max and step_max are those of Euler's method at the sample time, for all that the controller integrates"
 HELD_LIMITS = "gamma_max and step_max are of the frozen law from sample to sample, with A_m's exact motion between them"
 LIMIT_KEYS_AT_MODEL = {"gamma_max_at_model", "step_max_at_model"}
-"""Limits that are not known of a sampled law."""
+"""Of the continuous law; a sampled one has its own, where they are known."""
 ERROR_BOUND_KEYS = {"error_bound", "error_bound_worst"}
 
 
