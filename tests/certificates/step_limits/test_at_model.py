@@ -84,6 +84,16 @@ def _radius(known, g, h):
     return np.abs(np.linalg.eigvals(step)).max()
 
 
+def test_a_plant_that_does_not_move_as_the_model_has_none():
+    limit = {"saturation": (-9.0, 9.0)}
+    for given, controller in (
+        (problem(input=PlantInput(gain=1.2, **limit), input_gain=(0.5, 2.0)), Mrac(gamma=10.0)),
+        (problem(input=PlantInput(**limit)), NormalizedMrac(law=Gradient(gamma=10.0))),
+    ):
+        (found,) = certify(given, controller, AT).values()
+        assert "gamma_max" in found.values and "gamma_max_at_model" not in found.values
+
+
 def test_a_regressor_at_rest_has_none():
     still = Problem(
         plant=Plant(A_m=[[-1.0]], b=[1.0], theta=[0.5, 0.5], regressor=Polynomial(degree=2)),

@@ -1,6 +1,7 @@
 """From where oscillations are due, where phi is not x alone: the limits with the plant at the model's own motion.
 
-There x = x_m, and u is what the parameters themselves would make it. Source: docs/numerics.md.
+There x = x_m, and u is what the parameters themselves would make it. A plant with an actuator, a limit or a disturbance does not move
+so, and has no such side. Source: docs/numerics.md.
 """
 
 from __future__ import annotations
@@ -10,7 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from barbalat.adaptation.law import GainLimitedLaw, RatedLaw
+from barbalat.adaptation.law import GainLimitedLaw
+from barbalat.certificates.assumptions import departures
 from barbalat.certificates.bounds.laws import is_modified
 from barbalat.certificates.bounds.model import motion_along_the_command
 from barbalat.certificates.step_limits.any_regressor import Excited
@@ -28,9 +30,9 @@ from barbalat.validate import Array, signal_values
 def of_lyapunov_law(
     excited: Excited, simulation: Simulation, filter_poles: Array | None = None, oscillator: FrozenLaw | None = None
 ) -> dict[str, Any]:
-    """gamma_max_at_model and step_max_at_model of the plain law; none of a modified one, nor where phi has no number."""
+    """gamma_max_at_model and step_max_at_model of the plain law; none of a modified one, nor where phi is no number."""
     problem, gamma = excited.problem, excited.controller.gamma
-    if is_modified(excited.controller):
+    if is_modified(excited.controller) or departures(problem):
         return {}
     square = _largest_square(problem, simulation)
     if not 0 < square < math.inf:
@@ -70,7 +72,7 @@ def of_parametric_model(problem: Problem, equations: Equations, simulation: Simu
     m_s^2 = 1 + |phi|^2: the dynamic part is not counted, which makes the law slower yet.
     """
     law, gamma = equations.law, values.get("gamma_max")
-    if not (isinstance(law, RatedLaw) and isinstance(law, GainLimitedLaw) and isinstance(gamma, float)):
+    if not (isinstance(law, GainLimitedLaw) and isinstance(gamma, float)) or departures(problem):
         return {}
     n, A_m = problem.known.n, problem.known.A_m
     b = problem.known.b.reshape(n)
