@@ -1,7 +1,7 @@
 """From where oscillations are due, where phi is not x alone: the limits with the plant at the model's own motion.
 
-There x = x_m, and u is what the parameters themselves would make it. A plant with an actuator, a limit or a disturbance does not move
-so, and has no such side. Source: docs/numerics.md.
+There x = x_m, and u is what the parameters themselves would make it. A plant with an actuator, a limit or a disturbance does not
+move so, and has no such side. Source: docs/numerics.md.
 """
 
 from __future__ import annotations
@@ -11,13 +11,13 @@ from typing import Any
 
 import numpy as np
 
-from barbalat.adaptation.law import GainLimitedLaw
 from barbalat.certificates.assumptions import departures
 from barbalat.certificates.bounds.laws import is_modified
 from barbalat.certificates.bounds.model import motion_along_the_command
 from barbalat.certificates.step_limits.any_regressor import Excited
 from barbalat.certificates.step_limits.frozen_laws import FrozenLaw, input_poles
 from barbalat.certificates.step_limits.oscillator import Oscillator
+from barbalat.controllers import robust_mrac_several
 from barbalat.controllers.robust_mrac import Equations
 from barbalat.linear.driven_response import driven_response
 from barbalat.loop.packing import column, symbols
@@ -66,13 +66,15 @@ def _largest_square(problem: Problem, simulation: Simulation) -> float:
     return largest if math.isfinite(largest) else math.inf
 
 
-def of_parametric_model(problem: Problem, equations: Equations, simulation: Simulation, values: dict[str, Any]) -> dict[str, Any]:
+def of_parametric_model(
+    problem: Problem, equations: Equations | robust_mrac_several.Equations, simulation: Simulation, values: dict[str, Any]
+) -> dict[str, Any]:
     """Of a gradient law on (13), from its ``values`` at |phi|^2 < m_s^2: phi is what the filters make of x_m.
 
     m_s^2 = 1 + |phi|^2: the dynamic part is not counted, which makes the law slower yet.
     """
-    law, gamma = equations.law, values.get("gamma_max")
-    if not (isinstance(law, GainLimitedLaw) and isinstance(gamma, float)) or departures(problem):
+    gamma = values.get("gamma_max")
+    if not isinstance(equations, Equations) or not isinstance(gamma, float) or departures(problem):
         return {}
     n, A_m = problem.known.n, problem.known.A_m
     b = problem.known.b.reshape(n)
