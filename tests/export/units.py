@@ -53,7 +53,7 @@ class Ensemble:
 
     def noise(self, samples: int, member: int) -> np.ndarray:
         """(K, channels) what the sensor of a member adds, before its standard deviation."""
-        channels, every, hold = self.batch.loop.noise, self.batch.rhythm.sample_every, self.batch.rhythm.noise_hold
+        channels, every, hold = self.batch.loop.signals.noise, self.batch.rhythm.sample_every, self.batch.rhythm.noise_hold
         if not channels:
             return np.zeros((samples, 0))
         rows = [k * every // hold for k in range(samples)]

@@ -71,10 +71,10 @@ class Observer:
             N=np.zeros((n + 1, n)),
         )
 
-    def started(self, x: Array) -> Array:
-        """xi with the state measured and no disturbance: x_hat = x and f_hat = 0."""
-        wanted = np.append(x, np.zeros(len(self.N) - len(x))) - self.N @ x
-        return np.asarray(np.linalg.lstsq(self.M, wanted, rcond=None)[0])
+    def started(self, x: Value) -> Value:
+        """xi with the state measured and no disturbance, x_hat = x and f_hat = 0: M'M = I in both forms."""
+        wanted = np.concatenate([x, np.zeros(self.N.shape[0] - x.shape[0])]) - self.N @ x
+        return self.M.T @ wanted
 
     def derivative(self, xi: Value, x: Value, v: Value) -> Value:
         """xi'."""

@@ -41,7 +41,7 @@ class Equations:
 
     def initial(self) -> State:
         n, p = len(self.b), len(self.gains.theta_hat0)
-        return State(self.gains.theta_hat0, np.array([self.gains.k_r0]), np.zeros((n, p)), np.zeros(n))
+        return State(self.gains.theta_hat0, np.stack([self.gains.k_r0]), np.zeros((n, p)), np.zeros(n))
 
     def control(self, state: State, x: Value, x_m: Value, r: Value) -> Value:
         return self.gains.control(state.theta_hat, state.k_r_hat, x, r)

@@ -35,7 +35,7 @@ class Equations:
         return self.gains.box
 
     def initial(self) -> State:
-        return State(self.gains.theta_hat0, np.array([self.gains.k_r0]))
+        return State(self.gains.theta_hat0, np.stack([self.gains.k_r0]))
 
     def control(self, state: State, x: Value, x_m: Value, r: Value) -> Value:
         return self.gains.control(*state, x, r)
