@@ -99,9 +99,10 @@ def _simulated(case: Case, running: Work) -> list[Result]:
 def write_runs(folder: Folder, results: Sequence[Result], document: str, *, whole: bool = False) -> None:
     """JSON and trajectories: whatever becomes of the certificates, the runs are safe."""
     from barbalat.report import write
+    from barbalat.report.trajectories import write_trajectories
 
     folder.write(write.RUN, document)
-    write.write_trajectories(folder, results, whole=whole)
+    write_trajectories(folder, results, whole=whole)
     folder.commit(gone=write.files_of_run(folder.path))
 
 

@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import json
-import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Protocol
 
-import numpy as np
 from matplotlib.figure import Figure
 
 from barbalat.certificates.certificate import Certificate
@@ -43,8 +39,6 @@ RUN, CERTIFICATES, PICTURE, LOOPS = "run.json", "certify.json", "comparison", "l
 TUNED_CASE = "tuned.toml"
 NARROW = "-narrow"
 """After the name of a picture for a phone."""
-MOST_NUMBERS = 44_000
-"""In all CSVs of a folder: some 450 kB. Results in Python have all that was recorded."""
 
 
 class Drawn(Protocol):
@@ -215,23 +209,6 @@ def write_tuning(folder: Folder, found: Tuning) -> None:
         folder.write(TUNED_CASE, found.text)
     picture = _draw_both(folder, "front", partial(draw_tuning, found)) if found.aim.constraints else None
     folder.write(page.PAGE, page.tuning(found, picture))
-
-
-def write_trajectories(folder: Folder, results: Sequence[Result], *, whole: bool = False) -> None:
-    """One CSV for each controller, the recorded instants as rows, or every second, third, ... where these were too many.
-
-    With ``whole`` every recorded instant.
-    """
-    for name, result in zip(table_names([result.name for result in results]), results, strict=True):
-        buffer = io.StringIO()
-        columns = {"t": result.t} | result.columns()
-        writer = csv.writer(buffer, lineterminator="\n")
-        writer.writerow(columns)
-        every = 1 if whole else max(math.ceil(len(result.t) * len(columns) * len(results) / MOST_NUMBERS), 1)
-        rows = np.unique([*range(0, len(result.t), every), len(result.t) - 1])
-        numbers = np.column_stack(list(columns.values()))[rows]
-        writer.writerows(numbers.tolist())
-        folder.write(name, buffer.getvalue())
 
 
 def _narrow(name: str, results: Sequence[Result]) -> page.Drawing:
