@@ -6,6 +6,7 @@ so of a link to outside only its form is looked at.
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import shutil
@@ -32,14 +33,27 @@ class Page(HTMLParser):
     loads: list[str] = field(default_factory=list)
     pictures: int = 0
     unnamed: int = 0  # pictures that say nothing of a text in their place
+    explorer: str | None = None  # what an explorer is made from, as far as it has been read
 
     def __post_init__(self) -> None:
         super().__init__()
+
+    def handle_data(self, data: str) -> None:
+        if self.explorer is not None:
+            self.explorer += data
+
+    def handle_endtag(self, tag: str) -> None:
+        """A lesson of an explorer has an address, which its page reads by itself."""
+        if tag == "script" and self.explorer is not None:
+            self.anchors.update(f"lesson={lesson['key']}" for lesson in json.loads(self.explorer)["lessons"])
+            self.explorer = None
 
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
         given = {key: value or "" for key, value in attrs}
         if "id" in given:
             self.anchors.add(given["id"])
+        if tag == "script" and given.get("id") == "data":
+            self.explorer = ""
         if tag == "a" and "href" in given:
             self.links.append(given["href"])
         if tag in LOADING and given.get(LOADING[tag]) and given.get("rel") != "canonical":

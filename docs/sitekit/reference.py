@@ -99,10 +99,18 @@ def complete(_: Sphinx, env: BuildEnvironment) -> None:
         logger.warning("docs/reference: no page documents the public names of %s: add it to a {rooms} directive", room)
 
 
+def plain_addresses(_: Sphinx, document: nodes.document) -> None:
+    """An address such as tcp://HOST:PORT is one to write, not one to follow."""
+    for link in list(document.findall(nodes.reference)):
+        if link.get("refuri", "").startswith("tcp:"):
+            link.replace_self(nodes.literal(link.astext(), link.astext()))
+
+
 def setup(app: Sphinx) -> dict[str, bool]:
     """Register the directive and the docstrings' reader."""
     app.add_directive("rooms", Rooms)
     app.connect("autodoc-process-docstring", as_rst)
     app.connect("autodoc-process-signature", short_types)
     app.connect("env-check-consistency", complete)
+    app.connect("doctree-read", plain_addresses)
     return {"parallel_read_safe": True, "parallel_write_safe": True}
