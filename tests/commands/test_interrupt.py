@@ -109,6 +109,15 @@ def test_reproduce_stops_at_once_and_says_one_word(after, number, tmp_path):
         assert (out, said) == ("", f"{word}\n") or ("KeyboardInterrupt" in said and after < 2), said
         assert started.returncode == 128 + number or after < 2
     assert not (tmp_path / "out").exists()
-    table = subprocess.run(["ps", "-eo", "pgid=,stat="], capture_output=True, text=True, check=True).stdout
-    own = [state for group, state in map(str.split, table.splitlines()) if int(group) == started.pid]
-    assert all(state.startswith("Z") for state in own), "a worker is left"  # ended, but not yet asked for
+    for _ in range(20):  # a process that has closed its files, and is about to have ended
+        if not (left := alive(started.pid)):
+            break
+        time.sleep(0.1)
+    assert not left, f"a worker is left: {left}"
+
+
+def alive(group: int) -> list[str]:
+    """Of a process group: command lines of all that have not ended."""
+    table = subprocess.run(["ps", "-eo", "pgid=,stat=,args="], capture_output=True, text=True, check=True).stdout
+    rows = [line.split(maxsplit=2) for line in table.splitlines()]
+    return [" ".join(command) for owner, state, *command in rows if int(owner) == group and not state.startswith("Z")]

@@ -84,10 +84,10 @@ def test_the_flat_state_and_its_parts(example):
 def test_the_kernel_does_what_plain_stepping_does(example, solver):
     """Machine code, tables, blocks and record against a Python loop over the textbook formulas.
 
-    1e-9: 128 steps of roundings of 1e-16 times terms up to 1e3, in loops that do not amplify.
+    1e-9: 160 steps of roundings of 1e-16 times terms up to 1e3, in loops that do not amplify.
     """
     problem, controller = example
-    dt, steps = 2.0**-6, 128
+    dt, steps = 2.0**-7, 160
     samples = brute_force(ClosedLoop.of(problem, controller), problem.signals, solver, dt, steps)
     simulation = Simulation(t_end=steps * dt, dt=dt, solver=SOLVERS[solver], record_points=steps)
     result = simulate(problem, [controller], simulation)[controller.name]

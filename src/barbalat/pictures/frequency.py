@@ -122,7 +122,9 @@ def _in_decades(axis: Axis) -> None:
 
 
 def power_of_ten(value: float) -> str:
-    """0.1, 1, 10, and 10 with its exponent beyond; for whole powers."""
+    """0.1, 1, 10, and 10 with its exponent beyond; for whole powers. Nothing for the zero below the smallest number."""
+    if value <= 0:
+        return ""
     exponent = round(math.log10(value))
     return f"{10.0**exponent:g}" if abs(exponent) <= 1 else times_power("1", exponent)
 
