@@ -18,7 +18,7 @@ from barbalat.controllers import robust_mrac_several as several
 from barbalat.controllers.knobs import Knobs, Reach
 from barbalat.controllers.parametric_model import auxiliary_filter, minimum_phase_model
 from barbalat.controllers.robust_mrac_sampled import StateEstimator
-from barbalat.controllers.robust_mrac_state import State
+from barbalat.controllers.robust_mrac_state import OnParametricModel, State
 from barbalat.controllers.settings import (
     Scheme,
     check_common,
@@ -29,7 +29,7 @@ from barbalat.controllers.settings import (
 )
 from barbalat.controllers.windup import applied, limits_of_predictor
 from barbalat.linear.systems import StateSpace
-from barbalat.problem.known_set import EstimateSet, limit
+from barbalat.problem.known_set import EstimateSet
 from barbalat.problem.regressors import Regressor
 from barbalat.problem.state_feedback import Known
 from barbalat.protocols import Value
@@ -37,7 +37,7 @@ from barbalat.validate import Array, Vector
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Equations:
+class Equations(OnParametricModel):
     """The law is driven by the estimation error of the parametric model (13)."""
 
     A_m: Array
@@ -53,21 +53,11 @@ class Equations:
     box: EstimateSet | None
     limits: Array | None = None  # of the input, where the parametric model is fed with what is left of u
 
-    def initial(self) -> State:
-        n, p = len(self.b), len(self.theta_hat0)
-        auxiliary = np.zeros(0 if self.Q is None else n)
-        memory = self.law.initial(p)
-        return State(self.theta_hat0, memory, self.x0, np.zeros((n, p)), np.zeros(()), auxiliary, auxiliary)
-
     def estimation(self, state: State, x: Value) -> Estimation:
         z = self.c_0 @ (x - state.xi)  # (13)
         phi = self.c_0 @ state.Xi  # (13)
         m_s_squared = self.normalization.m_s_squared(phi, state.n_d)  # (16)
         return Estimation(phi, m_s_squared, (z - state.theta_hat @ phi) / m_s_squared)
-
-    def regressor_at(self, state: State, x: Value, u: Value) -> Value:
-        estimation = self.estimation(state, x)
-        return estimation.phi / np.sqrt(estimation.m_s_squared)
 
     def auxiliary_input_argument(self, state: State, x: Value) -> Value:
         """What -Q(s) filters. The paper prints the second term with the opposite sign: an erratum, see the class RobustMrac."""
@@ -83,10 +73,7 @@ class Equations:
     def derivative(self, state: State, x: Value, x_m: Value, r: Value, u: Value) -> State:
         u = applied(u, self.limits)
         rates = self.law.rates(state.theta_hat, state.memory, self.estimation(state, x), self.box)  # (15)
-        swapping_dot, filter_dot = state.swapping, state.filter
-        if self.Q is not None:
-            swapping_dot = self.A_m @ state.swapping + state.Xi @ rates.theta_hat
-            filter_dot = self.Q.derivative(state.filter, self.auxiliary_input_argument(state, x))
+        swapping_dot, filter_dot = self.auxiliary_rates(state, x, rates.theta_hat)
         return State(
             theta_hat=rates.theta_hat,
             memory=rates.memory,
@@ -96,9 +83,6 @@ class Equations:
             swapping=swapping_dot,
             filter=filter_dot,
         )
-
-    def limit(self, state: State) -> State:
-        return state._replace(theta_hat=limit(state.theta_hat, self.box), memory=self.law.limit(state.memory))
 
     def sampled(self, T: float) -> StateEstimator:
         return StateEstimator.of(self, T)

@@ -14,11 +14,11 @@ from barbalat import validate
 from barbalat.adaptation.guarantee import ModifiedLaw
 from barbalat.adaptation.law import AdaptiveLaw, Estimation
 from barbalat.adaptation.normalization import Normalization
-from barbalat.controllers.robust_mrac_state import State
+from barbalat.controllers.robust_mrac_state import OnParametricModel, State
 from barbalat.controllers.settings import initial_estimate
 from barbalat.controllers.windup import applied
 from barbalat.linear.conditions import require_hurwitz
-from barbalat.problem.known_set import EstimateSet, limit
+from barbalat.problem.known_set import EstimateSet
 from barbalat.problem.regressors import Uncertainty
 from barbalat.problem.state_feedback import Known
 from barbalat.protocols import Value
@@ -51,7 +51,7 @@ class AuxiliaryFilter:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Equations:
+class Equations(OnParametricModel):
     """As with one input, epsilon a vector."""
 
     A_m: Array
@@ -67,21 +67,11 @@ class Equations:
     box: EstimateSet | None
     limits: Array | None = None  # of the inputs, where the parametric model is fed with what is left of u
 
-    def initial(self) -> State:
-        n, p = len(self.A_m), len(self.theta_hat0)
-        auxiliary = np.zeros(0 if self.Q is None else n)
-        memory = self.law.initial(p)
-        return State(self.theta_hat0, memory, self.x0, np.zeros((n, p)), np.zeros(()), auxiliary, auxiliary)
-
     def estimation(self, state: State, x: Value) -> Estimation:
         z = self.C_0 @ (x - state.xi)  # (13)
         phi = (self.C_0 @ state.Xi).T  # (13)
         m_s_squared = self.normalization.m_s_squared(phi.reshape(-1), state.n_d)  # (16) with |phi|_F
         return Estimation(phi, m_s_squared, (z - phi.T @ state.theta_hat) / m_s_squared)
-
-    def regressor_at(self, state: State, x: Value, u: Value) -> Value:
-        estimation = self.estimation(state, x)
-        return estimation.phi / np.sqrt(estimation.m_s_squared)
 
     def auxiliary_input_argument(self, state: State, x: Value) -> Value:
         """What -Q(s) filters."""
@@ -97,10 +87,7 @@ class Equations:
     def derivative(self, state: State, x: Value, x_m: Value, r: Value, u: Value) -> State:
         u = applied(u, self.limits)
         rates = self.law.rates(state.theta_hat, state.memory, self.estimation(state, x), self.box)  # (15)
-        swapping_dot, filter_dot = state.swapping, state.filter
-        if self.Q is not None:
-            swapping_dot = self.A_m @ state.swapping + state.Xi @ rates.theta_hat
-            filter_dot = self.Q.derivative(state.filter, self.auxiliary_input_argument(state, x))
+        swapping_dot, filter_dot = self.auxiliary_rates(state, x, rates.theta_hat)
         return State(
             theta_hat=rates.theta_hat,
             memory=rates.memory,
@@ -110,9 +97,6 @@ class Equations:
             swapping=swapping_dot,
             filter=filter_dot,
         )
-
-    def limit(self, state: State) -> State:
-        return state._replace(theta_hat=limit(state.theta_hat, self.box), memory=self.law.limit(state.memory))
 
 
 def equations(
