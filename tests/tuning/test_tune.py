@@ -177,6 +177,8 @@ def test_command_and_its_page(drive, tmp_path, capsys):
         ({"subject_to": ["delay_onset_simulated < 0.1"]}, "takes a least delay above 0"),
         ({"subject_to": ["delay_onset_simulated >= 1e-3"]}, "less than can be simulated, two steps, 0.002 s"),
         ({"subject_to": ["no_such_key < 1"]}, "'no_such_key' is neither a figure"),
+        ({"subject_to": ["condition < 1"]}, "certify has no 'condition' of 'MRAC', but of 'L1': say with --controller"),
+        ({"subject_to": ["conditon < 1"]}, "did you mean 'condition'?"),
         ({"objective": "rms_e[3]"}, "rms_e[3] is no figure of this case; known are rms_e[0]"),
         ({"controller": "L2"}, "--controller must be one of the case's (MRAC, L1), got 'L2'"),
         ({"vary": {"controller[0].gamma": "5:1"}}, "START must be below STOP"),

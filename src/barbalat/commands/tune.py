@@ -28,7 +28,7 @@ def add(commands: Commands) -> None:
     parser.add_argument("--maximize", action="store_true", help="make it large instead")
     parser.add_argument(
         "--subject-to", action="append", default=[], nargs="+", metavar="REQUIREMENT",
-        help='such as "delay_margin >= 0.02", "condition < 1", "delay_onset_simulated >= 0.01", "max_abs_u < 400"',
+        help='such as "delay_margin >= 0.02", "condition < 1" (of L1), "delay_onset_simulated >= 0.01", "max_abs_u < 400"',
     )  # fmt: skip
     parser.add_argument(
         "--vary", action="append", default=[], metavar="PATH=START:STOP[:log]",

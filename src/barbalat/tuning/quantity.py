@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from difflib import get_close_matches
 from enum import Enum
@@ -92,16 +93,28 @@ class Quantity:
             found = found.get(side, found.get("value_upper") if self.larger_is_worse else None)
         return float(found) if isinstance(found, (int, float)) and not isinstance(found, bool) else None
 
-    def require_known(self, certificate: Certificate) -> None:
-        """InputError where the certificate of the case as it stands has no such key."""
-        if certificate.entry(self.name.partition(".")[0]) is None:
-            known = (*FIGURES, *DELAYS, *(entry.key for entry in certificate.entries))
+    def require_known(self, certificates: Mapping[str, Certificate]) -> None:
+        """InputError where one of the controllers' certificates, of the case as it stands, has no such key."""
+        key = self.name.partition(".")[0]
+        having = [name for name, one in certificates.items() if one.entry(key) is not None]
+        lacking = [name for name in certificates if name not in having]
+        if having and lacking:
+            raise InputError(
+                f"certify has no {validate.show(key)} of {_listed(lacking)}, but of {_listed(having)}: say with --controller "
+                "which one is tuned"
+            )
+        if lacking:
+            known = (*FIGURES, *DELAYS, *(entry.key for one in certificates.values() for entry in one.entries))
             near = get_close_matches(self.name, known, n=1)
             meant = f"; did you mean {near[0]!r}?" if near else ""
             raise InputError(
                 f"{validate.show(self.name)} is neither a figure of run --json, such as rms_e, nor one of {', '.join(DELAYS)}, "
-                f"nor a key of this controller in certify --json{meant}"
+                f"nor a key of certify --json for {_listed(lacking)}{meant}"
             )
+
+
+def _listed(names: list[str]) -> str:
+    return ", ".join(map(validate.show, names))
 
 
 @dataclass(frozen=True)

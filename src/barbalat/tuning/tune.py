@@ -200,11 +200,10 @@ def _require_known(tuner: Tuner, controllers: Sequence[int]) -> None:
     asked = [one for one in tuner.aim.quantities if one.origin is Origin.CERTIFICATE]
     if not asked:
         return
-    for which in controllers:
-        controller = tuner.case.controllers[which]
-        certificate = certify(tuner.case.problem, controller, tuner.case.simulation)[controller.name]
-        for one in asked:
-            one.require_known(certificate)
+    chosen = [tuner.case.controllers[which] for which in controllers]
+    certificates = certify(tuner.case.problem, chosen, tuner.case.simulation)
+    for one in asked:
+        one.require_known(certificates)
 
 
 def _notes(tuner: Tuner, found: Mapping[str, Tuned]) -> tuple[str, ...]:
