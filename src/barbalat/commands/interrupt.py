@@ -45,7 +45,7 @@ def interruptible() -> Iterator[None]:
     try:
         yield
     except Exception as error:
-        if _is_interrupt(error):
+        if asked or _is_interrupt(error):  # CasADi drops an interrupt while it converts arguments, and says that they are wrong
             raise kinds[asked[0] if asked else signal.SIGINT] from None
         raise
     finally:
