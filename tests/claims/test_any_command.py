@@ -30,7 +30,7 @@ def test_the_runs_are_those_of_scipy(kind):
     command = next(command for name, command in any_command.commands(1, 20.0) if name == kind)
     t = np.linspace(0, 20, 20_001)
     e, _ = by_hand.robust_mrac(lambda time: float(command(np.array(time))), t, tau=section_v.TAU)
-    found = figures([(variant(reference=command), section_v.robust_mrac("r", projection=False))], 20.0, any_command.H)
+    found = figures([(variant(reference=command), section_v.robust_mrac("r", projection=False))], 20.0, any_command.STEP)
     np.testing.assert_allclose(found.max_abs_e[0], np.abs(e).max(axis=0), rtol=1e-4)
     np.testing.assert_allclose(found.tail_max_abs_e[0], np.abs(e[t >= 15]).max(axis=0), rtol=1e-3)
 
@@ -60,7 +60,7 @@ def test_with_a_modelling_error_it_stays():
     """What the row asks for is not so of every run: the same controller beside a delay, two sines."""
     given, simulation = (
         variant(reference=Sines((30.0, 20.0), (0.5, 1.7)), input=PlantInput(delay=0.03)),
-        Simulation(t_end=400.0, dt=any_command.H),
+        Simulation(t_end=400.0, dt=any_command.STEP),
     )
     found = simulate_ensemble([(given, section_v.robust_mrac("r"))], simulation, quarters=True).quarters
     second, last = found[0, [1, 3]].max(axis=1) / Motion.of(given, simulation).largest

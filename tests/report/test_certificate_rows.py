@@ -9,7 +9,7 @@ from barbalat.certificates.entry import NUMBERS_ALONE, NotApplicable
 from barbalat.certificates.quantities import Form, Quantity
 from barbalat.report.certificates import ROWS_BY_FORM, rows
 
-OWN = {
+OWN_QUANTITIES = {
     "drift": Quantity("largest drift", "1/s"),
     "reserve": Quantity("what is left", below=True),
     "left": Quantity("of a unit", form=Form.PER_UNIT),
@@ -18,7 +18,7 @@ OWN = {
 
 
 def test_a_schemes_own_keys_are_shown_by_their_form():
-    draft = Draft(own=OWN)
+    draft = Draft(own=OWN_QUANTITIES)
     draft.guarantee("drift", 0.1234564, NUMBERS_ALONE)
     draft.guarantee("reserve", 0.1234564, NUMBERS_ALONE)
     draft.estimate({"left": {"r": 0.25, "d": 1e-15}, "parts": ["one", "two"]})
@@ -32,7 +32,7 @@ def test_a_schemes_own_keys_are_shown_by_their_form():
 
 
 def test_a_value_that_does_not_apply_says_why():
-    draft = Draft(own=OWN)
+    draft = Draft(own=OWN_QUANTITIES)
     draft.estimate({"drift": NotApplicable("nothing moves")})
     (row,) = rows(draft.finish())
     assert (row.value, row.meaning, row.kind) == ("", "nothing moves", "does not apply")

@@ -35,7 +35,7 @@ TOLD_GAINS = (0.01, 100.0, FIGURE_3_GAIN)
 """Gamma r^2 at which the readings tell the margins: slow adaptation, where L1-AC's delay margin is near its least, Figure 3's."""
 MODERATE_KAPPA = 0.1
 """The filters up to here, twice what Theorem 1's condition admits, are those of which the gain margin is claimed to fall."""
-HOW = "exact margins of the loops linearised with the law inside, Section V's plant at constant r; the loop depends on Gamma r^2 alone"
+METHOD = "exact margins of the loops linearised with the law inside, Section V's plant at constant r; the loop depends on Gamma r^2 alone"
 
 
 class Borne(NamedTuple):

@@ -24,7 +24,7 @@ DRAWS, MORE_DRAWS = 2, 12
 LARGEST_COMMAND = 50.0
 """|r| of Section V."""
 T_END, LONGER = 400.0, 1600.0
-H = 2e-3
+STEP = 2e-3
 """20 times below what the fastest dynamics, those of tau, need for RK4's fourth order to show; jumps are met exactly."""
 MRAC_GAIN, MRAC_STEP = 0.01, 5e-3
 """Of the standard MRAC: slow enough for a first quarter in which there is an error to fall from, and h omega_a = 0.35 at |x| = 50."""
@@ -113,7 +113,7 @@ def _errors(command: Signal, t_end: float, controller: Controller, h: float) -> 
 
 
 def _largest(command: Signal, t_end: float) -> float:
-    return Motion.of(variant(reference=command), Simulation(t_end=t_end, dt=H)).largest
+    return Motion.of(variant(reference=command), Simulation(t_end=t_end, dt=STEP)).largest
 
 
 @dataclass(frozen=True, eq=False)
@@ -163,7 +163,7 @@ def followed(tried: Sequence[tuple[str, Signal]], t_end: float) -> tuple[Followe
     largest = np.array([[_largest(command, t_end)] for _, command in tried])
     kinds, found = tuple(kind for kind, _ in tried), []
     for scheme, controller, h in (
-        ("the robust MRAC", section_v.robust_mrac("r"), H),
+        ("the robust MRAC", section_v.robust_mrac("r"), STEP),
         (f"the standard MRAC, Gamma = {MRAC_GAIN:g}", Mrac(gamma=MRAC_GAIN), MRAC_STEP),
     ):
         errors = np.array([_errors(command, t_end, controller, h) for _, command in tried])
@@ -185,7 +185,7 @@ def claim(*, full: bool = False) -> Claim:
         f"median {np.median(robust.late):.1g}. Since the second quarter it fell to "
         f"{robust.ratios.min():.1g} to {robust.ratios.max():.2g} of what it was, slowest: {tried[slowest][0]}; 1/t makes {ONE_OVER_T:.2g}, the paper names no rate. "
         f"The standard MRAC's: {standard.late.max():.2g} at most, since the second quarter {standard.ratios.max():.2g} of what it was",
-        f"Section V, tau = 0.5 s, sign of (14) corrected, RK4, h = {H:g} s, |r| <= {LARGEST_COMMAND:g}, seed {SEED}. 'Any' can't be run: tested were "
+        f"Section V, tau = 0.5 s, sign of (14) corrected, RK4, h = {STEP:g} s, |r| <= {LARGEST_COMMAND:g}, seed {SEED}. 'Any' can't be run: tested were "
         f"{', '.join(KINDS)}, {len(tried) // len(KINDS)} each. MRAC: h = {MRAC_STEP:g} s. An error below {ROUNDING:g} of |x_m| counts as fallen. Not tested: commands without a bound",
         listings=tuple(_listing(each, t_end) for each in (robust, standard)),
         number=f"largest final |e| over the largest |x_m|, of {len(tried)} commands: robust MRAC {robust.late[worst]:.2g}, MRAC {standard.late.max():.2g}",

@@ -7,7 +7,7 @@ import math
 from barbalat.certificates.bounds import theorem_1
 from barbalat.claims import section_v
 from barbalat.claims.claim import Claim, Reading, of_readings, verdict
-from barbalat.linear.enclosure import OUTWARD
+from barbalat.linear.enclosure import OUTWARD_FACTOR
 from barbalat.linear.systems import input_filter
 from barbalat.problem.state_feedback import Known
 
@@ -58,7 +58,7 @@ def _refuted(known: Known, least: float) -> str:
 def _value(known: Known, kappa: float) -> tuple[float, float]:
     """||W_b (C - 1)||_1 theta_max: guaranteed bounds from below and from above."""
     found = theorem_1.filter_condition(known, input_filter(kappa).realise(), THETA_MAX)
-    return found.norm.lower * THETA_MAX / OUTWARD, found.value_upper
+    return found.norm.lower * THETA_MAX / OUTWARD_FACTOR, found.value_upper
 
 
 def holds_up_to(known: Known, kappa: float) -> bool:
@@ -72,7 +72,7 @@ def holds_up_to(known: Known, kappa: float) -> bool:
         value = _value(known, kappa)[1]
         if value >= 1 - 1e-9:  # the enclosures' own width
             return False
-        kappa *= max(2 - 1 / value, 0.5) * OUTWARD
+        kappa *= max(2 - 1 / value, 0.5) * OUTWARD_FACTOR
     return True
 
 
@@ -84,5 +84,5 @@ def fails_down_to(known: Known, kappa: float) -> float:
     """
     least = math.inf
     while (value := _value(known, kappa)[0]) > 1 + BISECTION_WIDTH / 2:
-        least = kappa = kappa / value * OUTWARD
+        least = kappa = kappa / value * OUTWARD_FACTOR
     return least

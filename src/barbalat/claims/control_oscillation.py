@@ -145,8 +145,7 @@ def _readings(shown: Pair, numerical: list[Pair], resolved: list[Pair]) -> tuple
         Reading(
             "beside the sentence: so does the ringing of the equations",
             verdict(holds=all(size < 0.1 for size in ringing_size)),
-            f"RMS times {span(ringing_size)} at Gamma = {span([pair.gamma for pair in resolved])}: without the filter u itself "
-            "damps the ringing",
+            f"RMS times {span(ringing_size)} at Gamma = {span([pair.gamma for pair in resolved])}: without the filter u itself damps the ringing",
             decides=False,
         ),
     )  # fmt: skip

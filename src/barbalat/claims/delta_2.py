@@ -27,7 +27,7 @@ from barbalat.validate import Array
 TAUS = np.array([0.5, 0.25, 0.125, 0.0625])
 SIZES = np.array([0.002, 0.004, 0.008, 0.016, 0.032])
 """mu, or the delay [s]: up to half of the smallest tau, of which every pair is borne."""
-H = 1e-3
+STEP = 1e-3
 T_END, LONGER = 200.0, 800.0
 COMMAND, ONE_SINE = Sines((30.0, 20.0), (0.5, 1.7)), Sine(50.0, 0.5)
 DERIVATIVE_POLE = 2e-3
@@ -73,8 +73,8 @@ def measure(error: ModellingError, alpha_0: float, t_end: float, command: Signal
     """All pairs of tau and size, and every tau without modelling error."""
     paths = [error.added(PlantInput(), float(size)) for size in SIZES]
     pairs = [(variant(input=path, reference=command), controller(float(tau), alpha_0)) for tau in TAUS for path in paths]
-    given = figures(pairs, t_end, H)
-    without = figures([(variant(reference=command), controller(float(tau), alpha_0)) for tau in TAUS], t_end, H)
+    given = figures(pairs, t_end, STEP)
+    without = figures([(variant(reference=command), controller(float(tau), alpha_0)) for tau in TAUS], t_end, STEP)
     shape = (len(TAUS), len(SIZES))
     return Errors(
         peak=given.max_abs_e.max(axis=1).reshape(shape),
@@ -113,7 +113,7 @@ def claim(*, full: bool = False) -> Claim:
         of_readings(readings),
         f"what stays of |e| at fixed tau goes as mu^{exponents.min():.3f} to mu^{exponents.max():.3f}; one nu = {nu.max():.3g} serves every run, Delta_2 = {norm_per_size():.3g} mu. {_of_tau(found, with_tau)}. "
         f"With Section V's own command, one sine, {_one_frequency()}",
-        f"Section V with r = 30 sin 0.5t + 20 sin 1.7t, robust MRAC, RK4, h = {H:g} s, {t_end:g} s, tau = {span(TAUS)} s, mu = "
+        f"Section V with r = 30 sin 0.5t + 20 sin 1.7t, robust MRAC, RK4, h = {STEP:g} s, {t_end:g} s, tau = {span(TAUS)} s, mu = "
         f"{span(SIZES)} s, as Delta_m = -mu s and as "
         f"a delay; with Section V's alpha_0 = 0 and with (16), alpha_0 = {ALPHA_0:g}, delta_0 = {DELTA_0:g}; every step, tail: the last quarter",
         listings=_listings(found, nu),
@@ -158,7 +158,7 @@ def _one_frequency() -> str:
 
 def _one_sine(t_end: float) -> float:
     given = variant(input=PlantInput(delay=float(SIZES[-1])), reference=ONE_SINE)
-    return float(figures([(given, controller(float(TAUS[0]), 0.0))], t_end, H).tail_max_abs_e.max())
+    return float(figures([(given, controller(float(TAUS[0]), 0.0))], t_end, STEP).tail_max_abs_e.max())
 
 
 def _peak(found: dict[str, Errors]) -> Reading:

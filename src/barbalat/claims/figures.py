@@ -9,7 +9,7 @@ import numpy as np
 from barbalat.claims import section_v
 from barbalat.claims.claim import Claim, Listing, verdict
 from barbalat.claims.figure_checks import bounded, diverges, error_converges, error_stays, of_run, sweeps_the_bounds
-from barbalat.claims.paper_figure import ADDED, Check, PaperFigure
+from barbalat.claims.paper_figure import ADDED_FIGURE, Check, PaperFigure
 from barbalat.claims.section_v import Runs
 from barbalat.claims.variants import numbers, table
 
@@ -118,7 +118,7 @@ def _added(runs: Runs) -> PaperFigure:
         ),
     )
     return PaperFigure(
-        key=ADDED,
+        key=ADDED_FIGURE,
         title="Added: the standard MRAC with a moderate gain beside them",
         caption=f"MRAC (3)-(4) with Gamma = {section_v.MODERATE_GAIN:g}; robust MRAC and L1-AC as in Figures 2 and 3; h = 1e-4 s",
         results={r.name: r for r in (mrac, robust, filtered)},
@@ -128,7 +128,7 @@ def _added(runs: Runs) -> PaperFigure:
 
 def as_described(runs: Runs) -> Claim:
     """Figures 2-5 as a row of the ledger; the checks stand beside each figure."""
-    shown = [figure for figure in paper_figures(runs) if figure.key != ADDED]
+    shown = [figure for figure in paper_figures(runs) if figure.key != ADDED_FIGURE]
     checks = [check for figure in shown for check in figure.checks]
     return Claim(
         "figures-2-5", "Section V, text and captions of Figures 2 to 5", "Figures 2 to 5 look as the text describes them",

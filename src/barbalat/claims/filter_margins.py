@@ -12,7 +12,7 @@ from barbalat.certificates.linear_loops.around_equilibrium import around_equilib
 from barbalat.certificates.linear_loops.ideal import fast_adaptation, known_parameters
 from barbalat.claims import section_v
 from barbalat.claims.adapting_margins import GAINS, KAPPAS, MODERATE_KAPPA, filter_effect
-from barbalat.claims.adapting_margins import HOW as EXACT
+from barbalat.claims.adapting_margins import METHOD as EXACT
 from barbalat.claims.claim import Claim, Listing, Reading, of_readings, verdict
 from barbalat.claims.variants import variant
 from barbalat.controllers import L1Adaptive, Mrac
@@ -63,11 +63,7 @@ def claim() -> Claim:
     effect = filter_effect()
     readings = (
         *effect.readings,
-        Reading(
-            "the delay margin of the loop with its estimates at rest on theta: exact",
-            verdict(holds=slow[1] < slow[0]),
-            f"{slow[0]:.3g} to {slow[1]:.3g} s",
-        ),
+        _at_rest(slow),
         _reading("until the loop begins to oscillate: simulated delays and actuators", found, "onset"),
         _reading("until the motion is lost, oscillations or not: simulated delays and actuators", found, "loss"),
     )
@@ -79,8 +75,7 @@ def claim() -> Claim:
         f"falls as 1/Gamma. Its gain margin falls from {effect.gain_margins[0]:.4g} to {effect.gain_margins[1]:.4g} at Figure 3's gain. Simulated in {len(found)} readings. Until the loop "
         f"begins to oscillate: {_counted(found, 'onset')}. Until the motion is lost, oscillations or not: {_counted(found, 'loss')}",
         f"kappa = 0.02 s. {EXACT}; {len(GAINS)} x {len(KAPPAS)} values of Gamma r^2 and kappa, the limit by root finding. Simulated: Section V, RK4, h = 2e-4 s, 40 s: the "
-        "exact delay [s] that the loop bears, by scan "
-        "and bisection, and the smallest natural frequency [rad/s] of a second-order actuator with damping 0.7, as its inverse [s]. Onset: "
+        "exact delay [s] that the loop bears, by scan and bisection, and the smallest natural frequency [rad/s] of a second-order actuator with damping 0.7, as its inverse [s]. Onset: "
         "diverged, or an estimate swings through its known range faster than the model moves, or the error in the tail grew by a tenth of the "
         "largest |x_m| beyond what the delay or actuator adds where theta is known. Loss: diverged, or the error in the tail grew by the "
         "largest |x_m|. At equal gain Gamma = 0.01, 1, 100; at own gain 10 and 100; at equal error the MRAC's Gamma gives the RMS error that "
@@ -211,3 +206,11 @@ def _slowest(lost: Array) -> float:
     """1/w of the smallest natural frequency above the last that is lost [s]."""
     first = np.flatnonzero(lost)[-1] + 1 if lost.any() else 0
     return 1 / float(BANDWIDTHS[first]) if first < len(BANDWIDTHS) else 0.0
+
+
+def _at_rest(delays: list[float]) -> Reading:
+    return Reading(
+        "the delay margin of the loop with its estimates at rest on theta: exact",
+        verdict(holds=delays[1] < delays[0]),
+        f"{delays[0]:.3g} to {delays[1]:.3g} s",
+    )

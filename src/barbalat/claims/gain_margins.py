@@ -6,7 +6,7 @@ import numpy as np
 
 from barbalat.certificates.linear_loops.ideal import fast_adaptation
 from barbalat.claims import section_v
-from barbalat.claims.adapting_margins import DOWNWARDS, GAINS, HOW, MARGINS, UPWARDS, scan
+from barbalat.claims.adapting_margins import DOWNWARDS, GAINS, MARGINS, METHOD, UPWARDS, scan
 from barbalat.claims.claim import Axis, Chart, Claim, Curve, Reading, of_readings, verdict
 from barbalat.linear.margins import margins
 from barbalat.linear.systems import input_filter
@@ -47,7 +47,7 @@ def gain_reduces_margins() -> Claim:
         f"falls at every step of the gain: of MRAC's margins the {_listed(of_mrac)}; of L1-AC's the {_listed(of_l1)}. Delay margin over {len(GAINS)} values of Gamma r^2 from {GAINS[0]:g} to {GAINS[-1]:g}: true of MRAC at every step, {plain[0]:.3g} s to {plain[-1]:.2g} s, at last as "
         f"Gamma^{slope:.2f}. L1-AC (kappa = {section_v.KAPPA:g} s) is not monotone: {filtered[0]:.3g} s falls to {filtered[lowest]:.2g} s at Gamma r^2 = {GAINS[lowest]:.2g}, "
         f"from {GAINS[back]:.2g} on it is at least {filtered[back:].min():.3g} s, and tends to {limit:.3g} s",
-        HOW,
+        METHOD,
         maps=(chart,),
         number=f"delay margin of MRAC as Gamma^{slope:.2f}; of L1-AC {filtered[lowest]:.2g} s at its least, {limit:.3g} s in the limit",
         readings=readings,

@@ -71,18 +71,7 @@ def exponential() -> Claim:
     is_algebraic = abs(power + 1) < 0.15
     late = -np.diff(np.log(distance["normalised gradient"][at])) / np.diff(t[at])
     keeps_its_rate = bool(late[-1] > 0.8 * late[-2] > 0)  # an algebraic decay would halve it
-    readings = (
-        Reading(
-            "a robust adaptive law such as the gradient law",
-            verdict(holds=keeps_its_rate),
-            f"exponential with {rate:.3f} per s",
-        ),
-        Reading(
-            "the law that the paper prints, pure least squares (15)",
-            verdict(holds=not is_algebraic),
-            f"|theta_hat - theta*| goes as t^{power:.2f}",
-        ),
-    )
+    readings = _exponential_readings(rate, power, keeps_its_rate, is_algebraic)
     return Claim(
         "exponential-convergence", "Section III.B, last paragraph", "With sufficiently rich signals the estimates of the robust MRAC converge exponentially",
         of_readings(readings),
@@ -97,6 +86,21 @@ def exponential() -> Claim:
         condition="the covariance does not vanish: the gradient law, or least squares with forgetting or resetting, not (15) as printed",
         would_change="for (15): a covariance kept from zero, by forgetting or resetting; for the gradient law: too little excitation",
     )  # fmt: skip
+
+
+def _exponential_readings(rate: float, power: float, keeps_its_rate: bool, is_algebraic: bool) -> tuple[Reading, ...]:
+    return (
+        Reading(
+            "a robust adaptive law such as the gradient law",
+            verdict(holds=keeps_its_rate),
+            f"exponential with {rate:.3f} per s",
+        ),
+        Reading(
+            "the law that the paper prints, pure least squares (15)",
+            verdict(holds=not is_algebraic),
+            f"|theta_hat - theta*| goes as t^{power:.2f}",
+        ),
+    )
 
 
 def _distances(at_instants: dict[str, Array]) -> Listing:

@@ -25,7 +25,7 @@ from barbalat.validate import Array
 
 MUS = (0.0, 0.005, 0.02, 0.1)
 """Of Delta_m = -mu s/(0.001 s + 1): none, and three that tau = 0.5 s bears."""
-HOW = "robust MRAC of Figure 2 with {}, RK4, h = 1e-4 s, 60 s; {}"
+METHOD = "robust MRAC of Figure 2 with {}, RK4, h = 1e-4 s, 60 s; {}"
 
 
 def claims() -> list[Claim]:
@@ -48,7 +48,7 @@ def bounded(runs: dict[float, Along]) -> Claim:
         "the suprema are at most "
         f"{growth['theta_hat']:.3g} (theta_hat) and {max(value for name, value in growth.items() if name != 'theta_hat'):.2g} "
         "(the others) times those of the first",
-        HOW.format("Delta_m = -mu s/(0.001 s + 1)", "3000 instants; reading: none of the suprema grows in the second half"),
+        METHOD.format("Delta_m = -mu s/(0.001 s + 1)", "3000 instants; reading: none of the suprema grows in the second half"),
         listings=(_suprema(tuple(runs), halves),),
         tested="the suprema of the four signals in either half of the runs: none grows by more than a twentieth",
         number=f"largest |epsilon m_s| in the second half over that in the first: {growth['error']:.2g}",
@@ -67,7 +67,7 @@ def without_error(run: Along) -> Claim:
         f"V falls from {V[0]:.3g} to {V[-1]:.2g} and never rises; V + integral of (epsilon m_s)^2 is V(0) within {gap:.0e} of it; the integrals "
         f"of epsilon^2, (epsilon m_s)^2, |theta_hat'|^2 reach {run.integrals['epsilon'][-1]:.3g}, {spent[-1]:.4g}, {run.integrals['rate'][-1]:.3g}, "
         f"the last quarter adding at most {max(late.values()):.0e} of each",
-        HOW.format("Delta_m = 0", "the integrals are integrated with the loop; V at 3000 instants"),
+        METHOD.format("Delta_m = 0", "the integrals are integrated with the loop; V at 3000 instants"),
         listings=(
             table(
                 "Integrals over the run, and what its last quarter adds to each",
@@ -91,9 +91,8 @@ def with_error(runs: dict[float, Along]) -> Claim:
     constants = {name: np.array([run.constant(name) for run in some]) for name in ("epsilon", "error", "rate")}
     gap = max(float(np.abs(run.V + run.integrals["error"] - run.integrals["eta"] - run.V[0]).max() / run.V[0]) for run in some)
     by_definition = {name: np.array([run.constant_of_largest(name) for run in some]) for name in constants}
-    eta, risen = (
-        np.array(values) for values in ([np.abs(run.eta).max() for run in some], [run.V.max() / run.V[0] for run in some])
-    )
+    eta = np.array([np.abs(run.eta).max() for run in some])
+    risen = np.array([run.V.max() / run.V[0] for run in some])
     readings = (
         _along_runs("with the paper's constant mu, the largest eta^2/m_s^2 of the run", by_definition),
         _along_runs("with the integral of eta^2/m_s^2 over the same interval", constants),
@@ -102,12 +101,11 @@ def with_error(runs: dict[float, Along]) -> Claim:
     return Claim(
         "lemma-1-small", "Lemma 1 (ii)", "With a modelling error epsilon, epsilon m_s and theta_hat' are small in the mean, S(eta^2/m_s^2)",
         of_readings(readings),
-        f"for mu = {span(mus)} s, |eta|/m_s up to {eta.max():.3g}: by the paper's definition {_at_most(by_definition)}; with the "
-        "integral "
+        f"for mu = {span(mus)} s, |eta|/m_s up to {eta.max():.3g}: by the paper's definition {_at_most(by_definition)}; with the integral "
         f"of eta^2/m_s^2 {_at_most(constants)}. By V' = -(epsilon m_s)^2 + eta^2/m_s^2 the latter are "
         f"at most max(1, V) = 1, and |P(0)|^2 = {section_v.COVARIANCE0**2:g} for theta_hat'; it holds within {gap:.0e} "
         f"of V(0), so V may rise: up to {risen.max():.3g} V(0). For any signals: see the readings",
-        HOW.format(
+        METHOD.format(
             "Delta_m = -mu s/(0.001 s + 1), alpha_0 = 1",
             "nu: integral over [t, t + T] <= nu (mu T + 1), or nu (that of eta^2/m_s^2 + 1), over every pair of 3000 instants",
         )

@@ -93,18 +93,8 @@ def rohrs() -> Claim:
     heights = _heights(bounded)
     adapting = [name for name, run in bounded.items() if _moved(run) > LEAST_PATH]
     falls = f"diverges at t = {classical.diverged_at:.4g} s" if classical.diverged_at else "stays"
-    readings = (
-        Reading("the classical law is destabilised", verdict(holds=classical.diverged_at is not None), f"it {falls}"),
-        Reading(
-            "the modified laws stay bounded, with any width of the dead zone",
-            verdict(holds=len(bounded) == len(runs), conditional=bool(lost)),
-            f"{len(bounded)} of {len(runs)} do over {case.simulation.t_end:g} s; of {len(ZONES)} more dead zones {len(lost)} diverge",
-        ),
-        Reading(
-            "and they go on adapting",
-            verdict(holds=bool(adapting), conditional=len(adapting) < len(bounded)),
-            f"{', '.join(adapting) or 'none'}: estimates that move by more than {LEAST_PATH:g} in all",
-        ),
+    readings = _of_rohrs(
+        falls, classical.diverged_at is not None, len(bounded), len(runs), len(lost), adapting, case.simulation.t_end
     )
     return Claim(
         id="rohrs",
@@ -128,6 +118,24 @@ def rohrs() -> Claim:
         readings=readings,
         condition="the dead zone is wider than the error that the initial estimates leave",
         would_change="a run of the classical law that stays bounded, or of sigma-modification, normalisation or the robust law that does not",
+    )
+
+
+def _of_rohrs(
+    falls: str, diverged: bool, bounded: int, modified: int, lost: int, adapting: list[str], t_end: float
+) -> tuple[Reading, ...]:
+    return (
+        Reading("the classical law is destabilised", verdict(holds=diverged), f"it {falls}"),
+        Reading(
+            "the modified laws stay bounded, with any width of the dead zone",
+            verdict(holds=bounded == modified, conditional=lost > 0),
+            f"{bounded} of {modified} do over {t_end:g} s; of {len(ZONES)} more dead zones {lost} diverge",
+        ),
+        Reading(
+            "and they go on adapting",
+            verdict(holds=bool(adapting), conditional=len(adapting) < bounded),
+            f"{', '.join(adapting) or 'none'}: estimates that move by more than {LEAST_PATH:g} in all",
+        ),
     )
 
 

@@ -10,6 +10,7 @@ from barbalat.claims.stiff import AUTOMATIC_END, CONVERGED_STEPS, LATE_WINDOW, P
 from barbalat.claims.stiff_methods import WINDOW
 from barbalat.claims.stiff_runs import rk4
 from barbalat.claims.variants import numbers, table
+from barbalat.validate import Array
 
 
 def own_oscillation() -> Claim:
@@ -18,20 +19,7 @@ def own_oscillation() -> Claim:
     free, boxed = ([path.ringing(*TAIL) for path in paths] for paths in zip(*steps, strict=True))
     early = [path.ringing(*LATE_WINDOW) for path in (steps[0][1], steps[2][1])]
     agree = bool(np.allclose(free[1], free[2], rtol=0.1))
-    readings = (
-        Reading(
-            "with the projection, as Figure 4 shows it, after the first seconds",
-            verdict(holds=bool((boxed[2] < 0.01).all())),
-            f"ringing of at most {boxed[0].max():.2g} at h = {section_v.FINE:g} s, {boxed[2].max():.2g} at "
-            f"{CONVERGED_STEPS[1]:g} s",
-        ),
-        Reading(
-            "without projection: what rings at h = 1e-4 s is the solver's alone",
-            verdict(holds=not (agree and bool((free[2] > 3 * free[0]).all()))),
-            f"ringing of at most {free[0].max():.2g} at h = {section_v.FINE:g} s, {free[2].max():.2g} at {CONVERGED_STEPS[1]:g} "
-            "s",
-        ),
-    )
+    readings = _readings(free, boxed, agree)
     return Claim(
         "own-oscillation", "Section V, discussion and caption of Figure 4", "With the step reduced to 1e-5 s the oscillation is gone, because it was numerical",
         of_readings(readings),
@@ -56,3 +44,20 @@ def own_oscillation() -> Claim:
         condition="the projection acts, and the first seconds are over",
         would_change="a converged solution without projection that doesn't ring, or one with projection that does",
     )  # fmt: skip
+
+
+def _readings(free: list[Array], boxed: list[Array], agree: bool) -> tuple[Reading, ...]:
+    return (
+        Reading(
+            "with the projection, as Figure 4 shows it, after the first seconds",
+            verdict(holds=bool((boxed[2] < 0.01).all())),
+            f"ringing of at most {boxed[0].max():.2g} at h = {section_v.FINE:g} s, {boxed[2].max():.2g} at "
+            f"{CONVERGED_STEPS[1]:g} s",
+        ),
+        Reading(
+            "without projection: what rings at h = 1e-4 s is the solver's alone",
+            verdict(holds=not (agree and bool((free[2] > 3 * free[0]).all()))),
+            f"ringing of at most {free[0].max():.2g} at h = {section_v.FINE:g} s, {free[2].max():.2g} at {CONVERGED_STEPS[1]:g} "
+            "s",
+        ),
+    )

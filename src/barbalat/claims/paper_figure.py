@@ -7,7 +7,7 @@ from typing import Any
 
 from barbalat.run.result import Result
 
-ADDED = "added"
+ADDED_FIGURE = "added"
 """The key of the comparison that is none of the paper's figures."""
 
 
@@ -24,7 +24,7 @@ class Check:
 class PaperFigure:
     """A figure of the paper: the run it shows, the variants its description speaks of, and the checks.
 
-    key      "2" ... "5", or ``ADDED``
+    key      "2" ... "5", or ``ADDED_FIGURE``
     results  the shown run first; all by name
     """
 
@@ -38,7 +38,7 @@ class PaperFigure:
     def shown(self) -> tuple[Result, ...]:
         """The runs that are drawn: the first one; all of them in the added comparison."""
         results = tuple(self.results.values())
-        return results if self.key == ADDED else results[:1]
+        return results if self.key == ADDED_FIGURE else results[:1]
 
     @property
     def reproduced(self) -> bool:

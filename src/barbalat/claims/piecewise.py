@@ -32,18 +32,7 @@ def is_linear() -> Claim:
     flown = next(law for law in laws if law.as_flown is not None)
     left = [_left(problem, flown, a) for a in TRIED_POLES]
     margins = [certify(problem, [law], _simulation(law))[law.name].values["delay_margin"] for law in laws]
-    readings = (
-        Reading(
-            "a fixed-gain LTI controller, from sample to sample",
-            verdict(holds=difference < ROUNDING),
-            f"its control differs from its realisation's by {difference:.1g} of the largest |u|, in both forms",
-        ),
-        Reading(
-            "integral action",
-            verdict(holds=left[-1] < ROUNDING, conditional=left[0] > ROUNDING),
-            f"a constant disturbance leaves |e_1| = {left[1]:.2g} with a = {TRIED_POLES[1]:g}/s, {left[-1]:.1g} with a = 0",
-        ),
-    )
+    readings = _readings(difference, left)
     return Claim(
         id="l1-piecewise-is-lti",
         where="not in the paper: this project, after Section IV, which says it of the output-feedback controller and calls the flown ones linear",
@@ -66,6 +55,21 @@ def is_linear() -> Claim:
         condition="the predictor's poles are at zero; the exact form and those of flight codes leave a part of what is constant",
         would_change="an input for which law and realisation differ by more than rounding, while no limit acts",
     )  # fmt: skip
+
+
+def _readings(difference: float, left: list[float]) -> tuple[Reading, ...]:
+    return (
+        Reading(
+            "a fixed-gain LTI controller, from sample to sample",
+            verdict(holds=difference < ROUNDING),
+            f"its control differs from its realisation's by {difference:.1g} of the largest |u|, in both forms",
+        ),
+        Reading(
+            "integral action",
+            verdict(holds=left[-1] < ROUNDING, conditional=left[0] > ROUNDING),
+            f"a constant disturbance leaves |e_1| = {left[1]:.2g} with a = {TRIED_POLES[1]:g}/s, {left[-1]:.1g} with a = 0",
+        ),
+    )
 
 
 def _case() -> tuple[Problem, list[L1PiecewiseConstant]]:

@@ -34,12 +34,12 @@ DEGREES = {
     ),
 }
 """A plant and a model for each relative degree; the second plant is unstable. Of the last the poles are -0.5, -1, -1.5, -2 and -1, -1, -1.5, -2."""
-NOW = (1, 2, 3)
+USUAL_DEGREES = (1, 2, 3)
 """The degrees of the plain command; ``--full`` has all."""
 LAWS: dict[str, AdaptiveLaw] = {"gradient": Gradient(gamma=5.0), "least squares": LeastSquares(covariance0=5.0)}
 """The plain command has time for the first."""
 
-BESIDE: tuple[Sine, float] = (Sine(amplitude=0.2, frequency=2.0), 0.05)
+DISTURBANCE_AND_LAG: tuple[Sine, float] = (Sine(amplitude=0.2, frequency=2.0), 0.05)
 """A bounded disturbance, a fifth of the command, and an actuator's lag [s] of which the designer knows nothing."""
 NOT_GROWING = 1.1
 """By which the largest error of the last quarter may exceed that of the quarter before: signals of two frequencies beat, and the estimates still move."""
@@ -48,7 +48,7 @@ NOT_GROWING = 1.1
 def claim(*, full: bool = False) -> Claim:
     """The auxiliary input's effect for every degree and law that there is time for, and the law beside what the sentence names."""
     taus = np.array([0.1, 0.05, 0.025])
-    degrees, laws = (tuple(DEGREES), tuple(LAWS)) if full else (NOW, tuple(LAWS)[:1])
+    degrees, laws = (tuple(DEGREES), tuple(LAWS)) if full else (USUAL_DEGREES, tuple(LAWS)[:1])
     errors = {f"n* = {degree}, {law}": _peaks(degree, LAWS[law], taus) for law in laws for degree in degrees}
     exponents = {name: local_exponents(peaks, taus) for name, peaks in errors.items()}
     beside = {f"n* = {degree}": _last_quarters(degree) for degree in degrees}
@@ -56,25 +56,7 @@ def claim(*, full: bool = False) -> Claim:
     stays = "the largest |y - y_m| of the last quarter is " + ", ".join(
         f"{last:.3g} for {n}, {last / before:.2f} times that of the one before" for n, (before, last) in beside.items()
     )
-    tried = f"n* = {', '.join(map(str, degrees))}, {' and '.join(laws)}"
-    readings = (
-        Reading(
-            f"the transient error shrinks with tau, without disturbances and unmodelled dynamics: {tried}",
-            verdict(holds=all((exponent > 0.5).all() for exponent in exponents.values())),
-            shrinks,
-        ),
-        Reading(
-            f"all stays bounded beside a disturbance 0.2 sin 2t and an unmodelled lag of {BESIDE[1]:g} s: n* = {', '.join(map(str, degrees))}, gradient",
-            verdict(holds=all(last <= NOT_GROWING * before for before, last in beside.values())),
-            stays,
-        ),
-        Reading(
-            "any relative degree, any robust law: those that were run stand for all",
-            # a run shows its own degree alone, and the paper gives no proof: what holds of all that were tried is the most
-            verdict(holds=all((found > 0.5).all() for found in exponents.values()), conditional=True),
-            f"{len(degrees)} relative degrees up to {max(degrees)}, one plant each, and {len(laws)} of the laws: {', '.join(laws)}",
-        ),
-    )
+    readings = _readings(exponents, beside, degrees, laws, (shrinks, stays))
     return Claim(
         id="siso-any-relative-degree",
         where="Section I, last paragraph; Section IV, first sentence",
@@ -93,6 +75,36 @@ def claim(*, full: bool = False) -> Claim:
     )
 
 
+def _readings(
+    exponents: dict[str, Array],
+    beside: dict[str, tuple[float, float]],
+    degrees: tuple[int, ...],
+    laws: tuple[str, ...],
+    measured: tuple[str, str],
+) -> tuple[Reading, ...]:
+    """What was ``measured`` of the transient error by tau, and ``beside`` what the sentence names by relative degree."""
+    tried = f"n* = {', '.join(map(str, degrees))}, {' and '.join(laws)}"
+    shrinks, stays = measured
+    return (
+        Reading(
+            f"the transient error shrinks with tau, without disturbances and unmodelled dynamics: {tried}",
+            verdict(holds=all((exponent > 0.5).all() for exponent in exponents.values())),
+            shrinks,
+        ),
+        Reading(
+            f"all stays bounded beside a disturbance 0.2 sin 2t and an unmodelled lag of {DISTURBANCE_AND_LAG[1]:g} s: n* = {', '.join(map(str, degrees))}, gradient",
+            verdict(holds=all(last <= NOT_GROWING * before for before, last in beside.values())),
+            stays,
+        ),
+        Reading(
+            "any relative degree, any robust law: those that were run stand for all",
+            # a run shows its own degree alone, and the paper gives no proof: what holds of all that were tried is the most
+            verdict(holds=all((found > 0.5).all() for found in exponents.values()), conditional=True),
+            f"{len(degrees)} relative degrees up to {max(degrees)}, one plant each, and {len(laws)} of the laws: {', '.join(laws)}",
+        ),
+    )
+
+
 def _peaks(degree: int, law: AdaptiveLaw, taus: Array) -> Array:
     """The largest |y - y_m| of the transient for each tau, without modelling error."""
     controllers = [_robust(degree, law, float(tau), name=f"{tau}") for tau in taus]
@@ -104,7 +116,7 @@ def _last_quarters(degree: int) -> tuple[float, float]:
     """The largest |y - y_m| of the third and of the last quarter of four minutes; infinite where the run diverges."""
     law = Gradient(gamma=5.0, leakage=SwitchingSigma(sigma=0.1, M_0=20.0))
     controller = replace(_robust(degree, law, 0.1, name="robust"), normalization=Normalization(alpha_0=0.1, delta_0=0.5))
-    disturbance, lag = BESIDE
+    disturbance, lag = DISTURBANCE_AND_LAG
     actuator = TransferFunction(np.ones(1), np.array([lag, 1.0]))
     given = replace(_on_a_plant(degree), disturbance=disturbance)
     given = replace(given, plant=replace(given.plant, input=PlantInput(actuator=actuator)))

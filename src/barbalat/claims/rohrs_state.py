@@ -32,7 +32,7 @@ WIDE, NARROW = 20.0, 5.0
 """Known sets |theta| <= 20, which holds gains that the plant does not bear, and |theta| <= 5."""
 KAPPAS = (0.02, 0.1)
 """Section V's filter, and one of about a third of the plant's own bandwidth."""
-T_END, H = 200.0, 1e-3
+T_END, STEP = 200.0, 1e-3
 
 
 def problem(width: float, command: Signal) -> Problem:
@@ -53,7 +53,7 @@ def scheme(kappa: float | None, gamma: float) -> Controller:
 def diverged_at(kappa: float | None, command: Signal) -> Array:
     """(2, gains) when the run diverged [s], NaN where it did not, with the wide known set and the narrow one."""
     pairs = [(problem(width, command), scheme(kappa, gamma)) for width in (WIDE, NARROW) for gamma in GAINS]
-    return np.asarray(figures(pairs, T_END, H).diverged_at.reshape(2, -1))
+    return np.asarray(figures(pairs, T_END, STEP).diverged_at.reshape(2, -1))
 
 
 def largest_gain(kappa: float | None) -> float:

@@ -29,7 +29,7 @@ LOOSE_TOLERANCES = (1e-3, 1e-6)
 """The first is what MATLAB's ode15s has unless told otherwise: what the paper's authors would have got without a word."""
 LOOSE_END = 4.0
 """[s]: of the plain command at the loose tolerance; ``--full`` goes to ``LONG_AUTOMATIC_END`` with all four codes, in a minute and more."""
-PATIENT: dict[SciPyMethod, int] = {"LSODA": 30_000_000, "BDF": 30_000_000, "Radau": 30_000_000}
+FULL_BUDGETS: dict[SciPyMethod, int] = {"LSODA": 30_000_000, "BDF": 30_000_000, "Radau": 30_000_000}
 """Evaluations to ``LONG_AUTOMATIC_END`` at the loose tolerance: more than any of them needs to arrive, or to give up."""
 CONVERGED_STEPS = (1e-6, 5e-7)
 """Steps [s] at which h |lambda| is 0.07 and less: two that agree show what the equations do."""
@@ -40,7 +40,7 @@ NEIGHBOURS = (Gain(3e3, 6.0, 1e-6, (4.5, 6.0)), Gain(1e5, 2.0, 2.5e-7, (1.5, 2.0
 """Gains around the paper's first one, at each of which RK4 fails at its step of 1e-4 s, for as long as the plain command has time."""
 FURTHER_GAINS = (Gain(3e3, T_END, 1e-6, TAIL), Gain(1e5, T_END, 2.5e-7, TAIL), Gain(1e6, 10.0, 1e-7, (9.9, 10.0)))
 """Of ``reproduce --full``; the last is as long as its converged step allows within a quarter of a minute."""
-SHARPENED = (
+FULL_COMMAND = (
     f"Gamma = {', '.join(f'{each.gamma:g}' for each in FURTHER_GAINS)} at h = 1e-4 and 1e-5 s over {FURTHER_GAINS[0].t_end:g} s ({FURTHER_GAINS[-1].t_end:g} s at "
     f"the largest); SciPy's BDF and Radau beside the two codes, to {AUTOMATIC_END:g} s at tolerances of {LOOSE_TOLERANCES[0]:g} and "
     f"{LOOSE_TOLERANCES[1]:g}, all four to {LONG_AUTOMATIC_END:g} s at {LOOSE_TOLERANCES[0]:g}; both codes to {LONG_AUTOMATIC_END:g} s at {TOLERANCE:g}"
@@ -72,7 +72,7 @@ class Tried:
             automatic=PAPER.automatic(BUDGETS, tolerance=TOLERANCE, t_end=AUTOMATIC_END),
             longer=PAPER.automatic({}, tolerance=LOOSE_TOLERANCES[1], t_end=LONG_AUTOMATIC_END),
             loose=PAPER.automatic(
-                PATIENT if full else {}, tolerance=LOOSE_TOLERANCES[0], t_end=LONG_AUTOMATIC_END if full else LOOSE_END
+                FULL_BUDGETS if full else {}, tolerance=LOOSE_TOLERANCES[0], t_end=LONG_AUTOMATIC_END if full else LOOSE_END
             ),
             at_figure_5=[FIGURE_5.explicit(section_v.FINE)]
             + [FIGURE_5.implicit(section_v.FINE, midpoint=midpoint) for midpoint in (True, False)],
@@ -141,7 +141,7 @@ def _claim(tried: Tried, *more: Reading, listings: tuple[Listing, ...] = ()) -> 
         condition=_condition(tried),
         would_change="confirmed: implicit steps, and codes at tight tolerances, none of which follows the equations with the projection, and runs that are lost without "
         "it; not confirmed: codes that neither ring beyond the equations nor give up at a loose tolerance either",
-        sharpened=SHARPENED,
+        sharpened=FULL_COMMAND,
     )  # fmt: skip
 
 

@@ -18,7 +18,7 @@ from barbalat.validate import Array
 
 TAUS = np.geomspace(2.5e-3, 2.0, 20)
 SIZES = np.geomspace(5e-3, 0.7, 12)
-T_END, BOUNDARY_RUN_FACTOR, H = 100.0, 4, 1e-3
+T_END, BOUNDARY_RUN_FACTOR, STEP = 100.0, 4, 1e-3
 """A quarter of the run is two periods of the command; at and along the boundary the runs are four times as long."""
 MULTIPLES = {1.05: "τ 5 % above the boundary", 2.0: "twice the boundary's τ", 4.0: "four times the boundary's τ"}
 """Of the boundary's tau: where the error is measured. On the boundary itself what is left of an oscillation hides it."""
@@ -58,8 +58,8 @@ class TauTradeOff:
 
     @cached_property
     def limits(self) -> TauLimits:
-        near = Simulation(t_end=BOUNDARY_RUN_FACTOR * T_END, dt=H)
-        return self.study.limits(SIZES, TAUS, Simulation(t_end=T_END, dt=H), near=near)
+        near = Simulation(t_end=BOUNDARY_RUN_FACTOR * T_END, dt=STEP)
+        return self.study.limits(SIZES, TAUS, Simulation(t_end=T_END, dt=STEP), near=near)
 
     @cached_property
     def bounded(self) -> Array:
@@ -71,7 +71,7 @@ class TauTradeOff:
         """(MULTIPLES, bounded) max |e| in the tail of the longer runs at multiples of the boundary's tau; NaN where lost."""
         sizes, taus = SIZES[self.bounded], self.limits.bears[self.bounded]
         pairs = np.tile(sizes, len(MULTIPLES)), np.concatenate([multiple * taus for multiple in MULTIPLES])
-        return self.study.tail_errors(*pairs, Simulation(t_end=BOUNDARY_RUN_FACTOR * T_END, dt=H)).reshape(len(MULTIPLES), -1)
+        return self.study.tail_errors(*pairs, Simulation(t_end=BOUNDARY_RUN_FACTOR * T_END, dt=STEP)).reshape(len(MULTIPLES), -1)
 
     @cached_property
     def frozen(self) -> list[Borne]:
@@ -92,7 +92,7 @@ class TauTradeOff:
             f"estimates frozen at theta loses stability at {linear.min():.3f} to {linear.max():.3f} times the {self.word}{_agree(linear, sizes)}; "
             f"the small-gain theorem shows it stable up to {gain.min():.2f} to {gain.max():.2f} of its limit. The tail's error grows along the "
             f"boundary, 5 % above it, from {along[0, 0]:.2g} to {np.nanmax(along[0]):.2g}; at twice its tau it is {doubled.min():.2f} to {doubled.max():.2f} times that",
-            f"Section V, robust MRAC, {self.what}, RK4, h = {H:g} s, {T_END:g} s, {len(SIZES)} sizes x {len(TAUS)} values of tau, then bisection "
+            f"Section V, robust MRAC, {self.what}, RK4, h = {STEP:g} s, {T_END:g} s, {len(SIZES)} sizes x {len(TAUS)} values of tau, then bisection "
             f"to 1 % over {BOUNDARY_RUN_FACTOR * T_END:g} s: {limits.runs} runs. {LOSS_CRITERION}. The frozen loop is taken from the scheme's equations by exact "
             "Jacobians; it is no guarantee for the loop that adapts",
             maps=(self._map(), self._chart()),
@@ -112,7 +112,7 @@ class TauTradeOff:
         return Map(
             key=f"tau-{self.key}",
             title=f"Theorem 2's trade-off: τ against {self.title}",
-            caption=f"Each cell is a run of the robust MRAC on Section V with {self.title}, over {T_END:g} s with RK4, h = {H * 1e3:g} ms. {LOSS_CRITERION}. "
+            caption=f"Each cell is a run of the robust MRAC on Section V with {self.title}, over {T_END:g} s with RK4, h = {STEP * 1e3:g} ms. {LOSS_CRITERION}. "
             f"Marks: the smallest τ that is borne over {BOUNDARY_RUN_FACTOR * T_END:g} s, bisected to 1 %; "
             "growth too slow for the cells' shorter runs is seen there. Cells lost at large τ and large errors are so by a transient of the learning "
             "that outlasts the first quarter. The lines are of the linear loop that is left when the estimates are frozen: "

@@ -20,7 +20,7 @@ from barbalat.validate import Array
 MEMBERS = 192
 MORE_MEMBERS = 32 * MEMBERS
 """Of ``reproduce --full``: a search for a run that breaks a bound."""
-SHARPENED = f"{MORE_MEMBERS} random runs instead of {MEMBERS}"
+FULL_COMMAND = f"{MORE_MEMBERS} random runs instead of {MEMBERS}"
 SEED = 20130819  # any fixed number: the draws are the same on every machine
 
 
@@ -44,7 +44,7 @@ def bound_9(size: int = MEMBERS) -> Claim:
         tested="the largest |e_i| of a run over its bound, theta drawn from the box, Gamma from 0.1 to 100",
         number=f"largest |e| / bound: {ratio.max():.2f}",
         would_change="one run with e(0) = 0, without modelling error and numerically stable, whose |e| exceeds the bound",
-        sharpened=SHARPENED,
+        sharpened=FULL_COMMAND,
     )  # fmt: skip
 
 
@@ -93,7 +93,7 @@ def bound_10(size: int = MEMBERS) -> Claim:
         tested="the largest |e_i| of a run over its bound, theta drawn from the box, Gamma from 0.1 to 100, kappa below kappa_max",
         number=f"largest |e| / bound: {ratio.max():.3f}",
         would_change="as for (9), for a kappa below kappa_max",
-        sharpened=SHARPENED,
+        sharpened=FULL_COMMAND,
     )  # fmt: skip
 
 

@@ -19,7 +19,7 @@ from barbalat.claims.claim import Claim, Listing, Reading, of_readings, verdict
 from barbalat.claims.rohrs_state import beside_rohrs
 from barbalat.claims.variants import figures, numbers, span, table, variant
 from barbalat.controllers import Mrac
-from barbalat.linear.enclosure import OUTWARD
+from barbalat.linear.enclosure import OUTWARD_FACTOR
 from barbalat.linear.l1_norms import l1_norm
 from barbalat.linear.margins import margins
 from barbalat.linear.systems import input_filter
@@ -94,7 +94,7 @@ def certain_size(kappa: float | None, delay: float = PROVEN_DELAY) -> float:
     behind = delay * theorem_1.derivative_norm(known).upper
     if kappa is not None:
         behind += theorem_1.filter_condition(known, input_filter(kappa).realise(), 1.0).norm.upper
-    return 1 / ((4 * plain + 2 * behind) * OUTWARD**3)
+    return 1 / ((4 * plain + 2 * behind) * OUTWARD_FACTOR**3)
 
 
 def claim(*, full: bool = False) -> Claim:

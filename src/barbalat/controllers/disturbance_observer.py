@@ -9,7 +9,7 @@ import numpy as np
 from barbalat.protocols import Value
 from barbalat.validate import Array, InputError, show
 
-PLACED = 1e-6
+PLACEMENT_TOLERANCE = 1e-6
 """Of the observer's characteristic polynomial: further off, the output hardly sees a state or the disturbance."""
 
 
@@ -58,7 +58,7 @@ class Observer:
                 off = np.abs(np.poly(F) / np.poly(np.full(n + 1, -bandwidth)) - 1).max()
         except np.linalg.LinAlgError:
             off = np.inf
-        if not off <= PLACED:
+        if not off <= PLACEMENT_TOLERANCE:
             raise InputError(
                 f"output must see every state and a constant disturbance, but {show(c)} does not, or not beyond rounding with "
                 f"the bandwidth {bandwidth:g}"

@@ -12,7 +12,7 @@ from barbalat.linear.systems import StateSpace, TransferFunction
 from barbalat.protocols import Value
 from barbalat.validate import Array, InputError
 
-DEPENDENT = 1e-9
+DEPENDENCE_TOLERANCE = 1e-9
 """Relative: what is smaller is rounding of products of matrices with entries of size 1."""
 
 
@@ -69,7 +69,7 @@ def _compensation(A_m: Array, B: Array, m: int, C: StateSpace, known: int, c: Ar
         _kept_at_zero(A_m, b, b_um, row, np.poly(np.full(r, -a))[::-1], derivatives) for row, r in zip(c, degrees, strict=True)
     ]
     E, of_w, of_z = (np.array(part) for part in zip(*rows, strict=True))
-    if not abs(np.linalg.det(E / np.abs(E).max())) > DEPENDENT:
+    if not abs(np.linalg.det(E / np.abs(E).max())) > DEPENDENCE_TOLERANCE:
         raise InputError(
             f"output must be decoupled by the inputs: c_i'A_m^(r_i - 1) b is singular, got output = {validate.show(c)}"
         )
@@ -99,7 +99,7 @@ def _relative_degree(A_m: Array, b: Array, row: Array) -> int:
     """How often c'x must be differentiated until an input appears."""
     size = np.linalg.norm(b)
     for r in range(1, len(A_m) + 1):
-        if np.linalg.norm(row @ b) > DEPENDENT * np.linalg.norm(row) * size:
+        if np.linalg.norm(row @ b) > DEPENDENCE_TOLERANCE * np.linalg.norm(row) * size:
             return r
         row = row @ A_m
     raise InputError(f"output must be moved by an input, but c'(sI - A_m)^-1 b is zero, got {validate.show(row)}")

@@ -65,5 +65,5 @@ def float_below(value: arb) -> float:
     return candidate
 
 
-OUTWARD = 1 + 1e-12
+OUTWARD_FACTOR = 1 + 1e-12
 """Room for the handful of roundings of plain arithmetic on numbers that are bounds already (each at most 1.2e-16)."""

@@ -36,7 +36,7 @@ EDGE_PLACES = 100
 """Of the edge within a sample, where |L| < 1 is asked for."""
 GRID_ALLOWANCE = 2e-3
 """For a peak of |L| between the grid's frequencies, which is near enough to every mode that is not damped within two samples."""
-TURN = 0.05
+LARGEST_TURN = 0.05
 """By how much e^(A t) may turn between the instants within a sample at which it is evaluated."""
 
 
@@ -154,13 +154,13 @@ class SampledLoop:
     @cached_property
     def _edges(self) -> Array:
         """e^(A t) E at instants t within a sample, (P, s, m)."""
-        count = int(np.clip(np.ceil(np.linalg.norm(self.A, 2) * self.T / TURN), 8, 256))
+        count = int(np.clip(np.ceil(np.linalg.norm(self.A, 2) * self.T / LARGEST_TURN), 8, 256))
         return np.array([self.over(t)[0] @ self.E for t in np.linspace(0, self.T, count + 1)])
 
     def _slopes(self, w: Array, R: Array) -> Array:
         """The largest |dL/dd| at each frequency, over all places of the edge, (K,)."""
         moved = np.stack([np.linalg.norm(R @ edge, 2, axis=(1, 2)) for edge in self._edges]).max(axis=0)
-        return np.asarray(np.exp(TURN) * moved * np.abs(1 - np.exp(-1j * w * self.T)))
+        return np.asarray(np.exp(LARGEST_TURN) * moved * np.abs(1 - np.exp(-1j * w * self.T)))
 
     @cached_property
     def _grid_slopes(self) -> Array:

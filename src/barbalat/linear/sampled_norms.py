@@ -9,14 +9,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from barbalat.linear.enclosure import OUTWARD
+from barbalat.linear.enclosure import OUTWARD_FACTOR
 from barbalat.validate import Array, InputError
 
 TAIL_SHARE = 1e-3
 """Of the sum: a bound need not be closer."""
 MOST_SAMPLES = 4_000_000
 """Summed at most; a loop that forgets more slowly has no bound."""
-BLOCK = 64
+BLOCK_SAMPLES = 64
 """Samples that are summed at once."""
 
 
@@ -45,15 +45,15 @@ class SampledNorms:
         beta = np.sqrt(max(1 - 1 / float(np.linalg.norm(root, 2)) ** 2, 0.0))
         reach = np.linalg.norm(np.linalg.solve(root.T, C.T), axis=0) / (1 - beta)
         rows = [C]
-        for _ in range(BLOCK - 1):
+        for _ in range(BLOCK_SAMPLES - 1):
             rows.append(rows[-1] @ M)
-        block, jump = np.stack(rows), np.linalg.matrix_power(M, BLOCK)
+        block, jump = np.stack(rows), np.linalg.matrix_power(M, BLOCK_SAMPLES)
         found = np.zeros((len(C), *s.shape[1:]))
-        for _ in range(MOST_SAMPLES // BLOCK):
+        for _ in range(MOST_SAMPLES // BLOCK_SAMPLES):
             seen = np.abs(block @ s)
             found = found + seen.sum(axis=0) if summed else np.maximum(found, seen.max(axis=0))
             s = jump @ s
             tail = np.multiply.outer(reach, np.linalg.norm(root @ s, axis=0))
             if (tail <= TAIL_SHARE * found.max(initial=0.0)).all():
-                return np.asarray((found + tail) * OUTWARD)
+                return np.asarray((found + tail) * OUTWARD_FACTOR)
         raise InputError("the loop forgets too slowly for a bound")

@@ -83,7 +83,7 @@ def argument_numbers(members: Columns, *, opened: bool) -> Array:
     return differing | open_numbers(members.first) if opened else differing
 
 
-COMPUTER = ("model", "equations", "discrete_model")
+COMPUTED_PARTS = ("model", "equations", "discrete_model")
 """Parts of a loop that a sampled controller's computer has: its list is exported, with their numbers in it."""
 
 
@@ -95,7 +95,7 @@ def open_numbers(member: Member) -> Array:
     """
     loop, found = member.loop, [np.zeros(0, dtype=bool)]
     for name, part in (parts_of(loop) or {}).items():
-        closed = (loop.sampled and name in COMPUTER) or comes_from_outside(part)
+        closed = (loop.sampled and name in COMPUTED_PARTS) or comes_from_outside(part)
         for leaf in Columns(part, depth=2).leaves:
             open_here = leaf != 0 if leaf.ndim == 2 else np.ones(leaf.shape, dtype=bool)
             found.append(open_here.reshape(-1) & (not closed))

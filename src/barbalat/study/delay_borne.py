@@ -11,7 +11,7 @@ from barbalat.run.ensemble import simulate_ensemble
 from barbalat.run.metrics import Metrics
 from barbalat.solvers.simulation import Simulation
 from barbalat.study.criteria import Lost, Onset, tracks
-from barbalat.study.delay_search import LONGEST, SCANNED, Criterion, scanned
+from barbalat.study.delay_search import LONGEST_DELAY, SCANNED_DELAYS, Criterion, scanned
 from barbalat.study.ideal_benchmark import Benchmark, Ideals, Member, with_delay
 from barbalat.validate import Array
 
@@ -32,13 +32,13 @@ class Question:
     criterion: Criterion
     numbers: Array
     ideals: Ideals
-    longest: float = LONGEST
+    longest: float = LONGEST_DELAY
     threads: int | None = None
     runs: int = 0
 
     def __post_init__(self) -> None:
         self.benchmark = Benchmark.of(self.members, self.undelayed, self.numbers, self.ideals)
-        self.shorter = [d for d in map(float, scanned(self.simulation, self.longest, SCANNED)) if d < self.limit]
+        self.shorter = [d for d in map(float, scanned(self.simulation, self.longest, SCANNED_DELAYS)) if d < self.limit]
 
     def bears(self, group: Array, *, graded: bool) -> Array:
         """(M,) the largest delay that is borne, up to ``limit``; 0 where none is, or where that is not looked for.

@@ -24,7 +24,7 @@ from barbalat.run.metrics import Metrics
 from barbalat.run.progress import Progress, part_of
 from barbalat.solvers.simulation import Simulation
 from barbalat.study.criteria import Lost, Onset
-from barbalat.study.delay_search import LONGEST, SCANNED, DelaySearch, scanned
+from barbalat.study.delay_search import LONGEST_DELAY, SCANNED_DELAYS, DelaySearch, scanned
 from barbalat.study.ideal_benchmark import SHORTEST_DELAY_STEPS, Benchmark, Ideals, Member, with_delay
 from barbalat.validate import Array, InputError
 
@@ -86,8 +86,8 @@ def delay_margins(
     controllers: Controller | Iterable[Controller],
     simulation: Simulation,
     *,
-    longest: float = LONGEST,
-    scan: int = SCANNED,
+    longest: float = LONGEST_DELAY,
+    scan: int = SCANNED_DELAYS,
     resolution: float = 0.02,
     onset: Onset | None = None,
     lost: Lost | None = None,
@@ -113,8 +113,8 @@ def delay_margins_ensemble(
     members: Sequence[Member],
     simulation: Simulation,
     *,
-    longest: float = LONGEST,
-    scan: int = SCANNED,
+    longest: float = LONGEST_DELAY,
+    scan: int = SCANNED_DELAYS,
     resolution: float = 0.02,
     onset: Onset | None = None,
     lost: Lost | None = None,

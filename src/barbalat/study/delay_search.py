@@ -12,9 +12,9 @@ from barbalat.study.criteria import Lost, Onset, tracks
 from barbalat.study.ideal_benchmark import SHORTEST_DELAY_STEPS, Benchmark
 from barbalat.validate import Array
 
-LONGEST = 2.0
+LONGEST_DELAY = 2.0
 """The largest delay that is tried unless another is asked for [s]."""
-SCANNED = 12
+SCANNED_DELAYS = 12
 """Delays up to that one, from the shortest on: a factor of 2 to 3 from one to the next."""
 
 

@@ -142,18 +142,17 @@ def trade_off(
     if estimate is not None:
         estimate(time.perf_counter() - started + sum(forecast.expected.values()))
     motion, criteria = Motion.of(problem, simulation), (onset or Onset(), lost or Lost())
-
-    def margins(scheme: str) -> DelayMargins:
-        begun, group = time.perf_counter(), members[scheme]
+    found = []
+    for k in chosen:
+        begun, group = time.perf_counter(), members[k.scheme]
         numbers = np.tile(np.arange(plants), len(group) // plants)  # every tuning has the same noise on a plant
-        found = delay_margins_ensemble(
-            group, simulation, longest=longest, onset=criteria[0], lost=criteria[1], numbers=numbers,
-            progress=_in_time(progress, forecast, scheme),
+        found.append(
+            delay_margins_ensemble(
+                group, simulation, longest=longest, onset=criteria[0], lost=criteria[1], numbers=numbers,
+                progress=_in_time(progress, forecast, k.scheme),
+            )
         )  # fmt: skip
-        forecast.finished[scheme] = time.perf_counter() - begun
-        return found
-
-    found = [margins(k.scheme) for k in chosen]
+        forecast.finished[k.scheme] = time.perf_counter() - begun
     return TradeOff(
         problem=problem,
         simulation=simulation,

@@ -9,7 +9,7 @@ from barbalat import validate
 from barbalat.cases.build import Case
 from barbalat.problem.state_feedback import Problem
 from barbalat.problem.tracking import TrackingProblem
-from barbalat.study.delay_search import LONGEST
+from barbalat.study.delay_search import LONGEST_DELAY
 from barbalat.study.tradeoff import plants_of
 from barbalat.tuning.quantity import Constraint, Origin, Quantity
 from barbalat.validate import InputError
@@ -62,7 +62,7 @@ class Aim:
     def longest(self) -> float:
         """Delay that is tried [s]."""
         asked = [one.requirement.limit for one in self.constraints if one.quantity.origin is Origin.DELAY]
-        return max([LONGEST, *asked])
+        return max([LONGEST_DELAY, *asked])
 
     def signed(self, value: float) -> float:
         """The quantity as what is made small."""

@@ -20,7 +20,7 @@ import math
 import numpy as np
 
 from barbalat.certificates.bounds.theorem_1 import FilterCondition, filtered_model
-from barbalat.linear.enclosure import OUTWARD
+from barbalat.linear.enclosure import OUTWARD_FACTOR
 from barbalat.linear.l1_norms import l1_norm
 from barbalat.linear.systems import StateSpace
 from barbalat.problem.state_feedback import Known
@@ -39,7 +39,7 @@ def reference_error_bound(level: float, condition: FilterCondition, C: StateSpac
     """
     if not condition.holds:
         return math.inf
-    return filter_norm(C) * level / (1 - condition.value_upper) * OUTWARD**3
+    return filter_norm(C) * level / (1 - condition.value_upper) * OUTWARD_FACTOR**3
 
 
 def exact_gain(known: Known, C: StateSpace, theta: Array) -> float:

@@ -13,7 +13,7 @@ from barbalat.adaptation.lyapunov import ModifiedSettings
 from barbalat.certificates.bounds.theorem_1 import mrac_bound, nu_0
 from barbalat.certificates.entry import Assumption
 from barbalat.linear.definite import smallest_eigenvalue
-from barbalat.linear.enclosure import OUTWARD, float_above
+from barbalat.linear.enclosure import OUTWARD_FACTOR, float_above
 from barbalat.problem.known_set import EstimateSet, Gain
 from barbalat.problem.known_set.cone import EXACT_FACES
 from barbalat.problem.state_feedback import Known, Problem
@@ -54,7 +54,7 @@ def weighted_error(theta_tilde: Array, gamma: Array) -> float:
 
     column = arb_mat(theta_tilde[:, None].tolist())
     matrix = arb_mat(Gain(gamma).as_matrix(len(theta_tilde)).tolist())
-    return float_above((column.transpose() * matrix.inv() * column)[0, 0].sqrt()) * OUTWARD
+    return float_above((column.transpose() * matrix.inv() * column)[0, 0].sqrt()) * OUTWARD_FACTOR
 
 
 def error_level(problem: Problem, controller: LyapunovScheme, nu: float, closed: Known | None = None) -> float:
@@ -114,7 +114,7 @@ def bounds_the_parameters(found: Guarantee, parameters: Array | None) -> Assumpt
     """A switching leakage's M_0 bounds the true parameters, where there is one; None for parameters that don't exist."""
     if found.M_0 is None:
         return Assumption("no bound M_0 of the parameters is needed")
-    above = parameters is None or float(np.linalg.norm(parameters)) * OUTWARD > found.M_0
+    above = parameters is None or float(np.linalg.norm(parameters)) * OUTWARD_FACTOR > found.M_0
     return Assumption(f"|theta| <= M_0 = {found.M_0:g}", f"M_0 = {found.M_0:g} does not bound |theta|" if above else "")
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from barbalat.linear.definite import exact_matrix, lyapunov_holds
 from barbalat.linear.driven_response import driven_response
-from barbalat.linear.enclosure import OUTWARD, float_above
+from barbalat.linear.enclosure import OUTWARD_FACTOR, float_above
 from barbalat.linear.l1_norms import l1_norm
 from barbalat.problem.state_feedback import Known, Problem
 from barbalat.protocols import BoundedSignal
@@ -32,7 +32,7 @@ def model_bounds(problem: Problem) -> ModelBounds:
     if not isinstance(r, BoundedSignal):
         raise InputError(f"a certificate needs a reference with a bound, and {r!r} has none")
     each = state_bounds(problem)
-    return ModelBounds(r.bound, max(each), math.hypot(*each) * OUTWARD)
+    return ModelBounds(r.bound, max(each), math.hypot(*each) * OUTWARD_FACTOR)
 
 
 def motion_along_the_command(problem: Problem, simulation: Simulation) -> tuple[Array, Array]:
@@ -67,7 +67,7 @@ def state_bounds(problem: Problem) -> list[float]:
         norms = [l1_norm(known.A_m, b[:, None], np.eye(n)[i : i + 1], np.zeros((1, 1))).upper for b in columns]
         return float(np.dot(pushed, norms))
 
-    return [(forced(i) + free) * OUTWARD for i, free in enumerate(_free_response_bounds(known))]
+    return [(forced(i) + free) * OUTWARD_FACTOR for i, free in enumerate(_free_response_bounds(known))]
 
 
 def _free_response_bounds(known: Known) -> list[float]:

@@ -19,7 +19,7 @@ import numpy as np
 
 from barbalat.certificates.bounds.slopes import largest_at_zero, largest_slope
 from barbalat.certificates.entry import NotApplicable
-from barbalat.linear.enclosure import OUTWARD, Enclosure
+from barbalat.linear.enclosure import OUTWARD_FACTOR, Enclosure
 from barbalat.linear.l1_norms import l1_norm
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.loop.packing import column, symbols
@@ -64,15 +64,15 @@ def output_bounds(problem: OutputProblem, controller: Controller, t_end: float) 
     except ValueError:
         return NotApplicable(f"the linear loop is unstable: a pole has real part {np.linalg.eigvals(A).real.max():.6g}")
     (y_r, y_w, y_d), *_ = norms
-    gain, f = y_w.upper * OUTWARD, problem.plant.f
+    gain, f = y_w.upper * OUTWARD_FACTOR, problem.plant.f
     rest = 0.0 if f is None else largest_at_zero(f, t_end)
-    forced = (y_r.upper * r + y_d.upper * d_y + gain * (d + rest)) * OUTWARD
+    forced = (y_r.upper * r + y_d.upper * d_y + gain * (d + rest)) * OUTWARD_FACTOR
     found = (forced, 0.0) if f is None else _self_consistent(lambda Y: largest_slope(f, Y, t_end), gain, forced)
     if isinstance(found, NotApplicable):
         return found
     y, slope = found
-    w = (d + rest + slope * y) * OUTWARD
-    e, *sigma = ((of_r.upper * r + of_w.upper * w + of_d.upper * d_y) * OUTWARD for of_r, of_w, of_d in norms[1:])
+    w = (d + rest + slope * y) * OUTWARD_FACTOR
+    e, *sigma = ((of_r.upper * r + of_w.upper * w + of_d.upper * d_y) * OUTWARD_FACTOR for of_r, of_w, of_d in norms[1:])
     at_rest = D - C @ np.linalg.solve(A, B)
     return OutputBounds(y, e, sigma[0] if sigma else 0.0, slope, y_w, (float(at_rest[1, 0]), float(at_rest[1, 1])))
 
@@ -98,8 +98,8 @@ def _self_consistent(slope_within: Callable[[float], float], gain: float, forced
         if not gain * slope < 1:
             product = f"||w -> y||_1 = {gain:.6g} times the slope of f, up to {slope:.6g} for |y| <= {Y:.6g}"
             return NotApplicable(f"the small gain fails: {product}")
-        bound = forced / (1 - gain * slope) * OUTWARD
-        if bound * OUTWARD <= Y or Y == 0:
+        bound = forced / (1 - gain * slope) * OUTWARD_FACTOR
+        if bound * OUTWARD_FACTOR <= Y or Y == 0:
             return bound, slope
         Y = ENLARGEMENT_FACTOR * bound
     return NotApplicable(f"the small gain fails: the slope of f grows with |y|, and no bound is reached below |y| = {Y:.6g}")

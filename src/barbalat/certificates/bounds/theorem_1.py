@@ -13,7 +13,7 @@ import numpy as np
 
 from barbalat.certificates.bounds.model import ModelBounds, require_lyapunov
 from barbalat.linear.definite import smallest_eigenvalue
-from barbalat.linear.enclosure import OUTWARD, Enclosure
+from barbalat.linear.enclosure import OUTWARD_FACTOR, Enclosure
 from barbalat.linear.l1_norms import l1_norm
 from barbalat.linear.largest import largest_from
 from barbalat.linear.systems import StateSpace, TransferFunction, input_filter
@@ -46,7 +46,7 @@ def filter_condition(known: Known, C: StateSpace, theta_max: float) -> FilterCon
 
 def small_gain(norm: Enclosure, theta_max: float) -> FilterCondition:
     """norm theta_max < 1, with the product rounded up."""
-    value = norm.upper * theta_max * OUTWARD
+    value = norm.upper * theta_max * OUTWARD_FACTOR
     return FilterCondition(norm, value, value < 1)
 
 
@@ -57,7 +57,7 @@ def derivative_norm(known: Known) -> Enclosure:
 
 def kappa_max(norm: Enclosure, theta_max: float) -> float:
     """1/(theta_max ||s W_b||_1), rounded down."""
-    return math.inf if theta_max == 0 else 1 / (theta_max * norm.upper * OUTWARD)
+    return math.inf if theta_max == 0 else 1 / (theta_max * norm.upper * OUTWARD_FACTOR)
 
 
 def kappa_admissible(known: Known, theta_max: float, relative: float = 1e-6) -> float:
@@ -86,23 +86,23 @@ def ingredients(known: Known, known_set: KnownSet | None, model: ModelBounds) ->
 
 def initial_parameter_error(theta_hat0: Array, theta: Array) -> float:
     """||theta_hat(0) - theta||_2, rounded up."""
-    return float(np.linalg.norm(theta_hat0 - theta)) * OUTWARD
+    return float(np.linalg.norm(theta_hat0 - theta)) * OUTWARD_FACTOR
 
 
 def largest_parameter_error(theta_hat0: Array, known_set: KnownSet) -> float:
     """The same for the worst theta in the known set."""
-    return known_set.farthest(theta_hat0) * OUTWARD
+    return known_set.farthest(theta_hat0) * OUTWARD_FACTOR
 
 
 def nu_0(parameter_error: float, known: Known) -> float:
     """||theta_tilde(0)||_2 / sqrt(lambda_min(P)), rounded up; the P that the controller uses is verified first."""
     require_lyapunov(known)
-    return parameter_error / math.sqrt(smallest_eigenvalue(known.P)) * OUTWARD
+    return parameter_error / math.sqrt(smallest_eigenvalue(known.P)) * OUTWARD_FACTOR
 
 
 def mrac_bound(nu: float, gamma: float) -> float:
     """(9)."""
-    return nu / math.sqrt(gamma) * OUTWARD
+    return nu / math.sqrt(gamma) * OUTWARD_FACTOR
 
 
 def l1_bound(nu: float, gamma: float, condition: FilterCondition, theta_max: float, k_0: float, model: ModelBounds) -> float:
@@ -113,7 +113,7 @@ def l1_bound(nu: float, gamma: float, condition: FilterCondition, theta_max: flo
     if not condition.holds:
         return math.inf
     bias = condition.norm.upper * (theta_max * model.x_m + abs(k_0) * model.r)
-    return (nu / math.sqrt(gamma) + bias) / (1 - condition.value_upper) * OUTWARD**3
+    return (nu / math.sqrt(gamma) + bias) / (1 - condition.value_upper) * OUTWARD_FACTOR**3
 
 
 def first_order_constants(
@@ -123,8 +123,8 @@ def first_order_constants(
     remaining = 1 - kappa / kappa_max(norm, theta_max)
     if remaining <= 0:
         return None
-    nu_1 = norm.upper * (theta_max * model.x_m + abs(k_0) * model.r) / remaining * OUTWARD**2
-    return nu_1, nu / remaining * OUTWARD
+    nu_1 = norm.upper * (theta_max * model.x_m + abs(k_0) * model.r) / remaining * OUTWARD_FACTOR**2
+    return nu_1, nu / remaining * OUTWARD_FACTOR
 
 
 def time_constant(C: TransferFunction | None) -> float | None:

@@ -17,7 +17,7 @@ from barbalat.problem.known_set import KnownSet
 from barbalat.problem.plant import Plant
 from barbalat.problem.state_feedback import Problem
 
-KEY = "margins_over_known_set"
+MARGINS_KEY = "margins_over_known_set"
 LOOP_AT_REST = "with the estimates at rest on theta"
 LOOP_OF_FAST_ADAPTATION = "in the limit of fast adaptation"
 
@@ -26,7 +26,7 @@ def add_at_rest(draft: Draft, problem: Problem) -> None:
     """Of the loop that every scheme with C = 1 becomes; nothing without a known set."""
     known_set = problem.uncertainty
     if known_set is not None:
-        with draft.part(KEY):
+        with draft.part(MARGINS_KEY):
             _add(draft, [(LOOP_AT_REST, _worst_at_rest(problem.plant, known_set, problem.sensor_lag))])
 
 
@@ -34,7 +34,7 @@ def add_filtered(draft: Draft, problem: Problem, C: StateSpace) -> None:
     """Of L1-AC's two readings: in the limit of fast adaptation, and with the estimates at rest."""
     known_set = problem.uncertainty
     if known_set is not None:
-        with draft.part(KEY):
+        with draft.part(MARGINS_KEY):
             _add(draft, _worst_filtered(problem.plant, known_set, C, problem.sensor_lag))
 
 
@@ -42,7 +42,7 @@ def add_fixed(draft: Draft, problem: Problem, family: Family) -> None:
     """Of a linear controller's loop."""
     known_set = problem.uncertainty
     if known_set is not None:
-        with draft.part(KEY):
+        with draft.part(MARGINS_KEY):
             _add(draft, [("with a fixed controller", worst_case(family, known_set))])
 
 
@@ -63,7 +63,7 @@ def _worst_filtered(plant: Plant, known_set: KnownSet, C: StateSpace, lag: State
 
 
 def _add(draft: Draft, found: list[tuple[str, WorstCase]]) -> None:
-    draft.estimate({KEY: [_of_one_loop(draft, which, worst) for which, worst in found]}, LINEAR_LOOP_ONLY)
+    draft.estimate({MARGINS_KEY: [_of_one_loop(draft, which, worst) for which, worst in found]}, LINEAR_LOOP_ONLY)
 
 
 def _of_one_loop(draft: Draft, which: str, worst: WorstCase) -> dict[str, Any]:

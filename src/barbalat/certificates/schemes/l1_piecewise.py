@@ -35,7 +35,7 @@ from barbalat.protocols import BoundedSignal
 from barbalat.solvers.simulation import Simulation
 from barbalat.validate import InputError
 
-OWN = {
+OWN_QUANTITIES = {
     "spectral_radius": Quantity("of the closed loop from sample to sample: stable below 1"),
     "controller_z": Quantity(
         "the controller's transfer functions to u in z, from each state and from r", form=Form.TRANSFER_FUNCTIONS
@@ -51,15 +51,15 @@ OWN = {
     ),
     "reference_distance": Quantity("of every component of x - x_ref at the samples, x_ref of the theory's reference system"),
 }
-LTI = "the controller is linear and time-invariant from sample to sample, phi(x) = x, and no limit acts"
+LINEAR_CONTROLLER = "the controller is linear and time-invariant from sample to sample, phi(x) = x, and no limit acts"
 OF_THE_LOOP = "from sample to sample with the true parameters, broken at the plant input"
-WHITE = "noise of one sample is independent of that of all others"
+WHITE_NOISE = "noise of one sample is independent of that of all others"
 NO_LOOP = "margins and noise are known for phi(x) = x: not for this plant"
 
 
 def certificate(problem: Problem, controller: L1PiecewiseConstant, _: Simulation) -> Certificate:
     """Loop, margins, noise, what is left of a constant disturbance, the distance to the reference system."""
-    draft, equations = Draft(own=OWN), controller.bind(problem.known)
+    draft, equations = Draft(own=OWN_QUANTITIES), controller.bind(problem.known)
     _add_of_the_controller(draft, problem, controller, equations)
     if not problem.plant.is_linear:
         for key in ("delay_margin", "reference_distance"):
@@ -67,7 +67,7 @@ def certificate(problem: Problem, controller: L1PiecewiseConstant, _: Simulation
         return draft.finish()
     found = linearised(problem, controller)
     radius = found.loop.radius(problem.delay)
-    draft.exact({"spectral_radius": radius}, _named(problem), LTI)
+    draft.exact({"spectral_radius": radius}, _named(problem), LINEAR_CONTROLLER)
     if radius < 1:
         _add_margins(draft, problem, found)
         _add_noise(draft, problem, found)
@@ -90,9 +90,9 @@ def _add_of_the_controller(draft: Draft, problem: Problem, controller: L1Piecewi
     p, n = equations.predictor, problem.plant.n
     at_dc = p.G @ np.linalg.solve(np.eye(n) - p.of_x_hat + p.of_acting @ p.G, p.of_acting)
     of = "the controller alone"
-    draft.exact({"sigma_hat_at_dc": at_dc.tolist(), "disturbance_left": (1 - np.diag(at_dc)).tolist()}, of, LTI)
+    draft.exact({"sigma_hat_at_dc": at_dc.tolist(), "disturbance_left": (1 - np.diag(at_dc)).tolist()}, of, LINEAR_CONTROLLER)
     if problem.plant.is_linear and problem.plant.inputs == 1:
-        draft.exact({"controller_z": _transfer_functions(equations)}, of, LTI)
+        draft.exact({"controller_z": _transfer_functions(equations)}, of, LINEAR_CONTROLLER)
     if controller.as_flown is None:
         return
     ratio = controller.sample_time / controller.assumed_sample_time
@@ -127,7 +127,7 @@ def _add_margins(draft: Draft, problem: Problem, found: Linearised) -> None:
     except InputError as error:
         draft.missing("delay_margin", str(error))
     else:
-        draft.exact({"delay_margin": finite(delay)}, name, LTI)
+        draft.exact({"delay_margin": finite(delay)}, name, LINEAR_CONTROLLER)
     draft.advise({"margins_of": f"the linear loop {name}"})
     if problem.plant.inputs > 1:
         draft.note("gain and phase margins are those of one input; the delay margin is of one delay in all inputs")
@@ -140,7 +140,7 @@ def _add_margins(draft: Draft, problem: Problem, found: Linearised) -> None:
         return
     values = {key: finite(getattr(of_L, one)) for one, key in KEYS_OF_MARGINS.items() if one != "delay"}
     peaks = {"sensitivity_peak": sensitivity, "complementary_sensitivity_peak": complementary_sensitivity}
-    draft.exact(values | {key: peak_gain(of(L)).gain for key, of in peaks.items()}, name, LTI)
+    draft.exact(values | {key: peak_gain(of(L)).gain for key, of in peaks.items()}, name, LINEAR_CONTROLLER)
 
 
 def _add_noise(draft: Draft, problem: Problem, found: Linearised) -> None:
@@ -156,7 +156,7 @@ def _add_noise(draft: Draft, problem: Problem, found: Linearised) -> None:
     covariance = solve_discrete_lyapunov(closed, N @ N.T)
     deviation = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     values = {"noise_in_sigma_hat": deviation[rows["sigma_hat"]].tolist(), "noise_in_u": deviation[rows["u"]].tolist()}
-    draft.exact(values, _named(problem), LTI, WHITE)
+    draft.exact(values, _named(problem), LINEAR_CONTROLLER, WHITE_NOISE)
 
 
 def _add_reference(draft: Draft, problem: Problem, controller: L1PiecewiseConstant) -> None:
@@ -173,7 +173,7 @@ def _add_reference(draft: Draft, problem: Problem, controller: L1PiecewiseConsta
             draft.missing("delay_margin_reference", str(error))
         else:
             of = "the reference system, broken at the plant input, without what lies before the plant"
-            draft.exact({"delay_margin_reference": finite(margin)}, of, LTI)
+            draft.exact({"delay_margin_reference": finite(margin)}, of, LINEAR_CONTROLLER)
 
 
 def rests_on(problem: Problem) -> tuple[Assumption, ...]:

@@ -29,14 +29,16 @@ from barbalat.validate import InputError
 
 NONE_KNOWN = "none known: the rule follows a gradient that is right only while the gains stand still"
 MARGIN = "adaptation_gain_margin"
-OWN = {MARGIN: Quantity("factor on Gamma and gamma_r, or on the squared command, at which the ideal gains become unstable")}
-SLOW = 1e-4
+OWN_QUANTITIES = {
+    MARGIN: Quantity("factor on Gamma and gamma_r, or on the squared command, at which the ideal gains become unstable")
+}
+SLOW_ADAPTATION_RATIO = 1e-4
 """Of the model's slowest mode: an integrator's loop as slow as this is stable whatever follows."""
 
 
 def certificate(problem: Problem, controller: MitRule, simulation: Simulation) -> Certificate:
     """What its linearisations say: nothing is guaranteed."""
-    draft = Draft(own=OWN)
+    draft = Draft(own=OWN_QUANTITIES)
     draft.note(f"of the MIT rule no bound is known, {NONE_KNOWN.removeprefix('none known: ')}")
     draft.missing("error_bound", NONE_KNOWN)
     _add_gain_margin(draft, problem, controller)
@@ -56,7 +58,7 @@ def _add_gain_margin(draft: Draft, problem: Problem, controller: MitRule) -> Non
     if kappa == 0:
         draft.missing(MARGIN, "G(0) = 0: at a constant command the rule stands still")
         return
-    slow = SLOW * float(np.abs(np.linalg.eigvals(known.A_m).real).min()) / steady
+    slow = SLOW_ADAPTATION_RATIO * float(np.abs(np.linalg.eigvals(known.A_m).real).min()) / steady
     try:
         largest = margins(_loop(known, equations, slow)).gain_up * slow / kappa
     except InputError as error:

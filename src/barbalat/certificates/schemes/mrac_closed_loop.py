@@ -25,7 +25,7 @@ from barbalat.certificates.schemes.state_feedback import (
 from barbalat.certificates.step_limits import frozen_laws
 from barbalat.certificates.step_limits.oscillator import Oscillator
 from barbalat.controllers import MracClosedLoop
-from barbalat.linear.enclosure import OUTWARD
+from barbalat.linear.enclosure import OUTWARD_FACTOR
 from barbalat.linear.l1_norms import l1_norm
 from barbalat.problem.state_feedback import Problem
 from barbalat.solvers.simulation import Simulation
@@ -40,12 +40,12 @@ def certificate(problem: Problem, controller: MracClosedLoop, simulation: Simula
     add_parameter_errors(draft, problem, equations, closed)
     draft.note("P of nu_0 is that of A_m + L, the controller's")
     nu_0, nu_0_worst = draft["nu_0"], draft.get("nu_0_worst")
-    bound = carried.upper * laws.error_level(problem, controller, nu_0, closed) * OUTWARD
+    bound = carried.upper * laws.error_level(problem, controller, nu_0, closed) * OUTWARD_FACTOR
     corners = laws.keeps_V_in_corners(controller.gamma, equations.box)
     rests_on = (*of_the_case(problem, equations.box, bound), corners)
     draft.guarantee("error_bound", bound, *rests_on)
     if nu_0_worst is not None:
-        worst = carried.upper * theorem_1.mrac_bound(nu_0_worst, laws.least_gain(controller.gamma)) * OUTWARD
+        worst = carried.upper * theorem_1.mrac_bound(nu_0_worst, laws.least_gain(controller.gamma)) * OUTWARD_FACTOR
         draft.guarantee("error_bound_worst", worst, *rests_on, theta_in_the_set(problem))
     if beyond_the_paper(problem):
         draft.note(BEYOND_ONE_LINEAR_INPUT)

@@ -31,13 +31,13 @@ from barbalat.certificates.step_limits.oscillator import Oscillator
 from barbalat.controllers.control_gains import ControlGains, feedforward_gain
 from barbalat.controllers.mrac_direct import DirectMrac
 from barbalat.linear.definite import smallest_eigenvalue
-from barbalat.linear.enclosure import OUTWARD
+from barbalat.linear.enclosure import OUTWARD_FACTOR
 from barbalat.problem.known_set import Gain
 from barbalat.problem.state_feedback import Problem
 from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array
 
-OWN = {
+OWN_QUANTITIES = {
     "k_x": Quantity("the feedback's ideal gains theta/omega", timeless=True),
     "k_r": Quantity("the feedforward's ideal gain k_0/omega", timeless=True),
 }
@@ -51,7 +51,7 @@ ESTIMATES = (
 
 def certificate(problem: Problem, controller: DirectMrac, simulation: Simulation) -> Certificate:
     """The bound of e, the limits of gain and step, the margins with the gains at rest on the ideal ones."""
-    draft, gains = Draft(own=OWN), controller.bind(problem.known).gains
+    draft, gains = Draft(own=OWN_QUANTITIES), controller.bind(problem.known).gains
     require_lyapunov(problem.known)
     theta, omega, k_0 = problem.plant.theta, _omega(problem), float(problem.model.k_0)
     draft.advise({"k_x": (theta / omega).tolist(), "k_r": k_0 / omega})
@@ -78,13 +78,13 @@ def _off(gains: ControlGains, theta: Array, omega: float) -> float:
     off, gamma = gains.theta_hat0 - theta / omega, gains.gamma
     if gamma.dimensions:
         return laws.weighted_error(off, np.asarray(gamma.value))
-    return float(np.linalg.norm(off)) / math.sqrt(gamma.value) * OUTWARD
+    return float(np.linalg.norm(off)) / math.sqrt(gamma.value) * OUTWARD_FACTOR
 
 
 def _error_level(problem: Problem, gains: ControlGains, off: float, omega: float) -> float:
     """sqrt(V(0)/lambda_min(P)), rounded up, from the feedback's part ``off`` of V(0)."""
-    k_r_off = abs(gains.k_r0 - float(problem.model.k_0) / omega) / math.sqrt(gains.gamma_r) * OUTWARD
-    return math.sqrt(omega / smallest_eigenvalue(problem.known.P)) * math.hypot(off, k_r_off) * OUTWARD**2
+    k_r_off = abs(gains.k_r0 - float(problem.model.k_0) / omega) / math.sqrt(gains.gamma_r) * OUTWARD_FACTOR
+    return math.sqrt(omega / smallest_eigenvalue(problem.known.P)) * math.hypot(off, k_r_off) * OUTWARD_FACTOR**2
 
 
 def _worst(problem: Problem, gains: ControlGains) -> float | None:
@@ -94,7 +94,7 @@ def _worst(problem: Problem, gains: ControlGains) -> float | None:
         return None
     interval = problem.known.gains
     ends = [_omega(problem)] if interval is None else [*interval.lower.tolist(), *interval.upper.tolist()]
-    farthest = [known_set.farthest(omega * gains.theta_hat0) / omega / math.sqrt(least) * OUTWARD for omega in ends]
+    farthest = [known_set.farthest(omega * gains.theta_hat0) / omega / math.sqrt(least) * OUTWARD_FACTOR for omega in ends]
     return max(_error_level(problem, gains, *each) for each in zip(farthest, ends, strict=True))
 
 

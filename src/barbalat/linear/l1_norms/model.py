@@ -18,7 +18,7 @@ _GUARD_BITS = 40
 LONGEST_STEP = 4.0
 # Shares of the width given to Taylor remainders, the tail, and unresolved signs: 1/8 each, so that the sum
 # and the final rounding to floats stay below one half even though the scale is only known from below.
-_SHARE = 0.125
+_TRUNCATION_SHARE = 0.125
 
 
 @dataclass(frozen=True)
@@ -156,7 +156,7 @@ class Tolerances:
 
 def tolerances(model: Model, start: arb_mat, budget: arb) -> Tolerances:
     """Return the tolerances of one of the inputs, whose state starts at the column `start` (n, 1)."""
-    share = budget * _SHARE / model.B.ncols()
+    share = budget * _TRUNCATION_SHARE / model.B.ncols()
     rate = 0.5 * model.decay
     initial = log2_above(model.certificate.tail(model.certificate.norm(start)))
     horizon = max(1.0, (initial - log2_above(share)) * math.log(2.0)) / rate

@@ -17,14 +17,14 @@ AT_LOW = tuple(
     map(float.fromhex, ("0x1.a2b7f222f65e2p-56", "0x1.1a62633145c07p-55", "0x1.007887af0cbbdp-56", "0x1.1a62633145c07p-54"))
 )
 """atan of 1/2, 1, 3/2 and infinity, in two doubles."""
-BEYOND = 2.0**66
+ASYMPTOTE_FROM = 2.0**66
 """From here on atan x is pi/2 to the last bit."""
 
 
 def atan(x: Number) -> tuple[Number]:
     """atan a = atan c + atan((a - c)/(1 + c a)), with c = 0, 1/2, 1, 3/2 or infinity by the interval of a = |x|."""
     a = abs(x)
-    a = (a > BEYOND).then(BEYOND, a)
+    a = (a > ASYMPTOTE_FROM).then(ASYMPTOTE_FROM, a)
     upper, lower = a.constant(-1.0), a
     constant, constant_low = a.constant(AT[3]), a.constant(AT_LOW[3])
     steps = (

@@ -20,8 +20,8 @@ PI_2_REST = float.fromhex("0x1.b839a252049c1p-104")
 PI_2_HIGH, PI_2_LOW = float.fromhex("0x1.921fb54442d18p+0"), float.fromhex("0x1.1a62633145c07p-54")
 
 DIGIT_BITS = 24
-_ZEROS = 3
-TWO_OVER_PI_DIGITS = tuple([0.0] * _ZEROS) + tuple(float(digit) for digit in (
+_LEADING_ZEROS = 3
+TWO_OVER_PI_DIGITS = tuple([0.0] * _LEADING_ZEROS) + tuple(float(digit) for digit in (
     0xA2F983, 0x6E4E44, 0x1529FC, 0x2757D1, 0xF534DD, 0xC0DB62, 0x95993C, 0x439041, 0xFE5163,
     0xABDEBB, 0xC561B7, 0x246E3A, 0x424DD2, 0xE00649, 0x2EEA09, 0xD1921C, 0xFE1DEB, 0x1CB129,
     0xA73EE8, 0x8235F5, 0x2EBB44, 0x84E99C, 0x7026B4, 0x5F7E41, 0x3991D6, 0x398353, 0x39F49C,
@@ -70,7 +70,7 @@ def large(x: Number) -> Reduced:
         rest = (rest - digits[-1]) * 2.0**DIGIT_BITS
     skipped = rounded((e - 3.0 - (DIGIT_BITS - 1) / 2) * (1 / DIGIT_BITS))  # digits of 2/pi whose products are multiples of 8
     weight = (e - DIGIT_BITS * (skipped + 1.0)).two_to_this()
-    entries = [(skipped + float(_ZEROS + i)).entry_of(TWO_OVER_PI_DIGITS) for i in range(-2, PRODUCTS)]
+    entries = [(skipped + float(_LEADING_ZEROS + i)).entry_of(TWO_OVER_PI_DIGITS) for i in range(-2, PRODUCTS)]
     terms = []
     for m in range(PRODUCTS):
         total = digits[0] * entries[m + 2] + digits[1] * entries[m + 1] + digits[2] * entries[m]  # exact: below 2^50

@@ -27,7 +27,7 @@ T = (
 )  # fmt: skip
 TAN_TURNS = 0.67434
 """Above it tan y comes from tan(pi/4 - y), as in fdlibm."""
-NEGLIGIBLE = 2.0**-28
+LINEAR_RANGE = 2.0**-28
 """x^3/3 is less than 2^-57 x."""
 PI_4, PI_4_LOW = float.fromhex("0x1.921fb54442d18p-1"), float.fromhex("0x1.1a62633145c07p-55")
 
@@ -87,7 +87,7 @@ def tan(x: Number, at: Reduced) -> Number:
 
 def _or_itself(x: Number, value: Number) -> Number:
     """x is its own sine and tangent to the last bit where it is so small, and keeps the sign of zero."""
-    return (abs(x) < NEGLIGIBLE).then(x, value)
+    return (abs(x) < LINEAR_RANGE).then(x, value)
 
 
 def usual_of(value: Callable[[Number, Reduced], Number]) -> Callable[[Number], tuple[Number, Number]]:

@@ -54,14 +54,7 @@ def loop(
     largest value in every window of steps is kept with the state there; it takes one member. ``outside`` has a hand in the
     sampled part, of one member as well.
     """
-    if (sample is None) != (shape.sample_every == 0):
-        raise ValueError("a loop has a sampled part exactly where its shape says how often it acts")
-    if shape.in_pieces and shape.delayed:
-        raise ValueError("a step that remembers its past is not made in pieces")
-    if watch is not None and lanes > 1:
-        raise ValueError(f"a loop that watches runs one member, got {lanes} lanes")
-    if outside is not None and (sample is None or lanes > 1):
-        raise ValueError(f"a function from outside takes a sampled part and one member, got {sample} and {lanes} lanes")
+    _require_fitting(shape, lanes, sample, watch, outside)
     inputs = _inputs(shape)
     printer = Printer(step, lanes, inputs)
     new = printer.run()
@@ -88,6 +81,19 @@ def loop(
         *sorted(declared | printer.intrinsics | sampling.intrinsics | watching.intrinsics),
     ]
     return "\n".join(lines)
+
+
+def _require_fitting(
+    shape: LoopShape, lanes: int, sample: Program | None, watch: Program | None, outside: Outside | None
+) -> None:
+    if (sample is None) != (shape.sample_every == 0):
+        raise ValueError("a loop has a sampled part exactly where its shape says how often it acts")
+    if shape.in_pieces and shape.delayed:
+        raise ValueError("a step that remembers its past is not made in pieces")
+    if watch is not None and lanes > 1:
+        raise ValueError(f"a loop that watches runs one member, got {lanes} lanes")
+    if outside is not None and (sample is None or lanes > 1):
+        raise ValueError(f"a function from outside takes a sampled part and one member, got {sample} and {lanes} lanes")
 
 
 def _inputs(shape: LoopShape) -> dict[tuple[int, int], str]:

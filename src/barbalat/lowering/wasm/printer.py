@@ -14,7 +14,7 @@ _PLAIN = {
     "fabs": Do.F64_ABS, "floor": Do.F64_FLOOR, "ceil": Do.F64_CEIL, "copysign": Do.F64_COPYSIGN, "lt": Do.F64_LT,
     "le": Do.F64_LE, "eq": Do.F64_EQ, "ne": Do.F64_NE,
 }  # fmt: skip
-DEEPEST = 100
+DEEPEST_NESTING = 100
 """Operations within operations that stand in one expression: Python calls itself for each of them."""
 
 
@@ -42,7 +42,7 @@ class Printer:
         depth, waiting = [0] * len(self.operations), set()
         for i, op in enumerate(self.operations):
             depth[i] = 1 + max((depth[j] for j in op.operands if j in waiting), default=0)
-            if op.name != "input" and uses[i] == 1 and depth[i] < DEEPEST:
+            if op.name != "input" and uses[i] == 1 and depth[i] < DEEPEST_NESTING:
                 waiting.add(i)
         return waiting
 

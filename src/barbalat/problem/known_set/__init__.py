@@ -15,7 +15,7 @@ from typing import Protocol, TypeAlias, runtime_checkable
 
 from barbalat.problem.known_set.ball import ParameterBall
 from barbalat.problem.known_set.box import UNREACHED_BOUND, ParameterBox
-from barbalat.problem.known_set.gain import ONE, Gain
+from barbalat.problem.known_set.gain import UNIT_GAIN, Gain
 from barbalat.problem.known_set.product import ParameterProduct
 from barbalat.protocols import Value
 
@@ -46,7 +46,7 @@ class Projecting(Protocol):
     def box(self) -> EstimateSet | None: ...
 
 
-def project(rate: Value, theta_hat: Value, known_set: EstimateSet | None, gain: Gain = ONE) -> Value:
+def project(rate: Value, theta_hat: Value, known_set: EstimateSet | None, gain: Gain = UNIT_GAIN) -> Value:
     """proj(.) of (4), (7) and (15); ``None`` for the set means no projection."""
     return rate if known_set is None else known_set.project(rate, theta_hat, gain)
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 
 from barbalat import validate
-from barbalat.problem.known_set.gain import ONE, Gain
+from barbalat.problem.known_set.gain import UNIT_GAIN, Gain
 from barbalat.protocols import Value
 from barbalat.settings import Settings
 from barbalat.validate import Array
@@ -142,7 +142,7 @@ class ParameterBall(Settings):
         """The ball that the first of the estimates are in: here all of them."""
         return self
 
-    def project(self, rate: Value, theta_hat: Value, gain: Gain = ONE) -> Value:
+    def project(self, rate: Value, theta_hat: Value, gain: Gain = UNIT_GAIN) -> Value:
         """rate - Gamma g g'rate/(g'Gamma g), g = theta_hat - center, on the sphere where g'rate > 0.
 
         The ball may be of the first components only; g is then zero in the others.

@@ -12,7 +12,7 @@ import numpy as np
 
 from barbalat import validate
 from barbalat.problem.known_set import cone
-from barbalat.problem.known_set.gain import ONE, Gain, quadratic
+from barbalat.problem.known_set.gain import UNIT_GAIN, Gain, quadratic
 from barbalat.protocols import Value
 from barbalat.settings import Settings
 from barbalat.validate import Array, InputError
@@ -157,7 +157,7 @@ class ParameterBox(Settings):
         """The same of a step over a sample, which ``nearest`` ends: the projections on two faces in turn are exact."""
         return len(self.faces) > cone.EXACT_FACES_OF_STEPS
 
-    def project(self, rate: Value, theta_hat: Value, gain: Gain = ONE) -> Value:
+    def project(self, rate: Value, theta_hat: Value, gain: Gain = UNIT_GAIN) -> Value:
         """A component on a face does not move outward; a gain matrix moves the others with it."""
         if gain.is_matrix:
             return cone.onto_the_cone(rate, theta_hat, self, gain.value)

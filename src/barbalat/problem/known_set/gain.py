@@ -78,7 +78,7 @@ def quadratic(phi: Value, gain_phi: Value) -> Value:
     return np.maximum(phi @ gain_phi, 0)
 
 
-ONE = Gain(1.0)
+UNIT_GAIN = Gain(1.0)
 
 
 def accept(field: str, value: float | Array) -> float | Array:

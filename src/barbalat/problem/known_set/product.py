@@ -10,7 +10,7 @@ import numpy as np
 from barbalat.problem.known_set import cone
 from barbalat.problem.known_set.ball import ParameterBall
 from barbalat.problem.known_set.box import UNREACHED_BOUND, ParameterBox
-from barbalat.problem.known_set.gain import ONE, Gain
+from barbalat.problem.known_set.gain import UNIT_GAIN, Gain
 from barbalat.protocols import Value
 from barbalat.validate import Array
 
@@ -82,7 +82,7 @@ class ParameterProduct:
         """The same: a gain matrix has no implicit step here."""
         return self.cuts_corners
 
-    def project(self, rate: Value, theta_hat: Value, gain: Gain = ONE) -> Value:
+    def project(self, rate: Value, theta_hat: Value, gain: Gain = UNIT_GAIN) -> Value:
         """A scalar or diagonal gain does not couple sphere and intervals; with a matrix the intervals follow the sphere."""
         first = rate.shape[0] - self.gains.size
         if gain.is_matrix:

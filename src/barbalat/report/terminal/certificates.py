@@ -11,7 +11,7 @@ from barbalat.certificates.entry import Entry
 from barbalat.certificates.rounding import up
 from barbalat.certificates.table_1 import Table
 from barbalat.report.certificates import rows_of
-from barbalat.report.terminal.layout import FALLBACK, HANGING, Screen, held, shortened
+from barbalat.report.terminal.layout import FALLBACK, HANGING_COLUMNS, Screen, held, shortened
 
 GROUPS = {
     "guaranteed": ("Guaranteed on this case", "green"),
@@ -85,7 +85,7 @@ def _controller(screen: Screen, column: Column, certificate: Certificate, dt: fl
     title = f"{held(column.name)}: {column.scheme}"
     screen.title(title if whole else shortened(title, room))
     for line in five(column, certificate, dt):
-        text = line.text if whole else shortened(line.text, room - LABEL_COLUMNS - HANGING)
+        text = line.text if whole else shortened(line.text, room - LABEL_COLUMNS - HANGING_COLUMNS)
         screen.fact(line.label, text, LABEL_COLUMNS, STYLES.get(line.kind, ""))
 
 

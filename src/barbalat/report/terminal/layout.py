@@ -30,9 +30,9 @@ ENCLOSED = re.compile(r"(?<=\d) \.\.\. (?=[-+\d])")
 """The blanks between the two ends of an enclosure."""
 CLAUSE = re.compile(r"[;:,] ")
 """Where a sentence may end before its end."""
-CUT = f"{HELD_BLANK}..."
+CUT_MARK = f"{HELD_BLANK}..."
 """In the place of what a line has no room for."""
-HANGING = 4
+HANGING_COLUMNS = 4
 """Columns beside a labelled line's label: two before it, two behind."""
 
 
@@ -76,11 +76,11 @@ def shortened(text: str, width: int) -> str:
     if cell_len(text) <= width:
         return text
     clauses, words = ([found.start() for found in ends.finditer(text)] for ends in (CLAUSE, re.compile(" ")))
-    fitting = [end for end in words if cell_len(text[:end]) <= width - len(CUT)]
-    whole = [end for end in clauses if cell_len(text[:end]) <= width - len(CUT) and end > width / 3]
+    fitting = [end for end in words if cell_len(text[:end]) <= width - len(CUT_MARK)]
+    whole = [end for end in clauses if cell_len(text[:end]) <= width - len(CUT_MARK) and end > width / 3]
     if not fitting:
-        return _cut(text, width - len(CUT)) + CUT
-    return text[: max(whole or fitting)].rstrip(";:,") + CUT
+        return _cut(text, width - len(CUT_MARK)) + CUT_MARK
+    return text[: max(whole or fitting)].rstrip(";:,") + CUT_MARK
 
 
 def console(*, to_standard_error: bool = False) -> Console:

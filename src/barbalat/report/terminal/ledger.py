@@ -7,10 +7,10 @@ from typing import get_args
 
 from rich.cells import cell_len
 
-from barbalat.claims.claim import Claim, Listing, Verdict
-from barbalat.claims.paper_figure import ADDED, PaperFigure
+from barbalat.claims.claim import CONFIRMED, Claim, Listing, Verdict
+from barbalat.claims.paper_figure import ADDED_FIGURE, PaperFigure
 from barbalat.claims.rows import RUNS_OF_SECTION_V, Measurement
-from barbalat.report.terminal.layout import FALLBACK, HANGING, Screen, held, shortened
+from barbalat.report.terminal.layout import FALLBACK, HANGING_COLUMNS, Screen, held, shortened
 
 STYLES = {"confirmed": "green", "confirmed with conditions": "yellow", "not confirmed": "red", "erratum": "red"}
 NAME_COLUMNS = 26
@@ -22,13 +22,13 @@ def overview(screen: Screen, shown: Sequence[PaperFigure], claims: Sequence[Clai
 
     A row that is confirmed has one line from 80 columns on, one that is not has as many as it needs.
     """
-    room = max(screen.width, FALLBACK) - NAME_COLUMNS - HANGING
+    room = max(screen.width, FALLBACK) - NAME_COLUMNS - HANGING_COLUMNS
     for verdict in get_args(Verdict):
         mine = [claim for claim in claims if claim.verdict == verdict]
         if mine:
             screen.line(f"{verdict[0].upper()}{verdict[1:]}: {len(mine)}", STYLES[verdict])
         for claim in mine:
-            short = verdict.startswith("confirmed")
+            short = verdict in CONFIRMED
             screen.fact(claim.id, compact(claim.number, room) if short else claim.number, NAME_COLUMNS)
     _figures(screen, shown)
 
@@ -44,7 +44,7 @@ def compact(number: str, width: int) -> str:
 
 def _figures(screen: Screen, shown: Sequence[PaperFigure]) -> None:
     """How many of the paper's figures, with the statements on them, hold; ours beside them, and what does not."""
-    paper = [figure for figure in shown if figure.key != ADDED]
+    paper = [figure for figure in shown if figure.key != ADDED_FIGURE]
     checks = [check for figure in paper for check in figure.checks]
     said = f"{sum(check.holds for check in checks)} of {len(checks)} statements of their descriptions hold"
     missed = [check for figure in shown for check in figure.checks if not check.holds]

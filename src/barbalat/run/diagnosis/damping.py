@@ -10,7 +10,7 @@ import numpy as np
 from barbalat.solvers import Tableau
 from barbalat.validate import Array
 
-RESOLVED = 1.0
+RESOLVED_TURN = 1.0
 """h omega [rad] up to which nothing is said: six steps a period, where RK4 damps by 0.6 % a radian; Heun and Euler amplify."""
 
 
@@ -49,7 +49,7 @@ def damping_of(solver: Tableau, h_omega: Array) -> Array:
 def worst_damping(solver: Tableau, z: Array) -> SolverDamping | None:
     """Of the modes h lambda, of any shape: of those that oscillate, |Im| >= |Re|, and that the step does not resolve."""
     h_omega = np.abs(z.imag)
-    h_omega = h_omega[(h_omega > RESOLVED) & (h_omega >= np.abs(z.real)) & np.isfinite(h_omega)]
+    h_omega = h_omega[(h_omega > RESOLVED_TURN) & (h_omega >= np.abs(z.real)) & np.isfinite(h_omega)]
     if len(h_omega) == 0:
         return None
     damped = damping_of(solver, h_omega)

@@ -30,7 +30,7 @@ from barbalat.certificates.schemes.output_feedback import (
 )
 from barbalat.certificates.schemes.stranger import add_step_of_modes
 from barbalat.controllers.output.l1 import L1Output, LinearEquivalent, fast_limit, linear_equivalent
-from barbalat.linear.enclosure import OUTWARD, Enclosure
+from barbalat.linear.enclosure import OUTWARD_FACTOR, Enclosure
 from barbalat.linear.l1_norms import l1_norm
 from barbalat.linear.largest import largest_from
 from barbalat.linear.systems import TransferFunction
@@ -120,7 +120,7 @@ def _lipschitz(draft: Draft, problem: OutputProblem, controller: L1Output) -> fl
     if given is None:
         return slope
     least = steepest_seen(f, 0.0 if slope is None else draft["output_bound"])
-    if least > given * OUTWARD:
+    if least > given * OUTWARD_FACTOR:
         where = "at y = 0" if slope is None else "within the bound of y"
         draft.note(f"lipschitz = {given:g} is no Lipschitz constant of f, whose slope reaches {least:.6g} {where}")
         return least
@@ -145,7 +145,7 @@ def _add_condition(draft: Draft, controller: L1Output, G: TransferFunction, L: f
     if L is None:
         draft.missing("condition", "it can't be judged: the plant has f(t, y), and no lipschitz is given")
         return
-    upper = norm.upper * L * OUTWARD
+    upper = norm.upper * L * OUTWARD_FACTOR
     draft.guarantee("condition", {"value_upper": upper, "holds": upper < 1} | named, of_the_limit)
 
 
