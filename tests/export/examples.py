@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 
@@ -135,6 +136,7 @@ def _examples():
         yield OUTPUT, MracOutput(order=1, relative_degree=1, sign=1, law=law)
 
 
+@cache
 def sampled_examples() -> list[tuple[str, object, Sampled | L1PiecewiseConstant]]:
     """(id, problem, controller) for all that is not refused; the names are what C makes of them."""
     found = []

@@ -65,7 +65,7 @@ class ClosedLoop:
         """The flat state at t = 0; the model starts where the plant does."""
         return np.asarray(flatten(self._initial))
 
-    @property
+    @cached_property
     def _initial(self) -> LoopState:
         y = self.plant.output(self.plant.x0)
         acting = None if self.computer is None else self.computer.initial(y)
@@ -85,22 +85,22 @@ class ClosedLoop:
             return None
         return SampledController(self.equations, self.model, self.discrete_model, self.inputs, self.commands)
 
-    @property
+    @cached_property
     def sampled(self) -> bool:
         """Whether the controller acts at instants of its own."""
         return is_sampled(self.equations)
 
-    @property
+    @cached_property
     def sample_time(self) -> float | None:
         """[s], of a sampled controller."""
         return self.equations.sample_time if isinstance(self.equations, SampledEquations) else None
 
-    @property
+    @cached_property
     def continuous(self) -> Equations | SampledEquations:
         """The equations that a sampled controller stands for; others as they are."""
         return self.equations.continuous if isinstance(self.equations, DiscretizedEquations) else self.equations
 
-    @property
+    @cached_property
     def inputs(self) -> int:
         """Entries of u."""
         return len(self.paths)
@@ -118,31 +118,31 @@ class ClosedLoop:
             delayed=self.inputs if self.delayed else 0,
         )
 
-    @property
+    @cached_property
     def signal_count(self) -> int:
         """Entries of ``signals``."""
         return self.signals.total
 
-    @property
+    @cached_property
     def size(self) -> int:
         return len(flatten(self._initial))
 
-    @property
+    @cached_property
     def errors(self) -> int:
         """Components of the tracking error e."""
         return int(self.model.output(self.model.x0).size)
 
-    @property
+    @cached_property
     def measured_outputs(self) -> int:
         """Outputs that are measured instead of the state."""
         return 0 if self.plant.output(self.plant.x0).ndim else 1
 
-    @property
+    @cached_property
     def parameters(self) -> int:
         """Components of the estimate theta_hat."""
         return int(self._initial.controller.theta_hat.size)
 
-    @property
+    @cached_property
     def theta_hat_rows(self) -> slice:
         """Where the estimates stand in a flat state."""
         marked = self.unpack(np.arange(self.size)).controller.theta_hat.reshape(-1)
