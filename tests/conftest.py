@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING
 
 import hypothesis
@@ -56,6 +56,15 @@ def sample(request: pytest.FixtureRequest) -> Callable[[int, int], int]:
     """``sample(short, full)``: how many random problems a test draws, by the command that runs it."""
     all_of_them = request.config.getoption("full") or request.config.getoption("rest")
     return lambda short, full: full if all_of_them else short
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _optimised_code(request: pytest.FixtureRequest) -> Iterator[None]:
+    """Most tests' runs are so short that their code is made quickly; the full command's is all optimised, as long runs' is."""
+    with pytest.MonkeyPatch.context() as changed:
+        if request.config.getoption("full") or request.config.getoption("rest"):
+            changed.setattr("barbalat.run.step.STEPS_WORTH_OPTIMISING", 0)
+        yield
 
 
 @pytest.fixture(scope="session")

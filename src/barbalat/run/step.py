@@ -32,10 +32,9 @@ if TYPE_CHECKING:
     import casadi as ca
 
 
-LONG_PROGRAM = 8000
-"""Operations that LLVM takes about a second to translate, at 0.14 ms each; Section V's loops have some hundreds."""
-STEPS_WORTH_OPTIMISING = 350_000
-"""Optimised code of an operation takes 0.15 ms longer to make and 0.45 ns less to run: measured with 16,000 and 34,000."""
+STEPS_WORTH_OPTIMISING = 250_000
+"""Of one kernel in all its runs. Optimised code of Section V's loops takes 6 ms longer to make and 24 ns less for a step; of an
+operation of loops with 16,000 and 34,000 of them 0.15 ms and 0.45 ns: the same number of steps within a third for any loop."""
 LARGEST_WATCHED_STATE = 150
 """States of a loop that is watched while it runs: what is watched has terms for each pair of them."""
 
@@ -55,14 +54,30 @@ class StepProgram:
     outside: Outside | None = None
 
     def compile(self, lanes: int, steps: float = inf) -> Kernel:
-        """For so many steps; of a long program's code the time to make it counts too, no bit of any result depends on it."""
+        """For so many steps more; code that is quickly made while they are few, on which no bit of any result depends."""
         resets = () if self.accumulators is None else self.accumulators.resets
-        quickly = len(self.program.operations) > LONG_PROGRAM and steps < STEPS_WORTH_OPTIMISING
-        return _compile(self.program, self.shape, resets, lanes, self.sample, self.watch, self.outside, quickly)
+        return _compiled(self.program, self.shape, resets, lanes, self.sample, self.watch, self.outside).for_steps(steps)
+
+
+@dataclass(eq=False)
+class _Compiled:
+    """A loop's code as it is made at first, and optimised once its runs have been long enough in all."""
+
+    make: Callable[[bool], Kernel]
+    steps: float = 0.0
+    kernel: Kernel | None = None
+    optimised: bool = False
+
+    def for_steps(self, steps: float) -> Kernel:
+        self.steps += steps
+        worth = self.steps >= STEPS_WORTH_OPTIMISING
+        if self.kernel is None or (worth and not self.optimised):
+            self.kernel, self.optimised = self.make(not worth), worth
+        return self.kernel
 
 
 @lru_cache(maxsize=64)
-def _compile(
+def _compiled(
     program: Program,
     shape: LoopShape,
     resets: tuple[float, ...],
@@ -70,9 +85,11 @@ def _compile(
     sample: Program | None,
     watch: Program | None,
     outside: Outside | None,
-    quickly: bool,
-) -> Kernel:
-    return Kernel(program, shape, resets, lanes, sample, watch, outside=outside, quickly=quickly)
+) -> _Compiled:
+    def make(quickly: bool) -> Kernel:
+        return Kernel(program, shape, resets, lanes, sample, watch, outside=outside, quickly=quickly)
+
+    return _Compiled(make)
 
 
 @dataclass(frozen=True, eq=False)

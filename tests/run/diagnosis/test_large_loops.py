@@ -7,7 +7,8 @@ from barbalat import LeastSquares, NormalizedMrac, Plant, Problem, ReferenceMode
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.run import step
 from barbalat.run.batch import Batch
-from barbalat.run.step import LARGEST_WATCHED_STATE, step_program
+from barbalat.run.step import LARGEST_WATCHED_STATE, STEPS_WORTH_OPTIMISING, step_program
+from independent import example_controllers
 
 
 def large(n=10):
@@ -23,32 +24,43 @@ def problem_and_controller():
     return large()
 
 
-def test_quickly_made_code_gives_the_same_bits(problem_and_controller, monkeypatch):
-    problem, controller = problem_and_controller
-    simulation = Simulation(t_end=0.1, dt=1e-3)
-    programs = []
-    for long in (10**9, 0):  # beyond any, below all
-        monkeypatch.setattr(step, "LONG_PROGRAM", long)
-        batch = Batch.of([(problem, controller)], simulation)
-        table = np.zeros((100, batch.program.shape.signals))
-        batch.groups[0].call(0, 1, 100, batch.groups[0].state, table)
-        programs.append((batch.groups[0].kernel, batch.final_states))
-    assert programs[0][0] is not programs[1][0]
-    np.testing.assert_array_equal(programs[0][1], programs[1][1])
+def after_128_steps(problem, controller, worth_optimising, monkeypatch):
+    """The kernel, and the state that it leaves."""
+    monkeypatch.setattr(step, "STEPS_WORTH_OPTIMISING", worth_optimising)
+    step._compiled.cache_clear()
+    batch = Batch.of([(problem, controller)], Simulation(t_end=0.125, dt=2.0**-10))
+    table = np.ones((128, batch.program.shape.signals))
+    batch.groups[0].call(0, 1, 128, batch.groups[0].state, table)
+    return batch.groups[0].kernel, batch.final_states
 
 
-def test_a_long_run_of_a_long_program_is_worth_its_optimisation(problem_and_controller, monkeypatch):
+def same_bits(problem, controller, monkeypatch):
+    (optimised, its), (quick, others) = (after_128_steps(problem, controller, k, monkeypatch) for k in (0, 10**9))
+    assert optimised is not quick
+    np.testing.assert_array_equal(its, others)
+
+
+def test_quickly_made_code_of_a_large_loop_gives_the_same_bits(problem_and_controller, monkeypatch):
+    same_bits(*problem_and_controller, monkeypatch)
+
+
+@pytest.mark.parametrize("scheme", example_controllers(2))
+def test_quickly_made_code_gives_the_same_bits(scheme, problems, monkeypatch):
+    for controller in example_controllers(2)[scheme][:2]:
+        same_bits(problems[2], controller, monkeypatch)
+
+
+def test_code_is_optimised_once_its_runs_are_long_enough_in_all(problem_and_controller, monkeypatch):
     made = []
-    monkeypatch.setattr(step, "_compile", lambda *_: made.append(_[-1]))
-    monkeypatch.setattr(step, "LONG_PROGRAM", 0)
+    monkeypatch.setattr(step, "Kernel", lambda *_, quickly, **__: made.append(quickly) or object())
+    step._compiled.cache_clear()
     problem, controller = problem_and_controller
     program = step_program(ClosedLoop.of(problem, controller), Simulation(t_end=1, dt=1e-3).solver, 1e-3)
-    for steps in (10, 10**7):
+    for steps in (10, STEPS_WORTH_OPTIMISING - 11, 1, 10):
         program.compile(1, steps)
-    program.compile(1)
-    monkeypatch.setattr(step, "LONG_PROGRAM", 10**6)
-    program.compile(1, 10)
-    assert made == [True, False, False, False]
+    program.compile(2)
+    step._compiled.cache_clear()
+    assert made == [True, False, False]
 
 
 @pytest.mark.short(kept=lambda dt, stable: not stable)
