@@ -37,7 +37,7 @@ MIRRORS = {
     "adaptation": ["tests/adaptation", "tests/contracts"],
     "controllers": ["tests/contracts", "tests/controllers"],
     "lowering": ["tests/lowering", "tests/run"],
-    "cases": ["tests/cases", "tests/test_validate.py"],
+    "cases": ["tests/cases", "tests/test_validate.py", "tests/contracts/test_registries.py", "tests/commands"],
     "problem": ["tests/problem", "tests/adaptation", "tests/test_validate.py"],
     "solvers": ["tests/solvers", "tests/contracts/test_solvers.py", "tests/test_validate.py"],
 }

@@ -210,6 +210,29 @@ def test_the_step_within_a_set_against_a_quadratic_programme():
             assert distance(found) <= distance(least.x) * (1 + 1e-6) + 1e-9
 
 
+def test_the_step_of_several_inputs_within_a_box_against_a_quadratic_programme():
+    """As above, with a matrix K for the inputs. Where no guess of the faces proves right it is the step without a set."""
+    random, solved = np.random.default_rng(17), 0
+    for _ in range(100):
+        n, m = int(random.integers(2, 5)), int(random.integers(2, 4))
+        gamma, phi, error = 10 ** random.uniform(-1, 1, n), random.normal(size=(n, m)), random.normal(size=m) * 5
+        root = random.normal(size=(m, m))
+        coupling = root @ root.T + 0.1 * np.eye(m)
+        box = ParameterBox(lower=-random.uniform(0.1, 1, n), upper=random.uniform(0.1, 1, n))
+        start = random.uniform(box.lower, box.upper)
+        found = implicit.step_within(start, Gain(gamma), phi, coupling, error, box)
+        if not box.contains(found):
+            np.testing.assert_array_equal(found, implicit.step_within(start, Gain(gamma), phi, coupling, error, None))
+            continue
+        solved += box.reached_by(found[None])
+        metric = np.diag(1 / gamma) + phi @ coupling @ phi.T
+        gradient = metric @ (found - start) - phi @ error  # zero inside; on a face it only keeps the estimate there
+        scale = 1e-9 * np.abs(phi @ error).max()
+        assert (gradient[found > box.lower] <= scale).all()
+        assert (gradient[found < box.upper] >= -scale).all()
+    assert solved > 60
+
+
 @pytest.mark.parametrize("leaking", [False, True])
 def test_a_leaking_step_keeps_to_the_set_and_zero(leaking):
     """The least box that holds the known one and zero, its extremes taken from corners and zero; of a ball the concentric one."""

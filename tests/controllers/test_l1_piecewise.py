@@ -327,6 +327,16 @@ def test_what_is_refused(change, word):
     assert word in refusal(lambda: L1PiecewiseConstant(**settings).bind(problem.known))
 
 
+def test_the_filter_must_serve_the_output_of_the_highest_relative_degree():
+    """The first output is two integrations away from its input, the second one: C(s) = 1/(kappa s + 1) serves only the second."""
+    plant = Plant(
+        A_m=[[0.0, 1.0, 0.0], [-1.0, -2.0, 0.0], [0.0, 0.0, -1.0]], b=[[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]], theta=np.zeros(6)
+    )
+    problem = Problem(plant=plant, reference_model=ReferenceModel(k_0=np.eye(2)), reference=(Sine(1.0, 0.7), Sine(0.5, 1.3)))
+    law = L1PiecewiseConstant(sample_time=0.01, filter=input_filter(0.1), output=[[1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+    assert "relative degree 2 or more" in refusal(lambda: law.bind(problem.known))
+
+
 @pytest.mark.parametrize(
     ("given", "word"),
     [

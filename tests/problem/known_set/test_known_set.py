@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import itertools
+import math
+from fractions import Fraction
 
 import numpy as np
 import pytest
@@ -51,3 +53,46 @@ def test_points_are_drawn_evenly(known_set, shares):
     assert all(known_set.contains(point) for point in points)
     quarters = np.quantile(shares(points), [0.25, 0.5, 0.75], axis=0).T
     np.testing.assert_allclose(quarters, np.broadcast_to([0.25, 0.5, 0.75], quarters.shape), atol=0.03)  # 4 sigma of a quartile
+
+
+@pytest.mark.parametrize("n", [1, 2, 4])
+def test_a_box_is_within_a_bound_that_its_corners_keep(n):
+    """Wherever its larger side lies; one double less than the farthest corner is too little."""
+    random = np.random.default_rng(n)
+    for _ in range(20):
+        lower = random.uniform(-3, 1, n)
+        box = ParameterBox(lower=lower, upper=lower + random.uniform(0.1, 4, n))
+        corners = itertools.product(*zip(box.lower.tolist(), box.upper.tolist(), strict=True))
+        squared = max(sum(Fraction(value) ** 2 for value in corner) for corner in corners)
+        bound = math.sqrt(squared)
+        above, below = (next(b for b in steps if keeps(Fraction(b) ** 2)) for steps, keeps in around(bound, squared))
+        assert box.within(Fraction(above))
+        assert not box.within(Fraction(below))
+
+
+def around(bound, squared):
+    """The doubles from ``bound`` on upwards and downwards, and what the first one beyond the farthest corner fulfils."""
+    up, down = [bound], [bound]
+    for _ in range(4):
+        up.append(math.nextafter(up[-1], math.inf))
+        down.append(math.nextafter(down[-1], 0))
+    return (up, lambda b: b >= squared), (down, lambda b: b < squared)
+
+
+@pytest.mark.parametrize(
+    "known_set",
+    [ParameterBox(lower=[-1.0, 2.0], upper=[3.0, 4.0]), ParameterBall(center=[1.0, -2.0], radius=1.5)],
+    ids=["box", "ball"],
+)
+def test_points_outside_are_brought_to_the_nearest_of_the_set(known_set):
+    """Inside nothing moves; outside no other point of the set is nearer than the one that is taken."""
+    random = np.random.default_rng(5)
+    points = random.uniform(-6, 6, (40, 2))
+    brought, others = known_set.brought_in(points), known_set.drawn(random, 4000)
+    for point, taken in zip(points, brought, strict=True):
+        if known_set.contains(point):
+            np.testing.assert_array_equal(taken, point)
+            continue
+        distance = np.linalg.norm(taken - point)
+        assert known_set.contains(point + (taken - point) * (1 + 1e-9))
+        assert distance <= np.linalg.norm(others - point, axis=1).min()
