@@ -162,7 +162,8 @@ def test_a_short_delay_costs_no_more_than_with_euler_or_without_samples(section_
         if gamma == 1:
             fine = run(delayed(delay + T / 2), Mrac(gamma=gamma, name="c"), Simulation(t_end=20.0, dt=1e-4))
             assert largest < 1.1 * fine.metrics.tail_max_abs_e[0].max() + undelayed.tail_max_abs_e[0].max()
-        x_hat = np.array([ClosedLoop.of(section_v, midpoint).unpack(state).controller.x_hat for state in found.states])
+        loop = ClosedLoop.of(section_v, midpoint)
+        x_hat = np.array([loop.unpack(state).controller.x_hat for state in found.states])
         assert np.abs(x_hat - found.x_m).max() < 0.05 * np.abs(found.x).max()
         chatter = found.metrics.theta_hat_variation_rate[0].max() / undelayed.theta_hat_variation_rate[0].max()
         assert chatter < 1.1 if delay == T else chatter > 100

@@ -30,15 +30,17 @@ def traced(expressions, inputs: int, parameters: int = 0) -> ca.Function:
     return ca.Function("f", [x, ca.SX(0, 1), p, ca.SX(0, 1)], [ca.vertcat(*new), ca.SX(0, 1)], {"cse": True})
 
 
-def run_kernel(program: Program, points: np.ndarray, parameters: np.ndarray | None = None, lanes: int = 8) -> np.ndarray:
-    """The state after one step for each column of ``points`` (states, count)."""
+def run_kernel(
+    program: Program, points: np.ndarray, parameters: np.ndarray | None = None, lanes: int = 8, steps: int = 1
+) -> np.ndarray:
+    """The state after so many steps for each column of ``points`` (states, count)."""
     parameters = np.zeros((0, points.shape[1])) if parameters is None else parameters
     kernel = Kernel(program, LoopShape(len(points), 0, len(parameters), 0), (), lanes)
     result = np.empty_like(points)
     for first in range(0, points.shape[1], lanes):
         index = np.minimum(np.arange(first, first + lanes), points.shape[1] - 1)
         state, p = np.ascontiguousarray(points[:, index]), np.ascontiguousarray(parameters[:, index])
-        kernel(1, 1, state, p, np.zeros(1), np.empty((1, len(points), lanes)))
+        kernel(1, steps, state, p, np.zeros(1), np.empty((1, len(points), lanes)))
         result[:, index] = state
     return result
 
@@ -290,12 +292,7 @@ def test_bit_identity_over_all_widths():
 
     program = optimize(read(traced(expressions, 3)))
     points = np.random.default_rng(0).normal(size=(3, 37))
-    results = []
-    for lanes in WIDTHS:
-        state = points
-        for _ in range(5):
-            state = run_kernel(program, state, lanes=lanes)
-        results.append(state)
+    results = [run_kernel(program, points, lanes=lanes, steps=5) for lanes in WIDTHS]
     for result in results[1:]:
         assert (result == results[0]).all()
 

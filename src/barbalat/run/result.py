@@ -86,7 +86,7 @@ class Result:
     def name(self) -> str:
         return self.controller.name
 
-    @property
+    @cached_property
     def loop(self) -> ClosedLoop:
         """The equations of the run."""
         return ClosedLoop.of(self.problem, self.controller)

@@ -47,7 +47,7 @@ def test_the_margins_of_a_copy_are_those_of_the_mrac(sample):
     1e-6: eigenvalues and zeros of one loop in two coordinates.
     """
     rng, compared = np.random.default_rng(1), 0
-    for _ in range(sample(20, 300)):
+    for _ in range(sample(10, 300)):
         problem = random_problem(rng, int(rng.integers(1, 4)))
         if problem.plant.paths[0].dynamics is not None:  # there the MRAC's own linearisation leaves the actuator's gain aside
             problem = replace(problem, plant=replace(problem.plant, input=PlantInput()))
@@ -65,7 +65,7 @@ def test_the_margins_of_a_copy_are_those_of_the_mrac(sample):
 def test_the_rest_is_one(sample):
     """Nothing moves there, and e is zero where the law has nothing to leak; also behind an actuator with a gain of 0.8."""
     rng = np.random.default_rng(2)
-    for _ in range(sample(20, 300)):
+    for _ in range(sample(10, 300)):
         problem = random_problem(rng, int(rng.integers(1, 4)))
         rest = rest_of(problem, ClosedLoop.of(problem, Plain(3.0)), frozen=False)
         assert not isinstance(rest, NotApplicable)
