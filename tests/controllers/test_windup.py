@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 
 from barbalat.adaptation.laws import Gradient, LeastSquares
 from barbalat.adaptation.learning import CompositeLearning
@@ -74,6 +75,17 @@ def test_without_a_limit_at_work_nothing_changes(problems, name):
         np.testing.assert_array_equal(*(flatten(part._replace(e_d=()) if name.startswith("mrac") else part) for part in rates))
     np.testing.assert_allclose(remedied.x, plain.x, rtol=0, atol=1e-12)
     np.testing.assert_allclose(remedied.theta_hat, plain.theta_hat, rtol=0, atol=1e-12)
+
+
+def test_the_control_is_the_solution_of_its_own_equation():
+    """u = u_c + mu (sat_inner(u) - u), the sat of limits that are narrower by the margin, found by bisection on both sides."""
+    remedy, limits = ModifiedError(mu=0.7, margin=0.2), np.array([-3.0, 2.0])
+    for u_c in (-9.0, -2.6, -2.3, 0.4, 1.55, 1.7, 8.0):
+
+        def excess(u, u_c=u_c):
+            return u - u_c - remedy.mu * (np.clip(u, 0.8 * limits[0], 0.8 * limits[1]) - u)
+
+        assert remedy.control(u_c, limits) == pytest.approx(brentq(excess, -20, 20, xtol=1e-13), abs=1e-12)
 
 
 @pytest.mark.parametrize("name", PAIRS)
