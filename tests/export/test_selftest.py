@@ -36,8 +36,6 @@ CHOSEN = [
         "LinearOutput-output-midpoint",
     )
 ]  # fmt: skip
-ARITHMETIC = [name for name in CHOSEN if "-terms-" not in name]
-"""Those that call no sin or exp, which have no list in 32 bits."""
 
 
 def exported(name, folder, *, float32=False):
@@ -46,7 +44,7 @@ def exported(name, folder, *, float32=False):
 
 
 @needs_gcc
-@pytest.mark.parametrize(("name", "float32"), [(name, False) for name in CHOSEN] + [(name, True) for name in ARITHMETIC])
+@pytest.mark.parametrize(("name", "float32"), [(name, False) for name in CHOSEN] + [(name, True) for name in CHOSEN])
 @pytest.mark.short(kept=lambda name, float32: name in (CHOSEN[5:14:8] if float32 else CHOSEN[1:14:8]))
 def test_it_passes(name, float32, tmp_path) -> None:
     """Without a warning, and in float32 without a number of double precision."""
@@ -148,7 +146,7 @@ BOARD = Path(__file__).parent / "cortex_m4"
 
 
 @needs("arm-none-eabi-gcc", "qemu-system-arm")
-@pytest.mark.parametrize("name", ARITHMETIC)
+@pytest.mark.parametrize("name", CHOSEN)
 @pytest.mark.short(kept=lambda name: name == CHOSEN[4])
 def test_float32_on_a_cortex_m4f(name, tmp_path) -> None:
     """The bits of float32 on this machine, which the vectors are, without a helper for double precision in the controller;

@@ -206,7 +206,7 @@ class Contents:
             given |= {(COMMAND, i): numbers(value) for i, value in enumerate(r)}
             if self.opened is not None:
                 given |= {(PARAMETER, i): numbers(value) for i, value in enumerate(self.opened.values)}
-            after = evaluate(self.step, state | given, numbers)
+            after = evaluate(self.step, state | given, self.real)
             state = {(STATE, row): value for row, value in zip(rows, after, strict=True)}
             states[k, rows] = after
         if not np.isfinite(states).all():

@@ -32,7 +32,7 @@ def source(printed: Printed) -> str:
     contents = printed.contents
     x_m, started = contents.layout.part("held.x_m"), contents.layout.started
     whole = (contents.step, *([] if contents.model is None else [contents.model]))
-    state, functions = contents.measures_state, c99.definitions(whole)
+    state, functions = contents.measures_state, c99.definitions(whole, contents.real)
     needs_math = any(c99.calls_functions(program, contents.real) for program in whole)
     model = "" if contents.model is None or x_m is None else _MODEL.format(
         name=printed.name, body=_operations(printed, contents.model, [x_m], {started.start: c99.constant(1.0, contents.real)})

@@ -13,8 +13,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from barbalat.lowering.c99_bits import OF_BITS
+from barbalat.lowering.c99_bits import OF_BITS, of_bits
 from barbalat.lowering.functions import FUNCTIONS, function
+from barbalat.lowering.functions.formats import DOUBLE as DOUBLE_FORMAT
+from barbalat.lowering.functions.formats import SINGLE, Format
 from barbalat.lowering.operations import COMPARISONS, Operation, Program
 from barbalat.lowering.shape import ENTRY, LoopShape
 
@@ -42,14 +44,15 @@ _LOOP = """\
 
 @dataclass(frozen=True, slots=True)
 class Real:
-    """A type of C for numbers: its name, the end of its constants and of math.h's functions, and the numbers that it has."""
+    """A type of C for numbers: its name, the end of its constants and of math.h's functions, its numbers and their format."""
 
     name: str
     suffix: str
     numbers: type[np.floating]
+    format: Format
 
 
-DOUBLE, FLOAT = Real("double", "", np.float64), Real("float", "f", np.float32)
+DOUBLE, FLOAT = Real("double", "", np.float64, DOUBLE_FORMAT), Real("float", "f", np.float32, SINGLE)
 
 
 def constant(value: float, real: Real = DOUBLE) -> str:
@@ -201,30 +204,30 @@ NOTICE = """\
 """
 
 
-def definitions(programs: Iterable[Program]) -> str:
+def definitions(programs: Iterable[Program], real: Real = DOUBLE) -> str:
     """C source of the functions that these lists call, each with what it needs itself."""
     called = {op.name for program in programs for op in program.operations} & FUNCTIONS
-    lists = {name: [part for part in (function(name).usual, function(name).rare) if part is not None] for name in sorted(called)}
-    used = {op.name for parts in lists.values() for part in parts for op in part.operations}
-    text = [source for name, source in OF_BITS.items() if name in used]
-    return "\n".join([NOTICE, *text, *(_definition(name) for name in lists), ""]) if lists else ""
+    made = [function(name, real.format) for name in sorted(called)]
+    used = {op.name for one in made for part in (one.usual, one.rare) if part is not None for op in part.operations}
+    text = [of_bits(name, real.name, real.suffix, real.format) for name in OF_BITS if name in used]
+    return "\n".join([NOTICE, *text, *(_definition(name, real) for name in sorted(called)), ""]) if called else ""
 
 
-def _definition(name: str) -> str:
-    made = function(name)
-    arguments = ", ".join(f"double x{i}" for i in range(made.arguments))
+def _definition(name: str, real: Real) -> str:
+    made = function(name, real.format)
+    arguments = ", ".join(f"{real.name} x{i}" for i in range(made.arguments))
     passed = ", ".join(f"x{i}" for i in range(made.arguments))
     if made.rare is None:
-        return _function(f"barbalat_{name}", arguments, made.usual, "")
+        return _function(f"barbalat_{name}", arguments, made.usual, "", real)
     rare = f"barbalat_{name}_rare"
     otherwise = f"    if (t{made.usual.outputs[1][0]}) {{\n        return {rare}({passed});\n    }}\n"
-    usual = _function(f"barbalat_{name}", arguments, made.usual, otherwise)
-    return _function(rare, arguments, made.rare, "") + "\n" + usual
+    usual = _function(f"barbalat_{name}", arguments, made.usual, otherwise, real)
+    return _function(rare, arguments, made.rare, "", real) + "\n" + usual
 
 
-def _function(name: str, arguments: str, program: Program, otherwise: str) -> str:
+def _function(name: str, arguments: str, program: Program, otherwise: str, real: Real) -> str:
     tables = dict.fromkeys(op.table for op in program.operations if op.name == "lookup")
-    lines = [f"static const double table[] = {{{', '.join(map(constant, table))}}};" for table in tables]
-    lines += statements(program, {(i, 0): f"x{i}" for i in range(len(program.operations))})
+    lines = [f"static const {real.name} table[] = {{{', '.join(constant(entry, real) for entry in table)}}};" for table in tables]
+    lines += statements(program, {(i, 0): f"x{i}" for i in range(len(program.operations))}, real)
     body = "".join(f"    {line}\n" for line in lines)
-    return f"static double {name}({arguments})\n{{\n{body}{otherwise}    return t{program.outputs[0][0]};\n}}\n"
+    return f"static {real.name} {name}({arguments})\n{{\n{body}{otherwise}    return t{program.outputs[0][0]};\n}}\n"

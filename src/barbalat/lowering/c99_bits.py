@@ -2,34 +2,52 @@
 
 from __future__ import annotations
 
-OF_BITS = {
-    "exponent": """\
-static double barbalat_exponent(double x)
-{
-    uint64_t bits;
+from barbalat.lowering.functions.formats import SINGLE, Format
+
+_EXPONENT = """\
+static {real} barbalat_exponent({real} x)
+{{
+    uint{width}_t bits;
     memcpy(&bits, &x, sizeof bits);
-    return (double)(int64_t)((bits >> 52) & 2047U) - 1023.0;
-}
-""",
-    "significand": """\
-static double barbalat_significand(double x)
-{
-    uint64_t bits;
+    return ({real})(int{width}_t)((bits >> {stored}) & {exponents}U) - {bias};
+}}
+"""
+_SIGNIFICAND = """\
+static {real} barbalat_significand({real} x)
+{{
+    uint{width}_t bits;
     memcpy(&bits, &x, sizeof bits);
-    bits = (bits & UINT64_C(0x000fffffffffffff)) | UINT64_C(0x3ff0000000000000);
+    bits = (bits & UINT{width}_C(0x{fraction:0{digits}x})) | UINT{width}_C(0x{one:0{digits}x});
     memcpy(&x, &bits, sizeof bits);
     return x;
-}
-""",
-    "pow2": """\
-static double barbalat_pow2(double k)
-{
-    double x = k + 4503599627371519.0; /* 2^52 + 1023: k with its bias stands in the last bits */
-    uint64_t bits;
+}}
+"""
+_POW2 = """\
+static {real} barbalat_pow2({real} k)
+{{
+    {real} x = k + {aligned}; /* 2^{stored} + {largest}: k with its bias stands in the last bits */
+    uint{width}_t bits;
     memcpy(&bits, &x, sizeof bits);
-    bits <<= 52;
+    bits <<= {stored};
     memcpy(&x, &bits, sizeof bits);
     return x;
-}
-""",
-}
+}}
+"""
+OF_BITS = {"exponent": _EXPONENT, "significand": _SIGNIFICAND, "pow2": _POW2}
+
+
+def of_bits(name: str, real: str, suffix: str, of: Format) -> str:
+    """C source of one of OF_BITS on numbers of this type."""
+    width, stored = (32 if of is SINGLE else 64), of.bits - 1
+    return OF_BITS[name].format(
+        real=real,
+        width=width,
+        digits=width // 4,
+        stored=stored,
+        largest=of.largest_exponent,
+        exponents=2 * of.largest_exponent + 1,
+        bias=f"{of.largest_exponent:.1f}{suffix}",
+        fraction=2**stored - 1,
+        one=of.largest_exponent << stored,
+        aligned=f"{of.aligned:.1f}{suffix}",
+    )

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from functools import cache
 
 from barbalat.lowering.functions import arctangent, exponential, power, trigonometric
+from barbalat.lowering.functions.formats import DOUBLE, Format
 from barbalat.lowering.functions.trace import traced
 from barbalat.lowering.operations import Program
 
@@ -32,14 +33,14 @@ FUNCTIONS = frozenset({"exp", "log", "sin", "cos", "tan", "tanh", "atan", "pow"}
 
 
 @cache
-def function(name: str) -> Function:
-    """One of FUNCTIONS, its lists made when they are first asked for."""
+def function(name: str, of: Format = DOUBLE) -> Function:
+    """One of FUNCTIONS on numbers of a format, its lists made when they are first asked for."""
     match name:
         case "sin" | "cos" | "tan":
             value = {"sin": trigonometric.sin, "cos": trigonometric.cos, "tan": trigonometric.tan}[name]
-            return Function(1, traced(trigonometric.usual_of(value), 1), traced(trigonometric.large_of(value), 1))
+            return Function(1, traced(trigonometric.usual_of(value), 1, of), traced(trigonometric.large_of(value), 1, of))
         case "pow":
-            return Function(2, traced(power.power, 2))
+            return Function(2, traced(power.power, 2, of))
         case _:
             formula = {"exp": exponential.exp, "log": exponential.log, "tanh": exponential.tanh, "atan": arctangent.atan}[name]
-            return Function(1, traced(formula, 1))
+            return Function(1, traced(formula, 1, of))

@@ -9,11 +9,6 @@ from typing import NamedTuple
 
 from barbalat.lowering.functions.trace import Number
 
-ROUNDER = 1.5 * 2.0**52
-"""Added and subtracted again it rounds a number below 2^51 to a whole one, ties to even: there doubles are 1 apart."""
-SPLITTER = 2.0**27 + 1
-"""Dekker's factor, which halves 53 bits into 26 and 26 with a sign."""
-
 
 class Double(NamedTuple):
     """An unevaluated sum of a number and its rest, which is at most about half a unit in its last place."""
@@ -23,8 +18,9 @@ class Double(NamedTuple):
 
 
 def rounded(x: Number) -> Number:
-    """The nearest whole number, for |x| < 2^51."""
-    return (x + ROUNDER) - ROUNDER
+    """The nearest whole number, for |x| < 2^51 in doubles, 2^22 in floats: numbers of the rounder's size are 1 apart."""
+    rounder = x.format.rounder
+    return (x + rounder) - rounder
 
 
 def two_sum(a: Number, b: Number) -> Double:
@@ -41,8 +37,8 @@ def fast_two_sum(a: Number, b: Number) -> Double:
 
 
 def split(x: Number) -> Double:
-    """x = high + low, of 26 bits each, for |x| < 2^996."""
-    scaled = x * SPLITTER
+    """x = high + low, of half of the bits each (26 in doubles, 12 in floats), where the product does not overflow."""
+    scaled = x * x.format.splitter
     high = scaled - (scaled - x)
     return Double(high, x - high)
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 
 from barbalat.lowering.functions.exact import Double, fast_two_sum, rounded, split, two_sum
+from barbalat.lowering.functions.formats import DOUBLE, SINGLE, whole
 from barbalat.lowering.functions.trace import Number
 
 P = (
@@ -18,14 +19,13 @@ L = (
     6.666666666666735130e-01, 3.999999999940941908e-01, 2.857142874366239149e-01, 2.222219843214978396e-01,
     1.818357216161805012e-01, 1.531383769920937332e-01, 1.479819860511658591e-01,
 )  # fmt: skip
-LN_2_HIGH, LN_2_LOW = float.fromhex("0x1.62e42feep-1"), float.fromhex("0x1.a39ef35793c76p-33")
-"""ln 2 in 32 bits, whose product with an exponent is exact, and the rest."""
+_LN_2 = float.fromhex("0x1.62e42feep-1"), float.fromhex("0x1.a39ef35793c76p-33")
+LN_2 = {DOUBLE: _LN_2, SINGLE: SINGLE.parted(whole(*_LN_2), 15)}
+"""ln 2 in 32 bits, of a float in 15, whose product with an exponent is exact, and the rest."""
 ONE_OVER_LN_2 = float.fromhex("0x1.71547652b82fep+0")
-BEYOND_EXP = 800.0
+BEYOND_EXP = {DOUBLE: 800.0, SINGLE: 120.0}
 """exp of it overflows, of its negative rounds to zero; 2^k stays within what two factors reach."""
-SMALLEST_NORMAL = 2.0**-1022
-TWO_TO_54 = 2.0**54
-TANH_IS_ONE = 22.0
+TANH_IS_ONE = {DOUBLE: 22.0, SINGLE: 10.0}
 
 
 def _remez(t: Number) -> Number:
@@ -42,10 +42,11 @@ def _scaled(value: Number, k: Number) -> Number:
 
 def exp(x: Number) -> tuple[Number]:
     """exp(k ln 2 + r) = 2^k exp(r), |r| <= ln(2)/2."""
-    x = (x > BEYOND_EXP).then(BEYOND_EXP, x)
-    x = (x < -BEYOND_EXP).then(-BEYOND_EXP, x)
+    beyond, (ln_2_high, ln_2_low) = BEYOND_EXP[x.format], LN_2[x.format]
+    x = (x > beyond).then(beyond, x)
+    x = (x < -beyond).then(-beyond, x)
     k = rounded(x * ONE_OVER_LN_2)
-    high, low = x - k * LN_2_HIGH, k * LN_2_LOW
+    high, low = x - k * ln_2_high, k * ln_2_low
     r = high - low
     c = r - _remez(r * r)
     return (_scaled(1.0 - ((low - (r * c) / (2.0 - c)) - high), k),)
@@ -53,18 +54,19 @@ def exp(x: Number) -> tuple[Number]:
 
 def log(x: Number) -> tuple[Number]:
     """log(2^k m) = k ln 2 + log m, sqrt(1/2) < m <= sqrt(2)."""
-    tiny = x < SMALLEST_NORMAL
-    normal = tiny.then(x * TWO_TO_54, x)
+    (ln_2_high, ln_2_low), raised = LN_2[x.format], x.format.bits + 1
+    tiny = x < x.format.smallest_normal
+    normal = tiny.then(x * 2.0**raised, x)
     m, e = normal.significand(), normal.exponent()
     upper = m > math.sqrt(2)
     f = upper.then(0.5 * m, m) - 1.0
-    k = e + upper.then(1.0, 0.0) + tiny.then(-54.0, 0.0)
+    k = e + upper.then(1.0, 0.0) + tiny.then(float(-raised), 0.0)
     s = f / (2.0 + f)
     z = s * s
     w = z * z
     R = w * (L[1] + w * (L[3] + w * L[5])) + z * (L[0] + w * (L[2] + w * (L[4] + w * L[6])))
     half_square = 0.5 * f * f
-    value = k * LN_2_HIGH - ((half_square - (s * (half_square + R) + k * LN_2_LOW)) - f)
+    value = k * ln_2_high - ((half_square - (s * (half_square + R) + k * ln_2_low)) - f)
     value = (x < math.inf).then(value, x)  # infinity, NaN
     value = x.equals(0.0).then(-math.inf, value)
     return ((x < 0.0).then(math.nan, value),)
@@ -73,10 +75,11 @@ def log(x: Number) -> tuple[Number]:
 def tanh(x: Number) -> tuple[Number]:
     """With 2 |x| = k ln 2 + r and exp(r) = (R + r)/(R - r), see ``_remez``: (A - B)/(A + B), A = R + r, B = 2^-k (R - r)."""
     a = abs(x)
-    a = (a > TANH_IS_ONE).then(TANH_IS_ONE, a)
+    one, (ln_2_high, ln_2_low) = TANH_IS_ONE[x.format], LN_2[x.format]
+    a = (a > one).then(one, a)
     twice = a + a
     k = rounded(twice * ONE_OVER_LN_2)
-    high, low = twice - k * LN_2_HIGH, k * LN_2_LOW
+    high, low = twice - k * ln_2_high, k * ln_2_low
     r = fast_two_sum(high, -low)
     R = fast_two_sum(high.constant(2.0), _remez(r.high * r.high))
     scale = (-k).two_to_this()
@@ -86,12 +89,8 @@ def tanh(x: Number) -> tuple[Number]:
     value = _quotient(
         fast_two_sum(upper.high, upper.low + (A_low - B_low)), fast_two_sum(lower.high, lower.low + (A_low + B_low))
     )
-    value = (a < TANH_IS_ZERO).then(a, value)
+    value = (a < x.format.linear_range).then(a, value)
     return (value.with_sign_of(x),)
-
-
-TANH_IS_ZERO = 2.0**-28
-"""Below it tanh x = x to the last bit: x^3/3 is less than 2^-57 x."""
 
 
 def _quotient(upper: Double, lower: Double) -> Number:

@@ -6,10 +6,11 @@ Coefficients: fdlibm's e_pow.c (Copyright (C) 2004 by Sun Microsystems, Inc.); s
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 from barbalat.lowering.functions.exact import Double, rounded, split
-from barbalat.lowering.functions.exponential import SMALLEST_NORMAL, TWO_TO_54
 from barbalat.lowering.functions.exponential import P as EXP
+from barbalat.lowering.functions.formats import DOUBLE, SINGLE, Format, whole
 from barbalat.lowering.functions.trace import Number
 
 L = (
@@ -22,33 +23,55 @@ LOG2_3_2_HIGH, LOG2_3_2_LOW = 5.84962487220764160156e-01, 1.35003920212974897128
 """log2(3/2)."""
 LN_2 = 6.93147180559945286227e-01
 LN_2_HIGH, LN_2_LOW = 6.93147182464599609375e-01, -1.90465429995776804525e-09
-LARGEST_POWER = 2000.0
-"""2^2000 overflows, 2^-2000 rounds to zero."""
-LARGEST_EXPONENT = 2.0**64
-"""With a larger one every x but 1 overflows, or rounds to zero: |log2 x| is at least 2^-53."""
-ALL_EVEN = 2.0**53
-"""From here on every double is an even number."""
+
+
+@dataclass(frozen=True)
+class Constants:
+    """Each in one number, or in a first part of half of the bits and the rest.
+
+    largest_power  2 to it overflows, to its negative rounds to zero, and half of it is an exponent
+    """
+
+    two_over_3_ln_2: tuple[float, ...]
+    log2_3_2: tuple[float, ...]
+    ln_2: tuple[float, ...]
+    largest_power: float
+
+
+_LN_2 = whole(LN_2_HIGH, LN_2_LOW)
+CONSTANTS: dict[Format, Constants] = {
+    DOUBLE: Constants((TWO_OVER_3_LN_2_HIGH, TWO_OVER_3_LN_2_LOW), (LOG2_3_2_HIGH, LOG2_3_2_LOW), (LN_2_HIGH, LN_2_LOW), 2000.0),
+    SINGLE: Constants(
+        SINGLE.parted(whole(TWO_OVER_3_LN_2_HIGH, TWO_OVER_3_LN_2_LOW), 12),
+        SINGLE.parted(whole(LOG2_3_2_HIGH, LOG2_3_2_LOW), 12),
+        SINGLE.parted(_LN_2, 12),
+        250.0,
+    ),
+}
 
 
 def power(x: Number, y: Number) -> tuple[Number]:
     """x^y; where that is nothing real, not a number."""
     a = abs(x)
-    exponent = (y > LARGEST_EXPONENT).then(LARGEST_EXPONENT, y)
-    exponent = (exponent < -LARGEST_EXPONENT).then(-LARGEST_EXPONENT, exponent)
+    largest = 2.0 ** (x.format.bits + 11)  # with a larger one every x but 1 over- or underflows: |log2 x| is at least 2^-bits
+    exponent = (y > largest).then(largest, y)
+    exponent = (exponent < -largest).then(-largest, exponent)
     value = _two_to(_times(_log2(a), exponent))
     return (_special(x, y, a, value),)
 
 
 def _log2(a: Number) -> Double:
-    """log2 a for a > 0, with 26 bits in the first number."""
-    tiny = a < SMALLEST_NORMAL
-    normal = tiny.then(a * TWO_TO_54, a)
+    """log2 a for a > 0, with half of the bits in the first number."""
+    of, raised = CONSTANTS[a.format], a.format.bits + 1
+    factor_high, factor_low = of.two_over_3_ln_2
+    tiny = a < a.format.smallest_normal
+    normal = tiny.then(a * 2.0**raised, a)
     m, e = normal.significand(), normal.exponent()
     middle, upper = m >= math.sqrt(1.5), m >= math.sqrt(3)
     middle = middle & ~upper
     m = upper.then(0.5 * m, m)
-    n = e + upper.then(1.0, 0.0) + tiny.then(-54.0, 0.0)
-    base, base_high, base_low = middle.then(1.5, 1.0), middle.then(LOG2_3_2_HIGH, 0.0), middle.then(LOG2_3_2_LOW, 0.0)
+    n = e + upper.then(1.0, 0.0) + tiny.then(float(-raised), 0.0)
+    base, base_high, base_low = middle.then(1.5, 1.0), *(middle.then(part, 0.0) for part in of.log2_3_2)
     u, v = m - base, 1.0 / (m + base)
     s = u * v
     s_high, _ = split(s)
@@ -63,8 +86,8 @@ def _log2(a: Number) -> Double:
     u, v = s_high * t_high, s_low * t_high + t_low * s
     p_high, _ = split(u + v)
     p_low = v - (p_high - u)
-    z_high = TWO_OVER_3_LN_2_HIGH * p_high
-    z_low = TWO_OVER_3_LN_2_LOW * p_high + p_low * TWO_OVER_3_LN_2 + base_low
+    z_high = factor_high * p_high
+    z_low = factor_low * p_high + p_low * TWO_OVER_3_LN_2 + base_low
     high, _ = split(((z_high + z_low) + base_high) + n)
     return Double(high, z_low - (((high - n) - base_high) - z_high))
 
@@ -76,14 +99,15 @@ def _times(log: Double, y: Number) -> Double:
 
 def _two_to(power: Double) -> Number:
     high, low = power
+    (ln_2_high, ln_2_low), largest = CONSTANTS[high.format].ln_2, CONSTANTS[high.format].largest_power
     total = high + low
-    outside_above, outside_below = total > LARGEST_POWER, total < -LARGEST_POWER
+    outside_above, outside_below = total > largest, total < -largest
     outside = outside_above | outside_below
-    high, low = outside.then(outside_above.then(LARGEST_POWER, -LARGEST_POWER), high), outside.then(0.0, low)
+    high, low = outside.then(outside_above.then(largest, -largest), high), outside.then(0.0, low)
     n = rounded(high + low)
     high = high - n
     t, _ = split(high + low)
-    u, v = t * LN_2_HIGH, (low - (t - high)) * LN_2 + t * LN_2_LOW
+    u, v = t * ln_2_high, (low - (t - high)) * LN_2 + t * ln_2_low
     z = u + v
     w = v - (z - u)
     squared = z * z
@@ -96,7 +120,7 @@ def _two_to(power: Double) -> Number:
 def _special(x: Number, y: Number, a: Number, value: Number) -> Number:
     """IEEE 754's values at zeros, infinities, negative x and NaN."""
     size = abs(y)
-    near = (size < ALL_EVEN).then(y, 0.0)
+    near = (size < 2.0**x.format.bits).then(y, 0.0)  # from there on every number is even
     half = near * 0.5
     whole = ((near - near.floor()).equals(0.0)) & (size <= math.inf)
     odd = whole & ~(half - half.floor()).equals(0.0)

@@ -8,14 +8,16 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
+from barbalat.lowering.functions.formats import Format
 from barbalat.lowering.operations import Operation, Program
 from barbalat.lowering.optimize import drop_dead
 
 
 @dataclass(eq=False)
 class Trace:
-    """The operations so far; equal constants are one operation."""
+    """The operations so far, on numbers of one format; equal constants are one operation."""
 
+    format: Format
     operations: list[Operation] = field(default_factory=list)
     constants: dict[str, int] = field(default_factory=dict)
 
@@ -44,6 +46,11 @@ class Number:
 
     trace: Trace
     place: int
+
+    @property
+    def format(self) -> Format:
+        """Of the numbers that are computed with."""
+        return self.trace.format
 
     def constant(self, value: float) -> Number:
         """A number of the same list."""
@@ -122,7 +129,7 @@ class Number:
         return self.trace.append("significand", self)
 
     def two_to_this(self) -> Number:
-        """2^k for a whole number k from -1022 to 1023."""
+        """2^k for a whole number k from the exponent of the smallest normal number to the largest one."""
         return self.trace.append("pow2", self)
 
     def entry_of(self, table: tuple[float, ...]) -> Number:
@@ -130,8 +137,8 @@ class Number:
         return self.trace.append("lookup", self, table=table)
 
 
-def traced(formula: Callable[..., tuple[Number, ...]], arguments: int) -> Program:
+def traced(formula: Callable[..., tuple[Number, ...]], arguments: int, of: Format) -> Program:
     """The list of a formula: each of its results is one output, each argument an input with one component."""
-    trace = Trace()
+    trace = Trace(of)
     results = formula(*(trace.argument(i) for i in range(arguments)))
     return drop_dead(Program(tuple(trace.operations), tuple((result.place,) for result in results)))

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from barbalat.lowering.functions.exact import fast_two_sum, split
+from barbalat.lowering.functions.formats import DOUBLE, SINGLE, whole
 from barbalat.lowering.functions.reduction import Reduced, is_large, large, usual
 from barbalat.lowering.functions.trace import Number
 
@@ -27,9 +28,8 @@ T = (
 )  # fmt: skip
 TAN_TURNS = 0.67434
 """Above it tan y comes from tan(pi/4 - y), as in fdlibm."""
-LINEAR_RANGE = 2.0**-28
-"""x^3/3 is less than 2^-57 x."""
-PI_4, PI_4_LOW = float.fromhex("0x1.921fb54442d18p-1"), float.fromhex("0x1.1a62633145c07p-55")
+_PI_4 = float.fromhex("0x1.921fb54442d18p-1"), float.fromhex("0x1.1a62633145c07p-55")
+PI_4 = {DOUBLE: _PI_4, SINGLE: SINGLE.parted(whole(*_PI_4), SINGLE.bits)}
 
 
 def _sine(y: Number, low: Number) -> Number:
@@ -68,7 +68,8 @@ def tan(x: Number, at: Reduced) -> Number:
     quadrant, y, low = at
     odd, turns, negative = abs(quadrant).equals(1.0), abs(y) >= TAN_TURNS, y < 0.0
     size, size_low = abs(y), negative.then(-low, low)
-    a, b = turns.then((PI_4 - size) + (PI_4_LOW - size_low), y), turns.then(0.0, low)
+    pi_4, pi_4_low = PI_4[x.format]
+    a, b = turns.then((pi_4 - size) + (pi_4_low - size_low), y), turns.then(0.0, low)
     z = a * a
     w = z * z
     even_part = T[1] + w * (T[3] + w * (T[5] + w * (T[7] + w * (T[9] + w * T[11]))))
@@ -87,7 +88,7 @@ def tan(x: Number, at: Reduced) -> Number:
 
 def _or_itself(x: Number, value: Number) -> Number:
     """x is its own sine and tangent to the last bit where it is so small, and keeps the sign of zero."""
-    return (abs(x) < LINEAR_RANGE).then(x, value)
+    return (abs(x) < x.format.linear_range).then(x, value)
 
 
 def usual_of(value: Callable[[Number, Reduced], Number]) -> Callable[[Number], tuple[Number, Number]]:

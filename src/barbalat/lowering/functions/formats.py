@@ -1,0 +1,78 @@
+"""The two binary formats that the functions' lists are written for; what of a formula follows from a format stands here."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from fractions import Fraction
+
+
+@dataclass(frozen=True, slots=True)
+class Format:
+    """A binary format of IEEE 754.
+
+    bits              of a significand, with the one that is not stored
+    largest_exponent  of a number, and the bias of the stored ones
+    """
+
+    bits: int
+    largest_exponent: int
+
+    @property
+    def rounder(self) -> float:
+        """Added and subtracted again it rounds a number below a third of it to a whole one, ties to even."""
+        return 1.5 * 2.0 ** (self.bits - 1)
+
+    @property
+    def splitter(self) -> float:
+        """Dekker's factor, which halves a significand, the second half with a sign."""
+        return 2.0 ** ((self.bits + 1) // 2) + 1
+
+    @property
+    def smallest_normal(self) -> float:
+        return 2.0 ** (1 - self.largest_exponent)
+
+    @property
+    def linear_range(self) -> float:
+        """Below it x^3/3 is less than a quarter of a unit in the last place of x."""
+        return 2.0 ** -((self.bits + 1) // 2 + 1)
+
+    @property
+    def aligned(self) -> float:
+        """A whole number added to it stands, with the bias, in the last bits of the sum."""
+        return 2.0 ** (self.bits - 1) + self.largest_exponent
+
+    def nearest(self, value: Fraction) -> float:
+        """The number of this format next to a value of normal size; of two as near that with an even last bit."""
+        unit = self._unit(value, self.bits)
+        return float(round(value / unit) * unit)
+
+    def leading(self, value: Fraction, bits: int) -> float:
+        """The first so many bits of a value."""
+        unit = self._unit(value, bits)
+        return float(int(value / unit) * unit)
+
+    def parted(self, value: Fraction, *bits: int) -> tuple[float, ...]:
+        """A value as a sum: parts of so many bits each, then what is left, to the last bit."""
+        parts: list[float] = []
+        for count in bits:
+            parts.append(self.leading(value, count))
+            value -= Fraction(parts[-1])
+        return (*parts, self.nearest(value))
+
+    @staticmethod
+    def _unit(value: Fraction, bits: int) -> Fraction:
+        """Of the last of so many bits."""
+        size, exponent = abs(value), 0
+        while size >= 2:
+            size, exponent = size / 2, exponent + 1
+        while size < 1:
+            size, exponent = size * 2, exponent - 1
+        return Fraction(2) ** (exponent - bits + 1)
+
+
+DOUBLE, SINGLE = Format(53, 1023), Format(24, 127)
+
+
+def whole(*parts: float) -> Fraction:
+    """The exact sum of a constant's parts."""
+    return sum((Fraction(part) for part in parts), Fraction(0))
