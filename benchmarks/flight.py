@@ -43,7 +43,8 @@ CYCLES = {
     **dict.fromkeys(("vmla", "vmls", "vfma", "vfms"), 3),
     **dict.fromkeys(("vldr", "vstr", "ldr", "str"), 2),
 }
-"""Of the instructions that take more than one: Cortex-M4 Technical Reference Manual r0p1 (DDI 0439), tables 3-1 and 7-1."""
+"""Of the instructions that take more than one: Cortex-M4 Technical Reference Manual r0p1 (DDI 0439), tables 3-1 and 7-1; Texas
+Instruments prints them too, SimpleLink CC13x2x7 Technical Reference Manual (SWCU192), tables 3-25 and 3-27."""
 SEVERAL = ("push", "pop", "ldm", "stm", "vpush", "vpop", "vldm", "vstm", "ldrd", "strd")
 """That take 1 + N cycles for N registers."""
 
@@ -159,6 +160,7 @@ def _cycles(_: int, name: str, operands: str, *, taken: bool) -> int:
     if plain == "vmov" and operands.count(",") == 2:
         return 2  # two registers at once
     base = next((count for start, count in CYCLES.items() if plain.startswith(start)), 1)
+    base += plain in {"vldr", "vstr"} and operands.startswith("d")  # a pair of registers
     return base + refill
 
 

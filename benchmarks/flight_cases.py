@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 from barbalat import (
+    Adrc,
+    DirectMrac,
     Gradient,
     KnownParameters,
     L1Adaptive,
@@ -14,6 +16,7 @@ from barbalat import (
     LinearFeedback,
     LinearOutput,
     LyapunovLaw,
+    MitRule,
     Mrac,
     MracClosedLoop,
     MracOutput,
@@ -30,6 +33,7 @@ from barbalat import (
     Sampled,
     Simulation,
     Sine,
+    Terms,
     TransferFunction,
     input_filter,
 )
@@ -52,6 +56,10 @@ SEVERAL = Problem(
     reference_model=ReferenceModel(k_0=[[2.0, 0.0], [0.0, 3.0]]),
     reference=(COMMAND, Sine(amplitude=0.5, frequency=1.3)),
     uncertainty=ParameterBox(lower=[-1.0] * 4, upper=[1.0] * 4),
+)
+TERMS = replace(
+    STATE,
+    plant=replace(STATE.plant, regressor=Terms(terms=["sin(3*x1)", "exp(-x2**2)"]), theta=[0.5, -0.4]),
 )
 OUTPUT = OutputProblem(
     plant=OutputPlant(transfer_function=TransferFunction([2.0, 6.0], [1.0, 3.0, 1.0])),
@@ -78,6 +86,9 @@ CASES = [
         STATE,
         _sampled(MracClosedLoop(gamma=20.0, model_feedback=[[-1.0, 0.0], [0.0, -1.0]]), "euler"),
     ),
+    ("MRAC, direct, Euler", STATE, _sampled(DirectMrac(gamma=5.0), "euler")),
+    ("MIT rule, Euler", STATE, _sampled(MitRule(gamma=0.5), "euler")),
+    ("MRAC, regressor with sin and exp", TERMS, _sampled(Mrac(gamma=20.0))),
     ("L1, filter of first order", STATE, _sampled(L1Adaptive(gamma=1e3, filter=input_filter(0.05)))),
     ("L1, filter of second order", STATE, _sampled(L1Adaptive(gamma=1e3, filter=FILTER))),
     ("L1, two inputs", SEVERAL, _sampled(L1Adaptive(gamma=1e3, filter=input_filter(0.05)))),
@@ -86,7 +97,9 @@ CASES = [
     ("normalised MRAC, least squares", STATE, _sampled(NormalizedMrac(law=LeastSquares(covariance0=10.0)))),
     ("robust MRAC, gradient", STATE, _sampled(RobustMrac(tau=0.3, law=Gradient(gamma=2.0)))),
     ("robust MRAC, least squares", STATE, _sampled(RobustMrac(tau=0.3, law=LeastSquares(covariance0=10.0)))),
+    ("robust MRAC, two inputs, gradient, Euler", SEVERAL, _sampled(RobustMrac(tau=0.3, law=Gradient(gamma=2.0)), "euler")),
     ("linear, one state", STATE, _sampled(LinearFeedback(controller=TransferFunction([50.0, 40.0], [1.0, 0.0])))),
+    ("ADRC", STATE, _sampled(Adrc(bandwidth=5.0))),
     ("known parameters, Euler", STATE, _sampled(KnownParameters(theta=[1.0, -0.5]), "euler")),
     (
         "output MRAC, n* = 1, Lyapunov, Euler",

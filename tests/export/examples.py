@@ -134,6 +134,9 @@ def _examples():
         yield THIRD, MracOutput(order=3, relative_degree=3, sign=1, law=law, c_0_min=0.05, tau=0.3)
     for law in (LyapunovLaw(gamma=2.0), LyapunovLaw(gamma=2.0, leakage=FixedSigma(sigma=0.1))):
         yield OUTPUT, MracOutput(order=1, relative_degree=1, sign=1, law=law)
+    for law in (Gradient(gamma=1.0), LeastSquares(covariance0=10.0)):
+        yield SEVERAL, RobustMrac(tau=0.3, law=law)
+        yield SEVERAL, NormalizedMrac(law=law)
 
 
 @cache

@@ -9,12 +9,19 @@ import pytest
 from benchmarks import flight
 from benchmarks.flight_cases import CASES
 
+from barbalat.controllers import SCHEMES, Sampled
+from barbalat.controllers.output import OUTPUT_SCHEMES
 from barbalat.export.contents import Contents
 from barbalat.export.texts import Printed
 from barbalat.lowering.c99 import FLOAT
 from export.targets import needs
 
 ROWS = ("MRAC", "L1, output feedback", "robust MRAC, least squares")
+
+
+def test_every_scheme_has_a_row() -> None:
+    there = {type(law.controller if isinstance(law, Sampled) else law) for _, _, law in CASES}
+    assert there | {Sampled} >= {*SCHEMES.values(), *OUTPUT_SCHEMES.values()}
 
 
 @pytest.mark.full
@@ -94,6 +101,8 @@ def test_the_cycles_are_those_of_arms_table() -> None:
         (14, "vdiv.f32", "s0, s1, s2", False),
         (14, "vsqrt.f32", "s0, s1", False),
         (2, "vldr", "s0, [r3, #4]", False),
+        (3, "vstr", "d7, [r3, #4]", False),
+        (3, "vmla.f32", "s0, s1, s2", False),
         (5, "push", "{r4, r5, r6, lr}", False),
         (5, "vpush", "{s16-s19}", False),
         (8, "ldmia.w", "sp!, {r4, r5, r6, pc}", True),

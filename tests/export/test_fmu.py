@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import math
 import re
 import shutil
 import subprocess
@@ -213,13 +214,43 @@ def test_misuse_is_refused_and_changes_nothing(version, tmp_path) -> None:
 
 
 def test_parameters_are_what_enters_as_it_is() -> None:
-    """Gains, limits and initial estimates are; a filter's poles, P and the sample time are compiled in."""
+    """Gains, limits, bounds of the known set, initial estimates are; a filter's poles, P and the sample time are compiled in."""
     problem, controller = EXAMPLES[one("L1Adaptive-state-midpoint")]
     opened = Opened.of(problem, controller, SHORT, tunable=True)
     names = [one.name for one in opened.parameters]
+    bounds = {f"uncertainty.{side}[{i}]" for side in ("lower", "upper") for i in (1, 2)}
+    assert bounds < set(names)
     assert {"gamma", "theta_hat0[1]", "theta_hat0[2]", "u_min", "u_max", "plant.theta[1]", "plant.x0[2]"} <= set(names)
     assert not any("filter" in name or "sample_time" in name or "delay" in name or "A_m" in name for name in names)
     assert not Opened.of(problem, controller, SHORT, tunable=False).parameters
+    others = {"Mrac-gain": "theta_hat0[3]", "MracOutput-third": "c_0_min", "NormalizedMrac-ball": "uncertainty.radius"}
+    for example, name in others.items():
+        opened = Opened.of(*EXAMPLES[one(example)], SHORT, tunable=True)
+        assert name in [one.name for one in opened.parameters]
+        assert "theta_hat0[1]" in [one.name for one in opened.parameters]
+
+
+@needs_gcc
+@pytest.mark.full
+@pytest.mark.parametrize("name", ["Mrac-state-midpoint", "Mrac-state-euler", "NormalizedMrac-ball-midpoint", "RobustMrac-state"])
+def test_a_bound_that_is_moved_past_an_estimate_brings_it_in(name, tmp_path) -> None:
+    """No sample is refused for it: the estimate is at the new bound after the next one, or nearer."""
+    paths = write_units(tmp_path, *EXAMPLES[one(name)], SHORT, 2)
+    slave = Slave(paths["loop"], tmp_path, {"theta_hat0[1]": 1.0})
+    ball = "uncertainty.radius" in slave.at
+    slave.set({"r": 1.0})
+    for k in range(40):
+        slave.step(k * T, T)
+    before = slave.get_all("theta_hat")
+    bound = 0.5 * (math.hypot(*before) if ball else before[0])
+    assert abs(bound) > 1e-3
+    slave.set({"uncertainty.radius" if ball else f"uncertainty.{'upper' if bound > 0 else 'lower'}[1]": bound})
+    slave.step(40 * T, T)
+    after = slave.get_all("theta_hat")
+    assert slave.whole("status") == 0
+    size = math.hypot(*after) if ball else after[0] / bound
+    assert size <= (bound if ball else 1.0) * (1 + 1e-9)
+    slave.close()
 
 
 class BranchingEquations(PlainEquations):

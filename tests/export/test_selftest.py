@@ -13,7 +13,7 @@ import pytest
 
 from barbalat import Sampled
 from barbalat.export.write import files
-from export.examples import FREE, SIMULATION, T, sampled_examples
+from export.examples import FREE, SIMULATION, T, sampled_examples, schemes_covered
 from export.targets import ISO, STRICT, needs, needs_gcc, needs_gxx, run_selftest, write
 from foreign import Plain, PlainEquations
 
@@ -34,6 +34,8 @@ CHOSEN = [
         "KnownParameters-state-euler", "MracOutput-output-midpoint", "MracOutput-output-euler",
         "MracOutput-third */ order-midpoint", "L1Output-output-midpoint",
         "LinearOutput-output-midpoint",
+        "DirectMrac-state-euler", "MitRule-state-euler", "Adrc-state-midpoint", "RobustMrac-several-euler",
+        "L1PiecewiseConstant-state",
     )
 ]  # fmt: skip
 
@@ -41,6 +43,10 @@ CHOSEN = [
 def exported(name, folder, *, float32=False):
     problem, controller = EXAMPLES[name]
     return write(folder, files(problem, controller, SIMULATION, float32=float32))
+
+
+def test_every_scheme_is_tested() -> None:
+    assert {name.split("-")[0] for name in CHOSEN} == {scheme.__name__ for scheme in schemes_covered()}
 
 
 @needs_gcc

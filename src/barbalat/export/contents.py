@@ -129,6 +129,16 @@ class Contents:
         """The least and the largest value of each estimate in the set that it is projected onto; infinite where it has none."""
         return estimate_limits(self.loop)
 
+    @property
+    def checked_limits(self) -> tuple[Array, Array] | None:
+        """The same, without those that are parameters: a state beyond them is brought in by the law, not refused."""
+        if self.limits is None or self.opened is None:
+            return self.limits
+        low, high = (
+            np.where(is_open, np.inf, limit) for is_open, limit in zip(self.opened.open_limits, self.limits, strict=True)
+        )
+        return low, high
+
     @cached_property
     def parameters(self) -> tuple[Parameter, ...]:
         """Those that this controller depends on."""

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, is_dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -17,6 +18,7 @@ from barbalat.export.limits import estimate_limits
 from barbalat.export.settings import Rebuild, numbers, settable
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.loop.structure import comes_from_outside, parts_of
+from barbalat.problem.state_feedback import Problem
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller
 from barbalat.run import breaks
@@ -98,6 +100,13 @@ class Opened:
             {row: k for row, values in enumerate(members.states) if (k := _followed(values)) is not None},
         )
 
+    @cached_property
+    def open_limits(self) -> Array:
+        """(2, p) which of the estimates' limits, as of ``estimate_limits``, follow a parameter."""
+        every = (estimate_limits(ClosedLoop.of(*case)) for case in self.cases)
+        given = np.array([limits for limits in every if limits is not None])  # all have some, or none
+        return np.asarray((given != given[0]).any(axis=0)) if len(given) else np.zeros((2, 0), dtype=bool)
+
     @property
     def values(self) -> Array:
         """(p,) what the lists' third argument is in this case."""
@@ -120,8 +129,9 @@ def _followed(row: Array) -> int | None:
 
 
 def _explicit_estimates(problem: TrackingProblem, controller: Controller) -> Controller:
-    """With initial estimates of zero written out, where the settings have none."""
-    size = ClosedLoop.of(problem, controller).parameters
+    """With the initial estimates written out, where the settings have none."""
+    loop = ClosedLoop.of(problem, controller)
+    initial = loop.initial()[loop.theta_hat_rows]
 
     def written(part: Any) -> Any:
         if not is_dataclass(part) or isinstance(part, type):
@@ -129,12 +139,12 @@ def _explicit_estimates(problem: TrackingProblem, controller: Controller) -> Con
         found = parts_of(part) or {}
         changed = {name: written(value) for name, value in found.items() if is_dataclass(value) and settable(part, name)}
         changed = {name: value for name, value in changed.items() if value is not found[name]}
-        if "theta_hat0" in found and found["theta_hat0"] is None and size:
-            changed["theta_hat0"] = np.zeros(size)
+        if "theta_hat0" in found and found["theta_hat0"] is None and initial.size:
+            changed["theta_hat0"] = initial
         return replace(part, **changed) if changed else part
 
     explicit = written(controller)
-    same = Columns(ClosedLoop.of(problem, controller))
+    same = Columns(loop)
     try:
         same.add(ClosedLoop.of(problem, explicit))
     except (StructureError, InputError):
@@ -157,7 +167,7 @@ def _tried(problem: TrackingProblem, controller: Controller, candidate: Candidat
             continue
         moved = [found.differing()[1] for found in (columns, initial)]
         direct = all((rows[:, 1] == value).all() for rows in moved) and any(len(rows) for rows in moved)
-        return (value, other) if direct and _same_set(loop, changed) and _bears_symbols(loop, changed) else None
+        return (value, other) if direct and _bears_symbols(loop, changed) else None
     return None
 
 
@@ -174,16 +184,8 @@ def _bears_symbols(loop: ClosedLoop, other: ClosedLoop) -> bool:
     return True
 
 
-def _same_set(loop: ClosedLoop, other: ClosedLoop) -> bool:
-    """Whether the estimates have the same limits: an export refuses a state beyond them."""
-    limits, others = estimate_limits(loop), estimate_limits(other)
-    if limits is None or others is None:
-        return limits is others
-    return all((a == b).all() for a, b in zip(limits, others, strict=True))
-
-
 def _candidates(problem: TrackingProblem, controller: Controller) -> Iterator[Candidate]:
-    """Settings of the controller, limits of u, then settings of the plant."""
+    """Settings of the controller, the known set's bounds, limits of u, then settings of the plant."""
     for name, value, rebuilt in numbers(controller):
         plain = name.removeprefix("controller.")
         if plain not in NOT_OFFERED:
@@ -194,6 +196,7 @@ def _candidates(problem: TrackingProblem, controller: Controller) -> Iterator[Ca
 
             yield Candidate(Parameter(plain, value, meaning), changed)
     case: Any = problem
+    yield from _bounds(case, controller)
     for name, value, rebuilt in numbers(problem.plant):
         if name.rpartition(".")[2] in NOT_OFFERED:
             continue
@@ -207,6 +210,18 @@ def _candidates(problem: TrackingProblem, controller: Controller) -> Iterator[Ca
         else:
             which = f"[{limit[0] + 1}]" if len(problem.plant.paths) > 1 else ""
             yield Candidate(Parameter(f"{('u_min', 'u_max')[limit[1]]}{which}", value, "limit of the control", limit), other)
+
+
+def _bounds(case: Any, controller: Controller) -> Iterator[Candidate]:
+    """Numbers of the known set, of a problem that has one."""
+    if not isinstance(case, Problem) or case.uncertainty is None:
+        return
+    for name, value, rebuilt in numbers(case.uncertainty):
+
+        def changed(v: float, rebuilt: Rebuild = rebuilt) -> Case:
+            return replace(case, uncertainty=rebuilt(v)), controller
+
+        yield Candidate(Parameter(f"uncertainty.{name}", value, "of the known set"), changed)
 
 
 def _limit(name: str) -> tuple[int, int] | None:

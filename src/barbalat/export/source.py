@@ -101,8 +101,8 @@ def _usable(printed: Printed) -> str:
     tests = [f"in_range(c->{part.name}, {part.size})" for part in contents.layout.parts]
     tests += [f"in_range(c->last_u, {printed.macro}_INPUTS)", f"in_range(c->bump, {printed.macro}_INPUTS)"]
     tests.append("c->fade_left >= 0L && c->fade_left <= c->fade")
-    if contents.limits is not None:
-        for i, (low, high) in enumerate(zip(*contents.limits, strict=True)):
+    if contents.checked_limits is not None:
+        for i, (low, high) in enumerate(zip(*contents.checked_limits, strict=True)):
             text = contents.layout.theta_hat.entry(contents.layout.theta_hat.start + i)
             for bound, sign, relation in ((low, -1.0, ">="), (high, 1.0, "<=")):
                 if np.isfinite(bound):
