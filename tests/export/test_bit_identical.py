@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+import random
+import shutil
+import subprocess
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -33,8 +38,19 @@ def kinds(name: str) -> tuple[str, ...]:
 
 
 KINDS = ("law", "leakage", "dead_zone", "learning", "modified_error", "auxiliary", "tau")
-ONE_OF_EACH = {kinds(name): name for name in reversed(EXAMPLES)}.values()
-"""The first example of every combination of kinds; those that differ in numbers alone are replayed by ``./dev test --full``."""
+ONE_OF_EACH = frozenset({kinds(name): name for name in reversed(EXAMPLES)}.values())
+"""The first example of every combination of kinds; ``./dev test --full`` replays those that differ in numbers too."""
+MORE_OF_THEM = 24
+"""Of the others, that are replayed beside them: half a minute on one core. Each commit draws its own: all get their turn."""
+
+
+def commit() -> str:
+    """The sources' own; of what is no clone nothing."""
+    command = ["git", "-C", str(Path(__file__).parent), "rev-parse", "HEAD"]
+    return subprocess.run(command, capture_output=True, text=True, check=False).stdout if shutil.which("git") else ""
+
+
+REPLAYED = {*ONE_OF_EACH, *random.Random(commit()).sample([name for name in EXAMPLES if name not in ONE_OF_EACH], MORE_OF_THEM)}
 
 
 def exported(name, folder):
@@ -62,7 +78,7 @@ def replayed(name, folder, simulation, samples, compiler=("gcc", *ISO, "-O2")) -
 
 
 @needs_gcc
-@pytest.mark.parametrize("name", [pytest.param(x, marks=() if x in ONE_OF_EACH else pytest.mark.bulk) for x in EXAMPLES])
+@pytest.mark.parametrize("name", [pytest.param(x, marks=() if x in REPLAYED else pytest.mark.bulk) for x in EXAMPLES])
 @pytest.mark.short(kept=lambda name: name in SHORT)
 def test_the_simulation_replayed_in_c(name, tmp_path) -> None:
     replayed(name, tmp_path, SIMULATION, SAMPLES)
