@@ -325,6 +325,17 @@ def test_what_is_refused(tmp_path, monkeypatch, capsys) -> None:
     capsys.readouterr()
 
 
+def test_the_check_that_is_named_can_be_run(tmp_path, capsys) -> None:
+    """As it stands, in a shell, for one unit and for three, in a folder whose name has a space."""
+    for given in ([], ["--closed-loop"]):
+        asked = ["export", "first-order", "--controller", "MRAC, sampled", "--target", "fmu2", "--sources-only"]
+        assert main([*asked, *given, "--out", str(tmp_path / "a folder")]) == 0
+        (check,) = re.findall(r"check it with: (.*)", " ".join(capsys.readouterr().err.split()))
+        stand_in = f'fmpy() {{ test $# = 2 && test -f "$2" && echo seen; }}\n{check}'
+        done = subprocess.run(["sh", "-c", stand_in], capture_output=True, text=True, check=True)
+        assert done.stdout.count("seen") == len(list((tmp_path / "a folder").glob("*.fmu")))
+
+
 @needs_gcc
 @pytest.mark.full
 def test_a_jump_inside_of_a_step_ends_the_replay(tmp_path) -> None:

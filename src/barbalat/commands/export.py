@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import shlex
 from typing import TYPE_CHECKING
 
 from barbalat.commands.options import add_controllers
@@ -57,9 +58,12 @@ def execute(options: argparse.Namespace) -> int:
         closed_loop=options.closed_loop,
         sources_only=options.sources_only,
     )
+    place = shlex.quote(str(folder))
     if options.target == "c99":
-        check = f"cd {folder} && cc -std=c99 -ffp-contract=off controller.c selftest.c -lm && ./a.out"
+        check = f"cd {place} && cc -std=c99 -ffp-contract=off controller.c selftest.c -lm && ./a.out"
+    elif options.closed_loop:
+        check = f'for unit in {place}/*.fmu; do fmpy validate "$unit"; done'  # it takes one at a time
     else:
-        check = f"fmpy validate {folder}/*.fmu"
+        check = f"fmpy validate {place}/*.fmu"
     say(f"written: {folder}; check it with: {check}")
     return 0
