@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import random
 import shutil
 import subprocess
@@ -96,11 +97,16 @@ def test_every_compiler_at_every_level(name, compiler, level, tmp_path) -> None:
     replayed(name, tmp_path, SIMULATION, SAMPLES, compiler=(compiler, *ISO, level))
 
 
-@needs_gcc
+OF_EACH_SCHEME = {kinds(name)[0]: name for name in reversed(EXAMPLES)}.values()
+HOW = [pytest.param((compiler, *ISO, level), marks=needs(compiler)) for level in LEVELS for compiler in ("gcc", "clang")]
+LONG_RUNS = [pytest.param(name, *how.values, marks=how.marks) for name, how in zip(OF_EACH_SCHEME, itertools.cycle(HOW))]
+
+
 @pytest.mark.full
-@pytest.mark.parametrize("name", FEW)
-def test_a_hundred_thousand_samples(name, tmp_path) -> None:
-    replayed(name, tmp_path, LONG, LONG_SAMPLES)
+@pytest.mark.parametrize(("name", "compiler"), LONG_RUNS)
+def test_a_hundred_thousand_samples(name, compiler, tmp_path) -> None:
+    """Every scheme; both compilers and all levels take turns."""
+    replayed(name, tmp_path, LONG, LONG_SAMPLES, compiler=compiler)
 
 
 @needs_gcc
