@@ -28,6 +28,7 @@ def one(beginning: str, law: type | None = None) -> str:
 
 
 THIRD_ORDER = one("MracOutput-third */ order-midpoint", Gradient)
+TWO_INPUTS = one("L1PiecewiseConstant-several")
 PROVEN = [
     one("Mrac-state-midpoint"),
     one("L1Adaptive-state-midpoint"),
@@ -49,6 +50,10 @@ PROVEN = [
     one("NormalizedMrac-state-euler"),
     one("LinearFeedback-state-midpoint"),
     one("L1PiecewiseConstant-state"),
+    one("DirectMrac-state-euler"),
+    one("MracClosedLoop-state-euler"),
+    one("Adrc-state-midpoint"),
+    TWO_INPUTS,
 ]
 
 
@@ -60,7 +65,7 @@ def printed(name: str) -> Printed:
 @pytest.mark.full
 @pytest.mark.parametrize("name", PROVEN)
 def test_no_step_can_go_wrong(name, tmp_path) -> None:
-    states = 10 * STATES if name == THIRD_ORDER else STATES  # of which the third order has twice the entries
+    states = 10 * STATES if name in {THIRD_ORDER, TWO_INPUTS} else STATES  # of which these have twice the entries
     assert alarms(printed(name), tmp_path, states) == []
 
 
