@@ -21,14 +21,15 @@ OPTIONS = (
     "-eva-split-return", "full",  # what a check has returned, together with what it has seen
     "-warn-special-float", "non-finite",
 )  # fmt: skip
-LARGEST = sys.float_info.max.hex()
+LARGEST = {"double": sys.float_info.max.hex(), "float": "0x1.fffffep+127f"}
 STATES = 2000
 """Kept apart at a line, at the most: enough for the checks of some twenty entries; more of them cost minutes elsewhere."""
 SECONDS = 300
 """For one step; the largest takes a minute."""
-MEMBER = re.compile(r"^\s+(double|long|int) (\w+)(?:\[(\w+)\])?;", re.MULTILINE)
+MEMBER = re.compile(r"^\s+(double|float|long|int) (\w+)(?:\[(\w+)\])?;", re.MULTILINE)
 ANY = {
     "double": "Frama_C_double_interval(-DBL_MAX, DBL_MAX)",
+    "float": "Frama_C_float_interval(-FLT_MAX, FLT_MAX)",
     "long": "Frama_C_long_interval(LONG_MIN, LONG_MAX)",
     "int": "Frama_C_interval(INT_MIN, INT_MAX)",
 }
@@ -52,7 +53,7 @@ int main(void)
 def alarms(printed: Printed, folder: Path, states: int = STATES) -> list[str]:
     """What Eva can't exclude in one step, from whatever finite numbers; the contract of the header among it."""
     assert unbounded_alone(printed.contents.step), "an infinite constant is not a bound here: it may be computed with"
-    text = source(printed).replace("INFINITY", LARGEST)
+    text = source(printed).replace("INFINITY", LARGEST[printed.real])
     write(folder, {"controller.h": header(printed), "controller.c": text, "main.c": _main(printed)})
     command = ["frama-c", *OPTIONS, "-eva-slevel", str(states), "controller.c", "main.c"]
     surroundings = {**os.environ, "PWD": str(folder)}  # that Frama-C finds the files by

@@ -13,7 +13,7 @@ from barbalat.export.contents import Contents
 from barbalat.export.header import header
 from barbalat.export.source import source
 from barbalat.export.texts import Printed
-from barbalat.lowering.c99 import DOUBLE
+from barbalat.lowering.c99 import DOUBLE, FLOAT, Real
 from barbalat.lowering.operations import Operation, Program
 from export.examples import SIMULATION, sampled_examples
 from export.proof import STATES, alarms, unbounded_alone
@@ -57,8 +57,17 @@ PROVEN = [
 ]
 
 
-def printed(name: str) -> Printed:
-    return Printed(Contents.of(*EXAMPLES[name], SIMULATION, DOUBLE))
+PROVEN_IN_32_BITS = [
+    one("Mrac-state-euler"),
+    one("L1Output-output-midpoint"),
+    one("LinearFeedback-state-midpoint"),
+    one("KnownParameters-state-euler"),
+    one("Adrc-state-midpoint"),
+]
+
+
+def printed(name: str, real: Real = DOUBLE) -> Printed:
+    return Printed(Contents.of(*EXAMPLES[name], SIMULATION, real))
 
 
 @needs("frama-c")
@@ -67,6 +76,13 @@ def printed(name: str) -> Printed:
 def test_no_step_can_go_wrong(name, tmp_path) -> None:
     states = 10 * STATES if name in {THIRD_ORDER, TWO_INPUTS} else STATES  # of which these have twice the entries
     assert alarms(printed(name), tmp_path, states) == []
+
+
+@needs("frama-c")
+@pytest.mark.full
+@pytest.mark.parametrize("name", PROVEN_IN_32_BITS)
+def test_no_step_in_32_bits_can_go_wrong(name, tmp_path) -> None:
+    assert alarms(printed(name, FLOAT), tmp_path) == []
 
 
 def test_an_infinite_constant_is_a_bound_or_nothing() -> None:
