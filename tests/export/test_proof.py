@@ -63,6 +63,8 @@ PROVEN_IN_32_BITS = [
     one("LinearFeedback-state-midpoint"),
     one("KnownParameters-state-euler"),
     one("Adrc-state-midpoint"),
+    one("L1PiecewiseConstant-state"),
+    one("MracOutput-output-euler"),
 ]
 
 
