@@ -98,12 +98,12 @@ def _simulated(case: Case, running: Work) -> list[Result]:
 
 def write_runs(folder: Folder, results: Sequence[Result], document: str, *, whole: bool = False) -> None:
     """JSON and trajectories: whatever becomes of the certificates, the runs are safe."""
-    from barbalat.report import write
+    from barbalat.report.file_names import RUN, files_of_run
     from barbalat.report.trajectories import write_trajectories
 
-    folder.write(write.RUN, document)
+    folder.write(RUN, document)
     write_trajectories(folder, results, whole=whole)
-    folder.commit(gone=write.files_of_run(folder.path))
+    folder.commit(gone=files_of_run(folder.path))
 
 
 @contextlib.contextmanager
@@ -126,13 +126,14 @@ def with_page(
     """Certify and write the page; the JSON document with what was found."""
     from barbalat.certificates.overview import certified_case
     from barbalat.report import documents, write
+    from barbalat.report.file_names import RUN
 
     with _kept(folder):
         with running.part("certifying") as progress:
             certified = certified_case(case.problem, case.controllers, case.simulation, progress)
         with running.part("drawing") as progress:
             document = documents.as_json(documents.run_document(case.name, results, certified, compiled))
-            folder.write(write.RUN, document)
+            folder.write(RUN, document)
             write.write_comparison(folder, case.name, results, certified, progress)
             folder.commit()
     return document
@@ -140,7 +141,7 @@ def with_page(
 
 def show(case: str, results: Sequence[Result], folder: Folder | None, *, plots: bool) -> None:
     """On the terminal."""
-    from barbalat.report.page import PAGE
+    from barbalat.report.file_names import PAGE
     from barbalat.report.terminal import runs
     from barbalat.report.terminal.layout import Screen
 

@@ -94,7 +94,7 @@ def execute(options: argparse.Namespace) -> int:
     screen = Screen()
     sweep.show(screen, result)
     if folder is not None:
-        from barbalat.report.page import PAGE
+        from barbalat.report.file_names import PAGE
 
         screen.whole(f"page: {folder.path / PAGE}")
     return 0

@@ -25,6 +25,7 @@ from barbalat.flight.failures import FAILS_AT
 from barbalat.report import flights, tradeoff
 from barbalat.report import tuning as tuning_rows
 from barbalat.report.certificates import rows
+from barbalat.report.file_names import PAGE
 from barbalat.report.narrow import fits_a_phone
 from barbalat.report.notation import mathematics
 from barbalat.report.numbers import number_text
@@ -86,8 +87,6 @@ class Picture:
     narrow: Drawing | None = None
 
 
-PAGE = "report.html"
-"""What a command's first page is called."""
 REPRODUCTION = {PAGE: "Figures", "claims.html": "Claims", "guarantees.html": "Guarantees"}
 """The pages of ``barbalat reproduce``: file -> what the others call it."""
 EXPLORER = "explorer.html"

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
-from pathlib import Path
 from typing import Protocol
 
 from matplotlib.figure import Figure
@@ -23,7 +21,7 @@ from barbalat.pictures.frequency import draw as draw_responses
 from barbalat.pictures.render import render
 from barbalat.pictures.theme import COLOURS
 from barbalat.report import charts, diagrams, flights, maps, page
-from barbalat.report.file_names import diagram_names, table_names
+from barbalat.report.file_names import CERTIFICATES, NARROW, PAGE, PICTURE, diagram_names, loop_names
 from barbalat.report.files import Folder
 from barbalat.run.picture import figure_of
 from barbalat.run.result import Result
@@ -34,11 +32,7 @@ from barbalat.sweeps.result import SweepResult
 from barbalat.tuning.picture import draw as draw_tuning
 from barbalat.tuning.result import Tuning
 
-RUN, CERTIFICATES, PICTURE, LOOPS = "run.json", "certify.json", "comparison", "loops"
-"""Names of files; of the picture without its two suffixes."""
 TUNED_CASE = "tuned.toml"
-NARROW = "-narrow"
-"""After the name of a picture for a phone."""
 
 
 class Drawn(Protocol):
@@ -87,17 +81,13 @@ def loop_pictures(certificates: Mapping[str, Certificate]) -> list[page.Picture]
     """The loops whose margins the certificates give, so many in a picture as there are colours."""
     found = distinct(certificates)
     groups = [found[i : i + len(COLOURS)] for i in range(0, len(found), len(COLOURS))]
-    return [_loops(name, group) for name, group in zip(_loop_names(len(groups)), groups, strict=True)]
+    return [_loops(name, group) for name, group in zip(loop_names(len(groups)), groups, strict=True)]
 
 
 def _loops(name: str, loops: Sequence[MarginLoop]) -> page.Picture:
     responses = responses_of(loops)
     wide, narrow = (draw_responses(responses, "", narrow=narrow) for narrow in (False, True))
     return page.Picture(_svg(name, wide), _svg(f"{name}{NARROW}", narrow))
-
-
-def _loop_names(count: int) -> list[str]:
-    return [f"{LOOPS}{f'-{i}' if i > 1 else ''}" for i in range(1, count + 1)]
 
 
 def write_comparison(
@@ -130,7 +120,7 @@ def write_comparison(
     loops = loop_pictures(certified.certificates)
     told(LOOPS_SECONDS * bool(loops))
     keep(folder, [picture, *loops])
-    folder.write(page.PAGE, page.comparison(case, results, certified, picture, drawn, loops))
+    folder.write(PAGE, page.comparison(case, results, certified, picture, drawn, loops))
 
 
 def drawing_seconds(results: int) -> float:
@@ -149,25 +139,13 @@ def write_certificates(folder: Folder, case: str, certified: Certified, document
     loops = loop_pictures(certified.certificates)
     keep(folder, loops)
     folder.write(CERTIFICATES, document)
-    folder.write(page.PAGE, page.certificates(case, certified, loops))
-
-
-def files_of_run(folder: Path) -> set[str]:
-    """What ``barbalat run`` may have left in a folder, by the ``run.json`` that lies there; nothing where none does."""
-    try:
-        names = [str(name) for name in json.loads((folder / RUN).read_bytes())["controllers"]]
-    except (OSError, ValueError, LookupError, TypeError):
-        return set()
-    drawn = {f"{name}.{kind}" for name in (PICTURE, *diagram_names(names)) for kind in ("png", "svg")}
-    drawn.add(f"{PICTURE}{NARROW}.svg")
-    drawn |= {f"{name}{variant}.svg" for name in _loop_names(len(names)) for variant in ("", NARROW)}
-    return {RUN, page.PAGE, *table_names(names)} | drawn
+    folder.write(PAGE, page.certificates(case, certified, loops))
 
 
 def write_tradeoff(folder: Folder, found: TradeOff) -> None:
     """Picture and page of a trade-off."""
     picture = _draw_both(folder, "tradeoff", partial(draw_trade_off, found))
-    folder.write(page.PAGE, page.trade_off(found, picture))
+    folder.write(PAGE, page.trade_off(found, picture))
 
 
 def write_sweep(folder: Folder, found: SweepResult) -> None:
@@ -183,7 +161,7 @@ def write_sweep(folder: Folder, found: SweepResult) -> None:
         own = [one for one in found.evidence.sensitivities if one.figure == name]
         if own:
             pictures["tornado"] = _draw_both(folder, "tornado", partial(of_sweep.tornado, own, found.controllers, name))
-    folder.write(page.PAGE, page.sweep(found, pictures))
+    folder.write(PAGE, page.sweep(found, pictures))
 
 
 def write_flights(folder: Folder, found: FlightComparison) -> None:
@@ -195,7 +173,7 @@ def write_flights(folder: Folder, found: FlightComparison) -> None:
         folder.write(f"{name}.png", render(wide, "png"))
         pictures[failure.name] = page.Picture(_svg(name, wide), _svg(f"{name}{NARROW}", narrow))
         folder.write(f"{name}.csv", flights.table_of(found, failure))
-    folder.write(page.PAGE, page.flight(found, pictures))
+    folder.write(PAGE, page.flight(found, pictures))
 
 
 def files_of_flights() -> set[str]:
@@ -208,7 +186,7 @@ def write_tuning(folder: Folder, found: Tuning) -> None:
     if found.text is not None:
         folder.write(TUNED_CASE, found.text)
     picture = _draw_both(folder, "front", partial(draw_tuning, found)) if found.aim.constraints else None
-    folder.write(page.PAGE, page.tuning(found, picture))
+    folder.write(PAGE, page.tuning(found, picture))
 
 
 def _narrow(name: str, results: Sequence[Result]) -> page.Drawing:
