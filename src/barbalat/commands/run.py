@@ -5,6 +5,8 @@ from __future__ import annotations
 import argparse
 import contextlib
 from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import Executor
+from contextlib import nullcontext
 from typing import TYPE_CHECKING, Any
 
 from barbalat.commands import in_the_loop
@@ -43,13 +45,14 @@ def add(commands: Commands) -> None:
 def execute(options: argparse.Namespace) -> int:
     """Run the command; returns the exit code."""
     from barbalat.cases.load import load_case
+    from barbalat.report.beside import drawing_beside
 
     case = load_case(options.case, options.controllers)
     with folder_of(options.out, None if options.json or options.no_plots else "barbalat-run") as folder:
         plots = folder is not None and not options.no_plots
         if options.sil:
             in_the_loop.require(case)
-        with work(_expected(case, plots=plots)) as running:
+        with work(_expected(case, plots=plots)) as running, drawing_beside() if plots else nullcontext() as beside:
             results = _simulated(case, running)
             from barbalat.report import documents
 
@@ -58,7 +61,7 @@ def execute(options: argparse.Namespace) -> int:
             if folder is not None:
                 write_runs(folder, results, document, whole=options.full_record)
                 if plots:
-                    document = with_page(folder, case, results, running, checked)
+                    document = with_page(folder, case, results, running, checked, beside)
         if options.json:
             print_json(document)
         else:
@@ -122,8 +125,9 @@ def with_page(
     results: Sequence[Result],
     running: Work,
     compiled: Mapping[str, Mapping[str, Any]] | None = None,
+    beside: Executor | None = None,
 ) -> str:
-    """Certify and write the page; the JSON document with what was found."""
+    """Certify and write the page, of which a part is drawn ``beside``; the JSON document with what was found."""
     from barbalat.certificates.overview import certified_case
     from barbalat.report import documents, write
     from barbalat.report.file_names import RUN
@@ -134,7 +138,7 @@ def with_page(
         with running.part("drawing") as progress:
             document = documents.as_json(documents.run_document(case.name, results, certified, compiled))
             folder.write(RUN, document)
-            write.write_comparison(folder, case.name, results, certified, progress)
+            write.write_comparison(folder, case.name, results, certified, progress, beside)
             folder.commit()
     return document
 
