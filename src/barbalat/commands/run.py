@@ -59,7 +59,7 @@ def execute(options: argparse.Namespace) -> int:
             checked = in_the_loop.checked(results, running) if options.sil else None
             document = documents.as_json(documents.run_document(case.name, results, None, checked))
             if folder is not None:
-                write_runs(folder, results, document, whole=options.full_record)
+                write_runs(folder, case.name, results, document, whole=options.full_record)
                 if plots:
                     document = with_page(folder, case, results, running, checked, beside)
         if options.json:
@@ -99,12 +99,15 @@ def _simulated(case: Case, running: Work) -> list[Result]:
     return list(found.values())
 
 
-def write_runs(folder: Folder, results: Sequence[Result], document: str, *, whole: bool = False) -> None:
-    """JSON and trajectories: whatever becomes of the certificates, the runs are safe."""
-    from barbalat.report.file_names import RUN, files_of_run
+def write_runs(folder: Folder, case: str, results: Sequence[Result], document: str, *, whole: bool = False) -> None:
+    """JSON, trajectories and what their columns are: whatever becomes of the certificates, the runs are safe."""
+    from barbalat.report.data_package import data_package
+    from barbalat.report.documents import as_json
+    from barbalat.report.file_names import COLUMNS, RUN, files_of_run
     from barbalat.report.trajectories import write_trajectories
 
     folder.write(RUN, document)
+    folder.write(COLUMNS, as_json(data_package(case, results)))
     write_trajectories(folder, results, whole=whole)
     folder.commit(gone=files_of_run(folder.path))
 

@@ -118,7 +118,7 @@ def _replayed(study: Study, options: argparse.Namespace) -> int:
         results = list(found.results)
         document = documents.run_document(found.case.name, results, None)
         if folder is not None:
-            run.write_runs(folder, results, documents.as_json(document))
+            run.write_runs(folder, found.case.name, results, documents.as_json(document))
             run.with_page(folder, found.case, results, running)
     if options.json:
         varied = {str(path): float(found.columns[str(path)][0]) for path in study.plan.paths}

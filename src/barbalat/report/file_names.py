@@ -9,6 +9,8 @@ from pathlib import Path
 
 PAGE, RUN, CERTIFICATES = "report.html", "run.json", "certify.json"
 """A command's first page, the documents of ``run`` and ``certify``."""
+COLUMNS = "datapackage.json"
+"""What the columns of the CSVs are; the name is the standard's."""
 PICTURE, LOOPS = "comparison", "loops"
 """Without their suffixes: each picture is there in several forms."""
 NARROW = "-narrow"
@@ -47,7 +49,7 @@ def files_of_run(folder: Path) -> set[str]:
     drawn = {f"{name}.{kind}" for name in (PICTURE, *diagram_names(names)) for kind in ("png", "svg")}
     drawn.add(f"{PICTURE}{NARROW}.svg")
     drawn |= {f"{name}{variant}.svg" for name in loop_names(len(names)) for variant in ("", NARROW)}
-    return {RUN, PAGE, *table_names(names)} | drawn
+    return {RUN, PAGE, COLUMNS, *table_names(names)} | drawn
 
 
 def file_name(name: str) -> str:
