@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from contextlib import nullcontext
 from typing import TYPE_CHECKING
 
 import hypothesis
 import pytest
 
 from barbalat.problem.state_feedback import ParameterBox, Plant, Problem, ReferenceModel
+from barbalat.report import beside
+from barbalat.run.processes import Here
 from barbalat.signals import Sine, Sines
 
 if TYPE_CHECKING:
@@ -49,6 +52,14 @@ def _left_out(item: pytest.Item) -> bool:
 
 def _draws_samples(item: pytest.Item) -> bool:
     return "sample" in getattr(item, "fixturenames", ())
+
+
+@pytest.fixture(scope="session", autouse=True)
+def drawn_here() -> Iterator[None]:
+    """Commands that tests call draw in the tests' own process: to start a second one for each would take longer than it saves."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(beside, "drawing_beside", lambda: nullcontext(Here()))
+        yield
 
 
 @pytest.fixture(scope="session")

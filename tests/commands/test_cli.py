@@ -66,6 +66,7 @@ def test_run_writes_everything(case_file, tmp_path, capsys):
     names = {path.name for path in out.iterdir()}
     assert names == {
         "run.json",
+        "datapackage.json",
         "report.html",
         "comparison.png",
         "comparison.svg",
@@ -104,6 +105,21 @@ def test_no_plots(case_file, tmp_path):
     out = tmp_path / "out"
     assert main(["run", str(case_file), "--out", str(out), "--no-plots"]) == 0
     assert {path.suffix for path in out.iterdir()} == {".json", ".csv"}
+
+
+@pytest.mark.parametrize("case", ["f16-short-period", pytest.param("l1-output", marks=pytest.mark.full)])
+def test_every_column_of_every_csv_is_described(case, tmp_path):
+    """By a Data Package; the units are those that the case file states."""
+    assert main(["run", case, "--out", str(tmp_path), "--no-plots"]) == 0
+    package = json.loads((tmp_path / "datapackage.json").read_text())
+    files = {resource["path"]: resource["schema"]["fields"] for resource in package["resources"]}
+    assert set(files) == {path.name for path in tmp_path.glob("*.csv")}
+    for file, fields in files.items():
+        assert [field["name"] for field in fields] == (tmp_path / file).read_text().splitlines()[0].split(",")
+        assert all(field["title"] for field in fields)
+        units = {field["name"]: field["unit"] for field in fields if "unit" in field}
+        stated = {"x_1": "rad", "x_2": "rad/s", "x_m_1": "rad", "x_m_2": "rad/s", "e_1": "rad", "e_2": "rad/s", "u": "deg"}
+        assert units == {"t": "s"} | (stated if case == "f16-short-period" else {})
 
 
 @pytest.mark.parametrize("damage", [("gamma = 100.0", "gamma = -1.0"), ("dt = 1e-3", "dt = 3e-3"), ("b = ", "bb = ")])

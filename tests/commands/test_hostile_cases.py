@@ -113,7 +113,9 @@ def test_the_simulation_is_written_before_anything_is_certified(tmp_path, monkey
     monkeypatch.setattr(overview, "certify_where_possible", interrupted)
     out = tmp_path / "out"
     assert main(["run", str(HOSTILE[0].parent / "name-markup.toml"), "--out", str(out)]) == 130
-    assert {path.name for path in out.iterdir()} == {"run.json", "1-b.csv", "2-red-x.csv", "3-bold.csv", "4-link-http-x-y.csv"}
+    assert {path.name for path in out.iterdir()} == {
+        "run.json", "datapackage.json", "1-b.csv", "2-red-x.csv", "3-bold.csv", "4-link-http-x-y.csv",
+    }  # fmt: skip
     assert strict((out / "run.json").read_text())["controllers"]
 
 

@@ -9,8 +9,8 @@ import time
 
 import pytest
 
-from barbalat.claims.ledger import _deaf_children
 from barbalat.commands.interrupt import RETRY_PERIOD, Terminated, interruptible
+from barbalat.run.processes import deaf_children
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="no timers of signals")
 
@@ -84,7 +84,7 @@ def interrupts():
 def test_an_interrupt_while_processes_start_is_kept():
     """They are started deaf to it; what arrives meanwhile acts when they have been started."""
     with pytest.raises(KeyboardInterrupt):
-        with _deaf_children():
+        with deaf_children():
             os.kill(os.getpid(), signal.SIGINT)
             started = True
         time.sleep(10.0)  # another thread may be the one to get the signal: it takes a moment

@@ -46,7 +46,7 @@ def test_a_later_run_takes_the_place_of_an_earlier_one(case_file, tmp_path):
         (out / name).write_text("mine")
     case_file.write_text(CASE[: CASE.index("[[controller]]")] + '[[controller]]\nname = "A"\nscheme = "mrac"\ngamma = 1.0\n')
     assert main(["run", str(case_file), "--out", str(out), "--no-plots"]) == 0
-    assert {path.name for path in out.iterdir()} == {"run.json", "1-a.csv", "4-mine.csv", "notes.txt"}
+    assert {path.name for path in out.iterdir()} == {"run.json", "datapackage.json", "1-a.csv", "4-mine.csv", "notes.txt"}
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="no flock")
@@ -155,3 +155,12 @@ def test_certify_leaves_page_pictures_and_json(case_file, tmp_path, capsys):
     left = {path.name for path in (tmp_path / "out").iterdir()}
     assert left == {"certify.json", "report.html", "loops.svg", "loops-narrow.svg"}
     assert json.loads((tmp_path / "out" / "certify.json").read_text("utf-8")) == json.loads(capsys.readouterr().out)
+
+
+@pytest.mark.full
+def test_two_processes_draw_what_one_draws(case_file, tmp_path):
+    """Every file of a run, in every byte; a machine with one core draws all in the process of the run."""
+    assert command("run", case_file, "--out", tmp_path / "two", stdout=subprocess.DEVNULL).returncode == 0
+    assert main(["run", str(case_file), "--out", str(tmp_path / "one")]) == 0  # in this process: see conftest
+    one, two = ({path.name: path.read_bytes() for path in (tmp_path / name).iterdir()} for name in ("one", "two"))
+    assert one == two

@@ -13,6 +13,7 @@ from barbalat.certificates.overview import Certified
 from barbalat.certificates.picture import distinct
 from barbalat.certificates.table_1 import Table
 from barbalat.report import page, write
+from barbalat.report.drawings import Drawing, Picture
 from barbalat.report.files import Folder
 from barbalat.report.narrow import fits_a_phone
 from barbalat.report.notation import mathematics
@@ -28,7 +29,7 @@ SVG = '<svg xmlns="http://www.w3.org/2000/svg">\n<style>a { fill: #102030; width
 
 
 def shown(results, svg):
-    picture = page.Picture(page.Drawing("wide.svg", svg), page.Drawing("narrow.svg", svg))
+    picture = Picture(Drawing("wide.svg", svg), Drawing("narrow.svg", svg))
     return page.comparison("a case", list(results.values()), Certified({}, Table(())), picture)
 
 

@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-import signal
-import sys
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from contextlib import contextmanager
 from dataclasses import dataclass
 from difflib import get_close_matches
-from multiprocessing import active_children, get_context, resource_tracker
-from threading import current_thread, main_thread
 from typing import NamedTuple, TypeAlias
 
 from barbalat.certificates.overview import Certified
@@ -20,6 +16,8 @@ from barbalat.claims.claim import Claim
 from barbalat.claims.paper_certificates import certified_paper
 from barbalat.claims.rows import LEDGER, Measurement
 from barbalat.claims.section_v import Runs
+from barbalat.run.processes import deaf_children
+from barbalat.run.processes import processes as own_processes
 from barbalat.run.progress import Progress
 from barbalat.validate import InputError
 
@@ -57,22 +55,13 @@ def under_way(processes: int, *, quick: bool = False, full: bool = False, told: 
     """
     alone = [i for i in _chosen(quick) if not LEDGER[i].judges_runs]
     first = [i for i in alone if LEDGER[i].quick and LEDGER[i].duration(full=full) < 1][:processes]
-    others = active_children()
-    pool = ProcessPoolExecutor(processes, mp_context=get_context("spawn"))
-    try:
-        with _deaf_children():
+    with own_processes(processes) as pool:
+        with deaf_children():
             ahead = {i: _submitted(pool, i, full, told) for i in first}
             certified = pool.submit(certified_paper)
             longest_first = sorted(set(alone) - set(first), key=lambda i: -LEDGER[i].duration(full=full))
             ahead |= {i: _submitted(pool, i, full, told) for i in longest_first}
         yield UnderWay(ahead, certified, pool)
-    except BaseException:
-        for child in active_children():
-            if child not in others:
-                child.terminate()  # nobody waits for what it measures
-        raise
-    finally:
-        pool.shutdown(cancel_futures=True)
 
 
 def _submitted(pool: ProcessPoolExecutor, place: int, full: bool, told: Told | None) -> Future[Measured]:
@@ -84,31 +73,6 @@ def _submitted(pool: ProcessPoolExecutor, place: int, full: bool, told: Told | N
 
     future.add_done_callback(done)
     return future
-
-
-@contextmanager
-def _deaf_children() -> Iterator[None]:
-    """Processes that start meanwhile leave Ctrl-C, which a terminal sends to all, to this one: they would print tracebacks.
-
-    They inherit that it is blocked. Here it is neither lost, nor does it interrupt a process that is half started: it waits, as
-    a request to end does, to which they stay open: it is how this one ends them.
-    """
-    if sys.platform == "win32" or current_thread() is not main_thread():  # where signals can't be set, and none arrive
-        yield
-        return
-    resource_tracker.ensure_running()  # it would unblock the signal when the first process starts it
-    waiting: list[int] = []
-    kept = (signal.SIGINT, signal.SIGTERM)  # another thread may be the one to get it
-    before = {number: signal.signal(number, lambda number, _: waiting.append(number)) for number in kept}
-    signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
-        for number, handler in before.items():
-            signal.signal(number, handler)
-    if waiting:
-        signal.raise_signal(signal.Signals(waiting[0]))
 
 
 def _rows(place: int, full: bool, *runs: Runs) -> Measured:

@@ -68,7 +68,7 @@ def execute(options: argparse.Namespace) -> int:
 
 
 def _show(case: Case, found: Certified, options: argparse.Namespace) -> None:
-    from barbalat.report.page import PAGE
+    from barbalat.report.file_names import PAGE
     from barbalat.report.terminal import certificates as terminal
     from barbalat.report.terminal.layout import Screen
 

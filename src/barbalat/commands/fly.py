@@ -56,7 +56,7 @@ def execute(options: argparse.Namespace) -> int:
     if options.json:
         print_json(document)
         return 0
-    from barbalat.report.page import PAGE
+    from barbalat.report.file_names import PAGE
     from barbalat.report.terminal import flights as terminal
     from barbalat.report.terminal.layout import Screen
 

@@ -40,5 +40,7 @@ def execute(options: argparse.Namespace) -> int:
         if not os.path.lexists(file.parent / SCHEMA_FILE):  # one that is there may be the user's
             folder.write(SCHEMA_FILE, as_json(json_schema()))
         folder.commit()
-    say(f"written: {file}, and {SCHEMA_FILE} beside it, by which editors complete and check it; run it with: barbalat run {file}")
+    say(f"written: {file}")
+    say(f"and beside it {SCHEMA_FILE}, by which editors complete and check it")
+    say(f"run it with: barbalat run {file}")
     return 0

@@ -134,7 +134,7 @@ class Pace:
 
 
 def _show(figures: list[PaperFigure], claims: list[Claim], folder: Folder, seconds: float) -> None:
-    from barbalat.report.page import PAGE
+    from barbalat.report.file_names import PAGE
     from barbalat.report.terminal import ledger
     from barbalat.report.terminal.layout import Screen
 

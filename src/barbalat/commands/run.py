@@ -5,6 +5,8 @@ from __future__ import annotations
 import argparse
 import contextlib
 from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import Executor
+from contextlib import nullcontext
 from typing import TYPE_CHECKING, Any
 
 from barbalat.commands import in_the_loop
@@ -43,22 +45,23 @@ def add(commands: Commands) -> None:
 def execute(options: argparse.Namespace) -> int:
     """Run the command; returns the exit code."""
     from barbalat.cases.load import load_case
+    from barbalat.report.beside import drawing_beside
 
     case = load_case(options.case, options.controllers)
     with folder_of(options.out, None if options.json or options.no_plots else "barbalat-run") as folder:
         plots = folder is not None and not options.no_plots
         if options.sil:
             in_the_loop.require(case)
-        with work(_expected(case, plots=plots)) as running:
+        with work(_expected(case, plots=plots)) as running, drawing_beside() if plots else nullcontext() as beside:
             results = _simulated(case, running)
             from barbalat.report import documents
 
             checked = in_the_loop.checked(results, running) if options.sil else None
             document = documents.as_json(documents.run_document(case.name, results, None, checked))
             if folder is not None:
-                write_runs(folder, results, document, whole=options.full_record)
+                write_runs(folder, case.name, results, document, whole=options.full_record)
                 if plots:
-                    document = with_page(folder, case, results, running, checked)
+                    document = with_page(folder, case, results, running, checked, beside)
         if options.json:
             print_json(document)
         else:
@@ -96,14 +99,17 @@ def _simulated(case: Case, running: Work) -> list[Result]:
     return list(found.values())
 
 
-def write_runs(folder: Folder, results: Sequence[Result], document: str, *, whole: bool = False) -> None:
-    """JSON and trajectories: whatever becomes of the certificates, the runs are safe."""
-    from barbalat.report import write
+def write_runs(folder: Folder, case: str, results: Sequence[Result], document: str, *, whole: bool = False) -> None:
+    """JSON, trajectories and what their columns are: whatever becomes of the certificates, the runs are safe."""
+    from barbalat.report.data_package import data_package
+    from barbalat.report.documents import as_json
+    from barbalat.report.file_names import COLUMNS, RUN, files_of_run
     from barbalat.report.trajectories import write_trajectories
 
-    folder.write(write.RUN, document)
+    folder.write(RUN, document)
+    folder.write(COLUMNS, as_json(data_package(case, results)))
     write_trajectories(folder, results, whole=whole)
-    folder.commit(gone=write.files_of_run(folder.path))
+    folder.commit(gone=files_of_run(folder.path))
 
 
 @contextlib.contextmanager
@@ -122,25 +128,27 @@ def with_page(
     results: Sequence[Result],
     running: Work,
     compiled: Mapping[str, Mapping[str, Any]] | None = None,
+    beside: Executor | None = None,
 ) -> str:
-    """Certify and write the page; the JSON document with what was found."""
+    """Certify and write the page, of which a part is drawn ``beside``; the JSON document with what was found."""
     from barbalat.certificates.overview import certified_case
     from barbalat.report import documents, write
+    from barbalat.report.file_names import RUN
 
     with _kept(folder):
         with running.part("certifying") as progress:
             certified = certified_case(case.problem, case.controllers, case.simulation, progress)
         with running.part("drawing") as progress:
             document = documents.as_json(documents.run_document(case.name, results, certified, compiled))
-            folder.write(write.RUN, document)
-            write.write_comparison(folder, case.name, results, certified, progress)
+            folder.write(RUN, document)
+            write.write_comparison(folder, case.name, results, certified, progress, beside)
             folder.commit()
     return document
 
 
 def show(case: str, results: Sequence[Result], folder: Folder | None, *, plots: bool) -> None:
     """On the terminal."""
-    from barbalat.report.page import PAGE
+    from barbalat.report.file_names import PAGE
     from barbalat.report.terminal import runs
     from barbalat.report.terminal.layout import Screen
 

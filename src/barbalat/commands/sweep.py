@@ -94,7 +94,7 @@ def execute(options: argparse.Namespace) -> int:
     screen = Screen()
     sweep.show(screen, result)
     if folder is not None:
-        from barbalat.report.page import PAGE
+        from barbalat.report.file_names import PAGE
 
         screen.whole(f"page: {folder.path / PAGE}")
     return 0
@@ -118,7 +118,7 @@ def _replayed(study: Study, options: argparse.Namespace) -> int:
         results = list(found.results)
         document = documents.run_document(found.case.name, results, None)
         if folder is not None:
-            run.write_runs(folder, results, documents.as_json(document))
+            run.write_runs(folder, found.case.name, results, documents.as_json(document))
             run.with_page(folder, found.case, results, running)
     if options.json:
         varied = {str(path): float(found.columns[str(path)][0]) for path in study.plan.paths}

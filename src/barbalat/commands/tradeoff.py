@@ -95,7 +95,7 @@ def _found(case: Case, options: argparse.Namespace, running: Work) -> TradeOff:
 
 
 def _show(found: TradeOff, folder: Folder | None, effort: str) -> None:
-    from barbalat.report.page import PAGE
+    from barbalat.report.file_names import PAGE
     from barbalat.report.terminal import tradeoff
     from barbalat.report.terminal.layout import Screen
 

@@ -91,7 +91,7 @@ def execute(options: argparse.Namespace) -> int:
     screen = Screen()
     tuning.show(screen, found)
     if folder is not None:
-        from barbalat.report.page import PAGE
+        from barbalat.report.file_names import PAGE
         from barbalat.report.write import TUNED_CASE
 
         screen.whole(f"case: {folder.path / TUNED_CASE}")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import textwrap
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -15,8 +14,9 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Circle
 from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
+from barbalat.pictures.log_ticks import power_of_ten
 from barbalat.pictures.panels import as_typed
-from barbalat.pictures.symbols import in_symbols, times_power
+from barbalat.pictures.symbols import in_symbols
 from barbalat.pictures.theme import DASHES, NARROW, WIDE, Theme, new_figure
 from barbalat.validate import Array
 
@@ -119,14 +119,6 @@ def _in_decades(axis: Axis) -> None:
     axis.set_major_locator(LogLocator(numticks=MOST_DECADES))
     axis.set_minor_locator(NullLocator())
     axis.set_major_formatter(FuncFormatter(lambda value, _: power_of_ten(value)))
-
-
-def power_of_ten(value: float) -> str:
-    """0.1, 1, 10, and 10 with its exponent beyond; for whole powers. Nothing for the zero below the smallest number."""
-    if value <= 0:
-        return ""
-    exponent = round(math.log10(value))
-    return f"{10.0**exponent:g}" if abs(exponent) <= 1 else times_power("1", exponent)
 
 
 def _bode(magnitude: Axes, phase: Axes, response: Response, colour: str, width: float) -> None:

@@ -82,6 +82,8 @@ def _draw(axes: Axes, panel: Panel, outlines: Sequence[Outline], t_end: float, t
             one.set_ylim(*panel.limits)
         if panel.scale == "log":
             _plain_ticks(one)
+        if panel.scale == "linear":
+            one.ticklabel_format(axis="y", useOffset=False)  # a number to be added would stand on the legend
         one.set_xlim(start, end)
         one.tick_params(labelsize=sizes.font, labelbottom=one is apart[-1])
         one.grid(visible=True, linewidth=0.3)

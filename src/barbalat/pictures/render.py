@@ -11,6 +11,7 @@ from contextlib import contextmanager
 
 from matplotlib.figure import Figure
 
+from barbalat.pictures.log_ticks import with_plain_powers
 from barbalat.pictures.theme import COLOURS, DARK_GROUND, DARK_INK, DARK_QUIET_INK, GROUND, INK, ON_DARK, QUIET_INK
 
 PIXELS_PER_INCH = 110
@@ -24,6 +25,7 @@ def render(figure: Figure, kind: str) -> bytes:
     import matplotlib as mpl
 
     buffer = io.BytesIO()
+    with_plain_powers(figure)
     with warnings.catch_warnings(), _laid_out(figure):
         warnings.filterwarnings("ignore", message=r"Glyph \d+")  # where the font lacks a script, names are boxes
         if kind == "svg":

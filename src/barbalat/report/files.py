@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import os
 import shutil
+import sys
 import tempfile
 from collections.abc import Iterable, Iterator
 from pathlib import Path
@@ -80,10 +81,10 @@ def _reason(error: OSError) -> str:
 
 def _locked(path: Path) -> int | None:
     """A handle that holds the folder until it is closed, or the process ends in whatever way; None where there are no locks."""
-    try:
-        import fcntl
-    except ImportError:  # Windows
+    if sys.platform == "win32":
         return None
+    import fcntl
+
     handle = os.open(path, os.O_RDONLY)
     try:
         fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)

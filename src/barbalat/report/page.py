@@ -9,7 +9,6 @@ from __future__ import annotations
 import re
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from functools import cache
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
@@ -25,6 +24,8 @@ from barbalat.flight.failures import FAILS_AT
 from barbalat.report import flights, tradeoff
 from barbalat.report import tuning as tuning_rows
 from barbalat.report.certificates import rows
+from barbalat.report.drawings import Picture
+from barbalat.report.file_names import PAGE
 from barbalat.report.narrow import fits_a_phone
 from barbalat.report.notation import mathematics
 from barbalat.report.numbers import number_text
@@ -61,33 +62,6 @@ LARGER = {"flights.html": 4_000_000}
 PICTURES_BESIDE = " Its pictures are files in the same folder: send them along."
 
 
-@dataclass(frozen=True)
-class Drawing:
-    """An SVG and the file that it is in."""
-
-    file: str
-    svg: str
-
-    def address(self, alone: bool) -> str:
-        """Its file's, or one that holds all of it; what would end that or its attribute is replaced."""
-        if not alone:
-            return self.file
-        text = self.svg
-        for letter, replaced in (("%", "%25"), ("#", "%23"), ("\n", " "), ("&", "&amp;"), ('"', "'"), ("://", "%3A//")):
-            text = text.replace(letter, replaced)
-        return Markup("data:image/svg+xml,{}").format(Markup(text))
-
-
-@dataclass(frozen=True)
-class Picture:
-    """A drawn figure, and how it is drawn for phones where that differs."""
-
-    wide: Drawing
-    narrow: Drawing | None = None
-
-
-PAGE = "report.html"
-"""What a command's first page is called."""
 REPRODUCTION = {PAGE: "Figures", "claims.html": "Claims", "guarantees.html": "Guarantees"}
 """The pages of ``barbalat reproduce``: file -> what the others call it."""
 EXPLORER = "explorer.html"

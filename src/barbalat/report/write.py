@@ -2,30 +2,29 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Executor
 from dataclasses import replace
 from functools import partial
-from pathlib import Path
 from typing import Protocol
 
 from matplotlib.figure import Figure
 
 from barbalat.certificates.certificate import Certificate
 from barbalat.certificates.overview import Certified
-from barbalat.certificates.picture import MarginLoop, distinct, responses_of
+from barbalat.certificates.picture import distinct
 from barbalat.claims.claim import Chart, Claim, Map
 from barbalat.claims.paper_figure import PaperFigure
-from barbalat.flight import picture as of_flight
 from barbalat.flight.comparison import FlightComparison
 from barbalat.flight.failures import FAILURES
-from barbalat.pictures.frequency import draw as draw_responses
+from barbalat.pictures.panel_drawing import draw as draw_panels
 from barbalat.pictures.render import render
-from barbalat.pictures.theme import COLOURS
 from barbalat.report import charts, diagrams, flights, maps, page
-from barbalat.report.file_names import diagram_names, table_names
+from barbalat.report.drawings import Drawing, Picture, narrow_panels, pictures_of_loops, svg_of
+from barbalat.report.file_names import CERTIFICATES, NARROW, PAGE, PICTURE, diagram_names
 from barbalat.report.files import Folder
-from barbalat.run.picture import figure_of
+from barbalat.run.picture import ends_at, figure_of, panels
+from barbalat.run.processes import Here
 from barbalat.run.result import Result
 from barbalat.study.tradeoff import TradeOff
 from barbalat.study.tradeoff_picture import draw as draw_trade_off
@@ -34,11 +33,7 @@ from barbalat.sweeps.result import SweepResult
 from barbalat.tuning.picture import draw as draw_tuning
 from barbalat.tuning.result import Tuning
 
-RUN, CERTIFICATES, PICTURE, LOOPS = "run.json", "certify.json", "comparison", "loops"
-"""Names of files; of the picture without its two suffixes."""
 TUNED_CASE = "tuned.toml"
-NARROW = "-narrow"
-"""After the name of a picture for a phone."""
 
 
 class Drawn(Protocol):
@@ -47,7 +42,7 @@ class Drawn(Protocol):
     def __call__(self, *, narrow: bool) -> Figure: ...
 
 
-def draw_reproduction(folder: Folder, figures: Sequence[PaperFigure], drawn: Callable[[float], None]) -> dict[str, page.Picture]:
+def draw_reproduction(folder: Folder, figures: Sequence[PaperFigure], drawn: Callable[[float], None]) -> dict[str, Picture]:
     """Draw every figure into the folder, but for those for phones; ``drawn`` is told the share of each."""
     pictures = {}
     for figure in figures:
@@ -56,17 +51,17 @@ def draw_reproduction(folder: Folder, figures: Sequence[PaperFigure], drawn: Cal
     return pictures
 
 
-def narrow_pictures(figures: Sequence[PaperFigure]) -> dict[str, page.Drawing]:
+def narrow_pictures(figures: Sequence[PaperFigure]) -> dict[str, Drawing]:
     """The figures for phones by their keys, which another process may draw meanwhile."""
-    return {figure.key: _narrow(f"figure-{figure.key}", figure.shown) for figure in figures}
+    return {figure.key: narrow_panels(f"figure-{figure.key}", panels(figure.shown), ends_at(figure.shown)) for figure in figures}
 
 
-def with_narrow(pictures: Mapping[str, page.Picture], narrow: Mapping[str, page.Drawing]) -> dict[str, page.Picture]:
+def with_narrow(pictures: Mapping[str, Picture], narrow: Mapping[str, Drawing]) -> dict[str, Picture]:
     """Both as one, by key."""
     return {key: replace(picture, narrow=narrow[key]) for key, picture in pictures.items()}
 
 
-def keep(folder: Folder, pictures: Sequence[page.Picture]) -> None:
+def keep(folder: Folder, pictures: Sequence[Picture]) -> None:
     """Write the SVGs of pictures that were drawn elsewhere."""
     for picture in pictures:
         for drawing in (picture.wide, picture.narrow):
@@ -74,7 +69,7 @@ def keep(folder: Folder, pictures: Sequence[page.Picture]) -> None:
                 folder.write(drawing.file, drawing.svg)
 
 
-def draw_maps(folder: Folder, claims: Sequence[Claim]) -> dict[str, page.Picture]:
+def draw_maps(folder: Folder, claims: Sequence[Claim]) -> dict[str, Picture]:
     """Draw every map and chart of the claims into the folder; pictures by their keys."""
     return {shown.key: _draw_both(folder, f"map-{shown.key}", partial(_map, shown)) for claim in claims for shown in claim.maps}
 
@@ -83,21 +78,9 @@ def _map(shown: Map | Chart, *, narrow: bool) -> Figure:
     return maps.draw(shown, narrow=narrow) if isinstance(shown, Map) else charts.draw(shown, narrow=narrow)
 
 
-def loop_pictures(certificates: Mapping[str, Certificate]) -> list[page.Picture]:
-    """The loops whose margins the certificates give, so many in a picture as there are colours."""
-    found = distinct(certificates)
-    groups = [found[i : i + len(COLOURS)] for i in range(0, len(found), len(COLOURS))]
-    return [_loops(name, group) for name, group in zip(_loop_names(len(groups)), groups, strict=True)]
-
-
-def _loops(name: str, loops: Sequence[MarginLoop]) -> page.Picture:
-    responses = responses_of(loops)
-    wide, narrow = (draw_responses(responses, "", narrow=narrow) for narrow in (False, True))
-    return page.Picture(_svg(name, wide), _svg(f"{name}{NARROW}", narrow))
-
-
-def _loop_names(count: int) -> list[str]:
-    return [f"{LOOPS}{f'-{i}' if i > 1 else ''}" for i in range(1, count + 1)]
+def loop_pictures(certificates: Mapping[str, Certificate]) -> list[Picture]:
+    """The loops whose margins the certificates give."""
+    return pictures_of_loops(distinct(certificates))
 
 
 def write_comparison(
@@ -106,12 +89,20 @@ def write_comparison(
     results: Sequence[Result],
     certified: Certified,
     progress: Callable[[float], None] = lambda _: None,
+    beside: Executor | None = None,
 ) -> None:
-    """The picture of the runs, those of their loops, a block diagram of each controller that has one, and the page."""
+    """The picture of the runs, those of their loops, a block diagram of each controller that has one, and the page.
+
+    beside  draws a part of them meanwhile; without it all is drawn here
+    """
+    beside = beside or Here()
+    shown, t_end = panels(results), ends_at(results)
+    drawing_narrow = beside.submit(narrow_panels, PICTURE, shown, t_end)
+    drawing_loops = beside.submit(pictures_of_loops, distinct(certified.certificates))
     names = diagram_names([result.name for result in results])
     figures = [diagrams.of_controller(result.controller, result.problem) for result in results]
-    shown = {name: figure for name, figure in zip(names, figures, strict=True) if figure is not None}
-    whole = drawing_seconds(len(results)) + DIAGRAM_SECONDS * len(shown) + LOOPS_SECONDS * bool(distinct(certified.certificates))
+    blocks = {name: figure for name, figure in zip(names, figures, strict=True) if figure is not None}
+    whole = drawing_seconds(len(results)) + DIAGRAM_SECONDS * len(blocks) + LOOPS_SECONDS * bool(distinct(certified.certificates))
     done = PAGE_SECONDS
 
     def told(seconds: float) -> None:
@@ -119,18 +110,18 @@ def write_comparison(
         done += seconds
         progress(done / whole)
 
-    wide = _draw(folder, PICTURE, figure_of(results))
+    wide = _draw(folder, PICTURE, draw_panels(shown, t_end))
     told(WIDE_SECONDS * len(results))
-    picture = replace(wide, narrow=_narrow(PICTURE, results))
-    told(NARROW_SECONDS * len(results))
     drawn = []
-    for name, figure in shown.items():
+    for name, figure in blocks.items():
         drawn.append(_draw(folder, name, figure))
         told(DIAGRAM_SECONDS)
-    loops = loop_pictures(certified.certificates)
+    picture = replace(wide, narrow=drawing_narrow.result())
+    told(NARROW_SECONDS * len(results))
+    loops = drawing_loops.result()
     told(LOOPS_SECONDS * bool(loops))
     keep(folder, [picture, *loops])
-    folder.write(page.PAGE, page.comparison(case, results, certified, picture, drawn, loops))
+    folder.write(PAGE, page.comparison(case, results, certified, picture, drawn, loops))
 
 
 def drawing_seconds(results: int) -> float:
@@ -149,25 +140,13 @@ def write_certificates(folder: Folder, case: str, certified: Certified, document
     loops = loop_pictures(certified.certificates)
     keep(folder, loops)
     folder.write(CERTIFICATES, document)
-    folder.write(page.PAGE, page.certificates(case, certified, loops))
-
-
-def files_of_run(folder: Path) -> set[str]:
-    """What ``barbalat run`` may have left in a folder, by the ``run.json`` that lies there; nothing where none does."""
-    try:
-        names = [str(name) for name in json.loads((folder / RUN).read_bytes())["controllers"]]
-    except (OSError, ValueError, LookupError, TypeError):
-        return set()
-    drawn = {f"{name}.{kind}" for name in (PICTURE, *diagram_names(names)) for kind in ("png", "svg")}
-    drawn.add(f"{PICTURE}{NARROW}.svg")
-    drawn |= {f"{name}{variant}.svg" for name in _loop_names(len(names)) for variant in ("", NARROW)}
-    return {RUN, page.PAGE, *table_names(names)} | drawn
+    folder.write(PAGE, page.certificates(case, certified, loops))
 
 
 def write_tradeoff(folder: Folder, found: TradeOff) -> None:
     """Picture and page of a trade-off."""
     picture = _draw_both(folder, "tradeoff", partial(draw_trade_off, found))
-    folder.write(page.PAGE, page.trade_off(found, picture))
+    folder.write(PAGE, page.trade_off(found, picture))
 
 
 def write_sweep(folder: Folder, found: SweepResult) -> None:
@@ -183,19 +162,21 @@ def write_sweep(folder: Folder, found: SweepResult) -> None:
         own = [one for one in found.evidence.sensitivities if one.figure == name]
         if own:
             pictures["tornado"] = _draw_both(folder, "tornado", partial(of_sweep.tornado, own, found.controllers, name))
-    folder.write(page.PAGE, page.sweep(found, pictures))
+    folder.write(PAGE, page.sweep(found, pictures))
 
 
 def write_flights(folder: Folder, found: FlightComparison) -> None:
     """A picture and a CSV for each failure, and the page, which holds the pictures."""
+    from barbalat.flight import picture as of_flight
+
     pictures = {}
     for failure in found.failures:
         wide, narrow = (of_flight.figure_of(found.all_through(failure), narrow=narrow) for narrow in (False, True))
         name = f"flight-{failure.name}"
         folder.write(f"{name}.png", render(wide, "png"))
-        pictures[failure.name] = page.Picture(_svg(name, wide), _svg(f"{name}{NARROW}", narrow))
+        pictures[failure.name] = Picture(svg_of(name, wide), svg_of(f"{name}{NARROW}", narrow))
         folder.write(f"{name}.csv", flights.table_of(found, failure))
-    folder.write(page.PAGE, page.flight(found, pictures))
+    folder.write(PAGE, page.flight(found, pictures))
 
 
 def files_of_flights() -> set[str]:
@@ -208,27 +189,19 @@ def write_tuning(folder: Folder, found: Tuning) -> None:
     if found.text is not None:
         folder.write(TUNED_CASE, found.text)
     picture = _draw_both(folder, "front", partial(draw_tuning, found)) if found.aim.constraints else None
-    folder.write(page.PAGE, page.tuning(found, picture))
+    folder.write(PAGE, page.tuning(found, picture))
 
 
-def _narrow(name: str, results: Sequence[Result]) -> page.Drawing:
-    return _svg(f"{name}{NARROW}", figure_of(results, narrow=True))
-
-
-def _draw(folder: Folder, name: str, drawing: Figure) -> page.Picture:
+def _draw(folder: Folder, name: str, drawing: Figure) -> Picture:
     folder.write(f"{name}.png", render(drawing, "png"))
     drawing.set_layout_engine(None)  # what the first rendering has laid out stays where it is
-    wide = _svg(name, drawing)
+    wide = svg_of(name, drawing)
     folder.write(wide.file, wide.svg)
-    return page.Picture(wide)
+    return Picture(wide)
 
 
-def _draw_both(folder: Folder, name: str, figure: Drawn) -> page.Picture:
+def _draw_both(folder: Folder, name: str, figure: Drawn) -> Picture:
     """Wide as PNG and SVG, narrow as SVG."""
-    narrow = _svg(f"{name}{NARROW}", figure(narrow=True))
+    narrow = svg_of(f"{name}{NARROW}", figure(narrow=True))
     folder.write(narrow.file, narrow.svg)
     return replace(_draw(folder, name, figure(narrow=False)), narrow=narrow)
-
-
-def _svg(name: str, drawing: Figure) -> page.Drawing:
-    return page.Drawing(f"{name}.svg", render(drawing, "svg").decode())

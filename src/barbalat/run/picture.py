@@ -33,8 +33,12 @@ def figure_of(results: Sequence[Result], *, narrow: bool = False, shown: bool = 
     narrow  one panel below the other, for a phone or a column of a page
     shown   to a person at once, by pyplot where that is in use
     """
-    t_end = max(result.simulation.t_end for result in results)
-    return draw(panels(results), t_end, narrow=narrow, shown=shown)
+    return draw(panels(results), ends_at(results), narrow=narrow, shown=shown)
+
+
+def ends_at(results: Sequence[Result]) -> float:
+    """When the longest of the runs is over [s]."""
+    return max(result.simulation.t_end for result in results)
 
 
 def panels(results: Sequence[Result]) -> list[Panel]:

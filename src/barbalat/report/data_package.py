@@ -1,0 +1,69 @@
+"""What the columns of a run's CSVs are, with units, as a Data Package (Frictionless v1): the CSVs' heads stay bare names."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from typing import Any
+
+from barbalat.problem.labels import Labels
+from barbalat.problem.output_feedback import OutputProblem
+from barbalat.report.file_names import file_name, table_names
+from barbalat.run.result import Result
+
+MEANINGS = {
+    "t": "time",
+    "x": "state",
+    "x_m": "the reference model's state",
+    "e": "tracking error",
+    "theta_hat": "estimate",
+    "u": "control, as the controller gives it",
+    "r": "command",
+    "y": "output",
+}
+"""Of columns by what stands before their number; a scheme's own are named by it alone."""
+
+
+def data_package(case: str, results: Sequence[Result]) -> dict[str, Any]:
+    """One resource for each CSV. A unit that the case does not state is left out: none is guessed."""
+    files = table_names([result.name for result in results])
+    return {
+        "profile": "tabular-data-package",
+        "name": file_name(case),
+        "title": case,
+        "resources": [
+            {
+                "profile": "tabular-data-resource",
+                "name": file.removesuffix(".csv"),
+                "path": file,
+                "title": result.name,
+                "format": "csv",
+                "mediatype": "text/csv",
+                "encoding": "utf-8",
+                "schema": {"fields": [_field(name, result) for name in ("t", *result.columns())], "missingValues": ["", "nan"]},
+            }
+            for file, result in zip(files, results, strict=True)
+        ],
+    }
+
+
+def _field(column: str, result: Result) -> dict[str, str]:
+    found = re.fullmatch(r"(\w+?)(?:_(\d+))?", column)
+    assert found is not None  # column names are words
+    symbol, number = found[1], int(found[2] or 1)
+    field = {"name": column, "type": "number"}
+    if symbol in MEANINGS:
+        field["title"] = MEANINGS[symbol]
+    name, unit = _label(symbol, number - 1, result)
+    return field | ({"description": name} if name else {}) | ({"unit": unit} if unit else {})
+
+
+def _label(symbol: str, place: int, result: Result) -> tuple[str, str]:
+    """What the case calls it, and its unit."""
+    if symbol == "t":
+        return "", "s"
+    labels = result.problem.labels or Labels()
+    if symbol == "u":
+        return "", "".join(labels.input_units[place : place + 1])
+    measured = ("y", "e") if isinstance(result.problem, OutputProblem) else ("x", "x_m", "e")
+    return (labels.name(place), "".join(labels.units[place : place + 1])) if symbol in measured else ("", "")

@@ -1,0 +1,70 @@
+"""Processes of a command's own, which leave Ctrl-C to it and end with it."""
+
+from __future__ import annotations
+
+import signal
+import sys
+from collections.abc import Callable, Iterator
+from concurrent.futures import Executor, Future, ProcessPoolExecutor
+from contextlib import contextmanager
+from multiprocessing import active_children, get_context, resource_tracker
+from threading import current_thread, main_thread
+from typing import ParamSpec, TypeVar
+
+Given = ParamSpec("Given")
+Answer = TypeVar("Answer")
+
+
+class Here(Executor):
+    """No process at all: what is submitted is done at once."""
+
+    def submit(self, function: Callable[Given, Answer], /, *given: Given.args, **named: Given.kwargs) -> Future[Answer]:
+        """What the function answers; it raises here."""
+        done: Future[Answer] = Future()
+        done.set_result(function(*given, **named))
+        return done
+
+
+@contextmanager
+def processes(count: int) -> Iterator[ProcessPoolExecutor]:
+    """So many processes; whatever they are at when this is left by an exception, nobody waits for.
+
+    What is submitted first, and with it starts them, belongs into ``deaf_children``. The program that calls this must be one that
+    a new process may import: started by ``if __name__ == "__main__"``.
+    """
+    others = active_children()
+    pool = ProcessPoolExecutor(count, mp_context=get_context("spawn"))
+    try:
+        yield pool
+    except BaseException:
+        for child in active_children():
+            if child not in others:
+                child.terminate()
+        raise
+    finally:
+        pool.shutdown(cancel_futures=True)
+
+
+@contextmanager
+def deaf_children() -> Iterator[None]:
+    """Processes that start meanwhile leave Ctrl-C, which a terminal sends to all, to this one: they would print tracebacks.
+
+    They inherit that it is blocked. Here it is neither lost, nor does it interrupt a process that is half started: it waits, as
+    a request to end does, to which they stay open: it is how this one ends them.
+    """
+    if sys.platform == "win32" or current_thread() is not main_thread():  # where signals can't be set, and none arrive
+        yield
+        return
+    resource_tracker.ensure_running()  # it would unblock the signal when the first process starts it
+    waiting: list[int] = []
+    kept = (signal.SIGINT, signal.SIGTERM)  # another thread may be the one to get it
+    before = {number: signal.signal(number, lambda number, _: waiting.append(number)) for number in kept}
+    signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
+        for number, handler in before.items():
+            signal.signal(number, handler)
+    if waiting:
+        signal.raise_signal(signal.Signals(waiting[0]))
