@@ -27,6 +27,7 @@ from .controllers import LinearFeedback as LinearFeedback
 from .controllers import MitRule as MitRule
 from .controllers import Mrac as Mrac
 from .controllers import MracClosedLoop as MracClosedLoop
+from .controllers import NetworkMrac as NetworkMrac
 from .controllers import NormalizedMrac as NormalizedMrac
 from .controllers import RobustMrac as RobustMrac
 from .controllers import Sampled as Sampled

@@ -104,8 +104,11 @@ class Estimating(Protocol):
 class GainEstimating(Protocol):
     """Equations whose theta_hat are the controller's own gains: they are compared with the ideal ones, not with theta."""
 
-    def ideal_gains(self, theta: Array, omega: Array) -> Array:
-        """(p,), with which plant and controller are the model; omega (m,) is the effectiveness of the plant's inputs."""
+    def ideal_gains(self, theta: Array, omega: Array) -> Array | None:
+        """(p,), with which plant and controller are the model; omega (m,) is the effectiveness of the plant's inputs.
+
+        None where none are known to be that.
+        """
         ...
 
 
