@@ -83,12 +83,10 @@ def _nominal(problem: Problem) -> tuple[Assumption, ...]:
 def column(problem: Problem, controller: NetworkMrac, certificate: Certificate) -> tuple[str, dict[str, Entry]]:
     """The scheme's name in Table 1 and its cells."""
     nominal, found = _nominal(problem), bounds(problem, controller.bind(problem.known))
-    cells = {"stability": nothing("stability", found.why), "transient": nothing("transient", found.why)}
+    stability, transient = nothing("stability", found.why), nothing("transient", found.why)
     if found.error is not None:
-        cells = {
-            "stability": statement("stability", "bounded by its modification, uniformly in time", *nominal),
-            "transient": statement("transient", f"|e| <= {up(found.error)} at all times", *nominal),
-        }
+        stability = statement("stability", "bounded by its modification, uniformly in time", *nominal)
+        transient = statement("transient", f"|e| <= {up(found.error)} at all times", *nominal)
     estimates = nothing("estimates", NO_WEIGHTS)
     if found.W_hat is not None:
         text = f"no weights are the true ones; every outer one stays within {up(found.W_hat)}"
@@ -99,8 +97,9 @@ def column(problem: Problem, controller: NetworkMrac, certificate: Certificate) 
         robust = nothing("modelling_error", "weights and u stay bounded whatever acts; that x does is not known for Delta_m")
     modification = "e-modification" if e_modified else "sigma-modification"
     return f"MRAC with a network, {modification}", {
-        **cells,
+        "stability": stability,
         "tracking": denied("tracking", NOT_TO_ZERO, *nominal),
+        "transient": transient,
         "estimates": estimates,
         "modelling_error": robust,
         "tuning": estimate("tuning", limits_text(certificate)),
