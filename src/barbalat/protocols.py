@@ -113,11 +113,30 @@ class GainEstimating(Protocol):
 
 
 @runtime_checkable
+class NamingEstimates(Protocol):
+    """Equations whose theta_hat are no parameters theta_1, theta_2, ...: tables and pictures call them by these names."""
+
+    @property
+    def estimate_names(self) -> tuple[str, ...]:
+        """(p,), without a hat: "k_x,1"; an index stands behind an underscore."""
+        ...
+
+
+@runtime_checkable
 class Reporting(Protocol):
     """Equations, sampled or not, with estimates that are no parameters: results have them under names of their own."""
 
     def reported(self, state: Any) -> dict[str, Value]:
         """By name, parts of the state or what follows from it alone."""
+        ...
+
+
+@runtime_checkable
+class IdealReporting(Reporting, Protocol):
+    """Equations of which is known what is ideal of what they report."""
+
+    def ideal_reported(self, theta: Array, omega: Array) -> dict[str, Array]:
+        """By the names of ``reported``, with which plant and controller are the model; as of ``ideal_gains``."""
         ...
 
 

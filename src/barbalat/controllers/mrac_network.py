@@ -58,6 +58,10 @@ class Equations:
     def neurons(self) -> int:
         return int(self.V_0.shape[1])
 
+    @property
+    def estimate_names(self) -> tuple[str, ...]:
+        return tuple(f"W_{i}" for i in range(1 + self.neurons))
+
     def initial(self) -> State:
         return State(np.zeros(1 + self.neurons), self.V_0)
 
