@@ -29,7 +29,7 @@ from barbalat.controllers import (
     NormalizedMrac,
     RobustMrac,
 )
-from barbalat.controllers.output import L1Output, LinearOutput, MracOutput
+from barbalat.controllers.output import L1Output, L1OutputPiecewiseConstant, LinearOutput, MracOutput
 from barbalat.controllers.output.l1 import linear_equivalent
 from barbalat.controllers.piecewise_predictor import AsFlown
 from barbalat.linear.systems import TransferFunction, input_filter
@@ -206,6 +206,10 @@ def example_output_controllers(n: int) -> dict[str, tuple]:
         "l1-output": (
             L1Output(m=2.0, gamma=300.0, filter=TransferFunction([20.0], [1.0, 20.0]), sigma_bound=30.0),
             L1Output(m=2.0, gamma=300.0, filter=TransferFunction([400.0], [1.0, 28.0, 400.0])),
+        ),
+        "l1-output-piecewise": (
+            L1OutputPiecewiseConstant(sample_time=2.0**-6, filter=TransferFunction([20.0], [1.0, 20.0])),
+            L1OutputPiecewiseConstant(sample_time=2.0**-5, filter=TransferFunction([400.0], [1.0, 28.0, 400.0])),
         ),
         "linear": (
             LinearOutput(loop=TransferFunction([20.0, 20.0], [1.0, 0.0])),

@@ -35,6 +35,7 @@ from .controllers.knobs import Knobs as Knobs
 from .controllers.output.l1 import L1Output as L1Output
 from .controllers.output.l1 import fast_limit as fast_limit
 from .controllers.output.l1 import linear_equivalent as linear_equivalent
+from .controllers.output.l1_piecewise import L1OutputPiecewiseConstant as L1OutputPiecewiseConstant
 from .controllers.output.linear import LinearOutput as LinearOutput
 from .controllers.output.mrac import MracOutput as MracOutput
 from .controllers.piecewise_predictor import AsFlown as AsFlown
