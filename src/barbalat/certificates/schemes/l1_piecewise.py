@@ -48,6 +48,7 @@ OWN_QUANTITIES = OF_SAMPLED_LOOPS | {
         "of the theory's reference system, which the loop tends to with T: beside delay_margin", "s"
     ),
     "reference_distance": Quantity("of every component of x - x_ref at the samples, x_ref of the theory's reference system"),
+    "reference_distance_between": Quantity("the same at all times, r held between the samples in the reference system"),
 }
 LINEAR_CONTROLLER = "the controller is linear and time-invariant from sample to sample, phi(x) = x, and no limit acts"
 WHITE_NOISE = "noise of one sample is independent of that of all others"
@@ -59,7 +60,7 @@ def certificate(problem: Problem, controller: L1PiecewiseConstant, _: Simulation
     draft, equations = Draft(own=OWN_QUANTITIES), controller.bind(problem.known)
     _add_of_the_controller(draft, problem, controller, equations)
     if not problem.plant.is_linear:
-        for key in ("delay_margin", "reference_distance"):
+        for key in ("delay_margin", "reference_distance", "reference_distance_between"):
             draft.missing(key, NO_LOOP)
         return draft.finish()
     found = linearised(problem, controller)
@@ -128,9 +129,13 @@ def _add_reference(draft: Draft, problem: Problem, controller: L1PiecewiseConsta
     """The distance for every command as large as the case's, and the reference system's own delay margin."""
     levels = np.array([command.bound if isinstance(command, BoundedSignal) else np.nan for command in problem.commands])
     try:
-        draft.guarantee("reference_distance", distance(problem, controller, levels), *rests_on(problem))
+        away = distance(problem, controller, levels)
     except InputError as error:
-        draft.missing("reference_distance", str(error))
+        for key in ("reference_distance", "reference_distance_between"):
+            draft.missing(key, str(error))
+    else:
+        draft.guarantee("reference_distance", away.at_samples, *rests_on(problem))
+        draft.guarantee("reference_distance_between", away.between, *rests_on(problem))
     if controller.as_flown is None and controller.filter is not None and problem.plant.inputs == 1:
         try:
             margin = margins(fast_adaptation(problem.plant, controller.filter.realise())).delay
@@ -152,7 +157,7 @@ def rests_on(problem: Problem) -> tuple[Assumption, ...]:
 def column(problem: Problem, controller: L1PiecewiseConstant, certificate: Certificate) -> tuple[str, dict[str, Entry]]:
     """The scheme's name in Table 1 and its cells."""
     values = certificate.values
-    radius, away = values.get("spectral_radius"), certificate.entry("reference_distance")
+    radius, away = values.get("spectral_radius"), certificate.entry("reference_distance_between")
     if radius is None or radius >= 1:
         why = NO_LOOP if radius is None else f"unstable from sample to sample: spectral radius {radius:.6g}"
         stability = nothing("stability", why)
@@ -162,7 +167,7 @@ def column(problem: Problem, controller: L1PiecewiseConstant, certificate: Certi
     if away is None or away.value is None:
         transient = nothing("transient", "no bound: " + ("" if away is None else away.why))
     else:
-        text = f"at the samples x is within {up(away.value)} of the theory's reference system, for every r as large as this one"
+        text = f"x is within {up(away.value)} of the theory's reference system, for every r as large as this one"
         transient = statement("transient", text, *rests_on(problem))
     left = ", ".join(f"{100 * share:.3g} %" for share in values["disturbance_left"])
     noise = values.get("noise_in_u")
