@@ -20,7 +20,7 @@ from barbalat.problem.state_feedback import Problem
 from barbalat.protocols import BoundedSignal
 from barbalat.solvers.simulation import Simulation
 
-OWN = {
+OWN_QUANTITIES = {
     "W_hat_bound": Quantity("of every outer weight, at all times"),
     "V_hat_bound": Quantity("of the root of the sum of all inner weights' squares, at all times"),
     "control_bound": Quantity("of |u|, at all times"),
@@ -34,7 +34,7 @@ NOT_TO_ZERO = "its modification keeps the error from converging to zero: it stay
 
 def certificate(problem: Problem, controller: NetworkMrac, simulation: Simulation) -> Certificate:
     """What its modification guarantees, and what its linearisations say."""
-    draft, equations = Draft(own=OWN), controller.bind(problem.known)
+    draft, equations = Draft(own=OWN_QUANTITIES), controller.bind(problem.known)
     draft.note("the network never makes L = e'P e + |W_hat|^2/gamma + |V_hat|^2/gamma_v grow; that it helps is not proven")
     found, nominal, always = bounds(problem, equations), _nominal(problem), _of_the_weights(problem, controller)
     if found.error is None:

@@ -22,7 +22,7 @@ from barbalat.linear.systems import TransferFunction
 from barbalat.problem.output_feedback import OutputProblem
 from barbalat.solvers.simulation import Simulation
 
-OWN = (
+OWN_QUANTITIES = (
     OF_SAMPLED_LOOPS
     | {key: OF_LINEAR_LOOPS[key] for key in ("steady_error",)}
     | {
@@ -44,7 +44,7 @@ def fast_limit(controller: L1OutputPiecewiseConstant, M: TransferFunction) -> tu
 
 def certificate(problem: OutputProblem, controller: L1OutputPiecewiseConstant, _: Simulation) -> Certificate:
     """Loop, margins, what constant r and d leave, the continuous controller that it tends to."""
-    draft, equations = Draft(own=OWN), controller.bind(problem.known)
+    draft, equations = Draft(own=OWN_QUANTITIES), controller.bind(problem.known)
     draft.missing("error_bound", NO_BOUND)
     found = linearised(problem, controller)
     radius = found.loop.radius(problem.delay)
