@@ -24,7 +24,7 @@ from barbalat.certificates.bounds.model import command_bounds, require_lyapunov,
 from barbalat.certificates.bounds.regressor import largest_square
 from barbalat.controllers.mrac_network import Equations
 from barbalat.linear.definite import smallest_eigenvalue
-from barbalat.linear.enclosure import OUTWARD
+from barbalat.linear.enclosure import OUTWARD_FACTOR
 from barbalat.linear.l1_norms import l1_norm
 from barbalat.problem.state_feedback import Problem
 from barbalat.protocols import BoundedSignal
@@ -71,7 +71,7 @@ class Law:
             gamma=equations.gamma,
             gamma_v=equations.gamma_v,
             outer_weights=1 + equations.neurons,
-            start=float(np.sum(equations.V_0**2)) / equations.gamma_v * OUTWARD,
+            start=float(np.sum(equations.V_0**2)) / equations.gamma_v * OUTWARD_FACTOR,
             sigma=None if isinstance(leakage, EpsilonModification) else leakage.largest,
             nu=leakage.nu if isinstance(leakage, EpsilonModification) else None,
         )
@@ -84,7 +84,7 @@ class Law:
         else:  # omega^2 <= (2 p F s - lambda s^2)/(2 sigma)
             assert self.sigma is not None
             found = _largest(highest - lowest / (2 * self.sigma * least), p * F / (self.sigma * least), farthest)
-        return max(self.start, found) * OUTWARD
+        return max(self.start, found) * OUTWARD_FACTOR
 
     @property
     def whatever_acts(self) -> Bounds | None:
@@ -93,7 +93,7 @@ class Law:
             return None
         far = math.sqrt(self.outer_weights) / self.nu  # U falls where omega^2 > far |W_hat|
         level = max(self.start, _largest(1 / self.gamma - 1 / self.gamma_v, far / self.gamma_v, far))
-        return Bounds(W_hat=OUTWARD / self.nu, V_hat=math.sqrt(self.gamma_v * level) * OUTWARD**2)
+        return Bounds(W_hat=OUTWARD_FACTOR / self.nu, V_hat=math.sqrt(self.gamma_v * level) * OUTWARD_FACTOR**2)
 
 
 def _largest(a: float, b: float, end: float) -> float:
@@ -125,9 +125,9 @@ class Case:
         """At least |theta'phi(x) + d|, every |x_i| at most the model's bound plus ``reach``."""
         plant, far = self.problem.plant, self.x_m + reach
         if plant.is_linear:
-            return (float(np.abs(plant.theta) @ far) + self.d) * OUTWARD
+            return (float(np.abs(plant.theta) @ far) + self.d) * OUTWARD_FACTOR
         square = largest_square(plant.regressor, -far, far)
-        return (float(np.linalg.norm(plant.theta)) * math.sqrt(square) + self.d) * OUTWARD
+        return (float(np.linalg.norm(plant.theta)) * math.sqrt(square) + self.d) * OUTWARD_FACTOR
 
     def level(self, A: Array, F: float) -> float:
         """At least sup L with |f| <= F and e' = A e + b (f - W_hat'h)."""
@@ -137,21 +137,19 @@ class Case:
         lowest = smallest_eigenvalue(-(P @ A + A.T @ P)) - ROUNDING * float(np.linalg.norm(P) * np.linalg.norm(A))
         if not lowest > 0:
             raise InputError("P A + A'P is not certainly negative definite")
-        highest, p = float(np.linalg.eigvalsh(P)[-1]) * OUTWARD, float(np.linalg.norm(P @ known.b)) * OUTWARD
+        highest, p = float(np.linalg.eigvalsh(P)[-1]) * OUTWARD_FACTOR, float(np.linalg.norm(P @ known.b)) * OUTWARD_FACTOR
         return self.law.highest_level(F, lowest, highest, p)
 
     def error_of(self, level: float) -> float:
-        return math.sqrt(level / smallest_eigenvalue(self.problem.known.P)) * OUTWARD
+        return math.sqrt(level / smallest_eigenvalue(self.problem.known.P)) * OUTWARD_FACTOR
 
     def driven(self, A: Array, F: float) -> float:
         """By ||(sI - A)^-1 b||_1, with the network's output as a bounded disturbance: the e-modification's alone."""
         bound = self.law.whatever_acts
         if bound is None or bound.W_hat is None:
             return math.inf
-        known, n = self.problem.known, self.problem.known.n
-        return (
-            l1_norm(A, known.b[:, None], np.eye(n), np.zeros((n, 1))).upper * (F + self.law.outer_weights * bound.W_hat) * OUTWARD
-        )
+        b, n, largest = self.problem.known.b[:, None], self.problem.known.n, F + self.law.outer_weights * bound.W_hat
+        return l1_norm(A, b, np.eye(n), np.zeros((n, 1))).upper * largest * OUTWARD_FACTOR
 
     def globally(self) -> tuple[float, float | None] | None:
         """The bound of e, and of L where it follows from that, for phi(x) = x: the true A takes the place of A_m."""
@@ -196,7 +194,7 @@ def bounds(problem: Problem, equations: Equations) -> Bounds:
         return replace(always, error=error)
     if level is None:
         return Bounds(error=error)
-    W_hat, V_hat = (math.sqrt(gain * level) * OUTWARD for gain in (equations.gamma, equations.gamma_v))
+    W_hat, V_hat = (math.sqrt(gain * level) * OUTWARD_FACTOR for gain in (equations.gamma, equations.gamma_v))
     return Bounds(error, W_hat, V_hat)
 
 
@@ -204,4 +202,4 @@ def control_bound(problem: Problem, equations: Equations, W_hat: float) -> float
     """Of |u|, from that of every outer weight, or of all of them together by the sigma-modification."""
     e_modified = isinstance(equations.leakage, EpsilonModification)
     weights = 1 + equations.neurons if e_modified else math.sqrt(1 + equations.neurons)
-    return (weights * W_hat + float(command_bounds(problem)[0])) * OUTWARD**2
+    return (weights * W_hat + float(command_bounds(problem)[0])) * OUTWARD_FACTOR**2

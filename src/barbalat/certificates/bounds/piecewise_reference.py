@@ -20,7 +20,7 @@ from typing import NamedTuple
 import numpy as np
 
 from barbalat.controllers.l1_piecewise import Equations, L1PiecewiseConstant, realisation, started
-from barbalat.linear.enclosure import OUTWARD
+from barbalat.linear.enclosure import OUTWARD_FACTOR
 from barbalat.linear.sampled_norms import SampledNorms
 from barbalat.linear.systems import StateSpace
 from barbalat.linear.zero_order_hold import HeldSystem
@@ -65,14 +65,14 @@ def distance(problem: Problem, controller: L1PiecewiseConstant, levels: Array) -
     slope_ref = np.hstack([np.zeros((r, a)), A])
     curved = _grown(plant.A, T) @ largest(plant.A @ slope_x, plant.A @ b @ of_r)
     curved = curved + (_grown(A, T) @ largest(A @ slope_ref, A @ B))[:n]
-    return Distance(at_samples, float(at_samples + T**2 / 8 * curved.max()) * OUTWARD)
+    return Distance(at_samples, float(at_samples + T**2 / 8 * curved.max()) * OUTWARD_FACTOR)
 
 
 def _grown(A: Array, T: float) -> Array:
     """e^(|A| T), at least |e^(A tau)| in every entry for 0 <= tau <= T."""
     from scipy.linalg import expm
 
-    return np.asarray(expm(np.abs(A) * T)) * OUTWARD
+    return np.asarray(expm(np.abs(A) * T)) * OUTWARD_FACTOR
 
 
 def _sampled(problem: Problem, equations: Equations, T: float) -> tuple[Array, Array]:
