@@ -133,7 +133,7 @@ class NetworkMrac(Scheme):
         if self.gamma_v is not None:
             validate.freeze(self, gamma_v=validate.positive("gamma_v", self.gamma_v))
         if self.leakage is None:
-            raise InputError("leakage is missing: give sigma, for the sigma-modification, or nu, for the e-modification")
+            raise InputError("leakage is missing: give FixedSigma or EpsilonModification; in a case file modification = { sigma } or { nu }")
         validate.instance("leakage", self.leakage, (FixedSigma, EpsilonModification))
         if self.neurons is not None:
             validate.freeze(self, neurons=validate.whole("neurons", self.neurons, least=1, most=MOST_NEURONS))
