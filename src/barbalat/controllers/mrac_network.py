@@ -133,7 +133,9 @@ class NetworkMrac(Scheme):
         if self.gamma_v is not None:
             validate.freeze(self, gamma_v=validate.positive("gamma_v", self.gamma_v))
         if self.leakage is None:
-            raise InputError("leakage is missing: give FixedSigma or EpsilonModification; in a case file modification = { sigma } or { nu }")
+            raise InputError(
+                "leakage is missing: give FixedSigma or EpsilonModification; in a case file modification = { sigma } or { nu }"
+            )
         validate.instance("leakage", self.leakage, (FixedSigma, EpsilonModification))
         if self.neurons is not None:
             validate.freeze(self, neurons=validate.whole("neurons", self.neurons, least=1, most=MOST_NEURONS))
