@@ -13,6 +13,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from barbalat.adaptation.laws import Gradient, LeastSquares
+from barbalat.adaptation.modifications.fixed_sigma import FixedSigma
 from barbalat.adaptation.output_lyapunov import LyapunovLaw
 from barbalat.controllers import (
     Adrc,
@@ -24,10 +25,11 @@ from barbalat.controllers import (
     MitRule,
     Mrac,
     MracClosedLoop,
+    NetworkMrac,
     NormalizedMrac,
     RobustMrac,
 )
-from barbalat.controllers.output import L1Output, LinearOutput, MracOutput
+from barbalat.controllers.output import L1Output, L1OutputPiecewiseConstant, LinearOutput, MracOutput
 from barbalat.controllers.output.l1 import linear_equivalent
 from barbalat.controllers.piecewise_predictor import AsFlown
 from barbalat.linear.systems import TransferFunction, input_filter
@@ -166,6 +168,7 @@ def example_controllers(n: int) -> dict[str, tuple]:
         "mrac": (Mrac(gamma=gamma),),
         "mrac-closed-loop": (MracClosedLoop(gamma=gamma, model_feedback=-0.5 * np.eye(n)),),
         "mrac-direct": (DirectMrac(gamma=gamma), DirectMrac(gamma=gamma * np.ones(n), gamma_r=5.0, k_r0=0.0)),
+        "mrac-network": (NetworkMrac(gamma=gamma, leakage=FixedSigma(1e-3), neurons=3),),
         "mit-rule": (MitRule(gamma=gentle), MitRule(gamma=gentle, normalization=1.0, output=np.ones(n))),
         "l1": (L1Adaptive(gamma=gamma, filter=input_filter(0.01)),),
         "l1-piecewise": (
@@ -203,6 +206,10 @@ def example_output_controllers(n: int) -> dict[str, tuple]:
         "l1-output": (
             L1Output(m=2.0, gamma=300.0, filter=TransferFunction([20.0], [1.0, 20.0]), sigma_bound=30.0),
             L1Output(m=2.0, gamma=300.0, filter=TransferFunction([400.0], [1.0, 28.0, 400.0])),
+        ),
+        "l1-output-piecewise": (
+            L1OutputPiecewiseConstant(sample_time=2.0**-6, filter=TransferFunction([20.0], [1.0, 20.0])),
+            L1OutputPiecewiseConstant(sample_time=2.0**-5, filter=TransferFunction([400.0], [1.0, 28.0, 400.0])),
         ),
         "linear": (
             LinearOutput(loop=TransferFunction([20.0, 20.0], [1.0, 0.0])),

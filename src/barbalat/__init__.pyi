@@ -27,6 +27,7 @@ from .controllers import LinearFeedback as LinearFeedback
 from .controllers import MitRule as MitRule
 from .controllers import Mrac as Mrac
 from .controllers import MracClosedLoop as MracClosedLoop
+from .controllers import NetworkMrac as NetworkMrac
 from .controllers import NormalizedMrac as NormalizedMrac
 from .controllers import RobustMrac as RobustMrac
 from .controllers import Sampled as Sampled
@@ -34,6 +35,7 @@ from .controllers.knobs import Knobs as Knobs
 from .controllers.output.l1 import L1Output as L1Output
 from .controllers.output.l1 import fast_limit as fast_limit
 from .controllers.output.l1 import linear_equivalent as linear_equivalent
+from .controllers.output.l1_piecewise import L1OutputPiecewiseConstant as L1OutputPiecewiseConstant
 from .controllers.output.linear import LinearOutput as LinearOutput
 from .controllers.output.mrac import MracOutput as MracOutput
 from .controllers.piecewise_predictor import AsFlown as AsFlown

@@ -185,7 +185,7 @@ BAD = [
     ("gamma = 1e4", "gamma = 'high'", ["controller 2.gamma", '"high"']),
     ("gamma = 1e4", "gamma = -1.0", ["controller 2 (L1)", "gamma must be positive", "-1.0"]),
     ("gamma = 1e4", "gamma = true", ["controller 2.gamma", "true"]),
-    ('scheme = "l1"', 'scheme = "l2"', ["l2", "mrac, mrac-closed-loop, mrac-direct, mit-rule, l1"]),
+    ('scheme = "l1"', 'scheme = "l2"', ["l2", "mrac, mrac-closed-loop, mrac-direct, mrac-network, mit-rule, l1"]),
     ('kind = "sine"', 'kind = "sinus"', ["reference.kind", "sinus", "'sines'"]),
     ("k_0 = 4.0", "", ["reference_model.k_0 is missing"]),
     ("theta = [4.0, -3.0]", "theta = [4.0, -3.0, 1.0]", ["plant.theta", "shape 2", "got 3"]),

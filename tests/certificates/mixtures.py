@@ -34,7 +34,7 @@ from barbalat.adaptation.modifications.epsilon_modification import EpsilonModifi
 from barbalat.adaptation.modifications.fixed_sigma import FixedSigma
 from barbalat.adaptation.modifications.switching_sigma import SwitchingSigma
 from barbalat.adaptation.normalization import Normalization
-from barbalat.controllers import Adrc, DirectMrac, KnownParameters, MitRule, MracClosedLoop
+from barbalat.controllers import Adrc, DirectMrac, KnownParameters, MitRule, MracClosedLoop, NetworkMrac
 from barbalat.controllers.windup import ModifiedError
 from barbalat.loop.binding import bound
 from barbalat.problem.measurement import Noise, Sensor
@@ -184,6 +184,7 @@ def state_controllers(random: np.random.Generator, problem: Problem) -> list[Con
     saturated = problem.known.saturation is not None and random.random() < 0.5
     modified: dict[str, object] = ({}, {}, {"leakage": leakage(random)}, {"dead_zone": DeadZone(g_0=3.0)},
                 {"learning": CompositeLearning(gamma_c=1.0, time_constant=0.3, capacity=1.0)})[random.integers(5)]  # fmt: skip
+    network_leakage = FixedSigma(0.02) if random.random() < 0.5 else EpsilonModification(nu=0.5)
     made: list[Callable[[], Controller]] = [
         lambda: Mrac(gamma=gain, projection=projection, modified_error=ModifiedError(mu=0.5) if saturated else None, **modified),
         lambda: MracClosedLoop(gamma=gain, model_feedback=-random.uniform(0.2, 2) * np.eye(n), projection=projection),
@@ -200,6 +201,7 @@ def state_controllers(random: np.random.Generator, problem: Problem) -> list[Con
         lambda: Adrc(bandwidth=10 ** random.uniform(0, 2), nominal=problem.plant.theta if random.random() < 0.5 else None),
         lambda: MitRule(gamma=gain, gamma_r=gamma, normalization=random.choice([None, 1.0]), projection=projection),
         lambda: DirectMrac(gamma=gain, gamma_r=gamma, projection=projection),
+        lambda: NetworkMrac(gamma=gain, gamma_v=gamma, neurons=4, leakage=network_leakage),
     ]
     return fitting(random, problem, made)
 

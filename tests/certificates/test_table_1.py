@@ -128,7 +128,7 @@ def test_a_normalised_law_claims_nothing_of_a_fast_growing_regressor():
     case = load_case("wing-rock")
     found = table_1(case.problem, case.controllers, certify_where_possible(case.problem, case.controllers, case.simulation))
     kinds = {c.name: c.cells["stability"].kind for c in found.columns}
-    assert kinds == {"MRAC": "guaranteed", "L1": "does not apply", "Robust MRAC": "does not apply"}
+    assert kinds == {"MRAC": "guaranteed", "L1": "does not apply", "Robust MRAC": "does not apply", "Network": "does not apply"}
 
 
 def test_a_case_beyond_the_plant_is_said_to_violate_it():

@@ -19,7 +19,7 @@ SEPARATOR = "\v"
     ("line", "offered"),
     [
         ("barbalat ", {"run", "certify", "new", "schema"}),
-        ("barbalat run pa", {"paper"}),
+        ("barbalat run pa", {"paper", "payload-drop"}),
         ("barbalat certify ", set(bundled())),
         ("barbalat run paper --js", {"--json"}),
         ("barbalat completion f", {"fish"}),

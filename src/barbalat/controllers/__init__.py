@@ -9,6 +9,7 @@ from barbalat.controllers.mit_rule import MitRule as MitRule
 from barbalat.controllers.mrac import Mrac as Mrac
 from barbalat.controllers.mrac_closed_loop import MracClosedLoop as MracClosedLoop
 from barbalat.controllers.mrac_direct import DirectMrac as DirectMrac
+from barbalat.controllers.mrac_network import NetworkMrac as NetworkMrac
 from barbalat.controllers.robust_mrac import NormalizedMrac as NormalizedMrac
 from barbalat.controllers.robust_mrac import RobustMrac as RobustMrac
 from barbalat.controllers.sampled import Sampled as Sampled
@@ -17,6 +18,7 @@ SCHEMES = {
     "mrac": Mrac,
     "mrac-closed-loop": MracClosedLoop,
     "mrac-direct": DirectMrac,
+    "mrac-network": NetworkMrac,
     "mit-rule": MitRule,
     "l1": L1Adaptive,
     "l1-piecewise": L1PiecewiseConstant,

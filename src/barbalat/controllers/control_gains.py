@@ -58,6 +58,7 @@ class ControlGains:
     gamma_r: float
     theta_hat0: Array
     k_r0: float
+    k_0: float
     box: KnownSet | None  # of k_x
     interval: ParameterBox | None  # of k_r
 
@@ -80,6 +81,7 @@ class ControlGains:
             gamma_r=feedforward_gain(settings),
             theta_hat0=initial_estimate(settings.theta_hat0, box, single),
             k_r0=_initial_feedforward(settings.k_r0, float(known.k_0), interval),
+            k_0=float(known.k_0),
             box=box,
             interval=interval,
         )
@@ -94,6 +96,15 @@ class ControlGains:
     def ideal(self, theta: Array, omega: Array) -> Array:
         """k_x, by the matching condition omega k_x = theta."""
         return np.asarray(theta / omega)
+
+    def ideal_feedforward(self, omega: Array) -> dict[str, Array]:
+        """k_r, by the other one, omega k_r = k_0."""
+        return {"k_r_hat": self.k_0 / omega}
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        p = len(self.theta_hat0)
+        return tuple(f"k_x,{i + 1}" for i in range(p)) if p > 1 else ("k_x",)
 
     def rates(self, error: Value, of_x: Value, of_r: Value, k_x_hat: Value, k_r_hat: Value) -> tuple[Value, Value]:
         """proj(Gamma error of_x) and proj(-gamma_r error of_r)."""

@@ -55,6 +55,13 @@ class Equations:
     def ideal_gains(self, theta: Array, omega: Array) -> Array:
         return self.gains.ideal(theta, omega)
 
+    def ideal_reported(self, theta: Array, omega: Array) -> dict[str, Array]:
+        return self.gains.ideal_feedforward(omega)
+
+    @property
+    def estimate_names(self) -> tuple[str, ...]:
+        return self.gains.names
+
     def derivative(self, state: State, x: Value, x_m: Value, r: Value, u: Value) -> State:
         of_x, of_r, error = self.c @ state.Psi, self.c @ state.psi_r, self.c @ (x - x_m)
         if self.normalization is not None:

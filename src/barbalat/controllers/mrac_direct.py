@@ -49,6 +49,13 @@ class Equations:
     def ideal_gains(self, theta: Array, omega: Array) -> Array:
         return self.gains.ideal(theta, omega)
 
+    def ideal_reported(self, theta: Array, omega: Array) -> dict[str, Array]:
+        return self.gains.ideal_feedforward(omega)
+
+    @property
+    def estimate_names(self) -> tuple[str, ...]:
+        return self.gains.names
+
     def derivative(self, state: State, x: Value, x_m: Value, r: Value, u: Value) -> State:
         e_P_b = (x - x_m) @ (self.P @ self.b)
         return State(*self.gains.rates(e_P_b, self.gains.uncertainty.phi(x), r, *state))

@@ -10,9 +10,8 @@ from barbalat.cases.build import Case
 from barbalat.explorer.encoded import doubles
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.loop.packing import unflatten
-from barbalat.loop.true_values import true_values
+from barbalat.loop.true_values import reporting, true_values
 from barbalat.problem.command_gain import commanded, gains_at_rest
-from barbalat.protocols import Reporting
 from barbalat.run import delay
 from barbalat.run.members import Members
 from barbalat.run.metrics import Accumulators
@@ -49,10 +48,11 @@ def outputs(case: Case, members: Members) -> dict[str, Any]:
 
 def _reported(loop: ClosedLoop) -> dict[str, list[int]]:
     """Rows of the state by the names of what a scheme estimates beside parameters, as far as those are parts of its state."""
-    if not isinstance(loop.equations, Reporting):
+    equations = reporting(loop)
+    if equations is None:
         return {}
     marks = [(1 + k) * np.arange(loop.size, dtype=float) + k for k in range(2)]
-    once, twice = (loop.equations.reported(loop.unpack(one).controller) for one in marks)
+    once, twice = (equations.reported(loop.unpack(one).controller) for one in marks)
     return {
         name: [int(row) for row in np.asarray(rows).reshape(-1)]
         for name, rows in once.items()

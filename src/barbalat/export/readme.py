@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from barbalat.controllers.l1_piecewise import L1PiecewiseConstant
+from barbalat.controllers.output.l1_piecewise import L1OutputPiecewiseConstant
 from barbalat.export.contents import is_explicit
 from barbalat.export.header import shape
 from barbalat.export.meanings import meaning
@@ -44,7 +45,7 @@ def readme(printed: Printed, *, closed_loop: bool = False) -> str:
 
 def _patent(printed: Printed) -> str:
     """What is to be asked before such a law flies."""
-    return PATENT if isinstance(printed.contents.controller, L1PiecewiseConstant) else ""
+    return PATENT if isinstance(printed.contents.controller, (L1PiecewiseConstant, L1OutputPiecewiseConstant)) else ""
 
 
 PATENT = """

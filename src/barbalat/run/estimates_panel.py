@@ -11,6 +11,7 @@ from barbalat.pictures.panels import Level, Panel, Series, around, span_of
 from barbalat.problem.known_set import UNREACHED_BOUND, EstimateSet, ParameterProduct, Projecting
 from barbalat.problem.state_feedback import Problem
 from barbalat.protocols import DiscretizedEquations
+from barbalat.run.estimates import estimates_of
 
 if TYPE_CHECKING:
     from barbalat.run.result import Result
@@ -33,22 +34,31 @@ def estimates_panels(result: Result, title: str) -> list[Panel]:
 
 def _by_size(result: Result) -> tuple[list[int], list[int]]:
     """Indices of the estimates: those with the largest motion, and those with less than ``FLAT_SHARE`` of it."""
-    moved = [span_of([one.value]) for one in _estimates(result, range(result.theta_hat.shape[1]))]
+    moved = [span_of([one.value]) for one in estimates_of(result)]
     heights = [high - low for low, high in moved]
     flat = [result.diverged_at is None and 0 < height < FLAT_SHARE * max(heights) for height in heights]
     return [i for i, one in enumerate(flat) if not one], [i for i, one in enumerate(flat) if one]
 
 
 def _panel(result: Result, title: str, chosen: Sequence[int]) -> Panel:
-    p = result.theta_hat.shape[1]
-    series, levels, bounds = _estimates(result, chosen), _true_values(result, p, chosen), _bounds(result, p)
-    bounds = [bounds[i] for i in chosen] if bounds else []
-    moved = span_of([np.concatenate([s.value, s.low, s.high]) for s in series if s.low is not None and s.high is not None])
+    estimates = [estimates_of(result)[i] for i in chosen]
+    series = [
+        Series(t=result.t, value=one.value, label=one.label, colour=i, dash=i // 6, low=one.low, high=one.high)
+        for i, one in zip(chosen, estimates, strict=True)
+    ]
+    levels = [
+        Level(value=one.true, colour=i, dash=1, label="true values", of=k)
+        for k, (i, one) in enumerate(zip(chosen, estimates, strict=True))
+        if one.true is not None
+    ]
+    bounds = _bounds(result, result.theta_hat.shape[1])
+    bounds = [bounds[one.number] for one in estimates if one.number is not None] if bounds else []
+    moved = span_of([part for s in series for part in (s.value, s.low, s.high) if part is not None])
     near, beyond = reachable([level.value for level in levels], moved)
     needed = span_of([np.array([*moved, *near])])
     marks, far = _edges_of_known_set(bounds, needed, chosen)
-    outside = [(i, level.value) for i, level in zip(chosen, levels, strict=False) if level.value not in near]
-    away = ", ".join(_held(f"$\\theta_{{{i + 1}}}$ = {value:.4g}") for i, value in outside)
+    outside = [one for one in estimates if one.true is not None and one.true not in near]
+    away = ", ".join(_held(f"${one.symbol}$ = {one.true:.4g}") for one in outside)
     said = [f"true values outside: {away}"] if beyond else []
     said += [f"known set: {_interval_text(bounds)}"] if far else []
     shown = span_of([np.array([*needed, *(mark.value for mark in marks)])])
@@ -66,24 +76,6 @@ def _panel(result: Result, title: str, chosen: Sequence[int]) -> Panel:
 def scale_of(result: Result) -> str:
     """Of the axes for a run that may have diverged: the burst would hide what led to it."""
     return "linear" if result.diverged_at is None else "symlog"
-
-
-def _estimates(result: Result, chosen: Sequence[int]) -> list[Series]:
-    envelope = result.envelope
-    return [
-        Series(
-            t=result.t, value=result.theta_hat[:, i], label=rf"$\hat\theta_{{{i + 1}}}$", colour=i, dash=i // 6,
-            low=envelope.theta_hat_min[:, i], high=envelope.theta_hat_max[:, i],
-        )
-        for i in chosen
-    ]  # fmt: skip
-
-
-def _true_values(result: Result, p: int, chosen: Sequence[int]) -> list[Level]:
-    true = result.true_values
-    if true is None or len(true) != p:
-        return []
-    return [Level(value=float(true[i]), colour=i, dash=1, label="true values", of=k) for k, i in enumerate(chosen)]
 
 
 def _edges_of_known_set(

@@ -10,10 +10,10 @@ import numpy as np
 
 from barbalat import validate
 from barbalat.loop.closed_loop import ClosedLoop
-from barbalat.loop.true_values import true_values
+from barbalat.loop.true_values import reporting, true_values
 from barbalat.problem.command_gain import command_warning
 from barbalat.problem.tracking import TrackingProblem
-from barbalat.protocols import Controller, Reporting
+from barbalat.protocols import Controller
 from barbalat.run.breaks import LostOrder
 from barbalat.run.diagnosis.adapting import Adapting, adapting, regressor_along
 from barbalat.run.diagnosis.damping import SolverDamping
@@ -100,10 +100,10 @@ class Result:
     @cached_property
     def reported(self) -> dict[str, Array]:
         """(K, ...) by name, what a scheme estimates beside parameters; empty for most schemes."""
-        loop = self.loop
-        if not isinstance(loop.equations, Reporting):
+        loop, equations = self.loop, reporting(self.loop)
+        if equations is None:
             return {}
-        rows = [loop.equations.reported(loop.unpack(state).controller) for state in self.states]
+        rows = [equations.reported(loop.unpack(state).controller) for state in self.states]
         return {name: np.array([row[name] for row in rows]) for name in rows[0]}
 
     @property

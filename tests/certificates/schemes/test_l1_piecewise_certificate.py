@@ -125,8 +125,11 @@ def test_the_margin_of_short_samples_is_that_of_the_reference_system(section_v):
     assert away[1] < 0.35 * away[0]
 
 
-def reference_at_samples(problem, law, r):
-    """x_ref under the held commands r (N,), by one exponential for all: filter of first order, one input, by hand."""
+def reference_at_samples(problem, law, r, parts=1):
+    """x_ref under the held commands r (N,), by one exponential for all: filter of first order, one input, by hand.
+
+    At ``parts`` instants of each sample, (N parts, n).
+    """
     plant, kappa, n = problem.plant, 1 / law.filter.den[-1], problem.plant.n
     theta, theta_0 = plant.theta, np.zeros(n) if law.as_flown is None else np.array(law.as_flown.nominal)
     A = np.zeros((n + 2, n + 2))  # x_ref, C's output, r
@@ -138,16 +141,17 @@ def reference_at_samples(problem, law, r):
         A[n, n + 1] = k_0 / kappa
     else:
         A[:n, n + 1] = plant.b * k_0
-    step, state, found = expm(A * law.sample_time), np.concatenate([plant.x0, [0.0, 0.0]]), []
+    step, state, found = expm(A * law.sample_time / parts), np.concatenate([plant.x0, [0.0, 0.0]]), []
     for value in r:
-        found.append(state[:n])
         state[-1] = value
-        state = step @ state
+        for _ in range(parts):
+            found.append(state[:n])
+            state = step @ state
     return np.array(found)
 
 
 def test_no_run_is_farther_from_the_reference_system_than_is_guaranteed(sample):
-    random, close = np.random.default_rng(11), 0.0
+    random, close, least = np.random.default_rng(11), 0.0, np.inf
     for i in range(sample(4, 60)):
         n = int(random.integers(1, 4))
         b = np.zeros(n)
@@ -169,7 +173,12 @@ def test_no_run_is_farther_from_the_reference_system_than_is_guaranteed(sample):
         x, r = run.x[::2], run.r[::2]
         away = np.abs(x - reference_at_samples(problem, law, r)).max()
         assert away <= entry.value
+        between = certified(problem, law).entry("reference_distance_between")
+        assert between.kind == "guaranteed"
+        least = min(least, between.value / entry.value)
+        assert np.abs(run.x - reference_at_samples(problem, law, r, parts=2)[: len(run.x)]).max() <= between.value
         close = max(close, away / entry.value)
+    assert least < 1.1  # where samples are short for the motion, little is added between them
     assert close > 0.3  # it is no wild guess: one of the commands comes near the worst
 
 

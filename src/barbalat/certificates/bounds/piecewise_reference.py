@@ -1,9 +1,13 @@
-"""How closely the piecewise-constant law follows its theory's reference system, at the samples, on the plant (1) with phi(x) = x.
+"""How closely the piecewise-constant law follows its theory's reference system, on the plant (1) with phi(x) = x.
 
 x_ref' = A_m x_ref + b (theta'x_ref + u_ref), u_ref = C(s)[k_0 r - theta'x_ref], x_ref(0) = x(0), C at rest, under the command as
 it is sampled; as flown u_ref = k_0 r - theta_0'x_ref - C(s)[(theta - theta_0)'x_ref]. Loop and reference system are linear and,
 under held commands, exact from sample to sample, so their difference is one linear system: what r can do to it is the sum of
 its impulse response, for every bounded r.
+
+Between samples a motion is off the straight line between its ends by at most T^2/8 times its second derivative. With v held,
+x'' = e^(A tau) A (A x_k + B v_k), at most e^(|A| T) |A (A x_k + B v_k)| in every component: so for the plant, and for the
+reference system.
 
 Source of the reference system: Hovakimyan and Cao, L1 Adaptive Control Theory (2010), section 3.3, where C(s) acts in continuous
 time and the bound goes to zero with T.
@@ -11,9 +15,12 @@ time and the bound goes to zero with T.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from barbalat.controllers.l1_piecewise import Equations, L1PiecewiseConstant, realisation, started
+from barbalat.linear.enclosure import OUTWARD_FACTOR
 from barbalat.linear.sampled_norms import SampledNorms
 from barbalat.linear.systems import StateSpace
 from barbalat.linear.zero_order_hold import HeldSystem
@@ -21,27 +28,51 @@ from barbalat.problem.state_feedback import Problem
 from barbalat.validate import Array, InputError
 
 
-def distance(problem: Problem, controller: L1PiecewiseConstant, levels: Array) -> float:
-    """The largest component of |x(kT) - x_ref(kT)|, for commands of these sizes (q,); InputError where either is unstable."""
+class Distance(NamedTuple):
+    """The largest component of |x - x_ref|."""
+
+    at_samples: float
+    between: float  # at all times
+
+
+def distance(problem: Problem, controller: L1PiecewiseConstant, levels: Array) -> Distance:
+    """For commands of these sizes (q,), held from sample to sample; InputError where loop or reference system is unstable."""
     equations, plant = controller.bind(problem.known), problem.plant
     T, n, q = controller.sample_time, plant.n, len(levels)
     single = StateSpace.gain(1.0) if controller.filter is None else controller.filter.realise()
     A, B = _reference(problem, equations, single)
     if not np.linalg.eigvals(A).real.max() < 0:
         raise InputError("its reference system is unstable")
-    reference = HeldSystem.of(A, B, T)
+    held, found = HeldSystem.of(A, B, T), realisation(equations)
     M, N = _sampled(problem, equations, T)
-    a, r = len(M), len(A)
-    norms = SampledNorms(
-        np.block([[M, np.zeros((a, r))], [np.zeros((r, a)), reference.Phi]]),
-        np.hstack([np.eye(n, a), -np.eye(n, r)]),
-    )
+    a, r, b = len(M), len(A), plant.b.reshape(n, -1)
     free = np.concatenate([plant.x0, started(equations, plant.x0, np.zeros(q)), plant.x0, np.zeros(r - n)])
     # the filter's first sample is no step of it, so the first command stands in the initial state too
     first = np.array([started(equations, np.zeros(n), unit) for unit in np.eye(q)]).T
     first = np.vstack([np.zeros((n, q)), first, np.zeros((r, q))])
-    driven = norms.summed(np.vstack([N, reference.Gamma])) + norms.largest(first)
-    return float((driven @ levels + norms.largest(free[:, None])[:, 0]).max())
+    whole = np.block([[M, np.zeros((a, r))], [np.zeros((r, a)), held.Phi]])
+    command = np.vstack([N, held.Gamma])
+
+    def largest(C: Array, D: Array) -> Array:
+        """Of |C z + D r| at the samples, z what stands in ``whole``."""
+        norms = SampledNorms(whole, C)
+        driven = norms.summed(command) + norms.largest(first) + np.abs(D)
+        return np.asarray(driven @ levels + norms.largest(free[:, None])[:, 0])
+
+    at_samples = float(largest(np.hstack([np.eye(n, a), -np.eye(n, r)]), np.zeros((n, q))).max())
+    of_x, of_r = found.D[:, :n], found.D[:, n:]
+    slope_x = np.hstack([plant.A + b @ of_x, b @ found.C, np.zeros((n, r))])
+    slope_ref = np.hstack([np.zeros((r, a)), A])
+    curved = _grown(plant.A, T) @ largest(plant.A @ slope_x, plant.A @ b @ of_r)
+    curved = curved + (_grown(A, T) @ largest(A @ slope_ref, A @ B))[:n]
+    return Distance(at_samples, float(at_samples + T**2 / 8 * curved.max()) * OUTWARD_FACTOR)
+
+
+def _grown(A: Array, T: float) -> Array:
+    """e^(|A| T), at least |e^(A tau)| in every entry for 0 <= tau <= T."""
+    from scipy.linalg import expm
+
+    return np.asarray(expm(np.abs(A) * T)) * OUTWARD_FACTOR
 
 
 def _sampled(problem: Problem, equations: Equations, T: float) -> tuple[Array, Array]:

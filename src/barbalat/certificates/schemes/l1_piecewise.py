@@ -21,22 +21,20 @@ from barbalat.certificates.certificate import Certificate, Draft
 from barbalat.certificates.entry import Assumption, Entry
 from barbalat.certificates.linear_loops.from_sample_to_sample import Linearised, linearised
 from barbalat.certificates.linear_loops.ideal import fast_adaptation
-from barbalat.certificates.linear_loops.margin_values import KEYS_OF_MARGINS, finite
+from barbalat.certificates.linear_loops.margin_values import finite
 from barbalat.certificates.quantities import Form, Quantity
 from barbalat.certificates.rounding import up
+from barbalat.certificates.schemes.sampled_loop import OF_SAMPLED_LOOPS, add_margins, name_of
 from barbalat.controllers import L1PiecewiseConstant
 from barbalat.controllers.l1_piecewise import Equations, realisation
-from barbalat.linear.interconnections import complementary_sensitivity, sensitivity
 from barbalat.linear.margins import margins
-from barbalat.linear.peaks import peak_gain
 from barbalat.linear.systems import transfer_function
 from barbalat.problem.state_feedback import Problem
 from barbalat.protocols import BoundedSignal
 from barbalat.solvers.simulation import Simulation
 from barbalat.validate import InputError
 
-OWN_QUANTITIES = {
-    "spectral_radius": Quantity("of the closed loop from sample to sample: stable below 1"),
+OWN_QUANTITIES = OF_SAMPLED_LOOPS | {
     "controller_z": Quantity(
         "the controller's transfer functions to u in z, from each state and from r", form=Form.TRANSFER_FUNCTIONS
     ),
@@ -50,9 +48,9 @@ OWN_QUANTITIES = {
         "of the theory's reference system, which the loop tends to with T: beside delay_margin", "s"
     ),
     "reference_distance": Quantity("of every component of x - x_ref at the samples, x_ref of the theory's reference system"),
+    "reference_distance_between": Quantity("the same at all times, r held between the samples in the reference system"),
 }
 LINEAR_CONTROLLER = "the controller is linear and time-invariant from sample to sample, phi(x) = x, and no limit acts"
-OF_THE_LOOP = "from sample to sample with the true parameters, broken at the plant input"
 WHITE_NOISE = "noise of one sample is independent of that of all others"
 NO_LOOP = "margins and noise are known for phi(x) = x: not for this plant"
 
@@ -62,27 +60,19 @@ def certificate(problem: Problem, controller: L1PiecewiseConstant, _: Simulation
     draft, equations = Draft(own=OWN_QUANTITIES), controller.bind(problem.known)
     _add_of_the_controller(draft, problem, controller, equations)
     if not problem.plant.is_linear:
-        for key in ("delay_margin", "reference_distance"):
+        for key in ("delay_margin", "reference_distance", "reference_distance_between"):
             draft.missing(key, NO_LOOP)
         return draft.finish()
     found = linearised(problem, controller)
     radius = found.loop.radius(problem.delay)
-    draft.exact({"spectral_radius": radius}, _named(problem), LINEAR_CONTROLLER)
+    draft.exact({"spectral_radius": radius}, name_of(problem), LINEAR_CONTROLLER)
     if radius < 1:
-        _add_margins(draft, problem, found)
+        add_margins(draft, problem, found, LINEAR_CONTROLLER)
         _add_noise(draft, problem, found)
     else:
         draft.missing("delay_margin", f"unstable from sample to sample: spectral radius {radius:.6g}")
     _add_reference(draft, problem, controller)
     return draft.finish()
-
-
-def _named(problem: Problem) -> str:
-    """The loop of the certificate's exact values."""
-    beside = f", beside its delay of {problem.delay:g} s" if problem.delay > 0 else ""
-    lag = problem.sensor.lag if problem.sensor is not None else 0.0
-    lagged = f", with its sensor's lag of {lag:g} s" if lag > 0 else ""
-    return OF_THE_LOOP + beside + lagged + ("" if all(path.is_linear for path in problem.plant.paths) else ", without its limits")
 
 
 def _add_of_the_controller(draft: Draft, problem: Problem, controller: L1PiecewiseConstant, equations: Equations) -> None:
@@ -119,30 +109,6 @@ def _transfer_functions(equations: Equations) -> dict[str, dict[str, list[float]
     return found
 
 
-def _add_margins(draft: Draft, problem: Problem, found: Linearised) -> None:
-    """Of the loop with its delay in it; the delay margin is what it bears beside."""
-    loop, name = found.loop, _named(problem)
-    try:
-        delay = loop.delay_margin(problem.delay)
-    except InputError as error:
-        draft.missing("delay_margin", str(error))
-    else:
-        draft.exact({"delay_margin": finite(delay)}, name, LINEAR_CONTROLLER)
-    draft.advise({"margins_of": f"the linear loop {name}"})
-    if problem.plant.inputs > 1:
-        draft.note("gain and phase margins are those of one input; the delay margin is of one delay in all inputs")
-        return
-    L = loop.as_continuous(problem.delay)
-    try:
-        of_L = margins(L)
-    except InputError as error:
-        draft.note(f"linear loop {name}: {error}")
-        return
-    values = {key: finite(getattr(of_L, one)) for one, key in KEYS_OF_MARGINS.items() if one != "delay"}
-    peaks = {"sensitivity_peak": sensitivity, "complementary_sensitivity_peak": complementary_sensitivity}
-    draft.exact(values | {key: peak_gain(of(L)).gain for key, of in peaks.items()}, name, LINEAR_CONTROLLER)
-
-
 def _add_noise(draft: Draft, problem: Problem, found: Linearised) -> None:
     """By the stationary covariance, just after a sample."""
     from scipy.linalg import solve_discrete_lyapunov
@@ -156,16 +122,20 @@ def _add_noise(draft: Draft, problem: Problem, found: Linearised) -> None:
     covariance = solve_discrete_lyapunov(closed, N @ N.T)
     deviation = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     values = {"noise_in_sigma_hat": deviation[rows["sigma_hat"]].tolist(), "noise_in_u": deviation[rows["u"]].tolist()}
-    draft.exact(values, _named(problem), LINEAR_CONTROLLER, WHITE_NOISE)
+    draft.exact(values, name_of(problem), LINEAR_CONTROLLER, WHITE_NOISE)
 
 
 def _add_reference(draft: Draft, problem: Problem, controller: L1PiecewiseConstant) -> None:
     """The distance for every command as large as the case's, and the reference system's own delay margin."""
     levels = np.array([command.bound if isinstance(command, BoundedSignal) else np.nan for command in problem.commands])
     try:
-        draft.guarantee("reference_distance", distance(problem, controller, levels), *rests_on(problem))
+        away = distance(problem, controller, levels)
     except InputError as error:
-        draft.missing("reference_distance", str(error))
+        for key in ("reference_distance", "reference_distance_between"):
+            draft.missing(key, str(error))
+    else:
+        draft.guarantee("reference_distance", away.at_samples, *rests_on(problem))
+        draft.guarantee("reference_distance_between", away.between, *rests_on(problem))
     if controller.as_flown is None and controller.filter is not None and problem.plant.inputs == 1:
         try:
             margin = margins(fast_adaptation(problem.plant, controller.filter.realise())).delay
@@ -187,7 +157,7 @@ def rests_on(problem: Problem) -> tuple[Assumption, ...]:
 def column(problem: Problem, controller: L1PiecewiseConstant, certificate: Certificate) -> tuple[str, dict[str, Entry]]:
     """The scheme's name in Table 1 and its cells."""
     values = certificate.values
-    radius, away = values.get("spectral_radius"), certificate.entry("reference_distance")
+    radius, away = values.get("spectral_radius"), certificate.entry("reference_distance_between")
     if radius is None or radius >= 1:
         why = NO_LOOP if radius is None else f"unstable from sample to sample: spectral radius {radius:.6g}"
         stability = nothing("stability", why)
@@ -197,7 +167,7 @@ def column(problem: Problem, controller: L1PiecewiseConstant, certificate: Certi
     if away is None or away.value is None:
         transient = nothing("transient", "no bound: " + ("" if away is None else away.why))
     else:
-        text = f"at the samples x is within {up(away.value)} of the theory's reference system, for every r as large as this one"
+        text = f"x is within {up(away.value)} of the theory's reference system, for every r as large as this one"
         transient = statement("transient", text, *rests_on(problem))
     left = ", ".join(f"{100 * share:.3g} %" for share in values["disturbance_left"])
     noise = values.get("noise_in_u")

@@ -1,11 +1,13 @@
 """Schemes that measure y only, and their registry: one line for each, by the name that case files use."""
 
 from barbalat.controllers.output.l1 import L1Output as L1Output
+from barbalat.controllers.output.l1_piecewise import L1OutputPiecewiseConstant as L1OutputPiecewiseConstant
 from barbalat.controllers.output.linear import LinearOutput as LinearOutput
 from barbalat.controllers.output.mrac import MracOutput as MracOutput
 
 OUTPUT_SCHEMES = {
     "mrac-output": MracOutput,
     "l1-output": L1Output,
+    "l1-output-piecewise": L1OutputPiecewiseConstant,
     "linear": LinearOutput,
 }

@@ -100,7 +100,7 @@ class L1Output(Scheme):
         ):
             raise InputError(
                 f"the reference model must be m/(s + m) with m = {self.m:g}, got num = {validate.show(known.W_m.num)}, "
-                f"den = {validate.show(known.W_m.den)}"
+                f"den = {validate.show(known.W_m.den)}; l1-output-piecewise takes models of any order"
             )
         bound = self.sigma_bound
         box = None if bound is None else ParameterBox(lower=[-bound], upper=[bound])

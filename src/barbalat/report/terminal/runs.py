@@ -8,6 +8,7 @@ from barbalat.problem.labels import Labels
 from barbalat.report.numbers import number_text
 from barbalat.report.terminal.layout import Screen, grouped
 from barbalat.run.diagnosis.adapting import Adapting
+from barbalat.run.estimates import estimates_of
 from barbalat.run.result import Result
 
 LABEL_COLUMNS = 24
@@ -53,21 +54,18 @@ def _estimates(screen: Screen, found: Sequence[tuple[Result, Adapting]]) -> None
     screen.title("Estimates: is it adapting?")
     rows = []
     for result, adapting in found:
-        true, ends, rates = (
-            result.true_values,
-            _values(result, "theta_hat_final"),
-            _values(result, "theta_hat_variation_rate"),
-        )
+        ends, rates = _values(result, "theta_hat_final"), _values(result, "theta_hat_variation_rate")
         if result.diverged_at is not None:
             ends = result.theta_hat[-1].tolist()
         projected = adapting.on_bounds is not None or adapting.on_sphere is not None
         bounds = adapting.on_bounds_text.split("\n") if projected else []
-        for i, path in enumerate(adapting.path.tolist()):
-            rows.append([
-                screen.name(result.name), f"theta_{i + 1}", _at(ends, i),
-                "-" if true is None or i >= len(true) else number_text(float(true[i])), number_text(path),
-                _at(rates, i), bounds[i] if i < len(bounds) else "-",
-            ])  # fmt: skip
+        for one in estimates_of(result):
+            i, true = one.number, "-" if one.true is None else number_text(one.true)
+            moved = ["-", "-", "-"] if i is None else [
+                number_text(float(adapting.path[i])), _at(rates, i), bounds[i] if i < len(bounds) else "-",
+            ]  # fmt: skip
+            end = number_text(float(one.value[-1])) if i is None else _at(ends, i)
+            rows.append([screen.name(result.name), one.name, end, true, *moved])
     headings = ("controller", "", "end", "true", "path", "1/s in\nthe tail", "time on\na bound")
     screen.table(headings, grouped(rows), leads=2)
     screen.line("path: the sum of every step's change; 1/s: the same for each second of the tail", "dim")

@@ -1,0 +1,114 @@
+"""The certificate of L1 output feedback with the piecewise-constant law: a linear sampled controller, its loop known exactly.
+
+For T -> 0 it holds c'x_hat = y, so that u = C/((1 - C) M) [M r - y] whatever g is: ``linear_equivalent_limit``, as of the
+scheme with a first-order model. For T > 0 it has no pole at z = 1: a little of a constant disturbance is left.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from barbalat.certificates.assumptions import bounded_command
+from barbalat.certificates.cells import advice, estimate, margins_cell, nothing, statement
+from barbalat.certificates.certificate import Certificate, Draft
+from barbalat.certificates.entry import Assumption, Entry
+from barbalat.certificates.linear_loops.from_sample_to_sample import linearised
+from barbalat.certificates.linear_loops.margin_values import margins_of
+from barbalat.certificates.quantities import Form, Quantity
+from barbalat.certificates.schemes.output_feedback import LINEAR_LOOP, OF_LINEAR_LOOPS, START_AT_REST
+from barbalat.certificates.schemes.sampled_loop import OF_SAMPLED_LOOPS, add_margins, name_of
+from barbalat.controllers.output.l1_piecewise import Equations, L1OutputPiecewiseConstant
+from barbalat.linear.systems import TransferFunction
+from barbalat.problem.output_feedback import OutputProblem
+from barbalat.solvers.simulation import Simulation
+
+OWN_QUANTITIES = (
+    OF_SAMPLED_LOOPS
+    | {key: OF_LINEAR_LOOPS[key] for key in ("steady_error",)}
+    | {
+        "linear_equivalent_limit": Quantity("u = feedforward[r] - feedback[y] for T -> 0", form=Form.TRANSFER_FUNCTIONS),
+        "delay_margin_limit": Quantity("delay_margin for T -> 0", "s"),
+    }
+)
+FOR_SMALL_T = "for T -> 0"
+NO_BOUND = "a bound of e is not known for this law"
+
+
+def fast_limit(controller: L1OutputPiecewiseConstant, M: TransferFunction) -> tuple[TransferFunction, TransferFunction]:
+    """C/(1 - C) and C/((1 - C) M)."""
+    N, D = controller.filter.num, controller.filter.den
+    den = np.polysub(D, N)
+    den[-1] = 0.0  # C(0) = 1: what is left of the difference is rounding
+    return TransferFunction(N, den), TransferFunction(np.polymul(N, M.den), np.polymul(den, M.num))
+
+
+def certificate(problem: OutputProblem, controller: L1OutputPiecewiseConstant, _: Simulation) -> Certificate:
+    """Loop, margins, what constant r and d leave, the continuous controller that it tends to."""
+    draft, equations = Draft(own=OWN_QUANTITIES), controller.bind(problem.known)
+    draft.missing("error_bound", NO_BOUND)
+    found = linearised(problem, controller)
+    radius = found.loop.radius(problem.delay)
+    draft.exact({"spectral_radius": radius}, name_of(problem), LINEAR_LOOP)
+    if radius < 1:
+        add_margins(draft, problem, found, LINEAR_LOOP)
+        draft.exact({"steady_error": steady_error(problem, equations)}, "without f", LINEAR_LOOP)
+    else:
+        draft.missing("delay_margin", f"unstable from sample to sample: spectral radius {radius:.6g}")
+    feedforward, feedback = fast_limit(controller, problem.known.W_m)
+    shown = {"feedforward": feedforward, "feedback": feedback}
+    coefficients = {name: {"num": system.num.tolist(), "den": system.den.tolist()} for name, system in shown.items()}
+    draft.exact({"linear_equivalent_limit": coefficients}, FOR_SMALL_T)
+    limit = margins_of(problem, (feedback * problem.plant.transfer_function).realise(), FOR_SMALL_T, draft.notes)
+    if "delay_margin" in limit:
+        draft.exact({"delay_margin_limit": limit["delay_margin"]}, FOR_SMALL_T, LINEAR_LOOP)
+    draft.note("a linear sampled controller: no gain to tune but T, and nothing is learnt")
+    return draft.finish()
+
+
+def steady_error(problem: OutputProblem, equations: Equations) -> dict[str, float]:
+    """What constant r and d leave of e = y - y_m, each per unit: the loop at rest from sample to sample, without f."""
+    plant, n = problem.plant.transfer_function, len(equations.c)
+    # unknown are x_hat, sigma_hat, y and u; at rest the filter's output is C(0) w_1 - h'w_um
+    filter, Phi, Gamma = equations.filter, equations.model.Phi, equations.model.Gamma
+    at_rest = filter.C @ np.linalg.solve(np.eye(len(filter.A)) - filter.A, 2 * filter.B) + filter.D  # (1, n)
+    passed = at_rest * np.append(-1.0, np.ones(n - 1))  # from sigma_hat
+    rows = np.zeros((2 * n + 2, 2 * n + 2))
+    rows[:n, :n], rows[:n, n : 2 * n], rows[:n, -1] = np.eye(n) - Phi, -Gamma, -Gamma[:, 0]
+    rows[n : 2 * n, :n], rows[n : 2 * n, n : 2 * n] = np.outer(equations.G, equations.c), np.eye(n)
+    rows[n : 2 * n, -2] = -equations.G
+    rows[-2, n : 2 * n], rows[-2, -1] = -passed[0], 1.0
+    rows[-1, -2], rows[-1, -1] = plant.den[-1], -plant.num[-1]  # den(0) y = num(0) (u + d)
+    given = np.zeros((2 * n + 2, 2))
+    given[-2, 0], given[-1, 1] = at_rest[0, 0], plant.num[-1]
+    of_r, of_d = np.linalg.solve(rows, given)[-2]
+    return {"r": float(of_r - problem.known.W_m.dc_gain), "d": float(of_d)}
+
+
+def _rests_on(problem: OutputProblem) -> tuple[Assumption, ...]:
+    path = problem.plant.paths[0]
+    acts = [("f(t, y)", problem.plant.f is not None), ("limits at the input", not path.is_linear)]
+    linear = Assumption("the loop is linear", " and ".join(word for word, there in acts if there))
+    return linear, bounded_command(problem), START_AT_REST
+
+
+def column(problem: OutputProblem, _: L1OutputPiecewiseConstant, certificate: Certificate) -> tuple[str, dict[str, Entry]]:
+    """The scheme's name in Table 1 and its cells."""
+    values = certificate.values
+    radius, left = values["spectral_radius"], values.get("steady_error")
+    unstable = f"unstable from sample to sample: spectral radius {radius:.6g}"
+    stability, tracking = nothing("stability", unstable), nothing("tracking", unstable)
+    if radius < 1:
+        text = f"for every bounded r: a linear loop, spectral radius {radius:.6g} from sample to sample"
+        stability = statement("stability", text, *_rests_on(problem))
+    if left is not None:
+        why = f"not to zero: {left['r']:.3g} of a constant r and {left['d']:.3g} of a constant d are left"
+        tracking = nothing("tracking", why)
+    return "L1 output feedback, piecewise-constant law", {
+        "stability": stability,
+        "tracking": tracking,
+        "transient": nothing("transient", NO_BOUND),
+        "estimates": advice("estimates", "it estimates no parameters: sigma_hat is what acts on the model"),
+        "modelling_error": estimate("modelling_error", "see the margins: they are those of a linear controller"),
+        "tuning": advice("tuning", "no adaptive gain; C(s) and T alone"),
+        "margins": margins_cell(certificate),
+    }

@@ -1,0 +1,171 @@
+"""MRAC with a network of one hidden layer: not linear in its weights, which a modification keeps bounded."""
+
+from __future__ import annotations
+
+from dataclasses import KW_ONLY, dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from barbalat import validate
+from barbalat.adaptation.modifications.epsilon_modification import EpsilonModification
+from barbalat.adaptation.modifications.fixed_sigma import FixedSigma
+from barbalat.adaptation.modifications.leakage import Leakage
+from barbalat.controllers.settings import Scheme, require_one_input
+from barbalat.problem.state_feedback import Known
+from barbalat.protocols import Value
+from barbalat.validate import Array, InputError, Vector
+
+MOST_NEURONS = 1000
+"""Each costs n + 2 states: beyond, compiling takes minutes."""
+DOUBLE_BITS = 53
+"""Of a number in [0, 1): what a draw keeps of 64 random bits."""
+
+
+class State(NamedTuple):
+    """What the controller integrates; the names are those of what a freeze keeps."""
+
+    theta_hat: Value  # (1 + N,) W_hat, the outer weights, that of the constant 1 first
+    memory: Value  # (1 + n, N) V_hat, the inner weights, those of the constant 1 in the first row
+
+
+def initial_inner_weights(seed: int, spread: float, shape: tuple[int, int]) -> Array:
+    """Evenly distributed in [-spread, spread); the same bits for a seed with every version of NumPy.
+
+    NumPy promises that of a generator's raw bits alone, not of its distributions.
+    """
+    raw = np.random.PCG64(seed).random_raw(shape[0] * shape[1])
+    even = (np.asarray(raw, dtype=np.uint64) >> np.uint64(64 - DOUBLE_BITS)) * 2.0**-DOUBLE_BITS
+    weights: Array = (spread * (2 * even - 1)).reshape(shape)
+    weights.flags.writeable = False
+    return weights
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Equations:
+    """The gradient law of both layers, with the inner one's linear part taken from the outer one: then the pair is passive."""
+
+    b: Array
+    P: Array
+    k_0: float
+    gamma: float
+    gamma_v: float
+    leakage: Leakage
+    scale: Array  # (n,)
+    V_0: Array  # (1 + n, N)
+
+    @property
+    def neurons(self) -> int:
+        return int(self.V_0.shape[1])
+
+    @property
+    def estimate_names(self) -> tuple[str, ...]:
+        return tuple(f"W_{i}" for i in range(1 + self.neurons))
+
+    def initial(self) -> State:
+        return State(np.zeros(1 + self.neurons), self.V_0)
+
+    def layer_input(self, x: Value) -> Value:
+        """x_bar = (1, x/scale)."""
+        return np.concatenate([np.ones(1), x / self.scale])
+
+    def control(self, state: State, x: Value, x_m: Value, r: Value) -> Value:
+        return -self.regressor_at(state, x, r) @ state.theta_hat + self.k_0 * r
+
+    def regressor_at(self, state: State, x: Value, u: Value) -> Value:
+        """What multiplies the outer weights."""
+        return np.concatenate([np.ones(1), np.tanh(state.memory.T @ self.layer_input(x))])
+
+    def reported(self, state: State) -> dict[str, Value]:
+        return {"V_hat": state.memory.reshape(-1)}
+
+    def ideal_gains(self, theta: Array, omega: Array) -> None:
+        """No weights are known to be the ones."""
+
+    def derivative(self, state: State, x: Value, x_m: Value, r: Value, u: Value) -> State:
+        W, V, x_bar, e_P_b = state.theta_hat, state.memory, self.layer_input(x), (x - x_m) @ (self.P @ self.b)
+        z = V.T @ x_bar
+        h, w = np.tanh(z), self.leakage.coefficient(W, e_P_b)
+        slope = 1 - h * h
+        W_dot = self.gamma * (e_P_b * np.concatenate([np.ones(1), h - slope * z]) - w * W)
+        V_dot = self.gamma_v * (np.outer(x_bar, e_P_b * (slope * W[1:])) - w * V)
+        return State(W_dot, V_dot)
+
+    def limit(self, state: State) -> State:
+        return state
+
+
+@dataclass(frozen=True, eq=False)
+class NetworkMrac(Scheme):
+    """u = -W_hat'h + k_0 r, h = (1, tanh(z)), z = V_hat'x_bar, x_bar = (1, x/scale): one hidden layer learns theta'phi(x).
+
+    With mu = e'P b, h' = (0, 1 - tanh^2(z)) and the leakage w, of each neuron W_i' = gamma (mu (h_i - h_i' z_i) - w W_i) and
+    V_i' = gamma_v (mu W_i h_i' x_bar - w V_i). phi(x) is not used: the network needs x alone. W_hat starts at zero.
+
+    gamma       adaptive gain > 0 of the outer weights
+    leakage     FixedSigma (sigma-modification) or EpsilonModification (e-modification): keeps the weights bounded, and lets
+                them fade at the rate gamma w: with inner weights that have faded only the constant is left to learn
+    gamma_v     that of the inner weights, > 0; by default gamma
+    neurons     N, of the hidden layer; 10 by default
+    scale       (n,), sizes of the states, by which x is divided; 1 by default. tanh tells states far above theirs not apart
+    seed        of the initial inner weights V_hat(0), even in [-spread, spread]; 0 by default
+    spread      > 0; 1 by default
+    V_hat0      (1 + n, N), these weights themselves, instead of seed and spread; the constant's first
+
+    Source: Lewis, Yesildirek and Liu, IEEE Trans. Neural Networks 7(2), 1996, and the texts on the modifications.
+    """
+
+    gamma: float
+    _: KW_ONLY
+    leakage: Leakage | None = None
+    gamma_v: float | None = None
+    neurons: int | None = None
+    scale: Vector | None = None
+    seed: int = 0
+    spread: float = 1.0
+    V_hat0: Array | None = None
+    name: str = "MRAC, network"
+
+    def __post_init__(self) -> None:
+        validate.label("name", self.name)
+        validate.freeze(self, gamma=validate.positive("gamma", self.gamma), spread=validate.positive("spread", self.spread))
+        validate.freeze(self, seed=validate.whole("seed", self.seed, least=0))
+        if self.gamma_v is not None:
+            validate.freeze(self, gamma_v=validate.positive("gamma_v", self.gamma_v))
+        if self.leakage is None:
+            raise InputError(
+                "leakage is missing: give FixedSigma or EpsilonModification; in a case file modification = { sigma } or { nu }"
+            )
+        validate.instance("leakage", self.leakage, (FixedSigma, EpsilonModification))
+        if self.neurons is not None:
+            validate.freeze(self, neurons=validate.whole("neurons", self.neurons, least=1, most=MOST_NEURONS))
+        if self.scale is not None:
+            validate.freeze(self, scale=validate.vector("scale", self.scale))
+            if not (self.scale > 0).all():
+                raise InputError.of("scale", f"must have positive entries, got {validate.show(self.scale)}")
+        if self.V_hat0 is not None:
+            validate.freeze(self, V_hat0=validate.array("V_hat0", self.V_hat0, (None, None)))
+            if self.neurons not in (None, self.V_hat0.shape[1]):
+                raise InputError.of(
+                    "V_hat0", f"must have {self.neurons} columns, one for each neuron, got {self.V_hat0.shape[1]}"
+                )
+
+    def bind(self, known: Known) -> Equations:
+        require_one_input("mrac-network", known)
+        assert self.leakage is not None  # the constructor has seen to it
+        n = known.n
+        return Equations(
+            b=known.b,
+            P=known.P,
+            k_0=float(known.k_0),
+            gamma=self.gamma,
+            gamma_v=self.gamma if self.gamma_v is None else self.gamma_v,
+            leakage=self.leakage,
+            scale=np.ones(n) if self.scale is None else validate.vector("scale", self.scale, n),
+            V_0=self._inner_weights(n),
+        )
+
+    def _inner_weights(self, n: int) -> Array:
+        if self.V_hat0 is not None:
+            return validate.array("V_hat0", self.V_hat0, (1 + n, None))
+        return initial_inner_weights(self.seed, self.spread, (1 + n, 10 if self.neurons is None else self.neurons))

@@ -1,0 +1,131 @@
+"""L1 output feedback with the piecewise-constant law: for a stable, minimum-phase model of any order; sampled by nature.
+
+One output tells one direction of x_hat - x: g, of which c'g = 1, the only one that the law moves. With P of A_m'P + P A_m = -I
+and g = P^-1 c/(c'P^-1 c), x_tilde - g c'x_tilde is what P is least of, so that the predictor's error falls at every sample time:
+x_tilde[k+1] = e^(A_m T) (I - g c') x_tilde[k] without what acts on the plant.
+"""
+
+from __future__ import annotations
+
+from dataclasses import KW_ONLY, dataclass, replace
+from typing import ClassVar, NamedTuple
+
+import numpy as np
+
+from barbalat import validate
+from barbalat.controllers.l1 import require_low_pass
+from barbalat.controllers.l1_piecewise import input_directions
+from barbalat.controllers.piecewise_filter import FilterStep, filter_step
+from barbalat.controllers.settings import Scheme
+from barbalat.controllers.windup import applied, limits_of_predictor
+from barbalat.linear.systems import StateSpace, TransferFunction
+from barbalat.linear.zero_order_hold import HeldSystem
+from barbalat.problem.output_feedback import OutputKnown
+from barbalat.protocols import Sample, Value, kept
+from barbalat.validate import Array, InputError
+
+
+class State(NamedTuple):
+    """What is kept from sample to sample; no parameter is estimated."""
+
+    theta_hat: Value  # (0,)
+    x_hat: Value  # (n,) predictor, in the coordinates of the model's controllable form
+    sigma_hat: Value  # (n,) what acts on it: with the input, and beside it
+    filter: Value  # states of C(s), and of the inverse of the model
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Equations:
+    """From sample to sample; B = [b, b_um]."""
+
+    sample_time: float
+    model: HeldSystem  # over a sample, with B
+    c: Array  # (n,)
+    G: Array  # (n,): sigma_hat = -G (y_hat - y)
+    filter: FilterStep
+    limits: Array | None = None  # of the input, where the predictor is fed with what is left of u
+    frozen: Value = None  # where it holds, sigma_hat rests; None: it never does
+
+    def initial(self) -> State:
+        n = len(self.c)
+        return State(np.zeros(0), np.zeros(n), np.zeros(n), np.zeros(len(self.filter.A)))
+
+    def control(self, state: State, y: Value, y_m: Value, r: Value) -> Value:
+        return self.filter.output(state.filter, self._filtered(state.sigma_hat, r))[0]
+
+    def advance(self, state: State, before: Sample, u: Value, now: Sample) -> State:
+        acting = np.concatenate([applied(u, self.limits).reshape(1) + state.sigma_hat[:1], state.sigma_hat[1:]])
+        x_hat = self.model.Phi @ state.x_hat + self.model.Gamma @ acting
+        sigma_hat = kept(self.frozen, state.sigma_hat, -self.G * (self.c @ x_hat - now.x))
+        wanted = self._filtered(state.sigma_hat, before.r), self._filtered(sigma_hat, now.r)
+        return State(state.theta_hat, x_hat, sigma_hat, self.filter.end(state.filter, *wanted))
+
+    def freezing(self, frozen: Value) -> Equations:
+        return replace(self, frozen=frozen)
+
+    def reported(self, state: State) -> dict[str, Value]:
+        return {"sigma_hat": state.sigma_hat}
+
+    def _filtered(self, sigma_hat: Value, r: Value) -> Value:
+        """What passes C(s): r - sigma_hat of the input, and sigma_hat beside it."""
+        return np.concatenate([(r - sigma_hat[0]).reshape(1), sigma_hat[1:]])
+
+
+@dataclass(frozen=True, eq=False)
+class L1OutputPiecewiseConstant(Scheme):
+    """u = C(s)[r - M(s)^-1 c'(sI - A_m)^-1 B sigma_hat], M = c'(sI - A_m)^-1 b the reference model, of any order.
+
+    Predictor x_hat' = A_m x_hat + b u + B sigma_hat, exact from sample to sample; at each sample
+    sigma_hat = -B^-1 Phi^-1 e^(A_m T) g (c'x_hat - y), Phi = A_m^-1 (e^(A_m T) - I), g = P^-1 c/(c'P^-1 c), A_m'P + P A_m = -I.
+
+    sample_time  T [s], a whole number of solver steps
+    filter       C(s): stable, C(0) = 1, of a relative degree that is not below the model's; by the trapezoidal rule, from rest
+    saturated_predictor  against windup: the predictor is fed with sat(u); off by default
+
+    Source: Hovakimyan and Cao, L1 Adaptive Control Theory (2010), section 4.2; Cao and Hovakimyan, J. Guidance, Control, and
+    Dynamics 32(3), 2009.
+    """
+
+    sample_time: float
+    filter: TransferFunction
+    _: KW_ONLY
+    saturated_predictor: bool = False
+    name: str = "L1 output, piecewise constant"
+
+    feedback: ClassVar[str] = "output"
+
+    def __post_init__(self) -> None:
+        validate.label("name", self.name)
+        validate.freeze(
+            self,
+            sample_time=validate.positive("sample_time", self.sample_time),
+            filter=require_low_pass(TransferFunction.accept("filter", self.filter)),
+        )
+
+    def bind(self, known: OutputKnown) -> Equations:
+        needed = known.W_m.relative_degree
+        if self.filter.relative_degree < needed:
+            raise InputError(
+                f"filter must have a relative degree of at least {needed}, the reference model's: C(s) W_m(s)^-1 must be proper, "
+                f"got {self.filter.relative_degree}"
+            )
+        model = known.W_m.realise()
+        B, T = input_directions(model.B[:, None]), self.sample_time
+        held = HeldSystem.of(model.A, B, T)
+        return Equations(
+            sample_time=T,
+            model=held,
+            c=model.C,
+            G=np.linalg.solve(held.Gamma, held.Phi @ observed_direction(model)),
+            filter=filter_step(model.A, B, 1, self.filter, model.C[None], T),
+            limits=limits_of_predictor(self.saturated_predictor, known),
+        )
+
+
+def observed_direction(model: StateSpace) -> Array:
+    """g = P^-1 c/(c'P^-1 c)."""
+    from scipy.linalg import solve_continuous_lyapunov
+
+    P = solve_continuous_lyapunov(model.A.T, -np.eye(model.order))
+    g = np.linalg.solve(P, model.C)
+    return np.asarray(g / (model.C @ g))

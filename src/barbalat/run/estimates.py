@@ -1,0 +1,76 @@
+"""What a run estimates, by the names that people read: theta_hat, or gains in its place, and what is reported beside it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from barbalat.loop.true_values import estimate_names, ideal_reported
+from barbalat.validate import Array
+
+if TYPE_CHECKING:
+    from barbalat.run.result import Result
+
+MOST_REPORTED = 6
+"""Entries of what is reported under one name that are shown one by one, as many as have a colour of their own; files have all."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Estimate:
+    """One of them over the instants of the record.
+
+    name       without a hat: "theta_1", "k_r"
+    true       what it is to become; None where nothing is known to be that
+    number     its place in theta_hat; None of what is reported beside that
+    low, high  (K - 1,) extrema between the instants, where they are known
+    """
+
+    name: str
+    value: Array  # (K,)
+    true: float | None
+    number: int | None = None
+    low: Array | None = None
+    high: Array | None = None
+
+    @property
+    def label(self) -> str:
+        """With its hat, as TeX."""
+        symbol, _, index = self.name.partition("_")
+        letter = GREEK.get(symbol, symbol)
+        return rf"$\hat{{{letter}}}_{{{index}}}$" if index else rf"$\hat{{{letter}}}$"
+
+    @property
+    def symbol(self) -> str:
+        """Without it."""
+        symbol, _, index = self.name.partition("_")
+        return f"{GREEK.get(symbol, symbol)}_{{{index}}}" if index else GREEK.get(symbol, symbol)
+
+
+GREEK = {name: rf"\{name}" for name in ("theta", "sigma", "omega")}
+
+
+def estimates_of(result: Result) -> list[Estimate]:
+    """First theta_hat's; of what is reported beside it what is no more than ``MOST_REPORTED``."""
+    true, envelope = result.true_values, result.envelope
+    known = true if true is not None and len(true) == result.theta_hat.shape[1] else None
+    found = [
+        Estimate(
+            name=name, value=result.theta_hat[:, i], true=None if known is None else float(known[i]), number=i,
+            low=envelope.theta_hat_min[:, i], high=envelope.theta_hat_max[:, i],
+        )
+        for i, name in enumerate(estimate_names(result.loop))
+    ]  # fmt: skip
+    ideal = ideal_reported(result.problem, result.loop)
+    for key, values in result.reported.items():
+        entries, becomes = values.reshape(len(result.t), -1), ideal.get(key)
+        if entries.shape[1] > MOST_REPORTED:
+            continue
+        name = key.removesuffix("_hat")
+        names = [name] if entries.shape[1] == 1 else [f"{name}_{i + 1}" for i in range(entries.shape[1])]
+        found += [
+            Estimate(name=one, value=entries[:, i], true=None if becomes is None else float(np.ravel(becomes)[i]))
+            for i, one in enumerate(names)
+        ]
+    return found

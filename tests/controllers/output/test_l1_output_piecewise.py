@@ -1,0 +1,168 @@
+"""L1 output feedback with the piecewise-constant law: its equations by SciPy, what it tends to, what it leaves, what it bears."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.linalg import expm, solve_continuous_lyapunov
+from scipy.signal import cont2discrete, lfilter, ss2tf
+
+from barbalat.certificates.certify import certify
+from barbalat.certificates.table_1 import table_1
+from barbalat.controllers.l1_piecewise import input_directions
+from barbalat.controllers.output import L1Output, L1OutputPiecewiseConstant
+from barbalat.controllers.output.l1 import fast_limit
+from barbalat.controllers.output.l1_piecewise import observed_direction
+from barbalat.linear.systems import TransferFunction
+from barbalat.problem.actuation import PlantInput
+from barbalat.problem.output_feedback import OutputProblem
+from barbalat.problem.output_plant import OutputPlant, OutputReferenceModel
+from barbalat.run.simulate import simulate
+from barbalat.signals import Constant, Sine, Step
+from barbalat.solvers.simulation import Simulation
+from independent import refusal
+
+TF = TransferFunction
+PLANT, MODEL = TF([2.0], [1.0, 0.5, 1.0]), TF([4.0], [1.0, 3.0, 4.0])
+WITH_ZERO = TF([2.0, 3.0], [1.0, 0.5, 1.0])
+FILTER = TF([400.0], [1.0, 30.0, 400.0])
+MODELS = {
+    "order 1": (TF([3.0], [1.0, 3.0]), TF([20.0], [1.0, 20.0])),
+    "order 2": (MODEL, FILTER),
+    "order 2, a zero": (TF([2.0, 4.0], [1.0, 3.0, 4.0]), FILTER),
+    "order 3": (TF([6.0], [1.0, 6.0, 11.0, 6.0]), TF([8000.0], [1.0, 60.0, 1200.0, 8000.0])),
+}
+
+
+def problem_of(model=MODEL, reference=None, **more):
+    """The plant's relative degree is at most the model's."""
+    path = {"input": more.pop("input")} if "input" in more else {}
+    plant = OutputPlant(WITH_ZERO if model.relative_degree == 1 else PLANT, **path)
+    command = Sine(1.0, 0.7) if reference is None else reference
+    return OutputProblem(plant=plant, reference_model=OutputReferenceModel(model), reference=command, **more)
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_a_run_is_the_book_s_formulas(name):
+    """Predictor and sigma_hat by matrix exponentials, C(s) M(s)^-1 c'(sI - A_m)^-1 by Tustin's rule from polynomials.
+
+    1e-8: transfer functions of order 6 whose poles lie within T of z = 1 lose some six of SciPy's digits.
+    """
+    (M, C), T, steps = MODELS[name], 0.01, 200
+    at = Simulation(t_end=steps * T, dt=T / 4, record_points=4 * steps)
+    (run,) = simulate(problem_of(M), [L1OutputPiecewiseConstant(sample_time=T, filter=C)], at).values()
+    y, u = run.y[::4].reshape(-1)[:steps], run.u[::4].reshape(-1)[:steps]
+    model = M.realise()
+    A, b, c, n = model.A, model.B, model.C, model.order
+    P = solve_continuous_lyapunov(A.T, -np.eye(n))
+    g = np.linalg.solve(P, c) / (c @ np.linalg.solve(P, c))
+    Psi = np.linalg.solve(A, expm(A * T) - np.eye(n))
+    x_hat, sigma = np.zeros(n), np.zeros((steps, n))
+    for k in range(steps):
+        if k:
+            x_hat = expm(A * T) @ x_hat + Psi @ (b * u[k - 1] + sigma[k - 1])
+            sigma[k] = -np.linalg.solve(Psi, expm(A * T) @ g) * (c @ x_hat - y[k])
+    np.testing.assert_allclose(run.reported["sigma_hat"][::4][:steps] @ input_directions(b[:, None]).T, sigma, atol=1e-10 / T)
+    expected = _tustin(C.num, C.den, np.sin(0.7 * T * np.arange(steps)), T)
+    for i in range(n):
+        of_state = np.trim_zeros(ss2tf(A, np.eye(n)[:, i : i + 1], c[None], np.zeros((1, 1)))[0][0].round(9), "f")
+        expected -= _tustin(np.polymul(C.num, of_state), np.polymul(C.den, M.num), sigma[:, i], T)
+    np.testing.assert_allclose(u, expected, atol=1e-8 * max(1.0, np.abs(u).max()))
+
+
+def _tustin(num, den, signal, T):
+    """Of a signal that is zero at the first sample, from rest."""
+    assert signal[0] == 0
+    (b,), a, _ = cont2discrete((num, den), T, method="bilinear")
+    return lfilter(b, a, signal)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_the_predictor_s_error_falls_in_the_norm_of_P(seed):
+    """|e^(A_m T) (I - g c')|_P < 1 for any model and any T."""
+    random = np.random.default_rng(seed)
+    den = np.poly(-random.uniform(0.3, 5, 3))
+    model = TF([den[-1]], den).realise()
+    root = np.linalg.cholesky(solve_continuous_lyapunov(model.A.T, -np.eye(3))).T
+    g = observed_direction(model)
+    for T in (1e-4, 0.1, 3.0):
+        step = expm(model.A * T) @ (np.eye(3) - np.outer(g, model.C))
+        assert np.linalg.norm(root @ step @ np.linalg.inv(root), 2) < 1
+
+
+@pytest.mark.parametrize("name", MODELS)
+@pytest.mark.short(kept=lambda name: name == "order 2")
+def test_for_short_samples_it_is_the_continuous_controller(name):
+    """The distance of the delay margins to C/((1 - C) M) G's falls in proportion to T: a tenth of T leaves 5 to 20 %."""
+    M, C = MODELS[name]
+    found = []
+    for T in (0.02, 0.002):
+        made = L1OutputPiecewiseConstant(sample_time=T, filter=C)
+        values = certify(problem_of(M), [made], Simulation(t_end=1.0, dt=T))[made.name].values
+        found.append(values["delay_margin"] - values["delay_margin_limit"])
+    assert 0.05 < found[1] / found[0] < 0.2
+
+
+def test_with_a_first_order_model_it_tends_to_what_the_gradient_law_tends_to():
+    M, C = MODELS["order 1"]
+    made = L1OutputPiecewiseConstant(sample_time=1e-3, filter=C)
+    values = certify(problem_of(M), [made], Simulation(t_end=1.0, dt=1e-3))[made.name].values["linear_equivalent_limit"]
+    expected = fast_limit(L1Output(m=3.0, gamma=1e4, filter=C))
+    for name, system in expected._asdict().items():
+        s = 1j * np.array([0.1, 1.0, 20.0])
+        found = TF(values[name]["num"], values[name]["den"])
+        np.testing.assert_allclose(found.at(s), system.at(s), rtol=1e-12)
+
+
+def test_what_constant_signals_leave_is_what_runs_show():
+    made = L1OutputPiecewiseConstant(sample_time=0.01, filter=FILTER)
+    at = Simulation(t_end=60.0, dt=5e-3)
+    only_r, only_d = problem_of(reference=Constant(1.0)), problem_of(reference=Constant(0.0), disturbance=Step(1.0))
+    left = certify(only_r, [made], at)[made.name].values["steady_error"]
+    for problem, expected in ((only_r, left["r"]), (only_d, left["d"])):
+        (run,) = simulate(problem, [made], at).values()
+        assert float(run.e[-1, 0]) == pytest.approx(expected, abs=1e-9)
+    assert 0 < abs(left["d"]) < 0.1
+
+
+@pytest.mark.full
+def test_the_delay_margin_is_that_of_runs():
+    made, at = L1OutputPiecewiseConstant(sample_time=0.01, filter=FILTER), Simulation(t_end=60.0, dt=5e-3)
+    found = certify(problem_of(), [made], at)[made.name].values
+    late = []
+    for share in (0.97, 1.03):
+        delayed = problem_of(reference=Constant(1.0), input=PlantInput(delay=share * found["delay_margin"]))
+        (run,) = simulate(delayed, [made], at).values()
+        e = np.abs(run.e[:, 0])
+        late.append(e[-len(e) // 5 :].max() / e[len(e) // 5 : 2 * len(e) // 5].max())
+    assert late[0] < 1 < late[1]
+
+
+def test_the_certificate_claims_no_more_than_it_knows():
+    made = L1OutputPiecewiseConstant(sample_time=0.01, filter=FILTER)
+    at = Simulation(t_end=1.0, dt=0.01)
+
+    def stability(problem):
+        certificates = certify(problem, [made], at)
+        return table_1(problem, [made], certificates).columns[0].cells["stability"].kind
+
+    assert stability(problem_of()) == "guaranteed"
+    assert stability(problem_of(input=PlantInput(saturation=[-1.0, 1.0]))) == "does not apply"
+    with_f = replace(problem_of(), plant=OutputPlant(PLANT, nonlinear="0.5*sin(y)"))
+    assert stability(with_f) == "does not apply"
+    lost = problem_of(input=PlantInput(delay=1.0))
+    assert stability(lost) == "does not apply"
+    assert "unstable" in certify(lost, [made], at)[made.name].entry("delay_margin").why
+
+
+def test_what_does_not_fit_is_refused():
+    slow = L1OutputPiecewiseConstant(sample_time=0.01, filter=TF([20.0], [1.0, 20.0]))
+    assert "relative degree of at least 2" in refusal(lambda: slow.bind(problem_of().known))
+    gradient = L1Output(m=3.0, gamma=10.0, filter=FILTER)
+    assert "l1-output-piecewise" in refusal(lambda: gradient.bind(problem_of().known))
+    assert refusal(lambda: L1OutputPiecewiseConstant(sample_time=0.0, filter=FILTER)).startswith("sample_time")
+    assert "C(0) = 1" in refusal(lambda: L1OutputPiecewiseConstant(sample_time=0.1, filter=TF([2.0], [1.0, 1.0])))
+    limited = L1OutputPiecewiseConstant(sample_time=0.1, filter=FILTER, saturated_predictor=True)
+    assert "saturation" in refusal(lambda: limited.bind(problem_of().known))
