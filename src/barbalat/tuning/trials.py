@@ -203,7 +203,7 @@ class Trials:
     def _certify(self, trial: Trial) -> None:
         assert trial.case is not None
         controller = trial.case.controllers[self.controller]
-        certificate = certify(trial.case.problem, controller, trial.case.simulation)[controller.name]
+        certificate = certify(trial.case.problem, controller, trial.case.simulation, keys=self.aim.keys)[controller.name]
         for one in self.aim.constraints:
             if one.quantity.origin is Origin.CERTIFICATE:
                 trial.found[one] = one.quantity.of_certificate(certificate)
