@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import os
 import re
+import signal
 import warnings
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -20,7 +22,7 @@ from barbalat.sweeps.study import Columns, Part, Study
 from barbalat.validate import InputError
 
 if TYPE_CHECKING:
-    from distributed import Client, Future, as_completed
+    from distributed import Client, Future, LocalCluster, as_completed
 
 PATIENCE = 10.0
 """Seconds until a scheduler that does not answer is given up."""
@@ -82,8 +84,19 @@ def connected(scheduler: Scheduler) -> Iterator[Client]:
         with contextlib.suppress(TimeoutError, OSError):
             client.close(timeout=CLOSING)
         if cluster is not None:
-            with contextlib.suppress(TimeoutError, OSError):  # what is not over by then ends with this process
-                cluster.close(timeout=CLOSING)
+            _close(cluster)
+
+
+def _close(cluster: LocalCluster) -> None:
+    """Workers that are in the middle of a chunk are killed: Dask would wait for them, ten seconds more at the end of this process."""
+    workers = [nanny.pid for nanny in cluster.workers.values()]
+    with contextlib.suppress(TimeoutError, OSError):
+        cluster.close(timeout=CLOSING)
+        return
+    cluster.shutdown_on_close = False  # it can't be closed a second time, and would be at the end of this process
+    for pid in workers:
+        with contextlib.suppress(ProcessLookupError):
+            os.kill(pid, signal.SIGKILL)
 
 
 def _require_answer(address: str) -> None:
