@@ -88,7 +88,7 @@ def connected(scheduler: Scheduler) -> Iterator[Client]:
 
 
 def _close(cluster: LocalCluster) -> None:
-    """Workers that are in the middle of a chunk are killed: Dask would wait for them, ten seconds more at the end of this process."""
+    """Workers in the middle of a chunk are killed: Dask would wait for them, ten seconds more at the end of this process."""
     workers = [nanny.pid for nanny in cluster.workers.values()]
     with contextlib.suppress(TimeoutError, OSError):
         cluster.close(timeout=CLOSING)
