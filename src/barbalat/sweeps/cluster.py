@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import os
+import multiprocessing
 import re
-import signal
 import warnings
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -94,9 +93,9 @@ def _close(cluster: LocalCluster) -> None:
         cluster.close(timeout=CLOSING)
         return
     cluster.shutdown_on_close = False  # it can't be closed a second time, and would be at the end of this process
-    for pid in workers:
-        with contextlib.suppress(ProcessLookupError):
-            os.kill(pid, signal.SIGKILL)
+    for process in multiprocessing.active_children():
+        if process.pid in workers:
+            process.kill()
 
 
 def _require_answer(address: str) -> None:
