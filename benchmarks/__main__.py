@@ -9,8 +9,8 @@ import tempfile
 import time
 from pathlib import Path
 
-from benchmarks import house, inputs, norms, outputs, processor, speed
-from benchmarks.loops import CASES
+from benchmarks import house, inputs, norms, outputs, processor, speed, studies
+from benchmarks.loops import CASES, l1
 from benchmarks.race import WrongNumbersError
 from benchmarks.table import console, show
 
@@ -23,6 +23,7 @@ def main() -> int:
     parser.add_argument("--quick", action="store_true", help="fewer repeats, variants and peers: within a minute instead of five")
     parser.add_argument("--peers", action="store_true", help="also JAX, diffrax and Numba, which ./dev installs for it")
     parser.add_argument("--avx2", action="store_true", help="everyone compiles as for this processor without AVX-512")
+    parser.add_argument("--studies", action="store_true", help="sweeps alone: threads, stores, Dask, a million members")
     given = parser.parse_args()
     if given.avx2:
         processor.without_avx512()
@@ -30,7 +31,10 @@ def main() -> int:
     console.print("Times are ns for one RK4 step of one member: best of interleaved repeats (how much slower the median is).")
     console.print("A peer is the fastest variant of its kind; all were checked to compute what the kernel computes.\n")
     try:
-        compare(speed.Extent(given.quick, given.peers))
+        extent = speed.Extent(given.quick, given.peers)
+        if not given.studies:
+            compare(extent)
+        compare_studies(extent)
     except WrongNumbersError as error:
         print(f"wrong numbers: {error}", file=sys.stderr)
         return 1
@@ -56,6 +60,15 @@ def compare(extent: speed.Extent) -> None:
     show("From equations to a kernel", [row for case in CASES for row in house.compiling(case(), quick=quick)], [])
     show("Memory", *house.memory(quick=quick))
     show("The command line", *house.command_line(quick=quick))
+
+
+def compare_studies(extent: speed.Extent) -> None:
+    """Sweeps, beside what peers do with as many members in one process."""
+    if extent.peers and not extent.quick:
+        with tempfile.TemporaryDirectory() as folder:
+            show(*speed.ensemble(l1(10_000), Path(folder), extent))
+    for title, (rows, notes) in studies.sections(quick=extent.quick):
+        show(title, rows, notes)
 
 
 if __name__ == "__main__":

@@ -36,6 +36,9 @@ LONGEST = 1.5
 TMPFS = "300k"
 """Room for a part of the store, which takes some 1.5 MB."""
 
+INTERRUPTED = 2.0 * max(1.0, os.getloadavg()[0] / (os.cpu_count() or 1))
+"""Seconds in which Ctrl-C is to be over: two, where nobody else is at work here."""
+
 
 class Failed(Exception):
     """What should not be so."""
@@ -185,10 +188,10 @@ def two_writers(folder: Path, expected: dict[str, np.ndarray]) -> str:
     return f"the second is refused, {read} members read meanwhile"
 
 
-def interrupt(folder: Path) -> str:
-    """Ctrl-C during the command itself."""
+def interrupt(folder: Path, *options: str) -> str:
+    """Ctrl-C during the command itself, in threads or with a cluster's processes, each in the middle of a chunk."""
     arguments = ["sweep", "paper", "--sample", "plant.theta=known-set", "--members", "100000", "--no-bounds", "--json"]
-    command = [sys.executable, "-m", "barbalat", *arguments, "--store", str(folder)]
+    command = [sys.executable, "-m", "barbalat", *arguments, "--store", str(folder), *options]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     while not (folder / INDEX).exists() and process.poll() is None:
         time.sleep(0.05)
@@ -202,6 +205,8 @@ def interrupt(folder: Path) -> str:
     index = read_index(folder)
     if index is None or not index.files:
         raise Failed("nothing was kept")
+    if seconds > INTERRUPTED:
+        raise Failed(f"Ctrl-C took {seconds:.1f} s")
     return f"ended after {seconds:.2f} s, {len(index.files)} files kept"
 
 
@@ -238,6 +243,8 @@ def main() -> int:
                 said.append(two_writers(folder / "two", expected))
             with told("Ctrl-C") as said:
                 said.append(interrupt(folder / "stopped"))
+            with told("Ctrl-C under Dask") as said:
+                said.append(interrupt(folder / "called off", "--scheduler", "local:2"))
         except Failed as error:
             print(f"failed: {error}")  # noqa: T201
             return 1

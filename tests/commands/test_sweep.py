@@ -54,8 +54,10 @@ def test_pages_of_a_sweep_and_of_a_member(case_file, tmp_path, capsys):
         "report.html",
         "sweep.json",
         *(f"{name}{ending}" for name in ("histograms", "map", "tornado") for ending in (".png", ".svg", "-narrow.svg")),
+        *(explorers := ("explore-1-robust-mrac.html", "explore-2-l1.html", "explore-3-mrac.html")),
     }
     page = (tmp_path / "map" / "report.html").read_text()
+    assert all(f'<a href="{name}">explorer</a>' in page for name in explorers)
     assert "Who failed" in page and "Over the grid" in page and "above the guaranteed bound" in page
     assert main(["sweep", case_file, *SAMPLED, "--member", "7", "--out", "seven"]) == 0
     assert "member 7" in capsys.readouterr().out and (tmp_path / "seven" / "comparison.svg").exists()

@@ -11,6 +11,7 @@ import subprocess
 import sys
 import time
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -129,6 +130,28 @@ def test_workers_that_join_and_die_and_a_scheduler_that_goes(tmp_path):
             process.kill()
             process.wait()
     assert distributed.__version__
+
+
+@pytest.mark.full
+def test_leaving_a_local_cluster_waits_for_no_chunk():
+    """Dask would wait for the worker, and once more at the end of the process."""
+    pytest.importorskip("distributed")
+    from distributed.deploy.spec import SpecCluster
+
+    with cluster.connected(Scheduler(workers=1)) as client:
+        (pid,) = client.run(os.getpid).values()
+        given = client.submit(time.sleep, 600.0, pure=False)
+        while not any(client.processing().values()):
+            assert given.status == "pending"
+            time.sleep(0.05)
+        (local,) = SpecCluster._instances
+    assert not local.shutdown_on_close
+    with contextlib.suppress(ProcessLookupError, FileNotFoundError):
+        while True:  # gone, or dead and not asked about yet; Dask alone would leave it for ten minutes
+            os.kill(pid, 0)
+            if "State:\tZ" in Path(f"/proc/{pid}/status").read_text():
+                break
+            time.sleep(0.05)
 
 
 @pytest.mark.full

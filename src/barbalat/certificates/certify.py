@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 
 from barbalat.certificates.beside_runs import beside_its_runs
 from barbalat.certificates.cells import on_damping
 from barbalat.certificates.certificate import Certificate, reason
+from barbalat.certificates.needed import needing
 from barbalat.certificates.schemes import scheme_file, stranger
 from barbalat.loop.binding import bound, is_sampled, numbered
 from barbalat.loop.blame import named
@@ -21,17 +22,19 @@ def certify(
     controllers: Controller | Iterable[Controller],
     simulation: Simulation,
     *,
+    keys: Collection[str] | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> dict[str, Certificate]:
     """Certificates by the controllers' names; nothing is simulated, the solver and its step are what is judged.
 
     Of a class from outside the package what needs no proof is given; the rest is said to be unknown. A certificate whose
     computation fails on the case's numbers has that as its finding. Raises InputError, with its name, for a controller that
-    does not fit the problem: no run of it is possible either. ``progress`` is called with the fraction done.
+    does not fit the problem: no run of it is possible either. ``progress`` is called with the fraction done. Where only some
+    ``keys`` are needed, certificates may lack others: searches over the known set, limits along the command.
     """
     found, told = {}, numbered(controllers)
     for i, controller in enumerate(told, start=1):
-        with named(controller.name):
+        with named(controller.name), needing(keys):
             found[controller.name] = _computed(problem, controller, simulation)
         if progress is not None:
             progress(i / len(told))

@@ -12,7 +12,9 @@ from barbalat.commands.output import folder_of, print_json
 from barbalat.commands.screen import Work, say, work
 
 if TYPE_CHECKING:
+    from barbalat.cases.load import CaseText
     from barbalat.commands import Commands
+    from barbalat.report.files import Folder
     from barbalat.run.progress import Progress
     from barbalat.sweeps.cluster import Scheduler
     from barbalat.sweeps.requirement import Requirement
@@ -60,12 +62,14 @@ def add(commands: Commands) -> None:
 
 def execute(options: argparse.Namespace) -> int:
     """Run the command; returns the exit code."""
+    from barbalat.cases.load import CaseText
     from barbalat.sweeps.cluster import Scheduler, SchedulerLostError
     from barbalat.sweeps.requirement import Requirement
 
     requirements = [Requirement.parse(text) for text in options.require]
     scheduler = None if options.scheduler is None else Scheduler.parse(options.scheduler)
-    study = _study(options)
+    text = CaseText.read(options.case, options.controllers)
+    study = _study(text, options)
     if options.member is not None:
         return _replayed(study, options)
     with folder_of(options.out, None if options.json else "barbalat-sweep") as folder:
@@ -80,11 +84,8 @@ def execute(options: argparse.Namespace) -> int:
 
         document = documents.as_json(result.as_json())
         if folder is not None:
-            from barbalat.report import write
-
             folder.write("sweep.json", document)
-            write.write_sweep(folder, result)
-            folder.commit()
+            _write(folder, text, result)
     if options.json:
         print_json(document)
         return 0
@@ -131,8 +132,26 @@ def _replayed(study: Study, options: argparse.Namespace) -> int:
     return 1
 
 
-def _study(options: argparse.Namespace) -> Study:
-    from barbalat.cases.load import CaseText
+def _write(folder: Folder, text: CaseText, result: SweepResult) -> None:
+    """The page, and explorers of the worst members beside it."""
+    from barbalat.explorer.worst_members import explored
+    from barbalat.report import write
+
+    parts = {"explorers": SECONDS_EACH_EXPLORER * len(result.controllers), "drawing": DRAWING_SECONDS}
+    with work(parts) as running:
+        worst = []
+        with running.part("explorers") as progress:
+            for one in explored(text, result):
+                worst.append(one.row)
+                if one.page is not None and one.row.file is not None:
+                    folder.write(one.row.file, one.page)
+                progress(len(worst) / len(result.controllers))
+        with running.part("drawing"):
+            write.write_sweep(folder, result, worst)
+    folder.commit()
+
+
+def _study(text: CaseText, options: argparse.Namespace) -> Study:
     from barbalat.sweeps.paths import FieldPath
     from barbalat.sweeps.plan import DEFAULT_MEMBERS, Design, Plan
     from barbalat.sweeps.spread import Axis
@@ -140,7 +159,6 @@ def _study(options: argparse.Namespace) -> Study:
     from barbalat.sweeps.varied_case import VariedCase, sampled
     from barbalat.validate import InputError
 
-    text = CaseText.read(options.case, options.controllers)
     axes = {}
     for place, spread in map(_pair, options.vary):
         path = FieldPath.parse(place)
@@ -168,6 +186,7 @@ def _pair(given: str) -> tuple[str, str]:
 
 SECONDS_EACH_STEP = 10e-9
 """Of a small loop, on one core."""
+SECONDS_EACH_EXPLORER, DRAWING_SECONDS = 1.0, 2.0
 
 
 FAILED = 1

@@ -29,7 +29,7 @@ from barbalat.report.file_names import PAGE
 from barbalat.report.narrow import fits_a_phone
 from barbalat.report.notation import mathematics
 from barbalat.report.numbers import number_text
-from barbalat.report.sweep import extremes, in_symbols, shares
+from barbalat.report.sweep import WorstMember, extremes, in_symbols, shares
 from barbalat.run.outcome import units_of
 from barbalat.run.result import Result
 from barbalat.study.tradeoff import TradeOff
@@ -131,11 +131,10 @@ def linked(text: Markup, names: Sequence[str]) -> Markup:
     return Markup(re.sub(pattern, r'<a href="#claim-\1"><code>\1</code></a>', str(text))) if told else text
 
 
-def sweep(found: SweepResult, pictures: Mapping[str, Picture]) -> str:
-    """The page of ``barbalat sweep``."""
-    return _render(
-        "sweep.html", found=found, pictures=pictures, shares=_symbols(shares(found)), extremes=_symbols(extremes(found))
-    )
+def sweep(found: SweepResult, pictures: Mapping[str, Picture], worst: Sequence[WorstMember] = ()) -> str:
+    """The page of ``barbalat sweep``; ``worst`` are members of which there are explorers beside it, or why there are none."""
+    tables = {"shares": _symbols(shares(found)), "extremes": _symbols(extremes(found))}
+    return _render("sweep.html", found=found, pictures=pictures, worst=worst, **tables)
 
 
 def flight(found: FlightComparison, pictures: Mapping[str, Picture]) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import dataclass
 
 from barbalat.report.numbers import number_text
 from barbalat.sweeps.evidence import FINDINGS
@@ -10,6 +11,17 @@ from barbalat.sweeps.result import SweepResult
 
 SHOWN = ("max_abs_e", "rms_e", "tail_max_abs_e", "max_abs_u", "max_abs_y", "diverged_at")
 """Figures, without their components; the others are in the JSON and in a store."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class WorstMember:
+    """Of a controller, by a figure: the ``file`` of a page that simulates it, or why there is none."""
+
+    controller: str
+    figure: str
+    member: int
+    file: str | None = None
+    why: str = ""
 
 
 def shares(found: SweepResult) -> list[list[str]]:

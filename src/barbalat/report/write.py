@@ -23,6 +23,7 @@ from barbalat.report import charts, diagrams, flights, maps, page
 from barbalat.report.drawings import Drawing, Picture, narrow_panels, pictures_of_loops, svg_of
 from barbalat.report.file_names import CERTIFICATES, NARROW, PAGE, PICTURE, diagram_names
 from barbalat.report.files import Folder
+from barbalat.report.sweep import WorstMember
 from barbalat.run.picture import ends_at, figure_of, panels
 from barbalat.run.processes import Here
 from barbalat.run.result import Result
@@ -149,8 +150,8 @@ def write_tradeoff(folder: Folder, found: TradeOff) -> None:
     folder.write(PAGE, page.trade_off(found, picture))
 
 
-def write_sweep(folder: Folder, found: SweepResult) -> None:
-    """Histograms, a map over two axes, what each varied number accounts for, and the page."""
+def write_sweep(folder: Folder, found: SweepResult, worst: Sequence[WorstMember] = ()) -> None:
+    """Histograms, a map over two axes, what each varied number accounts for, and the page; see ``page.sweep``."""
     pictures = {"histograms": _draw_both(folder, "histograms", partial(of_sweep.histograms, found))}
     figures = [name for name in found.evidence.metrics if name.startswith("max_abs_e[")]
     for name in figures[:1]:
@@ -162,7 +163,7 @@ def write_sweep(folder: Folder, found: SweepResult) -> None:
         own = [one for one in found.evidence.sensitivities if one.figure == name]
         if own:
             pictures["tornado"] = _draw_both(folder, "tornado", partial(of_sweep.tornado, own, found.controllers, name))
-    folder.write(PAGE, page.sweep(found, pictures))
+    folder.write(PAGE, page.sweep(found, pictures, worst))
 
 
 def write_flights(folder: Folder, found: FlightComparison) -> None:

@@ -40,18 +40,19 @@ class Question:
         self.benchmark = Benchmark.of(self.members, self.undelayed, self.numbers, self.ideals)
         self.shorter = [d for d in map(float, scanned(self.simulation, self.longest, SCANNED_DELAYS)) if d < self.limit]
 
-    def bears(self, group: Array, *, graded: bool) -> Array:
+    def bears(self, group: Array, *, graded: bool, below: Array | None = None) -> Array:
         """(M,) the largest delay that is borne, up to ``limit``; 0 where none is, or where that is not looked for.
 
         group   (M,) members of one number stand and fall together: where one is lost at ``limit``, the others are not run again
         graded  whether it is looked for where ``limit`` is not borne: from there down, in the steps of the scan
+        below   (M,) of which shorter delays are looked at where ``limit`` is borne; by default of all
         """
         found, lost = np.zeros(len(self.members)), np.ones(len(self.members), dtype=bool)
         usable = self._usable()
         lost[usable] = self._lost(usable, self.limit)
         failing = np.isin(group, group[lost])
         found[~lost] = self.limit
-        self._look_below(np.flatnonzero(~failing), found)
+        self._look_below(np.flatnonzero(~failing if below is None else ~failing & below), found)
         if graded:
             self._descend(usable[lost[usable]], found)
         return found

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import multiprocessing
 import re
 import warnings
 from collections.abc import Iterator, Sequence
@@ -20,7 +21,7 @@ from barbalat.sweeps.study import Columns, Part, Study
 from barbalat.validate import InputError
 
 if TYPE_CHECKING:
-    from distributed import Client, Future, as_completed
+    from distributed import Client, Future, LocalCluster, as_completed
 
 PATIENCE = 10.0
 """Seconds until a scheduler that does not answer is given up."""
@@ -82,8 +83,19 @@ def connected(scheduler: Scheduler) -> Iterator[Client]:
         with contextlib.suppress(TimeoutError, OSError):
             client.close(timeout=CLOSING)
         if cluster is not None:
-            with contextlib.suppress(TimeoutError, OSError):  # what is not over by then ends with this process
-                cluster.close(timeout=CLOSING)
+            _close(cluster)
+
+
+def _close(cluster: LocalCluster) -> None:
+    """Workers in the middle of a chunk are killed: Dask would wait for them, ten seconds more at the end of this process."""
+    workers = [nanny.pid for nanny in cluster.workers.values()]
+    with contextlib.suppress(TimeoutError, OSError):
+        cluster.close(timeout=CLOSING)
+        return
+    cluster.shutdown_on_close = False  # it can't be closed a second time, and would be at the end of this process
+    for process in multiprocessing.active_children():
+        if process.pid in workers:
+            process.kill()
 
 
 def _require_answer(address: str) -> None:

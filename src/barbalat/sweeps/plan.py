@@ -6,6 +6,7 @@ import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import Enum
+from functools import lru_cache
 
 import numpy as np
 
@@ -124,15 +125,12 @@ class Plan:
         return found
 
     def _block(self, block: int, dimensions: int) -> Array:
-        from scipy.stats import qmc
-
         count = min(BLOCK, self.members - block * BLOCK)
         if self.design is Design.SOBOL:
             return self._sobol(block * BLOCK, count, dimensions)
-        generator = np.random.default_rng([self.seed, block])
         if self.design is Design.RANDOM:
-            return generator.random((count, dimensions))
-        return np.asarray(qmc.LatinHypercube(dimensions, rng=generator).random(count))
+            return np.random.default_rng([self.seed, block]).random((count, dimensions))
+        return _hypercube(self.seed, block, count, dimensions)
 
     def _sobol(self, first: int, count: int, dimensions: int) -> Array:
         from scipy.stats import qmc
@@ -164,3 +162,11 @@ class Plan:
             "design": self.design.value,
             "seed": self.seed,
         }
+
+
+@lru_cache(maxsize=2)
+def _hypercube(seed: int, block: int, count: int, dimensions: int) -> Array:
+    """A block's draws, kept for the next chunk of it: one of a thousand members would else wait longest for them."""
+    from scipy.stats import qmc
+
+    return np.asarray(qmc.LatinHypercube(dimensions, rng=np.random.default_rng([seed, block])).random(count))

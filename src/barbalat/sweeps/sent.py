@@ -9,6 +9,7 @@ from __future__ import annotations
 import hashlib
 import sys
 from dataclasses import dataclass, replace
+from functools import cache
 from importlib import metadata
 
 import barbalat
@@ -65,8 +66,9 @@ class Sent:
         return cls(plain, part.setting.simulation, versions(), noise_made() if noisy else None)
 
 
+@cache
 def versions() -> dict[str, str]:
-    """Of this process."""
+    """Of this process; they are read from files, which takes as long as simulating hundreds of members."""
     found = {"barbalat": barbalat.__version__, "python": ".".join(map(str, sys.version_info[:2]))}
     return found | {name: metadata.version(name) for name in COMPARED}
 

@@ -55,6 +55,11 @@ class Aim:
     def quantities(self) -> tuple[Quantity, ...]:
         return (self.quantity, *(one.quantity for one in self.constraints))
 
+    @property
+    def keys(self) -> frozenset[str]:
+        """Of a certificate, those that are asked for."""
+        return frozenset(one.key for one in self.quantities if one.origin is Origin.CERTIFICATE)
+
     def asks(self, origin: Origin) -> bool:
         return any(one.origin is origin for one in self.quantities)
 

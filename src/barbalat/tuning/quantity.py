@@ -52,6 +52,11 @@ class Quantity:
         return Origin.RUN if self.name.split("[")[0] in FIGURES else Origin.CERTIFICATE
 
     @property
+    def key(self) -> str:
+        """Of a certificate, under which it stands, by itself or as a part."""
+        return self.name.partition(".")[0]
+
+    @property
     def worst(self) -> float:
         return inf if self.larger_is_worse else -inf
 
@@ -81,7 +86,7 @@ class Quantity:
 
     def of_certificate(self, certificate: Certificate) -> float | None:
         """Where the certificate claims it on this case; of an enclosure the side that counts."""
-        key, _, part = self.name.partition(".")
+        key, part = self.key, self.name.partition(".")[2]
         values = certificate.values
         if key in values.get("unlimited", ()):
             return inf
@@ -95,13 +100,12 @@ class Quantity:
 
     def require_known(self, certificates: Mapping[str, Certificate]) -> None:
         """InputError where one of the controllers' certificates, of the case as it stands, has no such key."""
-        key = self.name.partition(".")[0]
-        having = [name for name, one in certificates.items() if one.entry(key) is not None]
+        having = [name for name, one in certificates.items() if one.entry(self.key) is not None]
         lacking = [name for name in certificates if name not in having]
         if having and lacking:
             raise InputError(
-                f"certify has no {validate.show(key)} of {_listed(lacking)}, but of {_listed(having)}: say with --controller "
-                "which one is tuned"
+                f"certify has no {validate.show(self.key)} of {_listed(lacking)}, but of {_listed(having)}: say with "
+                "--controller which one is tuned"
             )
         if lacking:
             known = (*FIGURES, *DELAYS, *(entry.key for one in certificates.values() for entry in one.entries))

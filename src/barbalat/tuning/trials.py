@@ -40,18 +40,24 @@ class Trials:
     threads: int | None = None
     all: list[Trial] = field(default_factory=list)
     runs: int = 0
+    best: float = np.inf
 
     def judged(self, rows: Array, to_beat: float) -> list[Trial]:
-        """These tunings; one whose quantity is above ``to_beat`` is not looked at further."""
+        """These tunings; one whose quantity is above ``to_beat`` is not looked at further.
+
+        One that is not better than the best so far counts as bearing a delay without a look at shorter ones: that takes most of
+        the runs and decides of the best tuning alone.
+        """
         trials = [self._made(row) for row in rows]
         open_ones = [trial for trial in trials if trial.case is not None]
         for stage, origin in enumerate(Origin):
             if open_ones and self._asked(origin):
-                self._look(open_ones, origin, graded=to_beat >= FAR)
+                self._look(open_ones, origin, graded=to_beat >= FAR, best=self.best)
                 open_ones = [trial for trial in open_ones if self._goes_on(trial, stage, to_beat)]
         for trial in open_ones:
             assert trial.value is not None
             trial.complete, trial.score = True, self.aim.signed(trial.value)
+        self.best = min([self.best, *(trial.score for trial in open_ones)])
         self.all += trials
         return trials
 
@@ -112,11 +118,14 @@ class Trials:
             return False
         return True
 
-    def _look(self, trials: Sequence[Trial], origin: Origin, *, fully: bool = False, graded: bool = True) -> None:
+    def _look(
+        self, trials: Sequence[Trial], origin: Origin, *, fully: bool = False, graded: bool = True, best: float = np.inf
+    ) -> None:
         """Find all quantities of one origin.
 
         fully   delays beyond what is required too
         graded  how far those are from what is required that do not bear it
+        best    a tuning whose quantity is not below it is not asked about delays shorter than the required one
         """
         if origin is Origin.CERTIFICATE:
             for trial in trials:
@@ -127,8 +136,9 @@ class Trials:
             if origin is Origin.RUN:
                 self._run(group, plants, members)
             wanted = {one.quantity: one.requirement.limit for one in self.aim.constraints if one.quantity.origin is origin}
+            below = np.array([trial.value is None or self.aim.signed(trial.value) < best for trial in group])
             for quantity, limit in wanted.items():
-                values = self._values(quantity, group, plants, members, None if fully else limit, graded=graded)
+                values = self._values(quantity, group, plants, members, None if fully else limit, graded=graded, below=below)
                 self._put(group, quantity.over_plants(values, self.aim.quantile), quantity)
             if self.aim.quantity.origin is origin:
                 values = self._values(self.aim.quantity, group, plants, members, None)
@@ -161,9 +171,10 @@ class Trials:
         limit: float | None,
         *,
         graded: bool = True,
+        below: Array | None = None,
         each: bool = False,
     ) -> Array:
-        """(K, P); delays up to a limit, or all of them; ``each``: of every plant, whatever the others do."""
+        """(K, P); delays up to a limit, or all of them; ``below`` (K,) as of ``Question``; ``each``: of every plant, alone."""
         undelayed = Metrics.together([trial.undelayed for trial in group if trial.undelayed is not None])
         if quantity.origin is Origin.RUN:
             values = quantity.of_runs(undelayed)
@@ -183,7 +194,12 @@ class Trials:
                 self.threads,
             )
             alone = np.arange(len(members))
-            values = asked.bears(alone // len(plants.problems) if self.aim.quantile == 1 and not each else alone, graded=graded)
+            together = alone // len(plants.problems)
+            values = asked.bears(
+                together if self.aim.quantile == 1 and not each else alone,
+                graded=graded,
+                below=None if below is None else below[together],
+            )
             self.runs += asked.runs
         return np.asarray(values.reshape(len(group), -1))
 
@@ -203,7 +219,7 @@ class Trials:
     def _certify(self, trial: Trial) -> None:
         assert trial.case is not None
         controller = trial.case.controllers[self.controller]
-        certificate = certify(trial.case.problem, controller, trial.case.simulation)[controller.name]
+        certificate = certify(trial.case.problem, controller, trial.case.simulation, keys=self.aim.keys)[controller.name]
         for one in self.aim.constraints:
             if one.quantity.origin is Origin.CERTIFICATE:
                 trial.found[one] = one.quantity.of_certificate(certificate)

@@ -10,6 +10,7 @@ from barbalat.certificates.assumptions import LINEAR_LOOP_ONLY
 from barbalat.certificates.bounds.laws import is_modified
 from barbalat.certificates.certificate import Draft
 from barbalat.certificates.linear_loops.around_equilibrium import around_equilibrium
+from barbalat.certificates.needed import is_needed
 from barbalat.certificates.picture import MarginLoop
 from barbalat.controllers import L1Adaptive, Mrac
 from barbalat.linear.delayed_peaks import delayed_peaks
@@ -86,7 +87,7 @@ def add_adapting_margins(draft: Draft, problem: Problem, controller: Mrac | L1Ad
     command = problem.commands[0]
     assert isinstance(command, BoundedSignal)  # ``model_bounds`` has refused others
     level = command.bound
-    if level == 0:
+    if level == 0 or not is_needed("delay_margin_adapting"):
         return
     if is_modified(controller):
         draft.missing(

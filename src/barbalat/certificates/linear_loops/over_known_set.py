@@ -12,6 +12,7 @@ from barbalat.certificates.certificate import Draft
 from barbalat.certificates.linear_loops.ideal import fast_adaptation, known_parameters
 from barbalat.certificates.linear_loops.margin_values import KEYS_OF_MARGINS
 from barbalat.certificates.linear_loops.worst_case import Family, WorstCase, worst_case
+from barbalat.certificates.needed import is_needed
 from barbalat.linear.systems import StateSpace
 from barbalat.problem.known_set import KnownSet
 from barbalat.problem.plant import Plant
@@ -25,7 +26,7 @@ LOOP_OF_FAST_ADAPTATION = "in the limit of fast adaptation"
 def add_at_rest(draft: Draft, problem: Problem) -> None:
     """Of the loop that every scheme with C = 1 becomes; nothing without a known set."""
     known_set = problem.uncertainty
-    if known_set is not None:
+    if known_set is not None and is_needed(MARGINS_KEY):
         with draft.part(MARGINS_KEY):
             _add(draft, [(LOOP_AT_REST, _worst_at_rest(problem.plant, known_set, problem.sensor_lag))])
 
@@ -33,7 +34,7 @@ def add_at_rest(draft: Draft, problem: Problem) -> None:
 def add_filtered(draft: Draft, problem: Problem, C: StateSpace) -> None:
     """Of L1-AC's two readings: in the limit of fast adaptation, and with the estimates at rest."""
     known_set = problem.uncertainty
-    if known_set is not None:
+    if known_set is not None and is_needed(MARGINS_KEY):
         with draft.part(MARGINS_KEY):
             _add(draft, _worst_filtered(problem.plant, known_set, C, problem.sensor_lag))
 
@@ -41,7 +42,7 @@ def add_filtered(draft: Draft, problem: Problem, C: StateSpace) -> None:
 def add_fixed(draft: Draft, problem: Problem, family: Family) -> None:
     """Of a linear controller's loop."""
     known_set = problem.uncertainty
-    if known_set is not None:
+    if known_set is not None and is_needed(MARGINS_KEY):
         with draft.part(MARGINS_KEY):
             _add(draft, [("with a fixed controller", worst_case(family, known_set))])
 

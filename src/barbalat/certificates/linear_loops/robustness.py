@@ -6,10 +6,13 @@ from typing import Any
 
 import numpy as np
 
+from barbalat.certificates.needed import is_needed
 from barbalat.linear.robust_stability import MatchedFamily, RobustStability, robust_stability
 from barbalat.linear.systems import StateSpace, TransferFunction
 from barbalat.problem.known_set import KnownSet
 from barbalat.validate import Array, InputError
+
+KEYS = ("mu_parameters", "parameter_scale", "theta_destabilising", "mu_dynamics", "mu", "mu_frequency")
 
 
 def robustness(
@@ -20,6 +23,8 @@ def robustness(
     ``loop`` stands at the set's centre, or where there is none, at the true theta.
     """
     values: dict[str, Any] = {}
+    if not is_needed(*KEYS):
+        return values
 
     def measure(width: Array, weight: TransferFunction | None) -> RobustStability:
         return robust_stability(MatchedFamily(loop=loop, width=width, weight=weight))

@@ -18,6 +18,7 @@ from barbalat.certificates.linear_loops import over_known_set
 from barbalat.certificates.linear_loops.ideal import fast_adaptation
 from barbalat.certificates.linear_loops.margin_values import add_adapting_margins, add_margins, finite
 from barbalat.certificates.linear_loops.robustness import robustness
+from barbalat.certificates.needed import is_needed
 from barbalat.certificates.quantities import Quantity
 from barbalat.certificates.rounding import down, up
 from barbalat.certificates.schemes import midpoint, mrac
@@ -122,7 +123,8 @@ def add_condition(draft: Draft, problem: Problem, C: StateSpace) -> tuple[theore
     found, slope = theorem_1.filter_condition(known, C, theta_max), theorem_1.derivative_norm(known)
     draft.guarantee("norms", {"W_b(1-C)": found.norm.ends, "sW_b": slope.ends}, NUMBERS_ALONE)
     draft.guarantee("condition", {"value_upper": found.value_upper, "limit": 1.0, "holds": found.holds}, NUMBERS_ALONE)
-    draft.guarantee("kappa_admissible", finite(theorem_1.kappa_admissible(known, theta_max)), NUMBERS_ALONE)
+    if is_needed("kappa_admissible"):
+        draft.guarantee("kappa_admissible", finite(theorem_1.kappa_admissible(known, theta_max)), NUMBERS_ALONE)
     draft.guarantee("kappa_max", finite(theorem_1.kappa_max(slope, theta_max)), NUMBERS_ALONE)
     return found, slope
 

@@ -23,6 +23,7 @@ from barbalat.certificates.entry import NUMBERS_ALONE, Assumption, Entry
 from barbalat.certificates.linear_loops import over_known_set
 from barbalat.certificates.linear_loops.ideal import known_parameters
 from barbalat.certificates.linear_loops.margin_values import add_margins
+from barbalat.certificates.needed import is_needed
 from barbalat.certificates.quantities import Quantity
 from barbalat.certificates.schemes.mrac import lyapunov_cells
 from barbalat.certificates.schemes.state_feedback import KNOWN_REGRESSOR, bounded_regressor
@@ -146,8 +147,9 @@ def _add_limits(draft: Draft, problem: Problem, controller: DirectMrac, simulati
 
     falling = bound * math.sqrt(laws.least_gain(controller.gamma))
     draft.estimate(limits(model.x_m_euclidean, falling), FROZEN_LAW, BOTH_GAINS)
-    at_model = limits(largest_along_the_command(problem, simulation))
-    draft.estimate({f"{key}_at_model": at_model[key] for key in ("gamma_max", "step_max")}, FROZEN_LAW, BOTH_GAINS)
+    if is_needed(*frozen_laws.KEYS_AT_MODEL.values()):
+        at_model = limits(largest_along_the_command(problem, simulation))
+        draft.estimate({name: at_model[key] for key, name in frozen_laws.KEYS_AT_MODEL.items()}, FROZEN_LAW, BOTH_GAINS)
 
 
 def column(problem: Problem, controller: DirectMrac, certificate: Certificate) -> tuple[str, dict[str, Entry]]:

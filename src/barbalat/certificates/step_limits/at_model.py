@@ -14,8 +14,9 @@ import numpy as np
 from barbalat.certificates.assumptions import departures
 from barbalat.certificates.bounds.laws import is_modified
 from barbalat.certificates.bounds.model import motion_along_the_command
+from barbalat.certificates.needed import is_needed
 from barbalat.certificates.step_limits.any_regressor import Excited
-from barbalat.certificates.step_limits.frozen_laws import FrozenLaw, input_poles
+from barbalat.certificates.step_limits.frozen_laws import KEYS_AT_MODEL, FrozenLaw, input_poles
 from barbalat.certificates.step_limits.oscillator import Oscillator
 from barbalat.controllers import robust_mrac_several
 from barbalat.controllers.robust_mrac import Equations
@@ -32,7 +33,7 @@ def of_lyapunov_law(
 ) -> dict[str, Any]:
     """gamma_max_at_model and step_max_at_model of the plain law; none of a modified one, nor where phi is no number."""
     problem, gamma = excited.problem, excited.controller.gamma
-    if is_modified(excited.controller) or departures(problem):
+    if is_modified(excited.controller) or departures(problem) or not is_needed(*KEYS_AT_MODEL.values()):
         return {}
     square = _largest_square(problem, simulation)
     if not 0 < square < math.inf:
@@ -75,6 +76,8 @@ def of_parametric_model(
     """
     gamma = values.get("gamma_max")
     if not isinstance(equations, Equations) or not isinstance(gamma, float) or departures(problem):
+        return {}
+    if not is_needed(KEYS_AT_MODEL["gamma_max"]):
         return {}
     n, A_m = problem.known.n, problem.known.A_m
     b = problem.known.b.reshape(n)

@@ -14,6 +14,7 @@ from barbalat.adaptation.law import AdaptiveLaw, GainLimitedLaw, RatedLaw
 from barbalat.certificates.bounds.laws import ModifiedScheme, least_gain
 from barbalat.certificates.bounds.model import largest_along_the_command
 from barbalat.certificates.entry import NotApplicable
+from barbalat.certificates.needed import is_needed
 from barbalat.certificates.step_limits.oscillator import Oscillator
 from barbalat.controllers import robust_mrac_several
 from barbalat.controllers.robust_mrac import Equations
@@ -24,6 +25,9 @@ from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array
 
 STEP_TOO_LONG = NotApplicable("the step is too long for what is integrated beside the law, whatever its gain")
+
+KEYS_AT_MODEL = {key: f"{key}_at_model" for key in ("gamma_max", "step_max")}
+"""The certificate's names of the limits at the model's own motion."""
 
 
 class FrozenLaw(Protocol):
@@ -79,9 +83,11 @@ def of_the_motion(
     Where the bound of |x| is far above what the command asks for, these are where oscillations are seen; the others are on the
     safe side.
     """
+    if not is_needed(*KEYS_AT_MODEL.values()):
+        return {}
     reach = largest_along_the_command(problem, simulation)
     limits = of_lyapunov_law(problem, gamma, simulation, reach, 0.0, filter_poles, oscillator)
-    return {f"{key}_at_model": limits[key] for key in ("gamma_max", "step_max")}
+    return {name: limits[key] for key, name in KEYS_AT_MODEL.items()}
 
 
 def with_modifications(values: dict[str, Any], controller: ModifiedScheme, simulation: Simulation) -> dict[str, Any]:

@@ -1,0 +1,183 @@
+"""Sweeps of Section V's L1 loop: threads, Dask's workers, stores, from a thousand members to a million, from 10 s to 1,000 s.
+
+Costs are processor time of all processes that take part, in ns for one solver step of one member, with all figures: what others
+on this computer do lengthens it little. Rates are by the clock, and are slower where others work.
+"""
+
+from __future__ import annotations
+
+import tempfile
+import time
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from importlib.util import find_spec
+from pathlib import Path
+
+from barbalat.cases.load import CaseText
+from barbalat.sweeps.chunks import chunks_of
+from barbalat.sweeps.cluster import Scheduler, Workers, connected
+from barbalat.sweeps.plan import Plan
+from barbalat.sweeps.store import opened
+from barbalat.sweeps.study import Study
+from barbalat.sweeps.varied_case import VariedCase, sampled
+from benchmarks.house import Section
+from benchmarks.table import Row
+
+STEP = 1e-3
+L1 = """
+[[controller]]
+name = "L1"
+scheme = "l1"
+gamma = 1e3
+filter = { kappa = 0.02 }
+"""
+SAMPLED = [("plant.theta", "known-set"), ("controller[0].gamma", "loguniform:100:1000")]
+MILLION, HORIZON = 1_000_000, 60.0
+MINUTES = 10.0
+"""In which a million members of a minute are to run."""
+CHUNK = 5_000
+"""Members of a minute each that take about a second."""
+
+
+@dataclass(frozen=True)
+class Cost:
+    """Processor time and time by the clock [s], of so many steps of members."""
+
+    busy: float
+    wall: float
+    member_steps: float
+
+    @property
+    def each(self) -> float:
+        """ns."""
+        return self.busy / self.member_steps * 1e9
+
+    def __str__(self) -> str:
+        return f"{self.each:.3g} ns, {self.member_steps / self.wall:.3g} steps/s"
+
+
+def study(members: int, t_end: float) -> Study:
+    """Compiled: one member has run."""
+    head, _, _ = CaseText.read("paper").text.partition("[[controller]]")
+    text = CaseText(head.replace("t_end = 60.0", f"t_end = {t_end}").replace("dt = 1e-4", f"dt = {STEP}") + L1)
+    plan = Plan({}, sampled(text, SAMPLED), members)
+    return Study(VariedCase(text, plan.paths), plan)
+
+
+def prepared(members: int, t_end: float) -> Study:
+    """With its kernel: one member has run."""
+    found = study(members, t_end)
+    found.run(0, 1, threads=1)
+    return found
+
+
+def measured(given: Study, call: Callable[[], object], repeats: int) -> Cost:
+    """The best of some calls that run all members, each with its own clock."""
+    costs = []
+    for _ in range(repeats):
+        busy, wall = time.process_time(), time.perf_counter()
+        call()
+        costs.append(Cost(time.process_time() - busy, time.perf_counter() - wall, float(len(given)) * given.steps))
+    return min(costs, key=lambda cost: cost.busy)
+
+
+def in_threads(given: Study, threads: int | None, repeats: int = 1) -> Cost:
+    def call() -> None:
+        for chunk in chunks_of(len(given), CHUNK):
+            given.run(*chunk, threads=threads)
+
+    return measured(given, call, repeats)
+
+
+def scaling(*, quick: bool) -> Section:
+    """What a step of a member costs, whatever their number and the length of their runs."""
+    begun = time.process_time()
+    first = study(1, 10.0)
+    asked, begun = time.process_time() - begun, time.process_time()
+    first.run(0, 1, threads=1)
+    compiled = time.process_time() - begun
+    numbers = (1_000, 4_000) if quick else (1_000, 10_000, 100_000, MILLION)
+    lengths = (10.0, 100.0) if quick else (10.0, 100.0, 1000.0)
+    by_number = {number: in_threads(prepared(number, 10.0), 1, 2) for number in numbers}
+    by_length = {t_end: in_threads(prepared(1_000, t_end), 1, 2) for t_end in lengths}
+    rows = [
+        *_against_the_first(by_number, "{:,.0f} members of 10 s"),
+        *_against_the_first(by_length, "1,000 members of {:,.0f} s"),
+    ]
+    return rows, [f"beside that, once: {asked:.2f} s to find out how each number varies, {compiled:.2f} s to compile"]
+
+
+def _against_the_first(costs: Mapping[float, Cost], what: str) -> list[Row]:
+    (least, base), *others = costs.items()
+    beside = f"{what.format(least)}: {base}"
+    return [Row(what.format(size), str(cost), beside, cost.each / base.each, at_most=1.1) for size, cost in others]
+
+
+def spread(*, quick: bool) -> Section:
+    """One thread, two, a store, two of Dask's workers: the same members in chunks of a second, with --quick of less."""
+    if find_spec("distributed") is None or find_spec("pyarrow") is None:
+        return [], ["skipped: the extra study is not installed"]
+    t_end, repeats = (HORIZON / 4, 1) if quick else (HORIZON, 3)
+    given = prepared(4 * CHUNK, t_end)
+    most = None if quick else 1.05
+    one, two = in_threads(given, 1, repeats), in_threads(given, 2, repeats)
+    stored, opening = _stored(given)
+    dask, starting = _on_workers(given, repeats)
+    return [
+        Row("two threads, by the clock", str(two), f"one: {one}", one.wall / two.wall, at_least=1.8),
+        Row("one thread and a store", f"{stored:.3g} ns more", str(one), 1 + stored / one.each, at_most=most),
+        Row("two Dask workers, all processes", str(dask), f"one thread: {one}", dask.each / one.each, at_most=most),
+        Row("two Dask workers, by the clock", str(dask), f"two threads: {two}", two.wall / dask.wall),
+    ], [opening, starting]
+
+
+def million(*, quick: bool) -> Section:
+    """A million members of a minute, all of them."""
+    if quick:
+        return [], ["skipped: a million members, which --quick leaves out"]
+    cost, limit = in_threads(prepared(MILLION, HORIZON), None), 60 * MINUTES
+    what = f"{MILLION:,} members of {HORIZON:g} s"
+    return [Row(what, f"{cost.wall:.0f} s, {cost}", f"{limit:g} s", limit / cost.wall, at_least=1.0)], []
+
+
+def _stored(given: Study) -> tuple[float, str]:
+    """Processor time of writing whole chunks, in ns for a step of a member, and how long a store takes to open."""
+    chunks = list(chunks_of(len(given), CHUNK))
+    columns = given.run(*chunks[0])
+    with tempfile.TemporaryDirectory() as folder:
+        begun = time.process_time()
+        with opened(Path(folder) / "store", given.identity(), len(given), CHUNK) as store:
+            store.add(chunks[0], columns)
+            opening, begun = time.process_time() - begun, time.process_time()
+            for chunk in chunks[1:]:
+                store.add(chunk, columns)
+            busy = time.process_time() - begun
+    member_steps = CHUNK * (len(chunks) - 1) * given.steps
+    return busy / member_steps * 1e9, f"beside that, once: {opening:.2f} s to open a store and write its first chunk"
+
+
+def _on_workers(given: Study, repeats: int) -> tuple[Cost, str]:
+    """Chunks on a cluster whose workers have each run one before, and how long that takes."""
+    chunks, begun = list(chunks_of(len(given), CHUNK)), time.perf_counter()
+    with connected(Scheduler(workers=2)) as client:
+
+        def elsewhere() -> float:
+            return sum(client.run(time.process_time).values())
+
+        started, begun = time.perf_counter() - begun, time.perf_counter()
+        all(Workers(given, client).run(chunks[:2]))
+        first, costs = time.perf_counter() - begun, []
+        for _ in range(repeats):
+            before = elsewhere()
+            cost = measured(given, lambda: all(Workers(given, client).run(chunks)), 1)
+            costs.append(replace(cost, busy=cost.busy + elsewhere() - before))
+    once = (
+        f"beside that, once: {started:.1f} s until two processes are there, {first:.1f} s until each has compiled and run a chunk"
+    )
+    return min(costs, key=lambda cost: cost.busy), once
+
+
+def sections(*, quick: bool) -> Iterator[tuple[str, Section]]:
+    yield "Sweeps: the cost of a member's step", scaling(quick=quick)
+    yield "Sweeps: threads, a store, Dask", spread(quick=quick)
+    yield "Sweeps: a million members", million(quick=quick)

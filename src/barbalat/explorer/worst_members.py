@@ -1,0 +1,55 @@
+"""Explorers of a sweep's worst members: of each controller alone, with the member's numbers in place of the case's."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+from barbalat.cases.load import CaseText
+from barbalat.explorer.explorer import Explorer
+from barbalat.explorer.source import TextSource, toml
+from barbalat.report.file_names import file_name
+from barbalat.report.sweep import WorstMember
+from barbalat.sweeps.result import SweepResult
+from barbalat.validate import InputError
+
+MOST = 6
+"""Pages: each takes a second to make and a fifth of a megabyte."""
+
+
+@dataclass(frozen=True, eq=False)
+class Explored:
+    """A worst member with its page; None where there can't be one, and then the row says why."""
+
+    row: WorstMember
+    page: str | None
+
+
+def explored(text: CaseText, found: SweepResult) -> Iterator[Explored]:
+    """For each controller the member that diverged first, or else the one with the largest error."""
+    for i, name in enumerate(found.controllers[:MOST]):
+        judged = [figure for figure in ("diverged_at", "max_abs_e[0]") if name in found.evidence.metrics.get(figure, {})]
+        if not judged:
+            continue
+        member = found.evidence.metrics[judged[0]][name].worst_member
+        row = WorstMember(controller=name, figure=judged[0], member=member)
+        try:
+            page = Explorer(TextSource(_alone(text, found, i, member))).html
+        except InputError as error:
+            yield Explored(replace(row, why=str(error)), None)
+        else:
+            yield Explored(replace(row, file=f"explore-{i + 1}-{file_name(name)}.html"), page)
+
+
+def _alone(text: CaseText, found: SweepResult, i: int, member: int) -> CaseText:
+    """The case file with a member's numbers and one controller."""
+    if text.own is not None:
+        raise InputError("pages don't have controllers from a file of one's own")
+    if text.case().problem.noise is not None:
+        raise InputError("pages don't have the member's own measurement noise")
+    tables = text.data()
+    for path, value in zip(found.plan.paths, found.plan.values(member, 1)[0], strict=True):
+        path.put(tables, float(value))
+    tables["controller"] = [tables["controller"][i]]
+    tables["name"] = f"{found.case}, member {member}"
+    return replace(text, text=toml(tables))

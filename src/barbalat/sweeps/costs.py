@@ -1,0 +1,99 @@
+"""What a sweep costs before it is run: a few members take the way of all, here, and every stage of it is timed and weighed."""
+
+from __future__ import annotations
+
+import pickle
+import tempfile
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from barbalat.run.metrics import Metrics
+from barbalat.sweeps.chunks import MOST, chunk_size
+from barbalat.sweeps.sent import Sent, Tabulated, figures
+from barbalat.sweeps.store import opened
+from barbalat.sweeps.stored import name_of, require_parquet
+from barbalat.sweeps.study import Study
+
+PATIENCE = 3.0
+"""Seconds of the client's work that are measured."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Costs:
+    """Of one member, measured on this computer; its processor time, not the clock's, so that others at work here count little.
+
+    steps     solver steps, those of all controllers
+    worker    processor time of whoever simulates it, with its part of compiling for a chunk of a second or two [s]
+    client    processor time of who hands it out, gets its figures and stores them [s]; one process does that for all workers
+    sent, returned, stored  bytes to a worker, from it, on the disk
+    tables    bytes of the signals' samples, which go to each worker once
+    """
+
+    steps: int
+    worker: float
+    client: float
+    sent: float
+    returned: float
+    stored: float
+    tables: int
+
+    @classmethod
+    def of(cls, study: Study) -> Costs:
+        """By a second's work of its members; InputError as of a sweep, and without the extra ``study``."""
+        require_parquet()
+        whole = min(chunk_size(len(study), study.steps), MOST, len(study))
+        count = min(chunk_size(1, study.steps), whole)
+        next(study.parts(0, count))  # traces the equations, once
+        parts = list(study.parts(0, count))
+        tables, given = [Tabulated.of(part) for part in parts], [pickle.dumps(Sent.of(part)) for part in parts]
+        begun = time.process_time()
+        found = [figures(pickle.loads(sent), tabled) for sent, tabled in zip(given, tables, strict=True)]
+        simulated = time.process_time() - begun
+        for _ in range(2):  # the first one imports what draws members and writes files
+            client, size = _handled(study, count, found)
+        if client * whole < PATIENCE and whole > count:  # what a chunk costs once is spread over as many as it has
+            client, _ = _handled(study, whole, found)  # repeated figures take less room than others
+        return cls(
+            steps=study.steps,
+            worker=simulated / count,
+            client=client,
+            sent=sum(map(len, given)) / count,
+            returned=sum(len(pickle.dumps(one)) for one in found) / count,
+            stored=size,
+            tables=sum(len(pickle.dumps(one)) for one in tables),
+        )
+
+    @property
+    def most_workers(self) -> float:
+        """Cores that one client keeps at work."""
+        return self.worker / self.client
+
+    def chunk(self, members: int) -> int:
+        """Members of a chunk of a sweep of so many."""
+        return chunk_size(members, self.steps)
+
+
+def _handled(study: Study, count: int, found: Sequence[Sequence[Metrics]]) -> tuple[float, float]:
+    """Seconds of the client and bytes on the disk for each of so many members, whose figures are some that were ``found``."""
+    begun = time.process_time()
+    parts = list(study.parts(0, count))
+    for part in parts:
+        pickle.dumps(Sent.of(part))
+    seconds = time.process_time() - begun
+    many = [[_repeated(one, len(part.which)) for one in found[i % len(found)]] for i, part in enumerate(parts)]
+    back, begun = pickle.dumps(many), time.process_time()
+    columns = study.columns(0, count, parts, pickle.loads(back))
+    seconds += time.process_time() - begun
+    with tempfile.TemporaryDirectory() as folder, opened(Path(folder) / "store", {}, count, count) as store:
+        (chunk,) = store.chunks
+        begun = time.process_time()
+        store.add(chunk, columns)
+        seconds += time.process_time() - begun
+        return seconds / count, (store.folder / name_of(chunk)).stat().st_size / count
+
+
+def _repeated(metrics: Metrics, count: int) -> Metrics:
+    some = len(metrics.diverged_at)
+    return Metrics.together([metrics] * -(-count // some)).of(slice(0, count))

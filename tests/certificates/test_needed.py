@@ -1,0 +1,41 @@
+"""A certificate of which some keys are needed: these are as in the whole one, and what costs much is left out."""
+
+from __future__ import annotations
+
+import pytest
+
+from barbalat import certify, load_case
+
+COSTLY = {
+    "margins_over_known_set",
+    "kappa_admissible",
+    "gamma_max_at_model",
+    "step_max_at_model",
+    "delay_margin_adapting",
+    "mu_parameters",
+    "parameter_scale",
+    "theta_destabilising",
+    "mu",
+    "mu_frequency",
+    "mu_dynamics",
+}
+CHEAP = {"delay_margin", "condition", "error_bound", "gamma_max", "norms"}
+
+
+@pytest.mark.short(kept=lambda name: name == "paper")
+@pytest.mark.parametrize(
+    "name", ["paper", "astrom-wittenmark", "f16-short-period", "first-order", "wing-rock", "quadrotor-pitch"]
+)
+def test_each_needed_key_is_that_of_the_whole_certificate(name):
+    case = load_case(name)
+    whole = certify(case.problem, case.controllers, case.simulation)
+    for keys in (sorted(COSTLY)[::2], sorted(COSTLY)[1::2]):
+        part = certify(case.problem, case.controllers, case.simulation, keys=keys)
+        for controller, one in whole.items():
+            assert [part[controller].entry(key) for key in keys] == [one.entry(key) for key in keys], (controller, keys)
+    cheap = certify(case.problem, case.controllers, case.simulation, keys=CHEAP)
+    for controller, one in whole.items():
+        left_out = {entry.key for entry in one.entries} - {entry.key for entry in cheap[controller].entries}
+        assert left_out <= COSTLY
+        assert [cheap[controller].entry(key) for key in CHEAP] == [one.entry(key) for key in CHEAP]
+    assert certify(case.problem, case.controllers, case.simulation) == whole  # nothing stays left out
