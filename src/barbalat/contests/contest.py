@@ -74,6 +74,8 @@ def contest(
     noisy = with_noise(problem, noise, whole.simulation, held, seed)
     own = [one for one in whole.controllers if comes_from_outside(one)]
     entrants, left_out = entrants_of(noisy, whole.simulation, schemes=schemes, own=own, sample_time=sample_time)
+    if not entrants:
+        raise InputError(f"no scheme takes part: {'; '.join(left_out)}")
     return compete(
         noisy, whole.simulation, entrants, rule, members=members, left_out=left_out, threads=threads, progress=progress
     )
