@@ -99,7 +99,7 @@ def execute(options: argparse.Namespace) -> int:
     screen = Screen()
     screens.show(screen, found)
     if folder is not None:
-        from barbalat.report.page import PAGE
+        from barbalat.report.file_names import PAGE
 
         screen.whole(f"page: {folder.path / PAGE}")
     return 0
