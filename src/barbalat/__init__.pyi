@@ -18,6 +18,11 @@ from .cases.build import Case as Case
 from .cases.load import load_case as load_case
 from .certificates.certificate import Certificate as Certificate
 from .certificates.certify import certify as certify
+from .contests.contest import compete as compete
+from .contests.contest import contest as contest
+from .contests.entrant import Entrant as Entrant
+from .contests.result import Contest as Contest
+from .contests.rule import Rule as Rule
 from .controllers import Adrc as Adrc
 from .controllers import DirectMrac as DirectMrac
 from .controllers import KnownParameters as KnownParameters

@@ -16,6 +16,7 @@ from barbalat.commands import (
     certify,
     claims,
     completion,
+    contest,
     explore,
     export,
     fly,
@@ -83,6 +84,22 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="barbalat", description=description)
     parser.add_argument("--version", action="version", version=f"barbalat {barbalat.__version__}")
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
-    for command in (reproduce, run, certify, sweep, tune, tradeoff, explore, export, fly, claims, cases, new, schema, completion):
+    for command in (
+        reproduce,
+        run,
+        certify,
+        sweep,
+        tune,
+        contest,
+        tradeoff,
+        explore,
+        export,
+        fly,
+        claims,
+        cases,
+        new,
+        schema,
+        completion,
+    ):
         command.add(commands)
     return parser

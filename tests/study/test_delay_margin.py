@@ -15,14 +15,16 @@ from barbalat.linear.margins import margins
 from barbalat.linear.systems import input_filter
 from barbalat.problem.actuation import PlantInput
 from barbalat.problem.measurement import Noise, Sensor
+from barbalat.problem.modelling_error import DelayError, GainError
 from barbalat.problem.plant import Plant
 from barbalat.problem.state_feedback import ParameterBox, Problem
 from barbalat.run.ensemble import simulate_ensemble
 from barbalat.signals import Constant, Sine
 from barbalat.solvers.simulation import Simulation
 from barbalat.study.criteria import Lost, Onset
-from barbalat.study.delay_margin import delay_margins_ensemble
-from barbalat.study.ideal_benchmark import with_delay
+from barbalat.study.delay_margin import delay_margins_ensemble, margins_ensemble
+from barbalat.study.delay_search import gains_scanned
+from barbalat.study.ideal_benchmark import Ideals, with_error
 from barbalat.study.motion import Motion
 from barbalat.study.simulated_margins import with_simulated_margins
 from independent import refusal
@@ -42,6 +44,20 @@ def test_linear_loop_against_the_exact_margin(section_v, kappa):
     for bracket, least in ((found.onset, 0.94), (found.loss, 0.97)):
         assert bracket.bears[0] < bracket.loses[0] < bracket.bears[0] * 1.01
         assert least * exact < bracket.bears[0] <= exact * 1.001
+
+
+@pytest.mark.parametrize("downwards", [False, True])
+def test_gain_of_a_linear_loop_against_the_exact_margin(section_v, downwards):
+    """Known theta, no command; 1 %: near the margin the state grows by less than the motion within the run."""
+    problem, simulation = replace(section_v, reference=Constant(0.0)), Simulation(t_end=200.0, dt=1e-2)
+    controller, error = KnownParameters(theta=[4.0, -3.0]), GainError(downwards)
+    exact = error.limit(known_parameters(problem.plant, problem.plant.theta, None))
+    found = margins_ensemble([(problem, controller)], simulation, gains_scanned(), Ideals(simulation, gains_scanned(), error))
+    assert found.loss.bears[0] < found.loss.loses[0] < found.loss.bears[0] * 1.02
+    assert (1 + found.loss.bears[0]) == pytest.approx(1 + exact, rel=0.01)
+    k = 1 / (1 + exact) if downwards else 1 + exact
+    A = problem.plant.A_m + np.outer(problem.plant.b, problem.plant.theta) * (1 - k)
+    assert np.linalg.eigvals(A).real.max() == pytest.approx(0.0, abs=1e-9)
 
 
 @pytest.mark.parametrize("reference", [Sine(amplitude=50.0, frequency=0.5), Constant(50.0)])
@@ -64,7 +80,7 @@ def test_a_limit_cycle_that_projection_bounds_is_an_onset_and_no_loss(section_v)
     assert not found.swings[0]
     assert (found.onset.bears[0], found.onset.loses[0]) == (0.0, 2e-3)
     assert found.loss.bears[0] > 0.1
-    delayed = simulate_ensemble([(with_delay(section_v, 2e-3), controller)], simulation).metrics
+    delayed = simulate_ensemble([(with_error(section_v, DelayError(), 2e-3), controller)], simulation).metrics
     np.testing.assert_array_equal(delayed.theta_hat_tail_min[0], [-5.0, -5.0])
     np.testing.assert_array_equal(delayed.theta_hat_tail_max[0], [5.0, 5.0])
     assert delayed.theta_hat_variation_rate.min() > 100 * found.undelayed.theta_hat_variation_rate.max()
@@ -147,7 +163,7 @@ def test_brackets_against_brute_force(section_v):
     for i, (problem, controller) in enumerate(members):
         tried = [(d, name) for name in ("onset", "loss") for d in (getattr(found, name).bears[i], getattr(found, name).loses[i])]
         metrics = simulate_ensemble(
-            [(with_delay(problem, float(max(d, 2e-3))), controller) for d, _ in tried], simulation
+            [(with_error(problem, DelayError(), float(max(d, 2e-3))), controller) for d, _ in tried], simulation
         ).metrics
         grown = metrics.tail_max_abs_e.max(axis=1) - without.tail_max_abs_e[i].max()
         span = metrics.theta_hat_tail_max - metrics.theta_hat_tail_min

@@ -9,6 +9,7 @@ import numpy as np
 
 from barbalat import validate
 from barbalat.controllers.disturbance_observer import Observer
+from barbalat.controllers.knobs import Knobs, Reach
 from barbalat.controllers.settings import Scheme
 from barbalat.controllers.steps import LinearStep
 from barbalat.controllers.tustin import Tustin
@@ -86,6 +87,16 @@ class Adrc(Scheme):
         for field, value in (("output", self.output), ("nominal", self.nominal)):
             if value is not None:
                 validate.freeze(self, **{field: validate.vector(field, value)})
+
+    @classmethod
+    def knobs(cls, reach: Reach) -> Knobs:
+        return Knobs(
+            scheme="ADRC",
+            values={"bandwidth": reach.frequencies},
+            make=lambda bandwidth: cls(bandwidth=bandwidth, nominal=reach.nominal, saturated_predictor=reach.saturated),
+            traded=False,
+            aims=("complementary_sensitivity_peak", "condition"),
+        )
 
     def bind(self, known: Known) -> Equations:
         n, m = known.n, known.inputs

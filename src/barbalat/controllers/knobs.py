@@ -9,17 +9,25 @@ from typing import Protocol, runtime_checkable
 
 import numpy as np
 
+from barbalat.problem.regressors import Linear
+from barbalat.problem.state_feedback import Known
 from barbalat.protocols import Controller
-from barbalat.validate import Array
+from barbalat.validate import Array, Vector
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Knobs:
-    """A scheme and the settings that are varied, all combinations of them; ``make`` builds the controller."""
+    """A scheme and the settings that are varied, all combinations of them; ``make`` builds the controller.
+
+    traded  whether trade-offs have it where nobody says which; contests have all
+    aims    keys of its certificate that its designers look at: what they promise of it, and under which condition
+    """
 
     scheme: str
     values: dict[str, Array]
     make: Callable[..., Controller]
+    traded: bool = True
+    aims: tuple[str, ...] = ()
 
     def tunings(self) -> Iterator[dict[str, float]]:
         for combination in product(*self.values.values()):
@@ -33,15 +41,35 @@ class Reach:
     highest_gain  that the step resolves
     times         time constants [s], from five steps to the model's slowest
     density       values of a knob beside another one
+    known         what the designer knows
+    sample_time   of a scheme that is sampled by nature [s]
+    saturated     whether schemes that have something against windup have it switched on
+    theta_hat0    where estimates start; None leaves that to each scheme
     """
 
     highest_gain: float
     times: Array
     density: int
+    known: Known
+    sample_time: float
+    saturated: bool = False
+    theta_hat0: Vector | None = None
 
     def gains(self, lowest: float, count: int) -> Array:
         """``count`` gains from ``lowest`` times the highest up to that."""
         return self.highest_gain * np.geomspace(lowest, 1.0, count)
+
+    @property
+    def nominal(self) -> Array | None:
+        """The gains of x that a scheme without estimates assumes, (n m,): the middle of the known set, as linear designs do."""
+        theta_set = self.known.theta_set
+        linear = isinstance(self.known.uncertainty.regressor, Linear)
+        return theta_set.middle if theta_set is not None and linear else None
+
+    @property
+    def frequencies(self) -> Array:
+        """The same as ``times`` [rad/s]."""
+        return 1 / self.times[::-1]
 
 
 @runtime_checkable

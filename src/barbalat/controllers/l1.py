@@ -130,7 +130,14 @@ class L1Adaptive(Scheme):
         return Knobs(
             scheme="L1-AC",
             values={"kappa": reach.times, "gamma": reach.gains(1e-7, reach.density)},
-            make=lambda kappa, gamma: cls(gamma=gamma, filter=input_filter(kappa)),
+            make=lambda kappa, gamma: cls(
+                gamma=gamma,
+                filter=input_filter(kappa),
+                theta_hat0=reach.theta_hat0,
+                saturated_predictor=reach.saturated,
+                name="L1-AC",
+            ),
+            aims=("condition", "error_bound"),
         )
 
     def bind(self, known: Known) -> Equations:

@@ -12,12 +12,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from barbalat import validate
+from barbalat.controllers.knobs import Knobs, Reach
 from barbalat.controllers.l1 import require_low_pass
 from barbalat.controllers.piecewise_filter import FilterStep, filter_step
 from barbalat.controllers.piecewise_predictor import AsFlown, PredictorStep
 from barbalat.controllers.settings import Scheme
 from barbalat.controllers.windup import applied, limits_of_predictor
-from barbalat.linear.systems import TransferFunction
+from barbalat.linear.systems import TransferFunction, input_filter
 from barbalat.problem.regressors import Uncertainty
 from barbalat.problem.state_feedback import Known
 from barbalat.protocols import Sample, Value, kept
@@ -119,6 +120,19 @@ class L1PiecewiseConstant(Scheme):
             validate.freeze(self, output=validate.array("output", self.output, rows))
         if self.as_flown is not None:
             validate.instance("as_flown", self.as_flown, AsFlown)
+
+    @classmethod
+    def knobs(cls, reach: Reach) -> Knobs:
+        T = reach.sample_time
+        return Knobs(
+            scheme="L1 piecewise",
+            values={"kappa": reach.times[reach.times >= T]},
+            make=lambda kappa: cls(
+                sample_time=T, filter=input_filter(kappa), saturated_predictor=reach.saturated, name="L1 piecewise"
+            ),
+            traded=False,
+            aims=("reference_distance",),
+        )
 
     @property
     def assumed_sample_time(self) -> float:

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from barbalat import validate
+from barbalat.controllers.knobs import Knobs, Reach
 from barbalat.controllers.settings import Scheme, require_one_input
 from barbalat.controllers.steps import LinearStep
 from barbalat.controllers.tustin import Tustin
@@ -83,6 +84,24 @@ class LinearFeedback(Scheme):
                     f"unmodelled must be proper and stable, got num = {validate.show(W.num)}, den = {validate.show(W.den)}"
                 )
             freeze(self, unmodelled=W)
+
+    @classmethod
+    def knobs(cls, reach: Reach) -> Knobs:
+        """A PI controller on b'P(x_m - x), of which b'(sI - A_m)^-1'P b is an integrator where it is fast."""
+        known = reach.known
+        fast = float(np.reshape(known.b, (known.n, -1))[:, 0] @ known.P @ np.reshape(known.b, (known.n, -1))[:, 0])
+
+        def pi(crossover: float, T_i: float) -> LinearFeedback:
+            k_p = crossover / fast
+            return cls(controller=TransferFunction([k_p * T_i, k_p], [T_i, 0.0]), name="PI")
+
+        return Knobs(
+            scheme="PI",
+            values={"crossover": reach.frequencies, "T_i": reach.times},
+            make=pi,
+            traded=False,
+            aims=("sensitivity_peak", "condition"),
+        )
 
     def bind(self, known: Known) -> Equations:
         require_linear_plant(known)

@@ -139,7 +139,14 @@ class Mrac(Scheme):
 
     @classmethod
     def knobs(cls, reach: Reach) -> Knobs:
-        return Knobs(scheme="MRAC", values={"gamma": reach.gains(1e-8, 8 * reach.density)}, make=lambda gamma: cls(gamma=gamma))
+        return Knobs(
+            scheme="MRAC",
+            values={"gamma": reach.gains(1e-8, 8 * reach.density)},
+            make=lambda gamma: cls(
+                gamma=gamma, theta_hat0=reach.theta_hat0, modified_error=ModifiedError() if reach.saturated else None
+            ),
+            aims=("error_bound",),
+        )
 
     def bind(self, known: Known) -> Equations:
         gamma = Gain(self.gamma)

@@ -5,7 +5,10 @@ from __future__ import annotations
 from dataclasses import KW_ONLY, dataclass, replace
 from typing import NamedTuple
 
+import numpy as np
+
 from barbalat import validate
+from barbalat.controllers.knobs import Knobs, Reach
 from barbalat.controllers.settings import Scheme, check_common, initial_estimate, projection_box, require_one_input
 from barbalat.linear.conditions import require_hurwitz
 from barbalat.problem.known_set import EstimateSet, Gain, gain, limit, project
@@ -76,6 +79,16 @@ class MracClosedLoop(Scheme):
         check_common(self)
         object.__setattr__(self, "gamma", gain.accept("gamma", self.gamma))
         validate.freeze(self, model_feedback=validate.square_matrix("model_feedback", self.model_feedback))
+
+    @classmethod
+    def knobs(cls, reach: Reach) -> Knobs:
+        return Knobs(
+            scheme="MRAC, closed-loop model",
+            values={"gamma": reach.gains(1e-8, 8 * reach.density), "ell": reach.frequencies},
+            make=lambda gamma, ell: cls(gamma=gamma, model_feedback=-ell * np.eye(reach.known.n), theta_hat0=reach.theta_hat0),
+            traded=False,
+            aims=("error_bound",),
+        )
 
     def bind(self, known: Known) -> Equations:
         require_one_input("mrac-closed-loop", known)

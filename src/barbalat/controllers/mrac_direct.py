@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from barbalat.controllers.control_gains import ControlGains, check_gains
+from barbalat.controllers.knobs import Knobs, Reach
 from barbalat.controllers.settings import Scheme
 from barbalat.problem.known_set import KnownSet
 from barbalat.problem.state_feedback import Known
@@ -91,6 +92,16 @@ class DirectMrac(Scheme):
 
     def __post_init__(self) -> None:
         check_gains(self)
+
+    @classmethod
+    def knobs(cls, reach: Reach) -> Knobs:
+        return Knobs(
+            scheme="Direct MRAC",
+            values={"gamma": reach.gains(1e-8, 8 * reach.density)},
+            make=lambda gamma: cls(gamma=gamma, theta_hat0=reach.theta_hat0),
+            traded=False,
+            aims=("error_bound",),
+        )
 
     def bind(self, known: Known) -> Equations:
         return Equations(b=known.b, P=known.P, gains=ControlGains.of("mrac-direct", self, known))

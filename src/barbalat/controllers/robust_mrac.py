@@ -12,6 +12,7 @@ import numpy as np
 
 from barbalat import validate
 from barbalat.adaptation.law import AdaptiveLaw, Estimation, require_law
+from barbalat.adaptation.laws.gradient import Gradient
 from barbalat.adaptation.laws.least_squares import LeastSquares
 from barbalat.adaptation.normalization import Normalization
 from barbalat.controllers import robust_mrac_several as several
@@ -131,7 +132,13 @@ class RobustMrac(Scheme):
         return Knobs(
             scheme="Robust MRAC",
             values={"tau": reach.times, "covariance0": np.geomspace(1e-2, 1e4, reach.density)},
-            make=lambda tau, covariance0: cls(tau=tau, law=LeastSquares(covariance0=covariance0)),
+            make=lambda tau, covariance0: cls(
+                tau=tau,
+                law=LeastSquares(covariance0=covariance0),
+                theta_hat0=reach.theta_hat0,
+                saturated_predictor=reach.saturated,
+            ),
+            aims=("tau_below", "complementary_sensitivity_peak"),
         )
 
     def bind(self, known: Known) -> Equations | several.Equations:
@@ -169,8 +176,24 @@ class NormalizedMrac(Scheme):
     def __post_init__(self) -> None:
         _check_model_and_law(self)
 
+    @classmethod
+    def knobs(cls, reach: Reach) -> Knobs:
+        # the normalised law turns at Gamma at most, whatever phi(x) is
+        slow = reach.frequencies / SLOWER
+        return Knobs(
+            scheme="Normalised MRAC",
+            values={"gamma": np.concatenate([slow[:1], reach.frequencies])},
+            make=lambda gamma: cls(law=Gradient(gamma=gamma), theta_hat0=reach.theta_hat0, saturated_predictor=reach.saturated),
+            traded=False,
+            aims=("complementary_sensitivity_peak",),
+        )
+
     def bind(self, known: Known) -> Equations | several.Equations:
         return _several(self, known) if known.inputs > 1 else _equations(self, known, Q=None)
+
+
+SLOWER = 100.0
+"""Below the model's slowest rate: from there on a law adapts nothing within a run."""
 
 
 def _check_model_and_law(settings: RobustMrac | NormalizedMrac) -> None:

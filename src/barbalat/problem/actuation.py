@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -65,7 +66,7 @@ class PlantInput(Settings):
         validate.freeze(self, delay=validate.not_negative("plant.input.delay", self.delay))
         validate.freeze(self, history=validate.number("plant.input.history", self.history))
 
-    @property
+    @cached_property
     def dynamics(self) -> TransferFunction | None:
         """The linear part without the delay, omega (1 + Delta_m(s)); ``None`` where that is 1."""
         total: TransferFunction | None = self.actuator
@@ -81,7 +82,7 @@ class PlantInput(Settings):
         """Whether nothing is quantised, saturated or rate-limited."""
         return self.quantization is None and self.saturation is None and self.rate_limit is None
 
-    @property
+    @cached_property
     def path(self) -> InputPath | None:
         """The equations of everything but the delay; ``None`` where u reaches the plant as it is."""
         dynamics = None if self.dynamics is None else self.dynamics.realise()

@@ -48,6 +48,26 @@ class DelayError:
         return margins(loop).delay
 
 
+@dataclass(frozen=True)
+class GainError:
+    """Delta_m that multiplies the input's effectiveness by 1 + size, or ``downwards`` divides it by that."""
+
+    downwards: bool = False
+
+    def added(self, path: PlantInput, size: float) -> PlantInput:
+        gain = path.gain / (1 + size) if self.downwards else path.gain * (1 + size)
+        # an effectiveness of exactly one is no part of the path's equations: it would part runs that go side by side
+        return replace(path, gain=gain if gain != 1 else float(np.nextafter(1.0, 2.0)))
+
+    def allowed(self, w: Array, gain: Array) -> Array:
+        with np.errstate(divide="ignore"):
+            return np.where(gain <= 1, np.inf, 1 / np.maximum(gain - 1, 0.0)) if self.downwards else np.asarray(1 / gain)
+
+    def limit(self, loop: StateSpace) -> float:
+        found = margins(loop)
+        return (1 / found.gain_down if found.gain_down > 0 else np.inf) - 1 if self.downwards else found.gain_up - 1
+
+
 @dataclass(frozen=True, eq=False)
 class ScaledError:
     """Delta_m = size times shape(s), which is proper and stable, such as -s/(T s + 1)."""

@@ -19,8 +19,10 @@ from barbalat.certificates.cells import PROPERTIES
 from barbalat.certificates.overview import Certified
 from barbalat.claims.claim import Claim
 from barbalat.claims.paper_figure import PaperFigure
+from barbalat.contests.result import Contest
 from barbalat.flight.comparison import FlightComparison
 from barbalat.flight.failures import FAILS_AT
+from barbalat.report import contest as contest_rows
 from barbalat.report import flights, tradeoff
 from barbalat.report import tuning as tuning_rows
 from barbalat.report.certificates import rows
@@ -156,6 +158,20 @@ def tuning(found: Tuning, picture: Picture | None) -> str:
     rows_of = tuning_rows
     made = (rows_of.points, rows_of.columns, rows_of.changes, rows_of.held_out, rows_of.front, rows_of.judged)
     return _render("tuning.html", found=found, picture=picture, **{one.__name__: one for one in made})
+
+
+def contest(found: Contest, picture: Picture | None) -> str:
+    """The page of ``barbalat contest``."""
+    rows_of = contest_rows
+    made = (rows_of.rule, rows_of.held_out, rows_of.failures, rows_of.margins, rows_of.errors, rows_of.pairs, rows_of.own)
+    headings = {
+        "FAILURES": rows_of.FAILURES,
+        "MARGINS": rows_of.MARGINS,
+        "ERRORS": rows_of.ERRORS,
+        "PAIRS": rows_of.PAIRS,
+        "OWN": rows_of.OWN,
+    }
+    return _render("contest.html", found=found, picture=picture, **headings, **{one.__name__: one for one in made})
 
 
 def _symbols(rows: Sequence[Sequence[str]]) -> list[list[str]]:

@@ -15,6 +15,8 @@ from barbalat.certificates.overview import Certified
 from barbalat.certificates.picture import distinct
 from barbalat.claims.claim import Chart, Claim, Map
 from barbalat.claims.paper_figure import PaperFigure
+from barbalat.contests.picture import draw as draw_contest
+from barbalat.contests.result import Contest
 from barbalat.flight.comparison import FlightComparison
 from barbalat.flight.failures import FAILURES
 from barbalat.pictures.panel_drawing import draw as draw_panels
@@ -191,6 +193,12 @@ def write_tuning(folder: Folder, found: Tuning) -> None:
         folder.write(TUNED_CASE, found.text)
     picture = _draw_both(folder, "front", partial(draw_tuning, found)) if found.aim.constraints else None
     folder.write(PAGE, page.tuning(found, picture))
+
+
+def write_contest(folder: Folder, found: Contest) -> None:
+    """The held-out runs' picture, where there are any, and the page."""
+    picture = _draw_both(folder, "contest", partial(draw_contest, found)) if found.held_out else None
+    folder.write(PAGE, page.contest(found, picture))
 
 
 def _draw(folder: Folder, name: str, drawing: Figure) -> Picture:

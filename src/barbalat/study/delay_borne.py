@@ -1,4 +1,5 @@
-"""Whether loops bear a delay, and else about how much of it: for searches that ask this of many, and of few of them in full."""
+"""Whether loops bear a delay, or another modelling error, and else about how much of it: for searches that ask this of many, and
+of few of them in full."""
 
 from __future__ import annotations
 
@@ -11,18 +12,17 @@ from barbalat.run.ensemble import simulate_ensemble
 from barbalat.run.metrics import Metrics
 from barbalat.solvers.simulation import Simulation
 from barbalat.study.criteria import Lost, Onset, tracks
-from barbalat.study.delay_search import LONGEST_DELAY, SCANNED_DELAYS, Criterion, scanned
-from barbalat.study.ideal_benchmark import Benchmark, Ideals, Member, with_delay
+from barbalat.study.delay_search import Criterion
+from barbalat.study.ideal_benchmark import Benchmark, Ideals, Member, with_errors
 from barbalat.validate import Array
 
 
 @dataclass(eq=False)
 class Question:
-    """Do these loops bear ``limit`` [s], by one criterion?
+    """Do these loops bear ``limit`` of the modelling error of ``ideals``, a delay [s] for one, by one criterion?
 
-    The delays that are tried are those of ``delay_margins_ensemble``'s scan up to ``longest``, and ``limit`` itself: a loop that
-    bears ``limit`` by that function bears it here. ``undelayed`` are the figures without a delay; ``numbers`` and
-    ``ideals`` as there.
+    Those of ``sizes`` below it are tried, and ``limit`` itself: where ``sizes`` are those of ``margins_ensemble``, a loop that
+    bears ``limit`` by that function bears it here. ``undelayed`` are the figures without an error; ``numbers`` as there.
     """
 
     members: Sequence[Member]
@@ -32,27 +32,29 @@ class Question:
     criterion: Criterion
     numbers: Array
     ideals: Ideals
-    longest: float = LONGEST_DELAY
+    sizes: Array
     threads: int | None = None
     runs: int = 0
 
     def __post_init__(self) -> None:
         self.benchmark = Benchmark.of(self.members, self.undelayed, self.numbers, self.ideals)
-        self.shorter = [d for d in map(float, scanned(self.simulation, self.longest, SCANNED_DELAYS)) if d < self.limit]
+        self.smaller = [size for size in map(float, self.sizes) if size < self.limit]
 
-    def bears(self, group: Array, *, graded: bool, below: Array | None = None) -> Array:
-        """(M,) the largest delay that is borne, up to ``limit``; 0 where none is, or where that is not looked for.
+    def bears(self, group: Array, *, graded: bool, below: bool = True, among: Array | None = None) -> Array:
+        """(M,) the largest size that is borne, up to ``limit``; 0 where none is, or where that is not looked for.
 
         group   (M,) members of one number stand and fall together: where one is lost at ``limit``, the others are not run again
         graded  whether it is looked for where ``limit`` is not borne: from there down, in the steps of the scan
-        below   (M,) of which shorter delays are looked at where ``limit`` is borne; by default of all
+        below   whether those that bear ``limit`` are tried with less, too: they may be lost before, and saved again
+        among   (M,) whether a member is looked at; by default all are
         """
         found, lost = np.zeros(len(self.members)), np.ones(len(self.members), dtype=bool)
-        usable = self._usable()
+        usable = self._usable() if among is None else np.intersect1d(self._usable(), np.flatnonzero(among))
         lost[usable] = self._lost(usable, self.limit)
         failing = np.isin(group, group[lost])
         found[~lost] = self.limit
-        self._look_below(np.flatnonzero(~failing if below is None else ~failing & below), found)
+        if below:
+            self._look_below(np.flatnonzero(~failing), found)
         if graded:
             self._descend(usable[lost[usable]], found)
         return found
@@ -66,25 +68,25 @@ class Question:
         return np.flatnonzero(well)
 
     def _look_below(self, chosen: Array, found: Array) -> None:
-        """Those that bear ``limit`` may be lost before, and saved again."""
-        for before, delay in zip([0.0, *self.shorter], self.shorter, strict=False):
-            lost = self._lost(chosen, delay)
+        """Those that bear ``limit``, from the smallest size on."""
+        for before, size in zip([0.0, *self.smaller], self.smaller, strict=False):
+            lost = self._lost(chosen, size)
             found[chosen[lost]] = before
             chosen = chosen[~lost]
 
     def _descend(self, chosen: Array, found: Array) -> None:
-        for delay in reversed(self.shorter):
-            lost = self._lost(chosen, delay)
-            found[chosen[~lost]] = delay
+        for size in reversed(self.smaller):
+            lost = self._lost(chosen, size)
+            found[chosen[~lost]] = size
             chosen = chosen[lost]
 
-    def _lost(self, chosen: Array, delay: float) -> Array:
-        """Truth values for these members, each run with the delay."""
+    def _lost(self, chosen: Array, size: float) -> Array:
+        """Truth values for these members, each run with an error of that size."""
         if not len(chosen):
             return np.zeros(0, dtype=bool)
-        delayed = [(with_delay(self.members[i][0], delay), self.members[i][1]) for i in chosen]
-        metrics = simulate_ensemble(delayed, self.simulation, numbers=self.numbers[chosen], threads=self.threads).metrics
+        changed = with_errors([self.members[i] for i in chosen], self.ideals.error, np.full(len(chosen), size))
+        metrics = simulate_ensemble(changed, self.simulation, numbers=self.numbers[chosen], threads=self.threads).metrics
         self.runs += len(chosen)
-        expected = self.benchmark.at(chosen, np.full(len(chosen), delay))
+        expected = self.benchmark.at(chosen, np.full(len(chosen), size))
         loss = Lost().judge(metrics, expected)
         return loss if self.criterion is Criterion.LOSS else Onset().judge(metrics, expected) | loss

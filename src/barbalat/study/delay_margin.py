@@ -1,4 +1,5 @@
-"""The delay that a loop bears, found by simulation: a scan, then bisection, for many loops and two criteria at once.
+"""The delay, or the error of the gain, that a loop bears, found by simulation: a scan, then bisection, for many loops and two
+criteria at once.
 
 Beside the exact margin of a linear loop this one holds for the adaptive loop in motion, but for the run that was made only:
 it is measured, not guaranteed.
@@ -17,6 +18,7 @@ from barbalat.linear.largest import halvings
 from barbalat.loop.binding import bound, numbered
 from barbalat.loop.blame import named
 from barbalat.pictures.plotted import Plotted
+from barbalat.problem.modelling_error import ModellingError
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller
 from barbalat.run.ensemble import simulate_ensemble
@@ -25,7 +27,7 @@ from barbalat.run.progress import Progress, part_of
 from barbalat.solvers.simulation import Simulation
 from barbalat.study.criteria import Lost, Onset
 from barbalat.study.delay_search import LONGEST_DELAY, SCANNED_DELAYS, DelaySearch, scanned
-from barbalat.study.ideal_benchmark import SHORTEST_DELAY_STEPS, Benchmark, Ideals, Member, with_delay
+from barbalat.study.ideal_benchmark import SHORTEST_DELAY_STEPS, Benchmark, Ideals, Member, with_errors
 from barbalat.validate import Array, InputError
 
 if TYPE_CHECKING:
@@ -34,10 +36,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Bracket:
-    """The delay at which each of M loops is lost, (M,) each [s].
+    """The delay [s], or the size of another modelling error, at which each of M loops is lost, (M,) each.
 
-    bears  the largest delay that was tried below the first losing one; 0 where the first that was tried loses already
-    loses  the smallest delay that was tried and lost; infinite where none was, 0 where the loop is lost without any
+    bears  the largest that was tried below the first losing one; 0 where the first that was tried loses already
+    loses  the smallest that was tried and lost; infinite where none was, 0 where the loop is lost without any
     """
 
     bears: Array
@@ -46,7 +48,7 @@ class Bracket:
 
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)
 class DelayMargins(Plotted):
-    """For M members.
+    """For M members; what is said of a delay holds of whatever modelling error was tried.
 
     onset, loss  by the two criteria, ``Onset`` and ``Lost``; the onset is never later than the loss
     tracks       (M,) whether the loop follows its model without a delay; one that does not bears nothing: 0 and 0
@@ -138,16 +140,36 @@ def delay_margins_ensemble(
     if not longest > SHORTEST_DELAY_STEPS * simulation.dt:
         raise InputError(f"longest must exceed two solver steps, {SHORTEST_DELAY_STEPS * simulation.dt:g} s, got {longest:g} s")
     validate.whole("scan", scan, least=2)
+    return margins_ensemble(
+        members, simulation, scanned(simulation, longest, scan), ideals or Ideals.over(simulation, longest),
+        resolution=resolution, criteria=(onset or Onset(), lost or Lost()), numbers=numbers, threads=threads, progress=progress,
+    )  # fmt: skip
+
+
+def margins_ensemble(
+    members: Sequence[Member],
+    simulation: Simulation,
+    sizes: Array,
+    ideals: Ideals,
+    *,
+    resolution: float = 0.02,
+    criteria: tuple[Onset, Lost] | None = None,
+    numbers: Sequence[int] | Array | None = None,
+    threads: int | None = None,
+    progress: Progress | None = None,
+) -> DelayMargins:
+    """The same for the modelling error of ``ideals``, whose ``sizes`` are tried first."""
     resolution = validate.positive("resolution", resolution)
-    delays = scanned(simulation, longest, scan)
     streams = np.arange(len(members)) if numbers is None else np.asarray(numbers)
     undelayed = simulate_ensemble(members, simulation, numbers=streams, threads=threads).metrics
-    benchmark = Benchmark.of(members, undelayed, streams, ideals or Ideals.over(simulation, longest))
-    search = DelaySearch(benchmark, (onset or Onset(), lost or Lost()), scan, halvings(delays[1] / delays[0], resolution))
+    benchmark = Benchmark.of(members, undelayed, streams, ideals)
+    search = DelaySearch(
+        benchmark, criteria or (Onset(), Lost()), len(sizes), halvings(float((sizes[1:] / sizes[:-1]).max()), resolution)
+    )
     if members[0][0].noise is None:  # noise moves the estimates too: then nothing is said of the undelayed run
         search.find_swinging(undelayed)
 
-    _advance(search, members, simulation, delays, streams, threads, progress)
+    _advance(search, members, simulation, sizes, ideals.error, streams, threads, progress)
     brackets = [Bracket(search.bears[c], search.loses[c]) for c in range(2)]
     return DelayMargins(
         onset=brackets[0],
@@ -160,23 +182,24 @@ def delay_margins_ensemble(
 
 
 RUNS_AT_ONCE = 64
-"""Runs that are made at once rather than one delay after the other: they fill the kernel's lanes."""
+"""Runs that are made at once rather than one size after the other: they fill the kernel's lanes."""
 
 
 def _advance(
     search: DelaySearch,
     members: Sequence[Member],
     simulation: Simulation,
-    delays: Array,
+    sizes: Array,
+    error: ModellingError,
     streams: Array,
     threads: int | None,
     progress: Progress | None,
 ) -> None:
-    """The scan over ``delays`` and the halvings, round by round, every round one ensemble."""
+    """The scan over ``sizes`` and the halvings, round by round, every round one ensemble."""
 
     def run(chosen: Array, added: Array) -> None:
-        """One round: these members with these delays."""
-        changed = [(with_delay(members[i][0], float(delay)), members[i][1]) for i, delay in zip(chosen, added, strict=True)]
+        """One round: these members with errors of these sizes."""
+        changed = with_errors([members[i] for i in chosen], error, added)
         before, total = search.runs, search.runs + search.to_come()
 
         def advanced(fraction: float) -> None:
@@ -186,9 +209,9 @@ def _advance(
         found = simulate_ensemble(changed, simulation, numbers=streams[chosen], threads=threads, progress=advanced)
         search.take(chosen, added, found.metrics)
 
-    at_once = len(delays) if len(members) * len(delays) <= RUNS_AT_ONCE else 1
-    for first in range(0, len(delays), at_once):  # from short to long; a member that both criteria call lost is not run again
-        chosen, some = search.open_members(), delays[first : first + at_once]
+    at_once = len(sizes) if len(members) * len(sizes) <= RUNS_AT_ONCE else 1
+    for first in range(0, len(sizes), at_once):  # from small to large; a member that both criteria call lost is not run again
+        chosen, some = search.open_members(), sizes[first : first + at_once]
         search.scans_left -= len(some)
         if len(chosen):
             run(np.tile(chosen, len(some)), np.repeat(some, len(chosen)))

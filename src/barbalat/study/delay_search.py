@@ -1,4 +1,4 @@
-"""Between which delays loops are lost: what is known of each, narrowed by every run."""
+"""Between which sizes of a modelling error, such as delays, loops are lost: what is known of each, narrowed by every run."""
 
 from __future__ import annotations
 
@@ -23,6 +23,19 @@ class Criterion(Enum):
 
     ONSET = "onset"
     LOSS = "loss"
+
+
+LARGEST_GAIN_ERROR = 15.0
+"""The largest factor on the input's effectiveness that is tried is 16, and the smallest 1/16: 24 dB."""
+GAINS_SCANNED = 6
+"""Up to that one: a factor of 3 from one size to the next."""
+SMALLEST_GAIN_ERROR = 0.05
+"""A loop that bears less than half a decibel bears nothing that is known so well."""
+
+
+def gains_scanned() -> Array:
+    """The sizes of ``GainError`` that are tried first."""
+    return np.asarray(np.geomspace(SMALLEST_GAIN_ERROR, LARGEST_GAIN_ERROR, GAINS_SCANNED))
 
 
 def scanned(simulation: Simulation, longest: float, count: int) -> Array:
@@ -51,21 +64,21 @@ class DelaySearch:
         return np.flatnonzero(np.isinf(self.loses).any(axis=0))
 
     def between(self) -> tuple[Array, Array]:
-        """(members, delays): the middle of every bracket, once where both criteria have the same."""
+        """(members, sizes): the middle of every bracket, once where both criteria have the same."""
         middles = np.sqrt(self.bears * self.loses)
         asked = [(i, middles[c, i]) for c, i in np.argwhere((self.bears > 0) & np.isfinite(self.loses))]
         pairs = sorted(set(asked))
-        return np.array([i for i, _ in pairs], dtype=int), np.array([delay for _, delay in pairs])
+        return np.array([i for i, _ in pairs], dtype=int), np.array([size for _, size in pairs])
 
     def take(self, chosen: Array, added: Array, metrics: Metrics) -> None:
-        """Judge runs of members ``chosen`` with the delays ``added`` and narrow what they lie within."""
+        """Judge runs of members ``chosen`` with errors of the sizes ``added`` and narrow what they lie within."""
         expected = self.benchmark.at(chosen, added)
         onset, loss = (criterion.judge(metrics, expected) for criterion in self.criteria)
-        for delay in np.unique(added):  # from short to long: a member may have been run with several
+        for size in np.unique(added):  # from short to long: a member may have been run with several
             for c, lost in enumerate((onset | loss, loss)):
-                within = (added == delay) & (self.bears[c, chosen] < delay) & (delay < self.loses[c, chosen])
-                self.loses[c, chosen[within & lost]] = delay
-                self.bears[c, chosen[within & ~lost]] = delay
+                within = (added == size) & (self.bears[c, chosen] < size) & (size < self.loses[c, chosen])
+                self.loses[c, chosen[within & lost]] = size
+                self.bears[c, chosen[within & ~lost]] = size
         self.runs += len(chosen)
 
     def to_come(self) -> float:

@@ -8,10 +8,11 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from barbalat.problem.modelling_error import DelayError
 from barbalat.run.ensemble import simulate_ensemble
 from barbalat.run.grid import CHUNK_STEPS
 from barbalat.solvers.simulation import Simulation
-from barbalat.study.ideal_benchmark import DELAYS_TRIED, Member, with_delay
+from barbalat.study.ideal_benchmark import SIZES_TRIED, Member, with_error
 
 RUNS_EACH = 16.5
 """Simulations for each member, as measured on Section V: many are lost early in the scan, then come the halvings."""
@@ -48,7 +49,7 @@ class Cost:
 
     def seconds(self, members: int, problems: int, steps: int) -> float:
         """Of all rounds of a scheme with so many members on so many plants, the loops that know theta included."""
-        runs = RUNS_EACH * members + 2 * DELAYS_TRIED * problems
+        runs = RUNS_EACH * members + 2 * SIZES_TRIED * problems
         return ENSEMBLES_EACH * self.call + runs * (self.member + steps * self.step)
 
 
@@ -59,7 +60,8 @@ def _spread(members: Sequence[Member], size: int) -> list[Member]:
 def _timed(members: Sequence[Member], simulation: Simulation, steps: int) -> float:
     """Seconds, with delays from two steps up to what the later rounds use."""
     delays = np.geomspace(4, max(steps, 5), len(members)) * simulation.dt
-    delayed = [(with_delay(problem, float(d)), controller) for (problem, controller), d in zip(members, delays, strict=True)]
+    added, error = zip(members, delays, strict=True), DelayError()
+    delayed = [(with_error(problem, error, float(d)), controller) for (problem, controller), d in added]
     part = replace(simulation, t_end=steps * simulation.dt)
     taken = []
     for _ in range(2):  # the machine may be busy with something else for a moment

@@ -12,6 +12,7 @@ from barbalat.controllers import KnownParameters
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.loop.true_values import true_values
 from barbalat.problem.known_set import Projecting
+from barbalat.problem.modelling_error import DelayError, ModellingError
 from barbalat.problem.state_feedback import Problem
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller
@@ -27,8 +28,8 @@ Member = tuple[TrackingProblem, Controller]
 
 SHORTEST_DELAY_STEPS = 2
 """Solver steps: the shortest delay that can be simulated."""
-DELAYS_TRIED = 40
-"""Delays at which the loop that knows theta is run; in between its error is interpolated."""
+SIZES_TRIED = 40
+"""Sizes of a modelling error with which the loop that knows theta is run; in between its error is interpolated."""
 
 
 def without_error(members: Sequence[Member], metrics: Metrics, motions: Sequence[Motion]) -> Expected:
@@ -47,20 +48,21 @@ def without_error(members: Sequence[Member], metrics: Metrics, motions: Sequence
 class Ideals:
     """What the model and the loop that knows theta do on problems, found once for each; the problems are kept.
 
-    delays  (K,) at which the loop is run
+    sizes  (K,) of the modelling error with which the loop is run; of a delay [s]
     """
 
     simulation: Simulation
-    delays: Array
+    sizes: Array
+    error: ModellingError = field(default_factory=DelayError)
     known: dict[int, tuple[TrackingProblem, Motion, Array]] = field(default_factory=dict)
 
     @classmethod
     def over(cls, simulation: Simulation, longest: float) -> Ideals:
         """For delays from the shortest one on [s]."""
-        return cls(simulation, np.geomspace(SHORTEST_DELAY_STEPS * simulation.dt, longest, DELAYS_TRIED))
+        return cls(simulation, np.geomspace(SHORTEST_DELAY_STEPS * simulation.dt, longest, SIZES_TRIED))
 
     def of(self, problem: TrackingProblem, number: int) -> tuple[Motion, Array]:
-        """The model's motion, and (K,) what the delays explain; ``number`` is the stream of the noise."""
+        """The model's motion, and (K,) what the sizes explain; ``number`` is the stream of the noise."""
         if id(problem) not in self.known:
             self.find([problem], [number])
         return self.known[id(problem)][1:]
@@ -69,19 +71,19 @@ class Ideals:
         """The same for several problems of one structure, side by side."""
         motions = [Motion.of(problem, self.simulation) for problem in problems]
         if isinstance(problems[0], Problem):
-            groups = [[problem, *(with_delay(problem, float(d)) for d in self.delays)] for problem in problems]
+            groups = [[problem, *(with_error(problem, self.error, float(s)) for s in self.sizes)] for problem in problems]
             added = _added_errors(groups, self.simulation, motions, numbers)
         else:
-            added = np.array([np.full(len(self.delays), motion.largest) for motion in motions])
+            added = np.array([np.full(len(self.sizes), motion.largest) for motion in motions])
         self.known |= {id(one): (one, *found) for one, *found in zip(problems, motions, added, strict=True)}
 
 
 @dataclass(frozen=True, eq=False)
 class Benchmark:
-    """The same for any delay: ``explained`` (M, K) at the ``delays`` (K,)."""
+    """The same for any size of the modelling error: ``explained`` (M, K) at the ``sizes`` (K,)."""
 
     without: Expected
-    delays: Array
+    sizes: Array
     explained: Array
 
     @classmethod
@@ -89,11 +91,11 @@ class Benchmark:
         """Members that share a problem share its motion and its ideal loop."""
         found = [ideals.of(problem, int(number)) for (problem, _), number in zip(members, numbers, strict=True)]
         without = without_error(members, undelayed, [motion for motion, _ in found])
-        return cls(without, ideals.delays, np.stack([explained for _, explained in found]))
+        return cls(without, ideals.sizes, np.stack([explained for _, explained in found]))
 
     def at(self, chosen: Array, added: Array) -> Expected:
-        """For these members with these delays."""
-        explained = [np.interp(np.log(d), np.log(self.delays), self.explained[i]) for i, d in zip(chosen, added, strict=True)]
+        """For these members with errors of these sizes."""
+        explained = [np.interp(np.log(s), np.log(self.sizes), self.explained[i]) for i, s in zip(chosen, added, strict=True)]
         return self.without.of(chosen, np.array(explained))
 
 
@@ -128,8 +130,10 @@ def _added_errors(
     first, others = [group[0] for group in groups], [problem for group in groups for problem in group[1:]]
     streams = np.repeat(numbers, len(groups[0]) - 1)
     without = tail_error(simulate_ensemble([ideal(problem) for problem in first], simulation, numbers=numbers).metrics)
-    found = tail_error(simulate_ensemble([ideal(problem) for problem in others], simulation, numbers=streams).metrics)
-    alone = simulate_ensemble([ideal(_left_alone(problem)) for problem in others], simulation).metrics
+    knowing = [KnownParameters(theta=group[0].parameters) for group in groups for _ in group[1:]]  # not the error
+    found = tail_error(simulate_ensemble(list(zip(others, knowing, strict=True)), simulation, numbers=streams).metrics)
+    left_alone = [(_left_alone(problem), one) for problem, one in zip(others, knowing, strict=True)]
+    alone = simulate_ensemble(left_alone, simulation).metrics
     decays = tail_error(alone) < DECAY_SHARE * alone.max_abs_e.max(axis=1)
     most = np.array([motion.largest for motion in motions])[:, None]
     added, decays = (values.reshape(len(groups), -1) for values in (found, decays))
@@ -167,7 +171,19 @@ SMALL_DISTURBANCE = 1e-6
 """A disturbance [units of x] at which a nonlinear phi(x) is linear, to that part."""
 
 
-def with_delay(problem: Any, delay: float) -> Any:
-    """The problem with a delay added to each input."""
-    paths = tuple(replace(path, delay=path.delay + delay) for path in problem.plant.paths)
+def with_error(problem: Any, error: ModellingError, size: float) -> Any:
+    """The problem with a modelling error at each input, beside what is there."""
+    paths = tuple(error.added(path, size) for path in problem.plant.paths)
     return replace(problem, plant=replace(problem.plant, input=paths[0] if len(paths) == 1 else paths))
+
+
+def with_errors(members: Sequence[Member], error: ModellingError, sizes: Array) -> list[Member]:
+    """Each member with an error of its size; those that shared a problem still do, which are then read faster."""
+    made: dict[tuple[int, float], Any] = {}
+    found = []
+    for (problem, controller), size in zip(members, sizes, strict=True):
+        key = id(problem), float(size)
+        if key not in made:
+            made[key] = with_error(problem, error, float(size))
+        found.append((made[key], controller))
+    return found

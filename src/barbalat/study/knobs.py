@@ -25,7 +25,7 @@ def default_knobs(problem: Problem, simulation: Simulation, *, density: int = 12
     """
     reach, how = reach_of(problem, simulation, density=density)
     highest = reach.highest_gain
-    candidates = [scheme.knobs(reach) for scheme in SCHEMES.values() if isinstance(scheme, Tunable)]
+    candidates = [knobs for knobs in all_knobs(reach) if knobs.traded]
     left_out = [
         f"gains above {highest:.3g}, which h = {simulation.dt:g} s does not resolve ({how}: an estimate), are left out",
         f"time constants below five steps, {5 * simulation.dt:g} s, are left out",
@@ -41,11 +41,27 @@ def default_knobs(problem: Problem, simulation: Simulation, *, density: int = 12
     return tuple(kept), tuple(left_out)
 
 
+def all_knobs(reach: Reach) -> list[Knobs]:
+    """Of every registered scheme that has some."""
+    return [scheme.knobs(reach) for scheme in SCHEMES.values() if isinstance(scheme, Tunable)]
+
+
 def reach_of(problem: Problem, simulation: Simulation, *, density: int = 12) -> tuple[Reach, str]:
     """How far knobs are turned on a case, and how the largest gain was found."""
     highest, how = largest_gain(problem, simulation)
     slowest = 1 / float(np.abs(np.linalg.eigvals(problem.plant.A_m).real).min())
-    return Reach(highest_gain=highest, times=np.geomspace(5 * simulation.dt, slowest, 3 * density), density=density), how
+    reach = Reach(
+        highest_gain=highest,
+        times=np.geomspace(SHORTEST_TIME_STEPS * simulation.dt, slowest, 3 * density),
+        density=density,
+        known=problem.known,
+        sample_time=SHORTEST_TIME_STEPS * simulation.dt,
+    )
+    return reach, how
+
+
+SHORTEST_TIME_STEPS = 5
+"""Solver steps in the shortest time constant, and in a sample of what is sampled by nature."""
 
 
 def largest_gain(problem: Problem, simulation: Simulation) -> tuple[float, str]:

@@ -23,6 +23,7 @@ class Motion:
     """Of x_m, or of y_m where the output is measured.
 
     largest    the largest magnitude of a component
+    of_each    the same of each component
     rms        of |x_m|_2 over the run
     crossings  how often a component crosses its own range [1/s]: by the run's variation, or by the model's fastest mode,
                |lambda|/pi as of a sine, whichever is more
@@ -33,6 +34,7 @@ class Motion:
     rms: float
     crossings: float
     in_tail: float
+    of_each: tuple[float, ...]
 
     @property
     def comes_to_rest(self) -> bool:
@@ -53,4 +55,5 @@ class Motion:
             rms=float(np.sqrt(np.mean(np.sum(moved**2, axis=1)))),
             crossings=max(swept, fastest),
             in_tail=float(np.abs(moved[t >= 0.75 * simulation.t_end]).max()),
+            of_each=tuple(np.abs(moved).max(axis=0).tolist()),
         )

@@ -13,6 +13,7 @@ from barbalat import validate
 from barbalat.controllers.knobs import Knobs
 from barbalat.pictures.plotted import Plotted
 from barbalat.problem.known_set import KnownSet
+from barbalat.problem.plant import Plant
 from barbalat.problem.state_feedback import Problem
 from barbalat.run.progress import Progress
 from barbalat.solvers.simulation import Simulation
@@ -166,9 +167,19 @@ def trade_off(
 
 
 def plants_of(problem: Problem, known_set: KnownSet, plants: int, seed: int) -> list[Problem]:
-    """The case's plant, and others, drawn from its known set."""
-    thetas = known_set.drawn(np.random.default_rng(seed), plants - 1)
-    return [problem, *(replace(problem, plant=replace(problem.plant, theta=theta)) for theta in thetas)]
+    """The case's plant, and others, drawn from its known set and, where the input's gain is unknown, from its interval."""
+    random = np.random.default_rng(seed)
+    thetas = known_set.drawn(random, plants - 1)
+    others = [replace(problem.plant, theta=theta) for theta in thetas]
+    if problem.known.gains is not None:
+        gains = problem.known.gains.drawn(random, plants - 1)
+        others = [_with_gains(plant, gain) for plant, gain in zip(others, gains, strict=True)]
+    return [problem, *(replace(problem, plant=plant) for plant in others)]
+
+
+def _with_gains(plant: Plant, gains: Array) -> Plant:
+    paths = tuple(replace(path, gain=float(gain)) for path, gain in zip(plant.paths, gains, strict=True))
+    return replace(plant, input=paths if len(paths) > 1 else paths[0])
 
 
 def _cloud(k: Knobs, found: DelayMargins, scale: float, plants: int) -> Cloud:

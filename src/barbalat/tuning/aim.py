@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from barbalat import validate
 from barbalat.cases.build import Case
+from barbalat.problem.modelling_error import DelayError, ModellingError
 from barbalat.problem.state_feedback import Problem
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.study.delay_search import LONGEST_DELAY
@@ -60,13 +61,19 @@ class Aim:
         """Of a certificate, those that are asked for."""
         return frozenset(one.key for one in self.quantities if one.origin is Origin.CERTIFICATE)
 
+    @property
+    def errors(self) -> tuple[ModellingError, ...]:
+        """With which runs are made, each once."""
+        return tuple(dict.fromkeys(error for one in self.quantities for error in one.errors))
+
     def asks(self, origin: Origin) -> bool:
         return any(one.origin is origin for one in self.quantities)
 
     @property
     def longest(self) -> float:
         """Delay that is tried [s]."""
-        asked = [one.requirement.limit for one in self.constraints if one.quantity.origin is Origin.DELAY]
+        delays = [one for one in self.constraints if DelayError() in one.quantity.errors]
+        asked = [one.requirement.limit for one in delays]
         return max([LONGEST_DELAY, *asked])
 
     def signed(self, value: float) -> float:

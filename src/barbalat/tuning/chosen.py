@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -31,16 +32,8 @@ show a loss below it, which the search's own delays stepped over."""
 
 def choose(trials: Trials, space: Space, own: Trial, progress: Progress | None) -> Tuned:
     """What is reported of one controller; ``own`` is the case as it stands."""
-    ordered = sorted((trial for trial in trials.all if trial.case is not None), key=lambda trial: trial.score)
-    wholes = []
-    chosen: Trial | None = None
-    for trial in [one for one in ordered if one.meets(trials.aim)][:LOOKED_AT]:
-        whole = trials.whole(trial.row)
-        wholes.append(whole)
-        if whole.meets(trials.aim):
-            chosen = whole
-            break
-    nearest = chosen or trials.whole(ordered[0].row if ordered else trials.all[0].row)
+    best = best_of(trials)
+    chosen, nearest, wholes = best.chosen, best.nearest, best.wholes
     _tell(progress, 0.3)
     front = _front(trials, [*wholes, *([own] if len(own.row) else [])])
     _tell(progress, 0.8)
@@ -61,6 +54,26 @@ def choose(trials: Trials, space: Space, own: Trial, progress: Progress | None) 
     )
     _tell(progress, 1.0)
     return found
+
+
+class Best(NamedTuple):
+    """The best tuning that meets every constraint, where one does; the nearest to that; all that were looked at in full."""
+
+    chosen: Trial | None
+    nearest: Trial
+    wholes: list[Trial]
+
+
+def best_of(trials: Trials) -> Best:
+    """Of those that were tried."""
+    ordered = sorted((trial for trial in trials.all if trial.case is not None), key=lambda trial: trial.score)
+    wholes = []
+    for trial in [one for one in ordered if one.meets(trials.aim)][:LOOKED_AT]:
+        whole = trials.whole(trial.row)
+        wholes.append(whole)
+        if whole.meets(trials.aim):
+            return Best(whole, whole, wholes)
+    return Best(None, trials.whole(ordered[0].row if ordered else trials.all[0].row), wholes)
 
 
 def _front(trials: Trials, wholes: Sequence[Trial]) -> list[Trial]:

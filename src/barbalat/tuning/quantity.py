@@ -12,6 +12,7 @@ import numpy as np
 
 from barbalat import validate
 from barbalat.certificates.certificate import Certificate
+from barbalat.problem.modelling_error import DelayError, GainError, ModellingError
 from barbalat.run.metrics import Metrics
 from barbalat.study.delay_search import Criterion
 from barbalat.sweeps.requirement import Requirement
@@ -19,8 +20,28 @@ from barbalat.sweeps.study import columns_of
 from barbalat.validate import Array, InputError
 
 FIGURES = tuple(field.name for field in fields(Metrics) if field.name != "diverged_at")
-DELAYS = {"delay_onset_simulated": Criterion.ONSET, "delay_margin_simulated": Criterion.LOSS}
-"""By the keys of ``certify --simulate``."""
+
+
+@dataclass(frozen=True)
+class Probe:
+    """What runs with a modelling error tell: of several errors the one of which the least is borne.
+
+    none  the value that stands for no error at all: the size is counted from there
+    """
+
+    errors: tuple[ModellingError, ...]
+    criterion: Criterion
+    none: float
+
+
+_GAINS = (GainError(), GainError(downwards=True))
+PROBES = {
+    "delay_onset_simulated": Probe((DelayError(),), Criterion.ONSET, 0.0),
+    "delay_margin_simulated": Probe((DelayError(),), Criterion.LOSS, 0.0),
+    "gain_onset_simulated": Probe(_GAINS, Criterion.ONSET, 1.0),
+    "gain_margin_simulated": Probe(_GAINS, Criterion.LOSS, 1.0),
+}
+"""Delays [s] by the keys of ``certify --simulate``; factors by which the input's effectiveness may be multiplied and divided."""
 
 
 class Origin(Enum):
@@ -28,7 +49,7 @@ class Origin(Enum):
 
     RUN = "run"
     CERTIFICATE = "certificate"
-    DELAY = "runs with delays"
+    PROBE = "runs with a modelling error"
 
 
 @dataclass(frozen=True)
@@ -47,14 +68,19 @@ class Quantity:
 
     @property
     def origin(self) -> Origin:
-        if self.name in DELAYS:
-            return Origin.DELAY
+        if self.name in PROBES:
+            return Origin.PROBE
         return Origin.RUN if self.name.split("[")[0] in FIGURES else Origin.CERTIFICATE
 
     @property
     def key(self) -> str:
         """Of a certificate, under which it stands, by itself or as a part."""
         return self.name.partition(".")[0]
+
+    @property
+    def errors(self) -> tuple[ModellingError, ...]:
+        """With which runs are made to find it."""
+        return PROBES[self.name].errors if self.name in PROBES else ()
 
     @property
     def worst(self) -> float:
@@ -108,11 +134,11 @@ class Quantity:
                 "--controller which one is tuned"
             )
         if lacking:
-            known = (*FIGURES, *DELAYS, *(entry.key for one in certificates.values() for entry in one.entries))
+            known = (*FIGURES, *PROBES, *(entry.key for one in certificates.values() for entry in one.entries))
             near = get_close_matches(self.name, known, n=1)
             meant = f"; did you mean {near[0]!r}?" if near else ""
             raise InputError(
-                f"{validate.show(self.name)} is neither a figure of run --json, such as rms_e, nor one of {', '.join(DELAYS)}, "
+                f"{validate.show(self.name)} is neither a figure of run --json, such as rms_e, nor one of {', '.join(PROBES)}, "
                 f"nor a key of certify --json for {_listed(lacking)}{meant}"
             )
 
@@ -133,8 +159,13 @@ class Constraint:
         """InputError for what can't be parsed, or asks for nothing that a search can keep."""
         requirement = Requirement.parse(text)
         quantity = Quantity(requirement.figure, larger_is_worse=requirement.sign.startswith("<"))
-        if quantity.origin is Origin.DELAY and (quantity.larger_is_worse or requirement.limit <= 0):
-            raise InputError(f"{quantity.name} takes a least delay above 0, such as {quantity.name} >= 0.01, got {text!r}")
+        if quantity.origin is Origin.PROBE:
+            least = PROBES[quantity.name].none
+            if quantity.larger_is_worse or requirement.limit <= least:
+                what, example = ("delay", "0.01") if least == 0 else ("factor", "2")
+                raise InputError(
+                    f"{quantity.name} takes a least {what} above {least:g}, such as {quantity.name} >= {example}, got {text!r}"
+                )
         return cls(requirement, quantity)
 
     def holds(self, value: float | None) -> bool:

@@ -8,11 +8,14 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from barbalat.cases.build import Case
+from barbalat.problem.modelling_error import DelayError, ModellingError
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.run.metrics import Metrics
+from barbalat.solvers.simulation import Simulation
+from barbalat.study.delay_search import SCANNED_DELAYS, gains_scanned, scanned
 from barbalat.study.ideal_benchmark import Ideals
 from barbalat.tuning.aim import Aim
-from barbalat.tuning.quantity import Constraint, Origin
+from barbalat.tuning.quantity import Constraint
 from barbalat.validate import Array
 
 
@@ -24,6 +27,7 @@ class Trial:
     found     of each constraint, as far as it was looked at
     complete  whether everything was
     refused   why no case can be made of it
+    undelayed, quiet  figures without a modelling error, on the plants and on those of the probes
     """
 
     row: Array
@@ -34,6 +38,7 @@ class Trial:
     complete: bool = False
     refused: str = ""
     undelayed: Metrics | None = None
+    quiet: Metrics | None = None
 
     def meets(self, aim: Aim) -> bool:
         """Every constraint, and the quantity has a value."""
@@ -46,12 +51,30 @@ class Plants:
     """The problems on which a case's controller is judged."""
 
     problems: list[TrackingProblem]
-    ideals: Ideals
+    ideals: dict[ModellingError, Ideals]
+    longest: float
 
     @classmethod
     def of(cls, case: Case, aim: Aim, problems: Sequence[TrackingProblem] | None = None) -> Plants:
         """Those of the aim, or others."""
-        found = cls(aim.family(case) if problems is None else list(problems), Ideals.over(case.simulation, aim.longest))
-        if aim.asks(Origin.DELAY):
-            found.ideals.find(found.problems, range(len(found.problems)))
-        return found
+        given, simulation, longest = aim.family(case) if problems is None else list(problems), case.simulation, aim.longest
+        ideals = {error: _ideals(error, simulation, longest) for error in aim.errors}
+        for one in ideals.values():
+            one.find(given, range(len(given)))
+        return cls(given, ideals, longest)
+
+
+def sizes_of(error: ModellingError, simulation: Simulation, longest: float) -> Array:
+    """That are tried first: delays up to ``longest``, or factors on the gain."""
+    return scanned(simulation, longest, SCANNED_DELAYS) if error == DelayError() else gains_scanned()
+
+
+def _ideals(error: ModellingError, simulation: Simulation, longest: float) -> Ideals:
+    if error == DelayError():
+        return Ideals.over(simulation, longest)
+    sizes = gains_scanned()
+    return Ideals(simulation, np.geomspace(sizes[0], sizes[-1], GAINS_EXPLAINED), error)
+
+
+GAINS_EXPLAINED = 16
+"""Factors with which the loop that knows theta is run, 40 % apart: its error bends less than over the delays."""

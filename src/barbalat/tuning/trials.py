@@ -11,17 +11,30 @@ from barbalat.cases.build import Case
 from barbalat.certificates.certify import certify
 from barbalat.run.ensemble import simulate_ensemble
 from barbalat.run.metrics import Metrics
-from barbalat.solvers.simulation import Simulation
-from barbalat.study.delay_borne import Question
-from barbalat.study.delay_margin import delay_margins_ensemble
-from barbalat.study.delay_search import Criterion
 from barbalat.study.ideal_benchmark import Member
 from barbalat.sweeps.varied import Varied
 from barbalat.tuning.aim import Aim
-from barbalat.tuning.quantity import DELAYS, Constraint, Origin, Quantity
+from barbalat.tuning.probing import Probing
+from barbalat.tuning.quantity import PROBES, Constraint, Origin, Quantity
 from barbalat.tuning.search import FAR
 from barbalat.tuning.trial import Plants, Trial
 from barbalat.validate import Array, InputError
+
+
+@dataclass(frozen=True, kw_only=True)
+class Looking:
+    """How closely tunings are looked at.
+
+    fully   errors beyond what is asked too
+    graded  how far those are from what is asked that do not bear it
+    below   whether those that bear it are tried with less
+    each    every plant, whatever the others do
+    """
+
+    fully: bool = False
+    graded: bool = True
+    below: bool = True
+    each: bool = False
 
 
 @dataclass(eq=False)
@@ -30,6 +43,7 @@ class Trials:
 
     together  whether the tunings differ in numbers of the kernel alone, so that they run side by side
     shared    the plants, where what is tuned changes none of them
+    quiet     those on which modelling errors are tried; by default the same
     """
 
     varied: Varied
@@ -38,28 +52,33 @@ class Trials:
     together: bool
     shared: Plants | None
     threads: int | None = None
+    quiet: Plants | None = None
     all: list[Trial] = field(default_factory=list)
     runs: int = 0
-    best: float = np.inf
 
     def judged(self, rows: Array, to_beat: float) -> list[Trial]:
-        """These tunings; one whose quantity is above ``to_beat`` is not looked at further.
-
-        One that is not better than the best so far counts as bearing a delay without a look at shorter ones: that takes most of
-        the runs and decides of the best tuning alone.
-        """
+        """These tunings; one whose quantity is above ``to_beat`` is not looked at further."""
         trials = [self._made(row) for row in rows]
         open_ones = [trial for trial in trials if trial.case is not None]
         for stage, origin in enumerate(Origin):
             if open_ones and self._asked(origin):
-                self._look(open_ones, origin, graded=to_beat >= FAR, best=self.best)
+                self._look(open_ones, origin, Looking(graded=to_beat >= FAR, below=False))
                 open_ones = [trial for trial in open_ones if self._goes_on(trial, stage, to_beat)]
+        open_ones = self._verified(open_ones, to_beat)
         for trial in open_ones:
             assert trial.value is not None
             trial.complete, trial.score = True, self.aim.signed(trial.value)
-        self.best = min([self.best, *(trial.score for trial in open_ones)])
         self.all += trials
         return trials
+
+    def _verified(self, trials: Sequence[Trial], to_beat: float) -> list[Trial]:
+        """Without those that would be the best so far, but are lost with less than they were asked to bear."""
+        scores = [trial.score for trial in self.all if trial.complete]
+        least = min(scores, default=np.inf)
+        better = [trial for trial in trials if trial.value is not None and self.aim.signed(trial.value) < least]
+        if better and self._asked(Origin.PROBE):
+            self._look(better, Origin.PROBE, Looking(graded=False))
+        return [trial for trial in trials if trial not in better or self._goes_on(trial, len(Origin) - 1, to_beat)]
 
     def whole(self, row: Array, case: Case | None = None) -> Trial:
         """One tuning, everything looked at, whatever it breaks; the case may be given."""
@@ -67,7 +86,7 @@ class Trials:
         if trial.case is not None:
             for origin in Origin:
                 if self._asked(origin):
-                    self._look([trial], origin, fully=True)
+                    self._look([trial], origin, Looking(fully=True))
             trial.complete = True
         return trial
 
@@ -78,17 +97,16 @@ class Trials:
                 self._certify(trial)
             return
         for group in self._groups(trials):
-            plants, members = self._members(group)
-            values = self._values(constraint.quantity, group, plants, members, None)
-            self._put(group, constraint.quantity.over_plants(values, self.aim.quantile), constraint.quantity)
+            values = self._values(constraint.quantity, group, constraint.requirement.limit, Looking(fully=True))
+            for trial, value in zip(group, constraint.quantity.over_plants(values, self.aim.quantile), strict=True):
+                trial.found[constraint] = float(value)
 
     def on_other_plants(self, case: Case, plants: Plants, quantity: Quantity, limit: float | None) -> Array:
         """(P,) a quantity of one case on these."""
-        others = replace(self, shared=plants, all=[], runs=0)
+        others = replace(self, shared=plants, quiet=None, all=[], runs=0)
         trial = Trial(np.zeros(0), case)
-        members = others._members([trial])[1]
-        others._run([trial], plants, members)
-        found = others._values(quantity, [trial], plants, members, limit, each=True)[0]
+        others._run([trial], Origin.RUN)
+        found = others._values(quantity, [trial], limit, Looking(each=True))[0]
         self.runs += others.runs
         return np.asarray(found)
 
@@ -98,7 +116,7 @@ class Trials:
 
     def _asked(self, origin: Origin) -> bool:
         """Delays are judged against the run without one."""
-        return self.aim.asks(origin) or (origin is Origin.RUN and self.aim.asks(Origin.DELAY))
+        return self.aim.asks(origin) or (origin is Origin.RUN and self.aim.asks(Origin.PROBE))
 
     def _made(self, row: Array) -> Trial:
         try:
@@ -118,103 +136,74 @@ class Trials:
             return False
         return True
 
-    def _look(
-        self, trials: Sequence[Trial], origin: Origin, *, fully: bool = False, graded: bool = True, best: float = np.inf
-    ) -> None:
-        """Find all quantities of one origin.
-
-        fully   delays beyond what is required too
-        graded  how far those are from what is required that do not bear it
-        best    a tuning whose quantity is not below it is not asked about delays shorter than the required one
-        """
+    def _look(self, trials: Sequence[Trial], origin: Origin, looking: Looking) -> None:
+        """Find all quantities of one origin; of one that breaks a constraint no further ones, unless it is looked at fully."""
         if origin is Origin.CERTIFICATE:
             for trial in trials:
                 self._certify(trial)
             return
         for group in self._groups(trials):
-            plants, members = self._members(group)
-            if origin is Origin.RUN:
-                self._run(group, plants, members)
-            wanted = {one.quantity: one.requirement.limit for one in self.aim.constraints if one.quantity.origin is origin}
-            below = np.array([trial.value is None or self.aim.signed(trial.value) < best for trial in group])
-            for quantity, limit in wanted.items():
-                values = self._values(quantity, group, plants, members, None if fully else limit, graded=graded, below=below)
-                self._put(group, quantity.over_plants(values, self.aim.quantile), quantity)
+            if origin is Origin.RUN or self.quiet:
+                self._run(group, origin)
+            left: Sequence[Trial] = group
+            for one in self.aim.constraints:
+                if one.quantity.origin is not origin or not left:
+                    continue
+                values = self._values(one.quantity, left, one.requirement.limit, looking)
+                found = one.quantity.over_plants(values, self.aim.quantile)
+                for trial, value in zip(left, found, strict=True):
+                    trial.found[one] = float(value)
+                if not looking.fully and origin is Origin.PROBE:
+                    left = [trial for trial in left if one.holds(trial.found[one])]
             if self.aim.quantity.origin is origin:
-                values = self._values(self.aim.quantity, group, plants, members, None)
+                values = self._values(self.aim.quantity, group, None, looking)
                 for trial, value in zip(group, self.aim.quantity.over_plants(values, self.aim.quantile), strict=True):
                     trial.value = float(value)
 
-    def _members(self, group: Sequence[Trial]) -> tuple[Plants, list[Member]]:
+    def _members(self, group: Sequence[Trial], origin: Origin) -> tuple[Plants, list[Member]]:
         """Every tuning on every plant, those of one tuning together."""
         members: list[Member] = []
+        if origin is Origin.PROBE and self.quiet:
+            each = [_case(trial).controllers[self.controller] for trial in group]
+            return self.quiet, [(problem, controller) for controller in each for problem in self.quiet.problems]
         plants = self.shared or Plants.of(_case(group[0]), self.aim)
         for i, trial in enumerate(group):
             own = plants if self.shared or i == 0 else Plants.of(_case(trial), self.aim)
             members += [(problem, _case(trial).controllers[self.controller]) for problem in own.problems]
         return plants, members
 
-    def _run(self, group: Sequence[Trial], plants: Plants, members: list[Member]) -> None:
-        """Without a delay."""
+    def _run(self, group: Sequence[Trial], origin: Origin) -> None:
+        """Without a modelling error."""
+        plants, members = self._members(group, origin)
         count = len(plants.problems)
         found = simulate_ensemble(members, _case(group[0]).simulation, numbers=_streams(members, plants), threads=self.threads)
         self.runs += len(members)
         for i, trial in enumerate(group):
-            trial.undelayed = found.metrics.of(slice(i * count, (i + 1) * count))
+            own = found.metrics.of(slice(i * count, (i + 1) * count))
+            if origin is Origin.RUN:
+                trial.undelayed = own
+            else:
+                trial.quiet = own
 
-    def _values(
-        self,
-        quantity: Quantity,
-        group: Sequence[Trial],
-        plants: Plants,
-        members: list[Member],
-        limit: float | None,
-        *,
-        graded: bool = True,
-        below: Array | None = None,
-        each: bool = False,
-    ) -> Array:
-        """(K, P); delays up to a limit, or all of them; ``below`` (K,) as of ``Question``; ``each``: of every plant, alone."""
-        undelayed = Metrics.together([trial.undelayed for trial in group if trial.undelayed is not None])
+    def _values(self, quantity: Quantity, group: Sequence[Trial], asked: float | None, looking: Looking) -> Array:
+        """(K, P); of probes up to what is asked, or all that is borne."""
+        plants, members = self._members(group, quantity.origin)
+        probed = self.quiet and quantity.origin is Origin.PROBE
+        known = [trial.quiet if probed else trial.undelayed for trial in group]
+        undelayed = Metrics.together([one for one in known if one is not None])
         if quantity.origin is Origin.RUN:
-            values = quantity.of_runs(undelayed)
+            return np.asarray(quantity.of_runs(undelayed).reshape(len(group), -1))
+        probing = Probing(members, _case(group[0]).simulation, _streams(members, plants), plants, self.threads)
+        probe = PROBES[quantity.name]
+        size = None if asked is None else asked - probe.none
+        if looking.fully or size is None:
+            values = probing.margins(probe, size)
         else:
-            simulation, streams = _case(group[0]).simulation, _streams(members, plants)
-            if limit is None:
-                return self._margins(DELAYS[quantity.name], simulation, plants, members).reshape(len(group), -1)
-            asked = Question(
-                members,
-                simulation,
-                undelayed,
-                limit,
-                DELAYS[quantity.name],
-                streams,
-                plants.ideals,
-                self.aim.longest,
-                self.threads,
-            )
             alone = np.arange(len(members))
-            together = alone // len(plants.problems)
-            values = asked.bears(
-                together if self.aim.quantile == 1 and not each else alone,
-                graded=graded,
-                below=None if below is None else below[together],
-            )
-            self.runs += asked.runs
-        return np.asarray(values.reshape(len(group), -1))
-
-    def _margins(self, criterion: Criterion, simulation: Simulation, plants: Plants, members: list[Member]) -> Array:
-        """(M,) borne, however much that is [s]."""
-        found = delay_margins_ensemble(
-            members, simulation, longest=self.aim.longest, numbers=_streams(members, plants), ideals=plants.ideals,
-            threads=self.threads,
-        )  # fmt: skip
-        self.runs += found.runs
-        return (found.onset if criterion is Criterion.ONSET else found.loss).bears
-
-    def _put(self, group: Sequence[Trial], values: Array, quantity: Quantity) -> None:
-        for trial, value in zip(group, values, strict=True):
-            trial.found |= {one: float(value) for one in self.aim.constraints if one.quantity == quantity}
+            together = alone // len(plants.problems) if self.aim.quantile == 1 and not looking.each else alone
+            values = probing.bears(probe, undelayed, size, together, graded=looking.graded, below=looking.below)
+        self.runs += probing.runs
+        return np.asarray((probe.none + values).reshape(len(group), -1))
 
     def _certify(self, trial: Trial) -> None:
         assert trial.case is not None

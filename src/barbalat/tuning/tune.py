@@ -15,6 +15,7 @@ from barbalat.cases.load import CaseText
 from barbalat.certificates.certify import certify
 from barbalat.controllers import Sampled
 from barbalat.controllers.knobs import Tunable
+from barbalat.problem.modelling_error import DelayError
 from barbalat.problem.state_feedback import Problem
 from barbalat.run.progress import Progress, part_of
 from barbalat.study.ideal_benchmark import SHORTEST_DELAY_STEPS
@@ -191,7 +192,7 @@ def _spaces(tuner: Tuner, space: Space | None, controller: str | None) -> dict[i
 def _require_steps(aim: Aim, case: Case) -> None:
     shortest = SHORTEST_DELAY_STEPS * case.simulation.dt
     for one in aim.constraints:
-        if one.quantity.origin is Origin.DELAY and one.requirement.limit < shortest:
+        if DelayError() in one.quantity.errors and one.requirement.limit < shortest:
             raise InputError(f"{one.requirement} asks for less than can be simulated, two steps, {shortest:g} s")
 
 

@@ -1,0 +1,118 @@
+"""``barbalat contest``: every scheme tuned under one rule, then measured on what no tuning saw."""
+
+from __future__ import annotations
+
+import argparse
+from typing import TYPE_CHECKING
+
+from barbalat.commands.options import add_controllers
+from barbalat.commands.output import folder_of, print_json
+from barbalat.commands.screen import Work, work
+
+if TYPE_CHECKING:
+    from barbalat.commands import Commands
+    from barbalat.contests.result import Contest
+    from barbalat.report.files import Folder
+
+
+def add(commands: Commands) -> None:
+    """Register the command and its options."""
+    parser = commands.add_parser("contest", help="all schemes tuned under one rule, then measured on what no tuning saw")
+    parser.add_argument("case", metavar="CASE", help="a case file, or a bundled case's name; its plant must have a known set")
+    add_controllers(parser)
+    parser.add_argument(
+        "--delay-margin", type=float, metavar="S",
+        help="added delay that every tuning bears [s]; default: a tenth of the known set's fastest time constant",
+    )  # fmt: skip
+    parser.add_argument(
+        "--gain-margin", type=float, default=1.5, metavar="K",
+        help="the input's gain times K and over K, which every tuning bears; default 1.5",
+    )  # fmt: skip
+    parser.add_argument(
+        "--until", choices=("onset", "loss"), default="onset",
+        help="a margin ends where a loop begins to oscillate (default), or where it loses its motion",
+    )  # fmt: skip
+    parser.add_argument(
+        "--schemes", nargs="+", default=[], metavar="NAME", help="by their names in case files; default: all that can be tuned"
+    )
+    parser.add_argument("--sample-time", type=float, metavar="S", help="all run sampled [s]; default: only what is by nature")
+    parser.add_argument(
+        "--noise", type=float, default=1e-3, metavar="SHARE",
+        help="of the model's motion, where the case has no noise; default 0.001, 0 for none",
+    )  # fmt: skip
+    parser.add_argument(
+        "--plants", type=int, metavar="N", help="of the tuning: the case's and N - 1 of its known set; default 4, --quick 2"
+    )
+    parser.add_argument("--trials", type=int, metavar="N", help="tunings of each scheme at most; default 384, --quick 288")
+    parser.add_argument("--members", type=int, metavar="N", help="held-out runs of each scheme; default 200, --quick 64")
+    parser.add_argument("--quick", action="store_true", help="fewer plants, trials and members: in a third of the time")
+    parser.add_argument("--seed", type=int, default=0, metavar="S", help="of plants, searches, commands and noise; default 0")
+    parser.add_argument("--out", metavar="DIR", help="for page and JSON; default: barbalat-contest, none with --json")
+    parser.add_argument("--json", action="store_true", help="one JSON document on standard output")
+    parser.set_defaults(execute=execute)
+
+
+SECONDS_EACH_STEP = 10e-9
+"""Of a small loop, on one core."""
+RUNS_EACH_TRIAL, MOST_SCHEMES = 22, 9
+"""As on the template's case: of all plants and modelling errors together; schemes that can be tuned."""
+DRAWING_SECONDS = 2.0
+QUICK = {"plants": 2, "trials": 288, "members": 64}
+"""The search's least number of trials, and plants enough for one that is not the case's own."""
+FULL = {"plants": 4, "trials": 384, "members": 200}
+
+
+def execute(options: argparse.Namespace) -> int:
+    """Run the command; returns the exit code."""
+    from barbalat.cases.load import load_case
+    from barbalat.contests.contest import contest
+
+    case = load_case(options.case, options.controllers)
+    sizes = {name: default if (given := vars(options)[name]) is None else given for name, default in _defaults(options).items()}
+    steps = case.simulation.steps * sizes["trials"] * RUNS_EACH_TRIAL * (len(options.schemes) or MOST_SCHEMES)
+    expected = {"contest": max(steps * SECONDS_EACH_STEP, 1.0), "drawing": DRAWING_SECONDS}
+    with folder_of(options.out, None if options.json else "barbalat-contest") as folder, work(expected) as running:
+        with running.part("contest") as progress:
+            found = contest(
+                case,
+                delay_margin=options.delay_margin,
+                gain_margin=options.gain_margin,
+                until=options.until,
+                schemes=options.schemes,
+                sample_time=options.sample_time,
+                noise=options.noise,
+                seed=options.seed,
+                progress=progress,
+                **sizes,
+            )
+        from barbalat.report import documents
+
+        document = documents.as_json(found.as_json())
+        if folder is not None:
+            _write(folder, found, document, running)
+    if options.json:
+        print_json(document)
+        return 0
+    from barbalat.report.terminal import contest as screens
+    from barbalat.report.terminal.layout import Screen
+
+    screen = Screen()
+    screens.show(screen, found)
+    if folder is not None:
+        from barbalat.report.file_names import PAGE
+
+        screen.whole(f"page: {folder.path / PAGE}")
+    return 0
+
+
+def _defaults(options: argparse.Namespace) -> dict[str, int]:
+    return QUICK if options.quick else FULL
+
+
+def _write(folder: Folder, found: Contest, document: str, running: Work) -> None:
+    from barbalat.report import write
+
+    with running.part("drawing"):
+        folder.write("contest.json", document)
+        write.write_contest(folder, found)
+        folder.commit()

@@ -1,0 +1,131 @@
+"""Who takes part: schemes with the settings that are tuned."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+from barbalat import validate
+from barbalat.cases.build import Case
+from barbalat.controllers import SCHEMES, Sampled
+from barbalat.controllers.knobs import Knobs, Tunable
+from barbalat.loop.binding import bound
+from barbalat.problem.state_feedback import Problem
+from barbalat.protocols import Controller, SampledEquations
+from barbalat.settings import Settings
+from barbalat.solvers.simulation import Simulation
+from barbalat.study.knobs import reach_of
+from barbalat.sweeps.paths import FieldPath
+from barbalat.sweeps.varied import Varied
+from barbalat.tuning.space import Range, Space
+from barbalat.validate import Array, InputError
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Entrant(Settings):
+    """A scheme in a contest.
+
+    knobs  what is tuned, each from its least to its largest value in the logarithm; ``make`` builds the controller. Without any
+           the controller takes part as it is
+    reads  the contest's problem as the scheme reads it, the same plant with another regressor; by default as it stands
+    """
+
+    knobs: Knobs
+    reads: Callable[[Problem], Problem] = lambda problem: problem
+
+    def __post_init__(self) -> None:
+        validate.instance("knobs", self.knobs, Knobs)
+
+    @property
+    def name(self) -> str:
+        return self.knobs.scheme
+
+    @property
+    def space(self) -> Space:
+        """Where is searched."""
+        found = {}
+        for name, values in self.knobs.values.items():
+            found[FieldPath((name,))] = Range(float(min(values)), float(max(values)), logarithmic=True)
+        return Space(found)
+
+    def controller(self, row: Sequence[float] | Array) -> Controller:
+        """With these numbers for the knobs."""
+        return self.knobs.make(**dict(zip(self.knobs.values, map(float, row), strict=True)))
+
+    def sampled(self, sample_time: float) -> Entrant:
+        """The same as a flight computer runs it."""
+        make = self.knobs.make
+
+        def made(**tuning: float) -> Controller:
+            return Sampled(make(**tuning), sample_time)
+
+        return replace(self, knobs=replace(self.knobs, make=made))
+
+
+@dataclass(frozen=True, eq=False)
+class VariedEntrant(Varied):
+    """An entrant's tunings, as cases with its controller alone."""
+
+    entrant: Entrant
+    problem: Problem
+    simulation: Simulation
+    paths: tuple[FieldPath, ...]
+
+    @property
+    def source(self) -> str:
+        return f"{self.entrant.knobs!r}"
+
+    def at(self, values: Sequence[float] | Array) -> Case:
+        controller = self.entrant.controller(values)
+        bound(self.problem, controller)
+        return Case(self.problem, (controller,), self.simulation)
+
+
+def entrants_of(
+    problem: Problem,
+    simulation: Simulation,
+    *,
+    schemes: Sequence[str] = (),
+    own: Sequence[Controller] = (),
+    sample_time: float | None = None,
+) -> tuple[list[Entrant], list[str]]:
+    """The registered schemes that say what is tuned of them and take the problem; and, as sentences, who is left out.
+
+    schemes      their names in case files; by default all
+    own          controllers from outside: those that say what is tuned of them take part too
+    sample_time  all run sampled [s]; by default what is continuous stays so
+
+    All start from the same knowledge: estimates in the middle of the known set, which linear designs assume as well, and where
+    the input saturates each with what it has against windup.
+    """
+    if unknown := [name for name in schemes if name not in SCHEMES]:
+        raise InputError(f"--schemes must be of {', '.join(SCHEMES)}, got {validate.show(unknown[0])}")
+    reach, how = reach_of(problem, simulation)
+    theta_set = problem.known.theta_set
+    reach = replace(
+        reach,
+        theta_hat0=None if theta_set is None else theta_set.middle,
+        saturated=problem.known.saturation is not None,
+        sample_time=sample_time or reach.sample_time,
+    )
+    unresolved = f"gains above {reach.highest_gain:.3g}, which h = {simulation.dt:g} s does not resolve ({how}: an estimate)"
+    left_out = [f"{unresolved}, are not tried"]
+    candidates = [SCHEMES[name] for name in schemes or SCHEMES]
+    found = []
+    for name, one in [*zip(schemes or SCHEMES, candidates, strict=True), *((one.name, one) for one in own)]:
+        if not isinstance(one, Tunable):
+            left_out.append(f"{name} is left out: nothing says which of its settings are tuned")
+            continue
+        entrant = Entrant(knobs=one.knobs(reach))
+        try:
+            found.append(_taking(entrant, problem, sample_time))
+        except InputError as error:
+            left_out.append(f"{entrant.name} is left out: {error}")
+    return found, left_out
+
+
+def _taking(entrant: Entrant, problem: Problem, sample_time: float | None) -> Entrant:
+    """The entrant, sampled where that is asked; InputError where it does not take the problem."""
+    first = entrant.controller([values[0] for values in entrant.knobs.values.values()])
+    by_nature = isinstance(bound(problem, first), SampledEquations)
+    return entrant if by_nature or sample_time is None else entrant.sampled(sample_time)

@@ -1,0 +1,220 @@
+"""Tuned entrants on plants, commands and noise that no tuning saw; who fails is counted, and counts as worse than any error."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from barbalat.contests.held_out_command import drawn, with_command
+from barbalat.contests.noise import quiet
+from barbalat.contests.rule import Rule
+from barbalat.contests.tuned import Qualified
+from barbalat.problem.modelling_error import DelayError, GainError, ModellingError
+from barbalat.problem.state_feedback import Problem
+from barbalat.run.ensemble import simulate_ensemble
+from barbalat.run.metrics import Metrics
+from barbalat.run.progress import Progress
+from barbalat.solvers.simulation import Simulation
+from barbalat.study.criteria import tail_error, tracks
+from barbalat.study.delay_borne import Question
+from barbalat.study.ideal_benchmark import Ideals, Member
+from barbalat.study.motion import Motion
+from barbalat.study.tradeoff import plants_of
+from barbalat.sweeps.evidence import Share
+from barbalat.validate import Array
+
+COMMANDS = 8
+"""Of which each is followed by an equal number of plants: enough to fill the kernel's lanes."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Draws:
+    """What was drawn: ``members`` runs, those of one command together.
+
+    problems  (M,) each with its plant and its command, and ``silent`` without noise; streams (M,) of the noise
+    commands  (C, 2) size and pace
+    """
+
+    problems: list[Problem]
+    silent: list[Problem]
+    streams: Array
+    commands: Array
+
+    @classmethod
+    def drawn(cls, problem: Problem, members: int, rule: Rule) -> Draws:
+        """New plants of the known set, new commands, new noise."""
+        assert problem.uncertainty is not None
+        seed = rule.seed + HELD_OUT_SEED
+        plants = plants_of(problem, problem.uncertainty, members + 1, seed)[1:]
+        commands = drawn(min(COMMANDS, members), seed)
+        which = np.sort(np.arange(members) % len(commands))
+        made = [with_command(problem, float(size), float(pace)) for size, pace in commands]
+        problems = [replace(made[c], plant=plant.plant) for c, plant in zip(which, plants, strict=True)]
+        silent = [quiet(one) for one in problems]
+        return cls(problems=problems, silent=silent, streams=rule.plants + np.arange(members), commands=commands[which])
+
+    def __len__(self) -> int:
+        return len(self.problems)
+
+    @property
+    def groups(self) -> list[Array]:
+        """Those of one command."""
+        edges = np.flatnonzero(np.diff(self.commands, axis=0).any(axis=1)) + 1
+        return np.split(np.arange(len(self)), edges)
+
+
+HELD_OUT_SEED = 1
+"""After the rule's: another one, so that no plant of the tuning comes again."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class HeldOut:
+    """One entrant on all that was drawn.
+
+    error     (M,) RMS |e| relative to the RMS of |x_m|; infinite for a run that failed
+    diverged  (M,) truth values; lost: the run does not follow its model, or diverged
+    delay, gain_up, gain_down  (M,) whether it does not bear what the rule asks, on these plants and commands
+    effort    (M,) largest |u|, NaN where it diverged
+    """
+
+    error: Array
+    diverged: Array
+    lost: Array
+    delay: Array
+    gain_up: Array
+    gain_down: Array
+    effort: Array
+
+    @property
+    def failures(self) -> dict[str, Share]:
+        """What is counted first."""
+        found = {
+            "diverged": self.diverged,
+            "lost": self.lost,
+            "delay": self.delay,
+            "gain_up": self.gain_up,
+            "gain_down": self.gain_down,
+        }
+        return {name: Share(count=int(values.sum()), judged=len(values)) for name, values in found.items()}
+
+    def as_json(self) -> dict[str, object]:
+        """Failures first."""
+        return {
+            "failures": {name: share.as_json() for name, share in self.failures.items()},
+            "error": {name: _finite(value) for name, value in self.quantiles.items()},
+            "max_abs_u": _finite(self.largest_control),
+            "errors": [_finite(value) for value in self.error.tolist()],
+        }
+
+    @property
+    def largest_control(self) -> float:
+        """The median of max |u|; infinite where half of the runs diverged."""
+        return median(np.where(self.diverged, np.inf, self.effort))
+
+    @property
+    def quantiles(self) -> dict[str, float]:
+        """Of the errors of all runs; infinite where so many failed."""
+        ordered = np.sort(self.error)
+        upper = float(ordered[min(int(np.ceil(0.9 * len(ordered))), len(ordered)) - 1])
+        return {"median": median(self.error), "upper_tenth": upper, "worst": float(ordered[-1])}
+
+
+def median(values: Array) -> float:
+    """Also of values that are infinite: the lower of the two in the middle, where their mean has no value."""
+    ordered = np.sort(values)
+    low, high = ordered[(len(ordered) - 1) // 2], ordered[len(ordered) // 2]
+    return float(low if low == high or not np.isfinite(low + high) else (low + high) / 2)
+
+
+def _finite(value: float) -> float | None:
+    return value if np.isfinite(value) else None
+
+
+def measure(
+    entrants: Sequence[Qualified],
+    trials: Draws,
+    rule: Rule,
+    simulation: Simulation,
+    *,
+    threads: int | None = None,
+    progress: Progress | None = None,
+) -> dict[str, HeldOut]:
+    """All entrants on the same plants, commands and noise, by their names."""
+    parts: dict[str, list[HeldOut]] = {one.name: [] for one in entrants}
+    groups = trials.groups
+    for g, which in enumerate(groups):
+        streams = trials.streams[which]
+        asked = _Asked.of(rule, simulation)
+        for k, one in enumerate(entrants):
+            noisy, silent = (
+                [(one.entrant.reads(problems[i]), one.controller) for i in which] for problems in (trials.problems, trials.silent)
+            )
+            parts[one.name].append(_measured(noisy, silent, streams, asked, simulation, threads))
+            if progress is not None:
+                progress((g + (k + 1) / len(entrants)) / len(groups))
+    return {name: _joined(several) for name, several in parts.items()}
+
+
+@dataclass(frozen=True, eq=False)
+class _Asked:
+    """What the rule asks to be borne, with the loops that know theta beside it."""
+
+    errors: dict[str, tuple[float, Ideals]]
+    rule: Rule
+
+    @classmethod
+    def of(cls, rule: Rule, simulation: Simulation) -> _Asked:
+        asked: dict[str, tuple[float, ModellingError]] = {
+            "delay": (rule.delay_margin, DelayError()),
+            "gain_up": (rule.gain_margin - 1, GainError()),
+            "gain_down": (rule.gain_margin - 1, GainError(downwards=True)),
+        }
+        return cls({name: (size, Ideals(simulation, np.array([size]), error)) for name, (size, error) in asked.items()}, rule)
+
+
+def _measured(
+    members: Sequence[Member],
+    silent: Sequence[Member],
+    streams: Array,
+    asked: _Asked,
+    simulation: Simulation,
+    threads: int | None,
+) -> HeldOut:
+    """Errors with the noise, what is borne without it."""
+    metrics = simulate_ensemble(members, simulation, numbers=streams, threads=threads).metrics
+    motion = Motion.of(members[0][0], simulation)  # one command, one model
+    lost = ~tracks(tail_error(metrics), np.full(len(members), motion.largest))
+    alone = simulate_ensemble(silent, simulation, numbers=streams, threads=threads).metrics
+    borne = {}
+    for name, (size, ideals) in asked.errors.items():
+        _find(ideals, silent, streams)
+        question = Question(silent, simulation, alone, size, asked.rule.until, streams, ideals, np.zeros(0), threads)
+        borne[name] = question.bears(np.arange(len(members)), graded=False) >= size
+    return HeldOut(
+        error=np.where(lost, np.inf, _relative(metrics, motion)),
+        diverged=np.isfinite(metrics.diverged_at),
+        lost=lost,
+        delay=~borne["delay"],
+        gain_up=~borne["gain_up"],
+        gain_down=~borne["gain_down"],
+        effort=metrics.max_abs_u.reshape(len(members), -1).max(axis=1),
+    )
+
+
+def _find(ideals: Ideals, members: Sequence[Member], streams: Array) -> None:
+    """What the loop that knows theta does on problems that were not looked at yet, side by side."""
+    new = [
+        (problem, int(stream)) for (problem, _), stream in zip(members, streams, strict=True) if id(problem) not in ideals.known
+    ]
+    if new:
+        ideals.find(*(list(part) for part in zip(*new, strict=True)))
+
+
+def _relative(metrics: Metrics, motion: Motion) -> Array:
+    return np.asarray(np.linalg.norm(metrics.rms_e, axis=1) / motion.rms)
+
+
+def _joined(parts: Sequence[HeldOut]) -> HeldOut:
+    return HeldOut(**{name: np.concatenate([vars(part)[name] for part in parts]) for name in vars(parts[0])})

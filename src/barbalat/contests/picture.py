@@ -1,0 +1,54 @@
+"""The picture of a contest: a line for each entrant, from its best held-out run to its worst, with who failed beside it."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from matplotlib.axes import Axes
+
+from barbalat.pictures.theme import NARROW, WIDE, Theme, new_figure
+from barbalat.validate import InputError
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from barbalat.contests.held_out import HeldOut
+    from barbalat.contests.result import Contest
+
+EACH_HEIGHT = 0.42
+"""Of an entrant's line with its name above it [in]."""
+
+
+def draw(found: Contest, *, narrow: bool = False, shown: bool = False) -> Figure:
+    """Errors of all held-out runs of those that meet the rule, the first on top; a cross: on the worst of the tuning's plants."""
+    if not found.held_out:
+        raise InputError("no entrant meets the rule, so that there are no held-out runs to draw")
+    theme, names = Theme.current(), [one.name for one in found.entrants if one.name in found.held_out]
+    figure = new_figure(NARROW if narrow else WIDE, 1.3 + EACH_HEIGHT * len(names), shown=shown, layout="constrained")
+    axes = figure.add_subplot()
+    axes.set_xscale("log")
+    for k, name in enumerate(names):
+        _line(axes, found.held_out[name], name, -k, theme)
+        axes.plot(found[name].error / found.motion, -k, marker="x", color=theme.quiet, markersize=6, linestyle="none")
+    axes.set_yticks([])
+    axes.set_ylim(-len(names) + 0.4, 0.8)
+    axes.set_xlabel("RMS |e| / RMS |x$_m$| (× where it was tuned)" if narrow else
+                    "RMS |e| over RMS |x$_m$| of each held-out run (× on the worst plant of the tuning)", fontsize=9)  # fmt: skip
+    axes.tick_params(labelsize=9)
+    axes.grid(visible=True, axis="x", linewidth=0.3)
+    axes.spines[["top", "right", "left"]].set_visible(False)
+    return figure
+
+
+def _line(axes: Axes, held: HeldOut, name: str, y: float, theme: Theme) -> None:
+    errors, failed = held.error[np.isfinite(held.error)], int(np.isinf(held.error).sum())
+    colour = theme.colour(0)
+    said = f"{name}: {failed} of {len(held.error)} failed" if failed else name
+    axes.annotate(said, (0.0, y + 0.16), xycoords=("axes fraction", "data"), fontsize=9, color=theme.ink, va="bottom")
+    if not len(errors):
+        return
+    axes.plot(errors, np.full(len(errors), y), marker="|", color=colour, markersize=7, linestyle="none", alpha=0.35)
+    middle = held.quantiles["median"]
+    if np.isfinite(middle):
+        axes.plot(middle, y, marker="o", color=colour, markersize=6, linestyle="none")

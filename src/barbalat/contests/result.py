@@ -1,0 +1,99 @@
+"""What a contest found: who meets the rule and with what slack, who fails on what no tuning saw, what differs beyond chance."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from barbalat.contests.held_out import Draws, HeldOut, median
+from barbalat.contests.paired import Paired
+from barbalat.contests.rule import Rule
+from barbalat.contests.tuned import Qualified
+from barbalat.pictures.plotted import Plotted
+from barbalat.problem.state_feedback import Problem
+from barbalat.solvers.simulation import Simulation
+from barbalat.study.motion import Motion
+from barbalat.validate import Array
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+@dataclass(frozen=True, eq=False, kw_only=True, repr=False)
+class Contest(Plotted):
+    """All entrants, those first that meet the rule, then by failures on what no tuning saw, then by the median of their error.
+
+    problem   what was posed, its noise included
+    thetas    (P, p) of the tuning's plants
+    held_out  by names; of those that meet the rule
+    pairs     of these, each with every one that stands behind it
+    left_out  sentences on who does not take part and what was not tried
+    """
+
+    problem: Problem
+    simulation: Simulation
+    rule: Rule
+    thetas: Array
+    entrants: tuple[Qualified, ...]
+    draws: Draws
+    held_out: Mapping[str, HeldOut]
+    pairs: tuple[Paired, ...]
+    left_out: tuple[str, ...]
+    notes: tuple[str, ...]
+    seconds: float
+
+    def __repr__(self) -> str:
+        found = (f"{one.name} {self._said(one)}" for one in self.entrants)
+        return f"<Contest on {self.problem.name!r}: {'; '.join(found)}>"
+
+    def _said(self, one: Qualified) -> str:
+        if one.name not in self.held_out:
+            return "does not meet the rule"
+        held = self.held_out[one.name]
+        return f"{median(held.error):.3g} ({int(held.lost.sum())} of {len(held.lost)} failed)"
+
+    @cached_property
+    def motion(self) -> float:
+        """RMS of |x_m| under the problem's own command."""
+        return Motion.of(self.problem, self.simulation).rms
+
+    def plot(self, *, shown: bool = True) -> Figure:
+        """The error of every held-out run of every entrant, as a Matplotlib figure; InputError where nobody meets the rule.
+
+        shown  to a person at once, by pyplot where that is in use
+        """
+        from barbalat.contests.picture import draw
+
+        return draw(self, shown=shown)
+
+    def __getitem__(self, name: str) -> Qualified:
+        """The entrant of this name."""
+        return next(one for one in self.entrants if one.name == name)
+
+    def as_json(self) -> dict[str, Any]:
+        """The document of ``contest --json``."""
+        noise = self.problem.noise
+        return {
+            "case": self.problem.name,
+            "simulation": self.simulation.as_json(),
+            "rule": self.rule.as_json(),
+            "noise": None if noise is None else {"std": np.atleast_1d(noise.std).tolist(), "sample_time": noise.sample_time},
+            "thetas": self.thetas.tolist(),
+            "held_out": {"members": len(self.draws), "commands": np.unique(self.draws.commands, axis=0).tolist()},
+            "entrants": {one.name: self._entrant(one) for one in self.entrants},
+            "pairs": [one.as_json() for one in self.pairs],
+            "left_out": list(self.left_out),
+            "notes": list(self.notes),
+            "seconds": self.seconds,
+        }
+
+    def _entrant(self, one: Qualified) -> dict[str, Any]:
+        held = self.held_out.get(one.name)
+        return {
+            **one.as_json(self.rule),
+            "held_out": None if held is None else held.as_json(),
+        }

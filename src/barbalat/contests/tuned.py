@@ -1,0 +1,201 @@
+"""One entrant tuned under the rule: the search, the choice, the margins that it has and by how much more than asked."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from barbalat.certificates.certify import certify
+from barbalat.contests.entrant import Entrant, VariedEntrant
+from barbalat.contests.rule import Rule
+from barbalat.loop.binding import bound
+from barbalat.problem.state_feedback import Problem
+from barbalat.protocols import Controller, SampledEquations
+from barbalat.run.progress import Progress
+from barbalat.solvers.simulation import Simulation
+from barbalat.study.delay_margin import DelayMargins
+from barbalat.study.delay_search import Criterion
+from barbalat.sweeps.kinds import Kind, Tried, kinds_of
+from barbalat.tuning.chosen import best_of
+from barbalat.tuning.probing import Probing
+from barbalat.tuning.quantity import PROBES
+from barbalat.tuning.search import least_trials, search
+from barbalat.tuning.trial import Plants, Trial
+from barbalat.tuning.trials import Trials
+from barbalat.validate import Array
+
+EDGE = 0.02
+"""Of a knob's range: a tuning so near to an end would perhaps have gone on."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Probed:
+    """The delay [s] that a loop bears, and the factors by which the input's effectiveness may be multiplied and divided."""
+
+    delay: float
+    gain_up: float
+    gain_down: float
+
+    def slack(self, rule: Rule) -> dict[str, float]:
+        """By which factor each is more than was asked."""
+        return {
+            "delay": self.delay / rule.delay_margin,
+            "gain_up": self.gain_up / rule.gain_margin,
+            "gain_down": self.gain_down / rule.gain_margin,
+        }
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Qualified:
+    """An entrant with the tuning that the rule gives it.
+
+    tuning       numbers of the knobs; of the nearest one where none meets the rule
+    meets        whether the tuning keeps both margins
+    error        RMS |e| on the worst of the tuning's plants; infinite where it diverged
+    margins      by each criterion, on the worst of these plants
+    own          what its designers look at, by keys of its certificate, as far as the certificate claims it
+    settled      how much of the error the second half of the trials has taken away, from 0 to 1; None where the first half
+                 found nothing that meets the rule
+    at_edge      knobs that lie at an end of their range
+    sample_time  with which it runs [s]; None for a continuous one
+    """
+
+    entrant: Entrant
+    controller: Controller
+    tuning: Mapping[str, float]
+    meets: bool
+    error: float
+    margins: Mapping[Criterion, Probed]
+    own: Mapping[str, float]
+    settled: float | None
+    at_edge: tuple[str, ...]
+    trials: int
+    runs: int
+    sample_time: float | None
+
+    @property
+    def name(self) -> str:
+        return self.entrant.name
+
+    def as_json(self, rule: Rule) -> dict[str, object]:
+        """But for what is measured on held-out plants."""
+        return {
+            "meets": self.meets,
+            "tuning": dict(self.tuning),
+            "ranges": {name: str(one) for name, one in zip(self.tuning, self.entrant.space.ranges.values(), strict=True)},
+            "sample_time": self.sample_time,
+            "rms_e": self.error if np.isfinite(self.error) else None,
+            "margins": {which.value: dict(vars(found)) for which, found in self.margins.items()},
+            "slack": self.margins[rule.until].slack(rule),
+            "own_objective": dict(self.own),
+            "settled": self.settled,
+            "at_edge": list(self.at_edge),
+            "trials": self.trials,
+            "runs": self.runs,
+        }
+
+
+def qualify(
+    entrant: Entrant,
+    rule: Rule,
+    plants: Plants,
+    silent: Plants,
+    simulation: Simulation,
+    *,
+    threads: int | None = None,
+    progress: Progress | None = None,
+) -> Qualified:
+    """Search under the rule; ``plants`` are those of the rule as this entrant reads them, ``silent`` the same without noise."""
+    space, problem = entrant.space, plants.problems[0]
+    assert isinstance(problem, Problem)
+    varied = VariedEntrant(entrant, problem, simulation, space.paths)
+    trials = Trials(varied, 0, rule.aim, together=_together(entrant, varied), shared=plants, threads=threads, quiet=silent)
+    if len(space):
+
+        def judged(points: Array, to_beat: float) -> Array:
+            return np.array([trial.score for trial in trials.judged(space.rows(points), to_beat)])
+
+        count = max(rule.trials, least_trials(len(space)))
+        search(judged, len(space), trials=count, seed=rule.seed, start=None, progress=progress)
+    else:
+        trials.judged(np.zeros((1, 0)), np.inf)
+    best = best_of(trials)
+    found = best.nearest
+    controller = entrant.controller(found.row)
+    margins = _probed(trials, silent, controller, rule, simulation)
+    return Qualified(
+        entrant=entrant,
+        controller=controller,
+        tuning=dict(zip(entrant.knobs.values, map(float, found.row), strict=True)),
+        meets=best.chosen is not None,
+        error=np.inf if found.value is None else float(found.value),
+        margins=margins,
+        own=_own(entrant, problem, controller, simulation),
+        settled=_settled(trials.all, rule),
+        at_edge=_at_edge(entrant, found.row),
+        trials=len(trials.all),
+        runs=trials.runs,
+        sample_time=_sample_time(problem, controller),
+    )
+
+
+def _together(entrant: Entrant, varied: VariedEntrant) -> bool:
+    """Whether tunings run side by side in one kernel."""
+    if not len(entrant.space):
+        return True
+    ends = tuple(np.array([one.low, one.high]) for one in entrant.space.ranges.values())
+    middle = entrant.space.rows(np.full((1, len(ends)), 0.5))[0]
+    return all(kind is Kind.NUMBER for kind in kinds_of(varied, Tried(middle, ends)))
+
+
+def _probed(
+    trials: Trials, plants: Plants, controller: Controller, rule: Rule, simulation: Simulation
+) -> dict[Criterion, Probed]:
+    """All margins of the tuning, by both criteria: on each of the plants, of which the worst counts."""
+    members = [(problem, controller) for problem in plants.problems]
+    probing = Probing(members, simulation, np.arange(len(members)), plants, trials.threads)
+    delays, gains = (PROBES[one.quantity.name] for one in rule.constraints)
+    (delay,) = probing.each_margin(delays, rule.delay_margin)
+    up, down = probing.each_margin(gains, rule.gain_margin - 1)
+    trials.runs += probing.runs
+
+    def least(which: Criterion, found: DelayMargins) -> float:
+        return float((found.onset if which is Criterion.ONSET else found.loss).bears.min())
+
+    return {
+        which: Probed(delay=least(which, delay), gain_up=1 + least(which, up), gain_down=1 + least(which, down))
+        for which in Criterion
+    }
+
+
+def _own(entrant: Entrant, problem: Problem, controller: Controller, simulation: Simulation) -> dict[str, float]:
+    """Values of the certificate on the problem's own plant."""
+    certificate = certify(problem, (controller,), simulation)[controller.name]
+    found = {}
+    for key in entrant.knobs.aims:
+        value = certificate.values.get(key)
+        if isinstance(value, dict):
+            value = value.get("value_upper", value.get("upper"))
+        if isinstance(value, (int, float)):
+            found[key] = float(value)
+    return found
+
+
+def _settled(trials: list[Trial], rule: Rule) -> float | None:
+    """By which share the best of all is better than the best of the first half."""
+    scores = [trial.score if trial.meets(rule.aim) else np.inf for trial in trials]
+    half, all_of_them = min(scores[: max(len(scores) // 2, 1)]), min(scores)
+    return float(1 - all_of_them / half) if np.isfinite(half) and half > 0 else None
+
+
+def _at_edge(entrant: Entrant, row: Array) -> tuple[str, ...]:
+    shares = [one.share(float(value)) for one, value in zip(entrant.space.ranges.values(), row, strict=True)]
+    near = [share is None or min(share, 1 - share) < EDGE for share in shares]
+    return tuple(name for name, close in zip(entrant.knobs.values, near, strict=True) if close)
+
+
+def _sample_time(problem: Problem, controller: Controller) -> float | None:
+    equations = bound(problem, controller)
+    return equations.sample_time if isinstance(equations, SampledEquations) else None

@@ -1,0 +1,108 @@
+"""A contest as rows of tables, for the page and for the terminal."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from barbalat.contests.paired import Paired
+from barbalat.contests.result import Contest
+from barbalat.contests.tuned import Qualified
+from barbalat.study.delay_search import Criterion
+
+FAILURES = ("entrant", "failed", "up to", "diverged", "delay", "gain up", "gain down")
+"""Columns of ``failures``."""
+MARGINS = ("entrant", "meets", "error", "delay [s]", "gain up", "gain down", "slack")
+ERRORS = ("entrant", "median", "nine in ten", "worst", "max |u|")
+PAIRS = ("first", "second", "ratio", "from", "to", "better", "worse")
+OWN = ("entrant", "tuning", "its own objective", "changed by the second half")
+
+
+def rule(found: Contest) -> str:
+    """The rule in a sentence."""
+    asked = found.rule
+    until = "it begins to oscillate" if asked.until is Criterion.ONSET else "its motion is lost"
+    return (
+        f"each scheme has the tuning with the least RMS |e| among those that bear {asked.delay_margin:g} s of added delay and "
+        f"the input's gain times {asked.gain_margin:g} and over {asked.gain_margin:g} before {until}, without noise; both on the "
+        f"worst of {len(found.thetas)} plants, {asked.trials} tunings at most each, the same plants, command and noise for all"
+    )
+
+
+def held_out(found: Contest) -> str:
+    """What the tuned ones are measured on, in a sentence."""
+    sizes, paces = found.draws.commands.T
+    return (
+        f"{len(found.draws)} plants of the known set that no tuning saw, the command {sizes.min():.2g} to {sizes.max():.2g} "
+        f"times as large and {paces.min():.2g} to {paces.max():.2g} times as fast, new noise"
+    )
+
+
+def failures(found: Contest) -> list[list[str]]:
+    """Of those that meet the rule: runs that failed, with the upper end of their share's interval; runs that diverged; those that
+    do not bear what the rule asks."""
+    rows = []
+    for name, held in found.held_out.items():
+        counted = held.failures
+        high = counted["lost"].interval[1]
+        others = [str(counted[key].count) for key in ("diverged", "delay", "gain_up", "gain_down")]
+        rows.append([name, str(counted["lost"].count), f"{100 * high:.2g} %", *others])
+    return _in_order(found, rows)
+
+
+def margins(found: Contest) -> list[list[str]]:
+    """Of all: error on the worst plant of the tuning relative to the model's motion, margins there, the least slack."""
+    rows = []
+    for one in found.entrants:
+        kept = one.margins[found.rule.until]
+        slack = min(kept.slack(found.rule).values())
+        error = _number(one.error / found.motion)
+        yes = "yes" if one.meets else "no"
+        rows.append([one.name, yes, error, f"{kept.delay:.3g}", f"{kept.gain_up:.3g}", f"{kept.gain_down:.3g}", f"{slack:.3g}"])
+    return rows
+
+
+def errors(found: Contest) -> list[list[str]]:
+    """Of those that meet the rule, over all held-out runs: quantiles of the error, and the median of max |u|."""
+    rows = []
+    for name, held in found.held_out.items():
+        of = held.quantiles
+        rows.append([name, *(_number(of[key]) for key in ("median", "upper_tenth", "worst")), _number(held.largest_control)])
+    return _in_order(found, rows)
+
+
+def pairs(found: Contest, *, neighbours: bool) -> list[list[str]]:
+    """Each with every one behind it, or with the next one alone."""
+    names = [one.name for one in found.entrants]
+    chosen = [one for one in found.pairs if not neighbours or names.index(one.second) == names.index(one.first) + 1]
+    return [[one.first, one.second, *_ratio(one), str(one.better.count), str(one.worse.count)] for one in chosen]
+
+
+def own(found: Contest) -> list[list[str]]:
+    """Of all: the tuning, what its designers look at, by how much the second half of the trials changed the error."""
+    return [[one.name, tuning(one), _own(one), _settled(one)] for one in found.entrants]
+
+
+def tuning(one: Qualified) -> str:
+    """Its numbers."""
+    return ", ".join(f"{name} {value:.4g}" for name, value in one.tuning.items()) or "as it is"
+
+
+def _ratio(one: Paired) -> list[str]:
+    return [_number(one.ratio), _number(one.interval[0]), _number(one.interval[1])]
+
+
+def _own(one: Qualified) -> str:
+    return ", ".join(f"{name} {value:.4g}" for name, value in one.own.items()) or "none claimed here"
+
+
+def _settled(one: Qualified) -> str:
+    return "met only then" if one.settled is None and one.meets else "-" if one.settled is None else f"{100 * one.settled:.2g} %"
+
+
+def _number(value: float) -> str:
+    return f"{value:.3g}" if np.isfinite(value) else "failed"
+
+
+def _in_order(found: Contest, rows: list[list[str]]) -> list[list[str]]:
+    order = [one.name for one in found.entrants]
+    return sorted(rows, key=lambda row: order.index(row[0]))
