@@ -19,7 +19,7 @@ DEFAULT = "barbalat-fly"
 def add(commands: Commands) -> None:
     """Register the command and its options."""
     parser = commands.add_parser("fly", help="sampled controllers on JSBSim's F-16, with failures; needs the extra flight")
-    parser.add_argument("name", metavar="NAME", help="f16-pitch: the F-16 follows a pitch-rate command")
+    parser.add_argument("name", metavar="NAME", help="f16-pitch, f16-roll: the F-16 follows a pitch-rate or a roll-rate command")
     parser.add_argument("--schemes", metavar="A,B", help="of the project's schemes, with commas between; default: all")
     parser.add_argument("--failure", action="append", metavar="NAME", help="a failure, again for more; default: all")
     parser.add_argument("--delays", action="store_true", help="raise the delay, too, until control is lost; takes twice as long")
