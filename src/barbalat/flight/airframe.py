@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -13,7 +13,7 @@ from barbalat.flight import f16
 from barbalat.validate import Array, InputError
 
 if TYPE_CHECKING:
-    from jsbsim import FGFDMExec
+    from jsbsim import FGFDMExec, FGPropertyNode
 
 RATES_BY, POSITIONS_BY = 4, 4
 """JSBSim's numbers of its integrators: Adams-Bashforth of order 3, for both rotation and translation.
@@ -129,6 +129,16 @@ class Airframe:
         """What the aerodynamic tables see from now on."""
         for name, value in zip(f16.SURFACES, surfaces, strict=True):
             self.fdm[f"surfaces/{name}-rad"] = value
+
+    def surface(self, place: int) -> FGPropertyNode:
+        """What the aerodynamic tables see of one of them [rad], to be set many times."""
+        return self.fdm.get_property_manager().get_node(f"surfaces/{f16.SURFACES[place]}-rad")
+
+    def seeing(self, states: Iterable[str], trimmed: Sequence[float]) -> Callable[[], list[float]]:
+        """A call that reads these angles and rates, less their trim [deg, deg/s]."""
+        manager = self.fdm.get_property_manager()
+        read = [(manager.get_node(PROPERTIES[name]).get_double_value, at) for name, at in zip(states, trimmed, strict=True)]
+        return lambda: [DEGREES * value() - at for value, at in read]
 
     def blow(self, down: float, east: float = 0.0) -> None:
         """The air around it moves so fast from now on [ft/s]; it flies north."""

@@ -1,4 +1,4 @@
-"""Many flights: every controller through every failure on aircraft that are drawn, at three conditions, kept in a store as they come.
+"""Many flights: every controller through every failure on aircraft that are drawn, at three conditions, kept in a store.
 
 A store is that of a sweep: Parquet, a row for each draw, resumed by the same call after whatever ended the last one.
 """
@@ -13,6 +13,7 @@ from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import asdict, dataclass
 from functools import cached_property
 from importlib import metadata
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -24,7 +25,7 @@ from barbalat.flight.comparison import SECONDS_PER_FLIGHT, STARTING_SECONDS, axi
 from barbalat.flight.dispersions import SEED, condition_of, drawn, plan_of
 from barbalat.flight.evidence import Evidence, evidence_of
 from barbalat.flight.failures import Failure
-from barbalat.flight.flight import fly_once
+from barbalat.flight.flight import Timing, fly_once
 from barbalat.flight.isolated import isolated
 from barbalat.flight.sampled_step import SampledList, SampledStep
 from barbalat.flight.schemes import available, require_known
@@ -37,9 +38,9 @@ from barbalat.sweeps.stored import require_parquet
 from barbalat.sweeps.study import Columns
 from barbalat.validate import Array
 
-DURATION = 20.0
-"""[s] of such a flight: one command before what fails, and one after."""
-MEMBERS, CHUNK, PROCESSES = 200, 6, 2
+TIMING = Timing(duration=15.0, fails_at=5.0)
+"""Of such a flight [s]: what fails does so as the first command is reversed; another command follows."""
+MEMBERS, CHUNK, PROCESSES = 200, 4, 2
 """Draws by default, how many of them a process flies before its rows are kept, and how many processes there are."""
 KEPT = ("lost_at", "rms_e", "max_abs_e", "travel")
 """Figures of each flight."""
@@ -66,7 +67,7 @@ class Campaign:
             "conditions": [str(axis.trim.condition) for axis in self.axes],
             "controllers": list(self.controllers),
             "failures": [asdict(failure) for failure in self.failures],
-            "duration": DURATION,
+            "timing": asdict(TIMING),
         }
         return {"case": json.dumps(case), "plan": self.plan.as_json(), "equations": self._equations()}
 
@@ -187,14 +188,15 @@ def flown_members(campaign: Campaign, chunk: Chunk) -> Columns:
     values = campaign.plan.values(*chunk)
     found |= {str(path): values[:, i] for i, path in enumerate(campaign.plan.paths)}
     found["condition"] = found["member"] % len(CONDITIONS)
-    names = [column_name(one, failure.name, figure) for one in campaign.controllers for failure in campaign.failures for figure in KEPT]
+    pairs = product(campaign.controllers, campaign.failures)
+    names = [column_name(one, failure.name, figure) for one, failure in pairs for figure in KEPT]
     found |= {name: np.full(chunk.size, np.nan) for name in names}
     for place, dispersion in enumerate(drawn(campaign.plan, *chunk)):
         which = CONDITIONS.index(condition_of(dispersion.number))
         axis = campaign.axes[which]
         for step in steps[which]:
             for failure in campaign.failures:
-                flight = fly_once(axis, step, failure, dispersion, DURATION)
+                flight = fly_once(axis, step, failure, dispersion, TIMING)
                 figures = flight.figures | {"travel": flight.figures[f"{axis.followed.surface}_travel"]}
                 for figure in KEPT:
                     value = figures[figure]

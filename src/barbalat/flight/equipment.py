@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-
-from barbalat.validate import Array
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -75,8 +74,9 @@ class Sensors:
 
     def __init__(self, equipment: Equipment, step: float, count: int = 2) -> None:
         self._share = -float(np.expm1(-step / equipment.sensor_lag)) if equipment.sensor_lag > 0 else 1.0
-        self.output = np.zeros(count)
+        self.output = [0.0] * count
 
-    def advance(self, seen: Array) -> Array:
-        self.output = self.output + self._share * (seen - self.output)
+    def advance(self, seen: Sequence[float]) -> list[float]:
+        share = self._share
+        self.output = [one + share * (now - one) for one, now in zip(self.output, seen, strict=True)]
         return self.output

@@ -1,4 +1,4 @@
-"""What dispersed flights are evidence of: who loses control how often, errors, and who is better than whom, all with intervals."""
+"""What dispersed flights are evidence of: how often control is lost, errors, and who is better than whom, with intervals."""
 
 from __future__ import annotations
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from barbalat.flight import f16
-from barbalat.flight.airframe import STEP, Airframe, Motion, Surfaces
+from barbalat.flight.airframe import DEGREES, STEP, Airframe, Motion
 from barbalat.flight.axis import SAMPLE_TIME, Axis, Followed
 from barbalat.flight.dispersions import NOMINAL, Dispersion
 from barbalat.flight.equipment import Actuator, Sensors
@@ -18,8 +18,16 @@ from barbalat.flight.sampled_step import SampledList, SampledStep
 from barbalat.linear.zero_order_hold import HeldSystem
 from barbalat.validate import Array
 
-DURATION = 30.0
-"""[s]."""
+
+@dataclass(frozen=True, kw_only=True)
+class Timing:
+    """How long a flight is, and when what fails does [s]."""
+
+    duration: float = 30.0
+    fails_at: float = FAILS_AT
+
+
+TIMING = Timing()
 
 
 def columns_of(followed: Followed) -> dict[str, str]:
@@ -65,6 +73,7 @@ class Flight:
     followed: Followed
     record: Array
     lost: str
+    timing: Timing = TIMING
 
     def column(self, name: str) -> Array:
         """One of ``columns_of`` over the samples."""
@@ -82,13 +91,13 @@ class Flight:
 
     @property
     def rms_error(self) -> float:
-        """Of the followed rate against the model's, from ``FAILS_AT`` on [deg/s]."""
+        """Of the followed rate against the model's, from the failure on [deg/s]."""
         return float(np.sqrt(np.mean(self._error**2)))
 
     @property
     def figures(self) -> dict[str, float | None]:
-        """From ``FAILS_AT`` on, by the names of the JSON; null where control was lost."""
-        after, names = self.record[self.record[:, T] >= FAILS_AT], figures_of(self.followed)
+        """From the failure on, by the names of the JSON; null where control was lost."""
+        after, names = self._after, figures_of(self.followed)
         if self.lost or not len(after):
             return {"lost_at": self.lost_at, **dict.fromkeys(names)}
         load, alpha, surface = (after[:, place] for place in (N_Z, ALPHA, SURFACE))
@@ -99,9 +108,12 @@ class Flight:
         return {"lost_at": None, **dict(zip(names, map(float, values), strict=True))}
 
     @property
+    def _after(self) -> Array:
+        return self.record[self.record[:, T] >= self.timing.fails_at]
+
+    @property
     def _error(self) -> Array:
-        after = self.record[self.record[:, T] >= FAILS_AT]
-        return np.asarray(after[:, RATE] - after[:, MODEL])
+        return np.asarray(self._after[:, RATE] - self._after[:, MODEL])
 
 
 def flown(axis: Axis, contents: SampledList, failures: Sequence[Failure]) -> list[Flight]:
@@ -137,18 +149,18 @@ def delay_borne(axis: Axis, contents: SampledList) -> float:
 
 
 def fly_once(
-    axis: Axis, controller: SampledStep, failure: Failure, dispersion: Dispersion = NOMINAL, duration: float = DURATION
+    axis: Axis, controller: SampledStep, failure: Failure, dispersion: Dispersion = NOMINAL, timing: Timing = TIMING
 ) -> Flight:
     """From trim, or from what a dispersion makes of it."""
     airframe, actuator, sensors = _at_start(axis, dispersion)
     controller.reset()
-    samples, failing = round(duration / SAMPLE_TIME), round(FAILS_AT / SAMPLE_TIME)
+    samples, failing = round(timing.duration / SAMPLE_TIME), round(timing.fails_at / SAMPLE_TIME)
     commands = axis.followed.command(SAMPLE_TIME * np.arange(samples))
     air = _air(axis, failure, dispersion, samples, failing)
-    model, places = _model(axis, commands), np.array(axis.followed.places)
-    trimmed, trim_surfaces = np.rad2deg(np.array(axis.trim.motion)[places]), list(axis.trim.surfaces)
+    model, places = _model(axis, commands), list(axis.followed.places)
+    trimmed, moved = np.rad2deg(np.array(axis.trim.motion)[places]).tolist(), airframe.surface(axis.surface)
     record, effectiveness, lost = np.zeros((samples, len(columns_of(axis.followed)))), dispersion.effectiveness, ""
-    substeps, surface = range(round(SAMPLE_TIME / STEP)), axis.surface
+    substeps, seen = range(round(SAMPLE_TIME / STEP)), airframe.seeing(axis.followed.states, trimmed)
     for k in range(samples):
         if k == failing:
             effectiveness *= failure.effectiveness
@@ -167,11 +179,12 @@ def fly_once(
             record = record[: k + 1]
             break
         for _ in substeps:
-            trim_surfaces[surface] = effectiveness * np.deg2rad(actuator.advance(command))
-            airframe.move(Surfaces(*trim_surfaces))
+            moved.set_double_value(effectiveness * actuator.advance(command) / DEGREES)
             airframe.fdm.run()
-            sensors.advance(airframe.angles(axis.followed.states) - trimmed)
-    return Flight(controller=controller.contents.name, failure=failure, followed=axis.followed, record=record, lost=lost)
+            sensors.advance(seen())
+    return Flight(
+        controller=controller.contents.name, failure=failure, followed=axis.followed, record=record, lost=lost, timing=timing
+    )
 
 
 def _at_start(axis: Axis, dispersion: Dispersion) -> tuple[Airframe, Actuator, Sensors]:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from barbalat.flight.axis import Followed
-from barbalat.flight.flight import DURATION, Flight
+from barbalat.flight.flight import TIMING, Flight
 from barbalat.pictures.panel_drawing import draw
 from barbalat.pictures.panels import Panel, Series, around, span_of, text_of
 from barbalat.pictures.theme import COLOURS
@@ -44,7 +44,7 @@ def figure_of(flights: Sequence[Flight], *, narrow: bool = False, shown: bool = 
     narrow, shown  as of a run's picture
     """
     titles = panels_of(flights[0].followed)
-    return draw([_panel(name, *title, flights) for name, title in titles.items()], DURATION, narrow=narrow, shown=shown)
+    return draw([_panel(name, *title, flights) for name, title in titles.items()], TIMING.duration, narrow=narrow, shown=shown)
 
 
 def _panel(name: str, title: str, unit: str, flights: Sequence[Flight]) -> Panel:

@@ -13,7 +13,7 @@ from barbalat.flight.airframe import INTEGRATOR, STEP
 from barbalat.flight.axis import SAMPLE_TIME
 from barbalat.flight.comparison import FlightComparison
 from barbalat.flight.failures import FAILS_AT, Failure
-from barbalat.flight.flight import DELAY_STEP, DURATION, MOST, Flight, columns_of, figures_of
+from barbalat.flight.flight import DELAY_STEP, MOST, TIMING, Flight, columns_of, figures_of
 
 HEADINGS = ("RMS e\n[deg/s]", "max |e|\n[deg/s]", "n_z\n[g]", "alpha\n[deg]", "surface\n[deg/s]")
 CSV_EVERY = 10
@@ -93,7 +93,10 @@ def facts(found: FlightComparison) -> list[tuple[str, str]]:
     return [
         ("trim", f"{trim.condition}: alpha {alpha:.2f} deg, elevator {elevator:.2f} deg, throttle {trim.throttle:.2f}"),
         ("modes", f"{modes} [1/s]"),
-        ("computed", f"JSBSim {found.jsbsim}, {INTEGRATOR}, {1 / STEP:g} Hz; control at {1 / SAMPLE_TIME:g} Hz, {DURATION:g} s"),
+        (
+            "computed",
+            f"JSBSim {found.jsbsim}, {INTEGRATOR}, {1 / STEP:g} Hz; control at {1 / SAMPLE_TIME:g} Hz, {TIMING.duration:g} s",
+        ),
     ]
 
 
@@ -120,7 +123,7 @@ def as_document(found: FlightComparison) -> dict[str, Any]:
         "equipment": asdict(axis.equipment),
         "simulation": {
             "simulator": f"JSBSim {found.jsbsim}", "integrator": INTEGRATOR, "dt": STEP, "sample_time": SAMPLE_TIME,
-            "t_end": DURATION, "fails_at": FAILS_AT,
+            "t_end": TIMING.duration, "fails_at": FAILS_AT,
         },
         "units": figures_of(axis.followed),
         "failures": {failure.name: _judged(found, failure) for failure in found.failures},
