@@ -43,18 +43,24 @@ class Pairing:
 
     better  draws on which it was better, of those on which they differ: both lost says nothing;
             None where there are none
+    spared  draws on which the other alone was lost, of those on which one of them was lost alone; None where there are none
     """
 
     other: str
     better: Share | None
+    spared: Share | None
 
     @property
     def says(self) -> int:
         """1 where it is better beyond chance, -1 where it is worse, 0 where the interval holds one half."""
-        if self.better is None:
-            return 0
-        low, high = self.better.interval
-        return 1 if low > 1 / 2 else -1 if high < 1 / 2 else 0
+        return _says(self.better)
+
+
+def _says(share: Share | None) -> int:
+    if share is None:
+        return 0
+    low, high = share.interval
+    return 1 if low > 1 / 2 else -1 if high < 1 / 2 else 0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -107,6 +113,9 @@ def evidence_of(column: Callable[[str, str, str], Array], controllers: Sequence[
 
 def _paired(own: Array, other: str, errors: Array) -> Pairing:
     own, errors = (np.where(np.isnan(one), np.inf, one) for one in (own, errors))
-    apart = own != errors
-    judged = int(apart.sum())
-    return Pairing(other=other, better=Share(count=int((own < errors).sum()), judged=judged) if judged else None)
+    lost, gone = np.isinf(own), np.isinf(errors)
+    return Pairing(other=other, better=_share(own < errors, own != errors), spared=_share(gone & ~lost, gone != lost))
+
+
+def _share(counted: Array, judged: Array) -> Share | None:
+    return Share(count=int(counted.sum()), judged=int(judged.sum())) if judged.any() else None

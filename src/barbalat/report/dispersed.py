@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
+from importlib import metadata
 from typing import Any
 
+import barbalat
 from barbalat.flight.dispersed import KEPT, TIMING, DispersedComparison
 from barbalat.flight.dispersions import DRAWN
 from barbalat.flight.evidence import Flown, Median, Pairing
@@ -127,6 +129,7 @@ def as_document(found: DispersedComparison) -> dict[str, Any]:
         "conditions": [str(axis.trim.condition) for axis in found.campaign.axes],
         "timing": vars(TIMING),
         "numbers": TUNED[found.campaign.name],
+        "versions": {"barbalat": barbalat.__version__} | {name: metadata.version(name) for name in ("jsbsim", "numpy", "scipy")},
         "figures": list(KEPT),
         "lost": {name: {"count": count, "flights": flights} for name, (count, flights) in found.evidence.lost.items()},
         "failures": {
@@ -141,6 +144,7 @@ def _as_json(one: Flown) -> dict[str, Any]:
         "rms_e": _median(one.error),
         "travel": _median(one.travel),
         "less_error_than": {pairing.other: _share(pairing.better) for pairing in one.pairings},
+        "kept_where_lost": {pairing.other: _share(pairing.spared) for pairing in one.pairings},
     }
 
 
