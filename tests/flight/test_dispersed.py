@@ -1,6 +1,7 @@
 """Aircraft that are drawn: what a draw does to them, and that a store goes on where it was left."""
 
 import json
+from importlib import resources
 
 import numpy as np
 import pytest
@@ -17,7 +18,7 @@ from barbalat.flight.dispersions import DRAWN, NOMINAL, Dispersion, drawn, plan_
 from barbalat.flight.failures import NONE
 from barbalat.flight.flight import fly_once
 from barbalat.flight.sampled_step import SampledList, SampledStep
-from barbalat.flight.schemes import flying
+from barbalat.flight.schemes import TUNED, flying
 from barbalat.flight.trim import trimmed
 
 pytestmark = pytest.mark.full  # ./dev flight runs them; each starts a simulator
@@ -50,7 +51,7 @@ def test_twice_the_damping_is_twice_its_part_of_the_linear_model(axis):
     assert abs(without) < 0.15 * abs(whole)
 
 
-def test_a_load_is_heavier_and_less_lift_sinks(axis):
+def test_a_load_is_heavier_and_with_less_lift_it_sinks(axis):
     """100 lb more of W: n_z falls by 100/W at the same lift."""
     before, after = Airframe(axis.trim.condition), Airframe(axis.trim.condition)
     after.load(100.0)
@@ -63,7 +64,7 @@ def test_a_load_is_heavier_and_less_lift_sinks(axis):
     lift = 1 - before.load_factor * before.fdm["inertia/weight-lbs"] / after.fdm["inertia/weight-lbs"]
     assert 1 - after.load_factor == pytest.approx(lift, rel=1e-2)  # two steps of 2.5 ms later the lift is not quite the same
     less = rates(axis.trim, lambda one: one.scale("lift", 0.9))
-    assert less[1] == pytest.approx(-0.1 * 32.17 / axis.trim.speed, rel=0.15)  # but for the lift of flaps and of q
+    assert less[1] == pytest.approx(0.1 * 32.17 / axis.trim.speed, rel=0.15)  # alpha grows; the flaps' lift stays
 
 
 def test_draws_are_within_their_ranges_and_the_same_whoever_asks():
@@ -89,7 +90,7 @@ def test_a_store_goes_on_where_it_was_left_in_the_same_bits(tmp_path, monkeypatc
         arguments = {"schemes": ["lqr", "l1-piecewise"], "failures": ["reversed"], "members": 6} | changed
         return fly_dispersed(store=store, **arguments)
 
-    monkeypatch.setattr(dispersed, "CHUNK", 3)
+    monkeypatch.setattr(dispersed, "MOST_DRAWS", 3)
     names = [f"{one}, reversed/{figure}" for one in ("LQR", "L1 piecewise") for figure in ("lost_at", "rms_e")]
     expected = fly(processes=1)
     assert len(fly(tmp_path / "store").rows.names) == len(expected.rows.names)
@@ -101,6 +102,18 @@ def test_a_store_goes_on_where_it_was_left_in_the_same_bits(tmp_path, monkeypatc
     assert again.evidence.lost == {"LQR": (6, 6), "L1 piecewise": (6, 6)}
     with pytest.raises(dispersed.validate.InputError, match="is of"):
         fly(tmp_path / "store", schemes=["lqr"])
+
+
+def test_the_stored_flights_of_the_ledger_are_flown_again():
+    """Its first draw, by three schemes through what is over soonest; other processors round otherwise, and a second later that shows."""
+    stored = json.loads(resources.files("barbalat.claims").joinpath("flown.json").read_text(encoding="utf-8"))
+    assert stored["numbers"] == TUNED["f16-pitch"]
+    found = fly_dispersed(
+        schemes=["linear", "adrc", "l1"], failures=["elevator-50", "reversed"], members=1, seed=stored["plan"]["seed"]
+    )
+    for name, value in found.rows.row(0).items():
+        expected = stored["first_draw"][name]
+        assert value == pytest.approx(float("nan") if expected is None else expected, rel=1e-6, nan_ok=True), name
 
 
 def test_the_command_says_losses_first_and_leaves_page_and_json(tmp_path, capsys):

@@ -38,7 +38,9 @@ class Flights:
     def failures(self) -> tuple[str, ...]:
         """Those that somebody survives."""
         every = self.document["failures"]
-        return tuple(one for one, found in every.items() if any(flown["lost"]["count"] < self.members for flown in found.values()))
+        return tuple(
+            one for one, found in every.items() if any(flown["lost"]["count"] < self.members for flown in found.values())
+        )
 
     def lost(self, controller: str, failure: str) -> int:
         return int(self.document["failures"][failure][controller]["lost"]["count"])
@@ -70,7 +72,12 @@ def claim() -> Claim:
     readings = (
         _losses(flights, linear, adaptive),
         _better(flights, "the adaptation: an adaptive scheme follows better", linear, adaptive, ERROR),
-        _against(flights, "the filter: L1 with its filter and fast adaptation follows better than MRAC, which has neither", "L1", "MRAC"),
+        _against(
+            flights,
+            "the filter: L1 with its filter and fast adaptation follows better than MRAC, which has neither",
+            "L1",
+            "MRAC",
+        ),
         _against(
             flights,
             "the speed: L1 with the piecewise-constant law, which estimates anew at each sample, follows better than robust MRAC",
@@ -90,7 +97,7 @@ def claim() -> Claim:
         f"{document['versions']['jsbsim']}, barbalat {document['versions']['barbalat']}, seed {document['plan']['seed']}, equations {document['equations'][:12]}. "
         "JSBSim's F-16 follows a pitch-rate command at 100 Hz through its actuator, limits, sensors and bus; draws of mass, balance, derivatives, start, gusts "
         "and delay take turns at three conditions. All schemes were tuned by one rule on the linearised nominal aircraft: least RMS error with a delay margin of "
-        "0.1 s and a gain margin of 2. A test flies some draws again where JSBSim is installed",
+        "0.1 s and a gain margin of 2. Beyond chance is at 95 % for each pair. A test flies a draw again where JSBSim is installed",
         listings=(_table(flights),),
         number=_number(flights, linear, adaptive, flights_of_each),
         readings=readings,

@@ -40,8 +40,10 @@ from barbalat.validate import Array
 
 TIMING = Timing(duration=15.0, fails_at=5.0)
 """Of such a flight [s]: what fails does so as the first command is reversed; another command follows."""
-MEMBERS, CHUNK, PROCESSES = 200, 4, 2
-"""Draws by default, how many of them a process flies before its rows are kept, and how many processes there are."""
+MEMBERS, PROCESSES = 200, 2
+"""Draws by default, and processes."""
+CHUNK_FLIGHTS, MOST_DRAWS = 256, 25
+"""Flights that a process flies before their rows are kept, half a minute's; and draws at most, so that all have some."""
 KEPT = ("lost_at", "rms_e", "max_abs_e", "travel")
 """Figures of each flight."""
 
@@ -59,6 +61,11 @@ class Campaign:
     @property
     def controllers(self) -> tuple[str, ...]:
         return tuple(one.name for one in self.lists[0])
+
+    @property
+    def chunk(self) -> int:
+        """Draws that one process flies."""
+        return min(max(CHUNK_FLIGHTS // (len(self.controllers) * len(self.failures)), 1), MOST_DRAWS)
 
     def identity(self) -> dict[str, object]:
         """What a store must have been made with to be gone on with."""
@@ -145,7 +152,7 @@ def fly_dispersed(
     campaign = Campaign(name=name, axes=axes, lists=lists, failures=chosen, plan=plan)
     with _sink(campaign, store) as sink:
         resumed = sink.stored if isinstance(sink, Store) else 0
-        missing = [one for one in chunks_of(members, CHUNK) if not (isinstance(sink, Store) and sink.holds(one))]
+        missing = [one for one in chunks_of(members, campaign.chunk) if not (isinstance(sink, Store) and sink.holds(one))]
         done, waiting = resumed, {}
         for chunk, columns in _made(campaign, missing, processes):
             waiting[chunk.first] = columns
@@ -165,13 +172,13 @@ def _sink(campaign: Campaign, store: str | Path | None) -> Iterator[Store | Kept
     if store is None:
         yield Kept(None)
         return
-    with opened(Path(store), campaign.identity(), len(campaign.plan), CHUNK) as found:
+    with opened(Path(store), campaign.identity(), len(campaign.plan), campaign.chunk) as found:
         yield found
 
 
 def _made(campaign: Campaign, chunks: Sequence[Chunk], processes: int) -> Iterator[tuple[Chunk, Columns]]:
     """Each chunk in a process of its own, so many at a time, as they are done."""
-    seconds = STARTING_SECONDS + CHUNK * SECONDS_PER_FLIGHT * len(campaign.failures) * len(campaign.controllers)
+    seconds = STARTING_SECONDS + campaign.chunk * SECONDS_PER_FLIGHT * len(campaign.failures) * len(campaign.controllers)
     pool = ThreadPoolExecutor(processes)
     try:
         flying = {pool.submit(isolated, seconds, flown_members, campaign, chunk): chunk for chunk in chunks}

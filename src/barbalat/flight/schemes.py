@@ -160,14 +160,14 @@ TUNED: dict[str, dict[str, Numbers]] = {
     },
     "f16-roll": {
         "lqr": {},
-        "linear": {"bandwidth": 5.6},
-        "hinf": {"bandwidth": 2.0},
-        "adrc": {"bandwidth": 5.6},
-        "mrac": {"adaptation": 1.5},
-        "robust-mrac": {"bandwidth": 5.6, "covariance": 1.0},
-        "l1": {"bandwidth": 5.6, "adaptation": 30.0},
-        "l1-piecewise": {"bandwidth": 5.6},
-        "l1-piecewise-flown": {"bandwidth": 5.6},
+        "linear": {"bandwidth": 6.19},
+        "hinf": {"bandwidth": 2.18},
+        "adrc": {"bandwidth": 6.74},
+        "mrac": {"adaptation": 2.8},
+        "robust-mrac": {"bandwidth": 6.75, "covariance": 0.001},
+        "l1": {"bandwidth": 50.0, "adaptation": 2.83},
+        "l1-piecewise": {"bandwidth": 8.42},
+        "l1-piecewise-flown": {"bandwidth": 7.46},
     },
 }
 """By flights and schemes, to three digits: what ``benchmarks/flight_tuning.py`` finds at 10,013 ft and Mach 0.525."""

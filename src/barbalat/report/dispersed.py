@@ -14,18 +14,20 @@ from barbalat.flight.evidence import Flown, Median, Pairing
 from barbalat.flight.schemes import TUNED
 from barbalat.sweeps.evidence import Share
 
+LARGE = 9.995
 BESIDE = "LQR with PI"
 """What all are paired with, where it flies: the simplest of those that restore a trim."""
 RULE = (
     "one rule for all (benchmarks/flight_tuning.py): least RMS error on the linearised aircraft with a delay margin of 0.1 s and "
     "a gain margin of 2"
 )
-HEADINGS = ("controller", "lost", "of 100\nat 95 %", "median\nRMS e", "at 95 %", "less than\nPI's", "surface\n[deg/s]")
+HEADINGS = ("controller", "lost", "of 100\nat 95 %", "median\nRMS e", "at 95 %", "less\nthan PI", "surface\n[deg/s]")
 NOTES = (
     "Lost: how many draws were lost, and the share of all draws that this is evidence of, by Clopper and Pearson's interval",
     "a lost flight counts as an infinite error in the median, whose interval is that of order statistics",
-    f"less than PI's: on how many of 100 draws the error is smaller than that of {BESIDE}, of those that not both lost; + and - "
-    "stand where that is beyond chance, by the exact interval of the share: all flew the same draws",
+    f"less than PI: on how many of 100 draws the error is smaller than that of {BESIDE}, of those that not both lost; + and - "
+    "stand where that is beyond chance, by the exact interval of the share at 95 %: all flew the same draws, and of forty such "
+    "comparisons one would say so by chance",
 )
 
 
@@ -62,7 +64,8 @@ def _interval(ends: Iterable[float], digits: int = 0) -> str:
 
 
 def _number(value: float, digits: int = 2) -> str:
-    return f"{value:.{digits}f}" if math.isfinite(value) else "lost"
+    """So many digits after the point, one less where two stand before it."""
+    return f"{value:.{max(digits - (value >= LARGE), 0)}f}" if math.isfinite(value) else "lost"
 
 
 def losses(found: DispersedComparison) -> list[list[str]]:
@@ -76,7 +79,7 @@ def losses(found: DispersedComparison) -> list[list[str]]:
 
 def loss_headings(found: DispersedComparison) -> tuple[str, ...]:
     """Of ``losses``."""
-    return ("controller", "all", *(failure.replace("-", "-\n") for failure in found.evidence.by_failure))
+    return ("controller", "all", *found.evidence.by_failure)
 
 
 def verdicts(found: DispersedComparison) -> list[str]:
@@ -131,6 +134,7 @@ def as_document(found: DispersedComparison) -> dict[str, Any]:
         "numbers": TUNED[found.campaign.name],
         "versions": {"barbalat": barbalat.__version__} | {name: metadata.version(name) for name in ("jsbsim", "numpy", "scipy")},
         "figures": list(KEPT),
+        "first_draw": {name: value if math.isfinite(value) else None for name, value in found.rows.row(0).items()},
         "lost": {name: {"count": count, "flights": flights} for name, (count, flights) in found.evidence.lost.items()},
         "failures": {
             failure: {one.controller: _as_json(one) for one in several} for failure, several in found.evidence.by_failure.items()
@@ -154,4 +158,4 @@ def _median(one: Median) -> dict[str, Any]:
 
 
 def _share(one: Share | None) -> dict[str, Any] | None:
-    return None if one is None else one.as_json()
+    return None if one is None else {"count": one.count, "judged": one.judged, "interval": list(one.interval)}

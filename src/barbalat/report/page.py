@@ -160,7 +160,7 @@ def dispersed_flights(found: DispersedComparison) -> str:
         "facts": dispersed.facts(found),
         "notes": dispersed.NOTES,
         "headings": tuple(heading.replace("\n", " ") for heading in dispersed.HEADINGS),
-        "loss_headings": tuple(heading.replace("-\n", "-") for heading in dispersed.loss_headings(found)),
+        "loss_headings": dispersed.loss_headings(found),
     }
     return _render("dispersed.html", found=found, **told, **values)
 
