@@ -65,9 +65,8 @@ def tune(axis: Axis, scheme: str) -> None:
     found = qualify(entrant, RULE, plants, SIMULATION)
     margins = found.margins[RULE.until]
     numbers = ", ".join(f"{knob} {value:.3g}" for knob, value in found.tuning.items())
-    print(
-        f"{scheme}: {numbers or 'nothing is set'}; {'meets' if found.meets else 'does not meet'} the rule; RMS e {found.error:.4g};"
-    )
+    kept = "meets" if found.meets else "does not meet"
+    print(f"{scheme}: {numbers or 'nothing is set'}; {kept} the rule; RMS e {found.error:.4g};")
     print(f"    delay borne {margins.delay:.3g} s, gain up {margins.gain_up:.3g}, down {margins.gain_down:.3g}", flush=True)
     if found.at_edge:
         print(f"    at the end of its range: {', '.join(found.at_edge)}", flush=True)

@@ -105,7 +105,7 @@ def test_a_store_goes_on_where_it_was_left_in_the_same_bits(tmp_path, monkeypatc
 
 
 def test_the_stored_flights_of_the_ledger_are_flown_again():
-    """Its first draw, by three schemes through what is over soonest; other processors round otherwise, and a second later that shows."""
+    """Its first draw, by three schemes: to what another processor's rounding leaves alike in ten seconds."""
     stored = json.loads(resources.files("barbalat.claims").joinpath("flown.json").read_text(encoding="utf-8"))
     assert stored["numbers"] == TUNED["f16-pitch"]
     found = fly_dispersed(
