@@ -65,6 +65,8 @@ DRAWN = {
     "delay": Uniform(0.0, 0.02),  # two samples of a busy bus
 }
 """From what each is drawn: what wind-tunnel data are commonly uncertain by, a tenth to a third."""
+UNITS = {"load": " lb", "ballast_aft": " in", "attitude": " deg", "gusts": " ft/s", "delay": " s"}
+"""Of these; the others are factors of what is nominal."""
 SEED = 2013
 
 

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from importlib import metadata
 from typing import Any
 
 import barbalat
 from barbalat.flight.dispersed import KEPT, TIMING, DispersedComparison
-from barbalat.flight.dispersions import DRAWN
+from barbalat.flight.dispersions import DRAWN, UNITS
 from barbalat.flight.evidence import Flown, Median, Pairing
 from barbalat.flight.schemes import TUNED
 from barbalat.sweeps.evidence import Share
@@ -91,26 +91,31 @@ def verdicts(found: DispersedComparison) -> list[str]:
             said.append(f"{failure}: all lose every flight")
             continue
         fewest = [one.controller for one in several if one.lost.count == least]
-        many = "all" if len(fewest) == len(several) else ", ".join(fewest)
+        many = "all" if len(fewest) == len(several) else _listed(fewest)
         parts = [f"{failure}: fewest losses, {least} of {found.members}: {many}; least error: {_least(several)}"]
         for sign, word in ((1, "less"), (-1, "more")):
             names = [one.controller for one in several if (pair := _against(one, BESIDE)) is not None and pair.says == sign]
             if names:
-                parts.append(f"{word} error than {BESIDE} beyond chance: {', '.join(names)}")
+                parts.append(f"{word} error than {BESIDE} beyond chance: {_listed(names)}")
         said.append("; ".join(parts))
     return said
+
+
+def _listed(names: Sequence[str]) -> str:
+    """With commas between them and none within."""
+    return ", ".join(name.replace(",", "") for name in names)
 
 
 def _least(several: tuple[Flown, ...]) -> str:
     """By the median, with those whose paired difference from it may be chance."""
     best = min(several, key=lambda one: one.error.value)
     alike = [pairing.other for pairing in best.pairings if pairing.says != 1]
-    return best.controller + (f" (not beyond chance against {', '.join(alike)})" if alike else "")
+    return best.controller + (f" (not beyond chance against {_listed(alike)})" if alike else "")
 
 
 def facts(found: DispersedComparison) -> list[tuple[str, str]]:
     """What was drawn, where it flies, how it was set."""
-    draws = ", ".join(f"{name.replace('_', ' ')} {one.low:g} to {one.high:g}" for name, one in DRAWN.items())
+    draws = ", ".join(f"{name.replace('_', ' ')} {one.low:g} to {one.high:g}{UNITS.get(name, '')}" for name, one in DRAWN.items())
     conditions = "; ".join(str(axis.trim.condition) for axis in found.campaign.axes)
     flown = f"{found.members} draws by seed {found.campaign.plan.seed}, taking turns at {conditions}"
     return [
