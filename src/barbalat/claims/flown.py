@@ -1,6 +1,6 @@
 """What flights on JSBSim's F-16 came to: the one row that is read and not measured, for its simulator is not everybody's.
 
-``flown.json`` is the document of ``barbalat fly f16-pitch --dispersions 200 --json``, as that command wrote it.
+``flown.json`` is the document of ``barbalat fly f16-pitch --dispersions N --json``, its blanks left out.
 """
 
 from __future__ import annotations
