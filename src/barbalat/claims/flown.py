@@ -101,6 +101,7 @@ def claim() -> Claim:
         listings=(_table(flights),),
         number=_number(flights, linear, adaptive, flights_of_each),
         readings=readings,
+        condition=_condition(flights, linear, adaptive),
         would_change="another aircraft, margin, command or rule; faults that were known when the linear designs were made",
     )  # fmt: skip
 
@@ -144,6 +145,16 @@ def _against(flights: Flights, says: str, one: str, other: str) -> Reading:
         verdict(holds=bool(found[1]), conditional=len(found[1]) < len(flights.failures)),
         f"less error through {_named(found[1])}, more through {_named(found[-1])}",
     )
+
+
+def _condition(flights: Flights, linear: Sequence[str], adaptive: Sequence[str]) -> str:
+    """By which criterion who wins, and through what."""
+    found = {
+        criterion: {one: list(flights.over_all(one, linear, by)) for one in adaptive}
+        for criterion, by in (("losses", LOSS), ("the error", ERROR))
+    }
+    said = [f"by {criterion} {_who(better)}" for criterion, better in found.items() if any(better.values())]
+    return f"against every linear design {'; '.join(said) or 'nobody wins'}. The filter and the speed pay through some failures alone"
 
 
 def _who(found: dict[str, list[str]]) -> str:
