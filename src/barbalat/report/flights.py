@@ -21,7 +21,7 @@ CSV_EVERY = 10
 NOTES = (
     f"After the failure, which comes at {FAILS_AT:g} s and stays; e is the followed rate less that "
     "of the model to follow, alpha its largest value, surface how far that moves in a second",
-    "each scheme has one setting, by a stated rule and not tuned: what is ranked is these settings",
+    "each scheme has the setting that one rule gives on the linearised aircraft, and none is tuned on flights: these are ranked",
 )
 
 
