@@ -59,6 +59,8 @@ EXPECTED = {
     "l1-output-is-lti": "confirmed",
     # sigma_hat(infinity) = e^(aT) sigma: an integral action for a = 0 alone (docs/piecewise.md)
     "l1-piecewise-is-lti": "confirmed with conditions",
+    # what is stored says so: tests/claims/test_flown.py, tests/flight/test_dispersed.py
+    "adaptive-in-flight": "confirmed with conditions",
     "rohrs": "confirmed with conditions",
     # V falls at every sample, whatever the gain (docs/sampled.md)
     "sampled-midpoint": "not confirmed",

@@ -11,9 +11,9 @@ from scipy.optimize import brentq
 from barbalat.adaptation.laws import Gradient, LeastSquares
 from barbalat.adaptation.learning import CompositeLearning
 from barbalat.cases.load import load_case
-from barbalat.controllers import L1Adaptive, Mrac, NormalizedMrac, RobustMrac, Sampled
+from barbalat.controllers import L1Adaptive, LinearFeedback, Mrac, NormalizedMrac, RobustMrac, Sampled
 from barbalat.controllers.windup import ModifiedError
-from barbalat.linear.systems import input_filter
+from barbalat.linear.systems import StateSpace, TransferFunction, input_filter
 from barbalat.loop.packing import flatten
 from barbalat.problem.actuation import PlantInput
 from barbalat.problem.state_feedback import ParameterBox, Plant, Problem
@@ -197,3 +197,27 @@ def test_refusals(problems):
     assert "mu" in refusal(lambda: ModifiedError(mu=-1.0))
     learning = CompositeLearning(gamma_c=1.0, time_constant=0.1)
     assert "learning" in refusal(lambda: Mrac(gamma=1.0, modified_error=ModifiedError(), learning=learning))
+
+
+def test_a_pi_with_anti_windup_is_back_calculation_with_its_own_time_constant():
+    """(d/dt) of what the integrator gives to u is k_p/T_i e + (sat(u) - u)/T_i."""
+    problem, k_p, T_i = limited(load_case("paper").problem, 1.0), 3.0, 0.7
+    pi = LinearFeedback(TransferFunction([k_p * T_i, k_p], [T_i, 0.0]), output=[0.0, 1.0], anti_windup=k_p)
+    equations = pi.bind(problem.known)
+    state, x, x_m = equations.initial(), np.zeros(2), np.array([0.0, 0.2])
+    rates = [equations.K.C @ equations.derivative(state, x, x_m, 0.0, u).K for u in (0.5, 4.0, -2.0)]
+    np.testing.assert_allclose(rates, k_p / T_i * 0.2 + np.array([0.0, -3.0, 1.0]) / T_i, rtol=1e-12)
+
+
+def test_anti_windup_makes_any_linear_controller_forget_at_a_limit():
+    """Also of an order above one, with an integrator and without a direct part: A - L C is stable."""
+    A = np.array([[0.0, 1.0, 0.0], [0.0, -2.0, 5.0], [0.0, 0.0, -30.0]])
+    K = StateSpace(A, np.array([0.0, 0.0, 30.0]), np.array([1.0, 0.3, 0.0]), 0.0)
+    equations = LinearFeedback(K, anti_windup=0.5).bind(limited(load_case("paper").problem, 1.0).known)
+    assert np.linalg.eigvals(K.A - np.outer(equations.L, K.C)).real.max() < -0.1
+
+
+def test_anti_windup_needs_limits():
+    problem = load_case("paper").problem
+    unlimited = LinearFeedback(TransferFunction([1.0], [1.0, 0.0]), anti_windup=1.0)
+    assert "anti_windup needs plant.input.saturation" in refusal(lambda: unlimited.bind(problem.known))

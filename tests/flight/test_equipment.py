@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
-from barbalat.flight.equipment import Elevator, Equipment, Sensors
+from barbalat.flight.equipment import Actuator, Equipment, Sensors
 
 STEP = 1 / 400
 
 
 def test_a_small_step_arrives_after_the_delay_and_follows_the_lag_exactly():
     equipment = Equipment(actuator_lag=0.05, transport_delay=0.02)
-    elevator = Elevator(equipment, STEP, start=-1.0)
+    elevator = Actuator(equipment, STEP, start=-1.0)
     found = [elevator.advance(0.5) for _ in range(200)]
     t = STEP * np.arange(1, 201)
     expected = -1 + 1.5 * -np.expm1(-np.clip(t - 0.02, 0, None) / 0.05)
@@ -18,7 +18,7 @@ def test_a_small_step_arrives_after_the_delay_and_follows_the_lag_exactly():
 
 
 def test_it_moves_no_faster_and_no_further_than_it_can():
-    elevator = Elevator(Equipment(rate_limit=60, limit=25), STEP, start=0.0)
+    elevator = Actuator(Equipment(rate_limit=60, limit=25), STEP, start=0.0)
     found = np.array([0.0, *(elevator.advance(1e3) for _ in range(400))])
     assert np.diff(found).max() == pytest.approx(60 * STEP)
     assert 24.9 < found[-1] <= 25
@@ -26,7 +26,7 @@ def test_it_moves_no_faster_and_no_further_than_it_can():
 
 def test_a_longer_delay_holds_what_arrived_and_loses_nothing():
     equipment = Equipment(actuator_lag=1e-9, rate_limit=1e9, transport_delay=2 * STEP)  # the deflection is what arrives
-    elevator = Elevator(equipment, STEP, start=0.0)
+    elevator = Actuator(equipment, STEP, start=0.0)
     sent = [0.1 * k for k in range(12)]
     found = []
     for k, command in enumerate(sent):
@@ -46,7 +46,7 @@ def test_sensors_lag_by_their_time_constant():
 
 
 def test_a_runaway_goes_nose_up_at_its_rate_to_the_limit_and_then_follows_again():
-    elevator = Elevator(Equipment(rate_limit=60, limit=25), STEP, start=5.0)
+    elevator = Actuator(Equipment(rate_limit=60, limit=25), STEP, start=5.0)
     elevator.run_away(0.2)
     found = [elevator.advance(5.0) for _ in range(400)]
     assert found[79] == pytest.approx(5 - 0.2 * 60)

@@ -10,18 +10,18 @@ from scipy.linalg import expm
 
 pytest.importorskip("jsbsim", reason="the extra flight is not installed: ./dev flight installs it")
 
-from barbalat import FlightCondition, InputError, Mrac, Sampled, SimulatorFailed, fly
+from barbalat import FlightCondition, InputError, Mrac, Sampled, SimulatorFailed, fly, pi_feedback
 from barbalat.cli import main
 from barbalat.flight import comparison, flight
 from barbalat.flight.airframe import STEP
-from barbalat.flight.equipment import Elevator, Equipment, Sensors
-from barbalat.flight.failures import FAILURES
-from barbalat.flight.pitch import PitchAxis
+from barbalat.flight.axis import PITCH, ROLL, Axis
+from barbalat.flight.equipment import Actuator, Equipment, Sensors
+from barbalat.flight.failures import OF_PITCH, OF_ROLL
 from barbalat.flight.sampled_step import SampledList, SampledStep
-from barbalat.flight.schemes import SCHEMES
+from barbalat.flight.schemes import flying
 from barbalat.flight.trim import trimmed
-from barbalat.signals import Steps
 
+FAILURES = {one.name: one for one in OF_PITCH}
 pytestmark = pytest.mark.full  # ./dev flight runs them; each starts a simulator
 
 
@@ -30,15 +30,14 @@ def flown():
     return fly("f16-pitch", schemes=["lqr", "linear", "l1-piecewise"], failures=["none", "aft-cg", "reversed"])
 
 
-def test_a_small_flight_is_the_linear_loop(monkeypatch):
+def test_a_small_flight_is_the_linear_loop():
     """The linear model of all four longitudinal states with the same equipment and u = k_0 r - K y, written out here."""
-    small = Steps(times=(1.0, 3.0, 5.0, 7.0), values=(0.3, 0.0, -0.3, 0.0))  # deg/s; the tables bend within degrees of trim
-    monkeypatch.setattr(flight, "COMMAND", small)
-    axis = PitchAxis(trim=trimmed(FlightCondition()))
+    axis = Axis(trim=trimmed(FlightCondition()), followed=replace(PITCH, commanded=0.3))  # the tables bend within degrees of trim
+    small = axis.followed.command
     whole = np.zeros((5, 5))
     whole[:4, :4], whole[:4, 4] = axis.trim.A[:4, :4], axis.trim.B[:4, 0]
     ahead = expm(whole * STEP)[:4]
-    elevator, sensors = Elevator(Equipment(), STEP, 0.0), Sensors(Equipment(), STEP)
+    elevator, sensors = Actuator(Equipment(), STEP, 0.0), Sensors(Equipment(), STEP)
     x, q = np.zeros(4), []
     for k in range(1000):
         u = axis.k_0 * float(small(np.array(0.01 * k))) - axis.gain @ sensors.output
@@ -46,7 +45,7 @@ def test_a_small_flight_is_the_linear_loop(monkeypatch):
         for _ in range(4):
             x = ahead @ np.append(x, np.deg2rad(elevator.advance(u)))
             sensors.advance(np.rad2deg(x[[1, 3]]))
-    (found,) = flight.flown(axis, SampledList.of(*SCHEMES["lqr"](axis)), [FAILURES["none"]])
+    (found,) = flight.flown(axis, SampledList.of(*flying(axis, ["lqr"])[0]), [FAILURES["none"]])
     assert np.abs(found.column("q")[:1000] - q).max() < 0.02 * 0.3  # what is left is of second order, and the surfaces' late step
 
 
@@ -71,22 +70,42 @@ def test_who_loses_control_and_who_does_not(flown):
 
 def test_the_delay_borne_is_about_the_linear_one():
     """Around the linear aircraft, without limits of the surface, the loop decays with 50 ms less, and grows with 50 ms more."""
-    axis = PitchAxis(trim=trimmed(FlightCondition()))
-    contents = SampledList.of(*SCHEMES["l1-piecewise"](axis))
+    axis = Axis(trim=trimmed(FlightCondition()))
+    contents = SampledList.of(*flying(axis, ["l1-piecewise"])[0])
     borne = flight.delay_borne(axis, contents)
     assert borne == pytest.approx(flight.DELAY_STEP * round(borne / flight.DELAY_STEP))
     assert linear_growth(axis, contents, borne - 0.05) < 0.5  # what is left is the phugoid, which nobody feeds back
     assert linear_growth(axis, contents, borne + 0.05) > 10
-    assert flight.delay_borne(axis, SampledList.of(*SCHEMES["lqr"](axis))) > 2 * borne  # docs/guides/aircraft.md says so
+    assert flight.delay_borne(axis, SampledList.of(*flying(axis, ["lqr"])[0])) > 2 * borne  # docs/guides/aircraft.md says so
 
 
-def test_the_pi_without_protection_against_windup_loses_the_longer_hard_over():
+def test_without_protection_against_windup_a_pi_loses_the_hard_over_that_it_else_survives():
     """As docs/guides/aircraft.md says."""
-    axis = PitchAxis(trim=trimmed(FlightCondition()))
-    failures = [replace(FAILURES["hard-over"], runs_away=seconds) for seconds in (0.4, 0.5)]
-    shorter, longer = flight.flown(axis, SampledList.of(*SCHEMES["linear"](axis)), failures)
-    assert longer.failure == FAILURES["hard-over"]
-    assert (bool(shorter.lost), bool(longer.lost)) == (False, True)
+    axis = Axis(trim=trimmed(FlightCondition()))
+    problem = axis.linear_problem
+    pi = pi_feedback(problem.known, unmodelled_delay=axis.equipment.lag, nominal=axis.gain)
+    for anti_windup, lost in ((None, True), (0.3, False)):
+        contents = SampledList.of(problem, Sampled(replace(pi, anti_windup=anti_windup), 0.01))
+        (found,) = flight.flown(axis, contents, [FAILURES["hard-over"]])
+        assert bool(found.lost) == lost
+
+
+def test_a_small_roll_is_the_linear_loop():
+    """The linear model of all four lateral states, as above; what it leaves out is of second order."""
+    axis = Axis(trim=trimmed(FlightCondition()), followed=replace(ROLL, commanded=1.0))
+    whole = np.zeros((5, 5))
+    whole[:4, :4], whole[:4, 4] = axis.trim.A[4:, 4:], axis.trim.B[4:, 1]
+    ahead = expm(whole * STEP)[:4]
+    actuator, sensors = Actuator(axis.equipment, STEP, 0.0), Sensors(axis.equipment, STEP, 3)
+    x, p = np.zeros(4), []
+    for k in range(1000):
+        u = axis.k_0 * float(axis.followed.command(np.array(0.01 * k))) - axis.gain @ sensors.output
+        p.append(np.rad2deg(x[2]))
+        for _ in range(4):
+            x = ahead @ np.append(x, np.deg2rad(actuator.advance(u)))
+            sensors.advance(np.rad2deg(x[[0, 2, 3]]))
+    (found,) = flight.flown(axis, SampledList.of(*flying(axis, ["lqr"])[0]), [OF_ROLL[0]])
+    assert np.abs(found.column("p")[:1000] - p).max() < 0.02  # 2 % of the commanded rate, as in pitch
 
 
 def linear_growth(axis, contents, delay):
@@ -95,7 +114,7 @@ def linear_growth(axis, contents, delay):
     whole[:4, :4], whole[:4, 4] = axis.trim.A[:4, :4], axis.trim.B[:4, 0]
     ahead = expm(whole * STEP)[:4]
     unlimited = Equipment(transport_delay=0.02 + delay, rate_limit=1e9, limit=1e9)
-    elevator, sensors, controller = Elevator(unlimited, STEP, 0.0), Sensors(unlimited, STEP), SampledStep(contents)
+    elevator, sensors, controller = Actuator(unlimited, STEP, 0.0), Sensors(unlimited, STEP), SampledStep(contents)
     x, q = np.zeros(4), []
     for k in range(2500):
         u = float(controller(sensors.output, 1e-3 if k < 200 else 0.0)[0])
@@ -145,8 +164,8 @@ CONTROLLERS = [Sampled(L1Output(m=3, gamma=10, filter=TransferFunction([30], [1,
 @pytest.mark.parametrize(
     ("arguments", "sentence"),
     [
-        (["f16"], "NAME must be f16-pitch, got 'f16'"),
-        (["f16-pitch", "--schemes", "lqr,mrac-output"], "--schemes must be of lqr, linear, "),
+        (["f16"], "NAME must be f16-pitch or f16-roll, got 'f16'"),
+        (["f16-pitch", "--schemes", "lqr,mrac-output"], "--schemes must be of lqr, linear, hinf, "),
         (["f16-pitch", "--failure", "engine"], "--failure must be of none, elevator-50, "),
         (["f16-pitch", "--mach", "0.1"], "can't be trimmed in level flight at 10013 ft, Mach 0.1"),
         (["f16-pitch", "--altitude", "-5"], "altitude must "),

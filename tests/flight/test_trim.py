@@ -106,7 +106,7 @@ def test_half_the_step_moves_it_alike(trim):
         airframe.move(Surfaces(trim.elevator - np.deg2rad(1)))
         for _ in range(round(1 / step)):
             airframe.fdm.run()
-        ends.append(np.rad2deg(airframe.alpha_and_q))
+        ends.append(airframe.angles(["alpha", "q"]))
     np.testing.assert_allclose(ends[0], ends[1], rtol=3e-3)
 
 
@@ -154,7 +154,7 @@ def test_a_gust_turns_the_angle_of_attack_alone(trim):
     airframe.blow(5.0)
     for _ in range(3):  # JSBSim's load factor is that of the step before
         airframe.fdm.run()
-    alpha, q = airframe.alpha_and_q
+    alpha, q = np.deg2rad(airframe.angles(["alpha", "q"]))
     assert alpha - trim.alpha == pytest.approx(-5 / trim.speed, rel=0.02)  # cos(alpha), and 7.5 ms of motion
     assert abs(q) < 1e-3
     lift = trim.A[1, 1] * trim.speed / 32.17 * -5 / trim.speed  # less lift: Z_alpha is negative

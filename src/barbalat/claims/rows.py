@@ -16,6 +16,7 @@ from barbalat.claims import (
     does_better,
     figures,
     filter_margins,
+    flown,
     gain_margins,
     l1_reference,
     learning,
@@ -168,6 +169,7 @@ LEDGER = (
     ),
     Measurement(output_feedback.l1_is_linear, 0.6, {"l1-output-is-lti": "the L1 output-feedback controller is linear"}),
     Measurement(piecewise.is_linear, 2.5, {"l1-piecewise-is-lti": "the L1 controller that flies is linear"}),
+    Measurement(flown.claim, 0.1, {"adaptive-in-flight": "adaptive and linear control on a flight model that others made"}),
     Measurement(output_feedback.rohrs, 1.0, {"rohrs": "Rohrs' example"}),
     Measurement(
         relative_degree.claim, 4.0, {"siso-any-relative-degree": "the robust MRAC for any relative degree"},

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from barbalat.commands.options import add_controllers
@@ -19,12 +20,20 @@ DEFAULT = "barbalat-fly"
 def add(commands: Commands) -> None:
     """Register the command and its options."""
     parser = commands.add_parser("fly", help="sampled controllers on JSBSim's F-16, with failures; needs the extra flight")
-    parser.add_argument("name", metavar="NAME", help="f16-pitch: the F-16 follows a pitch-rate command")
+    parser.add_argument("name", metavar="NAME", help="f16-pitch, f16-roll: the F-16 follows a pitch-rate or a roll-rate command")
     parser.add_argument("--schemes", metavar="A,B", help="of the project's schemes, with commas between; default: all")
     parser.add_argument("--failure", action="append", metavar="NAME", help="a failure, again for more; default: all")
     parser.add_argument("--delays", action="store_true", help="raise the delay, too, until control is lost; takes twice as long")
-    parser.add_argument("--altitude", type=float, default=10013.0, metavar="FT", help="of level flight; default 10013 ft")
-    parser.add_argument("--mach", type=float, default=0.525, metavar="M", help="of level flight; default 0.525")
+    parser.add_argument(
+        "--dispersions",
+        type=int,
+        metavar="N",
+        help="fly N aircraft that are drawn, at three conditions, instead; losses and errors with intervals",
+    )
+    parser.add_argument("--seed", type=int, metavar="N", help="of the draws; default 2013")
+    parser.add_argument("--store", metavar="DIR", help="keep every draw's row there; the same command resumes")
+    parser.add_argument("--altitude", type=float, metavar="FT", help="of level flight; default 10013 ft")
+    parser.add_argument("--mach", type=float, metavar="M", help="of level flight; default 0.525")
     parser.add_argument("--out", metavar="DIR", help=f"default: {DEFAULT}, none with --json")
     parser.add_argument("--json", action="store_true", help="one JSON document on standard output")
     add_controllers(parser)
@@ -39,6 +48,9 @@ def execute(options: argparse.Namespace) -> int:
     """Run the command; returns the exit code."""
     from barbalat.flight.isolated import SimulatorFailed
 
+    if options.dispersions is not None:
+        return _execute_dispersed(options)
+    _require_none(options, ("seed", "store"), "goes with --dispersions: add --dispersions 200")
     try:
         with folder_of(options.out, None if options.json else DEFAULT) as folder, work(EXPECTED_SECONDS) as running:
             found = _flown(options, running)
@@ -67,13 +79,65 @@ def execute(options: argparse.Namespace) -> int:
     return 0
 
 
+def _require_none(options: argparse.Namespace, names: Sequence[str], remedy: str) -> None:
+    from barbalat.validate import InputError
+
+    for name in names:
+        if vars(options)[name] not in (None, False):
+            raise InputError(f"--{name} {remedy}")
+
+
+def _execute_dispersed(options: argparse.Namespace) -> int:
+    from barbalat.flight.dispersed import fly_dispersed
+    from barbalat.flight.dispersions import SEED
+    from barbalat.flight.isolated import SimulatorFailed
+    from barbalat.report import dispersed, documents, page
+
+    remedy = "does not go with --dispersions, which flies the project's schemes at three conditions: leave it out"
+    _require_none(options, ("delays", "altitude", "mach", "controllers"), remedy)
+    schemes = None if options.schemes is None else [name.strip() for name in options.schemes.split(",")]
+    try:
+        with folder_of(options.out, None if options.json else DEFAULT) as folder, work({"flying": 1200.0}) as running:
+            with running.part("flying", here=False) as progress:
+                found = fly_dispersed(
+                    options.name,
+                    schemes=schemes,
+                    failures=options.failure,
+                    members=options.dispersions,
+                    seed=SEED if options.seed is None else options.seed,
+                    store=options.store,
+                    progress=progress,
+                )
+            document = documents.as_json(dispersed.as_document(found))
+            if folder is not None:
+                folder.write("fly.json", document)
+                folder.write(page.PAGE, page.dispersed_flights(found))
+                folder.commit()
+    except SimulatorFailed as error:
+        stays = "" if options.store is None else f"; what is stored in {options.store} stays, and the same command goes on"
+        say(f"barbalat: {error}{stays}")
+        return 1
+    if options.json:
+        print_json(document)
+        return 0
+    from barbalat.report.terminal import dispersed as terminal
+    from barbalat.report.terminal.layout import Screen
+
+    screen = Screen()
+    terminal.show(screen, found)
+    if folder is not None:
+        screen.whole(f"page: {folder.path / page.PAGE}")
+    return 0
+
+
 def _flown(options: argparse.Namespace, running: Work) -> FlightComparison:
     from barbalat.cases import outside
     from barbalat.flight.airframe import FlightCondition
     from barbalat.flight.comparison import fly
 
     own = () if options.controllers is None else outside.run(options.controllers).controllers(named={})
-    condition = FlightCondition(altitude=options.altitude, mach=options.mach)
+    given = {"altitude": options.altitude, "mach": options.mach}
+    condition = FlightCondition(**{name: value for name, value in given.items() if value is not None})
     schemes = None if options.schemes is None else [name.strip() for name in options.schemes.split(",")]
     with running.part("flying", here=False) as progress:
         return fly(

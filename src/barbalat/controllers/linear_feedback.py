@@ -12,6 +12,7 @@ from barbalat.controllers.knobs import Knobs, Reach
 from barbalat.controllers.settings import Scheme, require_one_input
 from barbalat.controllers.steps import LinearStep
 from barbalat.controllers.tustin import Tustin
+from barbalat.controllers.windup import applied, limits_of_predictor
 from barbalat.linear.systems import StateSpace, TransferFunction
 from barbalat.problem.regressors import Linear as LinearRegressor
 from barbalat.problem.state_feedback import Known
@@ -34,6 +35,8 @@ class Equations:
     c: Array
     theta_0: Array
     K: StateSpace
+    L: Array  # (order of K,) by which K(s) learns what the limits keep from the plant; zero without anti_windup
+    limits: Array | None = None
 
     def initial(self) -> State:
         return State(np.zeros(0), np.zeros(self.K.order))
@@ -42,7 +45,8 @@ class Equations:
         return self.k_0 * r - self.theta_0 @ x + self.K.output(state.K, self.c @ (x_m - x))
 
     def derivative(self, state: State, x: Value, x_m: Value, r: Value, u: Value) -> State:
-        return State(state.theta_hat, self.K.derivative(state.K, self.c @ (x_m - x)))
+        K_dot = self.K.derivative(state.K, self.c @ (x_m - x))
+        return State(state.theta_hat, K_dot if self.limits is None else K_dot + self.L * (applied(u, self.limits) - u))
 
     def limit(self, state: State) -> State:
         return state
@@ -59,6 +63,9 @@ class LinearFeedback(Scheme):
     output      c, (n,): the combination of the states that is fed back, P b by default
     nominal     theta_0, (n,): the parameters that are assumed; by default the middle of the known set, zero without one
     unmodelled  W(s), stable and proper: the size of the unmodelled dynamics that mu is computed for; none by default
+    anti_windup  > 0 [u for each unit of c'e]: K(s) is driven by L (sat(u) - u) too, L the gain of a Kalman filter that reads the
+                 output of K(s) with noise of this size beside an error of size 1; with a PI of this k_p it is back-calculation
+                 with the time constant T_i. Off by default
 
     Any linear controller of the measured states closes some loop L(s) at the plant's input, and with c'(sI - A_m)^-1 b
     minimum phase a scalar K(s) can give every such loop of its relative degree: nothing is lost by feeding back c'x.
@@ -69,6 +76,7 @@ class LinearFeedback(Scheme):
     output: Vector | None = None
     nominal: Vector | None = None
     unmodelled: TransferFunction | None = None
+    anti_windup: float | None = None
     name: str = "Linear"
 
     def __post_init__(self) -> None:
@@ -77,6 +85,8 @@ class LinearFeedback(Scheme):
         for field in ("output", "nominal"):
             if getattr(self, field) is not None:
                 freeze(self, **{field: validate.vector(field, getattr(self, field))})
+        if self.anti_windup is not None:
+            freeze(self, anti_windup=validate.positive("anti_windup", self.anti_windup))
         if self.unmodelled is not None:
             W = TransferFunction.accept("unmodelled", self.unmodelled)
             if W.relative_degree < 0 or not W.is_stable:
@@ -105,13 +115,27 @@ class LinearFeedback(Scheme):
 
     def bind(self, known: Known) -> Equations:
         require_linear_plant(known)
+        K = StateSpace.accept("controller", self.controller)
         middle = np.zeros(known.n) if known.theta_set is None else known.theta_set.middle
         return Equations(
             k_0=known.k_0,
             c=known.P @ known.b if self.output is None else validate.vector("output", self.output, known.n),
             theta_0=middle if self.nominal is None else validate.vector("nominal", self.nominal, known.n),
-            K=StateSpace.accept("controller", self.controller),
+            K=K,
+            L=np.zeros(K.order) if self.anti_windup is None else _learning(K, self.anti_windup),
+            limits=limits_of_predictor(self.anti_windup is not None, known, remedy="anti_windup"),
         )
+
+
+def _learning(K: StateSpace, noise: float) -> Array:
+    """L of the Kalman filter for xi' = A xi + B w, y = C xi + noise v: A - L C is stable; InputError where no L makes it so."""
+    from scipy.linalg import solve_continuous_are
+
+    try:
+        Q = solve_continuous_are(K.A.T, K.C[:, None], np.outer(K.B, K.B), np.array([[noise**2]]))
+    except np.linalg.LinAlgError:
+        raise InputError("anti_windup needs a controller whose output sees every mode that does not decay") from None
+    return np.asarray(Q @ K.C / noise**2)
 
 
 def require_linear_plant(known: Known) -> None:

@@ -62,9 +62,11 @@ def known_limits(remedy: str, known: Known | OutputKnown) -> Array:
     return known.saturation
 
 
-def limits_of_predictor(saturated_predictor: bool, known: Known | OutputKnown) -> Array | None:
-    """The actuators' limits where the remedy ``saturated_predictor`` is asked for."""
-    return known_limits("saturated_predictor", known) if saturated_predictor else None
+def limits_of_predictor(
+    saturated_predictor: bool, known: Known | OutputKnown, *, remedy: str = "saturated_predictor"
+) -> Array | None:
+    """The actuators' limits where the remedy, ``saturated_predictor`` or one of another name, is asked for."""
+    return known_limits(remedy, known) if saturated_predictor else None
 
 
 def applied(u: Value, limits: Array | None) -> Value:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -12,7 +13,7 @@ from barbalat.flight import f16
 from barbalat.validate import Array, InputError
 
 if TYPE_CHECKING:
-    from jsbsim import FGFDMExec
+    from jsbsim import FGFDMExec, FGPropertyNode
 
 RATES_BY, POSITIONS_BY = 4, 4
 """JSBSim's numbers of its integrators: Adams-Bashforth of order 3, for both rotation and translation.
@@ -48,6 +49,13 @@ class FlightCondition:
 
 
 HIGHEST, FASTEST = 50_000.0, 2.0
+CONDITIONS = (
+    FlightCondition(),
+    FlightCondition(altitude=0.0, mach=0.45),
+    FlightCondition(altitude=30_000.0, mach=0.8),
+)
+"""Three to compare at: that of NASA/TM-2015-218675; 502 ft/s at sea level, as in Stevens and Lewis; and high and fast, where the
+airframe is unstable by itself."""
 ABOVE_GROUND = 50_000.0
 """[ft]; no wheel, no wing and no ground effect ever meets the terrain, at sea level either."""
 
@@ -63,6 +71,21 @@ class Motion(NamedTuple):
     phi: float = 0.0
     p: float = 0.0
     r: float = 0.0
+
+
+PROPERTIES = {
+    "speed": "velocities/vt-fps",
+    "alpha": "aero/alpha-rad",
+    "theta": "attitude/theta-rad",
+    "q": "velocities/q-rad_sec",
+    "beta": "aero/beta-rad",
+    "phi": "attitude/phi-rad",
+    "p": "velocities/p-rad_sec",
+    "r": "velocities/r-rad_sec",
+}
+"""JSBSim's names of a motion's entries."""
+DEGREES = 180 / np.pi
+"""In a radian."""
 
 
 class Surfaces(NamedTuple):
@@ -107,39 +130,49 @@ class Airframe:
         for name, value in zip(f16.SURFACES, surfaces, strict=True):
             self.fdm[f"surfaces/{name}-rad"] = value
 
-    def blow(self, down: float) -> None:
-        """The air around it moves down so fast from now on [ft/s]."""
-        self.fdm["atmosphere/gust-down-fps"] = down
+    def surface(self, place: int) -> FGPropertyNode:
+        """What the aerodynamic tables see of one of them [rad], to be set many times."""
+        return self.fdm.get_property_manager().get_node(f"surfaces/{f16.SURFACES[place]}-rad")
 
-    def shift_ballast(self, aft: float) -> None:
-        """Move ``f16.BALLAST_LB`` so far aft of where it is [in]."""
-        place = f"inertia/pointmass-location-X-inches[{f16.BALLAST}]"
-        self.fdm[place] = self.fdm[place] + aft
+    def seeing(self, states: Iterable[str], trimmed: Sequence[float]) -> Callable[[], list[float]]:
+        """A call that reads these angles and rates, less their trim [deg, deg/s]."""
+        manager = self.fdm.get_property_manager()
+        read = [(manager.get_node(PROPERTIES[name]).get_double_value, at) for name, at in zip(states, trimmed, strict=True)]
+        return lambda: [DEGREES * value() - at for value, at in read]
+
+    def blow(self, down: float, east: float = 0.0) -> None:
+        """The air around it moves so fast from now on [ft/s]; it flies north."""
+        self.fdm["atmosphere/gust-down-fps"] = down
+        self.fdm["atmosphere/gust-east-fps"] = east
+
+    def shift_ballast(self, aft: float, right: float = 0.0) -> None:
+        """Move ``f16.BALLAST_LB`` so far from where it is [in]."""
+        for axis, way in (("X", aft), ("Y", right)):
+            place = f"inertia/pointmass-location-{axis}-inches[{f16.BALLAST}]"
+            self.fdm[place] = self.fdm[place] + way
+
+    def load(self, pounds: float) -> None:
+        """So much more where the ballast is [lb]."""
+        place = f"inertia/pointmass-weight-lbs[{f16.BALLAST}]"
+        self.fdm[place] = self.fdm[place] + pounds
+
+    def scale(self, coefficient: str, factor: float) -> None:
+        """One of ``f16.SCALED`` is so many times what the file says."""
+        self.fdm[f"scale/{coefficient}"] = factor
 
     @property
     def motion(self) -> Motion:
         """Where it is now."""
-        fdm = self.fdm
-        return Motion(
-            speed=fdm["velocities/vt-fps"],
-            alpha=fdm["aero/alpha-rad"],
-            theta=fdm["attitude/theta-rad"],
-            q=fdm["velocities/q-rad_sec"],
-            beta=fdm["aero/beta-rad"],
-            phi=fdm["attitude/phi-rad"],
-            p=fdm["velocities/p-rad_sec"],
-            r=fdm["velocities/r-rad_sec"],
-        )
+        return Motion(*(self.fdm[PROPERTIES[name]] for name in Motion._fields))
 
     @property
     def load_factor(self) -> float:
         """n_z at the centre of gravity, 1 in level flight [g]."""
         return float(self.fdm["accelerations/Nz"])
 
-    @property
-    def alpha_and_q(self) -> Array:
-        """(2,) [rad, rad/s]."""
-        return np.array([self.fdm["aero/alpha-rad"], self.fdm["velocities/q-rad_sec"]])
+    def angles(self, states: Iterable[str]) -> Array:
+        """Some of the motion, angles and rates alone [deg, deg/s]."""
+        return DEGREES * np.array([self.fdm[PROPERTIES[name]] for name in states])
 
     @property
     def altitude(self) -> float:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from importlib import metadata
 from typing import TYPE_CHECKING
@@ -12,13 +12,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from barbalat.flight.airframe import FlightCondition
+from barbalat.flight.axis import AXES, SAMPLE_TIME, Axis
 from barbalat.flight.equipment import Equipment
 from barbalat.flight.failures import FAILURES, Failure
-from barbalat.flight.flight import COLUMNS, Flight, delay_borne, flown
+from barbalat.flight.flight import Flight, columns_of, delay_borne, flown
 from barbalat.flight.isolated import SimulatorFailed, isolated
-from barbalat.flight.pitch import SAMPLE_TIME, PitchAxis
 from barbalat.flight.sampled_step import SampledList
-from barbalat.flight.schemes import SCHEMES, Flying, flying, require_known
+from barbalat.flight.schemes import Flying, available, flying, require_known
 from barbalat.flight.trim import trimmed
 from barbalat.protocols import Controller
 from barbalat.run.progress import Progress
@@ -27,7 +27,7 @@ from barbalat.validate import InputError, require_extra, show
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-FLIGHTS = ("f16-pitch",)
+FLIGHTS = tuple(AXES)
 """What can be flown, by the names of the command line."""
 HELD = "\0"
 """In the place of a blank at which no line ends."""
@@ -45,7 +45,7 @@ class FlightComparison:
     """
 
     name: str
-    axis: PitchAxis
+    axis: Axis
     failures: tuple[Failure, ...]
     jsbsim: str
     flights: tuple[tuple[Flight, ...], ...]
@@ -57,7 +57,7 @@ class FlightComparison:
         return tuple(several[0].controller for several in self.flights)
 
     def __repr__(self) -> str:
-        lines = [f"{self.name} at {self.axis.trim.condition}: RMS error of the pitch rate [deg/s] after each failure"]
+        lines = [f"{self.name} at {self.axis.trim.condition}: RMS error of the followed rate [deg/s] after each failure"]
         for failure in self.failures:
             found = (
                 f"{one.controller} {f'lost at {one.duration:.1f} s' if one.lost else f'{one.rms_error:.2f}'}".replace(" ", HELD)
@@ -108,26 +108,21 @@ def fly(
 ) -> FlightComparison:
     """Fly controllers on a flight model, each through every failure; the extra ``flight`` has JSBSim.
 
-    name         "f16-pitch": JSBSim's F-16 follows a pitch-rate command
-    schemes      of ``flight.schemes.SCHEMES``; all by default
-    controllers  sampled ones of one's own beside them, bound to ``PitchAxis.adaptive_problem``
-    failures     of ``flight.failures.FAILURES``; all by default
+    name         "f16-pitch": JSBSim's F-16 follows a pitch-rate command; "f16-roll": a roll-rate command
+    schemes      of ``flight.schemes.SCHEMES``; all by default, "hinf" where the extra ``robust`` is installed
+    controllers  sampled ones of one's own beside them, bound to ``Axis.adaptive_problem``
+    failures     of ``flight.failures.FAILURES[name]``; all by default
     condition    where level flight is trimmed; 10013 ft, Mach 0.525 by default
-    equipment    what lies between controller and surface
+    equipment    what lies between controller and surface; the axis's own by default
     delays       whether the delay is raised, too, until control is lost: some ten flights more for each controller
 
     Raises InputError for what can't be flown, SimulatorFailed where the simulator breaks before any flight.
     """
-    wanted = list(SCHEMES if schemes is None else schemes)
-    _require_names(name, failures or ())
+    wanted = available() if schemes is None else list(schemes)
+    chosen = chosen_failures(name, failures)
     require_known(wanted)
-    require_extra("jsbsim", "flight", "a flight model")
-    trim = isolated(STARTING_SECONDS, trimmed, condition or FlightCondition())
-    axis = PitchAxis(trim=trim, equipment=equipment or Equipment())
-    pairs = [*flying(axis, wanted), *(Flying(axis.adaptive_problem, one) for one in controllers)]
-    lists = [SampledList.of(*pair) for pair in pairs]
-    _require_fitting(lists)
-    chosen = tuple(FAILURES[one] for one in dict.fromkeys(failures or FAILURES))
+    axis = axis_of(name, condition or FlightCondition(), equipment)
+    lists = lists_of(axis, wanted, controllers)
     flights, borne = [], {}
     for i, contents in enumerate(lists):
         flights.append(tuple(_flown(axis, contents, chosen)))
@@ -145,22 +140,42 @@ def fly(
     )
 
 
-def _flown(axis: PitchAxis, contents: SampledList, failures: Sequence[Failure]) -> list[Flight]:
+def _flown(axis: Axis, contents: SampledList, failures: Sequence[Failure]) -> list[Flight]:
     """All in one process; where that breaks, each in its own, so that only what breaks is lost."""
     try:
         return isolated(STARTING_SECONDS + SECONDS_PER_FLIGHT * len(failures), flown, axis, contents, failures)
     except SimulatorFailed as error:
         if len(failures) == 1:
-            return [Flight(controller=contents.name, failure=failures[0], record=np.zeros((1, len(COLUMNS))), lost=str(error))]
+            record = np.zeros((1, len(columns_of(axis.followed))))
+            flight = Flight(controller=contents.name, failure=failures[0], followed=axis.followed, record=record, lost=str(error))
+            return [flight]
         return [flight for failure in failures for flight in _flown(axis, contents, [failure])]
 
 
-def _require_names(name: str, failures: Sequence[str]) -> None:
+def chosen_failures(name: str, failures: Sequence[str] | None) -> tuple[Failure, ...]:
+    """Of a flight, all by default; InputError for what is none."""
     if name not in FLIGHTS:
         raise InputError(f"NAME must be {' or '.join(FLIGHTS)}, got {show(name)}")
-    unknown = [one for one in failures if one not in FAILURES]
+    known = {one.name: one for one in FAILURES[name]}
+    unknown = [one for one in failures or () if one not in known]
     if unknown:
-        raise InputError(f"--failure must be of {', '.join(FAILURES)}, got {show(unknown[0])}")
+        raise InputError(f"--failure must be of {', '.join(known)}, got {show(unknown[0])}")
+    return tuple(known[one] for one in dict.fromkeys(failures or known))
+
+
+def axis_of(name: str, condition: FlightCondition, equipment: Equipment | None = None) -> Axis:
+    """Trimmed in a process of its own."""
+    require_extra("jsbsim", "flight", "a flight model")
+    followed = AXES[name] if equipment is None else replace(AXES[name], equipment=equipment)
+    return Axis(trim=isolated(STARTING_SECONDS, trimmed, condition), followed=followed)
+
+
+def lists_of(axis: Axis, schemes: Sequence[str], controllers: Sequence[Controller] = ()) -> list[SampledList]:
+    """The operations of all that fly; InputError for what does not fit the axis."""
+    pairs = [*flying(axis, schemes), *(Flying(axis.adaptive_problem, one) for one in controllers)]
+    lists = [SampledList.of(*pair) for pair in pairs]
+    _require_fitting(lists)
+    return lists
 
 
 def _require_fitting(lists: Sequence[SampledList]) -> None:

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from barbalat.validate import Array
-
 
 @dataclass(frozen=True, kw_only=True)
 class Equipment:
-    """Of the pitch axis, for the elevator and the sensors of alpha and q.
+    """Of one axis: its surface, and the sensors of what is fed back. By default the elevator's.
 
     actuator_lag     [s] of the first-order actuator: 20.2 rad/s
     rate_limit       [deg/s]
@@ -35,12 +34,12 @@ class Equipment:
         return self.actuator_lag + self.sensor_lag + self.transport_delay
 
 
-class Elevator:
-    """The surface from command to deflection, by steps of the aircraft's solver."""
+class Actuator:
+    """A surface from command to deflection, by steps of the aircraft's solver."""
 
     def __init__(self, equipment: Equipment, step: float, start: float) -> None:
         self.equipment, self.step, self.deflection = equipment, step, start
-        self._share = -np.expm1(-step / equipment.actuator_lag)  # exact for a held command
+        self._share = -float(np.expm1(-step / equipment.actuator_lag))  # exact for a held command
         self._most = equipment.rate_limit * step
         self._runaway = 0
         self._waiting = deque([start] * self._steps(equipment.transport_delay))
@@ -53,7 +52,7 @@ class Elevator:
         self._waiting.extendleft([self._waiting[0] if self._waiting else self.deflection] * self._steps(seconds))
 
     def run_away(self, seconds: float) -> None:
-        """For so long it goes nose up as fast as it can, whatever arrives."""
+        """For so long it goes to its negative end as fast as it can (an elevator: nose up), whatever arrives."""
         self._runaway = self._steps(seconds)
 
     def advance(self, command: float) -> float:
@@ -73,10 +72,11 @@ class Elevator:
 class Sensors:
     """First-order lags of what is measured, in deviations from trim."""
 
-    def __init__(self, equipment: Equipment, step: float) -> None:
-        self._share = -np.expm1(-step / equipment.sensor_lag) if equipment.sensor_lag > 0 else 1.0
-        self.output = np.zeros(2)
+    def __init__(self, equipment: Equipment, step: float, count: int = 2) -> None:
+        self._share = -float(np.expm1(-step / equipment.sensor_lag)) if equipment.sensor_lag > 0 else 1.0
+        self.output = [0.0] * count
 
-    def advance(self, seen: Array) -> Array:
-        self.output = self.output + self._share * (seen - self.output)
+    def advance(self, seen: Sequence[float]) -> list[float]:
+        share = self._share
+        self.output = [one + share * (now - one) for one, now in zip(self.output, seen, strict=True)]
         return self.output

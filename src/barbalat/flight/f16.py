@@ -1,9 +1,10 @@
 """JSBSim's F-16 with surfaces that this program moves: its file as it is installed, changed in memory, never kept.
 
 What is changed: the aerodynamic tables read the deflections from properties of ours (``surfaces/...``), so that the actuator, its
-limits and what fails of a surface are ours, and no part of the file's own control system acts on them; and ``BALLAST_LB`` of the
-empty weight become a mass of their own at the same place, which a shift of the centre of gravity moves. Nothing else is: not the
-tables, not the engine. The leading-edge flaps keep the file's schedule, which jumps at 5 deg of angle of attack.
+limits and what fails of a surface are ours, and no part of the file's own control system acts on them; ``BALLAST_LB`` of the
+empty weight become a mass of their own at the same place, which a shift of the centre of gravity moves; and the coefficients of
+``SCALED`` are multiplied by properties of ours (``scale/...``), which are one unless another aircraft is drawn. Nothing else
+is: not the tables, not the engine. The leading-edge flaps keep the file's schedule, which jumps at 5 deg of angle of attack.
 """
 
 from __future__ import annotations
@@ -27,6 +28,15 @@ BALLAST_LB = 2000.0
 """What can move: a tenth of the aircraft's weight, about that of its two largest stores."""
 BALLAST = 1
 """Its number among the file's point masses; the pilot is the first, 0."""
+SCALED = {
+    "lift": "CLDh",
+    "pitching_moment": "CmDh",
+    "pitch_damping": "Cmq",
+    "dihedral": "Clb",
+    "roll_damping": "Clp",
+    "weathercock": "Cnb",
+}
+"""Coefficients of the file that can be larger or smaller than it says, by what they do."""
 REACHED_ALPHA = (-10.0, 45.0)
 """Angles of attack that the tables for the elevator cover [deg]; beyond them JSBSim holds their last value."""
 LIMIT_LOADS = (-4.0, 9.0)
@@ -62,6 +72,7 @@ def _patched(root: Path) -> Iterator[Path]:
         shutil.copytree(original, folder)
         tree = ET.parse(original / f"{NAME}.xml")
         _hand_over_surfaces(tree.getroot())
+        _make_scalable(tree.getroot())
         _set_ballast_apart(tree.getroot())
         tree.write(folder / f"{NAME}.xml")
         yield Path(made)
@@ -79,6 +90,20 @@ def _hand_over_surfaces(aircraft: ET.Element) -> None:
             part.text = f"surfaces/{surface}-rad"
         declared = ET.Element("property")  # a property that nobody declares ends the process
         declared.text = f"surfaces/{surface}-rad"
+        control.insert(0, declared)
+
+
+def _make_scalable(aircraft: ET.Element) -> None:
+    control, aerodynamics = _part(aircraft, "flight_control"), _part(aircraft, "aerodynamics")
+    for name, coefficient in SCALED.items():
+        products = [
+            one.find("product") for one in aerodynamics.iter("function") if one.get("name") == f"aero/coefficient/{coefficient}"
+        ]
+        if len(products) != 1 or products[0] is None:
+            raise InputError(f"JSBSim's F-16 no longer has one product {coefficient}: install the version of flight.lock")
+        ET.SubElement(products[0], "property").text = f"scale/{name}"
+        declared = ET.Element("property", value="1.0")
+        declared.text = f"scale/{name}"
         control.insert(0, declared)
 
 

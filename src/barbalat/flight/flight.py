@@ -8,73 +8,81 @@ from dataclasses import dataclass
 import numpy as np
 
 from barbalat.flight import f16
-from barbalat.flight.airframe import STEP, Airframe, Surfaces
-from barbalat.flight.equipment import Elevator, Sensors
+from barbalat.flight.airframe import DEGREES, STEP, Airframe, Motion
+from barbalat.flight.axis import SAMPLE_TIME, Axis, Followed
+from barbalat.flight.dispersions import NOMINAL, Dispersion
+from barbalat.flight.equipment import Actuator, Sensors
 from barbalat.flight.failures import FAILS_AT, Failure
-from barbalat.flight.gusts import vertical_gusts
-from barbalat.flight.pitch import COMMANDED, SAMPLE_TIME, PitchAxis
+from barbalat.flight.gusts import SEED, gusts_met
 from barbalat.flight.sampled_step import SampledList, SampledStep
 from barbalat.linear.zero_order_hold import HeldSystem
-from barbalat.signals import Steps
 from barbalat.validate import Array
 
-DURATION = 30.0
-"""[s]."""
-COMMAND = Steps(
-    times=tuple(start + lag for start in (1.0, 11.0, 21.0) for lag in (0.0, 2.0, 4.0, 6.0)),
-    values=(COMMANDED, 0.0, -COMMANDED, 0.0) * 3,
-)
-"""The commanded pitch rate: up for two seconds and down for two, each ten seconds."""
-COLUMNS = {
-    "t": "s",
-    "q_c": "deg/s",
-    "q_m": "deg/s",
-    "q": "deg/s",
-    "alpha": "deg",
-    "n_z": "g",
-    "elevator_command": "deg",
-    "elevator": "deg",
-    "pitch": "deg",
-    "altitude": "ft",
-    "speed": "ft/s",
-}
-"""What is recorded at each sample, in this order, with its unit."""
+
+@dataclass(frozen=True, kw_only=True)
+class Timing:
+    """How long a flight is, and when what fails does [s]."""
+
+    duration: float = 30.0
+    fails_at: float = FAILS_AT
 
 
-FIGURES = {
-    "rms_e": "deg/s",
-    "max_abs_e": "deg/s",
-    "n_z_min": "g",
-    "n_z_max": "g",
-    "alpha_min": "deg",
-    "alpha_max": "deg",
-    "elevator_travel": "deg/s",
-    "elevator_max_abs": "deg",
-}
-"""Of a flight, with their units; e is the pitch rate less the model's, the travel how far the surface moves in a second."""
+TIMING = Timing()
+
+
+def columns_of(followed: Followed) -> dict[str, str]:
+    """What is recorded at each sample, in this order, with its unit."""
+    rate, surface = followed.rate, followed.surface
+    rates, angles = (f"{rate}_c", f"{rate}_m", rate), ("alpha", "beta")
+    surfaces, attitude = (f"{surface}_command", surface), ("pitch", "bank")
+    return {
+        "t": "s", **dict.fromkeys(rates, "deg/s"), **dict.fromkeys(angles, "deg"), "n_z": "g",
+        **dict.fromkeys((*surfaces, *attitude), "deg"), "altitude": "ft", "speed": "ft/s",
+    }  # fmt: skip
+
+
+T, COMMANDED, MODEL, RATE, ALPHA, BETA, N_Z, COMMAND, SURFACE, PITCH, BANK, ALTITUDE, SPEED = range(13)
+"""Places of these columns."""
+
+
+def figures_of(followed: Followed) -> dict[str, str]:
+    """Of a flight, with their units; e is the followed rate less the model's, travel how far the surface moves in a second."""
+    surface = followed.surface
+    return {
+        "rms_e": "deg/s",
+        "max_abs_e": "deg/s",
+        "n_z_min": "g",
+        "n_z_max": "g",
+        "alpha_min": "deg",
+        "alpha_max": "deg",
+        f"{surface}_travel": "deg/s",
+        f"{surface}_max_abs": "deg",
+    }
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Flight:
     """What was flown.
 
-    record   (K, 11), one row for each sample, see ``COLUMNS``; up to where control was lost
+    record   (K, 13), one row for each sample, see ``columns_of``; up to where control was lost
     lost     why control was lost, empty where it was not
     """
 
     controller: str
     failure: Failure
+    followed: Followed
     record: Array
     lost: str
+    timing: Timing = TIMING
 
     def column(self, name: str) -> Array:
-        """One of ``COLUMNS`` over the samples."""
-        return np.asarray(self.record[:, list(COLUMNS).index(name)])
+        """One of ``columns_of`` over the samples."""
+        return np.asarray(self.record[:, list(columns_of(self.followed)).index(name)])
 
     @property
     def duration(self) -> float:
         """The last sample's time [s]."""
-        return float(self.record[-1, 0])
+        return float(self.record[-1, T])
 
     @property
     def lost_at(self) -> float | None:
@@ -83,32 +91,35 @@ class Flight:
 
     @property
     def rms_error(self) -> float:
-        """Of the pitch rate against the model's, from ``FAILS_AT`` on [deg/s]."""
+        """Of the followed rate against the model's, from the failure on [deg/s]."""
         return float(np.sqrt(np.mean(self._error**2)))
 
     @property
     def figures(self) -> dict[str, float | None]:
-        """From ``FAILS_AT`` on, by the names of the JSON; null where control was lost."""
-        after = self.record[self.record[:, 0] >= FAILS_AT]
+        """From the failure on, by the names of the JSON; null where control was lost."""
+        after, names = self._after, figures_of(self.followed)
         if self.lost or not len(after):
-            return {"lost_at": self.lost_at, **dict.fromkeys(FIGURES)}
-        load, alpha, surface = (self.column(name)[-len(after) :] for name in ("n_z", "alpha", "elevator"))
+            return {"lost_at": self.lost_at, **dict.fromkeys(names)}
+        load, alpha, surface = (after[:, place] for place in (N_Z, ALPHA, SURFACE))
         values = (
             self.rms_error, np.abs(self._error).max(), load.min(), load.max(), alpha.min(), alpha.max(),
             np.abs(np.diff(surface)).sum() / (len(after) * SAMPLE_TIME), np.abs(surface).max(),
         )  # fmt: skip
-        return {"lost_at": None, **dict(zip(FIGURES, map(float, values), strict=True))}
+        return {"lost_at": None, **dict(zip(names, map(float, values), strict=True))}
+
+    @property
+    def _after(self) -> Array:
+        return self.record[self.record[:, T] >= self.timing.fails_at]
 
     @property
     def _error(self) -> Array:
-        after = self.column("t") >= FAILS_AT
-        return np.asarray((self.column("q") - self.column("q_m"))[after])
+        return np.asarray(self._after[:, RATE] - self._after[:, MODEL])
 
 
-def flown(axis: PitchAxis, contents: SampledList, failures: Sequence[Failure]) -> list[Flight]:
+def flown(axis: Axis, contents: SampledList, failures: Sequence[Failure]) -> list[Flight]:
     """One controller through the failures, in this process."""
     step = SampledStep(contents)
-    return [_fly(axis, step, failure) for failure in failures]
+    return [fly_once(axis, step, failure) for failure in failures]
 
 
 DELAY_STEP = 0.01
@@ -117,7 +128,7 @@ COARSE, MOST = 5, 50
 """DELAY_STEPs from one trial to the next until control is lost, and the last of them."""
 
 
-def delay_borne(axis: PitchAxis, contents: SampledList) -> float:
+def delay_borne(axis: Axis, contents: SampledList) -> float:
     """The largest added delay [s] with which control is kept to the end, to DELAY_STEP: by trials upwards, then by bisection.
 
     COARSE * DELAY_STEP at least, or 0.0, lie between it and a delay that lost control; MOST * DELAY_STEP where none did.
@@ -125,7 +136,7 @@ def delay_borne(axis: PitchAxis, contents: SampledList) -> float:
     step = SampledStep(contents)
 
     def lost(delay: int) -> bool:
-        return bool(_fly(axis, step, Failure(name="delay", meaning="", delay=delay * DELAY_STEP)).lost)
+        return bool(fly_once(axis, step, Failure(name="delay", meaning="", delay=delay * DELAY_STEP)).lost)
 
     high = next((trial for trial in range(COARSE, MOST + 1, COARSE) if lost(trial)), None)
     if high is None:
@@ -137,73 +148,107 @@ def delay_borne(axis: PitchAxis, contents: SampledList) -> float:
     return low * DELAY_STEP
 
 
-def _fly(axis: PitchAxis, controller: SampledStep, failure: Failure) -> Flight:
-    trim = axis.trim
-    airframe, elevator, sensors = _at_trim(axis)
+def fly_once(
+    axis: Axis, controller: SampledStep, failure: Failure, dispersion: Dispersion = NOMINAL, timing: Timing = TIMING
+) -> Flight:
+    """From trim, or from what a dispersion makes of it."""
+    airframe, actuator, sensors = _at_start(axis, dispersion)
     controller.reset()
-    samples, failing = round(DURATION / SAMPLE_TIME), round(FAILS_AT / SAMPLE_TIME)
-    commands = COMMAND(SAMPLE_TIME * np.arange(samples))
-    gusts = vertical_gusts(failure.gusts, trim.speed, SAMPLE_TIME, samples)
-    model, trimmed = _model(axis, commands), np.rad2deg([trim.alpha, 0.0])
-    record, effectiveness, lost = np.zeros((samples, len(COLUMNS))), 1.0, ""
+    samples, failing = round(timing.duration / SAMPLE_TIME), round(timing.fails_at / SAMPLE_TIME)
+    commands = axis.followed.command(SAMPLE_TIME * np.arange(samples))
+    air = _air(axis, failure, dispersion, samples, failing)
+    model, places = _model(axis, commands), list(axis.followed.places)
+    trimmed, moved = np.rad2deg(np.array(axis.trim.motion)[places]).tolist(), airframe.surface(axis.surface)
+    record, effectiveness, lost = np.zeros((samples, len(columns_of(axis.followed)))), dispersion.effectiveness, ""
+    substeps, seen = range(round(SAMPLE_TIME / STEP)), airframe.seeing(axis.followed.states, trimmed)
     for k in range(samples):
         if k == failing:
-            effectiveness = failure.effectiveness
-            airframe.shift_ballast(failure.ballast_aft)
-            elevator.delay_more(failure.delay)
-            elevator.run_away(failure.runs_away)
-        if k >= failing:
-            airframe.blow(gusts[k])
-        command = float(np.rad2deg(trim.elevator) + controller(sensors.output, commands[k])[0])
-        record[k] = k * SAMPLE_TIME, commands[k], model[k], *_seen(airframe), command, elevator.deflection, *_flown_to(airframe)
+            effectiveness *= failure.effectiveness
+            airframe.shift_ballast(failure.ballast_aft, failure.ballast_right)
+            actuator.delay_more(failure.delay)
+            actuator.run_away(failure.runs_away)
+        airframe.blow(*air[k])
+        command = axis.surface_trim + float(controller(sensors.output, commands[k])[0])
+        motion = airframe.motion
+        record[k] = (
+            k * SAMPLE_TIME, commands[k], model[k], *_seen(axis, airframe, motion), command, actuator.deflection,
+            *np.rad2deg([motion.theta, motion.phi]), airframe.altitude, motion.speed,
+        )  # fmt: skip
         lost = _lost(record[k])
         if lost:
             record = record[: k + 1]
             break
-        for _ in range(round(SAMPLE_TIME / STEP)):
-            airframe.move(Surfaces(effectiveness * np.deg2rad(elevator.advance(command))))
+        for _ in substeps:
+            moved.set_double_value(effectiveness * actuator.advance(command) / DEGREES)
             airframe.fdm.run()
-            sensors.advance(np.rad2deg(airframe.alpha_and_q) - trimmed)
-    return Flight(controller=controller.contents.name, failure=failure, record=record, lost=lost)
+            sensors.advance(seen())
+    return Flight(
+        controller=controller.contents.name, failure=failure, followed=axis.followed, record=record, lost=lost, timing=timing
+    )
 
 
-def _at_trim(axis: PitchAxis) -> tuple[Airframe, Elevator, Sensors]:
+def _at_start(axis: Axis, dispersion: Dispersion) -> tuple[Airframe, Actuator, Sensors]:
     trim, equipment = axis.trim, axis.equipment
     airframe = Airframe(trim.condition)
-    airframe.put(trim.motion, Surfaces(trim.elevator), trim.throttle)
-    return airframe, Elevator(equipment, STEP, float(np.rad2deg(trim.elevator))), Sensors(equipment, STEP)
+    airframe.load(dispersion.load)
+    airframe.shift_ballast(dispersion.ballast_aft)
+    for coefficient, factor in dispersion.scales.items():
+        airframe.scale(coefficient, factor)
+    off = np.deg2rad(dispersion.attitude)
+    start = trim.motion._replace(
+        speed=trim.speed * dispersion.speed, alpha=trim.motion.alpha + off, theta=trim.motion.theta + off
+    )
+    airframe.put(start, trim.surfaces, trim.throttle)
+    actuator = Actuator(equipment, STEP, axis.surface_trim)
+    actuator.delay_more(dispersion.delay)
+    return airframe, actuator, Sensors(equipment, STEP, len(axis.followed.states))
 
 
-def _seen(airframe: Airframe) -> tuple[float, float, float]:
-    """q [deg/s], alpha [deg], n_z [g]."""
-    alpha, q = np.rad2deg(airframe.alpha_and_q)
-    return q, alpha, airframe.load_factor
+def _air(axis: Axis, failure: Failure, dispersion: Dispersion, samples: int, failing: int) -> list[tuple[float, float]]:
+    """Down and east at each sample: a dispersion's gusts all the way, those that a failure brings from then on."""
+    seeds = SEED + 2 * dispersion.number, SEED + 2 * dispersion.number + 1
+    failed, drawn = (
+        gusts_met(deviation, axis.trim.speed, SAMPLE_TIME, samples, seed)
+        for deviation, seed in zip((failure.gusts, dispersion.gusts), seeds, strict=True)
+    )
+    met = drawn + np.where(np.arange(samples) < failing, 0.0, failed)
+    still = np.zeros(samples)
+    down, east = (still, met) if axis.followed.attitude == "phi" else (met, still)
+    return list(zip(down.tolist(), east.tolist(), strict=True))
 
 
-def _flown_to(airframe: Airframe) -> tuple[float, float, float]:
-    """Pitch [deg], altitude [ft], speed [ft/s]."""
-    motion = airframe.motion
-    return float(np.rad2deg(motion.theta)), airframe.altitude, motion.speed
+def _seen(axis: Axis, airframe: Airframe, motion: Motion) -> tuple[float, float, float, float]:
+    """The followed rate [deg/s], alpha, beta [deg], n_z [g]."""
+    rate, alpha, beta = np.rad2deg([motion[axis.followed.places[axis.rate]], motion.alpha, motion.beta])
+    return rate, alpha, beta, airframe.load_factor
+
+
+MOST_BANK, MOST_BETA = 90.0, 30.0
+"""[deg]; commands ask for 30 deg of bank at most, and beyond 90 the lift pulls down. The tables end at 30 deg of sideslip."""
 
 
 def _lost(row: Array) -> str:
-    """Where the aircraft leaves what its tables cover, or what its structure bears."""
+    """Where the aircraft leaves what its tables cover, what its structure bears, or the attitude that it was to keep."""
     if not np.isfinite(row).all():
         return "the simulation's numbers are no longer finite"
     (low, high), (least, most) = f16.REACHED_ALPHA, f16.LIMIT_LOADS
-    if not low <= row[4] <= high:
+    if not low <= row[ALPHA] <= high:
         return f"the angle of attack left {low:g} to {high:g} deg, where the tables end"
-    if not least <= row[5] <= most:
+    if not least <= row[N_Z] <= most:
         return f"the load factor left {least:g} to {most:g} g, which the structure bears"
+    if not abs(row[BETA]) <= MOST_BETA:
+        return f"the angle of sideslip passed {MOST_BETA:g} deg, where the tables end"
+    if not abs(row[BANK]) <= MOST_BANK:
+        return f"the bank angle passed {MOST_BANK:g} deg"
     return ""
 
 
-def _model(axis: PitchAxis, commands: Array) -> Array:
-    """The pitch rate of the model to follow, at the samples."""
-    _, b = axis.trim.short_period
+def _model(axis: Axis, commands: Array) -> Array:
+    """The followed rate of the model to follow, at the samples."""
+    _, b = axis.model
     held = HeldSystem.of(axis.A_m, b * axis.k_0, SAMPLE_TIME)
-    x, found = np.zeros(2), []
+    x, found = np.zeros(len(b)), []
     for r in commands:
-        found.append(x[1])
+        found.append(x[axis.rate])
         x = held.following(x, r)
     return np.array(found)

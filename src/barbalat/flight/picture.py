@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from barbalat.flight.flight import DURATION, Flight
+from barbalat.flight.axis import Followed
+from barbalat.flight.flight import TIMING, Flight
 from barbalat.pictures.panel_drawing import draw
 from barbalat.pictures.panels import Panel, Series, around, span_of, text_of
 from barbalat.pictures.theme import COLOURS
@@ -19,12 +20,22 @@ if TYPE_CHECKING:
 
 EVERY = 10
 """Samples from one drawn point to the next: a tenth of a second is three pixels of a page."""
-PANELS = {
-    "q": ("Pitch rate $q$", "[deg/s]"),
-    "alpha": (r"Angle of attack $\alpha$", "[deg]"),
-    "n_z": ("Load factor $n_z$", "[g]"),
-    "elevator": ("Elevator, the surface itself", "[deg]"),
-}
+
+
+def panels_of(followed: Followed) -> dict[str, tuple[str, str]]:
+    """Titles and units of what is shown, by columns."""
+    rate, surface = followed.rate, followed.surface
+    beside = {"alpha": (r"Angle of attack $\alpha$", "[deg]"), "n_z": ("Load factor $n_z$", "[g]")}
+    if followed.attitude == "phi":
+        beside = {"bank": (r"Bank angle $\phi$", "[deg]"), "beta": (r"Angle of sideslip $\beta$", "[deg]")}
+    return {
+        rate: (f"{RATES[rate]} ${rate}$", "[deg/s]"),
+        **beside,
+        surface: (f"{surface.capitalize()}, the surface itself", "[deg]"),
+    }
+
+
+RATES = {"p": "Roll rate", "q": "Pitch rate"}
 
 
 def figure_of(flights: Sequence[Flight], *, narrow: bool = False, shown: bool = False) -> Figure:
@@ -32,19 +43,19 @@ def figure_of(flights: Sequence[Flight], *, narrow: bool = False, shown: bool = 
 
     narrow, shown  as of a run's picture
     """
-    return draw([_panel(name, flights) for name in PANELS], DURATION, narrow=narrow, shown=shown)
+    titles = panels_of(flights[0].followed)
+    return draw([_panel(name, *title, flights) for name, title in titles.items()], TIMING.duration, narrow=narrow, shown=shown)
 
 
-def _panel(name: str, flights: Sequence[Flight]) -> Panel:
-    title, unit = PANELS[name]
+def _panel(name: str, title: str, unit: str, flights: Sequence[Flight]) -> Panel:
     flying = [one for one in flights if len(one.record) > 1]
     series = [_series(i, name, one) for i, one in enumerate(flights) if len(one.record) > 1]
     kept = [one.column(name) for one in flying if not one.lost] or [one.column(name) for one in flying]
-    if name == "q" and flying:
+    if name in RATES and flying:
         longest = max(flying, key=lambda one: len(one.record))
         line = partial(Series, t=_thinned(longest.column("t")), width=0.9)
-        series.append(line(value=_thinned(longest.column("q_m")), label="model", colour="ink", dash=1))
-        series.append(line(value=_thinned(longest.column("q_c")), label="command", colour="quiet", dash=2))
+        series.append(line(value=_thinned(longest.column(f"{name}_m")), label="model", colour="ink", dash=1))
+        series.append(line(value=_thinned(longest.column(f"{name}_c")), label="command", colour="quiet", dash=2))
     limits = around(*span_of(kept)) if kept else None
     return Panel(title=title, series=series, limits=limits, y=unit, whole_row=True)
 

@@ -1,25 +1,30 @@
-"""The project's own schemes on the pitch axis, sampled, with settings by one rule each from the linearised aircraft."""
+"""The project's own schemes on an axis, sampled, with the numbers that one rule found for each on the linearised aircraft."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from importlib.util import find_spec
 from typing import NamedTuple
 
 import numpy as np
 
 from barbalat.adaptation.laws.least_squares import LeastSquares
 from barbalat.controllers import (
+    Adrc,
     KnownParameters,
     L1Adaptive,
     L1PiecewiseConstant,
+    LinearFeedback,
     Mrac,
     RobustMrac,
     Sampled,
 )
 from barbalat.controllers.piecewise_predictor import AsFlown
-from barbalat.design import pi_feedback
-from barbalat.flight.pitch import COMMANDED, SAMPLE_TIME, PitchAxis
-from barbalat.linear.systems import TransferFunction, input_filter
+from barbalat.controllers.windup import ModifiedError
+from barbalat.design import hinf_feedback, pi_feedback
+from barbalat.flight.axis import SAMPLE_TIME, Axis
+from barbalat.linear.systems import StateSpace, input_filter
 from barbalat.problem.state_feedback import Problem
 from barbalat.protocols import Controller
 from barbalat.validate import Array, InputError, show
@@ -32,84 +37,147 @@ class Flying(NamedTuple):
     controller: Controller
 
 
-LAG_SHARE = 0.5
-"""Bandwidth of C(s) times the equipment's lag: a loop of one integrator with this crossover keeps 60 deg of phase."""
+Numbers = Mapping[str, float]
+"""Of a scheme, by the names of its knobs."""
 
 
-def _low_pass(axis: PitchAxis) -> TransferFunction:
-    return input_filter(kappa=axis.equipment.lag / LAG_SHARE)
+@dataclass(frozen=True)
+class Contestant:
+    """A scheme in the comparison.
+
+    make    from an axis and the scheme's numbers to what flies
+    knobs   the numbers that are tuned, each with the range in which it is sought
+    adapts  whether it adapts at all
+    """
+
+    make: Callable[[Axis, Numbers], Flying]
+    knobs: Mapping[str, tuple[float, float]]
+    adapts: bool = True
 
 
-def _lqr(axis: PitchAxis) -> Flying:
+def _lqr(axis: Axis, _: Numbers) -> Flying:
     problem = axis.linear_problem
     return Flying(problem, Sampled(KnownParameters(theta=axis.gain, name="LQR"), SAMPLE_TIME, discretization="euler"))
 
 
-def _linear(axis: PitchAxis) -> Flying:
-    problem = axis.linear_problem
-    linear = pi_feedback(problem.known, unmodelled_delay=axis.equipment.lag, nominal=axis.gain, name="LQR with PI")
-    return Flying(problem, Sampled(linear, SAMPLE_TIME))
+def _sampled(axis: Axis, linear: LinearFeedback) -> Flying:
+    """With its integral protected against windup: what a missing control weighs is K's own gain at the crossover."""
+    K = StateSpace.accept("controller", linear.controller)
+    gain = float(abs(K.response(np.array([axis.followed.crossover]))[0]))
+    return Flying(axis.linear_problem, Sampled(replace(linear, anti_windup=gain), SAMPLE_TIME))
 
 
-MRAC_FREQUENCY = 1.5
-"""[rad/s] at which the estimate of the trim swings with the error: half of CROSSOVER, so that the model stays the faster one."""
-L1_FREQUENCY = 30.0
-"""[rad/s], the same of L1, whose theory asks for fast adaptation: a third of a radian in a sample."""
+def _linear(axis: Axis, numbers: Numbers) -> Flying:
+    """SIMC's PI on the model-following error, with a crossover of ``bandwidth``."""
+    delay = 1 / (2 * numbers["bandwidth"])
+    return _sampled(axis, pi_feedback(axis.linear_problem.known, unmodelled_delay=delay, nominal=axis.gain, name="LQR with PI"))
 
 
-def _gain(axis: PitchAxis, frequency: float) -> Array:
-    """Gamma, (3,), with which each component swings so fast against a regressor of the command's size: Gamma_i phi_i^2 b'Pb."""
+def _hinf(axis: Axis, numbers: Numbers) -> Flying:
+    delay = 1 / (2 * numbers["bandwidth"])
+    return _sampled(axis, hinf_feedback(axis.linear_problem.known, unmodelled_delay=delay, nominal=axis.gain, name="H-infinity"))
+
+
+def _adrc(axis: Axis, numbers: Numbers) -> Flying:
+    adrc = Adrc(bandwidth=numbers["bandwidth"], nominal=axis.gain, saturated_predictor=True)
+    return Flying(axis.linear_problem, Sampled(adrc, SAMPLE_TIME))
+
+
+def _gain(axis: Axis, frequency: float) -> Array:
+    """Gamma, (1 + n,), with which each estimate swings so fast against a regressor of the size met: Gamma_i phi_i^2 b'Pb."""
     known = axis.adaptive_problem.known
-    sizes = np.array([1.0, COMMANDED, COMMANDED])
-    return np.asarray(frequency**2 / (known.b @ known.P @ known.b * sizes**2))
+    return np.asarray(frequency**2 / (known.b @ known.P @ known.b * np.array(axis.followed.met) ** 2))
 
 
-def _mrac(axis: PitchAxis) -> Flying:
-    mrac = Mrac(gamma=_gain(axis, MRAC_FREQUENCY), theta_hat0=axis.nominal)
+def _mrac(axis: Axis, numbers: Numbers) -> Flying:
+    mrac = Mrac(gamma=_gain(axis, numbers["adaptation"]), theta_hat0=axis.nominal, modified_error=ModifiedError())
     return Flying(axis.adaptive_problem, Sampled(mrac, SAMPLE_TIME))
 
 
-def _robust(axis: PitchAxis) -> Flying:
-    law = LeastSquares(covariance0=1.0)
-    robust = RobustMrac(tau=axis.equipment.lag / LAG_SHARE, law=law, theta_hat0=axis.nominal, saturated_predictor=True)
+def _robust(axis: Axis, numbers: Numbers) -> Flying:
+    robust = RobustMrac(
+        tau=1 / numbers["bandwidth"],
+        law=LeastSquares(covariance0=numbers["covariance"]),
+        theta_hat0=axis.nominal,
+        saturated_predictor=True,
+    )
     return Flying(axis.adaptive_problem, Sampled(robust, SAMPLE_TIME))
 
 
-def _l1(axis: PitchAxis) -> Flying:
+def _l1(axis: Axis, numbers: Numbers) -> Flying:
     l1 = L1Adaptive(
-        gamma=_gain(axis, L1_FREQUENCY), filter=_low_pass(axis), theta_hat0=axis.nominal, saturated_predictor=True, name="L1"
+        gamma=_gain(axis, numbers["adaptation"]),
+        filter=input_filter(kappa=1 / numbers["bandwidth"]),
+        theta_hat0=axis.nominal,
+        saturated_predictor=True,
+        name="L1",
     )
     return Flying(axis.adaptive_problem, Sampled(l1, SAMPLE_TIME))
 
 
-def _piecewise(axis: PitchAxis) -> Flying:
-    return Flying(
-        axis.linear_problem,
-        L1PiecewiseConstant(sample_time=SAMPLE_TIME, filter=_low_pass(axis), saturated_predictor=True, name="L1 piecewise"),
-    )
-
-
-def _as_flown(axis: PitchAxis) -> Flying:
-    flown = L1PiecewiseConstant(
+def _piecewise(axis: Axis, numbers: Numbers, *, flown: bool = False) -> Flying:
+    controller = L1PiecewiseConstant(
         sample_time=SAMPLE_TIME,
-        filter=_low_pass(axis),
-        as_flown=AsFlown(nominal=axis.gain),
+        filter=input_filter(kappa=1 / numbers["bandwidth"]),
+        as_flown=AsFlown(nominal=axis.gain) if flown else None,
         saturated_predictor=True,
-        name="L1 piecewise, as flown",
+        name="L1 piecewise, as flown" if flown else "L1 piecewise",
     )
-    return Flying(axis.linear_problem, flown)
+    return Flying(axis.linear_problem, controller)
 
 
-SCHEMES: dict[str, Callable[[PitchAxis], Flying]] = {
-    "lqr": _lqr,
-    "linear": _linear,
-    "mrac": _mrac,
-    "robust-mrac": _robust,
-    "l1": _l1,
-    "l1-piecewise": _piecewise,
-    "l1-piecewise-flown": _as_flown,
+def _as_flown(axis: Axis, numbers: Numbers) -> Flying:
+    return _piecewise(axis, numbers, flown=True)
+
+
+BANDWIDTH = {"bandwidth": (0.5, 50.0)}
+"""[rad/s], from what a flight of 15 s hardly shows to half a radian in a sample."""
+ADAPTATION = {"adaptation": (0.3, 100.0)}
+"""[rad/s] at which estimates swing, up to a radian in a sample."""
+SCHEMES: dict[str, Contestant] = {
+    "lqr": Contestant(_lqr, {}, adapts=False),
+    "linear": Contestant(_linear, BANDWIDTH, adapts=False),
+    "hinf": Contestant(_hinf, BANDWIDTH, adapts=False),
+    "adrc": Contestant(_adrc, BANDWIDTH, adapts=False),
+    "mrac": Contestant(_mrac, ADAPTATION),
+    "robust-mrac": Contestant(_robust, {**BANDWIDTH, "covariance": (1e-3, 1e2)}),
+    "l1": Contestant(_l1, {**BANDWIDTH, **ADAPTATION}),
+    "l1-piecewise": Contestant(_piecewise, BANDWIDTH),
+    "l1-piecewise-flown": Contestant(_as_flown, BANDWIDTH),
 }
 """The registry, by the names of the command line."""
+TUNED: dict[str, dict[str, Numbers]] = {
+    "f16-pitch": {
+        "lqr": {},
+        "linear": {"bandwidth": 6.11},
+        "hinf": {"bandwidth": 2.04},
+        "adrc": {"bandwidth": 4.9},
+        "mrac": {"adaptation": 2.96},
+        "robust-mrac": {"bandwidth": 4.76, "covariance": 0.31},
+        "l1": {"bandwidth": 7.02, "adaptation": 75.3},
+        "l1-piecewise": {"bandwidth": 7.3},
+        "l1-piecewise-flown": {"bandwidth": 5.37},
+    },
+    "f16-roll": {
+        "lqr": {},
+        "linear": {"bandwidth": 6.19},
+        "hinf": {"bandwidth": 2.18},
+        "adrc": {"bandwidth": 6.74},
+        "mrac": {"adaptation": 2.8},
+        "robust-mrac": {"bandwidth": 6.75, "covariance": 0.001},
+        "l1": {"bandwidth": 50.0, "adaptation": 2.83},
+        "l1-piecewise": {"bandwidth": 8.42},
+        "l1-piecewise-flown": {"bandwidth": 7.46},
+    },
+}
+"""By flights and schemes, to three digits: what ``benchmarks/flight_tuning.py`` finds at 10,013 ft and Mach 0.525."""
+NEEDS_ROBUST = "hinf"
+"""The one whose design takes packages of the extra ``robust``."""
+
+
+def available() -> list[str]:
+    """All schemes but those whose design lacks its packages here."""
+    return [name for name in SCHEMES if name != NEEDS_ROBUST or find_spec("slycot") is not None]
 
 
 def require_known(names: Sequence[str]) -> None:
@@ -120,6 +188,6 @@ def require_known(names: Sequence[str]) -> None:
         raise InputError(f"--schemes must be of {', '.join(SCHEMES)}, got {show(unknown[0])}{fits}")
 
 
-def flying(axis: PitchAxis, names: Sequence[str]) -> list[Flying]:
-    """The schemes of these names, each once."""
-    return [SCHEMES[name](axis) for name in dict.fromkeys(names)]
+def flying(axis: Axis, names: Sequence[str]) -> list[Flying]:
+    """The schemes of these names, each once, with the numbers found for the axis."""
+    return [SCHEMES[name].make(axis, TUNED[axis.followed.name][name]) for name in dict.fromkeys(names)]

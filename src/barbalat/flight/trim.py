@@ -45,6 +45,10 @@ class Trim:
         return Motion(speed=self.speed, alpha=self.alpha, theta=self.alpha, q=0.0)
 
     @property
+    def surfaces(self) -> Surfaces:
+        return Surfaces(self.elevator)
+
+    @property
     def short_period(self) -> tuple[Array, Array]:
         """A (2, 2) and b (2,) of alpha and q, for the elevator: in degrees as in radians."""
         rows = np.array([1, 3])

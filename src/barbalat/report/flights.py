@@ -10,18 +10,18 @@ from typing import Any
 import numpy as np
 
 from barbalat.flight.airframe import INTEGRATOR, STEP
+from barbalat.flight.axis import SAMPLE_TIME
 from barbalat.flight.comparison import FlightComparison
 from barbalat.flight.failures import FAILS_AT, Failure
-from barbalat.flight.flight import COLUMNS, DELAY_STEP, DURATION, FIGURES, MOST, Flight
-from barbalat.flight.pitch import SAMPLE_TIME
+from barbalat.flight.flight import DELAY_STEP, MOST, TIMING, Flight, columns_of, figures_of
 
-HEADINGS = ("RMS e\n[deg/s]", "max |e|\n[deg/s]", "n_z\n[g]", "alpha\n[deg]", "elevator\n[deg/s]")
+HEADINGS = ("RMS e\n[deg/s]", "max |e|\n[deg/s]", "n_z\n[g]", "alpha\n[deg]", "surface\n[deg/s]")
 CSV_EVERY = 10
 """Samples from one row of a CSV to the next: ten rows a second, so that a failure's flights are some 100 kB."""
 NOTES = (
-    f"After the failure, which comes at {FAILS_AT:g} s and stays; e is the pitch rate less that of "
-    "the model to follow, alpha its largest value, elevator how far the surface moves in a second",
-    "each scheme has one setting, by a stated rule and not tuned: what is ranked is these settings",
+    f"After the failure, which comes at {FAILS_AT:g} s and stays; e is the followed rate less that "
+    "of the model to follow, alpha its largest value, surface how far that moves in a second",
+    "each scheme has the setting that one rule gives on the linearised aircraft, and none is tuned on flights: these are ranked",
 )
 
 
@@ -43,7 +43,7 @@ def _cells(flight: Flight) -> list[str]:
         return "-" if value is None else f"{value:.2f}"
 
     load = between("n_z_min", "n_z_max")
-    return [number("rms_e"), number("max_abs_e"), load, number("alpha_max"), number("elevator_travel")]
+    return [number("rms_e"), number("max_abs_e"), load, number("alpha_max"), number(f"{flight.followed.surface}_travel")]
 
 
 def reasons(found: FlightComparison, failure: Failure) -> list[str]:
@@ -93,7 +93,10 @@ def facts(found: FlightComparison) -> list[tuple[str, str]]:
     return [
         ("trim", f"{trim.condition}: alpha {alpha:.2f} deg, elevator {elevator:.2f} deg, throttle {trim.throttle:.2f}"),
         ("modes", f"{modes} [1/s]"),
-        ("computed", f"JSBSim {found.jsbsim}, {INTEGRATOR}, {1 / STEP:g} Hz; control at {1 / SAMPLE_TIME:g} Hz, {DURATION:g} s"),
+        (
+            "computed",
+            f"JSBSim {found.jsbsim}, {INTEGRATOR}, {1 / STEP:g} Hz; control at {1 / SAMPLE_TIME:g} Hz, {TIMING.duration:g} s",
+        ),
     ]
 
 
@@ -105,7 +108,7 @@ def _mode(values: list[complex]) -> str:
 def as_document(found: FlightComparison) -> dict[str, Any]:
     """The document of ``fly --json``."""
     trim, axis = found.axis.trim, found.axis
-    A, b = trim.short_period
+    A, b = axis.model
     return {
         "flight": found.name,
         "condition": {"altitude_ft": trim.condition.altitude, "mach": trim.condition.mach},
@@ -120,9 +123,9 @@ def as_document(found: FlightComparison) -> dict[str, Any]:
         "equipment": asdict(axis.equipment),
         "simulation": {
             "simulator": f"JSBSim {found.jsbsim}", "integrator": INTEGRATOR, "dt": STEP, "sample_time": SAMPLE_TIME,
-            "t_end": DURATION, "fails_at": FAILS_AT,
+            "t_end": TIMING.duration, "fails_at": FAILS_AT,
         },
-        "units": FIGURES,
+        "units": figures_of(axis.followed),
         "failures": {failure.name: _judged(found, failure) for failure in found.failures},
         "losses": found.losses,
         **({} if found.delays is None else {"delay_borne": found.delays}),
@@ -148,7 +151,7 @@ def table_of(found: FlightComparison, failure: Failure) -> str:
     """A CSV of all flights through one failure."""
     buffer = io.StringIO()
     writer = csv.writer(buffer, lineterminator="\n")
-    writer.writerow(["controller", *(f"{name} [{unit}]" for name, unit in COLUMNS.items())])
+    writer.writerow(["controller", *(f"{name} [{unit}]" for name, unit in columns_of(found.axis.followed).items())])
     for flight in found.through(failure):
         chosen = np.unique([*range(0, len(flight.record), CSV_EVERY), len(flight.record) - 1])
         writer.writerows([flight.controller, *(f"{value:.6g}" for value in row)] for row in flight.record[chosen])

@@ -21,9 +21,10 @@ from barbalat.claims.claim import Claim
 from barbalat.claims.paper_figure import PaperFigure
 from barbalat.contests.result import Contest
 from barbalat.flight.comparison import FlightComparison
+from barbalat.flight.dispersed import DispersedComparison
 from barbalat.flight.failures import FAILS_AT
 from barbalat.report import contest as contest_rows
-from barbalat.report import flights, tradeoff
+from barbalat.report import dispersed, flights, tradeoff
 from barbalat.report import tuning as tuning_rows
 from barbalat.report.certificates import rows
 from barbalat.report.drawings import Picture
@@ -151,6 +152,18 @@ def flight(found: FlightComparison, pictures: Mapping[str, Picture]) -> str:
         "fails_at": f"{FAILS_AT:g}",
     }
     return _render("flights.html", found=found, pictures=pictures, **told, **values)
+
+
+def dispersed_flights(found: DispersedComparison) -> str:
+    """The page of ``barbalat fly --dispersions``."""
+    told = {"rows": dispersed.rows, "losses": dispersed.losses, "verdicts": dispersed.verdicts}
+    values = {
+        "facts": dispersed.facts(found),
+        "notes": dispersed.NOTES,
+        "headings": tuple(heading.replace("\n", " ") for heading in dispersed.HEADINGS),
+        "loss_headings": dispersed.loss_headings(found),
+    }
+    return _render("dispersed.html", found=found, **told, **values)
 
 
 def tuning(found: Tuning, picture: Picture | None) -> str:

@@ -184,7 +184,8 @@ def write_flights(folder: Folder, found: FlightComparison) -> None:
 
 def files_of_flights() -> set[str]:
     """What ``barbalat fly`` may have left in a folder, beside the files that it always writes."""
-    return {f"flight-{name}.{kind}" for name in FAILURES for kind in ("png", "csv")}
+    names = {failure.name for failures in FAILURES.values() for failure in failures}
+    return {f"flight-{name}.{kind}" for name in names for kind in ("png", "csv")}
 
 
 def write_tuning(folder: Folder, found: Tuning) -> None:

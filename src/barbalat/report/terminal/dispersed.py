@@ -1,0 +1,27 @@
+"""What ``barbalat fly --dispersions`` shows: losses, then figures with intervals for each failure."""
+
+from __future__ import annotations
+
+from barbalat.flight.dispersed import DispersedComparison
+from barbalat.report import dispersed
+from barbalat.report.terminal.layout import Screen
+
+
+def show(screen: Screen, found: DispersedComparison) -> None:
+    """Losses first."""
+    screen.line(f"{found.campaign.name} on {found.members} aircraft that are drawn", "bold")
+    for label, text in dispersed.facts(found):
+        screen.fact(label, text, 8)
+    screen.line("")
+    lost = [[screen.name(name), *cells] for name, *cells in dispersed.losses(found)]
+    screen.table(dispersed.loss_headings(found), lost)
+    screen.line("")
+    for verdict in dispersed.verdicts(found):
+        screen.line(f"{verdict}.", indent="    ", start="  ")
+    for failure in found.campaign.failures:
+        screen.title(f"{failure.name}: {failure.meaning}")
+        body = [[screen.name(name), *cells] for name, *cells in dispersed.rows(found, failure.name)]
+        screen.table(dispersed.HEADINGS, body)
+    screen.line("")
+    for note in dispersed.NOTES:
+        screen.line(f"Note: {note}.")
