@@ -92,6 +92,7 @@ def _execute_dispersed(options: argparse.Namespace) -> int:
     from barbalat.flight.dispersions import SEED
     from barbalat.flight.isolated import SimulatorFailed
     from barbalat.report import dispersed, documents, page
+    from barbalat.report.file_names import PAGE
 
     remedy = "does not go with --dispersions, which flies the project's schemes at three conditions: leave it out"
     _require_none(options, ("delays", "altitude", "mach", "controllers"), remedy)
@@ -111,7 +112,7 @@ def _execute_dispersed(options: argparse.Namespace) -> int:
             document = documents.as_json(dispersed.as_document(found))
             if folder is not None:
                 folder.write("fly.json", document)
-                folder.write(page.PAGE, page.dispersed_flights(found))
+                folder.write(PAGE, page.dispersed_flights(found))
                 folder.commit()
     except SimulatorFailed as error:
         stays = "" if options.store is None else f"; what is stored in {options.store} stays, and the same command goes on"
@@ -126,7 +127,7 @@ def _execute_dispersed(options: argparse.Namespace) -> int:
     screen = Screen()
     terminal.show(screen, found)
     if folder is not None:
-        screen.whole(f"page: {folder.path / page.PAGE}")
+        screen.whole(f"page: {folder.path / PAGE}")
     return 0
 
 
