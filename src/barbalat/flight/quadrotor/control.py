@@ -1,0 +1,83 @@
+"""The whole controller of a flight: position's loop around the attitude's, geometry around what a scheme adds to each axis."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from barbalat.flight.quadrotor.axes import ATTITUDE_SAMPLE, POSITION_SAMPLE, Axes, Axis
+from barbalat.flight.quadrotor.geometry import (
+    UP,
+    AttitudeCommand,
+    allocated,
+    attitude_errors,
+    carried,
+    commanded_attitude,
+    cross,
+    turned,
+    wanted_thrust,
+)
+from barbalat.flight.quadrotor.simulator import Motion
+from barbalat.flight.quadrotor.trajectory import Path
+from barbalat.flight.sampled_step import SampledList, SampledStep
+from barbalat.validate import Array
+
+OUTER_EVERY = round(POSITION_SAMPLE / ATTITUDE_SAMPLE)
+"""Samples of the attitude from one of the position to the next."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Scheme:
+    """What one scheme adds, as lists of operations: for roll, pitch, yaw, and for forward, left, up."""
+
+    name: str
+    attitude: tuple[SampledList, ...]
+    position: tuple[SampledList, ...]
+
+
+class Control:
+    """From measurements to thrusts. Not for several threads.
+
+    What position's control asks for moves with the noise of its measurements. The attitude's axes follow a model of it: a body
+    that obeys the geometric controller at once. So their errors are what the vehicle adds, and its command is known to them.
+    """
+
+    def __init__(self, axes: Axes, scheme: Scheme) -> None:
+        self.axes, self.name, self.vehicle = axes, scheme.name, axes.hover.vehicle
+        self._mixer, self._hover, self._inertia = axes.hover.mixer, axes.hover.thrusts, np.asarray(self.vehicle.inertia)
+        self._attitude = [(axis, SampledStep(one)) for axis, one in zip(axes.attitude, scheme.attitude, strict=True)]
+        self._position = [(axis, SampledStep(one)) for axis, one in zip(axes.position, scheme.position, strict=True)]
+        self.reset(np.eye(3), np.zeros(3))
+
+    def reset(self, attitude: Array, rates: Array) -> None:
+        """As it must be whenever control is handed to it: the laws before their first sample, the model where the vehicle is."""
+        for _, step in (*self._attitude, *self._position):
+            step.reset()
+        self._wanted, self._commanded = wanted_thrust(np.zeros(3)), np.eye(3)
+        self._model = AttitudeCommand(attitude, rates, np.zeros(3))
+
+    def __call__(self, measured: Motion, planned: Path, k: int) -> Array:
+        """Thrusts (4,) [N] at sample k."""
+        if k % OUTER_EVERY == 0:
+            errors = np.column_stack([measured.position - planned.position[k], measured.velocity - planned.velocity[k]])
+            self._wanted = wanted_thrust(planned.acceleration[k] + _asked(self._position, errors))
+            self._commanded = commanded_attitude(self._wanted)
+        self._follow(AttitudeCommand(self._commanded, planned.rates[k], planned.rate_changes[k]))
+        R, Omega = measured.attitude, measured.rates
+        turning = _asked(self._attitude, attitude_errors(R, Omega, self._model)) + carried(R, Omega, self._model)
+        turning += cross(Omega, self._inertia * Omega) / self._inertia
+        return allocated(self._mixer, self._hover, self.vehicle.thrust, float(self._wanted @ (R @ UP)), turning)
+
+    def _follow(self, command: AttitudeCommand) -> None:
+        """The model one sample on, under an acceleration that is held."""
+        R, Omega, acceleration = self._model
+        R, Omega = turned(R, ATTITUDE_SAMPLE * (Omega + 0.5 * ATTITUDE_SAMPLE * acceleration)), Omega + ATTITUDE_SAMPLE * acceleration
+        errors = attitude_errors(R, Omega, command)
+        asked = np.array([axis.feedback(x) for (axis, _), x in zip(self._attitude, errors, strict=True)])
+        self._model = AttitudeCommand(R, Omega, asked + carried(R, Omega, command))
+
+
+def _asked(loops: list[tuple[Axis, SampledStep]], errors: Array) -> Array:
+    """Feedback and what the scheme adds, each within its limit, (3,)."""
+    return np.array([axis.feedback(x) + axis.limited(float(step(x, 0.0)[0])) for (axis, step), x in zip(loops, errors, strict=True)])
