@@ -52,10 +52,11 @@ from .export.in_the_loop import InTheLoop as InTheLoop
 from .export.in_the_loop import simulate_export as simulate_export
 from .export.write import export_controller as export_controller
 from .flight.airframe import FlightCondition as FlightCondition
-from .flight.comparison import FlightComparison as FlightComparison
-from .flight.comparison import fly as fly
 from .flight.equipment import Equipment as Equipment
+from .flight.f16_comparison import FlightComparison as FlightComparison
 from .flight.isolated import SimulatorFailed as SimulatorFailed
+from .flight.quadrotor.comparison import QuadrotorComparison as QuadrotorComparison
+from .flight.registry import fly as fly
 from .linear.enclosure import Enclosure as Enclosure
 from .linear.l1_norms import l1_norm as l1_norm
 from .linear.margins import Margins as Margins

@@ -12,17 +12,18 @@ from barbalat.commands.screen import Work, say, work
 
 if TYPE_CHECKING:
     from barbalat.commands import Commands
-    from barbalat.flight.comparison import FlightComparison
+    from barbalat.flight.compared import Compared
 
 DEFAULT = "barbalat-fly"
 
 
 def add(commands: Commands) -> None:
     """Register the command and its options."""
-    parser = commands.add_parser("fly", help="sampled controllers on JSBSim's F-16, with failures; needs the extra flight")
-    parser.add_argument("name", metavar="NAME", help="f16-pitch, f16-roll: the F-16 follows a pitch-rate or a roll-rate command")
+    parser = commands.add_parser("fly", help="sampled controllers on flight models, with failures; needs the extra flight")
+    parser.add_argument("name", metavar="NAME", help="f16-pitch, f16-roll: the F-16 follows a rate; quadrotor: a figure of eight")
     parser.add_argument("--schemes", metavar="A,B", help="of the project's schemes, with commas between; default: all")
     parser.add_argument("--failure", action="append", metavar="NAME", help="a failure, again for more; default: all")
+    parser.add_argument("--failures", metavar="A,B", help="the same with commas between")
     parser.add_argument("--delays", action="store_true", help="raise the delay, too, until control is lost; takes twice as long")
     parser.add_argument(
         "--dispersions",
@@ -32,8 +33,8 @@ def add(commands: Commands) -> None:
     )
     parser.add_argument("--seed", type=int, metavar="N", help="of the draws; default 2013")
     parser.add_argument("--store", metavar="DIR", help="keep every draw's row there; the same command resumes")
-    parser.add_argument("--altitude", type=float, metavar="FT", help="of level flight; default 10013 ft")
-    parser.add_argument("--mach", type=float, metavar="M", help="of level flight; default 0.525")
+    parser.add_argument("--altitude", type=float, metavar="FT", help="of the F-16's level flight; default 10013 ft")
+    parser.add_argument("--mach", type=float, metavar="M", help="of the F-16's level flight; default 0.525")
     parser.add_argument("--out", metavar="DIR", help=f"default: {DEFAULT}, none with --json")
     parser.add_argument("--json", action="store_true", help="one JSON document on standard output")
     add_controllers(parser)
@@ -96,14 +97,13 @@ def _execute_dispersed(options: argparse.Namespace) -> int:
 
     remedy = "does not go with --dispersions, which flies the project's schemes at three conditions: leave it out"
     _require_none(options, ("delays", "altitude", "mach", "controllers"), remedy)
-    schemes = None if options.schemes is None else [name.strip() for name in options.schemes.split(",")]
     try:
         with folder_of(options.out, None if options.json else DEFAULT) as folder, work({"flying": 1200.0}) as running:
             with running.part("flying", here=False) as progress:
                 found = fly_dispersed(
                     options.name,
-                    schemes=schemes,
-                    failures=options.failure,
+                    schemes=_names(options.schemes),
+                    failures=_failures(options),
                     members=options.dispersions,
                     seed=SEED if options.seed is None else options.seed,
                     store=options.store,
@@ -131,22 +131,29 @@ def _execute_dispersed(options: argparse.Namespace) -> int:
     return 0
 
 
-def _flown(options: argparse.Namespace, running: Work) -> FlightComparison:
+def _flown(options: argparse.Namespace, running: Work) -> Compared:
     from barbalat.cases import outside
     from barbalat.flight.airframe import FlightCondition
-    from barbalat.flight.comparison import fly
+    from barbalat.flight.registry import fly
 
     own = () if options.controllers is None else outside.run(options.controllers).controllers(named={})
-    given = {"altitude": options.altitude, "mach": options.mach}
-    condition = FlightCondition(**{name: value for name, value in given.items() if value is not None})
-    schemes = None if options.schemes is None else [name.strip() for name in options.schemes.split(",")]
+    given = {name: value for name, value in (("altitude", options.altitude), ("mach", options.mach)) if value is not None}
     with running.part("flying", here=False) as progress:
         return fly(
             options.name,
-            schemes=schemes,
+            schemes=_names(options.schemes),
             controllers=own,
-            failures=options.failure,
-            condition=condition,
+            failures=_failures(options),
+            condition=FlightCondition(**given) if given else None,
             delays=options.delays,
             progress=progress,
         )
+
+
+def _names(given: str | None) -> list[str] | None:
+    """With commas between."""
+    return None if given is None else [name.strip() for name in given.split(",")]
+
+
+def _failures(options: argparse.Namespace) -> list[str] | None:
+    return [*(options.failure or ()), *(_names(options.failures) or ())] or None

@@ -1,142 +1,52 @@
-"""``fly``: controllers through failures on a flight model, side by side."""
+"""Controllers through failures on JSBSim's F-16: how they are flown, each in a process of its own."""
 
 from __future__ import annotations
 
-import textwrap
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import replace
 from importlib import metadata
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from barbalat.flight.airframe import FlightCondition
 from barbalat.flight.axis import AXES, SAMPLE_TIME, Axis
 from barbalat.flight.equipment import Equipment
+from barbalat.flight.f16_comparison import FlightComparison
 from barbalat.flight.failures import FAILURES, Failure
 from barbalat.flight.flight import Flight, columns_of, delay_borne, flown
 from barbalat.flight.isolated import SimulatorFailed, isolated
+from barbalat.flight.request import Request
 from barbalat.flight.sampled_step import SampledList
 from barbalat.flight.schemes import Flying, available, flying, require_known
 from barbalat.flight.trim import trimmed
 from barbalat.protocols import Controller
-from barbalat.run.progress import Progress
 from barbalat.validate import InputError, require_extra, show
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-FLIGHTS = tuple(AXES)
-"""What can be flown, by the names of the command line."""
-HELD = "\0"
-"""In the place of a blank at which no line ends."""
 STARTING_SECONDS, SECONDS_PER_FLIGHT = 120.0, 60.0
 """Time limits: JSBSim loads in one second and flies ``DURATION`` in half of one; a shared machine takes many times that."""
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class FlightComparison:
-    """All flights of some controllers through some failures.
-
-    jsbsim   its version
-    flights  for each controller those through all failures, in their order
-    delays   the largest added delay that each kept control with [s], by name; None where nobody asked
-    """
-
-    name: str
-    axis: Axis
-    failures: tuple[Failure, ...]
-    jsbsim: str
-    flights: tuple[tuple[Flight, ...], ...]
-    delays: dict[str, float] | None = None
-
-    @property
-    def controllers(self) -> tuple[str, ...]:
-        """Their names."""
-        return tuple(several[0].controller for several in self.flights)
-
-    def __repr__(self) -> str:
-        lines = [f"{self.name} at {self.axis.trim.condition}: RMS error of the followed rate [deg/s] after each failure"]
-        for failure in self.failures:
-            found = (
-                f"{one.controller} {f'lost at {one.duration:.1f} s' if one.lost else f'{one.rms_error:.2f}'}".replace(" ", HELD)
-                for one in self.through(failure)
-            )
-            lines += textwrap.wrap(f"{failure.name}: {', '.join(found)}", 100, subsequent_indent="    ")
-        return "\n".join(lines).replace(HELD, " ")
-
-    def plot(self, failure: str | None = None) -> Figure:
-        """Time histories of all controllers through one failure, by its name; the last one by default."""
-        from barbalat.flight.picture import figure_of
-
-        found = [one for one in self.failures if failure in (None, one.name)]
-        if not found:
-            raise InputError(
-                f"failure must be one that was flown, {', '.join(one.name for one in self.failures)}, got {show(failure)}"
-            )
-        return figure_of(self.all_through(found[-1]), shown=True)
-
-    def all_through(self, failure: Failure) -> list[Flight]:
-        """The flights of all controllers through one failure, in the controllers' order."""
-        return [flight for several in self.flights for flight in several if flight.failure == failure]
-
-    def through(self, failure: Failure) -> list[Flight]:
-        """The flights of all controllers through one failure: lost ones last, the sooner the later; the others by error."""
-        return sorted(
-            self.all_through(failure),
-            key=lambda flight: (bool(flight.lost), -flight.duration if flight.lost else flight.rms_error),
-        )
-
-    @cached_property
-    def losses(self) -> dict[str, int]:
-        """How many of its flights each controller lost, the best first."""
-        counted = {several[0].controller: sum(bool(flight.lost) for flight in several) for several in self.flights}
-        return dict(sorted(counted.items(), key=lambda item: item[1]))
-
-
-def fly(
-    name: str = FLIGHTS[0],
-    *,
-    schemes: Sequence[str] | None = None,
-    controllers: Sequence[Controller] = (),
-    failures: Sequence[str] | None = None,
-    condition: FlightCondition | None = None,
-    equipment: Equipment | None = None,
-    delays: bool = False,
-    progress: Progress | None = None,
-) -> FlightComparison:
-    """Fly controllers on a flight model, each through every failure; the extra ``flight`` has JSBSim.
-
-    name         "f16-pitch": JSBSim's F-16 follows a pitch-rate command; "f16-roll": a roll-rate command
-    schemes      of ``flight.schemes.SCHEMES``; all by default, "hinf" where the extra ``robust`` is installed
-    controllers  sampled ones of one's own beside them, bound to ``Axis.adaptive_problem``
-    failures     of ``flight.failures.FAILURES[name]``; all by default
-    condition    where level flight is trimmed; 10013 ft, Mach 0.525 by default
-    equipment    what lies between controller and surface; the axis's own by default
-    delays       whether the delay is raised, too, until control is lost: some ten flights more for each controller
-
-    Raises InputError for what can't be flown, SimulatorFailed where the simulator breaks before any flight.
-    """
-    wanted = available() if schemes is None else list(schemes)
-    chosen = chosen_failures(name, failures)
+def fly(request: Request) -> FlightComparison:
+    """On one axis of the F-16; arguments as ``registry.fly`` says."""
+    wanted = available() if request.schemes is None else list(request.schemes)
+    chosen = chosen_failures(request.name, request.failures)
     require_known(wanted)
-    axis = axis_of(name, condition or FlightCondition(), equipment)
-    lists = lists_of(axis, wanted, controllers)
+    axis = axis_of(request.name, request.condition or FlightCondition(), request.equipment)
+    lists = lists_of(axis, wanted, request.controllers)
     flights, borne = [], {}
     for i, contents in enumerate(lists):
         flights.append(tuple(_flown(axis, contents, chosen)))
-        if delays:
+        if request.delays:
             borne[contents.name] = isolated(STARTING_SECONDS + 20 * SECONDS_PER_FLIGHT, delay_borne, axis, contents)
-        if progress is not None:
-            progress((i + 1) / len(lists))
+        if request.progress is not None:
+            request.progress((i + 1) / len(lists))
     return FlightComparison(
-        name=name,
+        name=request.name,
         axis=axis,
         failures=chosen,
         jsbsim=metadata.version("jsbsim"),
         flights=tuple(flights),
-        delays=borne if delays else None,
+        delays=borne if request.delays else None,
     )
 
 
@@ -154,8 +64,6 @@ def _flown(axis: Axis, contents: SampledList, failures: Sequence[Failure]) -> li
 
 def chosen_failures(name: str, failures: Sequence[str] | None) -> tuple[Failure, ...]:
     """Of a flight, all by default; InputError for what is none."""
-    if name not in FLIGHTS:
-        raise InputError(f"NAME must be {' or '.join(FLIGHTS)}, got {show(name)}")
     known = {one.name: one for one in FAILURES[name]}
     unknown = [one for one in failures or () if one not in known]
     if unknown:

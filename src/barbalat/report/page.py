@@ -7,8 +7,10 @@ as the claims with their dozen maps, has them as files beside it and says so in 
 from __future__ import annotations
 
 import re
+from base64 import b64encode
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from functools import cache
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
@@ -20,9 +22,8 @@ from barbalat.certificates.overview import Certified
 from barbalat.claims.claim import Claim
 from barbalat.claims.paper_figure import PaperFigure
 from barbalat.contests.result import Contest
-from barbalat.flight.comparison import FlightComparison
+from barbalat.flight.compared import Compared
 from barbalat.flight.dispersed import DispersedComparison
-from barbalat.flight.failures import FAILS_AT
 from barbalat.report import contest as contest_rows
 from barbalat.report import dispersed, flights, tradeoff
 from barbalat.report import tuning as tuning_rows
@@ -140,16 +141,28 @@ def sweep(found: SweepResult, pictures: Mapping[str, Picture], worst: Sequence[W
     return _render("sweep.html", found=found, pictures=pictures, worst=worst, **tables)
 
 
-def flight(found: FlightComparison, pictures: Mapping[str, Picture]) -> str:
-    """The page of ``barbalat fly``; ``pictures`` by the failures' names."""
+@dataclass(frozen=True)
+class Film:
+    """A film's file, what it shows, and the bytes of it."""
+
+    file: str
+    meaning: str
+    gif: bytes
+
+    def address(self, alone: bool) -> str:
+        """Its file's, or one that holds all of it."""
+        return f"data:image/gif;base64,{b64encode(self.gif).decode()}" if alone else self.file
+
+
+def flight(found: Compared, pictures: Mapping[str, Picture], paths: Mapping[str, Picture], film: Film | None) -> str:
+    """The page of ``barbalat fly``; pictures over time and in space by the failures' names."""
     told = {"rows": flights.rows, "reasons": flights.reasons, "losses": flights.losses, "best_and_worst": flights.best_and_worst}
-    headings = ("controller", *(heading.replace("\n", " ") for heading in flights.HEADINGS))
+    headings = ("controller", *(heading.replace("\n", " ") for heading in found.headings))
     values = {
-        "facts": flights.facts(found),
-        "notes": flights.NOTES,
         "headings": headings,
         "loss_headings": tuple(one.replace("\n", " ") for one in flights.loss_headings(found)),
-        "fails_at": f"{FAILS_AT:g}",
+        "paths": paths,
+        "film": film,
     }
     return _render("flights.html", found=found, pictures=pictures, **told, **values)
 

@@ -17,8 +17,10 @@ from barbalat.claims.claim import Chart, Claim, Map
 from barbalat.claims.paper_figure import PaperFigure
 from barbalat.contests.picture import draw as draw_contest
 from barbalat.contests.result import Contest
-from barbalat.flight.comparison import FlightComparison
-from barbalat.flight.failures import FAILURES
+from barbalat.flight import path_picture
+from barbalat.flight.compared import Compared
+from barbalat.flight.film import film
+from barbalat.flight.registry import FLIGHTS
 from barbalat.pictures.panel_drawing import draw as draw_panels
 from barbalat.pictures.render import render
 from barbalat.report import charts, diagrams, flights, maps, page
@@ -168,24 +170,40 @@ def write_sweep(folder: Folder, found: SweepResult, worst: Sequence[WorstMember]
     folder.write(PAGE, page.sweep(found, pictures, worst))
 
 
-def write_flights(folder: Folder, found: FlightComparison) -> None:
-    """A picture and a CSV for each failure, and the page, which holds the pictures."""
-    from barbalat.flight import picture as of_flight
-
-    pictures = {}
+def write_flights(folder: Folder, found: Compared) -> None:
+    """For each failure pictures over time and in space and a CSV, a film of one of them, and the page, which holds them all."""
+    pictures, paths = {}, {}
     for failure in found.failures:
-        wide, narrow = (of_flight.figure_of(found.all_through(failure), narrow=narrow) for narrow in (False, True))
         name = f"flight-{failure.name}"
-        folder.write(f"{name}.png", render(wide, "png"))
-        pictures[failure.name] = Picture(svg_of(name, wide), svg_of(f"{name}{NARROW}", narrow))
+        pictures[failure.name] = _within(folder, name, partial(found.figure, failure))
+        scene = found.scene(failure, found.controllers)
+        if scene is not None:
+            paths[failure.name] = _within(folder, name.replace("flight", "path"), partial(path_picture.figure_of, scene))
         folder.write(f"{name}.csv", flights.table_of(found, failure))
-    folder.write(PAGE, page.flight(found, pictures))
+    told = found.most_telling
+    scene = found.scene(told, found.pair(told))
+    shown = None if scene is None else page.Film(FILM, told.meaning, film(scene, start=max(0.0, scene.fails - FILMED_BEFORE)))
+    if shown is not None:
+        folder.write(FILM, shown.gif)
+    folder.write(PAGE, page.flight(found, pictures, paths, shown))
+
+
+FILM = "flight.gif"
+FILMED_BEFORE = 3.0
+"""[s] of a flight before its failure."""
+
+
+def _within(folder: Folder, name: str, figure: Drawn) -> Picture:
+    """Wide as PNG; both as SVG, in the page alone."""
+    wide, narrow = (figure(narrow=narrow) for narrow in (False, True))
+    folder.write(f"{name}.png", render(wide, "png"))
+    return Picture(svg_of(name, wide), svg_of(f"{name}{NARROW}", narrow))
 
 
 def files_of_flights() -> set[str]:
     """What ``barbalat fly`` may have left in a folder, beside the files that it always writes."""
-    names = {failure.name for failures in FAILURES.values() for failure in failures}
-    return {f"flight-{name}.{kind}" for name in names for kind in ("png", "csv")}
+    names = {name for entry in FLIGHTS.values() for name in entry.failures}
+    return {FILM, *(f"{what}-{name}.{kind}" for name in names for what in ("flight", "path") for kind in ("png", "csv"))}
 
 
 def write_tuning(folder: Folder, found: Tuning) -> None:

@@ -33,7 +33,7 @@ YAW_SHARE = 0.4
 ATTITUDE_SAMPLE, POSITION_SAMPLE = 1 / 400, 1 / 100
 """[s]."""
 MOMENT_SHARE = 1 / 3
-"""Of the hover thrust, for each of roll, pitch and yaw: all of them at their limits at once leave no rotor below zero at hover."""
+"""Of the hover thrust, for each of roll, pitch, yaw: with all of them at their limits no rotor is below zero at hover."""
 ADDED_SHARE = 0.5
 """Of an axis' authority, for what a scheme adds; the feedback has the rest. So neither is cut off by the other, and a predictor
 knows what is left of u. Half of position's lifts another 35 % of the mass."""

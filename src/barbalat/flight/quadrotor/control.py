@@ -72,7 +72,10 @@ class Control:
     def _follow(self, command: AttitudeCommand) -> None:
         """The model one sample on, under an acceleration that is held."""
         R, Omega, acceleration = self._model
-        R, Omega = turned(R, ATTITUDE_SAMPLE * (Omega + 0.5 * ATTITUDE_SAMPLE * acceleration)), Omega + ATTITUDE_SAMPLE * acceleration
+        R, Omega = (
+            turned(R, ATTITUDE_SAMPLE * (Omega + 0.5 * ATTITUDE_SAMPLE * acceleration)),
+            Omega + ATTITUDE_SAMPLE * acceleration,
+        )
         errors = attitude_errors(R, Omega, command)
         asked = np.array([axis.feedback(x) for (axis, _), x in zip(self._attitude, errors, strict=True)])
         self._model = AttitudeCommand(R, Omega, asked + carried(R, Omega, command))
@@ -80,4 +83,6 @@ class Control:
 
 def _asked(loops: list[tuple[Axis, SampledStep]], errors: Array) -> Array:
     """Feedback and what the scheme adds, each within its limit, (3,)."""
-    return np.array([axis.feedback(x) + axis.limited(float(step(x, 0.0)[0])) for (axis, step), x in zip(loops, errors, strict=True)])
+    return np.array(
+        [axis.feedback(x) + axis.limited(float(step(x, 0.0)[0])) for (axis, step), x in zip(loops, errors, strict=True)]
+    )

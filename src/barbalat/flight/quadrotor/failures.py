@@ -54,7 +54,7 @@ FAILURES = {
         Failure(name="delay-20", meaning="commands arrive 20 ms later", delay=0.02),
         Failure(
             name="no-reset",
-            meaning=f"it starts on ground that slopes by {SLOPE:g} deg, and the laws, which ran there for {TAKES_OFF:g} s, are not reset",
+            meaning=f"the laws, which ran for {TAKES_OFF:g} s on ground that slopes by {SLOPE:g} deg, are not reset at the start",
             stale=True,
             since=TAKES_OFF,
         ),

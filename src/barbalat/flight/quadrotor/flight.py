@@ -14,6 +14,7 @@ from barbalat.flight.quadrotor.failures import FAILS_AT, GUST_LENGTH, GUSTS_SHAR
 from barbalat.flight.quadrotor.simulator import ROTORS, Motion, Simulator
 from barbalat.flight.quadrotor.trajectory import CLIMBS, TAKES_OFF, Path, path
 from barbalat.flight.quadrotor.vehicle import STANDING, STEP
+from barbalat.flight.scene import attitudes
 from barbalat.validate import Array
 
 DURATION = 20.0
@@ -38,7 +39,7 @@ FIGURES = {
     "rotor_max": "N",
     "limited": "%",
 }
-"""Of a flight, with their units; e is the distance from where it should be, sinks how far it came below that, travel what the four
+"""Of a flight, with units; e is the distance from where it should be, sinks how far it came below that, travel what the four
 thrusts change by in a second on average, limited the share of the time in which some rotor is at an end of its range."""
 FARTHEST, STEEPEST, LOWEST = 3.0, 85.0, STANDING + 0.02
 """[m] from its path, [deg] of tilt and [m] above the ground: beyond these the vehicle is lost."""
@@ -77,6 +78,11 @@ class QuadrotorFlight:
         return np.asarray(np.linalg.norm(self.record[:, 4:7] - self.record[:, 1:4], axis=1))
 
     @property
+    def attitude(self) -> Array:
+        """(K, 3, 3), its columns the body's axes."""
+        return attitudes(self.column("roll"), self.column("pitch"), self.column("yaw"))
+
+    @property
     def tilt(self) -> Array:
         """Angle of its axis from the vertical, at the samples [deg]."""
         roll, pitch = np.deg2rad(self.column("roll")), np.deg2rad(self.column("pitch"))
@@ -96,7 +102,15 @@ class QuadrotorFlight:
         thrusts = self.record[after, 13 : 13 + ROTORS]
         travel = np.abs(np.diff(thrusts, axis=0)).sum() / (ROTORS * np.ptp(self.column("t")[after]))
         sinks = (self.column("z_d") - self.column("z"))[after].max()
-        values = (self.rms_error, self.error[after].max(), max(sinks, 0.0), self.tilt[after].max(), travel, thrusts.max(), self.column("limited")[after].mean())
+        values = (
+            self.rms_error,
+            self.error[after].max(),
+            max(sinks, 0.0),
+            self.tilt[after].max(),
+            travel,
+            thrusts.max(),
+            self.column("limited")[after].mean(),
+        )
         return {"lost_at": None, **dict(zip(FIGURES, map(float, values), strict=True))}
 
     @property
@@ -117,7 +131,7 @@ COARSE, MOST = 8, 64
 
 
 def delay_borne(axes: Axes, scheme: Scheme) -> float:
-    """The largest added delay [s] with which the vehicle is kept to the end, to DELAY_STEP: by trials upwards, then by bisection."""
+    """The largest added delay [s] with which the vehicle is kept, to DELAY_STEP: by trials upwards, then by bisection."""
     control = Control(axes, scheme)
 
     def lost(delay: int) -> bool:

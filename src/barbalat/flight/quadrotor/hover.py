@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -56,11 +57,13 @@ def hovering(vehicle: Quadrotor) -> Hover:
 
     thrusts = np.zeros(ROTORS)
     for _ in range(2):  # the accelerations are linear in the thrusts: one step lands, the other shows that it did
-        B = _differences(lambda change, at=thrusts: accelerations(np.zeros(12), at + change), ROTORS)
+        B = _differences(partial(_of_thrusts, accelerations, thrusts), ROTORS)
         thrusts = thrusts - np.linalg.pinv(B) @ accelerations(np.zeros(12), thrusts)
     left = float(np.abs(accelerations(np.zeros(12), thrusts)).max())
     if left > RESIDUAL or not ((thrusts > 0) & (thrusts < vehicle.thrust)).all():
-        raise InputError(f"the quadrotor can't hover: it would take thrusts of {thrusts} N, and {left:.2g} m/s^2 or rad/s^2 are left")
+        raise InputError(
+            f"the quadrotor can't hover: it would take thrusts of {thrusts} N, and {left:.2g} m/s^2 or rad/s^2 are left"
+        )
     A, whole_B = np.zeros((12, 12)), np.zeros((12, ROTORS))
     A[:6, 6:] = np.eye(6)  # near no rotation the rotation vector's rate is the body's
     A[6:] = _differences(lambda change: accelerations(change, thrusts), 12)
@@ -73,6 +76,10 @@ def _turned(change: Array) -> Motion:
 
     position, turn, velocity, rates = np.split(change, 4)
     return Motion(np.array([0, 0, HEIGHT]) + position, Rotation.from_rotvec(turn).as_matrix(), velocity, rates)
+
+
+def _of_thrusts(accelerations: Callable[[Array, Array], Array], at: Array, change: Array) -> Array:
+    return accelerations(np.zeros(12), at + change)
 
 
 def _differences(function: Callable[[Array], Array], count: int) -> Array:

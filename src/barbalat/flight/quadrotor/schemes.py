@@ -56,7 +56,8 @@ def _gain(axis: Axis, frequency: float) -> Array:
 
 def _geometric(axis: Axis) -> OnAxis:
     return OnAxis(
-        axis.linear_problem, Sampled(KnownParameters(theta=np.zeros(2), name="Geometric"), axis.sample_time, discretization="euler")
+        axis.linear_problem,
+        Sampled(KnownParameters(theta=np.zeros(2), name="Geometric"), axis.sample_time, discretization="euler"),
     )
 
 

@@ -80,7 +80,8 @@ def mjcf(vehicle: Quadrotor, *, slung: SlungMass | None = None, step: float = ST
     places = [(vehicle.reach * forward, vehicle.reach * left) for forward, left in PLACES]
     sites = "".join(f'<site name="rotor-{i}" pos="{x!r} {y!r} 0"/>' for i, (x, y) in enumerate(places))
     feet = "".join(
-        f'<geom name="foot-{i}" type="sphere" size="{FOOT}" mass="0" pos="{x!r} {y!r} {-LEGS}"/>' for i, (x, y) in enumerate(places)
+        f'<geom name="foot-{i}" type="sphere" size="{FOOT}" mass="0" pos="{x!r} {y!r} {-LEGS}"/>'
+        for i, (x, y) in enumerate(places)
     )
     motors = "".join(
         f'<general name="rotor-{i}" site="rotor-{i}" gear="0 0 1 0 0 {spin * vehicle.torque!r}" dyntype="filter" '

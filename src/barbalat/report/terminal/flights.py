@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from barbalat.flight.comparison import FlightComparison
+from barbalat.flight.compared import Compared
 from barbalat.report import flights
 from barbalat.report.terminal.layout import Screen
 
 
-def show(screen: Screen, found: FlightComparison) -> None:
+def show(screen: Screen, found: Compared) -> None:
     """Losses first."""
     screen.line(f"{found.name} through {', '.join(failure.name for failure in found.failures)}", "bold")
-    for label, text in flights.facts(found):
+    for label, text in found.facts():
         screen.fact(label, text, 8)
     screen.line("")
     lost = [[screen.name(name), *cells] for name, *cells in flights.losses(found)]
@@ -19,9 +19,9 @@ def show(screen: Screen, found: FlightComparison) -> None:
         screen.title(f"{failure.name}: {failure.meaning}")
         screen.line(f"{flights.best_and_worst(found, failure)}.")
         body = [[screen.name(name), *cells] for name, *cells in flights.rows(found, failure)]
-        screen.table(("controller", *flights.HEADINGS), body)
+        screen.table(("controller", *found.headings), body)
         for reason in flights.reasons(found, failure):
             screen.line(f"{reason}.", indent="    ", start="  ")
     screen.line("")
-    for note in flights.NOTES:
+    for note in found.notes:
         screen.line(f"Note: {note}.")

@@ -1,0 +1,86 @@
+"""Flights in space, drawn: the paths of a scene in one box, for a page or for a phone."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from barbalat.flight.scene import Scene
+from barbalat.pictures.panels import text_of
+from barbalat.pictures.theme import DASHES, NARROW, Theme, new_figure
+from barbalat.validate import Array
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+    from mpl_toolkits.mplot3d import Axes3D
+
+POINTS = 250
+"""Of a drawn path: a pixel and a half of a phone's width from one to the next."""
+ELEVATION, AZIMUTH = 24.0, -58.0
+"""[deg], from where it is seen."""
+WIRE_SHARE = 0.05
+"""Of the box's longest side: the size of a vehicle's frame, which is larger than life."""
+
+
+def figure_of(scene: Scene, *, narrow: bool = False, shown: bool = False) -> Figure:
+    """All paths, with each vehicle at the end of its own; a cross where one was lost."""
+    width, height = (NARROW, 4.2) if narrow else (8.0, 4.6)
+    figure = new_figure(width, height, shown=shown)
+    axes = box_of(figure, scene, font=8.0 if narrow else 9.0)
+    theme = Theme.current()
+    if scene.target is not None:
+        axes.plot(*thinned(scene.target).T, color=theme.quiet, linewidth=0.9, linestyle=DASHES[1], label="commanded path")
+    for mover in scene.movers:
+        colour, dash = theme.colour(mover.colour), DASHES[mover.colour // len(theme.colours) % len(DASHES)]
+        label = f"{text_of(mover.label)}{', lost' if mover.lost else ''}"
+        axes.plot(*inside(scene, thinned(mover.path)).T, color=colour, linewidth=1.1, linestyle=dash, label=label)
+        if mover.lost:
+            axes.plot(*np.clip(mover.path[-1:], *scene.box).T, color=colour, marker="x", markersize=8)
+            continue
+        for line in frame(scene, mover.path[-1], mover.attitude[-1]):
+            axes.plot(*line.T, color=colour, linewidth=1.4)
+    columns = 1 if narrow and len(scene.movers) > 6 else 2 if narrow else 3
+    figure.legend(loc="upper center", ncols=columns, frameon=False, fontsize=7.5 if narrow else 8.5, columnspacing=1.2)
+    return figure
+
+
+def box_of(figure: Figure, scene: Scene, font: float) -> Axes3D:
+    """Empty axes around all that is to be drawn of a scene."""
+    from mpl_toolkits.mplot3d import Axes3D
+
+    low, high = scene.box
+    axes = Axes3D(figure, rect=(0.0, 0.0, 1.0, 0.88), elev=ELEVATION, azim=AZIMUTH)
+    figure.add_axes(axes)
+    axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), zlim=(low[2], high[2]))
+    axes.set_box_aspect(tuple(sides(scene)), zoom=1.12)
+    for name, direction in zip("xyz", ("forward", "left", "height"), strict=True):
+        getattr(axes, f"set_{name}label")(f"{direction} [{scene.unit}]", fontsize=font, labelpad=1)
+        axes.tick_params(axis=name, labelsize=font, pad=-1)
+        axes.locator_params(axis=name, nbins=5)
+    return axes
+
+
+def sides(scene: Scene) -> Array:
+    """How long the box is drawn along each axis."""
+    low, high = scene.box
+    return np.asarray((high - low) / (high - low).max()) if scene.equal else np.array([1.0, 0.5, 0.5])
+
+
+def frame(scene: Scene, place: Array, attitude: Array) -> list[Array]:
+    """The lines of a vehicle there, undistorted where the axes' scales differ."""
+    low, high = scene.box
+    scale = WIRE_SHARE * (high - low) / sides(scene)
+    return [place + (line @ attitude.T) * scale for line in scene.wire]
+
+
+def inside(scene: Scene, points: Array) -> Array:
+    """The points, those outside of the box cut out: Matplotlib would draw them beside it."""
+    low, high = scene.box
+    return np.where(((points >= low) & (points <= high)).all(axis=1)[:, None], points, np.nan)
+
+
+def thinned(points: Array) -> Array:
+    """About ``POINTS`` of them, the last among these."""
+    every = max(1, len(points) // POINTS)
+    return np.asarray(np.vstack([points[:-1:every], points[-1:]]))

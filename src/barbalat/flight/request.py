@@ -1,0 +1,25 @@
+"""What somebody asks to be flown."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from barbalat.flight.airframe import FlightCondition
+from barbalat.flight.equipment import Equipment
+from barbalat.protocols import Controller
+from barbalat.run.progress import Progress
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Request:
+    """The arguments of ``fly``, which says what they mean."""
+
+    name: str
+    schemes: Sequence[str] | None = None
+    controllers: Sequence[Controller] = ()
+    failures: Sequence[str] | None = None
+    condition: FlightCondition | None = None
+    equipment: Equipment | None = None
+    delays: bool = False
+    progress: Progress | None = None

@@ -1,0 +1,69 @@
+"""Flights in space, as data: who flew where, and how it stood there. ``film`` and ``path_picture`` draw them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from barbalat.validate import Array
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Mover:
+    """One vehicle's flight at the scene's instants, or the first of them, up to where it was lost.
+
+    label     the controller's name
+    colour    of the palette, as in the other pictures
+    path      (K, 3), in the scene's unit
+    attitude  (K, 3, 3), its columns the body's axes
+    lost      whether control was lost at the end
+    """
+
+    label: str
+    colour: int
+    path: Array
+    attitude: Array
+    lost: bool = False
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Scene:
+    """What is seen at some instants.
+
+    unit    of all lengths
+    t       (K,) [s]
+    target  (K, 3), where the vehicle should be; None where no place is commanded
+    movers  the vehicles
+    wire    lines (P, 3) in the body's axes, of size 1: the vehicle's frame
+    fails   [s], when the failure comes
+    equal   whether a length is as long on all axes; of a flight of miles at one height it can't be
+    """
+
+    title: str
+    unit: str
+    t: Array
+    target: Array | None
+    movers: tuple[Mover, ...]
+    wire: tuple[Array, ...]
+    fails: float
+    equal: bool = True
+
+    @property
+    def box(self) -> tuple[Array, Array]:
+        """The least and greatest coordinates of all that kept control, or of all where nobody did; a span of 1 at least."""
+        kept = [one.path for one in self.movers if not one.lost] or [one.path for one in self.movers]
+        points = np.vstack([*kept, *([] if self.target is None else [self.target])])
+        low, high = points.min(axis=0), points.max(axis=0)
+        wider = np.maximum(0.55 * (high - low), 0.5)
+        if self.equal:
+            wider = np.maximum(wider, 0.35 * wider.max())
+        middle = 0.5 * (low + high)
+        return middle - wider, middle + wider
+
+
+def attitudes(roll: Array, pitch: Array, yaw: Array) -> Array:
+    """(K, 3, 3) of angles [deg] about the axis forward, then left, then up, turned in the order yaw, pitch, roll."""
+    from scipy.spatial.transform import Rotation
+
+    return np.asarray(Rotation.from_euler("ZYX", np.column_stack([yaw, pitch, roll]), degrees=True).as_matrix())
