@@ -164,7 +164,7 @@ CONTROLLERS = [Sampled(L1Output(m=3, gamma=10, filter=TransferFunction([30], [1,
 @pytest.mark.parametrize(
     ("arguments", "sentence"),
     [
-        (["f16"], "NAME must be f16-pitch or f16-roll, got 'f16'"),
+        (["f16"], "NAME must be one of f16-pitch, f16-roll, quadrotor, got 'f16'"),
         (["f16-pitch", "--schemes", "lqr,mrac-output"], "--schemes must be of lqr, linear, hinf, "),
         (["f16-pitch", "--failure", "engine"], "--failure must be of none, elevator-50, "),
         (["f16-pitch", "--mach", "0.1"], "can't be trimmed in level flight at 10013 ft, Mach 0.1"),
@@ -200,13 +200,14 @@ def test_the_command_leaves_page_tables_and_json(tmp_path, capsys):
     document = json.loads(capsys.readouterr().out)
     names = {file.name for file in (tmp_path / "out").iterdir()}
     pictures = {f"flight-{failure}.{kind}" for failure in ("none", "aft-cg") for kind in ("png", "csv")}
-    assert names == {"report.html", "fly.json", *pictures}
+    assert names == {"report.html", "fly.json", "flight.gif", "path-none.png", "path-aft-cg.png", *pictures}
     assert json.loads((tmp_path / "out" / "fly.json").read_text()) == document
     assert document["failures"]["aft-cg"]["lost"] == ["LQR"]
     assert document["controllers"]["LQR"]["aft-cg"]["rms_e"] is None
     assert document["controllers"]["LQR"]["none"]["lost_at"] is None
     page = (tmp_path / "out" / "report.html").read_text()
-    assert page.count("data:image/svg+xml") == 4  # a wide and a narrow picture of each, within the page
+    assert page.count("data:image/svg+xml") == 8  # a wide and a narrow picture of each, over time and in space, within the page
+    assert page.count("data:image/gif") == 1
     assert "http" not in page.replace("http%3A//www.w3.org", "")
     rows = (tmp_path / "out" / "flight-none.csv").read_text().splitlines()
     assert rows[0].startswith("controller,t [s],q_c [deg/s]")

@@ -150,7 +150,7 @@ def delay_borne(axes: Axes, scheme: Scheme) -> float:
 def _fly(axes: Axes, control: Control, failure: Failure) -> QuadrotorFlight:
     simulator, T = Simulator(axes.hover.vehicle), ATTITUDE_SAMPLE
     samples, failing, starting = (round(seconds / T) for seconds in (DURATION, FAILS_AT, TAKES_OFF))
-    planned, sensed, wind = path(T, samples), _sensed(axes.electronics, samples), _wind(failure, T, samples - failing)
+    planned, sensed, wind = path(T, samples), _sensed(axes.electronics, samples), _wind(failure, T, samples)
     waiting = deque([np.zeros(ROTORS)] * round(axes.electronics.delay / T))
     record: list[list[float]] = []
     limited, lost = 0, ""
@@ -163,7 +163,7 @@ def _fly(axes: Axes, control: Control, failure: Failure) -> QuadrotorFlight:
             _fail(simulator, failure)
             waiting.extendleft([waiting[0]] * round(failure.delay / T))
         if k >= failing and failure.wind:
-            simulator.blow(np.array([0.0, -wind[k - failing], 0.0]))
+            simulator.blow(np.array([0.0, -wind[k], 0.0]))
         commands = control(sensed(motion, k), planned, k)
         limited += bool(((commands <= 0) | (commands >= axes.hover.vehicle.thrust)).any())
         waiting.append(commands if k >= starting else np.zeros(ROTORS))
