@@ -64,6 +64,8 @@ def _flown(axis: Axis, contents: SampledList, failures: Sequence[Failure]) -> li
 
 def chosen_failures(name: str, failures: Sequence[str] | None) -> tuple[Failure, ...]:
     """Of a flight, all by default; InputError for what is none."""
+    if name not in FAILURES:
+        raise InputError(f"NAME must be a flight of the F-16, {' or '.join(FAILURES)}, got {show(name)}")
     known = {one.name: one for one in FAILURES[name]}
     unknown = [one for one in failures or () if one not in known]
     if unknown:
