@@ -139,6 +139,25 @@ class Compared(ABC):
         """Time histories of all controllers through one failure, by its name; the last one by default."""
         return self.figure(self.failure_of(failure), shown=True)
 
+    def plot_paths(self, failure: str | None = None) -> Figure:
+        """Where all controllers flew through one failure, in space; InputError where the records have no path."""
+        from barbalat.flight.path_picture import figure_of
+
+        return figure_of(self._scene(self.failure_of(failure), self.controllers), shown=True)
+
+    def film(self, failure: str | None = None) -> bytes:
+        """A GIF of the first controller beside the best of the others; by default through the failure that parts them most."""
+        from barbalat.flight.film import film
+
+        chosen = self.most_telling if failure is None else self.failure_of(failure)
+        return film(self._scene(chosen, self.pair(chosen)))
+
+    def _scene(self, failure: Failing, controllers: Sequence[str]) -> Scene:
+        found = self.scene(failure, controllers)
+        if found is None:
+            raise InputError(f"{self.name} has no path through {failure.name}: there is nothing to be drawn in space")
+        return found
+
     def failure_of(self, name: str | None) -> Failing:
         """The failure of a name, the last one for None; InputError for one that was not flown."""
         found = [one for one in self.failures if name in (None, one.name)]

@@ -23,6 +23,8 @@ from barbalat.validate import Array
 SIDE, PIXELS_PER_INCH = 4.8, 100
 """[in], and of a frame: 480 pixels a side, of which a phone shows 390."""
 FRAMES_PER_SECOND = 10
+BEFORE = 3.0
+"""[s] of a flight before its failure that are shown."""
 TRAIL = 3.0
 """[s] that a vehicle's path stays in sight."""
 LARGEST = 2_000_000
@@ -31,11 +33,11 @@ SHADES = 12
 """Of each colour, down to the ground's: the smoothed edges of lines."""
 
 
-def film(scene: Scene, *, start: float = 0.0) -> bytes:
-    """From an instant on [s], in real time; the same scene gives the same bytes."""
+def film(scene: Scene) -> bytes:
+    """From ``BEFORE`` the failure on, in real time; the same scene gives the same bytes."""
     rate = FRAMES_PER_SECOND
     while True:
-        found = _film(scene, start, rate)
+        found = _film(scene, max(0.0, scene.fails - BEFORE), rate)
         if len(found) <= LARGEST or rate < 2:
             return found
         rate //= 2
@@ -115,8 +117,9 @@ def _moving(axes: Axes, scene: Scene, mover: Mover, k: int, theme: Theme) -> lis
         found += axes.plot(*inside(scene, mover.path[since : at + 1]).T, color=colour, linewidth=0.8)
     if at < k or (at == len(mover.path) - 1 and mover.lost):
         return found + axes.plot(*_clipped(scene, mover.path[at : at + 1]).T, color=colour, marker="x", markersize=9)
-    for line in frame(scene, mover.path[at], mover.attitude[at]):
-        found += axes.plot(*inside(scene, line).T, color=colour, linewidth=1.8)
+    if np.isfinite(inside(scene, mover.path[at : at + 1])).all():
+        for line in frame(scene, mover.path[at], mover.attitude[at]):
+            found += axes.plot(*line.T, color=colour, linewidth=1.8)
     return found
 
 

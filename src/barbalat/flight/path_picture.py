@@ -50,10 +50,10 @@ def box_of(figure: Figure, scene: Scene, font: float) -> Axes3D:
     from mpl_toolkits.mplot3d import Axes3D
 
     low, high = scene.box
-    axes = Axes3D(figure, rect=(0.0, 0.0, 1.0, 0.88), elev=ELEVATION, azim=AZIMUTH)
+    axes = Axes3D(figure, rect=(-0.09, -0.03, 1.05, 0.93), elev=ELEVATION, azim=AZIMUTH)
     figure.add_axes(axes)
     axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), zlim=(low[2], high[2]))
-    axes.set_box_aspect(tuple(sides(scene)), zoom=1.12)
+    axes.set_box_aspect(tuple(sides(scene)), zoom=0.93)
     for name, direction in zip("xyz", ("forward", "left", "height"), strict=True):
         getattr(axes, f"set_{name}label")(f"{direction} [{scene.unit}]", fontsize=font, labelpad=1)
         axes.tick_params(axis=name, labelsize=font, pad=-1)

@@ -182,15 +182,13 @@ def write_flights(folder: Folder, found: Compared) -> None:
         folder.write(f"{name}.csv", flights.table_of(found, failure))
     told = found.most_telling
     scene = found.scene(told, found.pair(told))
-    shown = None if scene is None else page.Film(FILM, told.meaning, film(scene, start=max(0.0, scene.fails - FILMED_BEFORE)))
+    shown = None if scene is None else page.Film(FILM, told.meaning, film(scene))
     if shown is not None:
         folder.write(FILM, shown.gif)
     folder.write(PAGE, page.flight(found, pictures, paths, shown))
 
 
 FILM = "flight.gif"
-FILMED_BEFORE = 3.0
-"""[s] of a flight before its failure."""
 
 
 def _within(folder: Folder, name: str, figure: Drawn) -> Picture:

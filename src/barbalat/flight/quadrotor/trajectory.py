@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -34,8 +35,9 @@ class Path(NamedTuple):
     rate_changes: Array  # [rad/s^2]
 
 
+@cache
 def path(T: float, samples: int) -> Path:
-    """At t = 0, T, ... [s]."""
+    """At t = 0, T, ... [s]; the same for all flights."""
     import casadi as ca
 
     t = ca.SX.sym("t")
