@@ -1,39 +1,42 @@
 """All schemes through all failures of the quadrotor: ``python -m benchmarks.quadrotor`` writes docs/guides/quadrotor-flights.txt.
 
 Nothing is timed here: the numbers are the simulator's, and the same on every machine of its kind. It takes some minutes.
+``python -m benchmarks.quadrotor FLY.json`` takes those of ``barbalat fly quadrotor --delays --json``.
 """
 
 from __future__ import annotations
 
+import json
+import sys
 from pathlib import Path
-
-from barbalat.flight.compared import Flown
-from barbalat.flight.quadrotor.comparison import QuadrotorComparison
-from barbalat.flight.registry import fly
+from typing import Any
 
 PAGE = Path(__file__).parents[1] / "docs" / "guides" / "quadrotor-flights.txt"
 
 
-def table(found: QuadrotorComparison) -> str:
+def table(document: dict[str, Any]) -> str:
     """In Markdown: a row for each scheme, with its rotors' activity where nothing fails and the delay that it bears."""
-    assert found.delays is not None
-    names = [failure.name for failure in found.failures]
+    names = list(document["failures"])
     heads = ["scheme", *(f"`{name}`" for name in names), "rotors, `none` [N/s]", "delay borne [ms]"]
     rows = [heads, ["---"] * len(heads)]
-    for several in found.flights:
-        first = several[0]
-        rotors = first.figures["rotor_travel"]
-        assert rotors is not None
-        rows.append([first.controller, *map(cell, several), f"{rotors:.2f}", f"{1e3 * found.delays[first.controller]:.1f}"])
+    for scheme, flights in document["controllers"].items():
+        rotors, delay = flights["none"]["rotor_travel"], 1e3 * document["delay_borne"][scheme]
+        rows.append([scheme, *(cell(flights[name]) for name in names), f"{rotors:.2f}", f"{delay:.1f}"])
     return "".join(f"| {' | '.join(row)} |\n" for row in rows)
 
 
-def cell(flight: Flown) -> str:
+def cell(figures: dict[str, Any]) -> str:
     """The error, or when it was lost."""
-    return f"lost, {flight.duration:.1f} s" if flight.lost else f"{flight.rms_error:.3f}"
+    return f"{figures['rms_e']:.3f}" if figures["lost_at"] is None else f"lost, {figures['lost_at']:.1f} s"
+
+
+def flown() -> dict[str, Any]:
+    """The document of all flights."""
+    from barbalat import fly
+    from barbalat.report.flights import as_document
+
+    return as_document(fly("quadrotor", delays=True))
 
 
 if __name__ == "__main__":
-    comparison = fly("quadrotor", delays=True)
-    assert isinstance(comparison, QuadrotorComparison)
-    PAGE.write_text(table(comparison))
+    PAGE.write_text(table(json.loads(Path(sys.argv[1]).read_text()) if sys.argv[1:] else flown()))

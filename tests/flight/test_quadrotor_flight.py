@@ -8,6 +8,8 @@ import pytest
 
 pytest.importorskip("mujoco", reason="the extra flight is not installed: ./dev flight installs it")
 
+from benchmarks.quadrotor import PAGE, cell
+
 from barbalat import InputError, Mrac, Sampled, SimulatorFailed, fly
 from barbalat.cli import main
 from barbalat.flight.quadrotor import comparison, control, flight
@@ -195,6 +197,9 @@ def test_the_command_leaves_page_film_tables_and_json(tmp_path, capsys):
     assert document["failures"]["half-propeller"]["lost"] == ["Geometric"]
     assert document["failures"]["half-propeller"]["best"] == "ADRC"
     assert document["simulation"]["integrator"] == "RK4"
+    for name, figures in document["controllers"].items():  # the guide's table, written by the same function
+        row = next(line.split(" | ") for line in PAGE.read_text().splitlines() if line.startswith(f"| {name} |"))
+        assert row[3] == cell(figures["half-propeller"])
     assert document["electronics"]["rate_noise"] == 0.02
     page = (tmp_path / "report.html").read_text()
     assert page.count("data:image/gif") == 1

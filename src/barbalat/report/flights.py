@@ -51,7 +51,7 @@ def loss_headings(found: Compared) -> tuple[str, ...]:
 
 def _delay(found: Compared, seconds: float) -> str:
     more = ", at least" if seconds >= found.longest_delay else ""
-    return f"{1e3 * seconds:.0f} ms{more}"
+    return f"{round(1e3 * seconds, 1):g} ms{more}"
 
 
 def best_and_worst(found: Compared, failure: Failing) -> str:
