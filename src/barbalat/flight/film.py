@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import textwrap
 from collections.abc import Iterator
 from typing import Protocol
 
@@ -25,6 +26,8 @@ SIDE, PIXELS_PER_INCH = 4.8, 100
 FRAMES_PER_SECOND = 10
 BEFORE = 3.0
 """[s] of a flight before its failure that are shown."""
+TITLE_WIDTH = 66
+"""Characters of a line of the title."""
 TRAIL = 3.0
 """[s] that a vehicle's path stays in sight."""
 LARGEST = 2_000_000
@@ -88,7 +91,7 @@ def _frames(scene: Scene, instants: range) -> Iterator[Image]:
         axes.plot(*scene.target.T, color=QUIET_INK, linewidth=0.6, linestyle=":")
     handles = [Line2D([], [], color=theme.colour(one.colour), label=text_of(one.label)) for one in scene.movers]
     figure.legend(handles=handles, loc="upper left", frameon=False, fontsize=8.5)
-    figure.text(0.02, 0.84, scene.title, fontsize=8.5, color=INK, va="top")
+    figure.text(0.02, 0.87, textwrap.fill(scene.title, TITLE_WIDTH), fontsize=8.5, color=INK, va="top")
     canvas.draw()
     ground = canvas.copy_from_bbox(figure.bbox)
     for k in instants:

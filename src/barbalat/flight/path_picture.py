@@ -55,9 +55,11 @@ def box_of(figure: Figure, scene: Scene, font: float) -> Axes3D:
     axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), zlim=(low[2], high[2]))
     axes.set_box_aspect(tuple(sides(scene)), zoom=0.93)
     for name, direction in zip("xyz", ("forward", "left", "height"), strict=True):
-        getattr(axes, f"set_{name}label")(f"{direction} [{scene.unit}]", fontsize=font, labelpad=1)
+        getattr(axes, f"set_{name}label")(f"{direction} [{scene.unit}]", fontsize=font, labelpad=4 if name == "z" else 1)
         axes.locator_params(axis=name, nbins=5)
-        axes.tick_params(axis=name, labelsize=font, pad=-1)
+        axes.tick_params(axis=name, labelsize=font, pad=3 if name == "z" else -1)
+    if all(np.ptp(mover.path[:, 1]) == 0 for mover in scene.movers):  # a flight in one plane
+        axes.set(yticks=[], ylabel="")
     for side in (axes.xaxis, axes.yaxis, axes.zaxis):
         side.set_pane_color((1.0, 1.0, 1.0, 0.0))  # a palette has room for the lines' colours then
     return axes
