@@ -13,9 +13,9 @@ import sys
 from dataclasses import replace
 
 import numpy as np
-from barbalat.contest.entrant import Entrant
-from barbalat.contest.rule import Rule
-from barbalat.contest.tuned import qualify
+from barbalat.contests.entrant import Entrant
+from barbalat.contests.rule import Rule
+from barbalat.contests.tuned import qualify
 
 from barbalat import FlightCondition, Simulation, Step, TransferFunction
 from barbalat.cases.build import Case
