@@ -18,6 +18,7 @@ from barbalat.explorer.sliders import Slider, Sliders, Variant
 from barbalat.explorer.source import Source
 from barbalat.explorer.spectrum import spectrum_of
 from barbalat.lowering.wasm.loop import loop as module_of
+from barbalat.lowering.wasm.normal import normal_module
 from barbalat.run.delay import whole_steps
 from barbalat.solvers import RK4, SOLVERS
 from barbalat.sweeps.paths import FieldPath
@@ -42,8 +43,6 @@ class Described:
     def of(cls, source: Source) -> Described:
         """InputError for a case that no page can simulate yet."""
         case = source.at({})
-        if case.problem.noise is not None:
-            raise InputError("a page has no measurement noise yet: leave sensor.noise out, or simulate with barbalat run")
         time, dt = case.problem.delay, case.simulation.dt
         if time > 0 and abs(whole_steps(time, dt) * dt - time) > 1e-9 * time:
             raise InputError(
@@ -85,6 +84,7 @@ class Described:
                 "smooth": [is_smooth(signal) for signal in problem.signals],
                 "grids": self._grids() if breaks_anywhere(problem.signals) else None,
             },
+            "noise": self._noise(),
             "delay": self._delay() if problem.delay > 0 else None,
             "numbers": [
                 {
@@ -108,6 +108,14 @@ class Described:
             *own,
             *([DELAY] if self.case.problem.delay > 0 and self._delay()["slider"] else []),
         ]
+
+    def _noise(self) -> dict[str, Any] | None:
+        """The seed as digits: numbers of a page have 53 bits."""
+        noise, channels = self.case.problem.noise, self.case.problem.dynamics.outputs
+        if noise is None:
+            return None
+        module = base64.b64encode(normal_module(channels)).decode()
+        return {"module": module, "seed": str(noise.seed), "channels": channels, "sample_time": noise.sample_time}
 
     def _delay(self) -> dict[str, Any]:
         """It has a slider where the case has one number that is the delay."""

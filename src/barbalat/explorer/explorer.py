@@ -94,7 +94,7 @@ def explore(problem: TrackingProblem, controllers: Controller | Iterable[Control
 
     Runs in it have no fused multiply-adds: ``Simulation(fused=False)`` has their bits.
 
-    Raises InputError for measurement noise, which pages don't have yet, and for a delay that is no whole number of steps.
+    Raises InputError for a delay that is no whole number of steps, which pages don't have yet.
     """
     validate.instance("problem", problem, TrackingProblem)
     validate.instance("simulation", simulation, Simulation)

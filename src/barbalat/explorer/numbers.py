@@ -40,6 +40,7 @@ SYMBOLS = {
     "gain": ("input gain", ""), "start": ("start", "s"), "sigma_bound": ("σ bound", ""), "lower": ("least", ""),
     "upper": ("greatest", ""), "input_gain": ("input gain", ""), "g_0": ("dead zone g₀", ""), "c_0_min": ("least c₀", ""),
     "frequencies": ("frequency", "rad/s"), "amplitudes": ("amplitude", ""), "rate_limit": ("rate limit", "1/s"),
+    "lag": ("sensor lag", "s"), "std": ("noise, standard deviation", ""),
 }  # fmt: skip
 """Symbol and unit by a number's key, where the key alone does not say it."""
 

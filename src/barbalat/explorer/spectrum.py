@@ -20,7 +20,7 @@ MOST_STATES = 40
 
 
 def spectrum_of(target: Target) -> dict[str, Any] | None:
-    """Its rows are a state and the signals there, its parameters the run's; None where the step is judged by other means.
+    """Its rows are a state, signals and noise there, its parameters the run's; None where the step is judged by other means.
 
     Those are large loops, and laws that take explicit steps from sample to sample: ``barbalat run`` judges them.
     """
@@ -33,15 +33,15 @@ def spectrum_of(target: Target) -> dict[str, Any] | None:
     template = Template.of(reader.columns, opened=True).adjustable(reader.simulation.dt, None)
     loop = template.loop.following_within(template.dt)
     state_column, state = symbols("state", loop.size)
-    timed_column, timed = symbols("timed", loop.signals.timed)
-    signals = np.concatenate([timed, np.zeros(loop.signals.noise + loop.signals.delayed)])
+    given_column, given = symbols("given", loop.signals.timed + loop.signals.noise)
+    signals = np.concatenate([given, np.zeros(loop.signals.delayed)])
     jacobian = ca.jacobian(column(loop.derivative(state, signals)), state_column)
     rows, columns = jacobian.sparsity().get_triplet()
     nothing = ca.SX(0, 1)
-    row = ca.vertcat(state_column, timed_column)
+    row = ca.vertcat(state_column, given_column)
     inputs = [nothing, nothing, template.column, row, nothing, nothing]
     found = ca.vertcat(nothing, *(jacobian[int(i), int(j)] for i, j in zip(rows, columns, strict=True)))
     traced = ca.Function("jacobian", inputs, [nothing, found, nothing], {"cse": True})
-    shape = LoopShape(0, len(rows), len(template.values), loop.size + loop.signals.timed)
+    shape = LoopShape(0, len(rows), len(template.values), loop.size + loop.signals.timed + loop.signals.noise)
     module = module_of(read(traced), shape, (0.0,) * len(rows))
     return {"module": base64.b64encode(module).decode(), "rows": list(rows), "columns": list(columns)}

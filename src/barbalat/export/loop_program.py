@@ -62,10 +62,11 @@ def _rows(values: Array) -> str:
 
 def _noise(plant: PlantContents, count: int) -> Array:
     """(K, channels) what the simulation's generator gives at each sample."""
-    noise, hold = plant.problem.noise, plant.opened.members.rhythm.noise_hold
+    noise, members = plant.problem.noise, plant.opened.members
+    hold, fused = members.rhythm.noise_hold, members.simulation.fused
     assert noise is not None
     rows = [step // hold for step in range(0, count * plant.steps_per_sample, plant.steps_per_sample)]
-    return standard_normal(noise.seed, 0, 0, rows[-1] + 1, plant.loop.signals.noise)[rows]
+    return standard_normal(noise.seed, 0, 0, rows[-1] + 1, plant.loop.signals.noise, fused=fused)[rows]
 
 
 def _disturbances(plant: PlantContents, count: int) -> Array:

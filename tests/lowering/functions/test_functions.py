@@ -20,7 +20,10 @@ from lowering.test_c99 import compile_c, needs_gcc, same_bits
 EXACT = {
     "sin": lambda a: a.sin(), "cos": lambda a: a.cos(), "tan": lambda a: a.tan(), "exp": lambda a: a.exp(),
     "log": lambda a: a.log(), "tanh": lambda a: a.tanh(), "atan": lambda a: a.atan(), "pow": lambda a, b: a**b,
+    "ndtri": lambda a: -flint.arb(2).sqrt() * (2 * a).erfcinv(),
 }  # fmt: skip
+NORMAL = 7.0
+"""Units of ndtri's: the largest found at 150,000 points was 6.2, and SciPy's 4.1. Noise has to be the same, not exact."""
 LARGEST = np.finfo(float).max
 SMALLEST = 5e-324
 INF, NAN = math.inf, math.nan
@@ -74,6 +77,10 @@ def points(name: str, count: int, rng: np.random.Generator) -> Iterator[tuple[np
         yield rng.uniform(0.9, 1.1, count), rng.uniform(-7000, 7000, count)
         yield np.abs(sizes(SMALLEST, LARGEST)), rng.uniform(-1, 1, count)
         yield 1 + sizes(1e-15, 1e-8), sizes(1.0, 1e10)
+    elif name == "ndtri":
+        yield from ((rng.uniform(0.0, 1.0, count),), (0.5 + sizes(1e-10, 0.5),), (np.abs(sizes(1e-300, 0.075)),))
+        edges = (2.0**-54, 0.075, 0.5, 0.925, math.exp(-25.0), 1 - math.exp(-25.0))
+        yield (np.array([*(x for edge in edges for x in _around(edge)), 1 - 2.0**-53, SMALLEST]),)
     elif name == "exp":
         yield from ((rng.uniform(-745.2, 709.8, count),), (sizes(1e-300, 1.0),), (rng.uniform(-745.2, -707, count),))
         yield (np.array([*_around(709.782712893384), *_around(-745.1332191019411), *_around(-708.3964185322641)]),)
@@ -99,13 +106,14 @@ def _near_quadrants(count: int, rng: np.random.Generator) -> np.ndarray:
 
 @pytest.mark.parametrize("name", sorted(FUNCTIONS))
 def test_errors_are_below_one_unit_in_the_last_place(name, sample) -> None:
-    """The largest found at 100,000 points of each was 0.82; what is rounded correctly has at most 0.5."""
+    """The largest found at 100,000 points of each was 0.82; what is rounded correctly has at most 0.5. Noise needs less."""
     rng = np.random.default_rng(2026)
     for x in points(name, sample(500, 25_000), rng):
         found = evaluated(name, *x)
         error = errors(name, found, *x)
         worst = int(np.argmax(error))
-        assert error[worst] < 0.85, (name, [float(part[worst]).hex() for part in x], found[worst])
+        limit = NORMAL if name == "ndtri" else 0.85
+        assert error[worst] < limit, (name, [float(part[worst]).hex() for part in x], found[worst])
 
 
 SPECIAL = {
@@ -116,6 +124,7 @@ SPECIAL = {
     "log": [(0.0, -INF), (-0.0, -INF), (1.0, 0.0), (INF, INF), (-INF, NAN), (-1.0, NAN), (-SMALLEST, NAN), (NAN, NAN)],
     "tanh": [(0.0, 0.0), (-0.0, -0.0), (INF, 1.0), (-INF, -1.0), (NAN, NAN), (-25.0, -1.0), (SMALLEST, SMALLEST)],
     "atan": [(0.0, 0.0), (-0.0, -0.0), (INF, math.pi / 2), (-INF, -math.pi / 2), (NAN, NAN), (-SMALLEST, -SMALLEST)],
+    "ndtri": [(0.0, -INF), (-0.0, -INF), (1.0, INF), (0.5, 0.0), (-0.1, NAN), (1.1, NAN), (INF, NAN), (-INF, NAN), (NAN, NAN)],
 }  # fmt: skip
 
 

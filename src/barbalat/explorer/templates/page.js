@@ -30,6 +30,7 @@ const count = Math.max(1, Math.min(data.controllers.length, navigator.hardwareCo
 const workers = Array.from({ length: count }, () => new Worker(source));
 const idle = workers.slice();
 for (const worker of workers) {
+  worker.onerror = (event) => { byId("failed").textContent = `This browser can't run the page's simulations: ${event.message}`; };
   worker.onmessage = ({ data: answer }) => {
     idle.push(worker);
     answered(answer);

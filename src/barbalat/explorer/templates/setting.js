@@ -63,16 +63,21 @@ export function delayRefusal(data, setting, delay) {
   return "";
 }
 
+// What happens at instants of its own, and how often [s].
+function clocksOf(data) {
+  const sampled = data.controllers.filter(({ rhythm }) => rhythm).map(({ name, rhythm }) => [name, rhythm]);
+  return data.noise ? [...sampled, ["the noise", data.noise.sample_time]] : sampled;
+}
+
 export function gridRefusal(data, tEnd, dt, delay) {
-  if (!(tEnd > 0) || !(dt > 0) || !Number.isFinite(tEnd / dt)) return "Horizon and step must be positive numbers.";
+  if (![tEnd, dt, tEnd / dt].every((one) => one > 0 && one < Infinity)) return "Horizon and step must be positive numbers.";
   const steps = Math.round(tEnd / dt);
   if (steps > data.simulation.most_steps) return `That is ${steps} steps, and a page takes at most ${data.simulation.most_steps}.`;
   if (steps < 8 || Math.abs(steps * dt - tEnd) > 1e-9 * tEnd) return `The step must divide the horizon; ${tEnd / Math.max(steps, 8)} would.`;
-  for (const controller of data.controllers) {
-    const every = Math.round(controller.rhythm / dt);
-    if (controller.rhythm && (every < 1 || Math.abs(every * dt - controller.rhythm) > 1e-9 * controller.rhythm)) {
-      return `The step must divide the sample time of ${controller.name}, ${controller.rhythm} s.`;
-    }
+  for (const [name, time] of clocksOf(data)) {
+    const every = Math.round(time / dt);
+    if (every < 1 || Math.abs(every * dt - time) > 1e-9 * time) return `The step must divide the sample time of ${name}, ${time} s.`;
+    if (time > tEnd) return `The horizon must be at least the sample time of ${name}, ${time} s.`;
   }
   if (delay && (Math.abs(Math.round(delay / dt) * dt - delay) > 1e-9 * delay || delay < dt)) {
     return `The step must divide the delay, ${delay} s.`;
@@ -152,6 +157,7 @@ export function taskOf(data, setting, index) {
     module: `${index} ${side} ${setting.solver}`, code: variant.modules[setting.solver], shape: controller.shape, past: controller.past,
     reported: controller.reported, dtRow: controller.dt_row,
     operations: controller.operations, thetaHat: controller.theta_hat,
+    noise: data.noise && { ...data.noise, hold: Math.round(data.noise.sample_time / setting.dt) },
     sampleEvery: controller.rhythm ? Math.round(controller.rhythm / setting.dt) : 0,
   };
 }

@@ -3,6 +3,7 @@
 import { bytesOf } from "./bytes.js";
 import { segmentsOf, Table } from "./grid.js";
 import { Kernel, ringRows, smoothValues } from "./kernel.js";
+import { Noise } from "./noise.js";
 import { Totals } from "./figures.js";
 import { conditionOf } from "./impulse.js";
 import { stiffness } from "./spectrum.js";
@@ -10,6 +11,7 @@ import { stiffness } from "./spectrum.js";
 const MOST_INSTANTS = 600; // at which the Jacobian is evaluated: its largest entries say where the spectrum is looked at
 const kernels = new Map();
 let table = null;
+let noise = null;
 
 function kernelOf(name, text) {
   if (!kernels.has(name)) kernels.set(name, new Kernel(bytesOf(text)));
@@ -29,14 +31,23 @@ function tableFor(task) {
   return table;
 }
 
+function noiseFor(task) {
+  const key = `${task.noise.seed} ${task.noise.hold}`;
+  if (noise === null || noise.key !== key) {
+    noise = new Noise(kernelOf("noise", task.noise.module), task.noise);
+    noise.key = key;
+  }
+  return noise;
+}
+
 // Arrays in the kernel's memory, filled with what a run begins from.
-function begun(kernel, task, longest, most) {
+function begun(kernel, task, longest, most, noisy) {
   const { shape, lag } = task;
   const remembered = lag ? ringRows(lag) * shape.delayed : 0;
   const size = shape.states + shape.accumulators;
-  const sizes = [shape.states, task.parameters.length, lag ? 1 : 0, remembered, longest, most * size];
-  const [state, parameters, lags, ring, signals, out] = kernel.laidOut(sizes);
-  const at = { state, parameters, lags, ring, signals, out };
+  const sizes = [shape.states, task.parameters.length, lag ? 1 : 0, remembered, longest, most * size, noisy];
+  const [state, parameters, lags, ring, signals, out, noise] = kernel.laidOut(sizes);
+  const at = { state, parameters, lags, ring, signals, out, noise, hold: task.noise ? task.noise.hold : 1 };
   kernel.view(state, shape.states).set(task.states);
   kernel.view(parameters, task.parameters.length).set(task.parameters);
   const history = lag ? task.past.flatMap((value) => Array(shape.delayed / task.past.length).fill(value)) : [];
@@ -54,13 +65,15 @@ function reportedAtEnd(kernel, task, at, mask, finalState) {
 }
 
 // Of the loop along the run, from the states at recorded instants and the signals there.
-function stiffnessAlong(task, recorded, signals, kept, size) {
+function stiffnessAlong(task, recorded, signals, starts, size) {
   if (!task.spectrum) return null;
   const { states } = task.shape;
+  const [kept, channels] = [starts.length, task.noise ? task.noise.channels : 0];
   const count = Math.min(kept, MOST_INSTANTS);
   const timed = signals.length / (kept || 1);
-  const [width, nonzeros] = [states + timed, task.spectrum.rows.length];
+  const [width, nonzeros] = [states + timed + channels, task.spectrum.rows.length];
   const which = Array.from({ length: count }, (_, i) => (count < 2 ? 0 : Math.round((i * (kept - 1)) / (count - 1))));
+  const drawn = channels ? which.map((k) => noiseFor(task).rows(starts[k], 1)) : [];
   const kernel = kernelOf(`spectrum ${task.module.replace(/ [^ ]*$/, "")}`, task.spectrum.module);
   const [parameters, rows, out] = kernel.laidOut([task.parameters.length, count * width, count * nonzeros]);
   kernel.view(parameters, task.parameters.length).set(task.parameters);
@@ -68,6 +81,7 @@ function stiffnessAlong(task, recorded, signals, kept, size) {
   which.forEach((k, i) => {
     view.set(recorded.subarray(k * size, k * size + states), i * width);
     view.set(signals.subarray(k * timed, (k + 1) * timed), i * width + states);
+    if (channels) view.set(drawn[i], i * width + states + timed);
   });
   kernel.call(count, 1, { state: parameters, parameters, signals: rows, out }, 0, 0);
   const { largest, from } = stiffness(task.spectrum, kernel.view(out, count * nonzeros), count, states, task);
@@ -83,7 +97,15 @@ export function simulated(task) {
   const stopOf = (one) => one.start + one.blocks * one.length;
   const longest = Math.max(1, ...segments.map((one) => commands.rowsBefore(stopOf(one)) - commands.rowsBefore(one.start)));
   const kernel = kernelOf(task.module, task.code);
-  const { at, mask } = begun(kernel, task, longest * commands.width, Math.max(...segments.map((one) => one.blocks)));
+  const steps = (one) => one.blocks * one.length;
+  const drawn = task.noise ? noiseFor(task) : null;
+  const noisy = drawn ? (2 + Math.ceil(Math.max(...segments.map(steps)) / drawn.hold)) * drawn.channels : 0;
+  const { at, mask } = begun(kernel, task, longest * commands.width, Math.max(...segments.map((one) => one.blocks)), noisy);
+  const disturb = (start, count) => {
+    if (!drawn) return;
+    const values = drawn.rows(start, count);
+    kernel.view(at.noise, values.length).set(values);
+  };
   const totals = new Totals(task.operations);
   const blocks = segments.reduce((sum, one) => sum + one.blocks, 0);
   const recorded = new Float64Array(blocks * size);
@@ -96,6 +118,7 @@ export function simulated(task) {
   for (const one of segments) {
     const rows = commands.rows(one.start, stopOf(one));
     kernel.view(at.signals, rows.length).set(rows);
+    disturb(one.start, steps(one));
     const called = performance.now();
     kernel.call(one.blocks, one.length, at, one.start, task.sampleEvery, mask);
     stepping += performance.now() - called;
@@ -116,11 +139,12 @@ export function simulated(task) {
   let reported = {};
   if (bounded) {
     kernel.view(at.signals, commands.width).set(commands.final());
+    disturb(grid.steps, 1);
     kernel.call(1, 1, at, grid.steps, task.sampleEvery, mask);
     totals.mergeFinal(kernel.view(at.out, size), shape.states);
     reported = reportedAtEnd(kernel, task, at, mask, finalState);
   }
-  const found = stiffnessAlong(task, recorded, signals.subarray(0, kept * timed), kept, size);
+  const found = stiffnessAlong(task, recorded, signals.subarray(0, kept * timed), starts.subarray(0, kept), size);
   const unstable = found && found.from !== null ? (starts[found.from] * grid.tEnd) / grid.steps : null;
   return {
     condition: task.condition && conditionOf({ ...task.condition, kernels }), numerics: found && { hLambda: found.largest, unstable }, timed,

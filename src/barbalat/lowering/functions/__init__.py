@@ -1,7 +1,7 @@
 """The elementary functions as operation lists, which all targets print: no target's library can change a bit of a result.
 
-Their coefficients are fdlibm's. Copyright (C) 1993, 2004 by Sun Microsystems, Inc. All rights reserved. Permission to use,
-copy, modify, and distribute this software is freely granted, provided that this notice is preserved.
+The coefficients of ``normal`` are Wichura's, all others fdlibm's. Copyright (C) 1993, 2004 by Sun Microsystems, Inc. All rights
+reserved. Permission to use, copy, modify, and distribute this software is freely granted, provided that this notice is preserved.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cache
 
-from barbalat.lowering.functions import arctangent, exponential, power, trigonometric
+from barbalat.lowering.functions import arctangent, exponential, normal, power, trigonometric
 from barbalat.lowering.functions.formats import DOUBLE, Format
 from barbalat.lowering.functions.trace import traced
 from barbalat.lowering.operations import Program
@@ -28,8 +28,8 @@ class Function:
     rare: Program | None = None
 
 
-FUNCTIONS = frozenset({"exp", "log", "sin", "cos", "tan", "tanh", "atan", "pow"})
-"""The operations that are functions of this kind."""
+FUNCTIONS = frozenset({"exp", "log", "sin", "cos", "tan", "tanh", "atan", "pow", "ndtri"})
+"""The operations that are functions of this kind. ndtri, the inverse of the normal distribution function, is none of CasADi's."""
 
 
 @cache
@@ -41,6 +41,8 @@ def function(name: str, of: Format = DOUBLE) -> Function:
             return Function(1, traced(trigonometric.usual_of(value), 1, of), traced(trigonometric.large_of(value), 1, of))
         case "pow":
             return Function(2, traced(power.power, 2, of))
+        case "ndtri":
+            return Function(1, traced(normal.central, 1, of), traced(normal.tail, 1, of))
         case _:
             formula = {"exp": exponential.exp, "log": exponential.log, "tanh": exponential.tanh, "atan": arctangent.atan}[name]
             return Function(1, traced(formula, 1, of))

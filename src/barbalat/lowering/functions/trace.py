@@ -117,6 +117,9 @@ class Number:
     def with_sign_of(self, other: Number) -> Number:
         return self.trace.append("copysign", self, other)
 
+    def sqrt(self) -> Number:
+        return self.trace.append("sqrt", self)
+
     def floor(self) -> Number:
         return self.trace.append("floor", self)
 

@@ -36,6 +36,7 @@ class Do(IntEnum):
     I64_REM_U = 0x82
     I64_AND = 0x83
     I64_OR = 0x84
+    I64_XOR = 0x85
     I64_SHL = 0x86
     I64_SHR_U = 0x88
     I64_EXTEND_I32_U = 0xAD
