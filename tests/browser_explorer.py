@@ -2,7 +2,8 @@
 
     python tests/browser_explorer.py [CASE ...]
 
-Without names all bundled cases. What is wrong is printed, a line each, and the exit code is 1.
+A case is a bundled one's name or a file; without names all bundled cases. What is wrong is printed, a line each, and the
+exit code is 1.
 """
 
 from __future__ import annotations
@@ -49,8 +50,8 @@ def main(cases: list[str]) -> int:
 
 
 def of_case(browser: Browser, case: str, folder: Path) -> Iterator[str]:
-    """What is wrong with a bundled case's explorer."""
-    file = Explorer(TextSource(CaseText.read(case))).save(folder / f"{case}.html")
+    """What is wrong with a case's explorer."""
+    file = Explorer(TextSource(CaseText.read(case))).save(folder / f"{Path(case).stem}.html")
     tab = browser.new_page()
     said = overheard(tab, ("file:", "blob:", "data:"))
     tab.goto(file.as_uri())

@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from barbalat import Mrac, PlantInput, Simulation, explore, load_case
+from barbalat import Mrac, Simulation, explore, load_case
 from barbalat.cases.load import CaseText, bundled
 from barbalat.explorer.commands import Grid, smooth_module
 from barbalat.explorer.describe import Described
@@ -181,10 +181,3 @@ def test_what_follows_from_another_controller_s_numbers_follows_in_the_page_too(
     described = Described.of(TextSource(CaseText.read("l1-output")))
     (gamma,) = [one for one in described.sliders if str(one.number.path) == "controller[0].gamma"]
     assert [effect.nothing for effect in gamma.effects[:4]] == [False, False, True, True]  # its equivalent, and not the limit
-
-
-def test_what_no_page_can_simulate_is_said() -> None:
-    case = load_case("first-order")
-    between = replace(case.problem, plant=replace(case.problem.plant, input=PlantInput(delay=1.5 * case.simulation.dt)))
-    with pytest.raises(InputError, match="delays of whole solver steps"):
-        _ = explore(between, Mrac(gamma=2.0), case.simulation).html

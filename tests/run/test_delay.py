@@ -21,7 +21,7 @@ from barbalat import (
 from barbalat.certificates.linear_loops.ideal import known_parameters
 from barbalat.linear.margins import margins
 from barbalat.run import delay as exact_delay
-from barbalat.solvers import RK4
+from barbalat.solvers import RK4, SOLVERS
 
 A_M, B, THETA = np.array([[0.0, 1.0], [-1.0, -1.4]]), np.array([0.0, 1.0]), np.array([0.7, -0.5])
 
@@ -196,3 +196,12 @@ def test_what_long_delays_remember_is_counted_before_it_is_allocated(monkeypatch
     monkeypatch.undo()
     assert exact_delay.free_memory() is None or exact_delay.free_memory() > 1e6
     exact_delay.require_memory(0.5, 1, 3, simulation.dt)
+
+
+@pytest.mark.parametrize("solver", SOLVERS.values(), ids=str)
+def test_weights_as_a_list_are_the_weights(solver):
+    """Of whole steps they are the same bits; of others as near as a few roundings of a sum of terms up to 10 let them be."""
+    for delay in (0.05, 0.0537, 0.01 + 1e-9, 0.0999):
+        wanted = exact_delay.weights(delay, 0.01, solver)
+        found = exact_delay.weights(delay, 0.01, solver, fused=False)
+        np.testing.assert_allclose(found, wanted, atol=0.0 if delay == 0.05 else 1e-13, rtol=0)

@@ -19,7 +19,6 @@ from barbalat.explorer.source import Source
 from barbalat.explorer.spectrum import spectrum_of
 from barbalat.lowering.wasm.loop import loop as module_of
 from barbalat.lowering.wasm.normal import normal_module
-from barbalat.run.delay import whole_steps
 from barbalat.solvers import RK4, SOLVERS
 from barbalat.sweeps.paths import FieldPath
 from barbalat.validate import InputError
@@ -43,12 +42,6 @@ class Described:
     def of(cls, source: Source) -> Described:
         """InputError for a case that no page can simulate yet."""
         case = source.at({})
-        time, dt = case.problem.delay, case.simulation.dt
-        if time > 0 and abs(whole_steps(time, dt) * dt - time) > 1e-9 * time:
-            raise InputError(
-                f"a page has delays of whole solver steps, and plant.input.delay = {time:g} s has {time / dt:g} steps of "
-                f"{dt:g} s: take another simulation.dt, or simulate with barbalat run"
-            )
         return cls(source, case, tuple(i for i in range(len(case.controllers)) if _switches(source, case, i)))
 
     @cached_property

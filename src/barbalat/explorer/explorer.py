@@ -93,8 +93,6 @@ def explore(problem: TrackingProblem, controllers: Controller | Iterable[Control
     """A page that simulates these controllers on the problem, with a slider for each number.
 
     Runs in it have no fused multiply-adds: ``Simulation(fused=False)`` has their bits.
-
-    Raises InputError for a delay that is no whole number of steps, which pages don't have yet.
     """
     validate.instance("problem", problem, TrackingProblem)
     validate.instance("simulation", simulation, Simulation)

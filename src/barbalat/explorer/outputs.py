@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 from typing import Any
 
 import numpy as np
@@ -11,11 +12,15 @@ from barbalat.explorer.encoded import doubles
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.loop.packing import unflatten
 from barbalat.loop.true_values import reporting, true_values
+from barbalat.lowering.operations import read
+from barbalat.lowering.optimize import optimize
+from barbalat.lowering.shape import LoopShape
+from barbalat.lowering.wasm.loop import loop as module_of
 from barbalat.problem.command_gain import commanded, gains_at_rest
 from barbalat.run import delay
 from barbalat.run.members import Members
 from barbalat.run.metrics import Accumulators
-from barbalat.solvers import SOLVERS
+from barbalat.solvers import SOLVERS, Tableau
 
 
 def outputs(case: Case, members: Members) -> dict[str, Any]:
@@ -66,6 +71,23 @@ def numbers_handed(members: Members) -> int:
     return members.program.shape.parameters - (delay.weights(time, dt, solver).size if members.loop.delayed else 0)
 
 
-def delay_weights() -> dict[str, str]:
-    """By solver: of a delay of whole steps, whatever steps and however many, ``delay.weights``."""
-    return {name: doubles(delay.weights(1.0, 1.0, tableau).reshape(-1)) for name, tableau in SOLVERS.items()}
+def delay_weights() -> dict[str, dict[str, str]]:
+    """``delay.weights`` by solver: of whole steps, however many, and a module that makes them of a fraction."""
+    return {
+        name: {
+            "whole": doubles(delay.weights(1.0, 1.0, tableau).reshape(-1)),
+            "module": base64.b64encode(_weights_module(tableau)).decode(),
+        }
+        for name, tableau in SOLVERS.items()
+    }
+
+
+def _weights_module(tableau: Tableau) -> bytes:
+    """Its blocks give out the weights of the fraction in a row."""
+    import casadi as ca
+
+    fraction, nothing = ca.SX.sym("fraction"), ca.SX(0, 1)
+    weights = delay.traced_weights(tableau)(fraction)
+    traced = ca.Function("step", [nothing, nothing, nothing, fraction], [nothing, weights, nothing], {"cse": True})
+    rows = weights.numel()
+    return module_of(optimize(read(traced), fused=False), LoopShape(0, rows, 0, 1), (0.0,) * rows)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -45,21 +46,30 @@ class Compiled:
         return values if self.shape[1] == 1 else values.reshape(self.shape, order="F")
 
 
-def tabulated(function: casadi.Function, *columns: np.ndarray) -> list[np.ndarray]:
-    """Every result (rows, K) of an SX function of columns, given K of each side by side: from its list, not fused.
+Tabulator = Callable[..., list[np.ndarray]]
+"""Of columns (n, K), as many as the function has, the results (rows, K)."""
+
+
+def tabulator(function: casadi.Function) -> Tabulator:
+    """An SX function of columns, to be given K of each side by side: by its list, not fused.
 
     CasADi's own evaluation has the C library's functions, whose last bits are not the same everywhere.
     """
     import casadi as ca
 
-    together = ca.SX.sym("together", sum(len(column) for column in columns))
-    ends = np.cumsum([len(column) for column in columns])
-    results = function.call([together[end - len(column) : end] for end, column in zip(ends.tolist(), columns, strict=True)])
+    sizes = [function.size1_in(i) for i in range(function.n_in())]
+    together, ends = ca.SX.sym("together", sum(sizes)), np.cumsum(sizes).tolist()
+    results = function.call([together[end - size : end] for end, size in zip(ends, sizes, strict=True)])
     flat, nothing = ca.densify(ca.vertcat(*results)), ca.SX(0, 1)
     step = ca.Function("step", [nothing, nothing, nothing, together], [nothing, flat, nothing], {"cse": True})
-    rows, count = flat.numel(), columns[0].shape[1]
+    rows, places = flat.numel(), np.cumsum([result.numel() for result in results])[:-1]
     kernel = Kernel(optimize(read(step), fused=False), LoopShape(0, rows, 0, together.numel()), (0.0,) * rows, lanes=1)
-    out = np.empty((count, rows))
-    if count:
-        kernel(count, 1, np.empty(0), np.empty(0), np.ascontiguousarray(np.vstack(columns).T), out)
-    return np.split(out.T, np.cumsum([result.numel() for result in results])[:-1])
+
+    def tabulated(*columns: np.ndarray) -> list[np.ndarray]:
+        count = columns[0].shape[1]
+        out = np.empty((count, rows))
+        if count:
+            kernel(count, 1, np.empty(0), np.empty(0), np.ascontiguousarray(np.vstack(columns).T), out)
+        return np.split(out.T, places)
+
+    return tabulated

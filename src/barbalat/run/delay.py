@@ -10,17 +10,24 @@ stage values that have its moments, see ``jump_weights``.
 from __future__ import annotations
 
 import re
+from functools import cache
 from math import factorial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from barbalat.loop.closed_loop import ClosedLoop
-from barbalat.loop.packing import flatten
+from barbalat.loop.packing import column, flatten, symbols
+from barbalat.lowering.compiled import Tabulator, tabulator
 from barbalat.lowering.llvm.machine import remembered
 from barbalat.lowering.shape import TAPS_PER_CHANNEL
+from barbalat.protocols import Value
 from barbalat.solvers import Tableau
 from barbalat.validate import Array, InputError
+
+if TYPE_CHECKING:
+    import casadi as ca
 
 MOST_DELAY_STEPS = 10_000_000
 """Steps that a member may remember: 160 MB each."""
@@ -91,15 +98,39 @@ def brings_bends(loop: ClosedLoop) -> bool:
     return loop.delayed and not held
 
 
-def weights(delay: float, dt: float, solver: Tableau) -> Array:
+def weights(delay: float, dt: float, solver: Tableau, *, fused: bool = True) -> Array:
     """(nodes, channels times taps of an input): what multiplies the starts, then the ends, of remembered steps, the newest first.
 
     With d = floor(delay/dt) and f the fraction left, step k sees of step k - d - 1 the last part f and then the first part 1 - f
-    of step k - d. The cubic stands on the end of k - d, the end and the start of k - d - 1, and the start of k - d - 2.
+    of step k - d. The cubic stands on the end of k - d, the end and the start of k - d - 1, and the start of k - d - 2. Without
+    fused multiply-adds it is a list that combines them, as in a page, as far as a step has two parts.
     """
     fraction = max(delay / dt - whole_steps(delay, dt), 0.0)
     if fraction * dt <= 1e-9 * delay:
         fraction = 0.0
+    if fused or not fraction:
+        return np.asarray(_combined(fraction, solver, jump_weights(solver, fraction)))
+    (found,) = _tabulator(solver)(np.array([[fraction]]))
+    return found.reshape(len(solver.nodes), -1)
+
+
+def traced_weights(solver: Tableau) -> ca.Function:
+    """The weights, node by node, of a fraction above 0."""
+    import casadi as ca
+
+    fraction_column, (fraction,) = symbols("fraction", 1)
+    rows, moments = _jump_equations(solver, fraction)
+    jumps = np.linalg.inv(rows) @ ca.array(ca.vertcat(*moments))
+    return ca.Function("weights", [fraction_column], [column(_combined(fraction, solver, jumps).reshape(-1))], {"cse": True})
+
+
+@cache
+def _tabulator(solver: Tableau) -> Tabulator:
+    return tabulator(traced_weights(solver))
+
+
+def _combined(fraction: Value, solver: Tableau, jumps: Value) -> Value:
+    """``weights`` with these stage values for a jump inside the step."""
     start, end = np.eye(CHANNELS_PER_INPUT * TAPS_PER_CHANNEL).reshape(CHANNELS_PER_INPUT, TAPS_PER_CHANNEL, -1)
     jump, earlier = start[0] - end[1], start[1] - end[2]  # between k - d - 1 and k - d, and one step before
     values = np.array([end[0] - jump, end[1], start[1], start[2] + earlier])  # as if there were no jump
@@ -107,7 +138,7 @@ def weights(delay: float, dt: float, solver: Tableau) -> Array:
     nodes = np.array(solver.nodes)[:, None] - fraction
     others = [np.delete(places, j) for j in range(len(places))]
     cubic = np.column_stack([np.prod((nodes - o) / (place - o), axis=1) for place, o in zip(places, others, strict=True)])
-    return np.asarray(cubic @ values + np.outer(jump_weights(solver, fraction), jump))
+    return cubic @ values + jumps.reshape(-1, 1) * jump
 
 
 def jump_weights(solver: Tableau, fraction: float) -> Array:
@@ -119,6 +150,12 @@ def jump_weights(solver: Tableau, fraction: float) -> Array:
     """
     if fraction == 0:
         return np.ones(len(solver.nodes))  # none inside the step
+    rows, moments = _jump_equations(solver, fraction)
+    return np.linalg.solve(rows, moments)
+
+
+def _jump_equations(solver: Tableau, fraction: Value) -> tuple[Array, list[Value]]:
+    """The matrix and the right-hand side that ``jump_weights`` solve."""
     stages = len(solver.b)
     a = np.array([[*row, *[0.0] * (stages - len(row))] for row in solver.a])
     by_node = np.equal.outer(solver.c, solver.nodes).astype(float)  # (stages, nodes)
@@ -127,4 +164,4 @@ def jump_weights(solver: Tableau, fraction: float) -> Array:
         rows.append(row @ by_node)
         row = row @ a
     moments = [(1 - fraction) ** (j + 1) / factorial(j + 1) for j in range(len(rows))]
-    return np.linalg.solve(np.array(rows), moments)
+    return np.array(rows), moments

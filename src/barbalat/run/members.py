@@ -184,7 +184,7 @@ class Reader:
         """Lag and weights of a delay [s]; many members have the same one."""
         if time not in self.known_delays:
             dt, solver = self.simulation.dt, self.simulation.solver
-            self.known_delays[time] = delay.lag(time, dt), delay.weights(time, dt, solver)
+            self.known_delays[time] = delay.lag(time, dt), delay.weights(time, dt, solver, fused=self.simulation.fused)
         return self.known_delays[time]
 
     def arguments(self) -> Array:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from barbalat.lowering.compiled import tabulated
+from barbalat.lowering.compiled import tabulator
 from barbalat.lowering.llvm.elementwise import evaluate
 from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array
@@ -38,7 +38,7 @@ def at_instants(function: casadi.Function, simulation: Simulation, *columns: Arr
     """The results (rows, K) of a function of columns, at K instants of a run."""
     if simulation.fused:
         return [np.asarray(value) for value in function.call(list(columns))]
-    return tabulated(function, *columns)
+    return tabulator(function)(*columns)
 
 
 class Portable(np.ndarray):

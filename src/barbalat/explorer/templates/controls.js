@@ -1,6 +1,6 @@
 // A slider and a field for each number, switches for the rest; all are labelled form controls.
 
-import { delayRefusal, gridRefusal, refusal, taken, wholeDelay } from "./setting.js";
+import { delayRefusal, gridRefusal, refusal, taken } from "./setting.js";
 
 function made(name, attributes = {}, ...children) {
   const element = document.createElement(name);
@@ -65,13 +65,13 @@ function gridValues(data, setting) {
   return { dt: steps.filter((one) => !gridRefusal(data, tEnd, one, setting.delay)), tEnd: ends.filter((one) => !gridRefusal(data, one, dt, setting.delay)) };
 }
 
-// From a tenth of the case's own delay to ten times it, in whole steps of the case.
+// From a tenth of the case's own delay to ten times it, as far as its step bears them.
 function delayValues(data) {
   const { delay, simulation: { dt } } = data;
   const found = [];
   for (let k = -20; k <= 20; k++) {
-    const one = k === 0 ? delay.value : wholeDelay(delay.value * 10 ** (k / 20), dt);
-    if (found[found.length - 1] !== one) found.push(one);
+    const one = k === 0 ? delay.value : Number((delay.value * 10 ** (k / 20)).toPrecision(2));
+    if (one >= dt && one !== found[found.length - 1]) found.push(one);
   }
   return found;
 }
@@ -106,7 +106,7 @@ export function built(root, data, setting, changed) {
     const offer = (value) => {
       const sentence = delayRefusal(data, setting, value);
       if (sentence) return sentence;
-      setting.delay = wholeDelay(value, setting.dt);
+      setting.delay = value;
       changed();
       return "";
     };

@@ -47,7 +47,7 @@ function request() {
   data.controllers.forEach((_, i) => {
     if (!setting.shown[i]) return;
     const task = taskOf(data, setting, i);
-    const key = [task.module, task.tableKey, task.signals.parameters, task.parameters, task.states, task.lag, task.condition?.parameters].join(" ");
+    const key = [task.module, task.tableKey, task.signals.parameters, task.parameters, task.states, task.lag, task.between?.fraction, task.condition?.parameters].join(" ");
     if (key === keys[i]) return;
     keys[i] = key;
     wanted[i] = { task, began: performance.now() };

@@ -9,7 +9,7 @@ export function readData(text) {
   for (const grid of data.signals.grids || []) {
     for (const key of ["cuts", "values", "last"]) grid[key] = doublesOf(grid[key]);
   }
-  if (data.delay) for (const name of Object.keys(data.delay.weights)) data.delay.weights[name] = doublesOf(data.delay.weights[name]);
+  for (const one of Object.values(data.delay?.weights ?? {})) one.whole = doublesOf(one.whole);
   for (const controller of data.controllers) {
     if (controller.condition) {
       controller.condition.parameters = doublesOf(controller.condition.parameters);
@@ -51,9 +51,13 @@ export function taken(number, value) {
   return number.values.reduce((best, one) => (apart(one) < apart(best) ? one : best), number.values[0]);
 }
 
-// A delay of whole steps: the nearest one that a step can carry.
-export function wholeDelay(delay, dt) {
-  return Number((Math.max(1, Math.round(delay / dt)) * dt).toPrecision(12));
+// Whole steps of a delay and the fraction that is left of one; within rounding of a whole number it is that number.
+function stepsOf(delay, dt) {
+  const steps = delay / dt;
+  const nearest = Math.round(steps);
+  const lag = Math.abs(steps - nearest) <= 1e-9 * Math.max(1, steps) ? nearest : Math.floor(steps);
+  const fraction = Math.max(steps - lag, 0);
+  return { lag, fraction: fraction * dt <= 1e-9 * delay ? 0 : fraction };
 }
 
 export function delayRefusal(data, setting, delay) {
@@ -79,9 +83,7 @@ export function gridRefusal(data, tEnd, dt, delay) {
     if (every < 1 || Math.abs(every * dt - time) > 1e-9 * time) return `The step must divide the sample time of ${name}, ${time} s.`;
     if (time > tEnd) return `The horizon must be at least the sample time of ${name}, ${time} s.`;
   }
-  if (delay && (Math.abs(Math.round(delay / dt) * dt - delay) > 1e-9 * delay || delay < dt)) {
-    return `The step must divide the delay, ${delay} s.`;
-  }
+  if (delay && stepsOf(delay, dt).lag < 1) return `The step must be at most the delay, ${delay} s.`;
   if (data.signals.grids && !data.signals.grids.some((grid) => grid.dt === dt)) {
     return `The command jumps, and its steps are known for h = ${data.signals.grids.map((grid) => grid.dt).join(", ")} s only.`;
   }
@@ -146,12 +148,14 @@ export function taskOf(data, setting, index) {
     effect.s.forEach((row, k) => { states[row] = at(effect.p.length + k); });
   });
   parameters[controller.dt_row] = setting.dt;
-  const lag = setting.delay ? Math.round(setting.delay / setting.dt) : 0;
+  const { lag, fraction } = setting.delay ? stepsOf(setting.delay, setting.dt) : { lag: 0, fraction: 0 };
   const steps = Math.round(setting.tEnd / setting.dt);
   const known = scaledGrid(data, setting, data.signals.grids && data.signals.grids.find((grid) => grid.dt === setting.dt));
   const scaled = data.numbers.flatMap((number, j) => (number.scales.length ? [setting.values[j]] : []));
   return {
-    index, parameters: lag ? joined(parameters, data.delay.weights[setting.solver]) : parameters, states, signals, lag, grid: { steps, tEnd: setting.tEnd, ...known },
+    index, parameters: lag ? joined(parameters, data.delay.weights[setting.solver].whole) : parameters, states, signals, lag,
+    between: fraction ? { fraction, name: `weights ${setting.solver}`, module: data.delay.weights[setting.solver].module, first: parameters.length } : null,
+    grid: { steps, tEnd: setting.tEnd, ...known },
     tableKey: `${setting.tEnd} ${steps} ${scaled}`, nodes: data.solvers[setting.solver].nodes,
     polynomial: data.solvers[setting.solver].polynomial, spectrum: variant.spectrum, condition: conditionTask(data, setting, controller, side), dt: setting.dt, recordPoints: data.simulation.record_points,
     module: `${index} ${side} ${setting.solver}`, code: variant.modules[setting.solver], shape: controller.shape, past: controller.past,

@@ -40,6 +40,16 @@ function noiseFor(task) {
   return noise;
 }
 
+// Of a delay between two steps, by its fraction of one; they stand last among the parameters.
+function weightsOf({ between, parameters }) {
+  const kernel = kernelOf(between.name, between.module);
+  const count = parameters.length - between.first;
+  const [row, out] = kernel.laidOut([1, count]);
+  kernel.view(row, 1)[0] = between.fraction;
+  kernel.call(1, 1, { state: row, parameters: row, signals: row, out }, 0, 0);
+  return kernel.view(out, count).slice();
+}
+
 // Arrays in the kernel's memory, filled with what a run begins from.
 function begun(kernel, task, longest, most, noisy) {
   const { shape, lag } = task;
@@ -50,6 +60,7 @@ function begun(kernel, task, longest, most, noisy) {
   const at = { state, parameters, lags, ring, signals, out, noise, hold: task.noise ? task.noise.hold : 1 };
   kernel.view(state, shape.states).set(task.states);
   kernel.view(parameters, task.parameters.length).set(task.parameters);
+  if (task.between) kernel.view(parameters, task.parameters.length).set(weightsOf(task), task.between.first);
   const history = lag ? task.past.flatMap((value) => Array(shape.delayed / task.past.length).fill(value)) : [];
   return { at, mask: lag ? kernel.remember(lag, at, history) : 0n };
 }
