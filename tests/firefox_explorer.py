@@ -23,7 +23,7 @@ from browser_explorer import differences
 
 DRIVER = "puppeteer-core@24.43.1"
 SCRIPT = Path(__file__).with_suffix(".mjs")
-CASES = ("paper", "quadrotor-pitch")
+CASES = ("quadrotor-pitch", str(Path(__file__).parent / "explorer" / "everything.toml"))
 
 
 def main(cases: list[str]) -> int:
@@ -37,7 +37,7 @@ def main(cases: list[str]) -> int:
             ["npm", "install", "--silent", "--no-audit", "--prefix", folder, DRIVER], check=True, stdout=subprocess.DEVNULL
         )
         shutil.copy(SCRIPT, made)  # modules are looked for beside it
-        pages = [Explorer(TextSource(CaseText.read(case))).save(made / f"{case}.html").as_uri() for case in cases or CASES]
+        pages = [Explorer(TextSource(CaseText.read(case))).save(made / f"{Path(case).stem}.html").as_uri() for case in cases or CASES]
         done = subprocess.run(["node", str(made / SCRIPT.name), firefox, *pages], check=True, stdout=subprocess.PIPE, text=True)
     found = []
     for one in json.loads(done.stdout):
