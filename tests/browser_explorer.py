@@ -27,11 +27,14 @@ Figures = dict[str, float | list[float] | None]
 ROUNDS = 3
 """Settings of every case in which all sliders stand elsewhere, each with a solver of its own."""
 SOLVERS = ("rk4", "heun", "euler")
+MOST_TRIES = 20
+"""Of a slider alone: at its end it moves one way only."""
 MOVE = """([i, share]) => {
     const slider = document.querySelectorAll('#controls input[type=range]')[i];
+    const before = slider.value;
     slider.value = Number(slider.value) + Math.sign(share) * Math.ceil(Math.abs(share) * slider.max);
     slider.dispatchEvent(new Event('input'));
-    return slider.value;
+    return [before, slider.value];
 }"""
 ROWS = """() => Object.fromEntries([...document.querySelectorAll('#figures tr')]
     .map(row => [row.cells[0].textContent, JSON.parse(row.dataset.figures)]))"""
@@ -60,14 +63,26 @@ def of_case(browser: Browser, case: str, folder: Path) -> Iterator[str]:
     said += compared(tab, "as given")
     draw, seen = random.Random(case), [set[str]() for _ in range(sliders)]
     for k in range(ROUNDS):
-        for i, places in enumerate(seen):
-            places.add(tab.evaluate(MOVE, [i, draw.choice((-1, 1)) * draw.uniform(0.03, 0.1)]))
+        tab.click("#reset")
+        for i in draw.sample(range(sliders), sliders):  # of two that exclude each other the first one moves
+            _move(tab, i, seen, draw)
         tab.select_option("#solver", SOLVERS[k])
         settled(tab)
         said += compared(tab, f"setting {k + 1}")
+    for i in (i for i, places in enumerate(seen) if len(places) == 1):
+        tab.click("#reset")
+        for _ in (number for number in range(MOST_TRIES) if len(seen[i]) == 1):
+            _move(tab, i, seen, draw)
+        settled(tab)
+        said += compared(tab, f"slider {i} alone")
     said += [f"slider {i} never moved" for i, places in enumerate(seen) if len(places) == 1]
     tab.close()
     yield from (f"{case}: {one}" for one in said)
+
+
+def _move(tab: Page, slider: int, seen: list[set[str]], draw: random.Random) -> None:
+    """By some of its length; ``seen`` has all places where it stood."""
+    seen[slider] |= set(tab.evaluate(MOVE, [slider, draw.choice((-1, 1)) * draw.uniform(0.03, 0.1)]))
 
 
 def settled(tab: Page) -> None:

@@ -37,7 +37,9 @@ def main(cases: list[str]) -> int:
             ["npm", "install", "--silent", "--no-audit", "--prefix", folder, DRIVER], check=True, stdout=subprocess.DEVNULL
         )
         shutil.copy(SCRIPT, made)  # modules are looked for beside it
-        pages = [Explorer(TextSource(CaseText.read(case))).save(made / f"{Path(case).stem}.html").as_uri() for case in cases or CASES]
+        pages = [
+            Explorer(TextSource(CaseText.read(case))).save(made / f"{Path(case).stem}.html").as_uri() for case in cases or CASES
+        ]
         done = subprocess.run(["node", str(made / SCRIPT.name), firefox, *pages], check=True, stdout=subprocess.PIPE, text=True)
     found = []
     for one in json.loads(done.stdout):

@@ -86,6 +86,17 @@ def test_every_number_of_the_loop_has_a_slider(page) -> None:
     assert not paths["plant.theta[0]"]["log"]
 
 
+def test_numbers_that_move_the_same_entries_name_each_other() -> None:
+    """P follows from all entries of A_m, of which a page has the values one at a time; b, gamma and kappa stand alone."""
+    text = CASE.replace("[[-4.0]]", "[[0.0, 1.0], [-4.0, -2.8]]").replace("[1.0]", "[0.0, 1.0]").replace("[5.0]", "[1.0, -0.5]")
+    sliders = Described.of(TextSource(CaseText(text.replace("[-10.0]", "[-3.0, -3.0]").replace("[10.0]", "[3.0, 3.0]")))).sliders
+    excludes = {str(one.number.path): sum(one.excludes(other) for other in sliders if other is not one) for one in sliders}
+    assert {path: count for path, count in excludes.items() if count} == {
+        f"plant.A_m{at}": 2 for at in ("[0][1]", "[1][0]", "[1][1]")
+    }
+    assert "plant.b[1]" in excludes
+
+
 @pytest.mark.full
 def test_the_copied_case_file_is_the_case() -> None:
     source = TextSource(CaseText(CASE))

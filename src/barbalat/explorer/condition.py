@@ -12,7 +12,7 @@ import numpy as np
 
 from barbalat.cases.build import Case
 from barbalat.controllers.l1 import Equations
-from barbalat.explorer.effects import effects_of
+from barbalat.explorer.effects import Rows, effects_of
 from barbalat.explorer.encoded import doubles
 from barbalat.explorer.numbers import At
 from barbalat.explorer.sliders import Slider
@@ -68,14 +68,15 @@ def condition_of(case: Case, index: int, sliders: Sequence[Slider], at: At) -> d
     parts = target.parts(case)
     if parts is None:
         return None
-    effects, lost, taken = {}, [], set[tuple[str, int]]()
+    effects, lost, rows = {}, [], dict[int, Rows]()
     for j, slider in enumerate(sliders):
-        found = effects_of(slider.number, [target], [taken], at)
-        if found is None or len(found[0].values) != len(slider.number.values):
+        found = effects_of(slider.number, [target], [set()], at)
+        beside = set().union(*(moved for k, moved in rows.items() if not slider.excludes(sliders[k])))
+        if found is None or len(found[0].values) != len(slider.number.values) or found[1][0].rows & beside:
             lost.append(j)
         elif not found[1][0].nothing:
             (effect,) = found[1]
-            taken |= effect.rows
+            rows[j] = effect.rows
             effects[j] = {"p": effect.parameters.tolist(), "table": None if effect.table is None else doubles(effect.table)}
     return {
         "module": base64.b64encode(_module([part.shape for part in parts])).decode(),

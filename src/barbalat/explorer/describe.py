@@ -85,6 +85,7 @@ class Described:
                     "value": one.number.value, "values": doubles(one.number.values), "whole": one.number.whole,
                     "log": one.number.logarithmic, "signals": one.signals.places, "scales": one.signals.scales,
                     "copied": one.copied,
+                    "excludes": [k for k, other in enumerate(self.sliders) if other is not one and one.excludes(other)],
                 }
                 for one in self.sliders
             ],

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from math import inf
 from typing import Protocol
 
 import numpy as np
@@ -47,6 +48,10 @@ class Effect:
         return not len(self.parameters) and not len(self.states)
 
 
+FEWER_VALUES = 20
+"""Of a slider that excludes others: there may be many of them, and each has a table."""
+
+
 class Readable(Protocol):
     """What takes numbers that follow from a case."""
 
@@ -74,23 +79,37 @@ class Target:
         return self.family.read([(case.problem, case.controllers[self.index]) for case in cases])
 
 
-def effects_of(number: Number, targets: Sequence[Readable], taken: Sequence[Rows], at: At) -> tuple[Number, list[Effect]] | None:
+def effects_of(
+    number: Number, targets: Sequence[Readable], taken: Sequence[Rows], at: At, room: float = inf
+) -> tuple[Number, list[Effect]] | None:
     """On every target, of the values at which all have their structure; None where a page can't follow it.
+
+    Of a number that moves a row that is taken fewer values are tabulated, in no more than ``room`` bytes.
 
     What is handed on as it is needs no case for each value: what constructors take of such numbers is convex, and its ends and
     some values between were taken. Only a zero may change a structure: a matrix's says what a state acts on at all.
 
-    taken  rows of each target that other numbers move: two sliders of one row would need a table of all pairs
+    taken  rows of each target that other numbers move
     """
     few = _tried(number)
     found = _made(number, few, targets, at)
-    if found is None or any(effect.rows & rows for effect, rows in zip(found[1], taken, strict=True)):
+    if found is None:
         return None
     left_out = set(few.tolist()) - set(found[0].tolist())
     if all(effect.table is None for effect in found[1]) and left_out <= {0.0}:
         return replace(number, values=number.values[~np.isin(number.values, list(left_out))]), found[1]
-    found = _made(number, number.values, targets, at)
+    shared = any(effect.rows & rows for effect, rows in zip(found[1], taken, strict=True))
+    if shared and number.values.itemsize * FEWER_VALUES * sum(len(effect.rows) for effect in found[1]) > room:
+        return None
+    found = _made(number, _thinned(number) if shared else number.values, targets, at)
     return None if found is None else (replace(number, values=found[0]), found[1])
+
+
+def _thinned(number: Number) -> Array:
+    """Some of its values, its own among them."""
+    own = int(np.searchsorted(number.values, number.value))
+    every = max(1, len(number.values) // FEWER_VALUES)
+    return number.values[own % every :: every]
 
 
 def _tried(number: Number) -> Array:
@@ -149,10 +168,10 @@ def _effect(values: Array, made: Numbers) -> Effect:
     return Effect(moved[0], moved[1], None if (rows == values).all() else rows.T)
 
 
-def composed(target: Target, effects: Sequence[Effect], values: Sequence[float], places: Sequence[int]) -> tuple[Array, Array]:
-    """Parameters and states as a page puts them together, of each number's value and its place among the number's values."""
+def composed(target: Target, moved: Sequence[tuple[Effect, float, int]]) -> tuple[Array, Array]:
+    """Parameters and states as a page puts them together, of each moved number's value and its place among all of them."""
     parameters, states = target.base.parameters[:, 0].copy(), target.base.states[:, 0].copy()
-    for effect, value, place in zip(effects, values, places, strict=True):
+    for effect, value, place in moved:
         rows = np.full(len(effect.rows), value) if effect.table is None else effect.table[place]
         parameters[effect.parameters] = rows[: len(effect.parameters)]
         states[effect.states] = rows[len(effect.parameters) :]

@@ -19,11 +19,13 @@ from barbalat.solvers import RK4
 from barbalat.sweeps.paths import FieldPath
 from barbalat.validate import Array, InputError
 
+MOST_SHARED_BYTES = 150_000
+"""Of the tables of sliders that exclude others; in a page they take a third more."""
 MOST_NUMBERS = 80
 """Sliders of a page."""
 PRECEDENCE = ("controller", "reference", "simulation", "plant", "reference_model", "uncertainty", "")
-"""Which of two numbers gets a slider, where both move one row of a module: that of the part that stands first,
-and of a part's a number by itself before entries of vectors."""
+"""The order in which numbers get sliders: by their part, and of a part's a number by itself before entries of vectors.
+Of two that move one row of a module the later one has fewer values."""
 SETTINGS_TRIED = 12
 """Near the case, and as many over the sliders' whole length."""
 
@@ -57,6 +59,15 @@ class Slider:
     effects: list[Effect]
     signals: InSignals
 
+    def excludes(self, other: Slider) -> bool:
+        """Whether both move a row of some variant: with both away from the case's values it would need a table of all pairs."""
+        return any(mine.rows & theirs.rows for mine, theirs in zip(self.effects, other.effects, strict=True))
+
+    @property
+    def bytes(self) -> int:
+        """Of its tables."""
+        return sum(effect.table.nbytes for effect in self.effects if effect.table is not None)
+
     @property
     def copied(self) -> bool:
         """Whether the number stands everywhere as it is: any value can be taken, not only those that are tabulated."""
@@ -79,35 +90,45 @@ class Sliders:
         """Those that get one, in the order of ``PRECEDENCE``."""
         taken: list[Rows] = [set() for _ in self.variants]
         kept: list[Slider] = []
+        room = MOST_SHARED_BYTES
         for path, value in sorted(self.source.numbers(), key=_precedence):
             if path.keys[-1] in GRID or len(kept) == MOST_NUMBERS or (path == DELAY and self.case.problem.delay > 0):
                 continue
             number = ranged(path, value, partial(self.at, False))
-            slider = None if number is None else self._followed(number, taken)
-            if slider is not None:
-                kept.append(slider)
-                taken = [rows | effect.rows for effect, rows in zip(slider.effects, taken, strict=True)]
+            slider = None if number is None else self._followed(number, taken, room)
+            if slider is None:
+                continue
+            if any(map(slider.excludes, kept)):
+                room -= slider.bytes
+            kept.append(slider)
+            taken = [rows | effect.rows for effect, rows in zip(slider.effects, taken, strict=True)]
         while not self._composes(kept):
-            kept.pop([k for k, slider in enumerate(kept) if not slider.copied][-1])
+            doubtful = [k for k, slider in enumerate(kept) if not slider.copied]
+            excluding = [k for k in doubtful if any(map(kept[k].excludes, kept[:k]))]
+            kept.pop((excluding or doubtful)[-1])
         return kept
 
     def _composes(self, kept: Sequence[Slider]) -> bool:
         """Whether settings of all numbers at once are what their effects are one by one; a product of two would not be."""
         draw = np.random.default_rng(0)
         for share in np.repeat((0.1, 1.0), SETTINGS_TRIED):
-            places = [_drawn(slider.number, share, draw) for slider in kept]
+            places = _drawn(kept, share, draw)
             values = [float(slider.number.values[place]) for slider, place in zip(kept, places, strict=True)]
             try:
                 case = self.source.at({slider.number.path: v for slider, v in zip(kept, values, strict=True)})
             except InputError:  # together they make no case: the copied one says why
                 continue
             for k, variant in enumerate(self.variants):
-                effects = [slider.effects[k] for slider in kept]
-                if not variant.switched and not _agrees(variant.target, case, composed(variant.target, effects, values, places)):
+                moved = [
+                    (slider.effects[k], value, place)
+                    for slider, value, place in zip(kept, values, places, strict=True)
+                    if value != slider.number.value
+                ]
+                if not variant.switched and not _agrees(variant.target, case, composed(variant.target, moved)):
                     return False
         return True
 
-    def _followed(self, number: Number, taken: Sequence[Rows]) -> Slider | None:
+    def _followed(self, number: Number, taken: Sequence[Rows], room: int) -> Slider | None:
         signals = self._in_signals(number)
         if signals is None:
             return None
@@ -118,7 +139,7 @@ class Sliders:
             if not which:
                 continue
             targets, rows = [self.variants[k].target for k in which], [taken[k] for k in which]
-            found = effects_of(number, targets, rows, partial(self.at, switched))
+            found = effects_of(number, targets, rows, partial(self.at, switched), room)
             if found is None or (switched and len(found[0].values) != len(number.values)):
                 return None
             number = found[0]
@@ -201,10 +222,16 @@ class Sliders:
         return moved if fits else None
 
 
-def _drawn(number: Number, share: float, draw: np.random.Generator) -> int:
-    """A place among a number's values, at most this share of them from its own."""
-    own, most = int(np.searchsorted(number.values, number.value)), len(number.values) - 1
-    return int(np.clip(own + round(share * most * draw.uniform(-1, 1)), 0, most))
+def _drawn(sliders: Sequence[Slider], share: float, draw: np.random.Generator) -> list[int]:
+    """Places among the numbers' values, at most this share of them from their own; of two that exclude each other one stays."""
+    places = [int(np.searchsorted(one.number.values, one.number.value)) for one in sliders]
+    moved: list[int] = []
+    for k in draw.permutation(len(sliders)).tolist():
+        if not any(sliders[k].excludes(sliders[j]) for j in moved):
+            most = len(sliders[k].number.values) - 1
+            places[k] = int(np.clip(places[k] + round(share * most * draw.uniform(-1, 1)), 0, most))
+            moved.append(k)
+    return places
 
 
 def _agrees(target: Target, case: Case, found: tuple[Array, Array]) -> bool:

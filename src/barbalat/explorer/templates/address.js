@@ -1,6 +1,6 @@
 // The setting in the page's address: what differs from the beginning of the case, or of the lesson that is named there.
 
-import { delayRefusal, gridRefusal, refusal, taken } from "./setting.js";
+import { delayRefusal, exclusion, gridRefusal, refusal, taken } from "./setting.js";
 import { beginningOf } from "./lessons.js";
 
 export function toHash(data, setting) {
@@ -20,7 +20,7 @@ export function fromHash(data, text) {
   const setting = beginningOf(data, said.get("lesson"));
   data.numbers.forEach((number, i) => {
     const value = said.has(number.path) ? Number(said.get(number.path)) : setting.values[i];
-    if (!refusal(number, value)) setting.values[i] = taken(number, value);
+    if (!refusal(number, value) && !exclusion(data, setting, i, value)) setting.values[i] = taken(number, value);
   });
   const [tEnd, dt, delay] = ["tEnd", "dt", "delay"].map((key) => (said.has(key) ? Number(said.get(key)) : setting[key]));
   const late = data.delay && delayRefusal(data, { tEnd, dt }, delay);

@@ -1,6 +1,6 @@
 // A slider and a field for each number, switches for the rest; all are labelled form controls.
 
-import { delayRefusal, gridRefusal, refusal, taken } from "./setting.js";
+import { delayRefusal, exclusion, gridRefusal, refusal, taken } from "./setting.js";
 
 function made(name, attributes = {}, ...children) {
   const element = document.createElement(name);
@@ -30,13 +30,14 @@ function row(id, label, values, read, offer) {
   };
   const give = (value) => {
     const sentence = offer(value);
-    if (!sentence) return show();
-    said.textContent = sentence;
-    field.setAttribute("aria-invalid", "true");
-    return undefined;
+    if (!sentence) show();
+    else said.textContent = sentence;
+    return !sentence;
   };
-  slider.addEventListener("input", () => give(values[Number(slider.value)]));
-  field.addEventListener("change", () => give(field.value.trim() === "" ? NaN : Number(field.value.trim().replace(",", "."))));
+  slider.addEventListener("input", () => { if (!give(values[Number(slider.value)])) slider.value = nearest(values, read()); });
+  field.addEventListener("change", () => {
+    if (!give(field.value.trim() === "" ? NaN : Number(field.value.trim().replace(",", ".")))) field.setAttribute("aria-invalid", "true");
+  });
   show();
   return { element: made("div", { class: "number" }, made("label", { for: id }, label), field, slider, said), show };
 }
@@ -94,7 +95,7 @@ export function built(root, data, setting, changed) {
   });
   data.numbers.forEach((number, i) => {
     const offer = (value) => {
-      const sentence = refusal(number, value);
+      const sentence = refusal(number, value) || exclusion(data, setting, i, value);
       if (sentence) return sentence;
       setting.values[i] = taken(number, value);
       changed();

@@ -44,6 +44,14 @@ export function refusal(number, value) {
   return "";
 }
 
+// Two numbers that move one entry of a loop: a sentence where another one stands elsewhere already, else "".
+export function exclusion(data, setting, i, value) {
+  const number = data.numbers[i];
+  const other = data.numbers[number.excludes.find((k) => setting.values[k] !== data.numbers[k].value)];
+  if (!other || value === number.value) return "";
+  return `${number.label} changes the same entries of the loop as ${other.label} (${other.group}): put that one back to ${other.value} first.`;
+}
+
 // The value that is taken: any that is copied, the nearest known one where others follow from it.
 export function taken(number, value) {
   if (number.copied && !(number.whole && !Number.isInteger(value))) return value;
