@@ -176,12 +176,17 @@ JUMPING = CASE.replace('kind = "sine"', 'kind = "square"').replace("dt = 1e-3", 
 
 
 @pytest.mark.full
-def test_the_amplitude_of_a_command_that_jumps_multiplies_its_rows_and_its_frequency_has_no_slider() -> None:
+def test_the_amplitude_of_a_command_that_jumps_multiplies_its_rows_and_its_frequency_has_a_grid_for_each_value() -> None:
     source = TextSource(CaseText(JUMPING))
     described = Described.of(source)
     sliders = {str(one.number.path): one for one in described.sliders}
     assert sliders["reference.amplitude"].signals.scales == [0]
-    assert "reference.frequency" not in sliders
+    frequency = sliders["reference.frequency"]
+    assert not frequency.copied
+    for value, grid in zip(frequency.number.values, frequency.signals.grids, strict=True):
+        case = source.at({FieldPath.parse("reference.frequency"): float(value)})
+        table = signal_table(case.problem.signals, case.simulation, 0, case.simulation.steps, in_pieces=True)
+        assert same_bits(np.repeat(grid.values, np.diff([*grid.starts, len(table)]), axis=0), table[:, :-3])
     own, other = (source.at({FieldPath.parse("reference.amplitude"): v}) for v in (4.0, 6.5))
     before, after = (Grid.of(case.problem.signals, case.simulation) for case in (own, other))
     assert same_bits(before.values / 4.0 * 6.5, after.values)

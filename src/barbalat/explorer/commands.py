@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
+from barbalat.explorer.encoded import doubles
 from barbalat.loop.packing import column, symbols
 from barbalat.lowering.operations import read
 from barbalat.lowering.shape import LoopShape
@@ -18,13 +19,18 @@ from barbalat.run.columns import Columns
 from barbalat.run.grid import final_row, signal_table
 from barbalat.run.template import with_symbols
 from barbalat.signals.smooth import Continuous
+from barbalat.solvers import RK4
 from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array, InputError
 
 MOST_RUNS = 20_000
 """Of equal rows that a page holds: some 500 kB."""
-GRID_FACTORS = (0.2, 0.25, 0.5, 1.0, 2.0, 4.0, 5.0, 10.0)
+GRID_FACTORS = (0.5, 2.0, 0.25, 4.0, 0.2, 5.0, 10.0)
 """Steps that a page offers where signals jump, in steps of the case: for each their places in the grid are looked up here."""
+HORIZON_FACTORS = (0.5, 2.0, 0.25, 0.75, 1.5, 0.1, 3.0, 5.0)
+"""Likewise horizons, at the case's own step."""
+MOST_GRID_BYTES = 250_000
+"""Of all that is looked up, the case's own step aside, those first that stand first above; in a page a third more."""
 
 
 def is_smooth(signal: Signal) -> bool:
@@ -70,6 +76,17 @@ class Grid:
     values: Array
     last: Array
 
+    @property
+    def bytes(self) -> int:
+        return int(self.cuts.nbytes + self.starts.nbytes + self.values.nbytes)
+
+    def as_data(self) -> dict[str, Any]:
+        """For a page's JSON."""
+        return {
+            "dt": self.simulation.dt, "t_end": self.simulation.t_end, "cuts": doubles(self.cuts), "starts": self.starts.tolist(),
+            "values": doubles(self.values), "last": doubles(self.last),
+        }  # fmt: skip
+
     @classmethod
     def of(cls, signals: tuple[Signal, ...], simulation: Simulation, *, whole: bool = False) -> Grid:
         """InputError where a signal that is not smooth has more different rows than a page holds.
@@ -99,13 +116,30 @@ class Grid:
         return cls(simulation, cuts, starts, kept[starts], last)
 
 
-def steps_offered(simulation: Simulation) -> list[Simulation]:
-    """The same run with other steps, as far as they divide it."""
-    found = []
-    for factor in GRID_FACTORS:
-        dt = float(f"{factor * simulation.dt:.12g}") if factor != 1 else simulation.dt
+def grids_of(signals: tuple[Signal, ...], simulation: Simulation, *, whole: bool, most_steps: int) -> list[Grid]:
+    """Of this run and of others, with other steps or another horizon, all for one kind of kernel: in pieces, or not.
+
+    InputError where the run's own has too many rows.
+    """
+    simulation = replace(simulation, solver=RK4)  # whose nodes are those of all methods
+    own = Grid.of(signals, simulation, whole=whole)
+    found, room = [own], MOST_GRID_BYTES
+    for other in _runs_offered(simulation):
         try:
-            found.append(replace(simulation, dt=dt))
+            grid = Grid.of(signals, other, whole=whole)
+        except InputError:  # too many rows
+            continue
+        if other.steps <= most_steps and bool(len(grid.cuts)) == bool(len(own.cuts)) and grid.bytes <= room:
+            found.append(grid)
+            room -= grid.bytes
+    return found
+
+
+def _runs_offered(simulation: Simulation) -> Iterator[Simulation]:
+    """The same run with other steps, and with other horizons, as far as the step divides the horizon."""
+    steps = [(factor * simulation.dt, simulation.t_end) for factor in GRID_FACTORS]
+    for dt, t_end in [*steps, *((simulation.dt, factor * simulation.t_end) for factor in HORIZON_FACTORS)]:
+        try:
+            yield replace(simulation, dt=float(f"{dt:.12g}"), t_end=float(f"{t_end:.12g}"))
         except InputError:  # it is no whole number of steps
             continue
-    return found

@@ -8,7 +8,7 @@ from functools import cached_property, partial
 from typing import Any
 
 from barbalat.cases.build import Case
-from barbalat.explorer.commands import Grid, breaks_anywhere, is_smooth, smooth_module, steps_offered
+from barbalat.explorer.commands import breaks_anywhere, grids_of, is_smooth, smooth_module
 from barbalat.explorer.condition import condition_of
 from barbalat.explorer.effects import Target
 from barbalat.explorer.encoded import doubles
@@ -19,7 +19,7 @@ from barbalat.explorer.source import Source
 from barbalat.explorer.spectrum import spectrum_of
 from barbalat.lowering.wasm.loop import loop as module_of
 from barbalat.lowering.wasm.normal import normal_module
-from barbalat.solvers import RK4, SOLVERS
+from barbalat.solvers import SOLVERS
 from barbalat.sweeps.paths import FieldPath
 from barbalat.validate import InputError
 
@@ -84,6 +84,7 @@ class Described:
                     "path": str(one.number.path), "label": one.number.label, "group": _group_name(one.number, self.case),
                     "value": one.number.value, "values": doubles(one.number.values), "whole": one.number.whole,
                     "log": one.number.logarithmic, "signals": one.signals.places, "scales": one.signals.scales,
+                    "grids": None if one.signals.grids is None else [grid.as_data() for grid in one.signals.grids],
                     "copied": one.copied,
                     "excludes": [k for k, other in enumerate(self.sliders) if other is not one and one.excludes(other)],
                 }
@@ -122,19 +123,8 @@ class Described:
         return {"value": own, "slider": moves, "weights": delay_weights()}
 
     def _grids(self) -> list[dict[str, Any]]:
-        """All for one kind of kernel: with steps in pieces, or without."""
-        signals, own, delayed = self.case.problem.signals, self.case.simulation, self.case.problem.delay > 0
-        offered = [replace(one, solver=RK4) for one in steps_offered(own) if one.steps <= MOST_STEPS]
-        grids = [Grid.of(signals, one, whole=delayed) for one in offered]
-        (case_grid,) = (grid for grid in grids if grid.simulation.dt == own.dt)
-        return [
-            {
-                "dt": grid.simulation.dt, "cuts": doubles(grid.cuts), "starts": grid.starts.tolist(),
-                "values": doubles(grid.values), "last": doubles(grid.last),
-            }
-            for grid in grids
-            if bool(len(grid.cuts)) == bool(len(case_grid.cuts))
-        ]  # fmt: skip
+        signals, delayed = self.case.problem.signals, self.case.problem.delay > 0
+        return [grid.as_data() for grid in grids_of(signals, self.case.simulation, whole=delayed, most_steps=MOST_STEPS)]
 
     def _controller(self, i: int) -> dict[str, Any]:
         variants = {}

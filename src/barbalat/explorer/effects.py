@@ -101,15 +101,15 @@ def effects_of(
     shared = any(effect.rows & rows for effect, rows in zip(found[1], taken, strict=True))
     if shared and number.values.itemsize * FEWER_VALUES * sum(len(effect.rows) for effect in found[1]) > room:
         return None
-    found = _made(number, _thinned(number) if shared else number.values, targets, at)
+    found = _made(number, thinned(number).values if shared else number.values, targets, at)
     return None if found is None else (replace(number, values=found[0]), found[1])
 
 
-def _thinned(number: Number) -> Array:
-    """Some of its values, its own among them."""
+def thinned(number: Number) -> Number:
+    """With some of its values, its own among them."""
     own = int(np.searchsorted(number.values, number.value))
     every = max(1, len(number.values) // FEWER_VALUES)
-    return number.values[own % every :: every]
+    return replace(number, values=number.values[own % every :: every])
 
 
 def _tried(number: Number) -> Array:

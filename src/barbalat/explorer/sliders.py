@@ -9,13 +9,11 @@ from functools import cached_property, partial
 import numpy as np
 
 from barbalat.cases.build import Case
-from barbalat.explorer.commands import Grid, breaks_anywhere, is_smooth
 from barbalat.explorer.effects import Effect, Rows, Target, composed, effects_of
+from barbalat.explorer.in_signals import InSignals, SignalSearch
 from barbalat.explorer.numbers import DELAY, GRID, Number, ranged
 from barbalat.explorer.source import Source
-from barbalat.protocols import Controller, Signal
-from barbalat.run.columns import Columns
-from barbalat.solvers import RK4
+from barbalat.protocols import Controller
 from barbalat.sweeps.paths import FieldPath
 from barbalat.validate import Array, InputError
 
@@ -40,18 +38,6 @@ class Variant:
 
 
 @dataclass(frozen=True, eq=False)
-class InSignals:
-    """What a number is among the signals.
-
-    places  entries of the smooth signals' numbers
-    scales  those of the other signals, counted among them, whose every value is the number, less it, or zero
-    """
-
-    places: list[int]
-    scales: list[int]
-
-
-@dataclass(frozen=True, eq=False)
 class Slider:
     """A number, its effect on each variant and on the signals."""
 
@@ -61,17 +47,19 @@ class Slider:
 
     def excludes(self, other: Slider) -> bool:
         """Whether both move a row of some variant: with both away from the case's values it would need a table of all pairs."""
-        return any(mine.rows & theirs.rows for mine, theirs in zip(self.effects, other.effects, strict=True))
+        rows = any(mine.rows & theirs.rows for mine, theirs in zip(self.effects, other.effects, strict=True))
+        return rows or (self.signals.grids is not None and other.signals.grids is not None)
 
     @property
     def bytes(self) -> int:
         """Of its tables."""
-        return sum(effect.table.nbytes for effect in self.effects if effect.table is not None)
+        tables = sum(effect.table.nbytes for effect in self.effects if effect.table is not None)
+        return int(tables + sum(grid.bytes for grid in self.signals.grids or ()))
 
     @property
     def copied(self) -> bool:
         """Whether the number stands everywhere as it is: any value can be taken, not only those that are tabulated."""
-        return all(effect.table is None for effect in self.effects)
+        return self.signals.grids is None and all(effect.table is None for effect in self.effects)
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,7 +86,7 @@ class Sliders:
             slider = None if number is None else self._followed(number, taken, room)
             if slider is None:
                 continue
-            if any(map(slider.excludes, kept)):
+            if slider.signals.grids is not None or any(map(slider.excludes, kept)):
                 room -= slider.bytes
             kept.append(slider)
             taken = [rows | effect.rows for effect, rows in zip(slider.effects, taken, strict=True)]
@@ -129,10 +117,11 @@ class Sliders:
         return True
 
     def _followed(self, number: Number, taken: Sequence[Rows], room: int) -> Slider | None:
-        signals = self._in_signals(number)
-        if signals is None:
-            return None
         owner = self._owner(number.path)
+        followed = (number, InSignals([], [])) if owner is not None else self._signals.of(number, room)
+        if followed is None:
+            return None
+        number, signals = followed
         effects = [Effect.none() for _ in self.variants]
         for switched in (False, True) if self.toggles else (False,):
             which = [k for k, one in enumerate(self.variants) if one.switched == switched and owner in (None, one.index)]
@@ -142,10 +131,12 @@ class Sliders:
             found = effects_of(number, targets, rows, partial(self.at, switched), room)
             if found is None or (switched and len(found[0].values) != len(number.values)):
                 return None
+            if signals.grids is not None and len(found[0].values) != len(number.values):
+                return None
             number = found[0]
             for k, effect in zip(which, found[1], strict=True):
                 effects[k] = effect
-        moves = signals.places or signals.scales or not all(effect.nothing for effect in effects)
+        moves = signals.places or signals.scales or signals.grids or not all(effect.nothing for effect in effects)
         return Slider(number, effects, signals) if moves else None
 
     def _owner(self, path: FieldPath) -> int | None:
@@ -168,6 +159,10 @@ class Sliders:
         return True
 
     @cached_property
+    def _signals(self) -> SignalSearch:
+        return SignalSearch(self.case, lambda path, value: self.source.at({path: value}))
+
+    @cached_property
     def _switched(self) -> Case:
         return self.source.at({}, self.toggles)
 
@@ -182,44 +177,6 @@ class Sliders:
         if owner is None:
             return self.source.at({path: value}, toggled)
         return self._with(switched, owner, self.source.alone(owner, {path: value}, toggled))
-
-    def _in_signals(self, number: Number) -> InSignals | None:
-        """None where signals follow from it in another way."""
-        if self._owner(number.path) is not None:
-            return InSignals([], [])
-        tried_values = [number.value, number.values[0], number.values[-1]]
-        tried = [self.case, *(self.source.at({number.path: float(v)}) for v in tried_values[1:])]
-        signals = [case.problem.signals for case in tried]
-        if all(one == signals[0] for one in signals):
-            return InSignals([], [])
-        if breaks_anywhere([s for s in signals[0] if is_smooth(s)]):
-            return None
-        scales = self._scaled(signals, tried_values)
-        if scales is None or not any(map(is_smooth, signals[0])):
-            return None if scales is None else InSignals([], scales)
-        columns = Columns(tuple(signal for signal in signals[0] if is_smooth(signal)))
-        for one in signals[1:]:
-            columns.add(tuple(signal for signal in one if is_smooth(signal)))
-        values = columns.everything()
-        moved = np.flatnonzero((values != values[:, :1]).any(axis=1))
-        return InSignals([int(i) for i in moved], scales) if (values[moved] == tried_values).all() else None
-
-    def _scaled(self, signals: Sequence[tuple[Signal, ...]], values: Sequence[float]) -> list[int] | None:
-        """Which signals that are kept as rows are the number times -1, 0 or 1 throughout; None where they follow otherwise."""
-        rough = [tuple(signal for signal in one if not is_smooth(signal)) for one in signals]
-        moved = [i for i in range(len(rough[0])) if any(one[i] != rough[0][i] for one in rough)]
-        if not moved:
-            return []
-        simulation = replace(self.case.simulation, solver=RK4)
-        grids = [Grid.of(one, simulation, whole=self.case.problem.delay > 0) for one in signals]
-        if any(len(one.starts) != len(grids[0].starts) or (one.starts != grids[0].starts).any() for one in grids):
-            return None
-        if any(one.cuts.tobytes() != grids[0].cuts.tobytes() for one in grids) or values[0] == 0:
-            return None
-        rows = [np.vstack([one.values.reshape(-1, len(rough[0])), one.last[None]])[:, moved] for one in grids]
-        signs = rows[0] / values[0]
-        fits = np.isin(signs, (-1, 0, 1)).all() and all((one == signs * v).all() for one, v in zip(rows, values, strict=True))
-        return moved if fits else None
 
 
 def _drawn(sliders: Sequence[Slider], share: float, draw: np.random.Generator) -> list[int]:

@@ -24,7 +24,7 @@ export function fromHash(data, text) {
   });
   const [tEnd, dt, delay] = ["tEnd", "dt", "delay"].map((key) => (said.has(key) ? Number(said.get(key)) : setting[key]));
   const late = data.delay && delayRefusal(data, { tEnd, dt }, delay);
-  if (!late && !gridRefusal(data, tEnd, dt, delay)) Object.assign(setting, { tEnd, dt, delay });
+  if (!late && !gridRefusal(data, tEnd, dt, { values: setting.values, delay })) Object.assign(setting, { tEnd, dt, delay });
   if (data.solvers[said.get("solver")]) setting.solver = said.get("solver");
   data.controllers.forEach((controller, i) => {
     if (controller.variants[said.get(`projection.${i}`)]) setting.projection[i] = said.get(`projection.${i}`);

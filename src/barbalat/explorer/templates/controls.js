@@ -59,11 +59,15 @@ function tick(id, label, read, offer) {
 }
 
 function gridValues(data, setting) {
-  if (data.signals.grids) return { dt: data.signals.grids.map((grid) => grid.dt), tEnd: [setting.tEnd] };
+  const { grids } = data.signals;
+  if (grids) {
+    const of = (key, other) => grids.filter((grid) => grid[other] === data.simulation[other]).map((grid) => grid[key]).sort((a, b) => a - b);
+    return { dt: of("dt", "t_end"), tEnd: of("t_end", "dt") };
+  }
   const { t_end: tEnd, dt } = data.simulation;
   const steps = [0.1, 0.2, 0.25, 0.5, 1, 2, 2.5, 4, 5, 8, 10, 20, 25, 40, 50, 100].map((f) => Number((f * dt).toPrecision(12)));
   const ends = [0.05, 0.1, 0.2, 0.25, 0.5, 0.75, 1, 1.5, 2, 3, 4, 5].map((f) => Number((f * tEnd).toPrecision(12)));
-  return { dt: steps.filter((one) => !gridRefusal(data, tEnd, one, setting.delay)), tEnd: ends.filter((one) => !gridRefusal(data, one, dt, setting.delay)) };
+  return { dt: steps.filter((one) => !gridRefusal(data, tEnd, one, setting)), tEnd: ends.filter((one) => !gridRefusal(data, one, dt, setting)) };
 }
 
 // From a tenth of the case's own delay to ten times it, as far as its step bears them.
@@ -118,7 +122,7 @@ export function built(root, data, setting, changed) {
     if (values[key].length < 2) continue;
     const offer = (value) => {
       const next = { tEnd: setting.tEnd, dt: setting.dt, [key]: value };
-      const sentence = gridRefusal(data, next.tEnd, next.dt, setting.delay);
+      const sentence = gridRefusal(data, next.tEnd, next.dt, setting);
       if (sentence) return sentence;
       setting[key] = value;
       changed();

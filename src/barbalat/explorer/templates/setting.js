@@ -5,8 +5,9 @@ import { doublesOf } from "./bytes.js";
 export function readData(text) {
   const data = JSON.parse(text);
   for (const number of data.numbers) number.values = doublesOf(number.values);
+  const grids = [...(data.signals.grids ?? []), ...data.numbers.flatMap((number) => number.grids ?? [])];
   data.signals.parameters = doublesOf(data.signals.parameters);
-  for (const grid of data.signals.grids || []) {
+  for (const grid of grids) {
     for (const key of ["cuts", "values", "last"]) grid[key] = doublesOf(grid[key]);
   }
   for (const one of Object.values(data.delay?.weights ?? {})) one.whole = doublesOf(one.whole);
@@ -47,6 +48,10 @@ export function refusal(number, value) {
 // Two numbers that move one entry of a loop: a sentence where another one stands elsewhere already, else "".
 export function exclusion(data, setting, i, value) {
   const number = data.numbers[i];
+  const { t_end: tEnd, dt } = data.simulation;
+  if (number.grids && value !== number.value && (setting.dt !== dt || setting.tEnd !== tEnd)) {
+    return `Where the command jumps for another ${number.label} is known for h = ${dt} s and a horizon of ${tEnd} s only: put those back first.`;
+  }
   const other = data.numbers[number.excludes.find((k) => setting.values[k] !== data.numbers[k].value)];
   if (!other || value === number.value) return "";
   return `${number.label} changes the same entries of the loop as ${other.label} (${other.group}): put that one back to ${other.value} first.`;
@@ -81,7 +86,16 @@ function clocksOf(data) {
   return data.noise ? [...sampled, ["the noise", data.noise.sample_time]] : sampled;
 }
 
-export function gridRefusal(data, tEnd, dt, delay) {
+// The places of jumps in the grid of such a run; none where nothing jumps.
+function gridOf(data, { values, tEnd, dt }) {
+  const own = data.simulation;
+  const j = data.numbers.findIndex((number, i) => number.grids && values[i] !== number.value);
+  if (j >= 0) return dt === own.dt && tEnd === own.t_end ? data.numbers[j].grids[data.numbers[j].values.indexOf(values[j])] : undefined;
+  return data.signals.grids.find((grid) => grid.dt === dt && grid.t_end === tEnd);
+}
+
+// setting is what stands beside the horizon and the step.
+export function gridRefusal(data, tEnd, dt, { values, delay }) {
   if (![tEnd, dt, tEnd / dt].every((one) => one > 0 && one < Infinity)) return "Horizon and step must be positive numbers.";
   const steps = Math.round(tEnd / dt);
   if (steps > data.simulation.most_steps) return `That is ${steps} steps, and a page takes at most ${data.simulation.most_steps}.`;
@@ -92,9 +106,7 @@ export function gridRefusal(data, tEnd, dt, delay) {
     if (time > tEnd) return `The horizon must be at least the sample time of ${name}, ${time} s.`;
   }
   if (delay && stepsOf(delay, dt).lag < 1) return `The step must be at most the delay, ${delay} s.`;
-  if (data.signals.grids && !data.signals.grids.some((grid) => grid.dt === dt)) {
-    return `The command jumps, and its steps are known for h = ${data.signals.grids.map((grid) => grid.dt).join(", ")} s only.`;
-  }
+  if (data.signals.grids && !gridOf(data, { values, tEnd, dt })) return jumpRefusal(data, values);
   return "";
 }
 
@@ -130,6 +142,15 @@ function scaledGrid(data, setting, grid) {
   return found;
 }
 
+function jumpRefusal(data, values) {
+  const { t_end: tEnd, dt } = data.simulation;
+  const moved = data.numbers.find((number, i) => number.grids && values[i] !== number.value);
+  if (moved) return `Where the command jumps is known for the case's step and horizon only: put ${moved.label} back to ${moved.value} first.`;
+  const of = (key, other) => data.signals.grids.filter((grid) => grid[other] === data.simulation[other]).map((grid) => grid[key]).sort((a, b) => a - b);
+  return `The command jumps, and where is known for h = ${of("dt", "t_end").join(", ")} s with the horizon ${tEnd} s, and for horizons of `
+    + `${of("t_end", "dt").join(", ")} s with h = ${dt} s.`;
+}
+
 function joined(first, second) {
   const found = new Float64Array(first.length + second.length);
   found.set(first);
@@ -158,8 +179,8 @@ export function taskOf(data, setting, index) {
   parameters[controller.dt_row] = setting.dt;
   const { lag, fraction } = setting.delay ? stepsOf(setting.delay, setting.dt) : { lag: 0, fraction: 0 };
   const steps = Math.round(setting.tEnd / setting.dt);
-  const known = scaledGrid(data, setting, data.signals.grids && data.signals.grids.find((grid) => grid.dt === setting.dt));
-  const scaled = data.numbers.flatMap((number, j) => (number.scales.length ? [setting.values[j]] : []));
+  const known = scaledGrid(data, setting, data.signals.grids && gridOf(data, setting));
+  const scaled = data.numbers.flatMap((number, j) => (number.scales.length || number.grids ? [setting.values[j]] : []));
   return {
     index, parameters: lag ? joined(parameters, data.delay.weights[setting.solver].whole) : parameters, states, signals, lag,
     between: fraction ? { fraction, name: `weights ${setting.solver}`, module: data.delay.weights[setting.solver].module, first: parameters.length } : null,

@@ -1,0 +1,103 @@
+"""What a number of the case does to its commands and disturbances, as far as a page can follow it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from barbalat.cases.build import Case
+from barbalat.explorer.commands import Grid, breaks_anywhere, is_smooth
+from barbalat.explorer.effects import thinned
+from barbalat.explorer.numbers import At, Number
+from barbalat.protocols import Signal
+from barbalat.run.columns import Columns
+from barbalat.solvers import RK4
+from barbalat.validate import InputError
+
+
+@dataclass(frozen=True, eq=False)
+class InSignals:
+    """What a number is among the signals.
+
+    places  entries of the smooth signals' numbers
+    scales  those of the other signals, counted among them, whose every value is the number, less it, or zero
+    grids   where those follow otherwise: for each value of the number, at the case's own step and horizon
+    """
+
+    places: list[int]
+    scales: list[int]
+    grids: list[Grid] | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class SignalSearch:
+    """Looks for it in cases with other values of the number."""
+
+    case: Case
+    at: At
+
+    def of(self, number: Number, room: int) -> tuple[Number, InSignals] | None:
+        """The number, with fewer values where grids of at most ``room`` bytes follow; None where a page can't follow it."""
+        found = self._moved(number)
+        return self._gridded(number, room) if found is None else (number, found)
+
+    def _moved(self, number: Number) -> InSignals | None:
+        """None where signals follow from it in another way."""
+        tried_values = [number.value, number.values[0], number.values[-1]]
+        tried = [self.case, *(self.at(number.path, float(v)) for v in tried_values[1:])]
+        signals = [case.problem.signals for case in tried]
+        if all(one == signals[0] for one in signals):
+            return InSignals([], [])
+        if breaks_anywhere([s for s in signals[0] if is_smooth(s)]):
+            return None
+        scales = self._scaled(signals, tried_values)
+        if scales is None or not any(map(is_smooth, signals[0])):
+            return None if scales is None else InSignals([], scales)
+        columns = Columns(tuple(signal for signal in signals[0] if is_smooth(signal)))
+        for one in signals[1:]:
+            columns.add(tuple(signal for signal in one if is_smooth(signal)))
+        values = columns.everything()
+        moved = np.flatnonzero((values != values[:, :1]).any(axis=1))
+        return InSignals([int(i) for i in moved], scales) if (values[moved] == tried_values).all() else None
+
+    def _gridded(self, number: Number, room: int) -> tuple[Number, InSignals] | None:
+        """The number with the values of which signals that jump have a grid like the case's own, and those grids."""
+        simulation, whole = self.case.simulation, self.case.problem.delay > 0
+        given, grids = list[float](), list[Grid]()
+        own = self.case.problem.signals
+        for value in thinned(number).values.tolist():
+            try:
+                signals = self.at(number.path, value).problem.signals
+                grid = Grid.of(signals, replace(simulation, solver=RK4), whole=whole)
+            except InputError:  # no case, or too many rows
+                continue
+            if any(is_smooth(one) and one != mine for one, mine in zip(signals, own, strict=True)):
+                return None
+            given.append(value)
+            grids.append(grid)
+        if number.value not in given:
+            return None
+        pieces = bool(len(grids[given.index(number.value)].cuts))
+        fits = [i for i, grid in enumerate(grids) if bool(len(grid.cuts)) == pieces]
+        if len(fits) < 2 or sum(grids[i].bytes for i in fits) > room:
+            return None
+        return replace(number, values=np.array([given[i] for i in fits])), InSignals([], [], [grids[i] for i in fits])
+
+    def _scaled(self, signals: Sequence[tuple[Signal, ...]], values: Sequence[float]) -> list[int] | None:
+        """Which signals that are kept as rows are the number times -1, 0 or 1 throughout; None where they follow otherwise."""
+        rough = [tuple(signal for signal in one if not is_smooth(signal)) for one in signals]
+        moved = [i for i in range(len(rough[0])) if any(one[i] != rough[0][i] for one in rough)]
+        if not moved:
+            return []
+        simulation = replace(self.case.simulation, solver=RK4)
+        grids = [Grid.of(one, simulation, whole=self.case.problem.delay > 0) for one in signals]
+        if any(len(one.starts) != len(grids[0].starts) or (one.starts != grids[0].starts).any() for one in grids):
+            return None
+        if any(one.cuts.tobytes() != grids[0].cuts.tobytes() for one in grids) or values[0] == 0:
+            return None
+        rows = [np.vstack([one.values.reshape(-1, len(rough[0])), one.last[None]])[:, moved] for one in grids]
+        signs = rows[0] / values[0]
+        fits = np.isin(signs, (-1, 0, 1)).all() and all((one == signs * v).all() for one, v in zip(rows, values, strict=True))
+        return moved if fits else None
