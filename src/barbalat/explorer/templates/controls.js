@@ -81,8 +81,21 @@ function delayValues(data) {
   return found;
 }
 
+// While a finger or a mouse holds a slider less is recorded; all of it once it is let go.
+function holding(root, setting, changed) {
+  root.addEventListener("pointerdown", (event) => { setting.held = event.target.type === "range"; });
+  for (const name of ["pointerup", "pointercancel"]) {
+    addEventListener(name, () => {
+      if (!setting.held) return;
+      setting.held = false;
+      changed();
+    });
+  }
+}
+
 // changed() is called after every change of the setting.
 export function built(root, data, setting, changed) {
+  holding(root, setting, changed);
   const groups = new Map();
   const all = [];
   const add = (name, part) => {

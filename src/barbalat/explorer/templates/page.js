@@ -47,7 +47,7 @@ function request() {
   data.controllers.forEach((_, i) => {
     if (!setting.shown[i]) return;
     const task = taskOf(data, setting, i);
-    const key = [task.module, task.tableKey, task.signals.parameters, task.parameters, task.states, task.lag, task.between?.fraction, task.condition?.parameters].join(" ");
+    const key = [task.module, task.tableKey, task.signals.parameters, task.parameters, task.states, task.lag, task.between?.fraction, task.recordPoints, task.condition?.parameters].join(" ");
     if (key === keys[i]) return;
     keys[i] = key;
     wanted[i] = { task, began: performance.now() };
@@ -82,6 +82,7 @@ function answered(answer) {
     const { tEnd, steps } = task.grid;
     answer.t = answer.starts.map((k) => (k * tEnd) / steps);
     answer.began = began;
+    answer.coarse = task.recordPoints < data.simulation.record_points;
     runs[i] = answer;
     costs[i] = answer.milliseconds;
     byId("failed").textContent = "";
@@ -109,6 +110,7 @@ function draw() {
   charts.draw(panelsOf(data, [...live, ...kept], moved));
   figures.show([...live, ...kept]);
   byId("conditions").replaceChildren(...[...live, ...kept].filter(({ run }) => data.controllers[run.index].condition).map(conditionText));
+  byId("coarse").hidden = !live.some(({ run }) => run.coarse);
   drawnAt = performance.now();
   document.body.dataset.drawing = (drawnAt - begun).toFixed(1);
   if (!waiting()) settled(live);

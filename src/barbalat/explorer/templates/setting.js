@@ -2,6 +2,8 @@
 
 import { doublesOf } from "./bytes.js";
 
+const HELD_POINTS = 300; // that are recorded while a slider is held: some pixels each; every solver step is computed all the same
+
 export function readData(text) {
   const data = JSON.parse(text);
   for (const number of data.numbers) number.values = doublesOf(number.values);
@@ -31,7 +33,7 @@ export function caseSetting(data) {
   return {
     values: data.numbers.map((number) => number.value), tEnd, dt, solver, delay: data.delay ? data.delay.value : 0,
     projection: data.controllers.map((controller) => controller.projection),
-    shown: data.controllers.map(() => true), lesson: "",
+    shown: data.controllers.map(() => true), lesson: "", held: false,
   };
 }
 
@@ -158,6 +160,10 @@ function joined(first, second) {
   return found;
 }
 
+export function recordPoints(data, setting) {
+  return setting.held ? Math.min(HELD_POINTS, data.simulation.record_points) : data.simulation.record_points;
+}
+
 export function taskOf(data, setting, index) {
   const controller = data.controllers[index];
   const side = controller.variants[setting.projection[index]] ? setting.projection[index] : controller.projection;
@@ -186,7 +192,7 @@ export function taskOf(data, setting, index) {
     between: fraction ? { fraction, name: `weights ${setting.solver}`, module: data.delay.weights[setting.solver].module, first: parameters.length } : null,
     grid: { steps, tEnd: setting.tEnd, ...known },
     tableKey: `${setting.tEnd} ${steps} ${scaled}`, nodes: data.solvers[setting.solver].nodes,
-    polynomial: data.solvers[setting.solver].polynomial, spectrum: variant.spectrum, condition: conditionTask(data, setting, controller, side), dt: setting.dt, recordPoints: data.simulation.record_points,
+    polynomial: data.solvers[setting.solver].polynomial, spectrum: variant.spectrum, condition: conditionTask(data, setting, controller, side), dt: setting.dt, recordPoints: recordPoints(data, setting),
     module: `${index} ${side} ${setting.solver}`, code: variant.modules[setting.solver], shape: controller.shape, past: controller.past,
     reported: controller.reported, dtRow: controller.dt_row,
     operations: controller.operations, thetaHat: controller.theta_hat,
