@@ -10,6 +10,7 @@ import { stiffness } from "./spectrum.js";
 
 const MOST_INSTANTS = 600; // at which the Jacobian is evaluated: its largest entries say where the spectrum is looked at
 const kernels = new Map();
+const conditions = new Map(); // by controller, the last one
 let table = null;
 let noise = null;
 
@@ -99,6 +100,13 @@ function stiffnessAlong(task, recorded, signals, starts, size) {
   return { largest, from: from === null ? null : which[from] };
 }
 
+// Most sliders leave it as it is.
+function conditionFor({ index, condition }) {
+  const key = condition.parameters.join();
+  if (conditions.get(index)?.key !== key) conditions.set(index, { key, value: conditionOf({ ...condition, kernels }) });
+  return conditions.get(index).value;
+}
+
 export function simulated(task) {
   const began = performance.now();
   const { grid, shape } = task;
@@ -158,7 +166,7 @@ export function simulated(task) {
   const found = stiffnessAlong(task, recorded, signals.subarray(0, kept * timed), starts.subarray(0, kept), size);
   const unstable = found && found.from !== null ? (starts[found.from] * grid.tEnd) / grid.steps : null;
   return {
-    condition: task.condition && conditionOf({ ...task.condition, kernels }), numerics: found && { hLambda: found.largest, unstable }, timed,
+    condition: task.condition && conditionFor(task), numerics: found && { hLambda: found.largest, unstable }, timed,
     figures: { ...totals.figures(grid, finalState.subarray(...task.thetaHat)), ...reported }, size, stepping,
     recorded: recorded.subarray(0, kept * size).slice(), starts: starts.slice(0, kept), r: signals.slice(0, kept * timed),
     milliseconds: performance.now() - began,
