@@ -36,6 +36,7 @@ MOVE = """([i, share]) => {
     slider.dispatchEvent(new Event('input'));
     return [before, slider.value];
 }"""
+SWITCHED = "() => document.querySelectorAll('input[id^=projection-]').forEach(box => box.click())"
 ROWS = """() => Object.fromEntries([...document.querySelectorAll('#figures tr')]
     .map(row => [row.cells[0].textContent, JSON.parse(row.dataset.figures)]))"""
 NUMERICS = """() => Object.fromEntries([...document.querySelectorAll('#figures tr')]
@@ -67,6 +68,8 @@ def of_case(browser: Browser, case: str, folder: Path) -> Iterator[str]:
         for i in draw.sample(range(sliders), sliders):  # of two that exclude each other the first one moves
             _move(tab, i, seen, draw)
         tab.select_option("#solver", SOLVERS[k])
+        if k % 2:
+            tab.evaluate(SWITCHED)
         settled(tab)
         said += compared(tab, f"setting {k + 1}")
     for i in (i for i, places in enumerate(seen) if len(places) == 1):

@@ -39,7 +39,6 @@ def outputs(case: Case, members: Members) -> dict[str, Any]:
             "states": shape.states, "accumulators": shape.accumulators, "pieces": shape.in_pieces,
             "commands": loop.commands or 1, "delayed": shape.delayed,
         },
-        "dt_row": numbers_handed(members) - 1,
         "rhythm": members.rhythm.sample_every and float(loop.sample_time or 0.0),
         "operations": [list(part) for part in accumulators.layout],
         "theta_hat": [rows.start, rows.stop],
@@ -66,7 +65,7 @@ def _reported(loop: ClosedLoop) -> dict[str, list[int]]:
 
 
 def numbers_handed(members: Members) -> int:
-    """The module's parameters up to the step; the delay's weights, which are the solver's, stand behind it."""
+    """The module's parameters up to the step, which stands last among them; the delay's weights, which are the solver's, stand behind it."""
     time, dt, solver = members.longest_delay, members.simulation.dt, members.simulation.solver
     return members.program.shape.parameters - (delay.weights(time, dt, solver).size if members.loop.delayed else 0)
 

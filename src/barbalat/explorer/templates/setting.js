@@ -182,7 +182,8 @@ export function taskOf(data, setting, index) {
     effect.p.forEach((row, k) => { parameters[row] = at(k); });
     effect.s.forEach((row, k) => { states[row] = at(effect.p.length + k); });
   });
-  parameters[controller.dt_row] = setting.dt;
+  const dtRow = parameters.length - 1; // a controller without projection has fewer numbers
+  parameters[dtRow] = setting.dt;
   const { lag, fraction } = setting.delay ? stepsOf(setting.delay, setting.dt) : { lag: 0, fraction: 0 };
   const steps = Math.round(setting.tEnd / setting.dt);
   const known = scaledGrid(data, setting, data.signals.grids && gridOf(data, setting));
@@ -194,7 +195,7 @@ export function taskOf(data, setting, index) {
     tableKey: `${setting.tEnd} ${steps} ${scaled}`, nodes: data.solvers[setting.solver].nodes,
     polynomial: data.solvers[setting.solver].polynomial, spectrum: variant.spectrum, condition: conditionTask(data, setting, controller, side), dt: setting.dt, recordPoints: recordPoints(data, setting),
     module: `${index} ${side} ${setting.solver}`, code: variant.modules[setting.solver], shape: controller.shape, past: controller.past,
-    reported: controller.reported, dtRow: controller.dt_row,
+    reported: controller.reported, dtRow,
     operations: controller.operations, thetaHat: controller.theta_hat,
     noise: data.noise && { ...data.noise, hold: Math.round(data.noise.sample_time / setting.dt) },
     sampleEvery: controller.rhythm ? Math.round(controller.rhythm / setting.dt) : 0,
