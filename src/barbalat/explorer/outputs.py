@@ -65,7 +65,7 @@ def _reported(loop: ClosedLoop) -> dict[str, list[int]]:
 
 
 def numbers_handed(members: Members) -> int:
-    """The module's parameters up to the step, which stands last among them; the delay's weights, which are the solver's, stand behind it."""
+    """The module's parameters up to the step; the delay's weights, which are the solver's, stand behind it."""
     time, dt, solver = members.longest_delay, members.simulation.dt, members.simulation.solver
     return members.program.shape.parameters - (delay.weights(time, dt, solver).size if members.loop.delayed else 0)
 

@@ -110,7 +110,7 @@ function draw() {
   charts.draw(panelsOf(data, [...live, ...kept], moved));
   figures.show([...live, ...kept]);
   byId("conditions").replaceChildren(...[...live, ...kept].filter(({ run }) => data.controllers[run.index].condition).map(conditionText));
-  byId("coarse").hidden = !live.some(({ run }) => run.coarse);
+  byId("coarse").style.visibility = live.some(({ run }) => run.coarse) ? "visible" : "hidden"; // its place stays: nothing jumps
   drawnAt = performance.now();
   document.body.dataset.drawing = (drawnAt - begun).toFixed(1);
   if (!waiting()) settled(live);
