@@ -48,7 +48,16 @@ class Slider:
     def excludes(self, other: Slider) -> bool:
         """Whether both move a row of some variant: with both away from the case's values it would need a table of all pairs."""
         rows = any(mine.rows & theirs.rows for mine, theirs in zip(self.effects, other.effects, strict=True))
-        return rows or (self.signals.grids is not None and other.signals.grids is not None)
+        both = self.signals.grids is not None and other.signals.grids is not None
+        return rows or both or self._bends(other) or other._bends(self)
+
+    def _bends(self, other: Slider) -> bool:
+        """Whether with this number elsewhere signals are no more what they are with the other one: its multiples."""
+        scales, value = other.signals.scales, other.number.value
+        if not scales or self.signals.grids is None:
+            return False
+        parts = [part.reshape(-1, len(grid.last)) for grid in self.signals.grids for part in (grid.values, grid.last)]
+        return not np.isin(np.vstack(parts)[:, scales], (-value, 0.0, value)).all()
 
     @property
     def bytes(self) -> int:
