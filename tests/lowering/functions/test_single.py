@@ -10,6 +10,7 @@ import subprocess
 
 import numpy as np
 import pytest
+from scipy.special import ndtri
 
 from barbalat.export.evaluate import evaluate
 from barbalat.lowering import c99
@@ -18,7 +19,9 @@ from barbalat.lowering.functions.formats import SINGLE
 from barbalat.lowering.operations import Operation, Program
 from lowering.test_c99 import needs_gcc
 
-EXACT = {"pow": np.power, "atan": np.arctan, **{name: getattr(np, name) for name in ("sin", "cos", "tan", "exp", "log", "tanh")}}
+EXACT = {"pow": np.power, "atan": np.arctan, "ndtri": ndtri, **{name: getattr(np, name) for name in ("sin", "cos", "tan", "exp", "log", "tanh")}}
+NORMAL = 7.0
+"""Units of ndtri's, as in 64 bits: near 1/2 the difference from it is rounded, and what noise draws need not be exact."""
 F32 = np.float32
 
 
@@ -84,7 +87,8 @@ def test_the_error_is_below_a_unit_in_the_last_place(name, library, sample) -> N
         exact = EXACT[name](*(part.astype(float) for part in x))
     errors = ulps(computed(library, name, *x), exact)
     worst = int(np.argmax(errors))
-    assert errors[worst] < 1, [float(part[worst]) for part in x]  # what fdlibm promises of its own format
+    limit = NORMAL if name == "ndtri" else 1  # what fdlibm promises of its own format
+    assert errors[worst] < limit, [float(part[worst]) for part in x]
 
 
 @needs_gcc
