@@ -13,6 +13,8 @@ from barbalat.explorer.effects import Effect, Rows, Target, composed, effects_of
 from barbalat.explorer.in_signals import InSignals, SignalSearch
 from barbalat.explorer.numbers import DELAY, GRID, Number, ranged
 from barbalat.explorer.source import Source
+from barbalat.explorer.together import Outcome, Together
+from barbalat.explorer.tried_values import TURNS, Place, places_tried, without_indices
 from barbalat.protocols import Controller
 from barbalat.sweeps.paths import FieldPath
 from barbalat.validate import Array, InputError
@@ -24,8 +26,6 @@ MOST_NUMBERS = 80
 PRECEDENCE = ("controller", "reference", "simulation", "plant", "reference_model", "uncertainty", "")
 """The order in which numbers get sliders: by their part, and of a part's a number by itself before entries of vectors.
 Of two that move one row of a module the later one has fewer values."""
-SETTINGS_TRIED = 12
-"""Near the case, and as many over the sliders' whole length."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,14 +39,21 @@ class Variant:
 
 @dataclass(frozen=True, eq=False)
 class Slider:
-    """A number, its effect on each variant and on the signals."""
+    """A number, its effect on each variant and on the signals.
+
+    apart  numbers that were found not to move together with this one: a row follows from both where each alone leaves it, as
+           products do with a zero
+    """
 
     number: Number
     effects: list[Effect]
     signals: InSignals
+    apart: frozenset[FieldPath] = frozenset()
 
     def excludes(self, other: Slider) -> bool:
         """Whether both move a row of some variant: with both away from the case's values it would need a table of all pairs."""
+        if other.number.path in self.apart:
+            return True
         rows = any(mine.rows & theirs.rows for mine, theirs in zip(self.effects, other.effects, strict=True))
         both = self.signals.grids is not None and other.signals.grids is not None
         return rows or both or self._bends(other) or other._bends(self)
@@ -64,6 +71,11 @@ class Slider:
         """Of its tables."""
         tables = sum(effect.table.nbytes for effect in self.effects if effect.table is not None)
         return int(tables + sum(grid.bytes for grid in self.signals.grids or ()))
+
+    @property
+    def handed(self) -> bool:
+        """Whether modules are handed what follows from it, beside the signals."""
+        return not all(effect.nothing for effect in self.effects)
 
     @property
     def copied(self) -> bool:
@@ -99,31 +111,42 @@ class Sliders:
                 room -= slider.bytes
             kept.append(slider)
             taken = [rows | effect.rows for effect, rows in zip(slider.effects, taken, strict=True)]
-        while not self._composes(kept):
-            doubtful = [k for k, slider in enumerate(kept) if not slider.copied]
-            excluding = [k for k in doubtful if any(map(kept[k].excludes, kept[:k]))]
-            kept.pop((excluding or doubtful)[-1])
-        return kept
+        return self._apart(kept)
 
-    def _composes(self, kept: Sequence[Slider]) -> bool:
-        """Whether settings of all numbers at once are what their effects are one by one; a product of two would not be."""
-        draw = np.random.default_rng(0)
-        for share in np.repeat((0.1, 1.0), SETTINGS_TRIED):
-            places = _drawn(kept, share, draw)
-            values = [float(slider.number.values[place]) for slider, place in zip(kept, places, strict=True)]
+    def _apart(self, kept: Sequence[Slider]) -> list[Slider]:
+        """Those that are with the others what they are alone, each with those that it must not be moved with."""
+        apart = np.array([[one is not other and one.excludes(other) for other in kept] for one in kept], dtype=bool)
+        tried: list[list[Place]] = []
+        search = Together(
+            [without_indices(slider.number.path) for slider in kept],
+            apart.reshape(len(kept), len(kept)),
+            lambda moves: self._outcome([(kept[k], tried[k][i]) for k, i in moves]),
+        )
+        for turn in range(TURNS):
+            tried = [
+                places_tried(slider.number, k, turn, copied=slider.copied, handed=slider.handed) for k, slider in enumerate(kept)
+            ]
+            moves = [(k, i) for k in range(len(kept)) for i in range(len(tried[k]))]
+            search.search(moves, everywhere=turn == 0)
+        return [
+            replace(slider, apart=frozenset(kept[j].number.path for j in np.flatnonzero(search.apart[k]).tolist()))
+            for k, slider in enumerate(kept)
+            if k not in search.dropped
+        ]
+
+    def _outcome(self, moved: Sequence[tuple[Slider, Place]]) -> Outcome:
+        """Whether sliders at these values make of the case what a page makes of it."""
+        numbers = {slider.number.path: value for slider, (value, _) in moved}
+        for switched in (False, True) if self.toggles else (False,):
             try:
-                case = self.source.at({slider.number.path: v for slider, v in zip(kept, values, strict=True)})
+                case = self.source.at(numbers, self.toggles if switched else ())
             except InputError:  # together they make no case: the copied one says why
-                continue
+                return Outcome.NO_CASE
             for k, variant in enumerate(self.variants):
-                moved = [
-                    (slider.effects[k], value, place)
-                    for slider, value, place in zip(kept, values, places, strict=True)
-                    if value != slider.number.value
-                ]
-                if not variant.switched and not _agrees(variant.target, case, composed(variant.target, moved)):
-                    return False
-        return True
+                effects = [(slider.effects[k], value, place) for slider, (value, place) in moved]
+                if variant.switched == switched and not _agrees(variant.target, case, composed(variant.target, effects)):
+                    return Outcome.DIFFERS
+        return Outcome.FITS
 
     def _followed(self, number: Number, taken: Sequence[Rows], room: int) -> Slider | None:
         owner = self._owner(number.path)
@@ -188,20 +211,11 @@ class Sliders:
         return self._with(switched, owner, self.source.alone(owner, {path: value}, toggled))
 
 
-def _drawn(sliders: Sequence[Slider], share: float, draw: np.random.Generator) -> list[int]:
-    """Places among the numbers' values, at most this share of them from their own; of two that exclude each other one stays."""
-    places = [int(np.searchsorted(one.number.values, one.number.value)) for one in sliders]
-    moved: list[int] = []
-    for k in draw.permutation(len(sliders)).tolist():
-        if not any(sliders[k].excludes(sliders[j]) for j in moved):
-            most = len(sliders[k].number.values) - 1
-            places[k] = int(np.clip(places[k] + round(share * most * draw.uniform(-1, 1)), 0, most))
-            moved.append(k)
-    return places
-
-
 def _agrees(target: Target, case: Case, found: tuple[Array, Array]) -> bool:
-    made = target.read([case])
+    try:
+        made = target.read([case])
+    except InputError:  # another structure
+        return False
     return all((part == rows[:, 0]).all() for part, rows in zip(found, (made.parameters, made.states), strict=True))
 
 

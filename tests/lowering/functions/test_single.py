@@ -19,7 +19,10 @@ from barbalat.lowering.functions.formats import SINGLE
 from barbalat.lowering.operations import Operation, Program
 from lowering.test_c99 import needs_gcc
 
-EXACT = {"pow": np.power, "atan": np.arctan, "ndtri": ndtri, **{name: getattr(np, name) for name in ("sin", "cos", "tan", "exp", "log", "tanh")}}
+EXACT = {
+    "pow": np.power, "atan": np.arctan, "ndtri": ndtri,
+    **{name: getattr(np, name) for name in ("sin", "cos", "tan", "exp", "log", "tanh")},
+}  # fmt: skip
 NORMAL = 7.0
 """Units of ndtri's, as in 64 bits: near 1/2 the difference from it is rounded, and what noise draws need not be exact."""
 F32 = np.float32
