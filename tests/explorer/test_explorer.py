@@ -192,6 +192,27 @@ def test_the_amplitude_of_a_command_that_jumps_multiplies_its_rows_and_its_frequ
     assert same_bits(before.values / 4.0 * 6.5, after.values)
 
 
+def test_of_the_amplitude_and_what_shifts_a_jumping_command_one_moves_at_a_time() -> None:
+    """A page multiplies kept rows to have another amplitude: right at another frequency or phase, wrong about another middle."""
+    text = JUMPING.replace("frequency = 3.0", "frequency = 3.0\nphase = 0.0\nconstant = 0.0")
+    source = TextSource(CaseText(text.replace('"l1"', '"mrac"').replace("filter = { kappa = 0.05 }\n", "")))
+    sliders = {str(one.number.path).removeprefix("reference."): one for one in Described.of(source).sliders}
+    amplitude = sliders["amplitude"]
+
+    def multiples(key: str) -> bool:
+        number = sliders[key].number
+        own, other = float(amplitude.number.values[0]), float(number.values[-1])
+        found = [
+            Grid.of(case.problem.signals, case.simulation)
+            for case in (source.at({FieldPath.parse(f"reference.{key}"): other, amplitude.number.path: v}) for v in (4.0, own))
+        ]
+        return same_bits(found[0].values / 4.0 * own, found[1].values)
+
+    for key in ("frequency", "phase", "constant"):
+        assert multiples(key) == (key != "constant")
+        assert sliders[key].excludes(amplitude) == amplitude.excludes(sliders[key]) == (key == "constant")
+
+
 @pytest.mark.full
 def test_what_follows_from_another_controller_s_numbers_follows_in_the_page_too() -> None:
     described = Described.of(TextSource(CaseText.read("l1-output")))

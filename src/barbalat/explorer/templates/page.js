@@ -123,7 +123,7 @@ function conditionText({ run, label }) {
   const { condition } = run;
   line.dataset.condition = condition === null ? "" : String(condition);
   const value = condition === null ? "no estimate at this setting" : `${Number(condition.toPrecision(4))} (estimate, by the simulated impulse response)`;
-  const said = condition === null ? "" : condition < 1 ? ", below 1: the condition holds" : ", not below 1: the condition fails, and with it the bound (10)";
+  const said = condition === null ? "" : condition < 1 ? ", below 1: holds by this estimate" : ", not below 1: fails by this estimate, and with it the bound (10)";
   line.textContent = `${label}: condition ‖W_b (1 − C)‖₁ θ_max of Theorem 1 (ii): ${value}${said}.`;
   return line;
 }
