@@ -172,6 +172,11 @@ def test_objects_of_python_get_a_page_too() -> None:
         made.at({}, solver="rk5")
 
 
+GAIN = (
+    CASE.replace("[reference_model]", "[plant.input]\ngain = 0.5\n[reference_model]")
+    .replace('"l1"', '"mrac-direct"')
+    .replace("filter = { kappa = 0.05 }\n", "k_r0 = 0.0\n")
+)
 JUMPING = CASE.replace('kind = "sine"', 'kind = "square"').replace("dt = 1e-3", "dt = 1e-2")
 
 
@@ -190,6 +195,16 @@ def test_the_amplitude_of_a_command_that_jumps_multiplies_its_rows_and_its_frequ
     own, other = (source.at({FieldPath.parse("reference.amplitude"): v}) for v in (4.0, 6.5))
     before, after = (Grid.of(case.problem.signals, case.simulation) for case in (own, other))
     assert same_bits(before.values / 4.0 * 6.5, after.values)
+
+
+def test_a_gain_of_one_is_another_kernel_and_no_slider_s_value() -> None:
+    """With it nothing is multiplied by the gain, and sums are in another order: the copied case's last bits were others."""
+    (gain,) = [
+        one.number for one in Described.of(TextSource(CaseText(GAIN))).sliders if str(one.number.path) == "plant.input.gain"
+    ]
+    assert gain.values[0] < 1 < gain.values[-1]
+    assert 1.0 not in gain.values
+    assert gain.without == (1.0,)
 
 
 def test_of_the_amplitude_and_what_shifts_a_jumping_command_one_moves_at_a_time() -> None:

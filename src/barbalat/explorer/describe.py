@@ -83,7 +83,8 @@ class Described:
                 {
                     "path": str(one.number.path), "label": one.number.label, "group": _group_name(one.number, self.case),
                     "value": one.number.value, "values": doubles(one.number.values), "whole": one.number.whole,
-                    "log": one.number.logarithmic, "signals": one.signals.places, "scales": one.signals.scales,
+                    "log": one.number.logarithmic, "without": list(one.number.without),
+                    "signals": one.signals.places, "scales": one.signals.scales,
                     "grids": None if one.signals.grids is None else [grid.as_data() for grid in one.signals.grids],
                     "copied": one.copied,
                     "excludes": [k for k, other in enumerate(self.sliders) if other is not one and one.excludes(other)],

@@ -48,6 +48,8 @@ class Effect:
         return not len(self.parameters) and not len(self.states)
 
 
+SPECIAL = (-1.0, 0.0, 1.0)
+"""Values that a structure may depend on."""
 FEWER_VALUES = 20
 """Of a slider that excludes others: there may be many of them, and each has a table."""
 
@@ -87,7 +89,8 @@ def effects_of(
     Of a number that moves a row that is taken fewer values are tabulated, in no more than ``room`` bytes.
 
     What is handed on as it is needs no case for each value: what constructors take of such numbers is convex, and its ends and
-    some values between were taken. Only a zero may change a structure: a matrix's says what a state acts on at all.
+    some values between were taken. Only SPECIAL ones may change a structure: a matrix's zero says what a state acts on at all,
+    and where an input's gain is 1 no kernel multiplies by it.
 
     taken  rows of each target that other numbers move
     """
@@ -96,8 +99,9 @@ def effects_of(
     if found is None:
         return None
     left_out = set(few.tolist()) - set(found[0].tolist())
-    if all(effect.table is None for effect in found[1]) and left_out <= {0.0}:
-        return replace(number, values=number.values[~np.isin(number.values, list(left_out))]), found[1]
+    if all(effect.table is None for effect in found[1]) and left_out <= set(SPECIAL):
+        values = number.values[~np.isin(number.values, list(left_out))]
+        return replace(number, values=values, without=(*number.without, *sorted(left_out))), found[1]
     shared = any(effect.rows & rows for effect, rows in zip(found[1], taken, strict=True))
     if shared and number.values.itemsize * FEWER_VALUES * sum(len(effect.rows) for effect in found[1]) > room:
         return None
@@ -114,7 +118,8 @@ def thinned(number: Number) -> Number:
 
 def _tried(number: Number) -> Array:
     values, last = number.values, len(number.values) - 1
-    return np.unique([number.value, *values[[0, last // 5, last // 2, last]], *values[values == 0]])
+    special = [value for value in SPECIAL if values[0] <= value <= values[last] and value not in number.without]
+    return np.unique([number.value, *values[[0, last // 5, last // 2, last]], *special])
 
 
 def _made(number: Number, values: Array, targets: Sequence[Readable], at: At) -> tuple[Array, list[Effect]] | None:

@@ -52,6 +52,7 @@ class Number:
     values       (K,) increasing, the case's own among them
     whole        whether it is written without a point
     logarithmic  whether the slider's scale is
+    without      between the least and the greatest, which would be another system
     """
 
     path: FieldPath
@@ -59,6 +60,7 @@ class Number:
     values: Array
     whole: bool
     logarithmic: bool
+    without: tuple[float, ...] = ()
 
     @property
     def label(self) -> str:

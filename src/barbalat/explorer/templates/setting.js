@@ -39,11 +39,11 @@ export function caseSetting(data) {
 
 // A sentence where the value can't be taken, else "".
 export function refusal(number, value) {
-  const { values, label } = number;
+  const { values, label, without } = number;
   const [low, high] = [values[0], values[values.length - 1]];
   if (!Number.isFinite(value)) return `${label}: write a number, such as ${number.value}.`;
   if (value < low || value > high) return `${label} must be from ${low} to ${high} here, got ${value}.`;
-  if (value === 0 && !values.includes(0)) return `${label} can't be 0: that would be another system.`;
+  if (without.includes(value) || (value === 0 && !values.includes(0))) return `${label} can't be ${value}: that would be another system.`;
   return "";
 }
 
