@@ -12,7 +12,7 @@ from barbalat.flight.dispersed import KEPT, TIMING, DispersedComparison
 from barbalat.flight.dispersions import DRAWN, UNITS
 from barbalat.flight.evidence import Flown, Median, Pairing
 from barbalat.flight.schemes import TUNED
-from barbalat.sweeps.evidence import Share
+from barbalat.sweeps.evidence import CONFIDENCE, Share
 
 LARGE = 9.995
 BESIDE = "LQR with PI"
@@ -26,9 +26,18 @@ NOTES = (
     "Lost: how many draws were lost, and the share of all draws that this is evidence of, by Clopper and Pearson's interval",
     "a lost flight counts as an infinite error in the median, whose interval is that of order statistics",
     f"less than PI: on how many of 100 draws the error is smaller than that of {BESIDE}, of those that not both lost; + and - "
-    "stand where that is beyond chance, by the exact interval of the share at 95 %: all flew the same draws, and of forty such "
-    "comparisons one would say so by chance",
+    "stand where that is beyond chance",
 )
+
+
+def notes(found: DispersedComparison) -> tuple[str, ...]:
+    """How the tables are to be read."""
+    chance = (
+        "beyond chance: all flew the same draws, so that pairs are judged by the exact sign test, each two controllers through each "
+        f"failure by error and by losses; of all {found.evidence.comparisons} such comparisons that some draw decides, none is called so "
+        f"by chance with a probability of {100 * CONFIDENCE:.0f} %, by Holm's correction"
+    )
+    return (*NOTES, chance)
 
 
 def rows(found: DispersedComparison, failure: str) -> list[list[str]]:
@@ -51,7 +60,7 @@ def _paired(one: Flown) -> str:
     pairing = _against(one, BESIDE)
     if pairing is None or pairing.better is None:
         return "-"
-    return f"{100 * pairing.better.share:.0f}{ {1: ' +', 0: '', -1: ' -'}[pairing.says] }"
+    return f"{100 * pairing.better.share:.0f}{ {1: ' +', 0: '', -1: ' -'}[pairing.follows] }"
 
 
 def _against(one: Flown, other: str) -> Pairing | None:
@@ -83,7 +92,7 @@ def loss_headings(found: DispersedComparison) -> tuple[str, ...]:
 
 
 def verdicts(found: DispersedComparison) -> list[str]:
-    """For each failure who loses least, and who is better and worse than the PI beyond chance."""
+    """For each failure who loses least, and who is better and worse than the PI beyond chance, by losses and by error."""
     said = []
     for failure, several in found.evidence.by_failure.items():
         least = several[0].lost.count
@@ -93,10 +102,15 @@ def verdicts(found: DispersedComparison) -> list[str]:
         fewest = [one.controller for one in several if one.lost.count == least]
         many = "all" if len(fewest) == len(several) else _listed(fewest)
         parts = [f"{failure}: fewest losses, {least} of {found.members}: {many}; least error: {_least(several)}"]
-        for sign, word in ((1, "less"), (-1, "more")):
-            names = [one.controller for one in several if (pair := _against(one, BESIDE)) is not None and pair.says == sign]
-            if names:
-                parts.append(f"{word} error than {BESIDE} beyond chance: {_listed(names)}")
+        pairs = {one.controller: pair for one in several if (pair := _against(one, BESIDE)) is not None}
+        signs = {
+            ("fewer losses", "more losses"): {name: pair.keeps for name, pair in pairs.items()},
+            ("less error", "more error"): {name: pair.follows for name, pair in pairs.items()},
+        }
+        for words, by in signs.items():
+            for word, sign in zip(words, (1, -1), strict=True):
+                names = [name for name, one in by.items() if one == sign]
+                parts += [f"{word} than {BESIDE} beyond chance: {_listed(names)}"] if names else []
         said.append("; ".join(parts))
     return said
 
@@ -109,7 +123,7 @@ def _listed(names: Sequence[str]) -> str:
 def _least(several: tuple[Flown, ...]) -> str:
     """By the median, with those whose paired difference from it may be chance."""
     best = min(several, key=lambda one: one.error.value)
-    alike = [pairing.other for pairing in best.pairings if pairing.says != 1]
+    alike = [pairing.other for pairing in best.pairings if pairing.follows != 1]
     return best.controller + (f" (not beyond chance against {_listed(alike)})" if alike else "")
 
 

@@ -172,7 +172,7 @@ def dispersed_flights(found: DispersedComparison) -> str:
     told = {"rows": dispersed.rows, "losses": dispersed.losses, "verdicts": dispersed.verdicts}
     values = {
         "facts": dispersed.facts(found),
-        "notes": dispersed.NOTES,
+        "notes": dispersed.notes(found),
         "headings": tuple(heading.replace("\n", " ") for heading in dispersed.HEADINGS),
         "loss_headings": dispersed.loss_headings(found),
     }

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import reduce
+from typing import TypeVar
 
 import numpy as np
 
@@ -47,6 +48,13 @@ class Share:
         found = binomtest(self.count, self.judged).proportion_ci(self.confidence, method="exact")
         return float(found.low), float(found.high)
 
+    @property
+    def chance(self) -> float:
+        """How likely a share so far from one half, or farther, is where both ways are equally likely: the exact sign test."""
+        from scipy.stats import binomtest
+
+        return float(binomtest(self.count, self.judged).pvalue)
+
     def as_json(self) -> dict[str, object]:
         return {
             "count": self.count,
@@ -55,6 +63,23 @@ class Share:
             "confidence": self.confidence,
             "judged": self.judged,
         }
+
+
+Compared = TypeVar("Compared", bound=Hashable)
+
+
+def beyond_chance(shares: Mapping[Compared, Share]) -> dict[Compared, int]:
+    """1 where a share is above one half beyond chance, -1 where it is below, 0 where neither is known.
+
+    Holm's correction (Scandinavian Journal of Statistics 6, 1979) holds for however many comparisons, dependent or not: where all
+    shares are one half, any is called otherwise with a probability of 1 - CONFIDENCE at most.
+    """
+    found = dict.fromkeys(shares, 0)
+    for left, name in zip(range(len(shares), 0, -1), sorted(shares, key=lambda one: shares[one].chance), strict=True):
+        if shares[name].chance > (1 - CONFIDENCE) / left:
+            break
+        found[name] = 1 if shares[name].share > 1 / 2 else -1
+    return found
 
 
 @dataclass(frozen=True, kw_only=True)

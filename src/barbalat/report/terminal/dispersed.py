@@ -23,5 +23,5 @@ def show(screen: Screen, found: DispersedComparison) -> None:
         body = [[screen.name(name), *cells] for name, *cells in dispersed.rows(found, failure.name)]
         screen.table(dispersed.HEADINGS, body)
     screen.line("")
-    for note in dispersed.NOTES:
+    for note in dispersed.notes(found):
         screen.line(f"Note: {note}.")
