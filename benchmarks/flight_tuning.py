@@ -13,12 +13,12 @@ import sys
 from dataclasses import replace
 
 import numpy as np
-from barbalat.contests.entrant import Entrant
-from barbalat.contests.rule import Rule
-from barbalat.contests.tuned import Qualified, qualify
 
 from barbalat import FlightCondition, Simulation, Step, TransferFunction
 from barbalat.cases.build import Case
+from barbalat.contests.entrant import Entrant
+from barbalat.contests.rule import Rule
+from barbalat.contests.tuned import Qualified, qualify
 from barbalat.controllers.knobs import Knobs
 from barbalat.flight.axis import Axis
 from barbalat.flight.comparison import axis_of

@@ -8,6 +8,8 @@ import pytest
 
 pytest.importorskip("jsbsim", reason="the extra flight is not installed: ./dev flight installs it")
 
+from benchmarks import flight_tuning
+
 from barbalat import FlightCondition
 from barbalat.cli import main
 from barbalat.flight import dispersed
@@ -16,7 +18,7 @@ from barbalat.flight.axis import PITCH, Axis
 from barbalat.flight.dispersed import fly_dispersed
 from barbalat.flight.dispersions import DRAWN, NOMINAL, Dispersion, drawn, plan_of
 from barbalat.flight.failures import NONE
-from barbalat.flight.flight import fly_once
+from barbalat.flight.flying import fly_once
 from barbalat.flight.sampled_step import SampledList, SampledStep
 from barbalat.flight.schemes import TUNED, flying
 from barbalat.flight.trim import trimmed
@@ -114,6 +116,14 @@ def test_the_stored_flights_of_the_ledger_are_flown_again():
     for name, value in found.rows.row(0).items():
         expected = stored["first_draw"][name]
         assert value == pytest.approx(float("nan") if expected is None else expected, rel=1e-6, nan_ok=True), name
+
+
+def test_the_rule_finds_the_numbers_that_fly_again(axis):
+    """Two schemes, to the three digits that are kept; 8 s each."""
+    for scheme in ("linear", "l1-piecewise"):
+        found = flight_tuning.tuned(axis, scheme)
+        assert found.meets
+        assert {knob: float(f"{value:.3g}") for knob, value in found.tuning.items()} == TUNED["f16-pitch"][scheme]
 
 
 def test_the_command_says_losses_first_and_leaves_page_and_json(tmp_path, capsys):

@@ -13,7 +13,8 @@ from barbalat.flight.axis import AXES, SAMPLE_TIME, Axis
 from barbalat.flight.equipment import Equipment
 from barbalat.flight.f16_comparison import FlightComparison
 from barbalat.flight.failures import FAILURES, Failure
-from barbalat.flight.flight import Flight, columns_of, delay_borne, flown
+from barbalat.flight.flight import Flight, columns_of
+from barbalat.flight.flying import delay_borne, flown
 from barbalat.flight.isolated import SimulatorFailed, isolated
 from barbalat.flight.request import Request
 from barbalat.flight.sampled_step import SampledList

@@ -25,7 +25,8 @@ from barbalat.flight.comparison import SECONDS_PER_FLIGHT, STARTING_SECONDS, axi
 from barbalat.flight.dispersions import SEED, condition_of, drawn, plan_of
 from barbalat.flight.evidence import Evidence, evidence_of
 from barbalat.flight.failures import Failure
-from barbalat.flight.flight import Timing, fly_once
+from barbalat.flight.flight import Timing
+from barbalat.flight.flying import fly_once
 from barbalat.flight.isolated import isolated
 from barbalat.flight.sampled_step import SampledList, SampledStep
 from barbalat.flight.schemes import available, require_known
@@ -141,15 +142,7 @@ def fly_dispersed(
     Raises InputError for what can't be flown, SimulatorFailed where the simulator breaks; what was stored before stays.
     """
     validate.whole("processes", processes, least=1)
-    wanted = available() if schemes is None else list(schemes)
-    chosen = chosen_failures(name, failures)
-    require_known(wanted)
-    plan = plan_of(members, seed)
-    if store is not None:
-        require_parquet()
-    axes = tuple(axis_of(name, condition) for condition in CONDITIONS)
-    lists = tuple(tuple(lists_of(axis, wanted)) for axis in axes)
-    campaign = Campaign(name=name, axes=axes, lists=lists, failures=chosen, plan=plan)
+    campaign = _campaign(name, schemes, failures, plan_of(members, seed), stored=store is not None)
     with _sink(campaign, store) as sink:
         resumed = sink.stored if isinstance(sink, Store) else 0
         missing = [one for one in chunks_of(members, campaign.chunk) if not (isinstance(sink, Store) and sink.holds(one))]
@@ -165,6 +158,18 @@ def fly_dispersed(
             for first in sorted(waiting):
                 sink.add(waiting[first])
         return DispersedComparison(campaign=campaign, rows=sink.rows() if isinstance(sink, Store) else sink, resumed=resumed)
+
+
+def _campaign(name: str, schemes: Sequence[str] | None, failures: Sequence[str] | None, plan: Plan, *, stored: bool) -> Campaign:
+    """What is asked for, trimmed and traced at each condition; what can't be flown or kept is refused before that."""
+    wanted = available() if schemes is None else list(schemes)
+    chosen = chosen_failures(name, failures)
+    require_known(wanted)
+    if stored:
+        require_parquet()
+    axes = tuple(axis_of(name, condition) for condition in CONDITIONS)
+    lists = tuple(tuple(lists_of(axis, wanted)) for axis in axes)
+    return Campaign(name=name, axes=axes, lists=lists, failures=chosen, plan=plan)
 
 
 @contextlib.contextmanager

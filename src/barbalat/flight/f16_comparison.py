@@ -12,7 +12,8 @@ from barbalat.flight.airframe import INTEGRATOR, STEP
 from barbalat.flight.axis import SAMPLE_TIME, Axis
 from barbalat.flight.compared import Compared, Failing
 from barbalat.flight.failures import FAILS_AT, Failure
-from barbalat.flight.flight import DELAY_STEP, MOST, TIMING, Flight, columns_of, figures_of
+from barbalat.flight.flight import TIMING, Flight, columns_of, figures_of
+from barbalat.flight.flying import DELAY_STEP, MOST
 from barbalat.flight.scene import Mover, Scene, attitudes
 from barbalat.validate import Array
 

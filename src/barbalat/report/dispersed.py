@@ -33,9 +33,9 @@ NOTES = (
 def notes(found: DispersedComparison) -> tuple[str, ...]:
     """How the tables are to be read."""
     chance = (
-        "beyond chance: all flew the same draws, so that pairs are judged by the exact sign test, each two controllers through each "
-        f"failure by error and by losses; of all {found.evidence.comparisons} such comparisons that some draw decides, none is called so "
-        f"by chance with a probability of {100 * CONFIDENCE:.0f} %, by Holm's correction"
+        "beyond chance: all flew the same draws, so that pairs are judged by the exact sign test, each two controllers through "
+        f"each failure by error and by losses; of all {found.evidence.comparisons} such comparisons that some draw decides, none "
+        f"is called so by chance with a probability of {100 * CONFIDENCE:.0f} %, by Holm's correction"
     )
     return (*NOTES, chance)
 

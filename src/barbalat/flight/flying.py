@@ -1,0 +1,196 @@
+"""How a controller flies: on the moving aircraft, sample by sample, with a failure on the way."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from barbalat.flight import f16
+from barbalat.flight.airframe import DEGREES, STEP, Airframe
+from barbalat.flight.axis import SAMPLE_TIME, Axis
+from barbalat.flight.dispersions import NOMINAL, Dispersion
+from barbalat.flight.equipment import Actuator, Sensors
+from barbalat.flight.failures import Failure
+from barbalat.flight.flight import ALPHA, BANK, BETA, N_Z, TIMING, Flight, Timing, columns_of
+from barbalat.flight.gusts import SEED, gusts_met
+from barbalat.flight.sampled_step import SampledList, SampledStep
+from barbalat.linear.zero_order_hold import HeldSystem
+from barbalat.validate import Array
+
+if TYPE_CHECKING:
+    from jsbsim import FGPropertyNode
+
+SUBSTEPS = range(round(SAMPLE_TIME / STEP))
+"""The simulator's steps in a sample."""
+
+
+def flown(axis: Axis, contents: SampledList, failures: Sequence[Failure]) -> list[Flight]:
+    """One controller through the failures, in this process."""
+    step = SampledStep(contents)
+    return [fly_once(axis, step, failure) for failure in failures]
+
+
+DELAY_STEP = 0.01
+"""[s] to which the largest delay is found: a sample."""
+COARSE, MOST = 5, 50
+"""DELAY_STEPs from one trial to the next until control is lost, and the last of them."""
+
+
+def delay_borne(axis: Axis, contents: SampledList) -> float:
+    """The largest added delay [s] with which control is kept to the end, to DELAY_STEP: by trials upwards, then by bisection.
+
+    COARSE * DELAY_STEP at least, or 0.0, lie between it and a delay that lost control; MOST * DELAY_STEP where none did.
+    """
+    step = SampledStep(contents)
+
+    def lost(delay: int) -> bool:
+        return bool(fly_once(axis, step, Failure(name="delay", meaning="", delay=delay * DELAY_STEP)).lost)
+
+    high = next((trial for trial in range(COARSE, MOST + 1, COARSE) if lost(trial)), None)
+    if high is None:
+        return MOST * DELAY_STEP
+    low = high - COARSE
+    while high - low > 1:
+        middle = (low + high) // 2
+        low, high = (low, middle) if lost(middle) else (middle, high)
+    return low * DELAY_STEP
+
+
+def fly_once(
+    axis: Axis, controller: SampledStep, failure: Failure, dispersion: Dispersion = NOMINAL, timing: Timing = TIMING
+) -> Flight:
+    """From trim, or from what a dispersion makes of it."""
+    aircraft = _Aircraft.at_start(axis, dispersion)
+    controller.reset()
+    samples, failing = round(timing.duration / SAMPLE_TIME), round(timing.fails_at / SAMPLE_TIME)
+    commands = axis.followed.command(SAMPLE_TIME * np.arange(samples))
+    air, model = _air(axis, failure, dispersion, samples, failing), _model(axis, commands)
+    record, lost = np.zeros((samples, len(columns_of(axis.followed)))), ""
+    for k in range(samples):
+        if k == failing:
+            aircraft.fail(failure)
+        aircraft.airframe.blow(*air[k])
+        command = axis.surface_trim + float(controller(aircraft.sensors.output, commands[k])[0])
+        record[k] = (k * SAMPLE_TIME, commands[k], model[k], *aircraft.seen(command))
+        lost = _lost(record[k])
+        if lost:
+            record = record[: k + 1]
+            break
+        aircraft.advance(command)
+    return Flight(
+        controller=controller.contents.name, failure=failure, followed=axis.followed, record=record, lost=lost, timing=timing
+    )
+
+
+@dataclass(kw_only=True)
+class _Aircraft:
+    """What flies of one axis: the airframe and what lies between it and the controller.
+
+    effectiveness  of the axis's surface, what a dispersion and a failure leave of it
+    surface        its deflection as the airframe's tables read it [rad]
+    states         what sensors see, as deviations from trim
+    """
+
+    axis: Axis
+    airframe: Airframe
+    actuator: Actuator
+    sensors: Sensors
+    effectiveness: float
+    surface: FGPropertyNode
+    states: Callable[[], list[float]]
+
+    @classmethod
+    def at_start(cls, axis: Axis, dispersion: Dispersion) -> _Aircraft:
+        """In trim, but for what a dispersion changes."""
+        trim, equipment, off = axis.trim, axis.equipment, np.deg2rad(dispersion.attitude)
+        airframe = Airframe(trim.condition)
+        airframe.load(dispersion.load)
+        airframe.shift_ballast(dispersion.ballast_aft)
+        for coefficient, factor in dispersion.scales.items():
+            airframe.scale(coefficient, factor)
+        start = trim.motion._replace(
+            speed=trim.speed * dispersion.speed, alpha=trim.motion.alpha + off, theta=trim.motion.theta + off
+        )
+        airframe.put(start, trim.surfaces, trim.throttle)
+        actuator = Actuator(equipment, STEP, axis.surface_trim)
+        actuator.delay_more(dispersion.delay)
+        trimmed = np.rad2deg(np.array(trim.motion)[list(axis.followed.places)]).tolist()
+        return cls(
+            axis=axis,
+            airframe=airframe,
+            actuator=actuator,
+            sensors=Sensors(equipment, STEP, len(axis.followed.states)),
+            effectiveness=dispersion.effectiveness,
+            surface=airframe.surface(axis.surface),
+            states=airframe.seeing(axis.followed.states, trimmed),
+        )
+
+    def fail(self, failure: Failure) -> None:
+        """From now on; its gusts are in the air already."""
+        self.effectiveness *= failure.effectiveness
+        self.airframe.shift_ballast(failure.ballast_aft, failure.ballast_right)
+        self.actuator.delay_more(failure.delay)
+        self.actuator.run_away(failure.runs_away)
+
+    def seen(self, command: float) -> tuple[float, ...]:
+        """The columns from the followed rate on."""
+        motion = self.airframe.motion
+        rate, alpha, beta = np.rad2deg([motion[self.axis.followed.places[self.axis.rate]], motion.alpha, motion.beta])
+        return (
+            rate, alpha, beta, self.airframe.load_factor, command, self.actuator.deflection,
+            *np.rad2deg([motion.theta, motion.phi]), self.airframe.altitude, motion.speed,
+        )  # fmt: skip
+
+    def advance(self, command: float) -> None:
+        """By a sample."""
+        for _ in SUBSTEPS:
+            self.surface.set_double_value(self.effectiveness * self.actuator.advance(command) / DEGREES)
+            self.airframe.fdm.run()
+            self.sensors.advance(self.states())
+
+
+def _air(axis: Axis, failure: Failure, dispersion: Dispersion, samples: int, failing: int) -> list[tuple[float, float]]:
+    """Down and east at each sample: a dispersion's gusts all the way, those that a failure brings from then on."""
+    seeds = SEED + 2 * dispersion.number, SEED + 2 * dispersion.number + 1
+    failed, drawn = (
+        gusts_met(deviation, axis.trim.speed, SAMPLE_TIME, samples, seed)
+        for deviation, seed in zip((failure.gusts, dispersion.gusts), seeds, strict=True)
+    )
+    met = drawn + np.where(np.arange(samples) < failing, 0.0, failed)
+    still = np.zeros(samples)
+    down, east = (still, met) if axis.followed.attitude == "phi" else (met, still)
+    return list(zip(down.tolist(), east.tolist(), strict=True))
+
+
+MOST_BANK, MOST_BETA = 90.0, 30.0
+"""[deg]; commands ask for 30 deg of bank at most, and beyond 90 the lift pulls down. The tables end at 30 deg of sideslip."""
+
+
+def _lost(row: Array) -> str:
+    """Where the aircraft leaves what its tables cover, what its structure bears, or the attitude that it was to keep."""
+    if not np.isfinite(row).all():
+        return "the simulation's numbers are no longer finite"
+    (low, high), (least, most) = f16.REACHED_ALPHA, f16.LIMIT_LOADS
+    if not low <= row[ALPHA] <= high:
+        return f"the angle of attack left {low:g} to {high:g} deg, where the tables end"
+    if not least <= row[N_Z] <= most:
+        return f"the load factor left {least:g} to {most:g} g, which the structure bears"
+    if not abs(row[BETA]) <= MOST_BETA:
+        return f"the angle of sideslip passed {MOST_BETA:g} deg, where the tables end"
+    if not abs(row[BANK]) <= MOST_BANK:
+        return f"the bank angle passed {MOST_BANK:g} deg"
+    return ""
+
+
+def _model(axis: Axis, commands: Array) -> Array:
+    """The followed rate of the model to follow, at the samples."""
+    _, b = axis.model
+    held = HeldSystem.of(axis.A_m, b * axis.k_0, SAMPLE_TIME)
+    x, found = np.zeros(len(b)), []
+    for r in commands:
+        found.append(x[axis.rate])
+        x = held.following(x, r)
+    return np.array(found)
