@@ -134,6 +134,8 @@ def test_the_command_says_losses_first_and_leaves_page_and_json(tmp_path, capsys
     document = json.loads((tmp_path / "out" / "fly.json").read_text())
     assert document["lost"] == {"LQR": {"count": 2, "flights": 2}, "LQR with PI": {"count": 2, "flights": 2}}
     assert document["failures"]["reversed"]["LQR"]["rms_e"]["median"] is None
+    assert "lost to lost" not in shown  # two draws bound no median
+    assert "such comparisons" not in shown  # where both lose all there is nothing to compare
     assert "lose every flight" in (tmp_path / "out" / "report.html").read_text()
 
 

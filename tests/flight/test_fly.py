@@ -12,11 +12,13 @@ pytest.importorskip("jsbsim", reason="the extra flight is not installed: ./dev f
 
 from barbalat import FlightCondition, InputError, Mrac, Sampled, SimulatorFailed, fly, pi_feedback
 from barbalat.cli import main
-from barbalat.flight import comparison, flight
+from barbalat.flight import comparison
 from barbalat.flight.airframe import STEP
 from barbalat.flight.axis import PITCH, ROLL, Axis
 from barbalat.flight.equipment import Actuator, Equipment, Sensors
 from barbalat.flight.failures import OF_PITCH, OF_ROLL
+from barbalat.flight.flying import DELAY_STEP, delay_borne
+from barbalat.flight.flying import flown as through_failures
 from barbalat.flight.sampled_step import SampledList, SampledStep
 from barbalat.flight.schemes import flying
 from barbalat.flight.trim import trimmed
@@ -45,7 +47,7 @@ def test_a_small_flight_is_the_linear_loop():
         for _ in range(4):
             x = ahead @ np.append(x, np.deg2rad(elevator.advance(u)))
             sensors.advance(np.rad2deg(x[[1, 3]]))
-    (found,) = flight.flown(axis, SampledList.of(*flying(axis, ["lqr"])[0]), [FAILURES["none"]])
+    (found,) = through_failures(axis, SampledList.of(*flying(axis, ["lqr"])[0]), [FAILURES["none"]])
     assert np.abs(found.column("q")[:1000] - q).max() < 0.02 * 0.3  # what is left is of second order, and the surfaces' late step
 
 
@@ -72,11 +74,11 @@ def test_the_delay_borne_is_about_the_linear_one():
     """Around the linear aircraft, without limits of the surface, the loop decays with 50 ms less, and grows with 50 ms more."""
     axis = Axis(trim=trimmed(FlightCondition()))
     contents = SampledList.of(*flying(axis, ["l1-piecewise"])[0])
-    borne = flight.delay_borne(axis, contents)
-    assert borne == pytest.approx(flight.DELAY_STEP * round(borne / flight.DELAY_STEP))
+    borne = delay_borne(axis, contents)
+    assert borne == pytest.approx(DELAY_STEP * round(borne / DELAY_STEP))
     assert linear_growth(axis, contents, borne - 0.05) < 0.5  # what is left is the phugoid, which nobody feeds back
     assert linear_growth(axis, contents, borne + 0.05) > 10
-    assert flight.delay_borne(axis, SampledList.of(*flying(axis, ["lqr"])[0])) > 2 * borne  # docs/guides/aircraft.md says so
+    assert delay_borne(axis, SampledList.of(*flying(axis, ["lqr"])[0])) > 2 * borne  # docs/guides/aircraft.md says so
 
 
 def test_without_protection_against_windup_a_pi_loses_the_hard_over_that_it_else_survives():
@@ -86,7 +88,7 @@ def test_without_protection_against_windup_a_pi_loses_the_hard_over_that_it_else
     pi = pi_feedback(problem.known, unmodelled_delay=axis.equipment.lag, nominal=axis.gain)
     for anti_windup, lost in ((None, True), (0.3, False)):
         contents = SampledList.of(problem, Sampled(replace(pi, anti_windup=anti_windup), 0.01))
-        (found,) = flight.flown(axis, contents, [FAILURES["hard-over"]])
+        (found,) = through_failures(axis, contents, [FAILURES["hard-over"]])
         assert bool(found.lost) == lost
 
 
@@ -104,7 +106,7 @@ def test_a_small_roll_is_the_linear_loop():
         for _ in range(4):
             x = ahead @ np.append(x, np.deg2rad(actuator.advance(u)))
             sensors.advance(np.rad2deg(x[[0, 2, 3]]))
-    (found,) = flight.flown(axis, SampledList.of(*flying(axis, ["lqr"])[0]), [OF_ROLL[0]])
+    (found,) = through_failures(axis, SampledList.of(*flying(axis, ["lqr"])[0]), [OF_ROLL[0]])
     assert np.abs(found.column("p")[:1000] - p).max() < 0.02  # 2 % of the commanded rate, as in pitch
 
 

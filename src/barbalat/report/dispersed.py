@@ -24,7 +24,8 @@ RULE = (
 HEADINGS = ("controller", "lost", "of 100\nat 95 %", "median\nRMS e", "at 95 %", "less\nthan PI", "surface\n[deg/s]")
 NOTES = (
     "Lost: how many draws were lost, and the share of all draws that this is evidence of, by Clopper and Pearson's interval",
-    "a lost flight counts as an infinite error in the median, whose interval is that of order statistics",
+    "a lost flight counts as an infinite error in the median, whose interval is that of order statistics; fewer than six draws "
+    "bound none",
     f"less than PI: on how many of 100 draws the error is smaller than that of {BESIDE}, of those that not both lost; + and - "
     "stand where that is beyond chance",
 )
@@ -37,7 +38,7 @@ def notes(found: DispersedComparison) -> tuple[str, ...]:
         f"each failure by error and by losses; of all {found.evidence.comparisons} such comparisons that some draw decides, none "
         f"is called so by chance with a probability of {100 * CONFIDENCE:.0f} %, by Holm's correction"
     )
-    return (*NOTES, chance)
+    return (*NOTES, chance) if found.evidence.comparisons else NOTES
 
 
 def rows(found: DispersedComparison, failure: str) -> list[list[str]]:
@@ -48,7 +49,7 @@ def rows(found: DispersedComparison, failure: str) -> list[list[str]]:
             str(one.lost.count),
             _interval(100 * end for end in one.lost.interval),
             _number(one.error.value),
-            _interval(one.error.interval, 2),
+            _bounds(one.error),
             _paired(one),
             _number(one.travel.value),
         ]
@@ -70,6 +71,11 @@ def _against(one: Flown, other: str) -> Pairing | None:
 def _interval(ends: Iterable[float], digits: int = 0) -> str:
     low, high = ends
     return f"{_number(low, digits)} to {_number(high, digits)}"
+
+
+def _bounds(one: Median) -> str:
+    """Where the draws are too few to bound a median, a dash."""
+    return _interval(one.interval, 2) if one.interval[0] > -math.inf else "-"
 
 
 def _number(value: float, digits: int = 2) -> str:
