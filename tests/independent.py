@@ -168,7 +168,7 @@ def example_controllers(n: int) -> dict[str, tuple]:
         "mrac": (Mrac(gamma=gamma),),
         "mrac-closed-loop": (MracClosedLoop(gamma=gamma, model_feedback=-0.5 * np.eye(n)),),
         "mrac-direct": (DirectMrac(gamma=gamma), DirectMrac(gamma=gamma * np.ones(n), gamma_r=5.0, k_r0=0.0)),
-        "mrac-network": (NetworkMrac(gamma=gamma, leakage=FixedSigma(1e-3), neurons=3),),
+        "mrac-network": (NetworkMrac(gamma=gamma, leakage=FixedSigma(1e-3 if n < 3 else 1e-4), neurons=3),),
         "mit-rule": (MitRule(gamma=gentle), MitRule(gamma=gentle, normalization=1.0, output=np.ones(n))),
         "l1": (L1Adaptive(gamma=gamma, filter=input_filter(0.01)),),
         "l1-piecewise": (

@@ -52,7 +52,7 @@ def mutated(rng, case, donors):
             factor = 10.0 ** rng.uniform(-300, 300) if change < 0.3 else rng.choice((-1, 2, 0.5, 1e3, 1e-3, 1e6))
             table[last] = value * factor
         elif change < 0.75:
-            table[last] = rng.choice(EXTREMES)
+            table[last] = copy.deepcopy(rng.choice(EXTREMES))
         elif change < 0.85:
             del table[last]
         else:
