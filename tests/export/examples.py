@@ -38,7 +38,7 @@ from barbalat import (
     input_filter,
 )
 from barbalat.controllers import L1Adaptive, L1PiecewiseConstant, Mrac, NormalizedMrac, RobustMrac
-from barbalat.controllers.output import LinearOutput, MracOutput
+from barbalat.controllers.output import L1OutputPiecewiseConstant, LinearOutput, MracOutput
 from barbalat.controllers.piecewise_predictor import AsFlown
 from barbalat.controllers.windup import ModifiedError
 from barbalat.validate import InputError
@@ -140,7 +140,7 @@ def _examples():
 
 
 @cache
-def sampled_examples() -> list[tuple[str, object, Sampled | L1PiecewiseConstant]]:
+def sampled_examples() -> list[tuple[str, object, Sampled | L1PiecewiseConstant | L1OutputPiecewiseConstant]]:
     """(id, problem, controller) for all that is not refused; the names are what C makes of them."""
     found = []
     for number, (problem, controller) in enumerate(_examples()):
@@ -151,10 +151,10 @@ def sampled_examples() -> list[tuple[str, object, Sampled | L1PiecewiseConstant]
             except InputError:  # what has no midpoint form, or does not fit the set, is tested where it is refused
                 continue
             found.append((f"{type(controller).__name__}-{problem.name}-{discretization}-{number}", problem, sampled))
-    return found + [(f"L1PiecewiseConstant-{problem.name}-{i}", problem, law) for i, (problem, law) in enumerate(_by_nature())]
+    return found + [(f"{type(law).__name__}-{problem.name}-{i}", problem, law) for i, (problem, law) in enumerate(_by_nature())]
 
 
-def _by_nature() -> Iterator[tuple[Problem, L1PiecewiseConstant]]:
+def _by_nature() -> Iterator[tuple[Problem | OutputProblem, L1PiecewiseConstant | L1OutputPiecewiseConstant]]:
     """What acts at samples by nature: both forms, one and several inputs, compensated, with a saturated predictor."""
     flown = AsFlown(predictor_poles=-5.0, nominal=[0.5, -0.1])
     made = {"sample_time": T, "filter": L1_FILTER}
@@ -163,6 +163,7 @@ def _by_nature() -> Iterator[tuple[Problem, L1PiecewiseConstant]]:
     yield FREE, L1PiecewiseConstant(**made, output=[1.0, 0.0], name="p2")
     yield SEVERAL, L1PiecewiseConstant(sample_time=T, filter=input_filter(0.05), as_flown=AsFlown(), name="p3")
     yield POLYNOMIAL, L1PiecewiseConstant(sample_time=T, filter=None, name="p4")
+    yield OUTPUT, L1OutputPiecewiseConstant(sample_time=T, filter=input_filter(0.05), name="p5")
 
 
 def schemes_covered() -> set[type]:

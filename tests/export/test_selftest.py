@@ -35,7 +35,7 @@ CHOSEN = [
         "MracOutput-third */ order-midpoint", "L1Output-output-midpoint",
         "LinearOutput-output-midpoint",
         "DirectMrac-state-euler", "MitRule-state-euler", "Adrc-state-midpoint", "RobustMrac-several-euler",
-        "L1PiecewiseConstant-state",
+        "L1PiecewiseConstant-state", "L1OutputPiecewiseConstant-output", "NetworkMrac-state-euler",
     )
 ]  # fmt: skip
 

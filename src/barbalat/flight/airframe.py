@@ -132,13 +132,19 @@ class Airframe:
 
     def surface(self, place: int) -> FGPropertyNode:
         """What the aerodynamic tables see of one of them [rad], to be set many times."""
-        return self.fdm.get_property_manager().get_node(f"surfaces/{f16.SURFACES[place]}-rad")
+        return self._node(f"surfaces/{f16.SURFACES[place]}-rad")
 
     def seeing(self, states: Iterable[str], trimmed: Sequence[float]) -> Callable[[], list[float]]:
         """A call that reads these angles and rates, less their trim [deg, deg/s]."""
-        manager = self.fdm.get_property_manager()
-        read = [(manager.get_node(PROPERTIES[name]).get_double_value, at) for name, at in zip(states, trimmed, strict=True)]
+        read = [(self._node(PROPERTIES[name]).get_double_value, at) for name, at in zip(states, trimmed, strict=True)]
         return lambda: [DEGREES * value() - at for value, at in read]
+
+    def _node(self, name: str) -> FGPropertyNode:
+        """A property of JSBSim's, to be read or set many times."""
+        node = self.fdm.get_property_manager().get_node(name)
+        if node is None:
+            raise InputError(f"JSBSim's F-16 has no property {name}: is another version of JSBSim installed?")
+        return node
 
     def blow(self, down: float, east: float = 0.0) -> None:
         """The air around it moves so fast from now on [ft/s]; it flies north."""
