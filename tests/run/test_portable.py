@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from barbalat import OutputPlant, Simulation, TransferFunction, load_case, simulate
-from barbalat.lowering.compiled import tabulated
+from barbalat.lowering.compiled import tabulator
 from barbalat.lowering.functions import FUNCTIONS, function
 from barbalat.lowering.llvm.elementwise import evaluate
 from barbalat.run.batch import Batch
@@ -66,7 +66,7 @@ def test_what_a_user_writes_with_numpy() -> None:
     found = written(t.view(Portable))
     assert same_bits(np.asarray(found), by_lists(t))
     assert isinstance(np.concatenate([t.view(Portable), t]), Portable)
-    assert set(LISTS.values()) == FUNCTIONS
+    assert set(LISTS.values()) == FUNCTIONS - {"ndtri"}  # of noise alone: NumPy has no such function
 
 
 def test_a_run_uses_them() -> None:
@@ -105,12 +105,12 @@ def test_the_outputs_functions_are_the_lists() -> None:
     function = ca.Function("f", [x, s], [ca.sin(x), x[0] * s + x[1] * s, ca.SX(0, 1), ca.vertcat(0, ca.exp(s))])
     rng = np.random.default_rng(8)
     states, signals = rng.uniform(-9, 9, (2, 50)), rng.uniform(-9, 9, (1, 50))
-    sines, total, nothing, exponentials = tabulated(function, states, signals)
+    sines, total, nothing, exponentials = tabulator(function)(states, signals)
     assert same_bits(sines, np.array([evaluated("sin", row) for row in states]))
     assert same_bits(total, states[:1] * signals + states[1:] * signals)
     assert nothing.shape == (0, 50)
     assert same_bits(exponentials, np.array([np.zeros(50), evaluated("exp", signals[0])]))
-    assert [part.shape for part in tabulated(function, np.zeros((2, 0)), np.zeros((1, 0)))] == [(2, 0), (1, 0), (0, 0), (2, 0)]
+    assert [part.shape for part in tabulator(function)(np.zeros((2, 0)), np.zeros((1, 0)))] == [(2, 0), (1, 0), (0, 0), (2, 0)]
 
 
 @pytest.mark.parametrize("case", ["paper", "rohrs", "first-order"])
