@@ -133,7 +133,7 @@ def _number(flights: Flights, linear: Sequence[str], adaptive: Sequence[str], ea
     (first, lost), (second, left) = _least(flights, adaptive), _least(flights, linear)
     differ = [failure for failure in flights.failures if flights.compared(first, second, failure, LOSS)]
     beyond = f"through {', '.join(differ)} beyond chance" if differ else "through no failure beyond chance"
-    return f"fewest of {each} flights lost: adaptive {lost} ({first}), linear {left} ({second}); they differ {beyond}"
+    return f"stored flights, fewest of {each} lost: adaptive {lost} ({first}), linear {left} ({second}); they differ {beyond}"
 
 
 def _losses(flights: Flights, linear: Sequence[str], adaptive: Sequence[str]) -> Reading:
