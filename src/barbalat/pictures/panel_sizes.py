@@ -36,8 +36,8 @@ class Sizes:
         return 1.42 * self.font * lines / 72 + 0.12
 
 
-PAGE = Sizes(WIDE, left=0.84, right=0.12, axes=1.75, below=0.5, font=9.0, columns=2)
-PHONE = Sizes(NARROW, left=0.74, right=0.1, axes=1.8, below=0.48, font=8.0, columns=1)
+PAGE = Sizes(WIDE, left=0.84, right=0.22, axes=1.75, below=0.5, font=9.0, columns=2)
+PHONE = Sizes(NARROW, left=0.74, right=0.18, axes=1.8, below=0.48, font=8.0, columns=1)
 
 
 def heading(panel: Panel, sizes: Sizes) -> str:
