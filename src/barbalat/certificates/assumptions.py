@@ -17,7 +17,9 @@ FREQUENCIES_TRIED = (
     "mu is exact at the frequencies that were tried: a grid, the critical ones, and each peak refined; not between them"
 )
 CONTINUOUS_ONLY = "bounds and margins are of the continuous controller: estimates for the sampled one"
-BEYOND_ONE_LINEAR_INPUT = "conditions and margins are known for one input with phi(x) = x and a known gain: not for this plant"
+BEYOND_ONE_LINEAR_INPUT = (
+    "conditions, and margins for any state, are known for one input with phi(x) = x and a known gain: not for this plant"
+)
 ON_THE_BOX = "|phi(x)| is bounded where every |x_i| is at most the model's bound plus that of e"
 ERROR_ASSUMED = "there |e| <= nu_0/sqrt(Gamma) is assumed: it is not proven for this scheme"
 

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 from barbalat.certificates.entry import Assumption, Entry, Kind, NotApplicable, checked, of_finite_numbers
 from barbalat.certificates.picture import MarginLoop, figure_of
 from barbalat.certificates.quantities import QUANTITIES, Quantity
+from barbalat.certificates.rounding import down, up
 from barbalat.validate import InputError
 
 if TYPE_CHECKING:
@@ -44,12 +45,12 @@ class Certificate:
         condition = self.values.get("condition") or {}
         holds = [f"condition {'holds' if condition['holds'] else 'does not hold'}"] if "holds" in condition else []
         shown = {
-            "error_bound": "guaranteed |e| <= {:.4g}",
-            "delay_margin": "delay margin {:.4g} s",
-            "gamma_max": "gamma up to {:.4g}",
+            "error_bound": ("guaranteed |e| <= {}", up),
+            "delay_margin": ("delay margin {} s", down),
+            "gamma_max": ("gamma up to {}", down),
         }
         numbers = {key: self.values.get(key) for key in shown}
-        said = [shown[key].format(value) for key, value in numbers.items() if isinstance(value, float)]
+        said = [shown[key][0].format(shown[key][1](value)) for key, value in numbers.items() if isinstance(value, float)]
         return f"<Certificate: {', '.join([f'{len(self.guaranteed)} of {len(self.entries)} values guaranteed', *holds, *said])}>"
 
     def _repr_html_(self) -> str:

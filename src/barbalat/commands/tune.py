@@ -28,7 +28,8 @@ def add(commands: Commands) -> None:
     parser.add_argument("--maximize", action="store_true", help="make it large instead")
     parser.add_argument(
         "--subject-to", action="append", default=[], nargs="+", metavar="REQUIREMENT",
-        help='such as "delay_margin >= 0.02", "condition < 1" (of L1), "delay_onset_simulated >= 0.01", "max_abs_u < 400"',
+        help='such as "delay_onset_simulated >= 0.02", "delay_margin_adapting >= 0.02", "condition < 1" (L1), "max_abs_u < 9"; '
+        "delay_margin is of the loop with its estimates at rest, on which MRAC's gain has no influence",
     )  # fmt: skip
     parser.add_argument(
         "--vary", action="append", default=[], metavar="PATH=START:STOP[:log]",

@@ -51,7 +51,7 @@ def held_out(found: Tuning) -> list[list[str]]:
                 number_text(new["median"]),
                 number_text(new["worst"]["value"]),
                 f"[{theta}]",
-                "; ".join(broken) or "none asked",
+                "; ".join(broken) or "none of those that runs tell",
             ]
         )
     return rows
