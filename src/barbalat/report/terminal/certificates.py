@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import NamedTuple
 
+from barbalat.certificates.assumptions import CONTINUOUS_ONLY
 from barbalat.certificates.cells import PROPERTIES, Column
 from barbalat.certificates.certificate import Certificate
 from barbalat.certificates.entry import Entry
@@ -146,6 +147,8 @@ def _margin(certificate: Certificate) -> Line:
     if not parts:
         return Line("margin", "not known: no linear loop describes it", "does not apply")
     text = ", ".join(parts).removesuffix(" at theta")  # alone it need not be told from others
+    if margin is not None and CONTINUOUS_ONLY in margin.assumptions:
+        text = f"unsampled: {text}"
     return Line("margin", text, margin.kind if margin is not None and len(parts) == 1 else "estimate")
 
 
