@@ -7,7 +7,7 @@ import sys
 
 import pytest
 
-from barbalat.linear.largest import geometric_mean, halvings, largest, largest_from
+from barbalat.linear.largest import geometric_mean, halvings, largest, largest_from, largest_whole
 
 
 def up_to(limit):
@@ -54,3 +54,18 @@ def test_as_many_halvings_as_it_takes(ratio, within):
     while width > 1 + within:
         width, count = math.sqrt(width), count + 1
     assert halvings(ratio, within) == count
+
+
+@pytest.mark.parametrize("bound", range(24))
+@pytest.mark.parametrize("stride", [1, 4, 7])
+def test_the_largest_whole_number(bound, stride):
+    """All up to the bound are borne; beyond the last stride nothing is tried."""
+    tried = []
+
+    def bears(number):
+        tried.append(number)
+        return number <= bound
+
+    last = 20 // stride * stride
+    assert largest_whole(bears, stride=stride, most=20) == (20 if bound >= last else bound)
+    assert len(tried) == len(set(tried)) and 0 not in tried

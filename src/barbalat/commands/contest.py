@@ -6,7 +6,7 @@ import argparse
 from typing import TYPE_CHECKING
 
 from barbalat.commands.options import add_controllers
-from barbalat.commands.output import folder_of, print_json
+from barbalat.commands.output import folder_of, tell
 from barbalat.commands.screen import Work, work
 
 if TYPE_CHECKING:
@@ -90,18 +90,10 @@ def execute(options: argparse.Namespace) -> int:
         document = documents.as_json(found.as_json())
         if folder is not None:
             _write(folder, found, document, running)
-    if options.json:
-        print_json(document)
-        return 0
+    from barbalat.report.file_names import PAGE
     from barbalat.report.terminal import contest as screens
-    from barbalat.report.terminal.layout import Screen
 
-    screen = Screen()
-    screens.show(screen, found)
-    if folder is not None:
-        from barbalat.report.file_names import PAGE
-
-        screen.whole(f"page: {folder.path / PAGE}")
+    tell(document, lambda screen: screens.show(screen, found), folder, as_json=options.json, page=PAGE)
     return 0
 
 

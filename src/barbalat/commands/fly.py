@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from barbalat.commands.options import add_controllers
-from barbalat.commands.output import folder_of, print_json
+from barbalat.commands.output import folder_of, tell
 from barbalat.commands.screen import Work, say, work
 
 if TYPE_CHECKING:
@@ -66,17 +66,10 @@ def execute(options: argparse.Namespace) -> int:
     except SimulatorFailed as error:
         say(f"barbalat: {error}")
         return 1
-    if options.json:
-        print_json(document)
-        return 0
     from barbalat.report.file_names import PAGE
     from barbalat.report.terminal import flights as terminal
-    from barbalat.report.terminal.layout import Screen
 
-    screen = Screen()
-    terminal.show(screen, found)
-    if folder is not None:
-        screen.whole(f"page: {folder.path / PAGE}")
+    tell(document, lambda screen: terminal.show(screen, found), folder, as_json=options.json, page=PAGE)
     return 0
 
 
@@ -118,16 +111,9 @@ def _execute_dispersed(options: argparse.Namespace) -> int:
         stays = "" if options.store is None else f"; what is stored in {options.store} stays, and the same command goes on"
         say(f"barbalat: {error}{stays}")
         return 1
-    if options.json:
-        print_json(document)
-        return 0
     from barbalat.report.terminal import dispersed as terminal
-    from barbalat.report.terminal.layout import Screen
 
-    screen = Screen()
-    terminal.show(screen, found)
-    if folder is not None:
-        screen.whole(f"page: {folder.path / PAGE}")
+    tell(document, lambda screen: terminal.show(screen, found), folder, as_json=options.json, page=PAGE)
     return 0
 
 

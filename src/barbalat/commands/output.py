@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import contextlib
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from barbalat.report.files import Folder
+    from barbalat.report.terminal.layout import Screen
 
 
 @contextlib.contextmanager
@@ -37,3 +38,17 @@ def print_json(text: str) -> None:
     except UnicodeEncodeError:
         text = json.dumps(json.loads(text), indent=2)
     print(text)  # noqa: T201
+
+
+def tell(document: str, show: Callable[[Screen], None], folder: Folder | None, *, as_json: bool, **files: str) -> None:
+    """What a command found: the document alone, or on a screen, with the folder's ``files`` to look at by what they are."""
+    if as_json:
+        print_json(document)
+        return
+    from barbalat.report.terminal.layout import Screen
+
+    screen = Screen()
+    show(screen)
+    if folder is not None:
+        for what, name in files.items():
+            screen.whole(f"{what}: {folder.path / name}")

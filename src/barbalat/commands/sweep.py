@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from barbalat.commands.options import add_controllers
-from barbalat.commands.output import folder_of, print_json
+from barbalat.commands.output import folder_of, print_json, tell
 from barbalat.commands.screen import Work, say, work
 
 if TYPE_CHECKING:
@@ -86,18 +86,10 @@ def execute(options: argparse.Namespace) -> int:
         if folder is not None:
             folder.write("sweep.json", document)
             _write(folder, text, result)
-    if options.json:
-        print_json(document)
-        return 0
+    from barbalat.report.file_names import PAGE
     from barbalat.report.terminal import sweep
-    from barbalat.report.terminal.layout import Screen
 
-    screen = Screen()
-    sweep.show(screen, result)
-    if folder is not None:
-        from barbalat.report.file_names import PAGE
-
-        screen.whole(f"page: {folder.path / PAGE}")
+    tell(document, lambda screen: sweep.show(screen, result), folder, as_json=options.json, page=PAGE)
     return 0
 
 

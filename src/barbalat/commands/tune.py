@@ -6,7 +6,7 @@ import argparse
 from typing import TYPE_CHECKING
 
 from barbalat.commands.options import add_controllers
-from barbalat.commands.output import folder_of, print_json
+from barbalat.commands.output import folder_of, tell
 from barbalat.commands.screen import Work, work
 
 if TYPE_CHECKING:
@@ -83,20 +83,10 @@ def execute(options: argparse.Namespace) -> int:
         document = documents.as_json(found.as_json())
         if folder is not None:
             _write(folder, found, document, running)
-    if options.json:
-        print_json(document)
-        return 0
+    from barbalat.report.file_names import PAGE, TUNED_CASE
     from barbalat.report.terminal import tuning
-    from barbalat.report.terminal.layout import Screen
 
-    screen = Screen()
-    tuning.show(screen, found)
-    if folder is not None:
-        from barbalat.report.file_names import PAGE
-        from barbalat.report.write import TUNED_CASE
-
-        screen.whole(f"case: {folder.path / TUNED_CASE}")
-        screen.whole(f"page: {folder.path / PAGE}")
+    tell(document, lambda screen: tuning.show(screen, found), folder, as_json=options.json, case=TUNED_CASE, page=PAGE)
     return 0
 
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from barbalat.certificates.linear_loops.margin_values import finite
 from barbalat.contests.held_out_command import drawn, with_command
 from barbalat.contests.noise import quiet
 from barbalat.contests.rule import Rule
@@ -103,9 +104,9 @@ class HeldOut:
         """Failures first."""
         return {
             "failures": {name: share.as_json() for name, share in self.failures.items()},
-            "error": {name: _finite(value) for name, value in self.quantiles.items()},
-            "max_abs_u": _finite(self.largest_control),
-            "errors": [_finite(value) for value in self.error.tolist()],
+            "error": {name: finite(value) for name, value in self.quantiles.items()},
+            "max_abs_u": finite(self.largest_control),
+            "errors": [finite(value) for value in self.error.tolist()],
         }
 
     @property
@@ -126,10 +127,6 @@ def median(values: Array) -> float:
     ordered = np.sort(values)
     low, high = ordered[(len(ordered) - 1) // 2], ordered[len(ordered) // 2]
     return float(low if low == high or not np.isfinite(low + high) else (low + high) / 2)
-
-
-def _finite(value: float) -> float | None:
-    return value if np.isfinite(value) else None
 
 
 def measure(

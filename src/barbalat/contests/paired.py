@@ -14,6 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from barbalat.certificates.linear_loops.margin_values import finite
 from barbalat.contests.held_out import HeldOut, median
 from barbalat.sweeps.evidence import CONFIDENCE, Share
 from barbalat.validate import Array
@@ -47,8 +48,8 @@ class Paired:
         return {
             "first": self.first,
             "second": self.second,
-            "ratio": _finite(self.ratio),
-            "interval": [_finite(low), _finite(high)],
+            "ratio": finite(self.ratio),
+            "interval": [finite(low), finite(high)],
             "confidence": CONFIDENCE,
             "better": self.better.as_json(),
             "worse": self.worse.as_json(),
@@ -87,7 +88,3 @@ def interval_of_median(values: Array, confidence: float = CONFIDENCE) -> tuple[f
     ordered = np.sort(values)
     k = int(binom.ppf((1 - confidence) / 2, len(ordered), 0.5))  # fewer than k below the median: less likely than that
     return (float(ordered[k - 1]), float(ordered[-k])) if k else (-np.inf, np.inf)
-
-
-def _finite(value: float) -> float | None:
-    return value if np.isfinite(value) else None

@@ -17,6 +17,7 @@ from barbalat.flight.failures import Failure
 from barbalat.flight.flight import ALPHA, BANK, BETA, N_Z, TIMING, Flight, Timing, columns_of
 from barbalat.flight.gusts import SEED, gusts_met
 from barbalat.flight.sampled_step import SampledList, SampledStep
+from barbalat.linear.largest import largest_whole
 from barbalat.linear.zero_order_hold import HeldSystem
 from barbalat.validate import Array
 
@@ -46,17 +47,10 @@ def delay_borne(axis: Axis, contents: SampledList) -> float:
     """
     step = SampledStep(contents)
 
-    def lost(delay: int) -> bool:
-        return bool(fly_once(axis, step, Failure(name="delay", meaning="", delay=delay * DELAY_STEP)).lost)
+    def kept(delay: int) -> bool:
+        return not fly_once(axis, step, Failure(name="delay", meaning="", delay=delay * DELAY_STEP)).lost
 
-    high = next((trial for trial in range(COARSE, MOST + 1, COARSE) if lost(trial)), None)
-    if high is None:
-        return MOST * DELAY_STEP
-    low = high - COARSE
-    while high - low > 1:
-        middle = (low + high) // 2
-        low, high = (low, middle) if lost(middle) else (middle, high)
-    return low * DELAY_STEP
+    return largest_whole(kept, stride=COARSE, most=MOST) * DELAY_STEP
 
 
 def fly_once(

@@ -53,18 +53,19 @@ def _panel(name: str, title: str, unit: str, flights: Sequence[Flight]) -> Panel
     kept = [one.column(name) for one in flying if not one.lost] or [one.column(name) for one in flying]
     if name in RATES and flying:
         longest = max(flying, key=lambda one: len(one.record))
-        line = partial(Series, t=_thinned(longest.column("t")), width=0.9)
-        series.append(line(value=_thinned(longest.column(f"{name}_m")), label="model", colour="ink", dash=1))
-        series.append(line(value=_thinned(longest.column(f"{name}_c")), label="command", colour="quiet", dash=2))
+        line = partial(Series, t=thinned(longest.column("t")), width=0.9)
+        series.append(line(value=thinned(longest.column(f"{name}_m")), label="model", colour="ink", dash=1))
+        series.append(line(value=thinned(longest.column(f"{name}_c")), label="command", colour="quiet", dash=2))
     limits = around(*span_of(kept)) if kept else None
     return Panel(title=title, series=series, limits=limits, y=unit, whole_row=True)
 
 
 def _series(i: int, name: str, flight: Flight) -> Series:
-    value, t = _thinned(flight.column(name)), _thinned(flight.column("t"))
+    value, t = thinned(flight.column(name)), thinned(flight.column("t"))
     return Series(t=t, value=value, label=text_of(flight.controller), colour=i % len(COLOURS), dash=i // len(COLOURS))
 
 
-def _thinned(values: Array) -> Array:
+def thinned(values: Array) -> Array:
+    """Every so many rows of a record, and its last one."""
     rows = np.unique([*range(0, len(values), EVERY), len(values) - 1])
     return np.asarray(values[rows])

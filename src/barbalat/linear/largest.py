@@ -55,6 +55,21 @@ def largest_from(
     return largest(bears, low, high, within=within)
 
 
+def largest_whole(bears: Callable[[int], bool], *, stride: int, most: int) -> int:
+    """A number up to ``most`` that is borne, the one above it is not: by strides from 0, which is taken as borne, then by halves.
+
+    ``most`` where all that were tried are borne.
+    """
+    high = next((trial for trial in range(stride, most + 1, stride) if not bears(trial)), None)
+    if high is None:
+        return most
+    low = high - stride
+    while high - low > 1:
+        middle = (low + high) // 2
+        low, high = (middle, high) if bears(middle) else (low, middle)
+    return low
+
+
 def geometric_mean(low: float, high: float) -> float:
     """Also where the product of the two is beyond the floats' range."""
     product = low * high

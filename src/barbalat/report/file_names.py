@@ -9,6 +9,8 @@ from pathlib import Path
 
 PAGE, RUN, CERTIFICATES = "report.html", "run.json", "certify.json"
 """A command's first page, the documents of ``run`` and ``certify``."""
+TUNED_CASE = "tuned.toml"
+"""The case that ``tune`` found."""
 COLUMNS = "datapackage.json"
 """What the columns of the CSVs are; the name is the standard's."""
 PICTURE, LOOPS = "comparison", "loops"

@@ -25,7 +25,7 @@ from barbalat.pictures.panel_drawing import draw as draw_panels
 from barbalat.pictures.render import render
 from barbalat.report import charts, diagrams, flights, maps, page
 from barbalat.report.drawings import Drawing, Picture, narrow_panels, pictures_of_loops, svg_of
-from barbalat.report.file_names import CERTIFICATES, NARROW, PAGE, PICTURE, diagram_names
+from barbalat.report.file_names import CERTIFICATES, NARROW, PAGE, PICTURE, TUNED_CASE, diagram_names
 from barbalat.report.files import Folder
 from barbalat.report.sweep import WorstMember
 from barbalat.run.picture import ends_at, figure_of, panels
@@ -37,8 +37,6 @@ from barbalat.sweeps import picture as of_sweep
 from barbalat.sweeps.result import SweepResult
 from barbalat.tuning.picture import draw as draw_tuning
 from barbalat.tuning.result import Tuning
-
-TUNED_CASE = "tuned.toml"
 
 
 class Drawn(Protocol):

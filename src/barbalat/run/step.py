@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Hashable
 from dataclasses import dataclass
-from functools import lru_cache
 from math import inf
 from typing import TYPE_CHECKING
 
@@ -22,6 +21,7 @@ from barbalat.protocols import Value
 from barbalat.run.coupling import coupling_function
 from barbalat.run.delay import CHANNELS_PER_INPUT
 from barbalat.run.grid import WHOLE_STEP, Piece
+from barbalat.run.kernels import compiled
 from barbalat.run.metrics import Accumulators
 from barbalat.run.sampled_part import parameters_column, sample_program
 from barbalat.solvers import Tableau
@@ -32,9 +32,6 @@ if TYPE_CHECKING:
     import casadi as ca
 
 
-STEPS_WORTH_OPTIMISING = 250_000
-"""Of one kernel in all its runs. Optimised code of Section V's loops takes 6 ms longer to make and 24 ns less for a step; of an
-operation of loops with 16,000 and 34,000 of them 0.15 ms and 0.45 ns: the same number of steps within a third for any loop."""
 LARGEST_WATCHED_STATE = 150
 """States of a loop that is watched while it runs: what is watched has terms for each pair of them."""
 
@@ -56,40 +53,7 @@ class StepProgram:
     def compile(self, lanes: int, steps: float = inf) -> Kernel:
         """For so many steps more; code that is quickly made while they are few, on which no bit of any result depends."""
         resets = () if self.accumulators is None else self.accumulators.resets
-        return _compiled(self.program, self.shape, resets, lanes, self.sample, self.watch, self.outside).for_steps(steps)
-
-
-@dataclass(eq=False)
-class _Compiled:
-    """A loop's code as it is made at first, and optimised once its runs have been long enough in all."""
-
-    make: Callable[[bool], Kernel]
-    steps: float = 0.0
-    kernel: Kernel | None = None
-    optimised: bool = False
-
-    def for_steps(self, steps: float) -> Kernel:
-        self.steps += steps
-        worth = self.steps >= STEPS_WORTH_OPTIMISING
-        if self.kernel is None or (worth and not self.optimised):
-            self.kernel, self.optimised = self.make(not worth), worth
-        return self.kernel
-
-
-@lru_cache(maxsize=64)
-def _compiled(
-    program: Program,
-    shape: LoopShape,
-    resets: tuple[float, ...],
-    lanes: int,
-    sample: Program | None,
-    watch: Program | None,
-    outside: Outside | None,
-) -> _Compiled:
-    def make(quickly: bool) -> Kernel:
-        return Kernel(program, shape, resets, lanes, sample, watch, outside=outside, quickly=quickly)
-
-    return _Compiled(make)
+        return compiled(self.program, self.shape, resets, lanes, self.sample, self.watch, self.outside).for_steps(steps)
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,7 +17,7 @@ from barbalat.lowering.llvm.machine import Kernel, Watch
 from barbalat.lowering.operations import read
 from barbalat.lowering.optimize import optimize
 from barbalat.lowering.shape import LoopShape
-from barbalat.run import step
+from barbalat.run import kernels
 from barbalat.run.batch import Batch
 from barbalat.run.engine import run
 from barbalat.run.grid import signal_table
@@ -245,7 +245,7 @@ def test_a_long_quantity_is_a_function_of_its_own_and_has_the_same_bits(problems
     simulation, rows = Simulation(t_end=2.0, dt=2.0**-7), []
     for longest in (10**6, 0):
         monkeypatch.setattr(ir, "LONGEST_INSIDE", longest)
-        step._compiled.cache_clear()
+        kernels.compiled.cache_clear()
         batch = Batch.of([(problems[2], controller)], simulation, windows=4)
         run([batch], problems[2].signals, simulation)
         rows.append(batch.watch.rows)

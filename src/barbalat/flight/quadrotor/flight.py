@@ -15,6 +15,7 @@ from barbalat.flight.quadrotor.simulator import ROTORS, Motion, Simulator
 from barbalat.flight.quadrotor.trajectory import CLIMBS, TAKES_OFF, Path, path
 from barbalat.flight.quadrotor.vehicle import STANDING, STEP
 from barbalat.flight.scene import attitudes
+from barbalat.linear.largest import largest_whole
 from barbalat.validate import Array
 
 DURATION = 20.0
@@ -134,17 +135,10 @@ def delay_borne(axes: Axes, scheme: Scheme) -> float:
     """The largest added delay [s] with which the vehicle is kept, to DELAY_STEP: by trials upwards, then by bisection."""
     control = Control(axes, scheme)
 
-    def lost(delay: int) -> bool:
-        return bool(_fly(axes, control, Failure(name="delay", meaning="", delay=delay * DELAY_STEP)).lost)
+    def kept(delay: int) -> bool:
+        return not _fly(axes, control, Failure(name="delay", meaning="", delay=delay * DELAY_STEP)).lost
 
-    high = next((trial for trial in range(COARSE, MOST + 1, COARSE) if lost(trial)), None)
-    if high is None:
-        return MOST * DELAY_STEP
-    low = high - COARSE
-    while high - low > 1:
-        middle = (low + high) // 2
-        low, high = (low, middle) if lost(middle) else (middle, high)
-    return low * DELAY_STEP
+    return largest_whole(kept, stride=COARSE, most=MOST) * DELAY_STEP
 
 
 def _fly(axes: Axes, control: Control, failure: Failure) -> QuadrotorFlight:

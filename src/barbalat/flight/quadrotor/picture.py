@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
-import numpy as np
-
+from barbalat.flight.picture import thinned
 from barbalat.flight.quadrotor.flight import DURATION, QuadrotorFlight
 from barbalat.pictures.panel_drawing import draw
 from barbalat.pictures.panels import Panel, Series, around, span_of, text_of
@@ -16,8 +15,6 @@ from barbalat.validate import Array
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-EVERY = 10
-"""Samples from one drawn point to the next: a tenth of a second is three pixels of a page."""
 PANELS: dict[tuple[str, str], Callable[[QuadrotorFlight], Array]] = {
     ("Distance from where it should be", "[m]"): lambda flight: flight.error,
     ("Height above the ground", "[m]"): lambda flight: flight.column("z"),
@@ -42,7 +39,7 @@ def _panel(
 ) -> Panel:
     series = [
         Series(
-            t=_thinned(one.column("t")), value=_thinned(value(one)), label=text_of(one.controller), colour=i % len(COLOURS),
+            t=thinned(one.column("t")), value=thinned(value(one)), label=text_of(one.controller), colour=i % len(COLOURS),
             dash=i // len(COLOURS),
         )
         for i, one in enumerate(flights)
@@ -50,12 +47,7 @@ def _panel(
     ]  # fmt: skip
     if title.startswith("Height") and flying:
         longest = max(flying, key=lambda one: len(one.record))
-        wanted, t = _thinned(longest.column("z_d")), _thinned(longest.column("t"))
+        wanted, t = thinned(longest.column("z_d")), thinned(longest.column("t"))
         series.append(Series(t=t, value=wanted, label="commanded", colour="ink", dash=1, width=0.9))
     kept = [value(one) for one in flying if not one.lost] or [value(one) for one in flying]
     return Panel(title=title, series=series, limits=around(*span_of(kept)) if kept else None, y=unit, whole_row=True)
-
-
-def _thinned(values: Array) -> Array:
-    rows = np.unique([*range(0, len(values), EVERY), len(values) - 1])
-    return np.asarray(values[rows])

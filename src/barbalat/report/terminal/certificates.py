@@ -145,7 +145,7 @@ def _margin(certificate: Certificate) -> Line:
     if adapting is not None and adapting.applies:
         parts.append(f"{_delay(adapting.value)} adapting")
     if not parts:
-        return Line("margin", "not known: no linear loop describes it", "does not apply")
+        return Line("margin", "not known: no stable linear loop describes it", "does not apply")
     text = ", ".join(parts).removesuffix(" at theta")  # alone it need not be told from others
     if margin is not None and CONTINUOUS_ONLY in margin.assumptions:
         text = f"unsampled: {text}"
