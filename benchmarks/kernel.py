@@ -18,15 +18,15 @@ Loop = Callable[[int, int, np.ndarray, np.ndarray, np.ndarray, np.ndarray], None
 
 
 def advance(loop: Loop, shape: LoopShape, case: Case, lanes: int) -> Callable[[int], np.ndarray]:
-    """Run all members, ``lanes`` in a call, one call after another, in one thread."""
-    groups = [slice(first, first + lanes) for first in range(0, case.members, lanes)]
+    """Run all members, ``lanes`` in a call, one call after another, in one thread. Idle lanes of the last call repeat its last member."""
+    groups = [np.minimum(np.arange(first, first + lanes), case.members - 1) for first in range(0, case.members, lanes)]
     parameters = [np.ascontiguousarray(case.parameters[:, group]) for group in groups]
     out = np.empty((shape.states + shape.accumulators, lanes))
 
     def run(steps: int) -> np.ndarray:
         final = np.empty_like(case.states)
         for group, values in zip(groups, parameters, strict=True):
-            state = case.states[:, group].copy()
+            state = np.ascontiguousarray(case.states[:, group])
             loop(1, steps, state, values, command_table(), out)
             final[:, group] = state
         return final
