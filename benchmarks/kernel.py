@@ -18,7 +18,7 @@ Loop = Callable[[int, int, np.ndarray, np.ndarray, np.ndarray, np.ndarray], None
 
 
 def advance(loop: Loop, shape: LoopShape, case: Case, lanes: int) -> Callable[[int], np.ndarray]:
-    """Run all members, ``lanes`` in a call, one call after another, in one thread. Idle lanes of the last call repeat its last member."""
+    """Run all members, ``lanes`` in a call, one call after another, in one thread; idle lanes repeat the last member."""
     groups = [np.minimum(np.arange(first, first + lanes), case.members - 1) for first in range(0, case.members, lanes)]
     parameters = [np.ascontiguousarray(case.parameters[:, group]) for group in groups]
     out = np.empty((shape.states + shape.accumulators, lanes))

@@ -1,4 +1,4 @@
-"""Numba: loops over preallocated arrays, compiled by ``njit``; Section V's L1 loop, one trajectory."""
+"""Numba: loops over preallocated arrays, compiled by ``njit``; Section V's L1 loop, alone or one member after another."""
 
 from __future__ import annotations
 
@@ -16,24 +16,28 @@ SIZE = 9
 
 
 def contestants(case: Case, steps: int) -> list[Contestant]:
-    """With and without ``fastmath``; none for another loop than L1's."""
-    if case.members > 1 or not case.name.startswith("L1"):
+    """With and without ``fastmath``, an ensemble also with a thread for each core; none for another loop than L1's."""
+    if not case.name.startswith("L1"):
         return []
-    return [_contestant(case, steps, fastmath=fastmath) for fastmath in (False, True)]
+    in_threads = (False, True) if case.members > 1 else (False,)
+    return [
+        _contestant(case, steps, fastmath=fastmath, parallel=parallel) for fastmath in (False, True) for parallel in in_threads
+    ]
 
 
-def _contestant(case: Case, steps: int, *, fastmath: bool) -> Contestant:
-    trajectory = _compiled(fastmath=fastmath)
+def _contestant(case: Case, steps: int, *, fastmath: bool, parallel: bool) -> Contestant:
+    trajectories = _compiled(fastmath=fastmath, parallel=parallel)
+    gains = case.parameters[0] if case.members > 1 else np.array([GAMMA])
 
     def run(steps: int) -> np.ndarray:
-        y = case.states[:, 0].copy()
-        trajectory(y, command_table()[:steps])
-        return y[: WRITTEN[case.name].compared, None]
+        states = np.ascontiguousarray(case.states.T)
+        trajectories(states, gains, command_table()[:steps])
+        return states.T[: WRITTEN[case.name].compared]
 
-    return Contestant("Numba" + ", fastmath" * fastmath, steps, run)
+    return Contestant(f"Numba{', fastmath' * fastmath}{', prange' * parallel}", steps, run, threads=parallel)
 
 
-def _compiled(*, fastmath: bool) -> Callable[[Any, Any], None]:
+def _compiled(*, fastmath: bool, parallel: bool) -> Callable[[Any, Any, Any], None]:
     a, b, p1, p2 = A_M[1, 0], A_M[1, 1], P_B[0], P_B[1]
     theta1, theta2 = THETA
 
@@ -44,10 +48,10 @@ def _compiled(*, fastmath: bool) -> Callable[[Any, Any], None]:
         return rate
 
     @numba.njit(fastmath=fastmath)
-    def derivative(y, r, k):
+    def derivative(y, gamma, r, k):
         x1, x2, u = y[0], y[1], y[8]
         learnt = y[4] * x1 + y[5] * x2
-        error = GAMMA * ((x1 - y[6]) * p1 + (x2 - y[7]) * p2)
+        error = gamma * ((x1 - y[6]) * p1 + (x2 - y[7]) * p2)
         k[0] = x2
         k[1] = a * x1 + b * x2 + u + theta1 * x1 + theta2 * x2
         k[2] = y[3]
@@ -66,19 +70,24 @@ def _compiled(*, fastmath: bool) -> Callable[[Any, Any], None]:
             out[i] = min(max(out[i], -BOUND), BOUND)
 
     @numba.njit(fastmath=fastmath)
-    def trajectory(y, table):
+    def trajectory(y, gamma, table):
         k = np.empty((4, SIZE))
         z = np.empty(SIZE)
         for n in range(len(table)):
-            derivative(y, table[n, 0], k[0])
+            derivative(y, gamma, table[n, 0], k[0])
             stage(y, STEP / 2, k[0], z)
-            derivative(z, table[n, 1], k[1])
+            derivative(z, gamma, table[n, 1], k[1])
             stage(y, STEP / 2, k[1], z)
-            derivative(z, table[n, 1], k[2])
+            derivative(z, gamma, table[n, 1], k[2])
             stage(y, STEP, k[2], z)
-            derivative(z, table[n, 2], k[3])
+            derivative(z, gamma, table[n, 2], k[3])
             for i in range(SIZE):
                 k[0, i] += 2 * k[1, i] + 2 * k[2, i] + k[3, i]
             stage(y, STEP / 6, k[0], y)
 
-    return trajectory
+    @numba.njit(fastmath=fastmath, parallel=parallel)
+    def trajectories(states, gains, table):
+        for member in numba.prange(len(states)):
+            trajectory(states[member], gains[member], table)
+
+    return trajectories
