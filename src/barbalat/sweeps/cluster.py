@@ -7,6 +7,7 @@ import contextlib
 import multiprocessing
 import re
 import warnings
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
@@ -62,20 +63,14 @@ def connected(scheduler: Scheduler) -> Iterator[Client]:
     validate.require_extra("distributed", "study", "--scheduler")
     import logging
 
-    from distributed import Client, LocalCluster
+    from distributed import Client
 
     logging.getLogger("distributed").setLevel(logging.CRITICAL)  # workers that die are said by what becomes of their chunks
     cluster = None
     if scheduler.address is not None:
         _require_answer(scheduler.address)
     else:
-        cluster = LocalCluster(
-            n_workers=scheduler.workers,
-            threads_per_worker=1,
-            processes=True,
-            dashboard_address=None,
-            silence_logs=logging.CRITICAL,
-        )
+        cluster = _local(scheduler.workers)
     client = Client(scheduler.address or cluster, timeout=PATIENCE, set_as_default=False)
     try:
         yield client
@@ -84,6 +79,19 @@ def connected(scheduler: Scheduler) -> Iterator[Client]:
             client.close(timeout=CLOSING)
         if cluster is not None:
             _close(cluster)
+
+
+def _local(workers: int | None) -> LocalCluster:
+    """Without Dask's profiler, which looks at every thread a hundred times a second."""
+    import logging
+
+    import dask.config
+    from distributed import LocalCluster
+
+    with dask.config.set({"distributed.worker.profile.enabled": False}):
+        return LocalCluster(
+            n_workers=workers, threads_per_worker=1, processes=True, dashboard_address=None, silence_logs=logging.CRITICAL
+        )
 
 
 def _close(cluster: LocalCluster) -> None:
@@ -140,7 +148,7 @@ class Workers:
     study: Study
     client: Client
     tables: dict[int, tuple[Setting, Future]] = field(default_factory=dict)
-    under_way: dict[Future, tuple[_Given, int]] = field(default_factory=dict)
+    under_way: dict[Future, tuple[_Given, int, str | None]] = field(default_factory=dict)
 
     def run(self, chunks: Sequence[Chunk]) -> Iterator[tuple[Chunk, Columns]]:
         """Each with its columns as it is complete, in any order; SchedulerLostError."""
@@ -149,7 +157,7 @@ class Workers:
         waiting, done = iter(chunks), as_completed(loop=self.client.loop)
         self._give_more(waiting, done)
         for future in done:
-            given, place = self.under_way.pop(future)
+            given, place, _ = self.under_way.pop(future)
             result = self._result(future, given)
             if result is None:
                 self._give(given, place, done)
@@ -162,7 +170,7 @@ class Workers:
 
     def _give_more(self, waiting: Iterator[Chunk], done: as_completed) -> None:
         """Until every thread has its work, and more waits."""
-        room = AHEAD * max(self._threads(), 1)
+        room = AHEAD * max(sum(self._threads().values()), 1)
         while len(self.under_way) < room:
             chunk = next(waiting, None)
             if chunk is None:
@@ -172,11 +180,13 @@ class Workers:
                 self._give(given, place, done)
 
     def _give(self, given: _Given, place: int, done: as_completed) -> None:
-        part = given.parts[place]
+        part, worker = given.parts[place], self._least_busy()
         with warnings.catch_warnings():
             warnings.filterwarnings("ignore", "Sending large graph")  # the signals' tables, once for all chunks
-            future = self.client.submit(figures, Sent.of(part), self._table(part), pure=False)
-        self.under_way[future] = given, place
+            future = self.client.submit(
+                figures, Sent.of(part), self._table(part), pure=False, workers=worker, allow_other_workers=worker is not None
+            )
+        self.under_way[future] = given, place, worker
         done.add(future)
 
     def _table(self, part: Part) -> Future:
@@ -187,9 +197,15 @@ class Workers:
             self.tables[key] = part.setting, self.client.submit(kept, Tabulated.of(part), pure=False)
         return self.tables[key][1]
 
-    def _threads(self) -> int:
+    def _least_busy(self) -> str | None:
+        """The worker to go to where it lives on. Left alone, Dask prefers the one that holds the signals already."""
+        busy = Counter(worker for _, _, worker in self.under_way.values())
+        return min(threads := self._threads(), key=lambda one: busy[one] / threads[one], default=None)
+
+    def _threads(self) -> dict[str, int]:
+        """Of each worker, by its address."""
         try:
-            return sum(self.client.nthreads().values())
+            return dict(self.client.nthreads())
         except (OSError, TimeoutError) as error:
             raise SchedulerLostError from error
 
