@@ -19,7 +19,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from barbalat.adaptation.modifications.epsilon_modification import EpsilonModification
 from barbalat.certificates.bounds.model import command_bounds, require_lyapunov, state_bounds
 from barbalat.certificates.bounds.regressor import largest_square
 from barbalat.controllers.mrac_network import Equations
@@ -72,8 +71,8 @@ class Law:
             gamma_v=equations.gamma_v,
             outer_weights=1 + equations.neurons,
             start=float(np.sum(equations.V_0**2)) / equations.gamma_v * OUTWARD_FACTOR,
-            sigma=None if isinstance(leakage, EpsilonModification) else leakage.largest,
-            nu=leakage.nu if isinstance(leakage, EpsilonModification) else None,
+            sigma=leakage.largest if leakage.per_error is None else None,
+            nu=leakage.per_error,
         )
 
     def highest_level(self, F: float, lowest: float, highest: float, p: float) -> float:
@@ -200,6 +199,6 @@ def bounds(problem: Problem, equations: Equations) -> Bounds:
 
 def control_bound(problem: Problem, equations: Equations, W_hat: float) -> float:
     """Of |u|, from that of every outer weight, or of all of them together by the sigma-modification."""
-    e_modified = isinstance(equations.leakage, EpsilonModification)
-    weights = 1 + equations.neurons if e_modified else math.sqrt(1 + equations.neurons)
+    together = equations.leakage.per_error is None
+    weights = math.sqrt(1 + equations.neurons) if together else 1 + equations.neurons
     return (weights * W_hat + float(command_bounds(problem)[0])) * OUTWARD_FACTOR**2
