@@ -23,8 +23,8 @@ LINEAR_REACHES = (2.0, 1.0, 0.5, 0.1)
 """Of a linear one to either side, in sizes of the number itself; of a zero in units."""
 LINEAR_STEPS = 40
 """To either side of a linear slider's beginning."""
-FIXED = ("name", "record_points", "seed", "sample_time")
-"""Keys that are no number of the loop, or say at which instants something happens."""
+FIXED = ("name", "record_points", "seed", "sample_time", "solver")
+"""Keys that hold no number of the loop, or say at which instants something happens."""
 GRID = ("t_end", "dt")
 """Keys of the simulation; their sliders are the page's own."""
 DELAY = FieldPath(("plant", "input", "delay"))

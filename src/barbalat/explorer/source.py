@@ -196,7 +196,7 @@ def _of_object(part: Any, keys: tuple[Key, ...]) -> Iterator[tuple[tuple[Key, ..
     elif isinstance(part, (tuple, list)):
         for i, inner in enumerate(part):
             yield from _of_object(inner, (*keys, i))
-    elif is_dataclass(part) and not isinstance(part, type) and type(part).__name__ != "Tableau":
+    elif is_dataclass(part) and not isinstance(part, type):
         for one in fields(part):
             if one.init and one.name not in FIXED:
                 yield from _of_object(vars(part).get(one.name), (*keys, one.name))
