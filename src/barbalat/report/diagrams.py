@@ -36,6 +36,7 @@ Point = tuple[float, float]
 
 def of_controller(controller: Controller, problem: TrackingProblem) -> Figure | None:
     """The block diagram of a scheme that has one: of L1 output feedback."""
+    # drawn by hand for this one scheme, block by block: no controller could answer with it
     if isinstance(controller, L1Output) and isinstance(problem, OutputProblem):
         return l1_output(controller, problem.plant)
     return None
