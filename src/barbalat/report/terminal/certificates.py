@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import NamedTuple
 
-from barbalat.certificates.assumptions import CONTINUOUS_ONLY
 from barbalat.certificates.cells import PROPERTIES, Column
 from barbalat.certificates.certificate import Certificate
 from barbalat.certificates.entry import Entry
@@ -147,7 +146,7 @@ def _margin(certificate: Certificate) -> Line:
     if not parts:
         return Line("margin", "not known: no stable linear loop describes it", "does not apply")
     text = ", ".join(parts).removesuffix(" at theta")  # alone it need not be told from others
-    if margin is not None and CONTINUOUS_ONLY in margin.assumptions:
+    if margin is not None and margin.unsampled:
         text = f"unsampled: {text}"
     return Line("margin", text, margin.kind if margin is not None and len(parts) == 1 else "estimate")
 
