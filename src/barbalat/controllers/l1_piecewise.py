@@ -24,9 +24,10 @@ from barbalat.problem.state_feedback import Known
 from barbalat.protocols import Sample, Value, kept
 from barbalat.validate import Array, InputError
 
-
-PATENT_NOTE = """This is the piecewise-constant L1 law of published papers; nothing of the flight code L1Quad is used in it. That code names US
-patent 8,712,559 for the law: ask whether it covers your use before you fly it."""
+PATENT_NOTE = (
+    "This is the piecewise-constant L1 law of published papers; nothing of the flight code L1Quad is used in it. That code names\n"
+    "US patent 8,712,559 for the law: ask whether it covers your use before you fly it."
+)
 
 
 class State(NamedTuple):

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from barbalat.pictures.panels import Level, Panel, Series, around, span_of
-from barbalat.problem.known_set import UNREACHED_BOUND, EstimateSet, ParameterProduct, Projecting
+from barbalat.problem.known_set import UNREACHED_BOUND, EstimateSet, Projecting
 from barbalat.problem.state_feedback import Problem
 from barbalat.protocols import DiscretizedEquations
 from barbalat.run.estimates import estimates_of

@@ -16,6 +16,7 @@ from barbalat.validate import Array
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+
 @dataclass(frozen=True)
 class Shown:
     """What one panel shows; ``commanded`` is the record's column of what is wanted of it."""

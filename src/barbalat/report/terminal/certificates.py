@@ -132,8 +132,6 @@ def _bound(certificate: Certificate) -> Line:
 def _margin(certificate: Certificate) -> Line:
     margin, adapting = certificate.entry("delay_margin"), certificate.entry("delay_margin_adapting")
     parts = []
-    if margin is not None and margin.applies:
-        parts.append(f"{_delay(margin.value)} at theta")
     searched = certificate.entry("margins_over_known_set")
     loops = [] if searched is None or not searched.applies else searched.value
     least = [loop["delay_margin"]["value"] for loop in loops if "delay_margin" in loop]
@@ -143,9 +141,11 @@ def _margin(certificate: Certificate) -> Line:
         parts.append(f"{_delay(min(least))} in the set")
     if adapting is not None and adapting.applies:
         parts.append(f"{_delay(adapting.value)} adapting")
+    if margin is not None and margin.applies:  # alone it need not be told from others
+        parts.insert(0, f"{_delay(margin.value)} at theta" if parts else _delay(margin.value))
     if not parts:
         return Line("margin", "not known: no stable linear loop describes it", "does not apply")
-    text = ", ".join(parts).removesuffix(" at theta")  # alone it need not be told from others
+    text = ", ".join(parts)
     if margin is not None and margin.unsampled:
         text = f"unsampled: {text}"
     return Line("margin", text, margin.kind if margin is not None and len(parts) == 1 else "estimate")
