@@ -25,8 +25,8 @@ from barbalat.protocols import Sample, Value, kept
 from barbalat.validate import Array, InputError
 
 PATENT_NOTE = (
-    "This is the piecewise-constant L1 law of published papers; nothing of the flight code L1Quad is used in it. That code names\n"
-    "US patent 8,712,559 for the law: ask whether it covers your use before you fly it."
+    "This is the piecewise-constant L1 law of published papers; nothing of the flight code L1Quad is used in it. That code\n"
+    "names US patent 8,712,559 for the law: ask whether it covers your use before you fly it."
 )
 
 
