@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from barbalat.claims import section_v, stiff
-from barbalat.claims.stiff_methods import Path
-from barbalat.claims.stiff_runs import Row
+from barbalat.claims.stiff_methods import SolverPath
+from barbalat.claims.stiff_runs import StiffRow
 from barbalat.run.simulate import simulate
 from barbalat.solvers.simulation import Simulation
 
@@ -27,18 +27,18 @@ def test_a_code_at_a_loose_tolerance_rings_several_times_too_much():
     assert row.boxed.ringing(*row.span).max() > 4 * right
 
 
-def path(swing: float, *, lost: bool = False) -> Path:
+def path(swing: float, *, lost: bool = False) -> SolverPath:
     least, reached = np.zeros((100, 1)), 0.5 if lost else 1.0
-    return Path(
+    return SolverPath(
         least=least, greatest=least + 2 * swing, final=least[0], reached=reached, lost=lost, evaluations=1, seconds=0.0
     )  # fmt: skip
 
 
-def tried(monkeypatch, *loose: Path) -> SimpleNamespace:
+def tried(monkeypatch, *loose: SolverPath) -> SimpleNamespace:
     """The parts that the readings on codes with automatic steps ask for; the converged solution rings by 1."""
     monkeypatch.setattr(stiff, "PAPER", SimpleNamespace(right=(path(1.0), path(1.0))))
-    right = [Row("tight", "tolerance 1e-07", path(1.0), path(1.0), (0.9, 1.0))]
-    rows = [Row(f"code {i}", "tolerance 0.001", one, one, (0.9, 1.0)) for i, one in enumerate(loose)]
+    right = [StiffRow("tight", "tolerance 1e-07", path(1.0), path(1.0), (0.9, 1.0))]
+    rows = [StiffRow(f"code {i}", "tolerance 0.001", one, one, (0.9, 1.0)) for i, one in enumerate(loose)]
     return SimpleNamespace(automatic=right, longer=right, loose=rows)
 
 

@@ -15,7 +15,7 @@ from barbalat.protocols import Controller, Signal
 from barbalat.run.ensemble import simulate_ensemble
 from barbalat.signals import Chirp, Constant, Recorded, Sines, Square, Steps
 from barbalat.solvers.simulation import Simulation
-from barbalat.study.motion import Motion
+from barbalat.study.motion import ModelMotion
 from barbalat.validate import Array
 
 SEED = 20130820  # any fixed number: the draws are the same on every machine
@@ -113,11 +113,11 @@ def _errors(command: Signal, t_end: float, controller: Controller, h: float) -> 
 
 
 def _largest(command: Signal, t_end: float) -> float:
-    return Motion.of(variant(reference=command), Simulation(t_end=t_end, dt=STEP)).largest
+    return ModelMotion.of(variant(reference=command), Simulation(t_end=t_end, dt=STEP)).largest
 
 
 @dataclass(frozen=True, eq=False)
-class Followed:
+class CommandErrors:
     """What one scheme made of all commands: (commands, 4) max |e| in the quarters of a run, over the largest |x_m|."""
 
     scheme: str
@@ -158,7 +158,7 @@ class Followed:
         )  # fmt: skip
 
 
-def followed(tried: Sequence[tuple[str, Signal]], t_end: float) -> tuple[Followed, Followed]:
+def followed(tried: Sequence[tuple[str, Signal]], t_end: float) -> tuple[CommandErrors, CommandErrors]:
     """The robust MRAC of Figure 2, Theorem 2, and the standard MRAC, Theorem 1 (i)."""
     largest = np.array([[_largest(command, t_end)] for _, command in tried])
     kinds, found = tuple(kind for kind, _ in tried), []
@@ -167,7 +167,7 @@ def followed(tried: Sequence[tuple[str, Signal]], t_end: float) -> tuple[Followe
         (f"the standard MRAC, Gamma = {MRAC_GAIN:g}", Mrac(gamma=MRAC_GAIN), MRAC_STEP),
     ):
         errors = np.array([_errors(command, t_end, controller, h) for _, command in tried])
-        found.append(Followed(scheme, kinds, errors / largest))
+        found.append(CommandErrors(scheme, kinds, errors / largest))
     return found[0], found[1]
 
 
@@ -197,7 +197,7 @@ def claim(*, full: bool = False) -> Claim:
     )  # fmt: skip
 
 
-def _condition(robust: Followed, standard: Followed, t_end: float) -> str:
+def _condition(robust: CommandErrors, standard: CommandErrors, t_end: float) -> str:
     """Which commands the runs have not shown to be followed better and better, where there are some."""
     risen = [f"{each.scheme} with a command that is a {' or a '.join(each.risen)}" for each in (robust, standard) if each.risen]
     large = [each.scheme for each in (robust, standard) if not (each.late < SMALL_ERROR_SHARE).all()]
@@ -211,7 +211,7 @@ def _condition(robust: Followed, standard: Followed, t_end: float) -> str:
     return "; ".join(said)
 
 
-def _listing(of: Followed, t_end: float) -> Listing:
+def _listing(of: CommandErrors, t_end: float) -> Listing:
     names = np.array(of.kinds)
     return Listing(
         f"max |e| over the largest |x_m| in the first, the second and the last quarter of {t_end:g} s, {of.scheme}: the least and the largest of a "

@@ -7,7 +7,7 @@ import numpy as np
 from barbalat.certificates.linear_loops.ideal import fast_adaptation
 from barbalat.claims import section_v
 from barbalat.claims.adapting_margins import DOWNWARDS, GAINS, MARGINS, METHOD, UPWARDS, scan
-from barbalat.claims.claim import Axis, Chart, Claim, Curve, Reading, of_readings, verdict
+from barbalat.claims.claim import Chart, ChartAxis, Claim, Curve, Reading, of_readings, verdict
 from barbalat.linear.margins import margins
 from barbalat.linear.systems import input_filter
 from barbalat.validate import Array
@@ -33,7 +33,7 @@ def gain_reduces_margins() -> Claim:
             "With the filter the margin falls as long as the resonance of the adaptation crosses |L| = 1, and returns to the limit of "
             "fast adaptation, near 1.6 κ here, where it no longer does."
         ),
-        x=Axis("Γr²", GAINS, logarithmic=True),
+        x=ChartAxis("Γr²", GAINS, logarithmic=True),
         quantity="delay margin [s]",
         curves=tuple(Curve(label, GAINS, values) for label, values in curves.items()),
     )

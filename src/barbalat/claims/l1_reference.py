@@ -32,7 +32,7 @@ AT_REST = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
-class Bounds:
+class ReferenceBounds:
     """gamma_1 by the book, with its worst theta; for the case's initial error; for the case's theta, exactly; gamma_2."""
 
     condition: theorem_1.FilterCondition
@@ -42,7 +42,7 @@ class Bounds:
     control: float
 
 
-def bounds() -> Bounds:
+def bounds() -> ReferenceBounds:
     """Of Section V; each is to be divided by sqrt(Gamma)."""
     given, C = section_v.problem(), input_filter(section_v.KAPPA)
     known, theta, realised = given.known, given.plant.theta, C.realise()
@@ -50,7 +50,7 @@ def bounds() -> Bounds:
     nu_0 = theorem_1.nu_0(theorem_1.initial_parameter_error(np.zeros(2), theta), known)
     farthest = 2 * float(np.hypot(5.0, 5.0))  # the book's theta_max is 4 max |theta|^2
     exact = l1_reference.exact_gain(known, realised, theta) * nu_0
-    return Bounds(
+    return ReferenceBounds(
         condition=condition,
         book=l1_reference.reference_error_bound(theorem_1.nu_0(farthest, known), condition, realised),
         case=l1_reference.reference_error_bound(nu_0, condition, realised),
@@ -125,7 +125,7 @@ def claim(*, full: bool = False) -> Claim:
     )  # fmt: skip
 
 
-def _readings(found: Distances, bound: Bounds) -> tuple[Reading, ...]:
+def _readings(found: Distances, bound: ReferenceBounds) -> tuple[Reading, ...]:
     root = np.sqrt(found.gains)
     of_u = local_exponents(found.control, found.gains)
     coarse = run_pair(1e4, section_v.COARSE)
@@ -150,7 +150,7 @@ def _readings(found: Distances, bound: Bounds) -> tuple[Reading, ...]:
     )  # fmt: skip
 
 
-def _listings(found: Distances, bound: Bounds, steps: dict[float, float]) -> tuple[Listing, Listing]:
+def _listings(found: Distances, bound: ReferenceBounds, steps: dict[float, float]) -> tuple[Listing, Listing]:
     root = np.sqrt(found.gains)
     return (
         table(

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from barbalat.claims import section_v
-from barbalat.claims.claim import Axis, Claim, Curve, Map, verdict
+from barbalat.claims.claim import ChartAxis, Claim, Curve, Map, verdict
 from barbalat.claims.section_v import Runs
 from barbalat.claims.variants import figures, span, table
 from barbalat.controllers import Mrac
@@ -96,8 +96,8 @@ def _map(smooth: Result, onset_of_mrac: Array) -> Map:
             "the boundary; the line is drawn before any simulation of these cells, from the solver's limit and the largest |x|. "
             "A cell darker than the rest: a short burst of oscillation has thrown the estimates close to theta, where they vary less."
         ),
-        x=Axis("adaptive gain Γ", MAP_GAINS, logarithmic=True),
-        y=Axis("step h [s]", MAP_STEPS, logarithmic=True),
+        x=ChartAxis("adaptive gain Γ", MAP_GAINS, logarithmic=True),
+        y=ChartAxis("step h [s]", MAP_STEPS, logarithmic=True),
         values=values,
         quantity="variation of the estimates in the tail [1/s]",
         logarithmic=True,

@@ -9,7 +9,7 @@ import numpy as np
 from barbalat.claims import section_v
 from barbalat.claims.claim import Claim, Listing, Reading, of_readings, verdict
 from barbalat.claims.stiff_methods import NEWTON_STEPS, WINDOW, SciPyMethod
-from barbalat.claims.stiff_runs import AGREEMENT_FACTOR, Gain, Row, agrees, cell, listing, rings_too_much
+from barbalat.claims.stiff_runs import AGREEMENT_FACTOR, StiffRow, StiffSetting, agrees, cell, listing, rings_too_much
 from barbalat.claims.variants import numbers
 
 T_END = 20.0
@@ -33,12 +33,16 @@ FULL_BUDGETS: dict[SciPyMethod, int] = {"LSODA": 30_000_000, "BDF": 30_000_000, 
 """Evaluations to ``LONG_AUTOMATIC_END`` at the loose tolerance: more than any of them needs to arrive, or to give up."""
 CONVERGED_STEPS = (1e-6, 5e-7)
 """Steps [s] at which h |lambda| is 0.07 and less: two that agree show what the equations do."""
-PAPER = Gain(1e4, T_END, CONVERGED_STEPS[0], TAIL)
-FIGURE_5 = Gain(1e6, AUTOMATIC_END, 2e-7, LATE_WINDOW)
+PAPER = StiffSetting(1e4, T_END, CONVERGED_STEPS[0], TAIL)
+FIGURE_5 = StiffSetting(1e6, AUTOMATIC_END, 2e-7, LATE_WINDOW)
 """The converged step is 1e-7 s within 0.2 % of the ringing."""
-NEIGHBOURS = (Gain(3e3, 6.0, 1e-6, (4.5, 6.0)), Gain(1e5, 2.0, 2.5e-7, (1.5, 2.0)))
+NEIGHBOURS = (StiffSetting(3e3, 6.0, 1e-6, (4.5, 6.0)), StiffSetting(1e5, 2.0, 2.5e-7, (1.5, 2.0)))
 """Gains around the paper's first one, at each of which RK4 fails at its step of 1e-4 s, for as long as the plain command has time."""
-FURTHER_GAINS = (Gain(3e3, T_END, 1e-6, TAIL), Gain(1e5, T_END, 2.5e-7, TAIL), Gain(1e6, 10.0, 1e-7, (9.9, 10.0)))
+FURTHER_GAINS = (
+    StiffSetting(3e3, T_END, 1e-6, TAIL),
+    StiffSetting(1e5, T_END, 2.5e-7, TAIL),
+    StiffSetting(1e6, 10.0, 1e-7, (9.9, 10.0)),
+)
 """Of ``reproduce --full``; the last is as long as its converged step allows within a quarter of a minute."""
 FULL_COMMAND = (
     f"Gamma = {', '.join(f'{each.gamma:g}' for each in FURTHER_GAINS)} at h = 1e-4 and 1e-5 s over {FURTHER_GAINS[0].t_end:g} s ({FURTHER_GAINS[-1].t_end:g} s at "
@@ -48,21 +52,21 @@ FULL_COMMAND = (
 
 
 @dataclass(frozen=True)
-class Tried:
+class StiffRuns:
     """All that was run, by what it is for."""
 
-    explicit: list[Row]
-    fixed: list[Row]
-    automatic: list[Row]
-    longer: list[Row]
-    loose: list[Row]
-    at_figure_5: list[Row]
-    at_neighbours: tuple[list[Row], ...]
+    explicit: list[StiffRow]
+    fixed: list[StiffRow]
+    automatic: list[StiffRow]
+    longer: list[StiffRow]
+    loose: list[StiffRow]
+    at_figure_5: list[StiffRow]
+    at_neighbours: tuple[list[StiffRow], ...]
 
     @staticmethod
-    def now(*, full: bool = False) -> Tried:
+    def now(*, full: bool = False) -> StiffRuns:
         """What the plain command has time for; in full all codes to the end at the loose tolerance."""
-        return Tried(
+        return StiffRuns(
             explicit=[PAPER.explicit(h) for h in (section_v.COARSE, section_v.FINE)],
             fixed=[
                 PAPER.implicit(section_v.COARSE, midpoint=True),
@@ -86,7 +90,7 @@ class Tried:
 
 def stiff_solvers() -> Claim:
     """At the gains and steps of Figures 3 and 5, where RK4 fails: without projection, and with it as the figures are."""
-    return _claim(Tried.now())
+    return _claim(StiffRuns.now())
 
 
 def stiff_solvers_further() -> Claim:
@@ -109,10 +113,10 @@ def stiff_solvers_further() -> Claim:
         verdict(holds=not all(rows for _, rows in followed), conditional=any(rows for _, rows in followed)),
         f"implicit steps that follow the equations, with projection: {gains}. Automatic steps: {codes}",
     )
-    return _claim(Tried.now(full=True), more, listings=tuple(listings))
+    return _claim(StiffRuns.now(full=True), more, listings=tuple(listings))
 
 
-def _claim(tried: Tried, *more: Reading, listings: tuple[Listing, ...] = ()) -> Claim:
+def _claim(tried: StiffRuns, *more: Reading, listings: tuple[Listing, ...] = ()) -> Claim:
     readings = (*_phenomena(tried), *_automatic(tried), *_singularity(tried), *more)
     right, shown = PAPER.right, [*tried.explicit, *tried.fixed, *tried.automatic, *tried.longer, *tried.loose]
     best = tried.fixed[0]
@@ -145,7 +149,7 @@ def _claim(tried: Tried, *more: Reading, listings: tuple[Listing, ...] = ()) -> 
     )  # fmt: skip
 
 
-def _phenomena(tried: Tried) -> tuple[Reading, ...]:
+def _phenomena(tried: StiffRuns) -> tuple[Reading, ...]:
     """What the paper saw of RK4, of implicit steps of the same size."""
     free, boxed = PAPER.right
     at_paper = [row for row in tried.fixed if row.setting == tried.fixed[0].setting]
@@ -183,7 +187,7 @@ def _phenomena(tried: Tried) -> tuple[Reading, ...]:
     )
 
 
-def _automatic(tried: Tried) -> tuple[Reading, ...]:
+def _automatic(tried: StiffRuns) -> tuple[Reading, ...]:
     """Codes that choose their steps: tight, to where the phenomenon has begun and past the first second on a bound; and loose."""
     tight = tuple(
         Reading(
@@ -204,12 +208,12 @@ def _automatic(tried: Tried) -> tuple[Reading, ...]:
     return (*tight, loose)
 
 
-def _failing(tried: Tried) -> list[Row]:
+def _failing(tried: StiffRuns) -> list[StiffRow]:
     """The runs at the loose tolerance that show something of Figures 3 and 5: more ringing than the equations', or no end."""
     return [row for row in tried.loose if row.boxed.lost or rings_too_much(row.boxed, PAPER.right[1], row.span)]
 
 
-def _condition(tried: Tried) -> str:
+def _condition(tried: StiffRuns) -> str:
     """By what is seen: which codes fail at the loose tolerance, and where none does."""
     said = [
         f"{row.name} {f'gives up at {row.boxed.reached:.4g} s' if row.boxed.lost else 'rings too much'}"
@@ -221,11 +225,11 @@ def _condition(tried: Tried) -> str:
     )
 
 
-def _amplitude(row: Row) -> str:
+def _amplitude(row: StiffRow) -> str:
     return "" if row.boxed.lost else f", by {row.boxed.ringing(*row.span).max():.2g}"
 
 
-def _named(rows: list[Row]) -> str:
+def _named(rows: list[StiffRow]) -> str:
     return ", ".join(row.name for row in rows)
 
 
@@ -235,7 +239,7 @@ NOT_TESTED = (
 )
 
 
-def _singularity(tried: Tried) -> tuple[Reading, ...]:
+def _singularity(tried: StiffRuns) -> tuple[Reading, ...]:
     """What a code says that meets one: its step falls below what doubles can add to t."""
     codes = [*tried.automatic, *tried.longer, *tried.loose]
     gave_up = [f"{row.name}, {row.setting}, at {row.boxed.reached:.4g} s" for row in codes if row.boxed.lost]

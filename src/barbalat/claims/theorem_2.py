@@ -7,9 +7,9 @@ from functools import cache, cached_property
 
 import numpy as np
 
-from barbalat.certificates.linear_loops.frozen import Borne, FrozenLoops, borne
+from barbalat.certificates.linear_loops.frozen import BorneSizes, FrozenLoops, borne
 from barbalat.claims import section_v
-from barbalat.claims.claim import Axis, Chart, Claim, Curve, Map, verdict
+from barbalat.claims.claim import Chart, ChartAxis, Claim, Curve, Map, verdict
 from barbalat.linear.systems import TransferFunction
 from barbalat.problem.modelling_error import DelayError, ModellingError, ScaledError
 from barbalat.solvers.simulation import Simulation
@@ -74,7 +74,7 @@ class TauTradeOff:
         return self.study.tail_errors(*pairs, Simulation(t_end=BOUNDARY_RUN_FACTOR * T_END, dt=STEP)).reshape(len(MULTIPLES), -1)
 
     @cached_property
-    def frozen(self) -> list[Borne]:
+    def frozen(self) -> list[BorneSizes]:
         """What the linear loops bear, for ``FROZEN_TAUS``."""
         return [borne(frozen_loops(float(tau)), self.error) for tau in FROZEN_TAUS]
 
@@ -119,8 +119,8 @@ class TauTradeOff:
             "where it loses stability exactly, with θ̂ = θ; up to where the small-gain theorem shows it stable, with θ̂ = θ, and with the worst "
             "θ̂ of the known set that was found (an estimate; above its end the frozen loop is unstable with some θ̂ even without modelling "
             "error). None of them is a guarantee for the loop that adapts, whose estimates move.",
-            x=Axis(self.axis, SIZES, logarithmic=True),
-            y=Axis("τ [s]", TAUS, logarithmic=True),
+            x=ChartAxis(self.axis, SIZES, logarithmic=True),
+            y=ChartAxis("τ [s]", TAUS, logarithmic=True),
             values=self.limits.tail.T,
             quantity="max |e| in the last quarter",
             logarithmic=True,
@@ -144,7 +144,7 @@ class TauTradeOff:
             title=f"The error along the boundary: {self.title}",
             caption=f"What the smallest τ costs: the largest |e| in the last quarter of runs over {BOUNDARY_RUN_FACTOR * T_END:g} s, at multiples of the τ of "
             "the observed boundary, below which runs are lost. Away from the largest sizes the error is proportional to τ.",
-            x=Axis(self.axis, SIZES, logarithmic=True),
+            x=ChartAxis(self.axis, SIZES, logarithmic=True),
             quantity="max |e| in the last quarter",
             curves=tuple(curves),
             lost="lost beyond, or no τ is borne",

@@ -7,7 +7,7 @@ import numpy as np
 from barbalat.certificates.bounds import theorem_1
 from barbalat.certificates.linear_loops.ideal import fast_adaptation
 from barbalat.claims import section_v
-from barbalat.claims.claim import Axis, Claim, Curve, Map, Reading, of_readings, verdict
+from barbalat.claims.claim import ChartAxis, Claim, Curve, Map, Reading, of_readings, verdict
 from barbalat.claims.variants import figures, numbers, variant
 from barbalat.controllers import Mrac
 from barbalat.linear.largest import largest
@@ -107,8 +107,8 @@ def _map() -> Map:
             "is stable over the whole height of the map. Below the lower line Theorem 1's condition is certified; the upper one is where "
             "the limit loop of fast adaptation loses stability."
         ),
-        x=Axis("filter time constant κ [s]", KAPPAS, logarithmic=True),
-        y=Axis("size s of the parameters, θ = s [4, −3]", SCALES, logarithmic=True),
+        x=ChartAxis("filter time constant κ [s]", KAPPAS, logarithmic=True),
+        y=ChartAxis("size s of the parameters, θ = s [4, −3]", SCALES, logarithmic=True),
         values=tail.reshape(len(SCALES), len(KAPPAS)),
         quantity="max |e| in the tail",
         logarithmic=True,

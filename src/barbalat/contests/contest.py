@@ -26,7 +26,7 @@ from barbalat.problem.tracking import TrackingProblem
 from barbalat.run.progress import Progress, part_of
 from barbalat.solvers.simulation import Simulation
 from barbalat.study.delay_search import Criterion
-from barbalat.study.motion import REST_SENTENCE, Motion
+from barbalat.study.motion import REST_SENTENCE, ModelMotion
 from barbalat.study.tradeoff import plants_of
 from barbalat.tuning.trial import Plants
 from barbalat.validate import InputError
@@ -190,6 +190,6 @@ def _notes(problem: Problem, simulation: Simulation, tuned: Sequence[Qualified])
     for one in tuned:
         if one.at_edge:
             said.append(f"{one.name}: {' and '.join(one.at_edge)} at the end of what was searched; beyond it may be better")
-    if Motion.of(problem, simulation).comes_to_rest:
+    if ModelMotion.of(problem, simulation).comes_to_rest:
         said.append(REST_SENTENCE)
     return said

@@ -21,7 +21,7 @@ from barbalat.solvers.simulation import Simulation
 from barbalat.study.criteria import tail_error, tracks
 from barbalat.study.delay_borne import Question
 from barbalat.study.ideal_benchmark import Ideals, Member
-from barbalat.study.motion import Motion
+from barbalat.study.motion import ModelMotion
 from barbalat.study.tradeoff import plants_of
 from barbalat.sweeps.evidence import Share
 from barbalat.validate import Array
@@ -181,7 +181,7 @@ def _measured(
 ) -> HeldOut:
     """Errors with the noise, what is borne without it."""
     metrics = simulate_ensemble(members, simulation, numbers=streams, threads=threads).metrics
-    motion = Motion.of(members[0][0], simulation)  # one command, one model
+    motion = ModelMotion.of(members[0][0], simulation)  # one command, one model
     lost = ~tracks(tail_error(metrics), np.full(len(members), motion.largest))
     alone = simulate_ensemble(silent, simulation, numbers=streams, threads=threads).metrics
     borne = {}
@@ -209,7 +209,7 @@ def _find(ideals: Ideals, members: Sequence[Member], streams: Array) -> None:
         ideals.find(*(list(part) for part in zip(*new, strict=True)))
 
 
-def _relative(metrics: Metrics, motion: Motion) -> Array:
+def _relative(metrics: Metrics, motion: ModelMotion) -> Array:
     return np.asarray(np.linalg.norm(metrics.rms_e, axis=1) / motion.rms)
 
 

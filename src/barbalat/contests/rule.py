@@ -14,7 +14,7 @@ from barbalat.solvers.simulation import Simulation
 from barbalat.study.delay_search import LARGEST_GAIN_ERROR, LONGEST_DELAY, Criterion
 from barbalat.study.ideal_benchmark import SHORTEST_DELAY_STEPS
 from barbalat.tuning.aim import Aim
-from barbalat.tuning.quantity import Constraint, Quantity
+from barbalat.tuning.quantity import Constraint, TunedQuantity
 from barbalat.tuning.search import least_trials
 from barbalat.validate import InputError
 
@@ -68,7 +68,7 @@ class Rule(Settings):
     @property
     def aim(self) -> Aim:
         """The same as what a tuning is for."""
-        quantity = Quantity(OBJECTIVE, larger_is_worse=True)
+        quantity = TunedQuantity(OBJECTIVE, larger_is_worse=True)
         return Aim(quantity=quantity, constraints=self.constraints, plants=self.plants, seed=self.seed)
 
     def require_steps(self, simulation: Simulation) -> None:

@@ -6,7 +6,7 @@ from html import escape
 
 from barbalat.cases.build import Case
 from barbalat.certificates.overview import certified_case
-from barbalat.report.certificates import Row, rows
+from barbalat.report.certificates import CertificateRow, rows
 
 HEAD = "<tr>" + "".join(f'<th scope="col">{name}</th>' for name in ("quantity", "value", "kind", "meaning")) + "</tr>"
 
@@ -26,6 +26,6 @@ def section(case: Case) -> str:
     return f'<h2>Certificates of the case</h2><p class="note">{note}</p>{"".join(parts)}'
 
 
-def _row(row: Row) -> str:
+def _row(row: CertificateRow) -> str:
     cells = "".join(f"<td>{escape(text)}</td>" for text in (row.value, row.kind, row.meaning))
     return f'<tr><th scope="row">{escape(row.quantity)}</th>{cells}</tr>'

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from barbalat.cases.load import CaseText, text_to_start_from
 from barbalat.claims.claim import Claim
-from barbalat.explorer.explorer import Contents, Explorer
+from barbalat.explorer.explorer import Explorer, PageContents
 from barbalat.explorer.lessons import BoundedGoal, FigureGoal, Lesson, SettingGoal, UnprojectedGoal
 from barbalat.explorer.source import TextSource
 
@@ -173,7 +173,7 @@ def explorer(file: str) -> Explorer:
     return Explorer(TextSource(CaseText(late(text) if PAGES[file] is WITH_A_DELAY else text)), PAGES[file])
 
 
-def contents(file: str) -> Contents:
+def contents(file: str) -> PageContents:
     """Of the page of that name, before anything is measured: another process can make it."""
     return explorer(file).contents
 

@@ -22,7 +22,7 @@ from barbalat.study.delay_margin import DelayMargins, delay_margins_ensemble
 from barbalat.study.forecast import Cost, Forecast
 from barbalat.study.ideal_benchmark import SHORTEST_DELAY_STEPS
 from barbalat.study.knobs import default_knobs
-from barbalat.study.motion import REST_SENTENCE, Motion
+from barbalat.study.motion import REST_SENTENCE, ModelMotion
 from barbalat.validate import Array, InputError
 
 if TYPE_CHECKING:
@@ -142,7 +142,7 @@ def trade_off(
     forecast = Forecast({name: cost.seconds(len(members[name]), plants, simulation.steps) for name, cost in expected.items()})
     if estimate is not None:
         estimate(time.perf_counter() - started + sum(forecast.expected.values()))
-    motion, criteria = Motion.of(problem, simulation), (onset or Onset(), lost or Lost())
+    motion, criteria = ModelMotion.of(problem, simulation), (onset or Onset(), lost or Lost())
     found = []
     for k in chosen:
         begun, group = time.perf_counter(), members[k.scheme]

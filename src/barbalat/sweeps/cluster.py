@@ -17,7 +17,7 @@ from barbalat.run.metrics import Metrics
 from barbalat.sweeps.chunks import Chunk
 from barbalat.sweeps.sent import Sent, Tabulated, figures, kept
 from barbalat.sweeps.setting import Setting
-from barbalat.sweeps.study import Columns, Part, Study
+from barbalat.sweeps.study import Columns, Study, StudyPart
 from barbalat.validate import InputError
 
 if TYPE_CHECKING:
@@ -128,7 +128,7 @@ class _Given:
     """A chunk that is under way: its parts, and the figures of those that have run."""
 
     chunk: Chunk
-    parts: list[Part]
+    parts: list[StudyPart]
     found: dict[int, list[Metrics]] = field(default_factory=dict)
     deaths: int = 0
 
@@ -179,7 +179,7 @@ class Workers:
         self.under_way[future] = given, place
         done.add(future)
 
-    def _table(self, part: Part) -> Future:
+    def _table(self, part: StudyPart) -> Future:
         key = id(part.setting)
         if key not in self.tables:
             if len(self.tables) >= MOST_TABLES:

@@ -75,7 +75,7 @@ def sensitivities(rows: Rows, controllers: Sequence[str], plan: Plan) -> tuple[l
     return found, notes
 
 
-class Index(NamedTuple):
+class SensitivityIndex(NamedTuple):
     """What a ``Sensitivity`` says, of whichever figure."""
 
     path: FieldPath
@@ -86,14 +86,14 @@ class Index(NamedTuple):
     estimator: str
 
 
-def _figure(rows: Rows, name: str, plan: Plan) -> tuple[int, list[Index]]:
+def _figure(rows: Rows, name: str, plan: Plan) -> tuple[int, list[SensitivityIndex]]:
     """How many members lack it, and its indices where none does and where it varies at all."""
     values = rows.column(name)
     lacking = int((~np.isfinite(values)).sum())
     return lacking, list(_of(rows, values, plan)) if not lacking and values.min() < values.max() else []
 
 
-def _of(rows: Rows, values: Array, plan: Plan) -> Iterator[Index]:
+def _of(rows: Rows, values: Array, plan: Plan) -> Iterator[SensitivityIndex]:
     if plan.design is Design.SALTELLI:
         yield from _saltelli(values, plan)
         return
@@ -102,12 +102,12 @@ def _of(rows: Rows, values: Array, plan: Plan) -> Iterator[Index]:
     for i, path in enumerate(plan.axes):
         others = tuple(k for k in range(by_point.ndim) if k != i)
         share = float(by_point.mean(axis=others).var()) / total
-        yield Index(path, share, share, share, None, FACTORIAL)
+        yield SensitivityIndex(path, share, share, share, None, FACTORIAL)
     if plan.members >= FEWEST_DRAWS and find_spec("SALib") is not None:
         yield from _drawn(rows, by_point, plan, total)
 
 
-def _drawn(rows: Rows, by_point: Array, plan: Plan, total: float) -> Iterator[Index]:
+def _drawn(rows: Rows, by_point: Array, plan: Plan, total: float) -> Iterator[SensitivityIndex]:
     """Of what is drawn: of the mean over the grid, whose variance is a part of the whole."""
     from SALib.analyze import rbd_fast
 
@@ -122,10 +122,10 @@ def _drawn(rows: Rows, by_point: Array, plan: Plan, total: float) -> Iterator[In
     found = rbd_fast.analyze(problem, given, mean[:count], num_resamples=RESAMPLES, conf_level=CONFIDENCE, seed=plan.seed)
     for path, first, half in zip(plan.draws, found["S1"], found["S1_conf"], strict=True):
         low, high = float(part * (first - half)), float(part * (first + half))
-        yield Index(path, float(part * first), low, high, None, RBD_FAST)
+        yield SensitivityIndex(path, float(part * first), low, high, None, RBD_FAST)
 
 
-def _saltelli(values: Array, plan: Plan) -> Iterator[Index]:
+def _saltelli(values: Array, plan: Plan) -> Iterator[SensitivityIndex]:
     from scipy.stats import sobol_indices
 
     n, d = plan.members, len(plan.draws)
@@ -136,4 +136,4 @@ def _saltelli(values: Array, plan: Plan) -> Iterator[Index]:
     first, whole = np.atleast_2d(found.first_order)[0], np.atleast_2d(found.total_order)[0]
     low, high = np.atleast_2d(spread.low)[0], np.atleast_2d(spread.high)[0]
     for i, path in enumerate(plan.draws):
-        yield Index(path, float(first[i]), float(low[i]), float(high[i]), float(whole[i]), SALTELLI)
+        yield SensitivityIndex(path, float(first[i]), float(low[i]), float(high[i]), float(whole[i]), SALTELLI)

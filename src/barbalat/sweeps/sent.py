@@ -20,7 +20,7 @@ from barbalat.run.members import Members
 from barbalat.run.metrics import Metrics
 from barbalat.run.noise import standard_normal
 from barbalat.solvers.simulation import Simulation
-from barbalat.sweeps.study import Part
+from barbalat.sweeps.study import StudyPart
 from barbalat.validate import Array, InputError
 
 COMPARED = ("numpy", "scipy", "casadi", "llvmlite")
@@ -37,7 +37,7 @@ class Tabulated:
     final: Array
 
     @classmethod
-    def of(cls, part: Part) -> Tabulated:
+    def of(cls, part: StudyPart) -> Tabulated:
         simulation = part.setting.simulation
         (in_pieces,) = {one.program.shape.in_pieces for one in part.members}
         made = Evaluated(part.setting.signals, simulation, in_pieces)
@@ -60,7 +60,7 @@ class Sent:
     noise: str | None
 
     @classmethod
-    def of(cls, part: Part) -> Sent:
+    def of(cls, part: StudyPart) -> Sent:
         noisy = any(one.seeds is not None for one in part.members)
         plain = tuple(replace(one, signals=()) for one in part.members)
         return cls(plain, part.setting.simulation, versions(), noise_made() if noisy else None)

@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from barbalat.sweeps.chunks import Chunk, chunks_of
-from barbalat.sweeps.stored import INDEX, KEY, Index, StoredRows, name_of, read_index, require_same
+from barbalat.sweeps.stored import INDEX, KEY, StoredRows, StoreIndex, name_of, read_index, require_same
 from barbalat.sweeps.study import OSCILLATED, Columns
 from barbalat.validate import InputError
 
@@ -39,7 +39,7 @@ class Store:
     """
 
     folder: Path
-    index: Index
+    index: StoreIndex
     damaged: tuple[str, ...] = ()
 
     @property
@@ -114,7 +114,7 @@ def opened(folder: Path, identity: dict[str, Any], members: int, chunk: int) -> 
                     raise InputError(
                         f"the store {str(folder)!r} holds other files, such as {foreign[0]!r}: choose another folder"
                     )
-                yield Store(folder, Index.new(identity, members, chunk))
+                yield Store(folder, StoreIndex.new(identity, members, chunk))
             else:
                 require_same(folder, index, identity)
                 damaged = tuple(name for name, file in index.files.items() if not _intact(folder / name, file["sha256"]))

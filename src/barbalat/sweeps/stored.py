@@ -34,7 +34,7 @@ NAMED = {
 
 
 @dataclass(frozen=True)
-class Index:
+class StoreIndex:
     """What is stored: ``files`` by their names, each with its first member, how many, and its SHA-256."""
 
     identity: dict[str, Any]
@@ -44,7 +44,7 @@ class Index:
     files: dict[str, dict[str, Any]]
 
     @classmethod
-    def new(cls, identity: dict[str, Any], members: int, chunk: int) -> Index:
+    def new(cls, identity: dict[str, Any], members: int, chunk: int) -> StoreIndex:
         packages = ("numpy", "scipy", "casadi", "llvmlite", "pyarrow")
         versions = {"barbalat": barbalat.__version__, "python": sys.version.split()[0]}
         return cls(identity, members, chunk, versions | {name: metadata.version(name) for name in packages}, {})
@@ -64,7 +64,7 @@ def require_parquet(purpose: str = "a store") -> None:
         validate.require_extra(module, "study", purpose)
 
 
-def read_index(folder: Path) -> Index | None:
+def read_index(folder: Path) -> StoreIndex | None:
     """None where there is none; InputError where it can't be read."""
     from pyarrow import ArrowException, parquet
 
@@ -75,7 +75,7 @@ def read_index(folder: Path) -> Index | None:
         text = found[KEY]
         if hashlib.sha256(text).hexdigest().encode() != found[KEY + b".sha256"]:
             raise ValueError("its checksum differs")
-        return Index(**json.loads(text))
+        return StoreIndex(**json.loads(text))
     except (ArrowException, OSError, ValueError, LookupError, TypeError) as error:
         if isinstance(error, PermissionError):
             raise InputError(f"the store {str(folder)!r} cannot be read: {error.strerror}") from None
@@ -93,7 +93,7 @@ def row_of(folder: Path, identity: dict[str, Any], member: int) -> dict[str, flo
     return StoredRows(folder, index).row(member)
 
 
-def require_same(folder: Path, index: Index, identity: dict[str, Any]) -> None:
+def require_same(folder: Path, index: StoreIndex, identity: dict[str, Any]) -> None:
     """InputError where the store is another sweep's, with what differs."""
     for key, what in NAMED.items():
         if index.identity.get(key) != identity[key]:
@@ -104,7 +104,7 @@ def require_same(folder: Path, index: Index, identity: dict[str, Any]) -> None:
 class StoredRows:
     """The columns of a store's files, some of them read together."""
 
-    def __init__(self, folder: Path, index: Index) -> None:
+    def __init__(self, folder: Path, index: StoreIndex) -> None:
         from pyarrow import parquet
 
         self.folder, self.index = folder, index

@@ -15,7 +15,7 @@ from barbalat.problem.state_feedback import Problem
 from barbalat.run.progress import Progress
 from barbalat.study.tradeoff import pareto_front, plants_of
 from barbalat.tuning.quantity import Constraint, Origin
-from barbalat.tuning.result import HeldOut, Point, Tuned
+from barbalat.tuning.result import Point, Tuned, UnseenPlants
 from barbalat.tuning.space import Space
 from barbalat.tuning.trial import Plants, Trial
 from barbalat.tuning.trials import Trials
@@ -106,7 +106,7 @@ def _point(trials: Trials, space: Space, trial: Trial) -> Point:
     return Point(tuning=known, value=trial.value, found=trial.found, meets=trial.meets(trials.aim))
 
 
-def _held_out(trials: Trials, made: Case) -> HeldOut | None:
+def _held_out(trials: Trials, made: Case) -> UnseenPlants | None:
     """On plants drawn by another seed; nothing where no run tells anything, or there is no set to draw from."""
     problem, aim = made.problem, trials.aim
     told = [one for one in aim.quantities if one.origin is not Origin.CERTIFICATE]
@@ -117,7 +117,7 @@ def _held_out(trials: Trials, made: Case) -> HeldOut | None:
     values = trials.on_other_plants(made, plants, told[0], None)
     broken = {one: _broken(trials, made, plants, one) for one in aim.constraints if one.quantity in told}
     signs = values if told[0].larger_is_worse else -values
-    return HeldOut(
+    return UnseenPlants(
         quantity=told[0].name,
         thetas=np.array([other.parameters for other in others]),
         values=values,

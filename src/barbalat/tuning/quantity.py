@@ -53,7 +53,7 @@ class Origin(Enum):
 
 
 @dataclass(frozen=True)
-class Quantity:
+class TunedQuantity:
     """A figure of ``run --json``, with an index or for all components, or a key of ``certify --json``.
 
     larger_is_worse  which side of several components, plants, or of an enclosure is the one that counts
@@ -152,13 +152,13 @@ class Constraint:
     """A requirement of a tuning."""
 
     requirement: Requirement
-    quantity: Quantity
+    quantity: TunedQuantity
 
     @classmethod
     def parse(cls, text: str) -> Constraint:
         """InputError for what can't be parsed, or asks for nothing that a search can keep."""
         requirement = Requirement.parse(text)
-        quantity = Quantity(requirement.figure, larger_is_worse=requirement.sign.startswith("<"))
+        quantity = TunedQuantity(requirement.figure, larger_is_worse=requirement.sign.startswith("<"))
         if quantity.origin is Origin.PROBE:
             least = PROBES[quantity.name].none
             if quantity.larger_is_worse or requirement.limit <= least:

@@ -15,7 +15,7 @@ from barbalat.study.ideal_benchmark import Member
 from barbalat.sweeps.varied import Varied
 from barbalat.tuning.aim import Aim
 from barbalat.tuning.probing import Probing
-from barbalat.tuning.quantity import PROBES, Constraint, Origin, Quantity
+from barbalat.tuning.quantity import PROBES, Constraint, Origin, TunedQuantity
 from barbalat.tuning.search import FAR
 from barbalat.tuning.trial import Plants, Trial
 from barbalat.validate import Array, InputError
@@ -101,7 +101,7 @@ class Trials:
             for trial, value in zip(group, constraint.quantity.over_plants(values, self.aim.quantile), strict=True):
                 trial.found[constraint] = float(value)
 
-    def on_other_plants(self, case: Case, plants: Plants, quantity: Quantity, limit: float | None) -> Array:
+    def on_other_plants(self, case: Case, plants: Plants, quantity: TunedQuantity, limit: float | None) -> Array:
         """(P,) a quantity of one case on these."""
         others = replace(self, shared=plants, quiet=None, all=[], runs=0)
         trial = Trial(np.zeros(0), case)
@@ -185,7 +185,7 @@ class Trials:
             else:
                 trial.quiet = own
 
-    def _values(self, quantity: Quantity, group: Sequence[Trial], asked: float | None, looking: Looking) -> Array:
+    def _values(self, quantity: TunedQuantity, group: Sequence[Trial], asked: float | None, looking: Looking) -> Array:
         """(K, P); of probes up to what is asked, or all that is borne."""
         plants, members = self._members(group, quantity.origin)
         probed = self.quiet and quantity.origin is Origin.PROBE

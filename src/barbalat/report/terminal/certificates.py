@@ -9,7 +9,7 @@ from barbalat.certificates.cells import PROPERTIES, Column
 from barbalat.certificates.certificate import Certificate
 from barbalat.certificates.entry import Entry
 from barbalat.certificates.rounding import up
-from barbalat.certificates.table_1 import Table
+from barbalat.certificates.table_1 import Table1
 from barbalat.report.certificates import rows_of
 from barbalat.report.terminal.layout import FALLBACK, HANGING_COLUMNS, Screen, held, shortened
 
@@ -42,7 +42,7 @@ class Line(NamedTuple):
     kind: str
 
 
-def show(screen: Screen, case: str, certificates: Mapping[str, Certificate], table: Table, dt: float | None) -> None:
+def show(screen: Screen, case: str, certificates: Mapping[str, Certificate], table: Table1, dt: float | None) -> None:
     """Five lines for each controller, each of them one line from 80 columns on; then what was noted, once each."""
     screen.line(case, "bold")
     for column in table.columns:
@@ -63,7 +63,7 @@ def _notes(screen: Screen, certificates: Mapping[str, Certificate]) -> None:
         screen.line(f"{of}: {note}" if of else note, indent="    ", start="  ")
 
 
-def show_full(screen: Screen, case: str, certificates: Mapping[str, Certificate], table: Table, dt: float | None) -> None:
+def show_full(screen: Screen, case: str, certificates: Mapping[str, Certificate], table: Table1, dt: float | None) -> None:
     """The five lines and everything behind them, then Table 1."""
     screen.line(case, "bold")
     for column in table.columns:
@@ -213,7 +213,7 @@ def _group(entry: Entry) -> str:
     return "searched" if entry.key == "margins_over_known_set" and entry.applies else entry.kind
 
 
-def _table_1(screen: Screen, table: Table) -> None:
+def _table_1(screen: Screen, table: Table1) -> None:
     screen.title("Table 1: what is guaranteed")
     room = max(len(screen.name(column.name)) for column in table.columns)
     for key, title in PROPERTIES.items():
