@@ -14,7 +14,7 @@ from barbalat.solvers.simulation import Simulation
 
 def test_a_code_at_a_loose_tolerance_rings_several_times_too_much():
     """CVODES' estimates swing by 1.8 within 10 ms, those of RK4 at h = 1e-6 s by 0.4."""
-    (row,) = stiff.PAPER.automatic({}, tolerance=stiff.LOOSE_TOLERANCES[0], t_end=stiff.LOOSE_END)
+    (row,) = stiff.PAPER_SETTING.automatic({}, tolerance=stiff.LOOSE_TOLERANCES[0], t_end=stiff.LOOSE_END)
     assert not row.boxed.lost and row.boxed.reached == stiff.LOOSE_END
     simulation = Simulation(t_end=stiff.LOOSE_END, dt=1e-6, record_points=4000)
     (run,) = simulate(section_v.problem(), [section_v.l1("L1", 1e4)], simulation).values()

@@ -27,9 +27,9 @@ GAINS = np.geomspace(1e-6, 1e8, 43)
 """Gamma r^2, three in a decade: from where the adaptation is too slow to matter, beyond Gamma = 1e4 at r = 50."""
 KAPPAS = np.geomspace(1e-3, 0.4, 12)
 """The last is too slow for Section V's plant: the filtered loop is unstable."""
-CREST = 50.0
+COMMAND_CREST = 50.0
 """Of Section V's command."""
-FIGURE_3_GAIN = 1e4 * CREST**2
+FIGURE_3_GAIN = 1e4 * COMMAND_CREST**2
 """Gamma r^2 at Figure 3's gain and the crest of its command."""
 TOLD_GAINS = (0.01, 100.0, FIGURE_3_GAIN)
 """Gamma r^2 at which the readings tell the margins: slow adaptation, where L1-AC's delay margin is near its least, Figure 3's."""
@@ -110,7 +110,7 @@ def _reading(name: str, moderate: Array) -> Reading:
     said = f"the filter raises it at {int(raised.sum())} of {len(raised)} gains"
     if raised.any():
         first, last = GAINS[raised][0], GAINS[raised][-1]
-        said += f", Gamma r^2 = {first:.2g} to {last:.2g}, that is Gamma = {first / CREST**2:.2g} to {last / CREST**2:.2g} at r = {CREST:g}"
+        said += f", Gamma r^2 = {first:.2g} to {last:.2g}, that is Gamma = {first / COMMAND_CREST**2:.2g} to {last / COMMAND_CREST**2:.2g} at r = {COMMAND_CREST:g}"
     at = "; ".join(f"{_changed(name, gain)} at Gamma r^2 = {gain:.3g}" for gain in TOLD_GAINS)
     return Reading(
         f"the {name} of the loop that adapts: exact, around constant commands",

@@ -23,14 +23,14 @@ DRAWS, MORE_DRAWS = 2, 12
 """Of each kind, by the plain command and by ``--full``."""
 LARGEST_COMMAND = 50.0
 """|r| of Section V."""
-T_END, LONGER = 400.0, 1600.0
+T_END, LONGER_T_END = 400.0, 1600.0
 STEP = 2e-3
 """20 times below what the fastest dynamics, those of tau, need for RK4's fourth order to show; jumps are met exactly."""
 MRAC_GAIN, MRAC_STEP = 0.01, 5e-3
 """Of the standard MRAC: slow enough for a first quarter in which there is an error to fall from, and h omega_a = 0.35 at |x| = 50."""
 SMALL_ERROR_SHARE = 1e-3
 """Of the largest |x_m|: what counts as close to zero at the end."""
-ROUNDING = 1e-12
+ROUNDING_SHARE = 1e-12
 """Of the largest |x_m|: an error below it is zero as doubles have it, and falls no further."""
 ONE_OVER_T = 1 / 3
 """The start of the second quarter over that of the last."""
@@ -131,7 +131,7 @@ class CommandErrors:
     @property
     def ratios(self) -> Array:
         """The last quarter's over the second's; zero where the last is nothing but rounding."""
-        return np.where(self.late < ROUNDING, 0.0, self.late / self.quarters[:, 1])
+        return np.where(self.late < ROUNDING_SHARE, 0.0, self.late / self.quarters[:, 1])
 
     @property
     def risen(self) -> tuple[str, ...]:
@@ -173,7 +173,7 @@ def followed(tried: Sequence[tuple[str, Signal]], t_end: float) -> tuple[Command
 
 def claim(*, full: bool = False) -> Claim:
     """The error at the end for every command, and that it is smaller than it was."""
-    t_end = LONGER if full else T_END
+    t_end = LONGER_T_END if full else T_END
     tried = commands(MORE_DRAWS if full else DRAWS, t_end)
     robust, standard = followed(tried, t_end)
     readings = (*robust.readings, *standard.readings)
@@ -186,14 +186,14 @@ def claim(*, full: bool = False) -> Claim:
         f"{robust.ratios.min():.1g} to {robust.ratios.max():.2g} of what it was, slowest: {tried[slowest][0]}; 1/t makes {ONE_OVER_T:.2g}, the paper names no rate. "
         f"The standard MRAC's: {standard.late.max():.2g} at most, since the second quarter {standard.ratios.max():.2g} of what it was",
         f"Section V, tau = 0.5 s, sign of (14) corrected, RK4, h = {STEP:g} s, |r| <= {LARGEST_COMMAND:g}, seed {SEED}. 'Any' can't be run: tested were "
-        f"{', '.join(KINDS)}, {len(tried) // len(KINDS)} each. MRAC: h = {MRAC_STEP:g} s. An error below {ROUNDING:g} of |x_m| counts as fallen. Not tested: commands without a bound",
+        f"{', '.join(KINDS)}, {len(tried) // len(KINDS)} each. MRAC: h = {MRAC_STEP:g} s. An error below {ROUNDING_SHARE:g} of |x_m| counts as fallen. Not tested: commands without a bound",
         listings=tuple(_listing(each, t_end) for each in (robust, standard)),
         number=f"largest final |e| over the largest |x_m|, of {len(tried)} commands: robust MRAC {robust.late[worst]:.2g}, MRAC {standard.late.max():.2g}",
         readings=readings,
         condition=_condition(robust, standard, t_end),
         would_change="confirmed: longer runs in which no command's error is larger in the last quarter than in the second; not confirmed: a command whose "
         "error does not go to zero. Both theorems have proofs, which cover all commands; a run never does",
-        sharpened=f"{MORE_DRAWS} commands of each kind over {LONGER:g} s, for both schemes",
+        sharpened=f"{MORE_DRAWS} commands of each kind over {LONGER_T_END:g} s, for both schemes",
     )  # fmt: skip
 
 

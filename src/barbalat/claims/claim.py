@@ -13,7 +13,7 @@ from barbalat.validate import Array, InputError
 
 Verdict = Literal["confirmed", "confirmed with conditions", "not confirmed", "erratum"]
 """The contract's words."""
-CONFIRMED: tuple[Verdict, ...] = ("confirmed", "confirmed with conditions")
+CONFIRMED_VERDICTS: tuple[Verdict, ...] = ("confirmed", "confirmed with conditions")
 """Those that ask for no second look."""
 
 

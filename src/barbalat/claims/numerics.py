@@ -32,7 +32,7 @@ def come_and_go(runs: Runs) -> Claim:
                 {
                     "figure": ("3", "4", "5"),
                     "Gamma": (1e4, 1e4, 1e6),
-                    "h [s]": (section_v.COARSE, section_v.FINE, section_v.FINE),
+                    "h [s]": (section_v.COARSE_STEP, section_v.FINE_STEP, section_v.FINE_STEP),
                     "first": [rate[0] for rate in rates],
                     "second": [rate[1] for rate in rates],
                 },

@@ -87,7 +87,11 @@ def _map(smooth: Result, onset_of_mrac: Array) -> Map:
     unstable = values > SWEEP_RATE
     some = unstable.any(axis=1)
     first = MAP_GAINS[unstable.argmax(axis=1)] * (MAP_GAINS[0] / MAP_GAINS[1]) ** 0.5  # the cell's left edge
-    of_the_paper = {"Figure 3": (1e4, section_v.COARSE), "Figure 4": (1e4, section_v.FINE), "Figure 5": (1e6, section_v.FINE)}
+    of_the_paper = {
+        "Figure 3": (1e4, section_v.COARSE_STEP),
+        "Figure 4": (1e4, section_v.FINE_STEP),
+        "Figure 5": (1e6, section_v.FINE_STEP),
+    }
     return Map(
         key="gain-step",
         title="L1-AC in Section V: where the estimates oscillate",

@@ -23,7 +23,7 @@ WEAK_REGRESSORS = (0.3, 0.1, 0.03)
 LEARNT_BIAS = 5.0
 """Inside the width of Section V's set."""
 GRADIENT_GAIN = 10.0
-GROWTH = 1.5
+BOUNDED_GROWTH = 1.5
 """Constants that grow by no more from one signal to the next have a bound; those of pure least squares grow tenfold."""
 
 
@@ -159,4 +159,4 @@ def _left(law: ScalarLaw) -> Array:
 
 
 def _bounded(found: Array) -> bool:
-    return bool((found[1:] <= GROWTH * found[:-1]).all())
+    return bool((found[1:] <= BOUNDED_GROWTH * found[:-1]).all())

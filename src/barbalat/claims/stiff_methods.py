@@ -36,7 +36,7 @@ NEWTON_STEPS = 3
 LARGEST_RESIDUAL = 1e-6
 DIVERGED_ESTIMATE = 1e3
 """An estimate as large as that has diverged: the converged ones stay below 9, their bounds are 5."""
-WINDOW = 0.01
+RINGING_WINDOW = 0.01
 """[s]: dozens of periods of the adaptation, and little of the command's motion."""
 REPORT_STEP = 5e-5
 """[s] between the points at which CVODES reports: 15 or more in a period of the adaptation."""
@@ -64,7 +64,7 @@ class SolverPath:
 
     def ringing(self, start: float, end: float) -> Array:
         """Half the largest swing of each estimate within one WINDOW of [start, end] s: (n,), NaN where nothing is known."""
-        chosen = slice(round(start / WINDOW), round(end / WINDOW))
+        chosen = slice(round(start / RINGING_WINDOW), round(end / RINGING_WINDOW))
         swings = (self.greatest - self.least)[chosen]
         return np.asarray(np.where(np.isfinite(swings).any(axis=0), np.nanmax(swings, axis=0, initial=0.0) / 2, np.nan))
 
@@ -79,7 +79,7 @@ def implicit(
     """
     started = time.process_time()
     rows, size = loop.theta_hat_rows, loop.size
-    n, blocks, steps = rows.stop - rows.start, round(t_end / WINDOW), round(WINDOW / h)
+    n, blocks, steps = rows.stop - rows.start, round(t_end / RINGING_WINDOW), round(RINGING_WINDOW / h)
     shape = LoopShape(size, 2 * n + 1, 2 * n, 1)
     resets = (np.inf,) * n + (-np.inf,) * n + (0.0,)
     kernel = Kernel(optimize(read(_implicit_step(loop, h, weight))), shape, resets, lanes=2)
@@ -94,7 +94,7 @@ def implicit(
         least, greatest, residual = np.split(out[:, size:, lane], [n, 2 * n], axis=1)
         lost = np.logical_or.accumulate(~(residual < LARGEST_RESIDUAL))
         known = (np.where(lost, np.nan, extremum) for extremum in (least, greatest))
-        reached = float(t_end if not lost.any() else lost.argmax() * WINDOW)
+        reached = float(t_end if not lost.any() else lost.argmax() * RINGING_WINDOW)
         paths.append(
             SolverPath(
                 least=next(known),
@@ -193,8 +193,8 @@ def _right_hand_side(loop: ClosedLoop, problem: Problem) -> tuple[ca.SX, ca.SX, 
 
 def _path(t: Array, theta_hat: Array, t_end: float, evaluations: int, seconds: float, *, lost: bool = False) -> SolverPath:
     """Extrema over the windows from the points (K,), (K, n) that a solver gave."""
-    windows = round(t_end / WINDOW)
-    place = np.minimum((t / WINDOW * (1 + 1e-12)).astype(int), windows - 1)  # t_end belongs to the last
+    windows = round(t_end / RINGING_WINDOW)
+    place = np.minimum((t / RINGING_WINDOW * (1 + 1e-12)).astype(int), windows - 1)  # t_end belongs to the last
     filled, first = np.unique(place, return_index=True)
     least, greatest = np.full((2, windows, theta_hat.shape[1]), np.nan)
     least[filled], greatest[filled] = (extremum.reduceat(theta_hat, first) for extremum in (np.minimum, np.maximum))

@@ -11,7 +11,7 @@ import numpy as np
 
 from barbalat.claims import section_v
 from barbalat.claims.claim import Listing
-from barbalat.claims.stiff_methods import WINDOW, SciPyMethod, SolverPath, cvodes, implicit, scipy_path
+from barbalat.claims.stiff_methods import RINGING_WINDOW, SciPyMethod, SolverPath, cvodes, implicit, scipy_path
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.problem.known_set import ParameterBox
 from barbalat.protocols import Controller
@@ -86,7 +86,7 @@ def _controllers(gamma: float) -> list[Controller]:
 def rk4(gamma: float, h: float, t_end: float) -> tuple[SolverPath, SolverPath]:
     """L1-AC with RK4, without projection and with it."""
     started = time.process_time()
-    windows, parts = round(t_end / WINDOW), _parts(round(WINDOW / h))
+    windows, parts = round(t_end / RINGING_WINDOW), _parts(round(RINGING_WINDOW / h))
     simulation = Simulation(t_end=t_end, dt=h, record_points=windows * parts)
     runs = simulate(section_v.problem(), _controllers(gamma), simulation)
     seconds = (time.process_time() - started) / 2

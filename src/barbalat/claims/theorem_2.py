@@ -20,7 +20,7 @@ TAUS = np.geomspace(2.5e-3, 2.0, 20)
 SIZES = np.geomspace(5e-3, 0.7, 12)
 T_END, BOUNDARY_RUN_FACTOR, STEP = 100.0, 4, 1e-3
 """A quarter of the run is two periods of the command; at and along the boundary the runs are four times as long."""
-MULTIPLES = {1.05: "τ 5 % above the boundary", 2.0: "twice the boundary's τ", 4.0: "four times the boundary's τ"}
+TAU_MULTIPLES = {1.05: "τ 5 % above the boundary", 2.0: "twice the boundary's τ", 4.0: "four times the boundary's τ"}
 """Of the boundary's tau: where the error is measured. On the boundary itself what is left of an oscillation hides it."""
 FROZEN_TAUS = np.concatenate([np.geomspace(TAUS[0], 0.1, 5), np.geomspace(0.13, 0.36, 6), [0.6, 1.0, TAUS[-1]]])
 DERIVATIVE_POLE = 2e-3
@@ -70,8 +70,10 @@ class TauTradeOff:
     def along(self) -> Array:
         """(MULTIPLES, bounded) max |e| in the tail of the longer runs at multiples of the boundary's tau; NaN where lost."""
         sizes, taus = SIZES[self.bounded], self.limits.bears[self.bounded]
-        pairs = np.tile(sizes, len(MULTIPLES)), np.concatenate([multiple * taus for multiple in MULTIPLES])
-        return self.study.tail_errors(*pairs, Simulation(t_end=BOUNDARY_RUN_FACTOR * T_END, dt=STEP)).reshape(len(MULTIPLES), -1)
+        pairs = np.tile(sizes, len(TAU_MULTIPLES)), np.concatenate([multiple * taus for multiple in TAU_MULTIPLES])
+        return self.study.tail_errors(*pairs, Simulation(t_end=BOUNDARY_RUN_FACTOR * T_END, dt=STEP)).reshape(
+            len(TAU_MULTIPLES), -1
+        )
 
     @cached_property
     def frozen(self) -> list[BorneSizes]:
@@ -137,7 +139,7 @@ class TauTradeOff:
         sizes = SIZES[self.bounded]
         curves = [
             Curve(name, sizes[np.isfinite(row)], row[np.isfinite(row)])
-            for name, row in zip(MULTIPLES.values(), self.along, strict=True)
+            for name, row in zip(TAU_MULTIPLES.values(), self.along, strict=True)
         ]
         return Chart(
             key=f"tau-error-{self.key}",

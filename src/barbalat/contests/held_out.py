@@ -26,7 +26,7 @@ from barbalat.study.tradeoff import plants_of
 from barbalat.sweeps.evidence import Share
 from barbalat.validate import Array
 
-COMMANDS = 8
+HELD_OUT_COMMANDS = 8
 """Of which each is followed by an equal number of plants: enough to fill the kernel's lanes."""
 
 
@@ -49,7 +49,7 @@ class Draws:
         assert problem.uncertainty is not None
         seed = rule.seed + HELD_OUT_SEED
         plants = plants_of(problem, problem.uncertainty, members + 1, seed)[1:]
-        commands = drawn(min(COMMANDS, members), seed)
+        commands = drawn(min(HELD_OUT_COMMANDS, members), seed)
         which = np.sort(np.arange(members) % len(commands))
         made = [with_command(problem, float(size), float(pace)) for size, pace in commands]
         problems = [replace(made[c], plant=plant.plant) for c, plant in zip(which, plants, strict=True)]

@@ -26,7 +26,7 @@ from barbalat.tuning.trial import Plants, Trial
 from barbalat.tuning.trials import Trials
 from barbalat.validate import Array
 
-EDGE = 0.02
+EDGE_SHARE = 0.02
 """Of a knob's range: a tuning so near to an end would perhaps have gone on."""
 
 
@@ -192,7 +192,7 @@ def _settled(trials: list[Trial], rule: Rule) -> float | None:
 
 def _at_edge(entrant: Entrant, row: Array) -> tuple[str, ...]:
     shares = [one.share(float(value)) for one, value in zip(entrant.space.ranges.values(), row, strict=True)]
-    near = [share is None or min(share, 1 - share) < EDGE for share in shares]
+    near = [share is None or min(share, 1 - share) < EDGE_SHARE for share in shares]
     return tuple(name for name, close in zip(entrant.knobs.values, near, strict=True) if close)
 
 

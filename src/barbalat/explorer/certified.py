@@ -8,7 +8,7 @@ from barbalat.cases.build import Case
 from barbalat.certificates.overview import certified_case
 from barbalat.report.certificates import CertificateRow, rows
 
-HEAD = "<tr>" + "".join(f'<th scope="col">{name}</th>' for name in ("quantity", "value", "kind", "meaning")) + "</tr>"
+TABLE_HEAD = "<tr>" + "".join(f'<th scope="col">{name}</th>' for name in ("quantity", "value", "kind", "meaning")) + "</tr>"
 
 
 def section(case: Case) -> str:
@@ -16,7 +16,7 @@ def section(case: Case) -> str:
     found = certified_case(case.problem, case.controllers, case.simulation).certificates
     parts = [
         f'<details><summary>{escape(name)}</summary><div class="wide" tabindex="0" role="region" '
-        f'aria-label="Certificates of {escape(name)}"><table class="figures"><thead>{HEAD}</thead><tbody>'
+        f'aria-label="Certificates of {escape(name)}"><table class="figures"><thead>{TABLE_HEAD}</thead><tbody>'
         f"{''.join(map(_row, rows(certificate)))}</tbody></table></div></details>"
         for name, certificate in found.items()
     ]

@@ -59,9 +59,9 @@ def figure_columns(results: Iterable[Result]) -> dict[str, str]:
     return {name: f"{heading} {units.get(name, '')}".rstrip() for name, heading in FIGURE_COLUMNS.items()}
 
 
-LARGEST = 500_000
+LARGEST_PAGE_BYTES = 500_000
 """Bytes of a page with its pictures: mail programs show and phones load that at once."""
-LARGER = {"flights.html": 4_000_000}
+LARGER_PAGES_BYTES = {"flights.html": 4_000_000}
 """Of pages that hold their pictures even so: flights are sent to others as one file, and have a picture for each failure."""
 PICTURES_BESIDE = " Its pictures are files in the same folder: send them along."
 
@@ -225,6 +225,6 @@ def _templates() -> Environment:
 def _render(template: str, **values: object) -> str:
     found = _templates().get_template(template)
     complete = found.render(alone=True, of_pictures="", **values)
-    if len(complete.encode()) <= LARGER.get(template, LARGEST):
+    if len(complete.encode()) <= LARGER_PAGES_BYTES.get(template, LARGEST_PAGE_BYTES):
         return complete
     return found.render(alone=False, of_pictures=PICTURES_BESIDE, **values)

@@ -18,7 +18,7 @@ MOST_DRAWS = 2**14
 """Draws that an estimate is made of: its interval is then about a hundredth wide, and it takes a tenth of a second."""
 FEWEST_DRAWS = 128
 """Below them RBD-FAST's spectrum has too few points for its ten harmonics."""
-RESAMPLES, CONFIDENCE = 50, 0.95
+RESAMPLES, CONFIDENCE_LEVEL = 50, 0.95
 """Of the bootstrap."""
 FIGURES = ("max_abs_e", "rms_e", "tail_max_abs_e", "max_abs_u", "max_abs_y")
 """Figures, without their components, that are looked at."""
@@ -119,7 +119,7 @@ def _drawn(rows: Rows, by_point: Array, plan: Plan, total: float) -> Iterator[Se
     given = np.column_stack([rows.column(str(path))[:count].copy() for path in plan.draws])
     names = [str(path) for path in plan.draws]
     problem = {"num_vars": len(names), "names": names, "bounds": [[0.0, 1.0]] * len(names)}
-    found = rbd_fast.analyze(problem, given, mean[:count], num_resamples=RESAMPLES, conf_level=CONFIDENCE, seed=plan.seed)
+    found = rbd_fast.analyze(problem, given, mean[:count], num_resamples=RESAMPLES, conf_level=CONFIDENCE_LEVEL, seed=plan.seed)
     for path, first, half in zip(plan.draws, found["S1"], found["S1_conf"], strict=True):
         low, high = float(part * (first - half)), float(part * (first + half))
         yield SensitivityIndex(path, float(part * first), low, high, None, RBD_FAST)
@@ -132,7 +132,7 @@ def _saltelli(values: Array, plan: Plan) -> Iterator[SensitivityIndex]:
     a, b, ab = values[:n], values[n : 2 * n], values[2 * n :].reshape(d, 1, n)
     generator = np.random.default_rng(plan.seed)
     found = sobol_indices(func={"f_A": a[None], "f_B": b[None], "f_AB": ab}, n=n, rng=generator)
-    spread = found.bootstrap(confidence_level=CONFIDENCE, n_resamples=RESAMPLES).first_order.confidence_interval
+    spread = found.bootstrap(confidence_level=CONFIDENCE_LEVEL, n_resamples=RESAMPLES).first_order.confidence_interval
     first, whole = np.atleast_2d(found.first_order)[0], np.atleast_2d(found.total_order)[0]
     low, high = np.atleast_2d(spread.low)[0], np.atleast_2d(spread.high)[0]
     for i, path in enumerate(plan.draws):

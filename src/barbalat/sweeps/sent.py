@@ -23,7 +23,7 @@ from barbalat.solvers.simulation import Simulation
 from barbalat.sweeps.study import StudyPart
 from barbalat.validate import Array, InputError
 
-COMPARED = ("numpy", "scipy", "casadi", "llvmlite")
+COMPARED_PACKAGES = ("numpy", "scipy", "casadi", "llvmlite")
 """Packages on which a worker's bits may depend, beside Python's minor version and Barbalat's own."""
 NOISE_TRIED = 10_000
 """Numbers of noise that tell whether a C library makes other ones: its logarithm is needed for 5 % of them, in the tails."""
@@ -70,7 +70,7 @@ class Sent:
 def versions() -> dict[str, str]:
     """Of this process; they are read from files, which takes as long as simulating hundreds of members."""
     found = {"barbalat": barbalat.__version__, "python": ".".join(map(str, sys.version_info[:2]))}
-    return found | {name: metadata.version(name) for name in COMPARED}
+    return found | {name: metadata.version(name) for name in COMPARED_PACKAGES}
 
 
 def noise_made() -> str:

@@ -21,14 +21,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from barbalat.sweeps.chunks import Chunk, chunks_of
-from barbalat.sweeps.stored import INDEX, KEY, StoredRows, StoreIndex, name_of, read_index, require_same
+from barbalat.sweeps.stored import INDEX_FILE, INDEX_KEY, StoredRows, StoreIndex, name_of, read_index, require_same
 from barbalat.sweeps.study import OSCILLATED, Columns
 from barbalat.validate import InputError
 
 if TYPE_CHECKING:
     import pyarrow as pa
 
-LOCK, WRITING = ".lock", ".writing"
+LOCK_FILE, WRITING_DIR = ".lock", ".writing"
 
 
 @dataclass(eq=False)
@@ -76,14 +76,14 @@ class Store:
         from pyarrow import parquet
 
         text = self.index.as_text().encode()
-        stated = {KEY: text, KEY + b".sha256": hashlib.sha256(text).hexdigest().encode()}
+        stated = {INDEX_KEY: text, INDEX_KEY + b".sha256": hashlib.sha256(text).hexdigest().encode()}
         buffer = io.BytesIO()
         parquet.write_table(schema.with_metadata(stated).empty_table(), buffer)
-        self._write(INDEX, buffer.getvalue())
+        self._write(INDEX_FILE, buffer.getvalue())
 
     def _write(self, name: str, content: bytes) -> None:
         """Under another name first, and under its own when it is on the disk: nobody ever sees half of it."""
-        temporary = self.folder / WRITING / name
+        temporary = self.folder / WRITING_DIR / name
         temporary.parent.mkdir(exist_ok=True)
         try:
             with temporary.open("wb") as file:
@@ -110,7 +110,9 @@ def opened(folder: Path, identity: dict[str, Any], members: int, chunk: int) -> 
         with _locked(folder):
             index = read_index(folder)
             if index is None:
-                if foreign := sorted(one.name for one in folder.iterdir() if one.name not in (LOCK, WRITING) and not _ours(one)):
+                if foreign := sorted(
+                    one.name for one in folder.iterdir() if one.name not in (LOCK_FILE, WRITING_DIR) and not _ours(one)
+                ):
                     raise InputError(
                         f"the store {str(folder)!r} holds other files, such as {foreign[0]!r}: choose another folder"
                     )
@@ -137,7 +139,7 @@ def _locked(folder: Path) -> Iterator[None]:
 
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        lock = FileLock(folder / LOCK, timeout=0)
+        lock = FileLock(folder / LOCK_FILE, timeout=0)
         lock.acquire()
     except Timeout:
         raise InputError(
@@ -153,9 +155,9 @@ def _locked(folder: Path) -> Iterator[None]:
     try:
         yield
     finally:
-        shutil.rmtree(folder / WRITING, ignore_errors=True)
+        shutil.rmtree(folder / WRITING_DIR, ignore_errors=True)
         with contextlib.suppress(OSError):  # while it is held: who waits for it sees that it is gone, and makes a new one
-            (folder / LOCK).unlink()
+            (folder / LOCK_FILE).unlink()
         lock.release()
 
 

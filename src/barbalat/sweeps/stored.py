@@ -20,12 +20,12 @@ from barbalat.validate import Array, InputError
 if TYPE_CHECKING:
     import pyarrow as pa
 
-INDEX = "_index.parquet"
-KEY = b"barbalat"
+INDEX_FILE = "_index.parquet"
+INDEX_KEY = b"barbalat"
 """Of the index in its file's metadata; its SHA-256 stands under ``KEY + b".sha256"``."""
 READ_AT_ONCE = 2**27
 """Bytes of columns that are read together."""
-NAMED = {
+NAMES_OF_DIFFERENCES = {
     "case": "another case file",
     "plan": "other --vary, --sample, --members, --design or --seed",
     "equations": "other equations",
@@ -68,19 +68,19 @@ def read_index(folder: Path) -> StoreIndex | None:
     """None where there is none; InputError where it can't be read."""
     from pyarrow import ArrowException, parquet
 
-    if not (folder / INDEX).exists():
+    if not (folder / INDEX_FILE).exists():
         return None
     try:
-        found = parquet.read_schema(folder / INDEX).metadata or {}
-        text = found[KEY]
-        if hashlib.sha256(text).hexdigest().encode() != found[KEY + b".sha256"]:
+        found = parquet.read_schema(folder / INDEX_FILE).metadata or {}
+        text = found[INDEX_KEY]
+        if hashlib.sha256(text).hexdigest().encode() != found[INDEX_KEY + b".sha256"]:
             raise ValueError("its checksum differs")
         return StoreIndex(**json.loads(text))
     except (ArrowException, OSError, ValueError, LookupError, TypeError) as error:
         if isinstance(error, PermissionError):
             raise InputError(f"the store {str(folder)!r} cannot be read: {error.strerror}") from None
         raise InputError(
-            f"the index of the store {str(folder)!r} is damaged: delete {INDEX} there; the same command then begins anew"
+            f"the index of the store {str(folder)!r} is damaged: delete {INDEX_FILE} there; the same command then begins anew"
         ) from None
 
 
@@ -95,7 +95,7 @@ def row_of(folder: Path, identity: dict[str, Any], member: int) -> dict[str, flo
 
 def require_same(folder: Path, index: StoreIndex, identity: dict[str, Any]) -> None:
     """InputError where the store is another sweep's, with what differs."""
-    for key, what in NAMED.items():
+    for key, what in NAMES_OF_DIFFERENCES.items():
         if index.identity.get(key) != identity[key]:
             by = f" (made by barbalat {index.versions.get('barbalat')})" if key == "equations" else ""
             raise InputError(f"the store {str(folder)!r} is of {what}{by}: choose another folder, or the command that made it")
@@ -109,7 +109,7 @@ class StoredRows:
 
         self.folder, self.index = folder, index
         self.files = sorted(index.files)
-        self.names = list(parquet.read_schema(folder / INDEX).names)
+        self.names = list(parquet.read_schema(folder / INDEX_FILE).names)
         self._read: dict[str, Array] = {}
 
     def column(self, name: str) -> Array:

@@ -19,7 +19,7 @@ from barbalat.sweeps.requirement import Requirement
 from barbalat.sweeps.study import columns_of
 from barbalat.validate import Array, InputError
 
-FIGURES = tuple(field.name for field in fields(Metrics) if field.name != "diverged_at")
+FIGURE_NAMES = tuple(field.name for field in fields(Metrics) if field.name != "diverged_at")
 
 
 @dataclass(frozen=True)
@@ -64,13 +64,13 @@ class TunedQuantity:
 
     def __post_init__(self) -> None:
         if not self.name:
-            raise InputError(f"a quantity must be a figure ({', '.join(FIGURES)}) or a key of certify, got ''")
+            raise InputError(f"a quantity must be a figure ({', '.join(FIGURE_NAMES)}) or a key of certify, got ''")
 
     @property
     def origin(self) -> Origin:
         if self.name in PROBES:
             return Origin.PROBE
-        return Origin.RUN if self.name.split("[")[0] in FIGURES else Origin.CERTIFICATE
+        return Origin.RUN if self.name.split("[")[0] in FIGURE_NAMES else Origin.CERTIFICATE
 
     @property
     def key(self) -> str:
@@ -134,7 +134,7 @@ class TunedQuantity:
                 "--controller which one is tuned"
             )
         if lacking:
-            known = (*FIGURES, *PROBES, *(entry.key for one in certificates.values() for entry in one.entries))
+            known = (*FIGURE_NAMES, *PROBES, *(entry.key for one in certificates.values() for entry in one.entries))
             near = get_close_matches(self.name, known, n=1)
             meant = f"; did you mean {near[0]!r}?" if near else ""
             raise InputError(

@@ -16,7 +16,7 @@ from barbalat.sweeps.varied import Varied
 from barbalat.tuning.aim import Aim
 from barbalat.tuning.probing import Probing
 from barbalat.tuning.quantity import PROBES, Constraint, Origin, TunedQuantity
-from barbalat.tuning.search import FAR
+from barbalat.tuning.search import BROKEN_CONSTRAINT_SCORE
 from barbalat.tuning.trial import Plants, Trial
 from barbalat.validate import Array, InputError
 
@@ -62,7 +62,7 @@ class Trials:
         open_ones = [trial for trial in trials if trial.case is not None]
         for stage, origin in enumerate(Origin):
             if open_ones and self._asked(origin):
-                self._look(open_ones, origin, Looking(graded=to_beat >= FAR, below=False))
+                self._look(open_ones, origin, Looking(graded=to_beat >= BROKEN_CONSTRAINT_SCORE, below=False))
                 open_ones = [trial for trial in open_ones if self._goes_on(trial, stage, to_beat)]
         open_ones = self._verified(open_ones, to_beat)
         for trial in open_ones:
@@ -122,14 +122,14 @@ class Trials:
         try:
             return Trial(row, self.varied.at(row))
         except InputError as error:
-            return Trial(row, score=FAR * (len(Origin) + 1), refused=str(error))
+            return Trial(row, score=BROKEN_CONSTRAINT_SCORE * (len(Origin) + 1), refused=str(error))
 
     def _goes_on(self, trial: Trial, stage: int, to_beat: float) -> bool:
         """Whether it can still be the best; else it has its score."""
         broken = [one.violation(trial.found[one]) for one in self.aim.constraints if one in trial.found]
         missed = trial.value is not None and not np.isfinite(trial.value)
         if any(broken) or missed:
-            trial.score = FAR * (len(Origin) - stage + min(max([*broken, float(missed)]), 1.0))
+            trial.score = BROKEN_CONSTRAINT_SCORE * (len(Origin) - stage + min(max([*broken, float(missed)]), 1.0))
             return False
         if trial.value is not None and self.aim.signed(trial.value) > to_beat:
             trial.score = self.aim.signed(trial.value)

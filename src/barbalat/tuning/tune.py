@@ -37,7 +37,7 @@ from barbalat.validate import Array, InputError
 
 DEFAULT_TRIALS = 384
 """Tunings tried for each controller: a spread of 128, then two generations over all and six around the best."""
-SEARCHING = 0.75
+SEARCH_SHARE = 0.75
 """Of a controller's time, about; the rest is the front's and the new plants'."""
 
 
@@ -118,8 +118,9 @@ class Tuner:
             return np.array([trial.score for trial in trials.judged(space.rows(points), to_beat)])
 
         shares = None if start is None else space.shares(start)
-        search(judged, len(space), trials=self.trials, seed=self.aim.seed, start=shares, progress=part_of(progress, 0, SEARCHING))
-        return choose(trials, space, own, part_of(progress, SEARCHING, 1 - SEARCHING))
+        part = part_of(progress, 0, SEARCH_SHARE)
+        search(judged, len(space), trials=self.trials, seed=self.aim.seed, start=shares, progress=part)
+        return choose(trials, space, own, part_of(progress, SEARCH_SHARE, 1 - SEARCH_SHARE))
 
     def _trials(self, controller: int, space: Space) -> Trials:
         varied = self.varied(space.paths)
