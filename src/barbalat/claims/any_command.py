@@ -24,6 +24,7 @@ DRAWS, MORE_DRAWS = 2, 12
 LARGEST_COMMAND = 50.0
 """|r| of Section V."""
 T_END, LONGER_T_END = 400.0, 1600.0
+"""[s], by the plain command and by ``--full``: the shorter run's quarters have eight periods of Section V's command each."""
 STEP = 2e-3
 """20 times below what the fastest dynamics, those of tau, need for RK4's fourth order to show; jumps are met exactly."""
 MRAC_GAIN, MRAC_STEP = 0.01, 5e-3

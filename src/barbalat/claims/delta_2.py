@@ -25,10 +25,13 @@ from barbalat.signals import Sine, Sines
 from barbalat.validate import Array
 
 TAUS = np.array([0.5, 0.25, 0.125, 0.0625])
+"""[s]: Section V's, and halved three times."""
 SIZES = np.array([0.002, 0.004, 0.008, 0.016, 0.032])
 """mu, or the delay [s]: up to half of the smallest tau, of which every pair is borne."""
 STEP = 1e-3
+"""[s]: a sixtieth of the smallest tau."""
 T_END, LONGER_T_END = 200.0, 800.0
+"""[s], by the plain command and by ``--full``: the last quarter of the shorter one has four periods of the slower sine."""
 COMMAND, ONE_SINE = Sines((30.0, 20.0), (0.5, 1.7)), Sine(50.0, 0.5)
 DERIVATIVE_POLE = 2e-3
 """Time constant of the realisation of -mu s [s], as in the rows on Theorem 2's boundary."""

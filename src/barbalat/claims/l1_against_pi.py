@@ -19,6 +19,7 @@ GAMMA = 100.0
 SEARCHED_KAPPAS = (1e-3, 0.5)
 """[s]: between these time constants of the second filter its delay margin rises past that of the first."""
 THETA_MAX = 10.0
+"""Section V's, of |theta|_1 over the known set."""
 
 
 def second_order_filter(kappa: float) -> TransferFunction:

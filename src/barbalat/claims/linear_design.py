@@ -22,6 +22,7 @@ from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array, InputError
 
 DELAY = 0.01
+"""[s] at the plant's input: a third of L1-AC's delay margin."""
 DELAYS = np.geomspace(2e-3, 0.1, 24)
 PI_DELAY, HINF_DELAY = 0.0118, 0.025
 """Unmodelled delays for which the two designs get L1-AC's delay margin of 33 ms at Section V's theta, and no less."""

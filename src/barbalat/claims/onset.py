@@ -19,6 +19,7 @@ from barbalat.validate import Array
 T_END = 30.0
 """Its last quarter has a crest of |x|, where the adaptation is fastest."""
 STEPS = (2e-4, 1e-4, 5e-5)
+"""[s]: the paper's coarse one, twice and half of it."""
 SWEEP_RATE = 20.0
 """Variation of an estimate [1/s] that is worth one sweep of the box, there and back, per second; the command makes one in 12 s."""
 

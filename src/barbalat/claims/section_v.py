@@ -24,6 +24,7 @@ KAPPA = 0.02
 TAU = 0.5
 COVARIANCE0 = 500.0
 C_0 = (1.0, 1.0)
+"""As printed, in seconds: horizon, both steps, kappa and tau; P(0) and c_0 of the robust MRAC."""
 ERRATUM_TAUS = (0.1, 0.05)
 """Two values below the loop's own time constants, where proportional to tau means what it says."""
 MODERATE_GAIN = 10.0

@@ -34,6 +34,7 @@ SciPyMethod = Literal["Radau", "BDF", "LSODA"]
 NEWTON_STEPS = 3
 """From the last step's state as the guess; the residual after them is checked."""
 LARGEST_RESIDUAL = 1e-6
+"""Of the method's own equation; from a window on that exceeds it a run has no numbers."""
 DIVERGED_ESTIMATE = 1e3
 """An estimate as large as that has diverged: the converged ones stay below 9, their bounds are 5."""
 RINGING_WINDOW = 0.01

@@ -18,6 +18,7 @@ from barbalat.signals import Constant
 from barbalat.validate import Array
 
 THETA_DIRECTION = np.array([4.0, -3.0])
+"""The paper's theta."""
 ADAPTIVE_GAIN = 100.0
 KAPPAS = np.geomspace(1e-3, 1.0, 25)
 THETA_SCALES = np.geomspace(0.5, 50, 17)
