@@ -6,6 +6,7 @@ from scipy.stats import beta
 
 from barbalat import InputError
 from barbalat.sweeps import sensitivity
+from barbalat.sweeps.chunks import Chunk
 from barbalat.sweeps.evidence import Extremes, Share, evidence
 from barbalat.sweeps.paths import FieldPath
 from barbalat.sweeps.plan import Design, Plan
@@ -18,7 +19,7 @@ PATHS = [FieldPath.parse(name) for name in ("a", "b", "c")]
 
 def rows(**columns):
     made = Kept(None)
-    made.add({name.replace("_in_", "/"): np.asarray(values) for name, values in columns.items()})
+    made.add(Chunk(0, 0), {name.replace("_in_", "/"): np.asarray(values) for name, values in columns.items()})
     return made
 
 

@@ -80,13 +80,9 @@ def _reproduced(
         pictures = write.draw_reproduction(folder, figures, drawn=lambda share: pace.drawn(PICTURES_SECONDS * share))
         seconds["pictures"] = time.perf_counter() - started - sum(seconds.values())
         claims = ledger.measure(
-            runs,
-            quick=quick,
-            full=full,
-            ahead=ahead,
-            told=pace.told,
+            runs, quick=quick, full=full, ahead=ahead, told=pace.told,
             taken=lambda rows: maps.update(write.draw_maps(folder, rows)),
-        )
+        )  # fmt: skip
         pictures, loops = write.with_narrow(pictures, narrow.result()), drawing_loops.result()
         write.keep(folder, [*pictures.values(), *loops])
         for file, contents in exploring.items():

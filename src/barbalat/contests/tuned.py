@@ -22,6 +22,7 @@ from barbalat.tuning.chosen import best_of
 from barbalat.tuning.probing import Probing
 from barbalat.tuning.quantity import PROBES
 from barbalat.tuning.search import least_trials, search
+from barbalat.tuning.space import Space
 from barbalat.tuning.trial import Plants, Trial
 from barbalat.tuning.trials import Trials
 from barbalat.validate import Array
@@ -112,15 +113,7 @@ def qualify(
     assert isinstance(problem, Problem)
     varied = VariedEntrant(entrant, problem, simulation, space.paths)
     trials = Trials(varied, 0, rule.aim, together=_together(entrant, varied), shared=plants, threads=threads, quiet=silent)
-    if len(space):
-
-        def judged(points: Array, to_beat: float) -> Array:
-            return np.array([trial.score for trial in trials.judged(space.rows(points), to_beat)])
-
-        count = max(rule.trials, least_trials(len(space)))
-        search(judged, len(space), trials=count, seed=rule.seed, start=None, progress=progress)
-    else:
-        trials.judged(np.zeros((1, 0)), np.inf)
+    _try_tunings(trials, space, rule, progress)
     best = best_of(trials)
     found = best.nearest
     controller = entrant.controller(found.row)
@@ -139,6 +132,19 @@ def qualify(
         runs=trials.runs,
         sample_time=_sample_time(problem, controller),
     )
+
+
+def _try_tunings(trials: Trials, space: Space, rule: Rule, progress: Progress | None) -> None:
+    """As many as the rule says, and no fewer than the search needs; where there is no knob, the one tuning that there is."""
+    if not len(space):
+        trials.judged(np.zeros((1, 0)), np.inf)
+        return
+
+    def judged(points: Array, to_beat: float) -> Array:
+        return np.array([trial.score for trial in trials.judged(space.rows(points), to_beat)])
+
+    count = max(rule.trials, least_trials(len(space)))
+    search(judged, len(space), trials=count, seed=rule.seed, start=None, progress=progress)
 
 
 def _together(entrant: Entrant, varied: VariedEntrant) -> bool:

@@ -5,13 +5,15 @@ from __future__ import annotations
 import shutil
 import tempfile
 import weakref
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import Path
-from typing import Protocol
+from typing import ClassVar, Protocol
 
 import numpy as np
 
+from barbalat.sweeps.chunks import Chunk
 from barbalat.sweeps.study import Columns
 from barbalat.validate import Array
 
@@ -36,27 +38,76 @@ class Rows(Protocol):
         ...
 
 
+Made = Iterator[tuple[Chunk, Columns]]
+"""Chunks with their columns, as they are complete."""
+
+
+def in_order(made: Made) -> Made:
+    """By their first members; what comes early waits in memory."""
+    waiting: dict[int, tuple[Chunk, Columns]] = {}
+    first = 0
+    for chunk, columns in made:
+        waiting[chunk.first] = chunk, columns
+        while first in waiting:
+            following = waiting.pop(first)
+            yield following
+            first += following[0].size
+
+
+class Sink(Protocol):
+    """Where chunks of columns go."""
+
+    @property
+    def in_order(self) -> bool:
+        """Whether it takes chunks in their order only."""
+        ...
+
+    @property
+    def damaged(self) -> tuple[str, ...]:
+        """What was there and is made again."""
+        ...
+
+    @property
+    def stored(self) -> int:
+        """Members that are there already."""
+        ...
+
+    @property
+    def missing(self) -> list[Chunk]:
+        """Chunks that are not there yet."""
+        ...
+
+    def add(self, chunk: Chunk, columns: Columns) -> None: ...
+
+    def rows(self) -> Rows: ...
+
+
 @dataclass(eq=False)
 class Kept:
     """Columns in memory, or in a folder of one file for each chunk, which goes when the sweep is forgotten."""
 
     folder: Path | None
+    missing: list[Chunk] = field(default_factory=list)
     parts: list[Columns] = field(default_factory=list)
     names: list[str] = field(default_factory=list)
     starts: list[int] = field(default_factory=list)
     members: int = 0
 
+    in_order: ClassVar[bool] = True
+    damaged: ClassVar[tuple[str, ...]] = ()
+    stored: ClassVar[int] = 0
+
     @classmethod
-    def room_for(cls, members: int, columns: int) -> Kept:
+    def room_for(cls, chunks: list[Chunk], columns: int) -> Kept:
         """For so many; files of it are gone when it is."""
-        if members * columns * 8 <= MOST_IN_MEMORY:
-            return cls(None)
+        if sum(chunk.size for chunk in chunks) * columns * 8 <= MOST_IN_MEMORY:
+            return cls(None, chunks)
         folder = Path(tempfile.mkdtemp(prefix="barbalat-sweep-"))
-        found = cls(folder)
+        found = cls(folder, chunks)
         weakref.finalize(found, shutil.rmtree, folder, ignore_errors=True)
         return found
 
-    def add(self, columns: Columns) -> None:
+    def add(self, chunk: Chunk, columns: Columns) -> None:
         """The next members."""
         self.names = list(columns)
         self.starts.append(self.members)
@@ -65,6 +116,9 @@ class Kept:
             self.parts.append(columns)
         else:
             np.save(self._file(len(self.starts) - 1), np.array([values.astype(float) for values in columns.values()]))
+
+    def rows(self) -> Rows:
+        return self
 
     def _file(self, chunk: int) -> Path:
         assert self.folder is not None

@@ -16,7 +16,7 @@ import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -42,13 +42,17 @@ class Store:
     index: StoreIndex
     damaged: tuple[str, ...] = ()
 
+    in_order: ClassVar[bool] = False
+
     @property
     def chunks(self) -> list[Chunk]:
         """All of the sweep's."""
         return list(chunks_of(self.index.members, self.index.chunk))
 
-    def holds(self, chunk: Chunk) -> bool:
-        return name_of(chunk) in self.index.files
+    @property
+    def missing(self) -> list[Chunk]:
+        """Those that are not there yet."""
+        return [chunk for chunk in self.chunks if name_of(chunk) not in self.index.files]
 
     @property
     def stored(self) -> int:

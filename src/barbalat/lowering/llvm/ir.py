@@ -110,7 +110,7 @@ def _inputs(shape: LoopShape) -> dict[tuple[int, int], str]:
 
 
 @dataclass(frozen=True)
-class _Preamble:
+class _Part:
     """What stands in a step before its own operations.
 
     last        its last block; empty where there is no such part
@@ -129,10 +129,10 @@ class _Preamble:
 
 def _sampling(
     sample: Program | None, shape: LoopShape, lanes: int, inputs: dict[tuple[int, int], str], outside: Outside | None
-) -> _Preamble:
+) -> _Part:
     """What replaces the state before a step whose number is a multiple of ``sample_every``."""
     if sample is None:
-        return _Preamble()
+        return _Part()
     n = shape.states
     sampler = Printer(sample, lanes, inputs | {(0, i): f"%x{i}.held" for i in range(n)}, prefix="w")
     sampled = sampler.run()
@@ -149,15 +149,13 @@ def _sampling(
         *(f"  %x{i} = phi {sampler.vector} [ %x{i}.held, %step ], [ {sampled[i]}, %sample ]" for i in range(n)),
     )
     room = () if outside is None else (outside.room,)
-    return _Preamble(
-        lines, last="go", room=room, intrinsics=frozenset(sampler.intrinsics), functions=frozenset(sampler.functions)
-    )
+    return _Part(lines, last="go", room=room, intrinsics=frozenset(sampler.intrinsics), functions=frozenset(sampler.functions))
 
 
-def _watching(watch: Program | None, shape: LoopShape, lanes: int, inputs: dict[tuple[int, int], str]) -> _Preamble:
+def _watching(watch: Program | None, shape: LoopShape, lanes: int, inputs: dict[tuple[int, int], str]) -> _Part:
     """What keeps a quantity's largest value."""
     if watch is None:
-        return _Preamble()
+        return _Part()
     watcher = Printer(watch, lanes, inputs, prefix="g")
     (quantity,) = watcher.run()
     looked: list[str] = watcher.lines
@@ -168,9 +166,7 @@ def _watching(watch: Program | None, shape: LoopShape, lanes: int, inputs: dict[
         apart, room, looked = called(looked, quantity, used)
         quantity = "%looked"
     lines = keep_largest(shape.states, looked, quantity, due(shape, "watch.due", "%watch.phase"))
-    return _Preamble(
-        tuple(lines), LAST_BLOCK, tuple(apart), tuple(room), frozenset(watcher.intrinsics), frozenset(watcher.functions)
-    )
+    return _Part(tuple(lines), LAST_BLOCK, tuple(apart), tuple(room), frozenset(watcher.intrinsics), frozenset(watcher.functions))
 
 
 @dataclass(frozen=True)

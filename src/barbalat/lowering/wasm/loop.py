@@ -14,7 +14,7 @@ from barbalat.lowering.operations import Program
 from barbalat.lowering.shape import ENTRY, WATCH_EVERY, LoopShape
 from barbalat.lowering.wasm.encode import DOUBLE_BYTES, Code, Do, Type, module
 from barbalat.lowering.wasm.functions import called_by, coded, tables_of
-from barbalat.lowering.wasm.past import RememberedValues
+from barbalat.lowering.wasm.past import Taps
 from barbalat.lowering.wasm.printer import Printer
 
 ARGUMENTS = {
@@ -79,7 +79,7 @@ class _Loop:
             [c.local() for _ in range(size)] for size in (shape.states, shape.accumulators, shape.signals, shape.noise)
         )
         p = [c.local() for _ in range(shape.parameters)]
-        past = RememberedValues(shape, c, {name: ARGUMENT_PLACES[name] for name in ("lags", "ring", "mask")})
+        past = Taps(shape, c, {name: ARGUMENT_PLACES[name] for name in ("lags", "ring", "mask")})
         parts = (self.x, self.a, p, self.s, past.values, self.n)
         inputs = {(k, i): place for k, part in enumerate(parts) for i, place in enumerate(part)}
         for places, base in ((self.x, "state"), (p, "parameters")):
@@ -95,7 +95,7 @@ class _Loop:
         self._store(ARGUMENT_PLACES["state"], self.x)
         return c
 
-    def _blocks(self, stepping: Printer, sampling: Printer | None, watching: Printer | None, past: RememberedValues) -> None:
+    def _blocks(self, stepping: Printer, sampling: Printer | None, watching: Printer | None, past: Taps) -> None:
         c, shape, size = self.code, self.shape, self.shape.states + self.shape.accumulators
         now, left, first_noise = (c.local(Type.I64) for _ in range(3))
         c.get(ARGUMENT_PLACES["start"])
@@ -136,7 +136,7 @@ class _Loop:
         stepping: Printer,
         sampling: Printer | None,
         watching: Printer | None,
-        past: RememberedValues,
+        past: Taps,
         now: int,
         first_noise: int,
     ) -> None:

@@ -8,7 +8,7 @@ from barbalat.lowering.shape import TAPS_PER_CHANNEL, LoopShape
 from barbalat.lowering.wasm.encode import DOUBLE_BYTES, Code, Do, Type
 
 
-class RememberedValues:
+class Taps:
     """``values`` are the local variables of what was remembered, the taps of the first channel first."""
 
     def __init__(self, shape: LoopShape, code: Code, at: Mapping[str, int]) -> None:
