@@ -146,12 +146,7 @@ STRONG_AND_BOUNDED = {"covariance0": 2000.0, "covariance_bound": 4000.0}
 EVERY_SHAPE = ("number", "diagonal", "matrix")
 LAW_EXAMPLES = {
     "gradient": Example(
-        numbers={"gamma": 2.0},
-        fastest_rate=2.0,
-        strong={"gamma": 2000.0},
-        memory=no_memory,
-        shapes=EVERY_SHAPE,
-        **CONSTANT_GAIN,
+        numbers={"gamma": 2.0}, fastest_rate=2.0, strong={"gamma": 2000.0}, memory=no_memory, shapes=EVERY_SHAPE, **CONSTANT_GAIN
     ),
     "integral-cost": Example(
         numbers={"gamma": 2.0, "forgetting": 0.4},

@@ -132,13 +132,7 @@ class _Loop:
         c.end()
 
     def _step(
-        self,
-        stepping: Printer,
-        sampling: Printer | None,
-        watching: Printer | None,
-        past: Taps,
-        now: int,
-        first_noise: int,
+        self, stepping: Printer, sampling: Printer | None, watching: Printer | None, past: Taps, now: int, first_noise: int
     ) -> None:
         c, shape = self.code, self.shape
         self._load(self.s, ARGUMENT_PLACES["signals"])
