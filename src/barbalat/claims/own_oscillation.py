@@ -6,9 +6,9 @@ import numpy as np
 
 from barbalat.claims import section_v
 from barbalat.claims.claim import Claim, Reading, of_readings, verdict
-from barbalat.claims.stiff import AUTOMATIC_END, CONVERGED_STEPS, LATE_WINDOW, PAPER_SETTING, T_END, TAIL_WINDOW
 from barbalat.claims.stiff_methods import RINGING_WINDOW
 from barbalat.claims.stiff_runs import rk4
+from barbalat.claims.stiff_settings import AUTOMATIC_END, CONVERGED_STEPS, LATE_WINDOW, PAPER_SETTING, T_END, TAIL_WINDOW
 from barbalat.claims.variants import numbers, table
 from barbalat.validate import Array
 
