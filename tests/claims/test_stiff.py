@@ -38,7 +38,7 @@ def path(swing: float, *, lost: bool = False) -> SolverPath:
 
 def tried(monkeypatch, *loose: SolverPath) -> SimpleNamespace:
     """The parts that the readings on codes with automatic steps ask for; the converged solution rings by 1."""
-    monkeypatch.setattr(stiff, "PAPER", SimpleNamespace(right=(path(1.0), path(1.0))))
+    monkeypatch.setattr(stiff, "PAPER_SETTING", SimpleNamespace(right=(path(1.0), path(1.0))))
     right = [StiffRow("tight", "tolerance 1e-07", path(1.0), path(1.0), (0.9, 1.0))]
     rows = [StiffRow(f"code {i}", "tolerance 0.001", one, one, (0.9, 1.0)) for i, one in enumerate(loose)]
     return SimpleNamespace(automatic=right, longer=right, loose=rows)

@@ -46,7 +46,7 @@ def test_a_small_page_holds_its_pictures(results):
 
 
 def test_a_large_page_has_them_beside_it(results):
-    found = shown(results, SVG.replace("<g", f"<!--{'x' * page.LARGEST}--><g"))
+    found = shown(results, SVG.replace("<g", f"<!--{'x' * page.LARGEST_PAGE_BYTES}--><g"))
     assert len(found) < page.LARGEST_PAGE_BYTES
     assert 'src="wide.svg"' in found and 'srcset="narrow.svg"' in found and page.PICTURES_BESIDE in found
 

@@ -8,10 +8,10 @@ from barbalat import InputError
 from barbalat.sweeps import sensitivity
 from barbalat.sweeps.chunks import Chunk
 from barbalat.sweeps.evidence import Extremes, Share, evidence
+from barbalat.sweeps.kept import Kept
 from barbalat.sweeps.paths import FieldPath
 from barbalat.sweeps.plan import Design, Plan
 from barbalat.sweeps.requirement import Requirement
-from barbalat.sweeps.rows import Kept
 from barbalat.sweeps.spread import Axis, Uniform
 
 PATHS = [FieldPath.parse(name) for name in ("a", "b", "c")]

@@ -40,7 +40,7 @@ def test_members_are_made_alone_as_they_are_made_together(design):
 
 
 def test_every_block_is_a_latin_hypercube(monkeypatch):
-    monkeypatch.setattr("barbalat.sweeps.plan.BLOCK", 50)
+    monkeypatch.setattr("barbalat.sweeps.plan.BLOCK_DRAWS", 50)
     plan = Plan({}, {A: Uniform(0.0, 1.0), B: Uniform(0.0, 1.0)}, 120)
     values = plan.values(0, 120)
     for first, count in ((0, 50), (50, 50), (100, 20)):

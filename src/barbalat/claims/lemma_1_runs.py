@@ -9,7 +9,7 @@ import numpy as np
 
 from barbalat.adaptation.law import Estimation
 from barbalat.controllers import RobustMrac
-from barbalat.controllers.robust_mrac import LemmaEquations as RobustEquations
+from barbalat.controllers.robust_mrac import Equations as RobustEquations
 from barbalat.problem.state_feedback import Known, Problem
 from barbalat.protocols import Value
 from barbalat.run.simulate import simulate

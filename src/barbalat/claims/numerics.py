@@ -86,7 +86,7 @@ def smaller_gain() -> Claim:
         "Section V, h = 1e-4 s, RK4, 60 s, without modelling error",
         listings=(
             by_component(
-                f"Tail error and variation of the estimates at h = {section_v.COARSE:g} s",
+                f"Tail error and variation of the estimates at h = {section_v.COARSE_STEP:g} s",
                 {f"MRAC, Gamma = {section_v.MODERATE_GAIN:g}": mrac, "L1-AC, Gamma = 10000": l1},
             ),
         ),

@@ -51,13 +51,13 @@ def _readings(free: list[Array], boxed: list[Array], agree: bool) -> tuple[Readi
         Reading(
             "with the projection, as Figure 4 shows it, after the first seconds",
             verdict(holds=bool((boxed[2] < 0.01).all())),
-            f"ringing of at most {boxed[0].max():.2g} at h = {section_v.FINE:g} s, {boxed[2].max():.2g} at "
+            f"ringing of at most {boxed[0].max():.2g} at h = {section_v.FINE_STEP:g} s, {boxed[2].max():.2g} at "
             f"{CONVERGED_STEPS[1]:g} s",
         ),
         Reading(
             "without projection: what rings at h = 1e-4 s is the solver's alone",
             verdict(holds=not (agree and bool((free[2] > 3 * free[0]).all()))),
-            f"ringing of at most {free[0].max():.2g} at h = {section_v.FINE:g} s, {free[2].max():.2g} at {CONVERGED_STEPS[1]:g} "
+            f"ringing of at most {free[0].max():.2g} at h = {section_v.FINE_STEP:g} s, {free[2].max():.2g} at {CONVERGED_STEPS[1]:g} "
             "s",
         ),
     )

@@ -32,8 +32,9 @@ from barbalat.flight.sampled_step import SampledList, SampledStep
 from barbalat.flight.schemes import available, require_known
 from barbalat.run.progress import Progress
 from barbalat.sweeps.chunks import Chunk, chunks_of
+from barbalat.sweeps.kept import Kept, Sink, in_order
 from barbalat.sweeps.plan import Plan
-from barbalat.sweeps.rows import Kept, Rows, Sink, in_order
+from barbalat.sweeps.rows import Rows
 from barbalat.sweeps.store import opened
 from barbalat.sweeps.stored import require_parquet
 from barbalat.sweeps.study import Columns

@@ -14,11 +14,11 @@ from barbalat.sweeps.bounds import ERROR_BOUND, Bounds
 from barbalat.sweeps.chunks import Chunk, chunk_size, chunks_of
 from barbalat.sweeps.cluster import Scheduler, Workers, connected
 from barbalat.sweeps.evidence import evidence
+from barbalat.sweeps.kept import Kept, Made, Sink, in_order
 from barbalat.sweeps.paths import FieldPath
 from barbalat.sweeps.plan import DEFAULT_MEMBERS, Design, Plan, design_of
 from barbalat.sweeps.requirement import Requirement
 from barbalat.sweeps.result import SweepResult
-from barbalat.sweeps.rows import Kept, Made, Sink, in_order
 from barbalat.sweeps.spread import Axis, Distribution
 from barbalat.sweeps.store import opened
 from barbalat.sweeps.stored import require_parquet
