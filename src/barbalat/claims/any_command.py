@@ -102,11 +102,7 @@ def commands(draws: int, t_end: float) -> list[tuple[str, Signal]]:
 
 
 def quarter_errors(command: Signal, t_end: float, controller: Controller, h: float) -> Array:
-    """(4,) max |e| in the quarters of a run, over the largest |x_m|."""
-    return _errors(command, t_end, controller, h) / _largest(command, t_end)
-
-
-def _errors(command: Signal, t_end: float, controller: Controller, h: float) -> Array:
+    """(4,) max |e| in the quarters of a run."""
     given, simulation = variant(reference=command), Simulation(t_end=t_end, dt=h)
     found = simulate_ensemble([(given, controller)], simulation, quarters=True).quarters
     assert found is not None  # asked for
@@ -167,7 +163,7 @@ def followed(tried: Sequence[tuple[str, Signal]], t_end: float) -> tuple[Command
         ("the robust MRAC", section_v.robust_mrac("r"), STEP),
         (f"the standard MRAC, Gamma = {MRAC_GAIN:g}", Mrac(gamma=MRAC_GAIN), MRAC_STEP),
     ):
-        errors = np.array([_errors(command, t_end, controller, h) for _, command in tried])
+        errors = np.array([quarter_errors(command, t_end, controller, h) for _, command in tried])
         found.append(CommandErrors(scheme, kinds, errors / largest))
     return found[0], found[1]
 

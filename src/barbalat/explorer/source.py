@@ -17,7 +17,6 @@ from barbalat.cases.build import Case
 from barbalat.cases.load import CaseText
 from barbalat.explorer.numbers import FIXED_KEYS, in_tables
 from barbalat.protocols import Controller
-from barbalat.solvers import SOLVERS
 from barbalat.sweeps.paths import FieldPath, Key
 from barbalat.sweeps.varied import VariedObjects
 from barbalat.validate import InputError
@@ -200,6 +199,3 @@ def _of_object(part: Any, keys: tuple[Key, ...]) -> Iterator[tuple[tuple[Key, ..
         for one in fields(part):
             if one.init and one.name not in FIXED_KEYS:
                 yield from _of_object(vars(part).get(one.name), (*keys, one.name))
-
-
-SOLVER_NAMES = tuple(SOLVERS)
