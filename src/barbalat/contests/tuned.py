@@ -17,14 +17,13 @@ from barbalat.run.progress import Progress
 from barbalat.solvers.simulation import Simulation
 from barbalat.study.delay_margin import DelayMargins
 from barbalat.study.delay_search import Criterion
-from barbalat.sweeps.kinds import Kind, Tried, kinds_of
 from barbalat.tuning.chosen import best_of
 from barbalat.tuning.probing import Probing
 from barbalat.tuning.quantity import PROBES
 from barbalat.tuning.search import least_trials, search
 from barbalat.tuning.space import Space
 from barbalat.tuning.trial import Plants, Trial
-from barbalat.tuning.trials import Trials
+from barbalat.tuning.trials import Trials, in_one_kernel
 from barbalat.validate import Array
 
 EDGE_SHARE = 0.02
@@ -112,7 +111,9 @@ def qualify(
     space, problem = entrant.space, plants.problems[0]
     assert isinstance(problem, Problem)
     varied = VariedEntrant(entrant, problem, simulation, space.paths)
-    trials = Trials(varied, 0, rule.aim, together=_together(entrant, varied), shared=plants, threads=threads, quiet=silent)
+    trials = Trials(
+        varied, 0, rule.aim, together=not len(space) or in_one_kernel(varied, space), shared=plants, threads=threads, quiet=silent
+    )
     _try_tunings(trials, space, rule, progress)
     best = best_of(trials)
     found = best.nearest
@@ -139,21 +140,8 @@ def _try_tunings(trials: Trials, space: Space, rule: Rule, progress: Progress | 
     if not len(space):
         trials.judged(np.zeros((1, 0)), np.inf)
         return
-
-    def judged(points: Array, to_beat: float) -> Array:
-        return np.array([trial.score for trial in trials.judged(space.rows(points), to_beat)])
-
     count = max(rule.trials, least_trials(len(space)))
-    search(judged, len(space), trials=count, seed=rule.seed, start=None, progress=progress)
-
-
-def _together(entrant: Entrant, varied: VariedEntrant) -> bool:
-    """Whether tunings run side by side in one kernel."""
-    if not len(entrant.space):
-        return True
-    ends = tuple(np.array([one.low, one.high]) for one in entrant.space.ranges.values())
-    middle = entrant.space.rows(np.full((1, len(ends)), 0.5))[0]
-    return all(kind is Kind.NUMBER for kind in kinds_of(varied, Tried(middle, ends)))
+    search(trials.scoring(space), len(space), trials=count, seed=rule.seed, start=None, progress=progress)
 
 
 def _probed(

@@ -12,11 +12,13 @@ from barbalat.certificates.certify import certify
 from barbalat.run.ensemble import simulate_ensemble
 from barbalat.run.metrics import Metrics
 from barbalat.study.ideal_benchmark import Member
+from barbalat.sweeps.kinds import Kind, Tried, kinds_of
 from barbalat.sweeps.varied import Varied
 from barbalat.tuning.aim import Aim
 from barbalat.tuning.probing import Probing
 from barbalat.tuning.quantity import PROBES, Constraint, Origin, TunedQuantity
-from barbalat.tuning.search import BROKEN_CONSTRAINT_SCORE
+from barbalat.tuning.search import BROKEN_CONSTRAINT_SCORE, Judged
+from barbalat.tuning.space import Space
 from barbalat.tuning.trial import Plants, Trial
 from barbalat.validate import Array, InputError
 
@@ -37,11 +39,18 @@ class Looking:
     each: bool = False
 
 
+def in_one_kernel(varied: Varied, space: Space) -> bool:
+    """Whether tunings differ in numbers of the kernel alone, so that they run side by side."""
+    ends = tuple(np.array([one.low, one.high]) for one in space.ranges.values())
+    middle = space.rows(np.full((1, len(space)), 0.5))[0]
+    return all(kind is Kind.NUMBER for kind in kinds_of(varied, Tried(middle, ends)))
+
+
 @dataclass(eq=False)
 class Trials:
     """Of one controller of a case.
 
-    together  whether the tunings differ in numbers of the kernel alone, so that they run side by side
+    together  whether they run side by side
     shared    the plants, where what is tuned changes none of them
     quiet     those on which modelling errors are tried; by default the same
     """
@@ -55,6 +64,10 @@ class Trials:
     quiet: Plants | None = None
     all: list[Trial] = field(default_factory=list)
     runs: int = 0
+
+    def scoring(self, space: Space) -> Judged:
+        """The scores of tunings at points of the space, from 0 to 1 in each number."""
+        return lambda points, to_beat: np.array([trial.score for trial in self.judged(space.rows(points), to_beat)])
 
     def judged(self, rows: Array, to_beat: float) -> list[Trial]:
         """These tunings; one whose quantity is above ``to_beat`` is not looked at further."""
