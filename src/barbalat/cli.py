@@ -37,7 +37,7 @@ FAILED, BAD_INPUT, INTERRUPTED, TERMINATED = 1, 2, 130, 143
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command; returns the exit code: 0 done, 2 bad input, 1 anything else that went wrong."""
     parser = _parser()
-    if completion.ASKED in os.environ:
+    if completion.COMPLETION_VARIABLE in os.environ:
         completion.answer(parser)
     options = parser.parse_args(arguments)
     for stream in (sys.stdout, sys.stderr):

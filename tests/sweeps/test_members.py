@@ -8,7 +8,7 @@ from barbalat import InputError, load_case, simulate
 from barbalat.cases.load import CaseText
 from barbalat.sweeps.kinds import Kind
 from barbalat.sweeps.paths import FieldPath
-from barbalat.sweeps.plan import BLOCK, Design, Plan
+from barbalat.sweeps.plan import BLOCK_DRAWS, Design, Plan
 from barbalat.sweeps.replay import replay
 from barbalat.sweeps.spread import Axis, LogUniform, Normal, Uniform
 from barbalat.sweeps.study import Study
@@ -40,13 +40,13 @@ def test_members_are_made_alone_as_they_are_made_together(design):
 
 
 def test_every_block_is_a_latin_hypercube(monkeypatch):
-    monkeypatch.setattr("barbalat.sweeps.plan.BLOCK", 50)
+    monkeypatch.setattr("barbalat.sweeps.plan.BLOCK_DRAWS", 50)
     plan = Plan({}, {A: Uniform(0.0, 1.0), B: Uniform(0.0, 1.0)}, 120)
     values = plan.values(0, 120)
     for first, count in ((0, 50), (50, 50), (100, 20)):
         strata = np.sort((values[first : first + count] * count).astype(int), axis=0)
         np.testing.assert_array_equal(strata, np.tile(np.arange(count)[:, None], 2))  # one in each, in each dimension
-    assert BLOCK == 2**16
+    assert BLOCK_DRAWS == 2**16
 
 
 @pytest.mark.parametrize(

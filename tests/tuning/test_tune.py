@@ -10,7 +10,7 @@ import pytest
 from barbalat import Simulation, certify, load_case, simulate, sweep, trade_off, tune
 from barbalat.cases.load import parse_case
 from barbalat.cli import main
-from barbalat.study.motion import Motion
+from barbalat.study.motion import ModelMotion
 from independent import refusal
 
 DRIVE = """
@@ -141,7 +141,7 @@ def test_no_worse_than_the_trade_offs_front_at_equal_delay(tmp_path):
     case = load_case(path)
     assert case.simulation == Simulation(t_end=20.0, dt=1e-3)
     clouds = trade_off(case.problem, case.simulation, density=4, plants=2).clouds
-    scale = Motion.of(case.problem, case.simulation).rms
+    scale = ModelMotion.of(case.problem, case.simulation).rms
     for cloud in clouds:
         error, margin = cloud.at("worst", "onset")
         front = cloud.front("worst", "onset")

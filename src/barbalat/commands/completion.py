@@ -9,7 +9,7 @@ if TYPE_CHECKING:
     from barbalat.commands import Commands
 
 SHELLS = ("bash", "zsh", "fish", "tcsh", "powershell")
-ASKED = "_ARGCOMPLETE"
+COMPLETION_VARIABLE = "_ARGCOMPLETE"
 """The environment variable by which a shell says that it wants completions."""
 
 

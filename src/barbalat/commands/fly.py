@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from barbalat.commands import Commands
     from barbalat.flight.compared import Compared
 
-DEFAULT = "barbalat-fly"
+DEFAULT_FOLDER = "barbalat-fly"
 
 
 def add(commands: Commands) -> None:
@@ -35,7 +35,7 @@ def add(commands: Commands) -> None:
     parser.add_argument("--store", metavar="DIR", help="keep every draw's row there; the same command resumes")
     parser.add_argument("--altitude", type=float, metavar="FT", help="of the F-16's level flight; default 10013 ft")
     parser.add_argument("--mach", type=float, metavar="M", help="of the F-16's level flight; default 0.525")
-    parser.add_argument("--out", metavar="DIR", help=f"default: {DEFAULT}, none with --json")
+    parser.add_argument("--out", metavar="DIR", help=f"default: {DEFAULT_FOLDER}, none with --json")
     parser.add_argument("--json", action="store_true", help="one JSON document on standard output")
     add_controllers(parser)
     parser.set_defaults(execute=execute)
@@ -53,7 +53,7 @@ def execute(options: argparse.Namespace) -> int:
         return _execute_dispersed(options)
     _require_none(options, ("seed", "store"), "goes with --dispersions: add --dispersions 200")
     try:
-        with folder_of(options.out, None if options.json else DEFAULT) as folder, work(EXPECTED_SECONDS) as running:
+        with folder_of(options.out, None if options.json else DEFAULT_FOLDER) as folder, work(EXPECTED_SECONDS) as running:
             found = _flown(options, running)
             from barbalat.report import documents, flights, write
 
@@ -91,7 +91,7 @@ def _execute_dispersed(options: argparse.Namespace) -> int:
     remedy = "does not go with --dispersions, which flies the project's schemes at three conditions: leave it out"
     _require_none(options, ("delays", "altitude", "mach", "controllers"), remedy)
     try:
-        with folder_of(options.out, None if options.json else DEFAULT) as folder, work({"flying": 1200.0}) as running:
+        with folder_of(options.out, None if options.json else DEFAULT_FOLDER) as folder, work({"flying": 1200.0}) as running:
             with running.part("flying", here=False) as progress:
                 found = fly_dispersed(
                     options.name,

@@ -79,7 +79,7 @@ def execute(options: argparse.Namespace) -> int:
             stays = f"what is stored in {options.store} stays, and the same command goes on"
             what = "without --store nothing is kept" if options.store is None else stays
             say(f"the scheduler {options.scheduler} does not answer any more; {what}")
-            return FAILED
+            return EXIT_FAILED
         from barbalat.report import documents
 
         document = documents.as_json(result.as_json())
@@ -181,7 +181,7 @@ SECONDS_EACH_STEP = 10e-9
 SECONDS_EACH_EXPLORER, DRAWING_SECONDS = 1.0, 2.0
 
 
-FAILED = 1
+EXIT_FAILED = 1
 """Exit code of what went wrong, where the input was right."""
 
 

@@ -13,7 +13,7 @@ from barbalat.report.sweep import WorstMember
 from barbalat.sweeps.result import SweepResult
 from barbalat.validate import InputError
 
-MOST = 6
+MOST_PAGES = 6
 """Pages: each takes a second to make and a fifth of a megabyte."""
 
 
@@ -27,7 +27,7 @@ class Explored:
 
 def explored(text: CaseText, found: SweepResult) -> Iterator[Explored]:
     """For each controller the member that diverged first, or else the one with the largest error."""
-    for i, name in enumerate(found.controllers[:MOST]):
+    for i, name in enumerate(found.controllers[:MOST_PAGES]):
         judged = [figure for figure in ("diverged_at", "max_abs_e[0]") if name in found.evidence.metrics.get(figure, {})]
         if not judged:
             continue

@@ -38,17 +38,17 @@ class Estimate:
     def label(self) -> str:
         """With its hat, as TeX."""
         symbol, _, index = self.name.partition("_")
-        letter = GREEK.get(symbol, symbol)
+        letter = GREEK_NAMES.get(symbol, symbol)
         return rf"$\hat{{{letter}}}_{{{index}}}$" if index else rf"$\hat{{{letter}}}$"
 
     @property
     def symbol(self) -> str:
         """Without it."""
         symbol, _, index = self.name.partition("_")
-        return f"{GREEK.get(symbol, symbol)}_{{{index}}}" if index else GREEK.get(symbol, symbol)
+        return f"{GREEK_NAMES.get(symbol, symbol)}_{{{index}}}" if index else GREEK_NAMES.get(symbol, symbol)
 
 
-GREEK = {name: rf"\{name}" for name in ("theta", "sigma", "omega")}
+GREEK_NAMES = {name: rf"\{name}" for name in ("theta", "sigma", "omega")}
 
 
 def estimates_of(result: Result) -> list[Estimate]:

@@ -18,17 +18,17 @@ from barbalat.run.metrics import Metrics
 from barbalat.sweeps.chunks import Chunk
 from barbalat.sweeps.sent import Sent, Tabulated, figures, kept
 from barbalat.sweeps.setting import Setting
-from barbalat.sweeps.study import Columns, Part, Study
+from barbalat.sweeps.study import Columns, Study, StudyPart
 from barbalat.validate import InputError
 
 if TYPE_CHECKING:
     from distributed import Client, Future, LocalCluster, as_completed
 
-PATIENCE = 10.0
+ANSWER_SECONDS = 10.0
 """Seconds until a scheduler that does not answer is given up."""
-CLOSING = 0.5
+CLOSING_SECONDS = 0.5
 """Seconds for what is told to a cluster at the end: Ctrl-C is to be over within two."""
-AHEAD = 2
+CHUNKS_AHEAD = 2
 """Chunks for each thread of the workers that are under way or wait there, so that none is idle while its next one is sent."""
 MOST_TABLES = 8
 """Of signals that a cluster holds for chunks to come: some 10 MB each."""
@@ -71,12 +71,12 @@ def connected(scheduler: Scheduler) -> Iterator[Client]:
         _require_answer(scheduler.address)
     else:
         cluster = _local(scheduler.workers)
-    client = Client(scheduler.address or cluster, timeout=PATIENCE, set_as_default=False)
+    client = Client(scheduler.address or cluster, timeout=ANSWER_SECONDS, set_as_default=False)
     try:
         yield client
     finally:
         with contextlib.suppress(TimeoutError, OSError):
-            client.close(timeout=CLOSING)
+            client.close(timeout=CLOSING_SECONDS)
         if cluster is not None:
             _close(cluster)
 
@@ -98,7 +98,7 @@ def _close(cluster: LocalCluster) -> None:
     """Workers in the middle of a chunk are killed: Dask would wait for them, ten seconds more at the end of this process."""
     workers = [nanny.pid for nanny in cluster.workers.values()]
     with contextlib.suppress(TimeoutError, OSError):
-        cluster.close(timeout=CLOSING)
+        cluster.close(timeout=CLOSING_SECONDS)
         return
     cluster.shutdown_on_close = False  # it can't be closed a second time, and would be at the end of this process
     for process in multiprocessing.active_children():
@@ -111,7 +111,7 @@ def _require_answer(address: str) -> None:
     from distributed.core import connect
 
     async def ask() -> None:
-        comm = await connect(address, timeout=PATIENCE)
+        comm = await connect(address, timeout=ANSWER_SECONDS)
         try:
             await comm.write({"op": "identity", "reply": True})
             await comm.read()
@@ -119,14 +119,14 @@ def _require_answer(address: str) -> None:
             comm.abort()
 
     async def within() -> None:
-        await asyncio.wait_for(ask(), PATIENCE)
+        await asyncio.wait_for(ask(), ANSWER_SECONDS)
 
     with ThreadPoolExecutor(1) as pool:  # a notebook's own thread has a loop that runs already
         try:
             pool.submit(asyncio.run, within()).result()
         except (OSError, TimeoutError):
             raise InputError(
-                f"the scheduler {address!r} does not answer within {PATIENCE:g} s: start one there with 'dask scheduler', "
+                f"the scheduler {address!r} does not answer within {ANSWER_SECONDS:g} s: start one there with 'dask scheduler', "
                 "or leave --scheduler out"
             ) from None
 
@@ -136,7 +136,7 @@ class _Given:
     """A chunk that is under way: its parts, and the figures of those that have run."""
 
     chunk: Chunk
-    parts: list[Part]
+    parts: list[StudyPart]
     found: dict[int, list[Metrics]] = field(default_factory=dict)
     deaths: int = 0
 
@@ -170,7 +170,7 @@ class Workers:
 
     def _give_more(self, waiting: Iterator[Chunk], done: as_completed) -> None:
         """Until every thread has its work, and more waits."""
-        room = AHEAD * max(sum(self._threads().values()), 1)
+        room = CHUNKS_AHEAD * max(sum(self._threads().values()), 1)
         while len(self.under_way) < room:
             chunk = next(waiting, None)
             if chunk is None:
@@ -189,7 +189,7 @@ class Workers:
         self.under_way[future] = given, place, worker
         done.add(future)
 
-    def _table(self, part: Part) -> Future:
+    def _table(self, part: StudyPart) -> Future:
         key = id(part.setting)
         if key not in self.tables:
             if len(self.tables) >= MOST_TABLES:

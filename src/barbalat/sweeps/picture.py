@@ -19,7 +19,7 @@ from barbalat.validate import Array
 if TYPE_CHECKING:
     from barbalat.sweeps.result import SweepResult
 
-BINS = 60
+HISTOGRAM_BINS = 60
 """Of a histogram."""
 DECADES_FOR_LOG = 1.3
 """From a factor of 20 between the smallest and the largest value on, an axis is logarithmic."""
@@ -50,7 +50,7 @@ def _histogram(axes: Axes, found: SweepResult, name: str, theme: Theme) -> None:
     low, high = min(one.min for one in known.values()), max(one.max for one in known.values())
     logarithmic = low > 0 and np.log10(high / low) > DECADES_FOR_LOG
     spaced = np.geomspace if logarithmic else np.linspace
-    edges = spaced(low, high if high > low else low + 1, BINS + 1)
+    edges = spaced(low, high if high > low else low + 1, HISTOGRAM_BINS + 1)
     for k, controller in enumerate(known):
         one = found.column(f"{controller}/{name}")
         gone = len(one) - known[controller].finite

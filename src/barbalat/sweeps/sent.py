@@ -20,10 +20,10 @@ from barbalat.run.members import Members
 from barbalat.run.metrics import Metrics
 from barbalat.run.noise import standard_normal
 from barbalat.solvers.simulation import Simulation
-from barbalat.sweeps.study import Part
+from barbalat.sweeps.study import StudyPart
 from barbalat.validate import Array, InputError
 
-COMPARED = ("numpy", "scipy", "casadi", "llvmlite")
+COMPARED_PACKAGES = ("numpy", "scipy", "casadi", "llvmlite")
 """Packages on which a worker's bits may depend, beside Python's minor version and Barbalat's own."""
 NOISE_TRIED = 10_000
 """Numbers of noise that tell whether a C library makes other ones: its logarithm is needed for 5 % of them, in the tails."""
@@ -37,7 +37,7 @@ class Tabulated:
     final: Array
 
     @classmethod
-    def of(cls, part: Part) -> Tabulated:
+    def of(cls, part: StudyPart) -> Tabulated:
         simulation = part.setting.simulation
         (in_pieces,) = {one.program.shape.in_pieces for one in part.members}
         made = Evaluated(part.setting.signals, simulation, in_pieces)
@@ -60,7 +60,7 @@ class Sent:
     noise: str | None
 
     @classmethod
-    def of(cls, part: Part) -> Sent:
+    def of(cls, part: StudyPart) -> Sent:
         noisy = any(one.seeds is not None for one in part.members)
         plain = tuple(replace(one, signals=()) for one in part.members)
         return cls(plain, part.setting.simulation, versions(), noise_made() if noisy else None)
@@ -70,7 +70,7 @@ class Sent:
 def versions() -> dict[str, str]:
     """Of this process; they are read from files, which takes as long as simulating hundreds of members."""
     found = {"barbalat": barbalat.__version__, "python": ".".join(map(str, sys.version_info[:2]))}
-    return found | {name: metadata.version(name) for name in COMPARED}
+    return found | {name: metadata.version(name) for name in COMPARED_PACKAGES}
 
 
 def noise_made() -> str:

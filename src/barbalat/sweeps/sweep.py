@@ -14,13 +14,13 @@ from barbalat.sweeps.bounds import ERROR_BOUND, Bounds
 from barbalat.sweeps.chunks import Chunk, chunk_size, chunks_of
 from barbalat.sweeps.cluster import Scheduler, Workers, connected
 from barbalat.sweeps.evidence import evidence
+from barbalat.sweeps.kept import Kept, Made, Sink, in_order
 from barbalat.sweeps.paths import FieldPath
 from barbalat.sweeps.plan import DEFAULT_MEMBERS, Design, Plan, design_of
 from barbalat.sweeps.requirement import Requirement
 from barbalat.sweeps.result import SweepResult
-from barbalat.sweeps.rows import Kept, Rows
 from barbalat.sweeps.spread import Axis, Distribution
-from barbalat.sweeps.store import Store, opened
+from barbalat.sweeps.store import opened
 from barbalat.sweeps.stored import require_parquet
 from barbalat.sweeps.study import Columns, Study
 from barbalat.sweeps.varied import VariedObjects
@@ -105,24 +105,16 @@ def run_study(
         requirement.require_known(list(first), study.controllers)
     started = time.perf_counter()
     with _sink(study, store, chunk, len(first)) as sink:
-        if isinstance(sink, Store) and told is not None and sink.damaged:
+        if told is not None and sink.damaged:
             told(f"damaged in the store and made again: {', '.join(sink.damaged)}")
-        resumed = sink.stored if isinstance(sink, Store) else 0
-        done = resumed
-        open_chunks = _open_chunks(study, sink, chunk)
-        made = _here(study, open_chunks, threads, progress) if scheduler is None else _elsewhere(study, open_chunks, scheduler)
-        if not isinstance(sink, Store):
-            made = _in_order(made)
-        for one, figures in made:
-            columns = _judged(figures, study, judged, one)
-            if isinstance(sink, Store):
-                sink.add(one, columns)
-            else:
-                sink.add(columns)
+        resumed = done = sink.stored
+        made = _here(study, sink.missing, threads, progress) if scheduler is None else _elsewhere(study, sink.missing, scheduler)
+        for one, figures in in_order(made) if sink.in_order else made:
+            sink.add(one, _judged(figures, study, judged, one))
             done += one.size
             if progress is not None:
                 progress(done / len(study))
-        rows: Rows = sink.rows() if isinstance(sink, Store) else sink
+        rows = sink.rows()
     return SweepResult(
         case=study.example.name,
         controllers=study.controllers,
@@ -136,22 +128,13 @@ def run_study(
 
 
 @contextlib.contextmanager
-def _sink(study: Study, store: Path | None, chunk: int | None, columns: int) -> Iterator[Store | Kept]:
+def _sink(study: Study, store: Path | None, chunk: int | None, columns: int) -> Iterator[Sink]:
+    size = chunk or chunk_size(len(study), study.steps)
     if store is None:
-        yield Kept.room_for(len(study), columns)
+        yield Kept.room_for(list(chunks_of(len(study), size)), columns)
         return
-    with opened(store, study.identity(), len(study), chunk or chunk_size(len(study), study.steps)) as found:
+    with opened(store, study.identity(), len(study), size) as found:
         yield found
-
-
-def _open_chunks(study: Study, sink: Store | Kept, chunk: int | None) -> list[Chunk]:
-    if isinstance(sink, Store):
-        return [chunk for chunk in sink.chunks if not sink.holds(chunk)]
-    return list(chunks_of(len(study), chunk or chunk_size(len(study), study.steps)))
-
-
-Made = Iterator[tuple[Chunk, Columns]]
-"""Chunks with their columns, as they are complete."""
 
 
 def _here(study: Study, chunks: Sequence[Chunk], threads: int | None, progress: Progress | None) -> Made:
@@ -167,18 +150,6 @@ def _elsewhere(study: Study, chunks: Sequence[Chunk], scheduler: Scheduler) -> M
     if chunks:
         with connected(scheduler) as client:
             yield from Workers(study, client).run(chunks)
-
-
-def _in_order(made: Made) -> Made:
-    """By their first members; what comes early waits in memory."""
-    waiting: dict[int, tuple[Chunk, Columns]] = {}
-    first = 0
-    for chunk, columns in made:
-        waiting[chunk.first] = chunk, columns
-        while first in waiting:
-            following = waiting.pop(first)
-            yield following
-            first += following[0].size
 
 
 def _judged(found: Columns, study: Study, bounds: Bounds | None, chunk: Chunk) -> Columns:

@@ -5,12 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import NamedTuple
 
-from barbalat.certificates.assumptions import CONTINUOUS_ONLY
 from barbalat.certificates.cells import PROPERTIES, Column
 from barbalat.certificates.certificate import Certificate
 from barbalat.certificates.entry import Entry
 from barbalat.certificates.rounding import up
-from barbalat.certificates.table_1 import Table
+from barbalat.certificates.table_1 import Table1
 from barbalat.report.certificates import rows_of
 from barbalat.report.terminal.layout import FALLBACK, HANGING_COLUMNS, Screen, held, shortened
 
@@ -43,7 +42,7 @@ class Line(NamedTuple):
     kind: str
 
 
-def show(screen: Screen, case: str, certificates: Mapping[str, Certificate], table: Table, dt: float | None) -> None:
+def show(screen: Screen, case: str, certificates: Mapping[str, Certificate], table: Table1, dt: float | None) -> None:
     """Five lines for each controller, each of them one line from 80 columns on; then what was noted, once each."""
     screen.line(case, "bold")
     for column in table.columns:
@@ -64,7 +63,7 @@ def _notes(screen: Screen, certificates: Mapping[str, Certificate]) -> None:
         screen.line(f"{of}: {note}" if of else note, indent="    ", start="  ")
 
 
-def show_full(screen: Screen, case: str, certificates: Mapping[str, Certificate], table: Table, dt: float | None) -> None:
+def show_full(screen: Screen, case: str, certificates: Mapping[str, Certificate], table: Table1, dt: float | None) -> None:
     """The five lines and everything behind them, then Table 1."""
     screen.line(case, "bold")
     for column in table.columns:
@@ -133,8 +132,6 @@ def _bound(certificate: Certificate) -> Line:
 def _margin(certificate: Certificate) -> Line:
     margin, adapting = certificate.entry("delay_margin"), certificate.entry("delay_margin_adapting")
     parts = []
-    if margin is not None and margin.applies:
-        parts.append(f"{_delay(margin.value)} at theta")
     searched = certificate.entry("margins_over_known_set")
     loops = [] if searched is None or not searched.applies else searched.value
     least = [loop["delay_margin"]["value"] for loop in loops if "delay_margin" in loop]
@@ -144,10 +141,12 @@ def _margin(certificate: Certificate) -> Line:
         parts.append(f"{_delay(min(least))} in the set")
     if adapting is not None and adapting.applies:
         parts.append(f"{_delay(adapting.value)} adapting")
+    if margin is not None and margin.applies:  # alone it need not be told from others
+        parts.insert(0, f"{_delay(margin.value)} at theta" if parts else _delay(margin.value))
     if not parts:
         return Line("margin", "not known: no stable linear loop describes it", "does not apply")
-    text = ", ".join(parts).removesuffix(" at theta")  # alone it need not be told from others
-    if margin is not None and CONTINUOUS_ONLY in margin.assumptions:
+    text = ", ".join(parts)
+    if margin is not None and margin.unsampled:
         text = f"unsampled: {text}"
     return Line("margin", text, margin.kind if margin is not None and len(parts) == 1 else "estimate")
 
@@ -214,7 +213,7 @@ def _group(entry: Entry) -> str:
     return "searched" if entry.key == "margins_over_known_set" and entry.applies else entry.kind
 
 
-def _table_1(screen: Screen, table: Table) -> None:
+def _table_1(screen: Screen, table: Table1) -> None:
     screen.title("Table 1: what is guaranteed")
     room = max(len(screen.name(column.name)) for column in table.columns)
     for key, title in PROPERTIES.items():

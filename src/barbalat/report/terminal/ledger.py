@@ -7,7 +7,7 @@ from typing import get_args
 
 from rich.cells import cell_len
 
-from barbalat.claims.claim import CONFIRMED, Claim, Listing, Verdict
+from barbalat.claims.claim import CONFIRMED_VERDICTS, Claim, Listing, Verdict
 from barbalat.claims.paper_figure import ADDED_FIGURE, PaperFigure
 from barbalat.claims.rows import RUNS_OF_SECTION_V, Measurement
 from barbalat.report.terminal.layout import FALLBACK, HANGING_COLUMNS, Screen, held, shortened
@@ -28,7 +28,7 @@ def overview(screen: Screen, shown: Sequence[PaperFigure], claims: Sequence[Clai
         if mine:
             screen.line(f"{verdict[0].upper()}{verdict[1:]}: {len(mine)}", STYLES[verdict])
         for claim in mine:
-            short = verdict in CONFIRMED
+            short = verdict in CONFIRMED_VERDICTS
             screen.fact(claim.id, compact(claim.number, room) if short else claim.number, NAME_COLUMNS)
     _figures(screen, shown)
 
