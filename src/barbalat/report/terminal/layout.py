@@ -13,14 +13,14 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+from barbalat.pictures.symbols import GREEK
+
 HELD_BLANK = "\N{NO-BREAK SPACE}"
 """A blank at which no line ends."""
 NARROWEST, FALLBACK = 40, 80
 """Columns: what any screen is taken to have, and what is assumed where nobody says (a file, a pipe)."""
 LONGEST_LINE = 100
 """Columns of a paragraph: eyes lose a longer line; tables take what they need."""
-LONGEST_NAME = 28
-"""Columns of a controller's name in a table: the bundled cases' longest one has 21."""
 UNITS = r"(?:1/s\^2|1/s|rad/s|rad|deg|s|ms|us|Hz|kHz|dB|%|kB|MB|times|rows|steps)"
 PAIR = re.compile(rf"(?<=[\d\]]) (?={UNITS}(?![\w/]))")
 """The blank between a number, or a list of numbers, and its unit."""
@@ -28,17 +28,18 @@ COMPARED = re.compile(r"(?<=\S) (<=|>=|=|<|>|\*|/) (?=[-+\d\[(|])")
 """The blanks around a sign that belongs to the number behind it."""
 ENCLOSED = re.compile(r"(?<=\d) \.\.\. (?=[-+\d])")
 """The blanks between the two ends of an enclosure."""
-CLAUSE = re.compile(r"[;:,] ")
-"""Where a sentence may end before its end."""
-CUT_MARK = f"{HELD_BLANK}..."
-"""In the place of what a line has no room for."""
-HANGING_COLUMNS = 4
-"""Columns beside a labelled line's label: two before it, two behind."""
 
 
 def held(text: str) -> str:
     """The text as one word."""
     return text.replace(" ", HELD_BLANK)
+
+
+def capitalized(text: str) -> str:
+    """A sentence with a capital, where it does not begin with a symbol."""
+    word = text.partition(" ")[0]
+    symbol = not word.isalpha() or word in GREEK or (len(word) == 1 and word != "a")
+    return text if symbol else f"{text[0].upper()}{text[1:]}"
 
 
 def fold(text: str, width: int, indent: str = "", start: str = "") -> list[str]:
@@ -65,24 +66,6 @@ def _released(word: str, width: int) -> list[str]:
     return [word] if cell_len(word) <= width else word.split(HELD_BLANK)
 
 
-def _cut(text: str, width: int) -> str:
-    while cell_len(text) > width:
-        text = text[:-1]
-    return text
-
-
-def shortened(text: str, width: int) -> str:
-    """The text in at most ``width`` columns: up to a clause's end past a third of them, else up to a word's."""
-    if cell_len(text) <= width:
-        return text
-    clauses, words = ([found.start() for found in ends.finditer(text)] for ends in (CLAUSE, re.compile(" ")))
-    fitting = [end for end in words if cell_len(text[:end]) <= width - len(CUT_MARK)]
-    whole = [end for end in clauses if cell_len(text[:end]) <= width - len(CUT_MARK) and end > width / 3]
-    if not fitting:
-        return _cut(text, width - len(CUT_MARK)) + CUT_MARK
-    return text[: max(whole or fitting)].rstrip(";:,") + CUT_MARK
-
-
 def console(*, to_standard_error: bool = False) -> Console:
     """Where screens go, or notes and progress with ``to_standard_error``; as wide as the terminal or COLUMNS says."""
     width = max(shutil.get_terminal_size((FALLBACK, 24)).columns, NARROWEST)
@@ -107,9 +90,8 @@ class Screen:
             self._print(line, style)
 
     def name(self, text: str) -> str:
-        """A controller's name, or as much of it as a table has room for, as one word."""
-        text = self._shown(text)
-        return held(text if cell_len(text) <= LONGEST_NAME else _cut(text, LONGEST_NAME - 3) + "...")
+        """A controller's name, as one word."""
+        return held(self._shown(text))
 
     def whole(self, text: str) -> None:
         """A line that is to be copied, such as a path: never folded."""
