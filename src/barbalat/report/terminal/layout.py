@@ -21,6 +21,8 @@ NARROWEST, FALLBACK = 40, 80
 """Columns: what any screen is taken to have, and what is assumed where nobody says (a file, a pipe)."""
 LONGEST_LINE = 100
 """Columns of a paragraph: eyes lose a longer line; tables take what they need."""
+LONGEST_NAME = 28
+"""Columns of a controller's name in a table that is too wide with longer ones: they go on below."""
 UNITS = r"(?:1/s\^2|1/s|rad/s|rad|deg|s|ms|us|Hz|kHz|dB|%|kB|MB|times|rows|steps)"
 PAIR = re.compile(rf"(?<=[\d\]]) (?={UNITS}(?![\w/]))")
 """The blank between a number, or a list of numbers, and its unit."""
@@ -120,16 +122,14 @@ class Screen:
         """
         if not rows:
             return
-        shown = [[self._shown(cell).replace(HELD_BLANK, " ") for cell in row] for row in rows]
-        table = Table(box=box.SIMPLE_HEAD, show_edge=False, pad_edge=False, padding=(0, 1, 0, 0), header_style="bold")
-        for i, heading in enumerate(headings):
-            table.add_column(Text(heading), justify="left" if i < leads or i in left else "right", no_wrap=True)
-        for row in shown:
-            table.add_row(*map(Text, row))
-        if self.console.measure(table, options=self.console.options.update(width=10_000)).maximum <= self.console.width:
-            self.console.print(table)
-        else:
-            self._paragraphs([heading.replace("\n", " ") for heading in headings], shown, leads)
+        shown = [[self._shown(cell) for cell in row] for row in rows]
+        folded = [["\n".join(fold(first, LONGEST_NAME)), *others] for first, *others in shown]
+        for body in (shown, folded):
+            table = _table(headings, body, leads, left)
+            if self.console.measure(table, options=self.console.options.update(width=10_000)).maximum <= self.console.width:
+                self.console.print(table)
+                return
+        self._paragraphs([heading.replace("\n", " ") for heading in headings], shown, leads)
 
     def _paragraphs(self, headings: Sequence[str], rows: Sequence[Sequence[str]], leads: int) -> None:
         for row in rows:
@@ -150,6 +150,16 @@ class Screen:
 
     def _print(self, line: str, style: str = "") -> None:
         self.console.print(Text(line.replace(HELD_BLANK, " "), style=style), soft_wrap=True)
+
+
+def _table(headings: Sequence[str], rows: Sequence[Sequence[str]], leads: int, left: Sequence[int]) -> Table:
+    """A line for each row, or as many as its first entry has."""
+    table = Table(box=box.SIMPLE_HEAD, show_edge=False, pad_edge=False, padding=(0, 1, 0, 0), header_style="bold")
+    for i, heading in enumerate(headings):
+        table.add_column(Text(heading), justify="left" if i < leads or i in left else "right", no_wrap=True)
+    for row in rows:
+        table.add_row(*(Text(cell.replace(HELD_BLANK, " ")) for cell in row))
+    return table
 
 
 def grouped(rows: Sequence[Sequence[str]]) -> list[list[str]]:
