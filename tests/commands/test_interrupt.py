@@ -10,7 +10,7 @@ import time
 import pytest
 
 from barbalat.commands.interrupt import RETRY_PERIOD, Terminated, interruptible
-from barbalat.run.processes import deaf_children
+from barbalat.run.processes import deaf_children, undisturbed
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="no timers of signals")
 
@@ -91,6 +91,21 @@ def test_an_interrupt_while_processes_start_is_kept():
         pytest.fail("the interrupt was lost")
     assert started and signal.getsignal(signal.SIGINT) == signal.default_int_handler
     assert signal.SIGINT not in signal.pthread_sigmask(signal.SIG_BLOCK, ())
+
+
+@pytest.mark.usefixtures("interrupts")
+def test_an_interrupt_within_a_library_that_would_report_it_waits():
+    """As SciPy's Fortran: of what is raised in the function that it calls it writes to the terminal."""
+    for _ in range(3):
+        said = []
+        with pytest.raises(KeyboardInterrupt), interruptible():
+            with undisturbed():
+                os.kill(os.getpid(), signal.SIGINT)
+                for k in range(1000):
+                    said.append(k)
+            said.append("raised too late")
+        assert said == list(range(1000))
+    assert signal.getsignal(signal.SIGINT) == signal.default_int_handler
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])

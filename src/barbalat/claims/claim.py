@@ -13,8 +13,6 @@ from barbalat.validate import Array, InputError
 
 Verdict = Literal["confirmed", "confirmed with conditions", "not confirmed", "erratum"]
 """The contract's words."""
-CONFIRMED_VERDICTS: tuple[Verdict, ...] = ("confirmed", "confirmed with conditions")
-"""Those that ask for no second look."""
 
 
 def verdict(*, holds: bool, conditional: bool = False) -> Verdict:

@@ -23,6 +23,7 @@ from barbalat.lowering.optimize import optimize
 from barbalat.lowering.shape import LoopShape
 from barbalat.problem.known_set import ParameterBox
 from barbalat.problem.state_feedback import Problem
+from barbalat.run.processes import undisturbed
 from barbalat.signals import Sine
 from barbalat.validate import Array
 
@@ -157,7 +158,8 @@ def scipy_path(
     )
     instants, states = [0.0], [loop.initial()]
     while solver.status == "running" and solver.nfev < evaluations:
-        solver.step()
+        with undisturbed():  # SciPy's Fortran would report an interrupt of the slope on the terminal
+            solver.step()
         instants.append(solver.t)
         states.append(solver.y)
     seconds = time.process_time() - started

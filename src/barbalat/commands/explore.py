@@ -7,6 +7,7 @@ import webbrowser
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from barbalat.commands.output import print_json
 from barbalat.commands.screen import say, work
 
 if TYPE_CHECKING:
@@ -21,6 +22,7 @@ def add(commands: Commands) -> None:
     parser.add_argument("case", metavar="CASE", help="a case file, or a bundled case's name")
     parser.add_argument("--out", metavar="FILE", default=DEFAULT_FILE, help=f"where the page goes; default: {DEFAULT_FILE}")
     parser.add_argument("--no-open", action="store_true", help="don't open it in a browser")
+    parser.add_argument("--json", action="store_true", help="one JSON document on standard output")
     parser.set_defaults(execute=execute)
 
 
@@ -47,7 +49,12 @@ def execute(options: argparse.Namespace) -> int:
             page = Explorer(TextSource(text), ON_THE_PAPER_S_EXAMPLE if options.case == PAPER_CASE else ()).html
         folder.write(file.name, page)
         folder.commit()
-    say(f"page: {file}")
+    if options.json:
+        from barbalat.report.documents import as_json
+
+        print_json(as_json({"case": text.case().name, "page": str(file)}))
+    else:
+        say(f"page: {file}")
     if not options.no_open:
         webbrowser.open(file.resolve().as_uri())
     return 0

@@ -151,6 +151,7 @@ def _study(text: CaseText, options: argparse.Namespace) -> Study:
     from barbalat.sweeps.varied_case import VariedCase, sampled
     from barbalat.validate import InputError
 
+    text.case()  # what is wrong with the file itself is said first
     axes = {}
     for place, spread in map(_pair, options.vary):
         path = FieldPath.parse(place)
@@ -162,7 +163,6 @@ def _study(text: CaseText, options: argparse.Namespace) -> Study:
             raise InputError(f"{path}: {error}") from None
     draws = sampled(text, [_pair(given) for given in options.sample])
     members = options.members if options.members is not None else DEFAULT_MEMBERS if draws else 1
-    text.case()  # what is wrong with the file itself is said first
     plan = Plan(axes, draws, members, Design(options.design), options.seed)
     return Study(VariedCase(text, plan.paths), plan)
 
@@ -187,10 +187,11 @@ EXIT_FAILED = 1
 
 def _run(study: Study, requirements: list[Requirement], scheduler: Scheduler | None, options: argparse.Namespace) -> SweepResult:
     from barbalat.sweeps.sweep import run_study
+    from barbalat.validate import counted
 
     store = None if options.store is None else _folder(options.store)
     steps = len(study) * study.steps
-    say(f"{len(study)} members, {steps:.3g} solver steps")
+    say(f"{counted(len(study), 'member')}, {steps:.3g} solver steps")
     try:
         with work({"simulating": max(steps * SECONDS_EACH_STEP, 1.0)}) as running, running.part("simulating") as progress:
             return run_study(

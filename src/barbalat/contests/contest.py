@@ -29,7 +29,7 @@ from barbalat.study.delay_search import Criterion
 from barbalat.study.motion import REST_SENTENCE, ModelMotion
 from barbalat.study.tradeoff import plants_of
 from barbalat.tuning.trial import Plants
-from barbalat.validate import InputError
+from barbalat.validate import InputError, counted
 
 DEFAULT_MEMBERS = 200
 """Held-out runs: the median of a ratio then has an interval of 7 % of the runs to either side."""
@@ -187,7 +187,7 @@ def _rank(one: Qualified, held: dict[str, HeldOut]) -> tuple[bool, int, float]:
 
 def _notes(problem: Problem, simulation: Simulation, tuned: Sequence[Qualified]) -> list[str]:
     """Sentences on what the result is not."""
-    said = [f"{one.name}: none of {one.trials} tunings meets the rule" for one in tuned if not one.meets]
+    said = [f"{one.name}: none of {counted(one.trials, 'tuning')} meets the rule" for one in tuned if not one.meets]
     for one in tuned:
         if one.at_edge:
             said.append(f"{one.name}: {' and '.join(one.at_edge)} at the end of what was searched; beyond it may be better")

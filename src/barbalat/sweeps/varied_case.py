@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import copy
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from barbalat import validate
 from barbalat.cases.build import Case
 from barbalat.cases.load import CaseText
-from barbalat.sweeps.paths import FieldPath
+from barbalat.problem.state_feedback import Problem
+from barbalat.sweeps.paths import FieldPath, Tables
 from barbalat.sweeps.spread import Distribution, Uniform, parse_distribution
 from barbalat.sweeps.varied import Varied
 from barbalat.validate import Array, InputError
@@ -30,12 +33,46 @@ class VariedCase(Varied):
     def source(self) -> str:
         return self.text.text
 
-    def at(self, values: Sequence[float] | Array) -> Case:
-        """The case with these numbers, checked as any other; InputError where it can't be used."""
-        tables = self.text.data()
+    @cached_property
+    def _tables(self) -> Tables:
+        return tables_with(self.text, self.paths)
+
+    def tables_at(self, values: Sequence[float] | Array) -> Tables:
+        """The file's tables with these numbers; InputError for a path that leads to none."""
+        tables = copy.deepcopy(self._tables)
         for path, value in zip(self.paths, values, strict=True):
             path.put(tables, float(value))
-        return self.text.case(tables)
+        return tables
+
+    def at(self, values: Sequence[float] | Array) -> Case:
+        """The case with these numbers, checked as any other; InputError where it can't be used."""
+        return self.text.case(self.tables_at(values))
+
+
+def tables_with(text: CaseText, paths: Iterable[FieldPath]) -> Tables:
+    """A case file's tables, in which ``paths`` stand.
+
+    Where one of them is of theta and the plant is given by A, which theta follows from, A_m and that theta stand there instead.
+    InputError where A, or what the model makes of it, is to vary as well.
+    """
+    tables, paths = text.data(), tuple(paths)
+    plant, model = tables.get("plant"), tables.get("reference_model")
+    of_theta = [path for path in paths if path.keys[:2] == THETA]
+    if not of_theta or not isinstance(plant, dict) or not isinstance(model, dict) or "A" not in plant:
+        return tables
+    if both := [path for path in paths if path.keys[:2] in MATCHED]:
+        raise InputError(f"{both[0]} and {of_theta[0]} can't both vary: with plant.A given, theta is what follows from it")
+    problem = text.case().problem
+    if isinstance(problem, Problem):
+        plant |= {"A_m": problem.plant.A_m.tolist(), "theta": problem.plant.theta.tolist()}
+        del plant["A"]
+        tables["reference_model"] = {key: value for key, value in model.items() if key not in ("A_m", "poles")}
+    return tables
+
+
+THETA = ("plant", "theta")
+MATCHED = (("plant", "A"), ("reference_model", "A_m"), ("reference_model", "poles"))
+"""From which theta follows in a file that gives plant.A."""
 
 
 def sampled(text: CaseText | None, given: Sequence[tuple[str, str | Distribution]]) -> dict[FieldPath, Distribution]:
@@ -63,14 +100,21 @@ def _named(path: FieldPath, distribution: str) -> Distribution:
 
 
 def _over_known_set(text: CaseText, path: FieldPath) -> dict[FieldPath, Distribution]:
-    """Independent in each entry, as is uniform in a box."""
-    entries, uncertainty = path.of(text.data()), text.data().get("uncertainty", {})
+    """Independent in each entry, as is uniform in a box; theta and its bounds may be matrices, or the same row by row."""
+    tables = tables_with(text, [path])
+    entries, uncertainty = path.of(tables), tables.get("uncertainty", {})
     lower, upper = uncertainty.get("lower"), uncertainty.get("upper")
+    if entries is None:
+        raise InputError(f"the case has no {path}; known-set goes with a vector of parameters that are estimated, as plant.theta")
     if not isinstance(entries, list) or not isinstance(lower, list) or not isinstance(upper, list):
         raise InputError(
             f"{path} = known-set needs a vector there and a box of the same size, uncertainty.lower and uncertainty.upper; "
             f"got {validate.show(entries)}"
         )
-    if np.shape(entries) != np.shape(lower) or np.shape(lower) != np.shape(upper):
-        raise InputError(f"{path} = known-set needs as many entries as uncertainty.lower has, {len(lower)}, got {len(entries)}")
-    return {path.entry(i): Uniform(float(low), float(high)) for i, (low, high) in enumerate(zip(lower, upper, strict=True))}
+    low, high = np.ravel(lower), np.ravel(upper)
+    if np.size(entries) != len(low) or len(low) != len(high):
+        raise InputError(f"{path} = known-set needs as many entries as uncertainty.lower has, {len(low)}, got {np.size(entries)}")
+    found: dict[FieldPath, Distribution] = {}
+    for k, index in enumerate(np.ndindex(np.shape(entries))):
+        found[FieldPath((*path.keys, *index))] = Uniform(float(low[k]), float(high[k]))
+    return found

@@ -207,5 +207,7 @@ def _notes(tuner: Tuner, found: Mapping[str, Tuned]) -> tuple[str, ...]:
         said.append("only the case's own plant was looked at: it has no known set from which others of theta could be drawn")
     for name, one in found.items():
         if one.chosen is None:
-            said.append(f"{name}: none of {one.trials} tunings meets every constraint; the case file keeps its own")
+            said.append(
+                f"{name}: none of {validate.counted(one.trials, 'tuning')} meets every constraint; the case file keeps its own"
+            )
     return tuple(said)

@@ -146,7 +146,7 @@ def _add_bound_10(draft: Draft, problem: Problem, controller: L1Adaptive, C: Sta
             for key, value in zip(("nu_1", "nu_2"), constants, strict=True):
                 draft.guarantee(key, value, *rests_on)
     if not found.holds:
-        not_below = f"||W_b (1 - C)||_1 theta_max = {found.value_upper:.4g} is not below 1"
+        not_below = _too_large(found.value_upper)
         draft.missing("error_bound", f"{not_below}: bound (10) says nothing here")
         draft.missing("reference_error_bound", f"{not_below}: the distance to the reference system is not bounded")
         return None
@@ -197,9 +197,12 @@ def _stability(problem: Problem, controller: L1Adaptive, certificate: Certificat
         return nothing("stability", "without a known set that is projected onto there is no theta_max for the condition on C(s)")
     value, rests_on = up(condition["value_upper"]), of_the_lyapunov_law(problem, controller, certificate)
     if not condition["holds"]:
-        why = f"||W_b (1 - C)||_1 theta_max is only known to be <= {value}, and 1 is needed"
-        return denied("stability", why, *rests_on)
+        return denied("stability", _too_large(condition["value_upper"]), *rests_on)
     return statement("stability", f"since ||W_b (1 - C)||_1 theta_max <= {value} < 1", *rests_on)
+
+
+def _too_large(upper: float) -> str:
+    return f"||W_b (1 - C)||_1 theta_max is only known to be <= {up(upper)}, and less than 1 is needed"
 
 
 def _tracking(problem: Problem, controller: L1Adaptive, stability: Entry) -> Entry:

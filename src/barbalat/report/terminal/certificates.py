@@ -11,7 +11,7 @@ from barbalat.certificates.entry import Entry
 from barbalat.certificates.rounding import up
 from barbalat.certificates.table_1 import Table1
 from barbalat.report.certificates import rows_of
-from barbalat.report.terminal.layout import FALLBACK, HANGING_COLUMNS, Screen, held, shortened
+from barbalat.report.terminal.layout import Screen, held
 
 GROUPS = {
     "guaranteed": ("Guaranteed on this case", "green"),
@@ -43,7 +43,7 @@ class Line(NamedTuple):
 
 
 def show(screen: Screen, case: str, certificates: Mapping[str, Certificate], table: Table1, dt: float | None) -> None:
-    """Five lines for each controller, each of them one line from 80 columns on; then what was noted, once each."""
+    """Five lines for each controller, a long reason folded; then what was noted, once each."""
     screen.line(case, "bold")
     for column in table.columns:
         _controller(screen, column, certificates[column.name], dt)
@@ -68,7 +68,7 @@ def show_full(screen: Screen, case: str, certificates: Mapping[str, Certificate]
     screen.line(case, "bold")
     for column in table.columns:
         certificate = certificates[column.name]
-        _controller(screen, column, certificate, dt, whole=True)
+        _controller(screen, column, certificate, dt)
         for note in certificate.notes:
             screen.fact("note", note, LABEL_COLUMNS, "yellow")
         _values(screen, certificate)
@@ -79,14 +79,10 @@ def show_full(screen: Screen, case: str, certificates: Mapping[str, Certificate]
     _table_1(screen, table)
 
 
-def _controller(screen: Screen, column: Column, certificate: Certificate, dt: float | None, *, whole: bool = False) -> None:
-    """The five; at 80 columns and more a line has as much of a long reason as fits, unless the ``whole`` is wanted."""
-    room = max(screen.width, FALLBACK)
-    title = f"{held(column.name)}: {column.scheme}"
-    screen.title(title if whole else shortened(title, room))
+def _controller(screen: Screen, column: Column, certificate: Certificate, dt: float | None) -> None:
+    screen.title(f"{held(column.name)}: {column.scheme}")
     for line in five(column, certificate, dt):
-        text = line.text if whole else shortened(line.text, room - LABEL_COLUMNS - HANGING_COLUMNS)
-        screen.fact(line.label, text, LABEL_COLUMNS, STYLES.get(line.kind, ""))
+        screen.fact(line.label, line.text, LABEL_COLUMNS, STYLES.get(line.kind, ""))
 
 
 def five(column: Column, certificate: Certificate, dt: float | None) -> tuple[Line, ...]:
@@ -113,7 +109,7 @@ def _condition(stability: Entry | None, condition: Entry | None) -> Line:
             return Line("condition", f"{of} {size}; not enough: {stability.why}", "does not apply")
         if value["holds"]:
             return Line("condition", f"holds: {of} {size} < 1", condition.kind)
-        return Line("condition", f"not shown: {of} {size}, 1 needed", "does not apply")
+        return Line("condition", f"not shown: {of} {size}, less than 1 needed", "does not apply")
     if stability is None or not stability.applies:
         return Line("condition", f"not shown: {'' if stability is None else stability.why}", "does not apply")
     return Line("condition", f"none needed; bounded: {stability.text}", stability.kind)
