@@ -20,7 +20,7 @@ from barbalat.problem.plant import Plant
 from barbalat.problem.reference_model import ReferenceModel
 from barbalat.problem.regressors import Polynomial
 from barbalat.problem.state_feedback import Problem
-from barbalat.signals import Constant, Steps
+from barbalat.signals import Steps
 from barbalat.validate import Array
 
 SAMPLE_TIME = 0.01
@@ -197,7 +197,7 @@ class Axis:
         return Problem(
             plant=plant,
             reference_model=ReferenceModel(k_0=self.k_0),
-            reference=Constant(0.0),
+            reference=self.followed.command,
             uncertainty=known,
             name=self.followed.meaning,
         )

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Protocol
 
+from barbalat.flight.flyable import Agreement
 from barbalat.flight.scene import Scene
 from barbalat.validate import Array, InputError, show
 
@@ -52,18 +53,23 @@ class Flown(Protocol):
     @property
     def figures(self) -> dict[str, float | None]: ...
 
+    @property
+    def agreement(self) -> Agreement | None: ...
+
 
 class Compared(ABC):
     """All flights of some controllers through some failures.
 
     flights  for each controller those through all failures, in their order
     delays   the largest added delay that each kept control with [s], by name; None where nobody asked
+    exported  whether what flew was the exported C
     """
 
     name: str
     failures: tuple[Failing, ...]
     flights: tuple[tuple[Flown, ...], ...]
     delays: dict[str, float] | None
+    exported: bool
 
     @property
     @abstractmethod
@@ -124,6 +130,13 @@ class Compared(ABC):
     def controllers(self) -> tuple[str, ...]:
         """Their names."""
         return tuple(several[0].controller for several in self.flights)
+
+    @cached_property
+    def agreements(self) -> dict[str, Agreement] | None:
+        """Of each controller's exported C with the simulated list, over all its flights; None where the list itself flew."""
+        if not self.exported:
+            return None
+        return {several[0].controller: Agreement.together(one.agreement for one in several) for several in self.flights}
 
     def __repr__(self) -> str:
         lines = [self.headline]

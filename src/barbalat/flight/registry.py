@@ -11,6 +11,7 @@ from barbalat.flight.axis import AXES
 from barbalat.flight.compared import Compared
 from barbalat.flight.equipment import Equipment
 from barbalat.flight.failures import FAILURES as F16_FAILURES
+from barbalat.flight.flyable import Maker
 from barbalat.flight.quadrotor import comparison as quadrotor
 from barbalat.flight.quadrotor.failures import FAILURES as QUADROTOR_FAILURES
 from barbalat.flight.request import Request
@@ -56,6 +57,7 @@ def fly(
     condition: FlightCondition | None = None,
     equipment: Equipment | None = None,
     delays: bool = False,
+    software_in_the_loop: Maker | None = None,
     progress: Progress | None = None,
 ) -> Compared:
     """Fly controllers on a flight model, each through every failure; the extra ``flight`` has JSBSim and MuJoCo.
@@ -70,6 +72,8 @@ def fly(
     condition    where the F-16's level flight is trimmed; 10013 ft, Mach 0.525 by default
     equipment    what lies between controller and surface of the F-16; the axis's own by default
     delays       whether the delay is raised, too, until control is lost: some ten flights more for each controller
+    software_in_the_loop  ``exported_c``: each controller flies as its exported C, compiled by this machine's compiler, beside
+                 the simulated list, with which u and state are compared in every bit; by default that list flies alone
 
     Raises InputError for what can't be flown, SimulatorFailed where the simulator breaks before any flight.
     """
@@ -83,6 +87,7 @@ def fly(
         condition=condition,
         equipment=equipment,
         delays=delays,
+        software_in_the_loop=software_in_the_loop,
         progress=progress,
     )
     return FLIGHTS[name].fly(request)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from barbalat.flight.airframe import FlightCondition
 from barbalat.flight.equipment import Equipment
+from barbalat.flight.flyable import Maker
 from barbalat.protocols import Controller
 from barbalat.run.progress import Progress
 
@@ -22,4 +23,5 @@ class Request:
     condition: FlightCondition | None = None
     equipment: Equipment | None = None
     delays: bool = False
+    software_in_the_loop: Maker | None = None
     progress: Progress | None = None

@@ -156,7 +156,13 @@ class Film:
 
 def flight(found: Compared, pictures: Mapping[str, ReportFigure], paths: Mapping[str, ReportFigure], film: Film | None) -> str:
     """The page of ``barbalat fly``; pictures over time and in space by the failures' names."""
-    told = {"rows": flights.rows, "reasons": flights.reasons, "losses": flights.losses, "best_and_worst": flights.best_and_worst}
+    told = {
+        "facts": flights.facts,
+        "rows": flights.rows,
+        "reasons": flights.reasons,
+        "losses": flights.losses,
+        "best_and_worst": flights.best_and_worst,
+    }
     headings = ("controller", *(heading.replace("\n", " ") for heading in found.headings))
     values = {
         "headings": headings,
