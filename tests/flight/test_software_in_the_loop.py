@@ -19,7 +19,6 @@ from barbalat.flight import comparison
 from barbalat.flight.airframe import DEGREES
 from barbalat.flight.axis import PITCH, SAMPLE_TIME, Axis
 from barbalat.flight.failures import OF_PITCH
-from barbalat.flight.flyable import Agreement
 from barbalat.flight.flying import Timing, fly_once
 from barbalat.flight.isolated import SimulatorFailed
 from barbalat.flight.quadrotor import comparison as of_quadrotor
@@ -28,9 +27,10 @@ from barbalat.flight.quadrotor.axes import Axes
 from barbalat.flight.quadrotor.failures import FAILURES as OF_QUADROTOR
 from barbalat.flight.quadrotor.hover import hovering
 from barbalat.flight.quadrotor.vehicle import Quadrotor
-from barbalat.flight.sampled_step import SampledList
 from barbalat.flight.schemes import SCHEMES, flying
 from barbalat.flight.trim import trimmed
+from barbalat.run.sampled_step import SampledList
+from barbalat.run.stepwise import Agreement
 from export.targets import needs_gcc
 
 FAILURES = {one.name: one for one in OF_PITCH}

@@ -12,11 +12,11 @@ from barbalat.export.contents import VECTORS, Contents
 from barbalat.export.header import header
 from barbalat.export.source import source
 from barbalat.export.texts import Printed, filled, indented
-from barbalat.flight.flyable import Agreement
-from barbalat.flight.sampled_step import SampledList, SampledStep
 from barbalat.lowering.c99 import DOUBLE
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller
+from barbalat.run.sampled_step import SampledList, SampledStep
+from barbalat.run.stepwise import Agreement
 from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array
 

@@ -8,8 +8,8 @@ from collections.abc import Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Protocol
 
-from barbalat.flight.flyable import Agreement
 from barbalat.flight.scene import Scene
+from barbalat.run.stepwise import Agreement
 from barbalat.validate import Array, InputError, show
 
 if TYPE_CHECKING:

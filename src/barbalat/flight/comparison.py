@@ -14,14 +14,14 @@ from barbalat.flight.equipment import Equipment
 from barbalat.flight.f16_comparison import FlightComparison
 from barbalat.flight.failures import FAILURES, Failure
 from barbalat.flight.flight import Flight, columns_of
-from barbalat.flight.flyable import Flyable, Maker
 from barbalat.flight.flying import delay_borne, flown
 from barbalat.flight.isolated import SimulatorFailed, isolated
 from barbalat.flight.request import Request
-from barbalat.flight.sampled_step import SampledList
 from barbalat.flight.schemes import Flying, available, flying, require_known
 from barbalat.flight.trim import trimmed
 from barbalat.protocols import Controller
+from barbalat.run.sampled_step import SampledList
+from barbalat.run.stepwise import Flyable, Maker
 from barbalat.validate import InputError, require_extra, show
 
 STARTING_SECONDS, SECONDS_PER_FLIGHT = 120.0, 60.0

@@ -28,9 +28,9 @@ from barbalat.flight.failures import Failure
 from barbalat.flight.flight import Timing
 from barbalat.flight.flying import fly_once
 from barbalat.flight.isolated import isolated
-from barbalat.flight.sampled_step import SampledList, SampledStep
 from barbalat.flight.schemes import available, require_known
 from barbalat.run.progress import Progress
+from barbalat.run.sampled_step import SampledList, SampledStep
 from barbalat.sweeps.chunks import Chunk, chunks_of
 from barbalat.sweeps.kept import Kept, Sink, in_order
 from barbalat.sweeps.plan import Plan

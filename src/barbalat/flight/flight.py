@@ -8,7 +8,7 @@ import numpy as np
 
 from barbalat.flight.axis import SAMPLE_TIME, Followed
 from barbalat.flight.failures import FAILS_AT, Failure
-from barbalat.flight.flyable import Agreement
+from barbalat.run.stepwise import Agreement
 from barbalat.validate import Array
 
 

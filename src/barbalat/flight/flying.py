@@ -15,10 +15,10 @@ from barbalat.flight.dispersions import NOMINAL, Dispersion
 from barbalat.flight.equipment import Actuator, Sensors
 from barbalat.flight.failures import Failure
 from barbalat.flight.flight import ALPHA, BANK, BETA, N_Z, TIMING, Flight, Timing, columns_of
-from barbalat.flight.flyable import Flyable, Step
 from barbalat.flight.gusts import SEED, gusts_met
 from barbalat.linear.largest import largest_whole
 from barbalat.linear.zero_order_hold import HeldSystem
+from barbalat.run.stepwise import Flyable, Step
 from barbalat.validate import Array
 
 if TYPE_CHECKING:

@@ -11,12 +11,12 @@ from barbalat.flight.axis import AXES
 from barbalat.flight.compared import Compared
 from barbalat.flight.equipment import Equipment
 from barbalat.flight.failures import FAILURES as F16_FAILURES
-from barbalat.flight.flyable import Maker
 from barbalat.flight.quadrotor import comparison as quadrotor
 from barbalat.flight.quadrotor.failures import FAILURES as QUADROTOR_FAILURES
 from barbalat.flight.request import Request
 from barbalat.protocols import Controller
 from barbalat.run.progress import Progress
+from barbalat.run.stepwise import Maker
 from barbalat.validate import InputError, show
 
 

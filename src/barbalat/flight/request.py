@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 from barbalat.flight.airframe import FlightCondition
 from barbalat.flight.equipment import Equipment
-from barbalat.flight.flyable import Maker
 from barbalat.protocols import Controller
 from barbalat.run.progress import Progress
+from barbalat.run.stepwise import Maker
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from barbalat.flight.compared import Compared, Failing, Flown
-from barbalat.flight.flyable import Agreement
+from barbalat.run.stepwise import Agreement
 
 CSV_EVERY = 10
 """Samples from one row of a CSV to the next: ten rows a second, so that a failure's flights are some 100 kB."""

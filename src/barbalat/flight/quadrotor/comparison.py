@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from barbalat.flight.compared import Compared, Failing
-from barbalat.flight.flyable import Flyable, Maker
 from barbalat.flight.isolated import SimulatorFailed, isolated
 from barbalat.flight.quadrotor.axes import ATTITUDE_SAMPLE, POSITION_SAMPLE, Axes
 from barbalat.flight.quadrotor.control import Scheme
@@ -30,9 +29,10 @@ from barbalat.flight.quadrotor.schemes import SCHEMES, OnAxis, require_known
 from barbalat.flight.quadrotor.trajectory import TAKES_OFF
 from barbalat.flight.quadrotor.vehicle import AIR_DENSITY, INTEGRATOR, PLACES, SLOPE, STEP, Quadrotor
 from barbalat.flight.request import Request
-from barbalat.flight.sampled_step import SampledList
 from barbalat.flight.scene import Mover, Scene
 from barbalat.protocols import Controller
+from barbalat.run.sampled_step import SampledList
+from barbalat.run.stepwise import Flyable, Maker
 from barbalat.validate import InputError, require_extra, show
 
 if TYPE_CHECKING:

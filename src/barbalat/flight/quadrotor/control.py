@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from barbalat.flight.flyable import Agreement, Flyable, Step
 from barbalat.flight.quadrotor.axes import ATTITUDE_SAMPLE, POSITION_SAMPLE, Axes, Axis
 from barbalat.flight.quadrotor.geometry import (
     UP,
@@ -21,6 +20,7 @@ from barbalat.flight.quadrotor.geometry import (
 )
 from barbalat.flight.quadrotor.simulator import Motion
 from barbalat.flight.quadrotor.trajectory import Path
+from barbalat.run.stepwise import Agreement, Flyable, Step
 from barbalat.validate import Array
 
 OUTER_EVERY = round(POSITION_SAMPLE / ATTITUDE_SAMPLE)

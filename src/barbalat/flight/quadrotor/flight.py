@@ -8,7 +8,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from barbalat.flight.flyable import Agreement
 from barbalat.flight.quadrotor.axes import ATTITUDE_SAMPLE, Axes, Electronics
 from barbalat.flight.quadrotor.control import OUTER_EVERY, Control, Scheme
 from barbalat.flight.quadrotor.failures import FAILS_AT, GUST_LENGTH, GUSTS_SHARE, Failure
@@ -17,6 +16,7 @@ from barbalat.flight.quadrotor.trajectory import CLIMBS, TAKES_OFF, Path, path
 from barbalat.flight.quadrotor.vehicle import STANDING, STEP
 from barbalat.flight.scene import attitudes
 from barbalat.linear.largest import largest_whole
+from barbalat.run.stepwise import Agreement
 from barbalat.validate import Array
 
 DURATION = 20.0

@@ -10,7 +10,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from barbalat.flight.flyable import Agreement
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.loop.packing import flatten, unflatten
 from barbalat.loop.sampling import Acting
@@ -20,6 +19,7 @@ from barbalat.lowering.shape import LoopShape
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller
 from barbalat.run.sampled_part import COMMAND, FREEZE, MEASURED, STATE, controller_program, initial_acting
+from barbalat.run.stepwise import Agreement
 from barbalat.validate import Array, InputError
 
 SIGNALS = 3
