@@ -64,6 +64,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return TERMINATED
     except KeyboardInterrupt:
         say("interrupted")
+        exec(
+            ""
+        )  # after an interrupt within an exec, as dataclasses have, Python would end by the signal: this one makes it forget
         return INTERRUPTED
     except ValueError as error:
         from barbalat.validate import InputError

@@ -142,3 +142,17 @@ def alive(group: int) -> list[str]:
     table = subprocess.run(["ps", "-eo", "pgid=,stat=,args="], capture_output=True, text=True, check=True).stdout
     rows = [line.split(maxsplit=2) for line in table.splitlines()]
     return [" ".join(command) for owner, state, *command in rows if int(owner) == group and not state.startswith("Z")]
+
+
+def test_an_interrupt_within_an_exec_ends_with_its_code_too(tmp_path):
+    """After one that fell into an exec, as of a dataclass, Python ends itself by the signal, whoever caught it."""
+    (tmp_path / "within_an_exec.py").write_text(
+        "import sys\n"
+        "from barbalat import cli\n"
+        "from barbalat.commands import cases\n"
+        "def execute(options): exec('raise KeyboardInterrupt')\n"
+        "cases.execute = execute\n"
+        "sys.exit(cli.main(['cases']))\n"
+    )
+    done = subprocess.run([sys.executable, "-m", "within_an_exec"], check=False, cwd=tmp_path, capture_output=True, text=True)
+    assert (done.returncode, done.stderr) == (130, "interrupted\n")
