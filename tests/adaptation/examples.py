@@ -192,6 +192,12 @@ LAW_EXAMPLES = {
 }
 
 
+def example_of(law) -> Example:
+    """That of its class."""
+    (kind,) = (kind for kind, made in LAWS.items() if made is type(law))
+    return LAW_EXAMPLES[kind]
+
+
 def plain(kind: str, n: int) -> list[dict]:
     """Settings without modifications for n <= 3 parameters, one for each shape of the gain."""
     example, values = LAW_EXAMPLES[kind], {"diagonal": np.arange(1.0, n + 1), "matrix": MATRIX[:n, :n]}
