@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from barbalat.commands.options import add_controllers
 from barbalat.commands.output import folder_of, tell
-from barbalat.commands.screen import Work, work
+from barbalat.commands.screen import SECONDS_EACH_STEP, Work, work
 
 if TYPE_CHECKING:
     from barbalat.commands import Commands
@@ -52,8 +52,6 @@ def add(commands: Commands) -> None:
     parser.set_defaults(execute=execute)
 
 
-SECONDS_EACH_STEP = 10e-9
-"""Of a small loop, on one core."""
 RUNS_EACH_TRIAL, MOST_SCHEMES = 22, 9
 """As on the template's case: of all plants and modelling errors together; schemes that can be tuned."""
 DRAWING_SECONDS = 2.0

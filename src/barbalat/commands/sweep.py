@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from barbalat.commands.options import add_controllers
 from barbalat.commands.output import folder_of, print_json, tell
-from barbalat.commands.screen import Work, say, work
+from barbalat.commands.screen import SECONDS_EACH_STEP, Work, say, work
 
 if TYPE_CHECKING:
     from barbalat.cases.load import CaseText
@@ -176,8 +176,6 @@ def _pair(given: str) -> tuple[str, str]:
     return path.strip(), spread.strip()
 
 
-SECONDS_EACH_STEP = 10e-9
-"""Of a small loop, on one core."""
 SECONDS_EACH_EXPLORER, DRAWING_SECONDS = 1.0, 2.0
 
 

@@ -32,10 +32,10 @@ from barbalat.flight.schemes import available, require_known
 from barbalat.run.progress import Progress
 from barbalat.run.sampled_step import SampledList, SampledStep
 from barbalat.sweeps.chunks import Chunk, chunks_of
-from barbalat.sweeps.kept import Kept, Sink, in_order
+from barbalat.sweeps.kept import Kept, in_order
 from barbalat.sweeps.plan import Plan
 from barbalat.sweeps.rows import Rows
-from barbalat.sweeps.store import opened
+from barbalat.sweeps.store import Store, opened
 from barbalat.sweeps.stored import require_parquet
 from barbalat.sweeps.study import Columns
 from barbalat.validate import Array
@@ -168,7 +168,7 @@ def _campaign(name: str, schemes: Sequence[str] | None, failures: Sequence[str] 
 
 
 @contextlib.contextmanager
-def _sink(campaign: Campaign, store: str | Path | None) -> Iterator[Sink]:
+def _sink(campaign: Campaign, store: str | Path | None) -> Iterator[Store | Kept]:
     if store is None:
         yield Kept(None, list(chunks_of(len(campaign.plan), campaign.chunk)))
         return

@@ -113,13 +113,7 @@ class TauStudy:
             raise InputError(f"the robust MRAC has one input, but plant.b has {self.problem.plant.inputs} columns")
 
     def tail_errors(
-        self,
-        sizes: Array,
-        taus: Array,
-        simulation: Simulation,
-        *,
-        threads: int | None = None,
-        progress: Progress | None = None,
+        self, sizes: Array, taus: Array, simulation: Simulation, *, threads: int | None = None, progress: Progress | None = None
     ) -> Array:
         """(M,) max |e| in the last quarter of one run for each pair of ``sizes`` and ``taus``; NaN where it is lost."""
         members = [self._member(float(size), float(tau)) for size, tau in zip(sizes, taus, strict=True)]

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import Path
-from typing import ClassVar, Protocol
+from typing import ClassVar
 
 import numpy as np
 
@@ -38,37 +38,12 @@ def in_order(made: Made) -> Made:
             first += following[0].size
 
 
-class Sink(Protocol):
-    """Where chunks of columns go."""
-
-    @property
-    def in_order(self) -> bool:
-        """Whether it takes chunks in their order only."""
-        ...
-
-    @property
-    def damaged(self) -> tuple[str, ...]:
-        """What was there and is made again."""
-        ...
-
-    @property
-    def stored(self) -> int:
-        """Members that are there already."""
-        ...
-
-    @property
-    def missing(self) -> list[Chunk]:
-        """Chunks that are not there yet."""
-        ...
-
-    def add(self, chunk: Chunk, columns: Columns) -> None: ...
-
-    def rows(self) -> Rows: ...
-
-
 @dataclass(eq=False)
 class Kept:
-    """Columns in memory, or in a folder of one file for each chunk, which goes when the sweep is forgotten."""
+    """Columns in memory, or in a folder of one file for each chunk, which goes when the sweep is forgotten.
+
+    Chunks are put here as into a ``Store``, but by their first members.
+    """
 
     folder: Path | None
     missing: list[Chunk] = field(default_factory=list)

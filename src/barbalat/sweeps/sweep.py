@@ -14,13 +14,13 @@ from barbalat.sweeps.bounds import ERROR_BOUND, Bounds
 from barbalat.sweeps.chunks import Chunk, chunk_size, chunks_of
 from barbalat.sweeps.cluster import Scheduler, Workers, connected
 from barbalat.sweeps.evidence import evidence
-from barbalat.sweeps.kept import Kept, Made, Sink, in_order
+from barbalat.sweeps.kept import Kept, Made, in_order
 from barbalat.sweeps.paths import FieldPath
 from barbalat.sweeps.plan import DEFAULT_MEMBERS, Design, Plan, design_of
 from barbalat.sweeps.requirement import Requirement
 from barbalat.sweeps.result import SweepResult
 from barbalat.sweeps.spread import Axis, Distribution
-from barbalat.sweeps.store import opened
+from barbalat.sweeps.store import Store, opened
 from barbalat.sweeps.stored import require_parquet
 from barbalat.sweeps.study import Columns, Study
 from barbalat.sweeps.varied import VariedObjects
@@ -128,7 +128,7 @@ def run_study(
 
 
 @contextlib.contextmanager
-def _sink(study: Study, store: Path | None, chunk: int | None, columns: int) -> Iterator[Sink]:
+def _sink(study: Study, store: Path | None, chunk: int | None, columns: int) -> Iterator[Store | Kept]:
     size = chunk or chunk_size(len(study), study.steps)
     if store is None:
         yield Kept.room_for(list(chunks_of(len(study), size)), columns)

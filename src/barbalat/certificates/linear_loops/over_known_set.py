@@ -69,11 +69,7 @@ def _add(draft: Draft, found: list[tuple[str, WorstCase]]) -> None:
 
 def _of_one_loop(draft: Draft, which: str, worst: WorstCase) -> dict[str, Any]:
     """JSON for one loop: each finite margin with its theta, beside the delay that the plant has."""
-    entry: dict[str, Any] = {
-        "loop": which,
-        "searched": worst.searched,
-        "unlimited": [],
-    }
+    entry: dict[str, Any] = {"loop": which, "searched": worst.searched, "unlimited": []}
     unstable_at = worst.unstable_at
     if unstable_at is not None:
         draft.note(f"linear loop {which}: unstable at theta = [{', '.join(f'{v:.4g}' for v in unstable_at)}] of the known set")
