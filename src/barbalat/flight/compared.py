@@ -15,7 +15,7 @@ from barbalat.validate import Array, InputError, show
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-HELD = "\0"
+HELD_BLANK = "\0"
 """In the place of a blank at which no line ends."""
 
 
@@ -142,11 +142,13 @@ class Compared(ABC):
         lines = [self.headline]
         for failure in self.failures:
             found = (
-                f"{one.controller} {f'lost at {one.duration:.1f} s' if one.lost else f'{one.rms_error:.2f}'}".replace(" ", HELD)
+                f"{one.controller} {f'lost at {one.duration:.1f} s' if one.lost else f'{one.rms_error:.2f}'}".replace(
+                    " ", HELD_BLANK
+                )
                 for one in self.through(failure)
             )
             lines += textwrap.wrap(f"{failure.name}: {', '.join(found)}", 100, subsequent_indent="    ")
-        return "\n".join(lines).replace(HELD, " ")
+        return "\n".join(lines).replace(HELD_BLANK, " ")
 
     def plot(self, failure: str | None = None) -> Figure:
         """Time histories of all controllers through one failure, by its name; the last one by default."""
