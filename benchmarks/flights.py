@@ -16,11 +16,11 @@ from barbalat.flight.airframe import FlightCondition
 from barbalat.flight.axis import Axis
 from barbalat.flight.dispersed import fly_dispersed
 from barbalat.flight.failures import OF_PITCH
-from barbalat.run.stepwise import Step
 from barbalat.flight.flying import Timing, fly_once
-from barbalat.run.sampled_step import SampledList
 from barbalat.flight.schemes import flying
 from barbalat.flight.trim import trimmed
+from barbalat.run.sampled_step import SampledList
+from barbalat.run.stepwise import Step
 from benchmarks.house import Section
 from benchmarks.processor import description
 from benchmarks.table import Row, console, show

@@ -1,4 +1,4 @@
-"""What users of the piecewise-constant law met, on the F-16 and by its exported C: trim that is off, a wrong sample time, modes."""
+"""What users of the piecewise-constant law met, by its exported C on the F-16: trim that is off, a wrong sample time, modes."""
 
 from dataclasses import replace
 
@@ -12,11 +12,11 @@ from barbalat import AsFlown, FlightCondition, L1PiecewiseConstant, exported_c, 
 from barbalat.flight.airframe import DEGREES
 from barbalat.flight.axis import PITCH, SAMPLE_TIME, Axis
 from barbalat.flight.failures import OF_PITCH
-from barbalat.flight.flyable import Agreement
 from barbalat.flight.flying import Timing, fly_once
-from barbalat.flight.sampled_step import SampledList
 from barbalat.flight.schemes import TUNED, flying
 from barbalat.flight.trim import trimmed
+from barbalat.run.sampled_step import SampledList
+from barbalat.run.stepwise import Agreement
 from export.engaged import Engaged
 from export.targets import needs_gcc
 

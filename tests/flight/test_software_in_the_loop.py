@@ -11,7 +11,7 @@ import pytest
 pytest.importorskip("jsbsim", reason="the extra flight is not installed: ./dev flight installs it")
 pytest.importorskip("mujoco", reason="the extra flight is not installed: ./dev flight installs it")
 
-from barbalat import FlightCondition, Mrac, Sampled, exported_c, fly
+from barbalat import FlightCondition, Mrac, Sampled, Simulation, exported_c, fly
 from barbalat.cli import main
 from barbalat.export import exported_step
 from barbalat.flight import comparison
@@ -28,6 +28,7 @@ from barbalat.flight.quadrotor.schemes import SCHEMES as QUADROTOR_SCHEMES
 from barbalat.flight.quadrotor.vehicle import Quadrotor
 from barbalat.flight.schemes import SCHEMES, flying
 from barbalat.flight.trim import trimmed
+from barbalat.run.recording import recorded
 from barbalat.run.sampled_step import SampledList
 from barbalat.run.stepwise import Agreement
 from export.targets import needs_gcc
@@ -80,6 +81,16 @@ def test_the_quadrotor_flies_the_same_flight_in_every_bit(name, monkeypatch):
         assert a.record.tobytes() == b.record.tobytes()
         assert b.agreement == Agreement(samples=3 * 1200 + 3 * 300)  # 400 Hz and 100 Hz
     assert by_c[0].record.tobytes() != by_c[1].record.tobytes()
+
+
+def test_what_an_axis_of_a_model_exports_has_test_vectors_that_move(axis):
+    """Its problem has a command, or something that acts: of zeros every wrong controller would make the same zeros."""
+    axes = Axes(hover=hovering(Quadrotor()))
+    pairs = [flying(axis, ["l1"])[0], *(QUADROTOR_SCHEMES["l1"](one) for one in (axes.attitude[0], axes.position[0]))]
+    for problem, controller in pairs:
+        T = controller.sample_time
+        states = recorded(problem, controller, Simulation(t_end=200 * T, dt=T), 200).states
+        assert len(np.unique(states[-50:], axis=0)) == 50
 
 
 def test_of_a_vehicle_that_flies_otherwise_the_axis_is_named(monkeypatch):
