@@ -26,8 +26,8 @@ WHOLE = "compiled on this machine: every bit of u and of the state equals the si
             [
                 f"the C of 2 of 5 controllers flew, {WHOLE} 12,000 samples of 4 flights",
                 "the C of b is not the simulated list: x_hat[1] differs from sample 3 of a flight on",
-                "the C of d is not the simulated list: held_u[0] differs from sample 90 of a flight on, and it refused 7 of 1,200 "
-                "samples",
+                "the C of d is not the simulated list: held_u[0] differs from sample 90 of a flight on, "
+                "and it refused 7 of 1,200 samples",
                 "nothing is known of the C of e: the simulator broke in every flight",
             ],
         ),
