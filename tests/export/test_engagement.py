@@ -6,9 +6,7 @@ was made for, and limited by its actuator. The plant is written out here.
 
 from __future__ import annotations
 
-import ctypes
 from dataclasses import dataclass, replace
-from functools import cache
 
 import numpy as np
 import pytest
@@ -26,11 +24,10 @@ from barbalat import (
     input_filter,
     simulate,
 )
-from barbalat.export.compiler import loaded, require_compiler, shared_library
 from barbalat.export.in_the_loop import simulate_export
-from barbalat.export.write import files
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.run.sampled_part import initial_acting
+from export.engaged import Engaged
 from export.targets import needs_gcc
 
 T = 0.01
@@ -49,51 +46,18 @@ SETTINGS = {"sample_time": T, "filter": input_filter(kappa=0.1), "saturated_pred
 LAWS = {"exact": L1PiecewiseConstant(**SETTINGS), "as flown": L1PiecewiseConstant(**SETTINGS, as_flown=AsFlown())}
 pytestmark = needs_gcc
 
-CALLS = """\
-#include "controller.h"
-static law_controller c;
-void begin(void);
-void again(void);
-void enable(const double *x, const double *u_now, long samples, int keep);
-unsigned act(const double *x, double r, double *u, double *sigma_hat);
-void begin(void) { law_init(&c); }
-void again(void) { law_reset(&c); }
-void enable(const double *x, const double *u_now, long samples, int keep) { law_start(&c, x, u_now, samples, keep); }
-unsigned act(const double *x, double r, double *u, double *sigma_hat)
-{
-    law_input in = {LAW_SAMPLE_TIME, {x[0], x[1]}, {r}, 0};
-    law_output out;
-    const unsigned status = law_step(&c, &in, &out);
-    *u = out.u[0];
-    sigma_hat[0] = c.sigma_hat[0];
-    sigma_hat[1] = c.sigma_hat[1];
-    return status;
-}
-"""
-
-
-@cache
-def _compiled(law) -> bytes:
-    texts = {name: text for name, text in files(PROBLEM, law, Simulation(t_end=1, dt=T)).items() if name != "selftest.c"}
-    return shared_library(require_compiler(), {**texts, "calls.c": CALLS})
-
 
 @dataclass
 class Flight:
     """The plant, and the C that flies it; ``x`` is where it is, ``rows`` are u and sigma_hat of the samples so far."""
 
-    library: ctypes.CDLL
+    law: Engaged
     x: np.ndarray
     rows: list[tuple[float, float, float]]
 
     @classmethod
     def of(cls, law) -> Flight:
-        library = loaded(_compiled(law))
-        doubles = ctypes.POINTER(ctypes.c_double)
-        library.enable.argtypes = [doubles, doubles, ctypes.c_long, ctypes.c_int]
-        library.act.argtypes, library.act.restype = [doubles, ctypes.c_double, doubles, doubles], ctypes.c_uint
-        library.begin()
-        return cls(library, np.zeros(2), [])
+        return cls(Engaged(PROBLEM, law), np.zeros(2), [])
 
     def drift(self, u: float, seconds: float) -> None:
         """Disabled: somebody else holds u, within the limits."""
@@ -103,15 +67,13 @@ class Flight:
 
     def fly(self, samples: int, r: float = 0.0) -> np.ndarray:
         """(samples, 3): u and sigma_hat."""
-        u, sigma_hat = (ctypes.c_double * 1)(), (ctypes.c_double * 2)()
         for _ in range(samples):
-            assert self.library.act((ctypes.c_double * 2)(*self.x), r, u, sigma_hat) == 0
-            self.rows.append((u[0], *sigma_hat))
-            self.drift(u[0], T)
+            self.rows.append(self.law(self.x, r))
+            self.drift(self.rows[-1][0], T)
         return np.array(self.rows[-samples:])
 
     def enable(self, u_now: float, samples: int, *, keep: bool) -> None:
-        self.library.enable((ctypes.c_double * 2)(*self.x), (ctypes.c_double * 1)(u_now), samples, keep)
+        self.law.enable(self.x, u_now, samples, keep=keep)
 
     @property
     def acting(self) -> float:
@@ -162,7 +124,7 @@ def test_a_reset_in_flight_is_not_a_start(name) -> None:
         flight.fly(100)
         flight.x = away
         if enter is None:
-            flight.library.again()
+            flight.law.reset()
         else:
             enter(flight, flight.rows[-1][0], 0, keep=False)
         found.append(np.abs(flight.fly(3)[:, 1:]).max())

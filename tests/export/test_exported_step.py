@@ -113,10 +113,12 @@ def test_a_last_bit_in_the_c_is_told(monkeypatch) -> None:
     monkeypatch.setattr(exported_step, "source", wrong)
     faulty = exported_c(PROBLEM, CONTROLLERS[0]).step()
     x, r = np.array([0.2, 0.1]), 0.7
-    assert 0 < abs(faulty(x, r) - step(x, r)) <= 2 * np.spacing(step(x, r))
+    apart = float(abs(faulty(x, r) - step(x, r))[0])
+    assert 0 < apart <= 2 * np.spacing(step(x, r))
     found = faulty.agreement()
     assert found.equal is False
-    assert found.difference == "held_u[0] differs from sample 1 of a flight on"
+    assert found.difference == f"held_u[0] differs from sample 1 of a flight on, u by {apart:.1e} at most"
+    assert faulty.agreement() == Agreement()
     assert step.agreement().equal
 
 

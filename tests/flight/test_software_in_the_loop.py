@@ -7,17 +7,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.linalg import expm
 
 pytest.importorskip("jsbsim", reason="the extra flight is not installed: ./dev flight installs it")
 pytest.importorskip("mujoco", reason="the extra flight is not installed: ./dev flight installs it")
 
-from barbalat import AsFlown, FlightCondition, L1PiecewiseConstant, Mrac, Sampled, exported_c, fly, input_filter
+from barbalat import FlightCondition, Mrac, Sampled, Simulation, exported_c, fly
 from barbalat.cli import main
 from barbalat.export import exported_step
 from barbalat.flight import comparison
-from barbalat.flight.airframe import DEGREES
-from barbalat.flight.axis import PITCH, SAMPLE_TIME, Axis
+from barbalat.flight.axis import SAMPLE_TIME, Axis
 from barbalat.flight.failures import OF_PITCH
 from barbalat.flight.flying import Timing, fly_once
 from barbalat.flight.isolated import SimulatorFailed
@@ -26,12 +24,15 @@ from barbalat.flight.quadrotor import flight
 from barbalat.flight.quadrotor.axes import Axes
 from barbalat.flight.quadrotor.failures import FAILURES as OF_QUADROTOR
 from barbalat.flight.quadrotor.hover import hovering
+from barbalat.flight.quadrotor.schemes import SCHEMES as QUADROTOR_SCHEMES
 from barbalat.flight.quadrotor.vehicle import Quadrotor
 from barbalat.flight.schemes import SCHEMES, flying
 from barbalat.flight.trim import trimmed
+from barbalat.run.recording import recorded
 from barbalat.run.sampled_step import SampledList
 from barbalat.run.stepwise import Agreement
 from export.targets import needs_gcc
+from independent import refusal
 
 FAILURES = {one.name: one for one in OF_PITCH}
 SHORT = Timing(duration=16.0, fails_at=10.0)
@@ -68,41 +69,6 @@ def test_an_estimate_that_ends_at_its_bound_does_so_in_the_c(axis):
     assert ((by_list.estimates == bounds.lower) | (by_list.estimates == bounds.upper)).any()
 
 
-TRIM_OFF = 0.2
-"""[deg] of elevator, so little that the aircraft stays linear."""
-
-
-def test_of_a_trim_that_is_off_the_law_leaves_what_its_dc_gain_says(axis):
-    """Of what feedback leaves, 1 - B^-1 e^(A_m T) B by the exact form and 1 - e^(aT) as flown: at 100 Hz 3 % and 5 %."""
-    off = Axis(trim=replace(axis.trim, elevator=axis.trim.elevator + TRIM_OFF / DEGREES), followed=replace(PITCH, commanded=0.0))
-    rate = {}
-    for name in ("lqr", "l1-piecewise", "l1-piecewise-flown"):
-        step = exported_c(*flying(off, [name])[0]).step()
-        found = fly_once(off, step, FAILURES["none"], timing=Timing(duration=5.0, fails_at=3.0))
-        assert found.agreement == Agreement(samples=500)
-        rate[name] = found.column("q")[-1]
-    _, b = axis.model
-    B = np.column_stack([b, [-b[1], b[0]]])
-    exact = 1 - np.linalg.solve(B, expm(axis.A_m * SAMPLE_TIME) @ B)[0, 0]
-    flown = -np.expm1(AsFlown().predictor_poles * SAMPLE_TIME)
-    assert rate["l1-piecewise"] == pytest.approx(exact * rate["lqr"], rel=0.05)  # the phugoid, and gravity, are in no model
-    assert rate["l1-piecewise-flown"] == pytest.approx(flown * rate["lqr"], rel=0.05)
-
-
-def test_told_that_it_runs_twice_as_fast_the_law_shakes_the_surface(axis):
-    """As flown, half of T assumed: a direct estimate is twice too large. With a filter of 30 rad/s it fills the rate limit."""
-    travel = {}
-    for assumed in (SAMPLE_TIME, SAMPLE_TIME / 2):
-        flown = AsFlown(nominal=axis.gain, assumed_sample_time=assumed)
-        law = L1PiecewiseConstant(sample_time=SAMPLE_TIME, filter=input_filter(1 / 30), as_flown=flown, saturated_predictor=True)
-        step = exported_c(axis.linear_problem, law).step()
-        found = fly_once(axis, step, FAILURES["none"], timing=Timing(duration=12.0, fails_at=3.0))
-        assert found.agreement.equal
-        travel[assumed] = found.figures["elevator_travel"] / axis.equipment.rate_limit
-    assert travel[SAMPLE_TIME] < 0.25
-    assert travel[SAMPLE_TIME / 2] > 0.8
-
-
 @pytest.mark.parametrize("name", ["l1-piecewise", "robust-mrac"])
 def test_the_quadrotor_flies_the_same_flight_in_every_bit(name, monkeypatch):
     """With laws that are reset at the start, and with those that are not."""
@@ -115,6 +81,29 @@ def test_the_quadrotor_flies_the_same_flight_in_every_bit(name, monkeypatch):
         assert a.record.tobytes() == b.record.tobytes()
         assert b.agreement == Agreement(samples=3 * 1200 + 3 * 300)  # 400 Hz and 100 Hz
     assert by_c[0].record.tobytes() != by_c[1].record.tobytes()
+
+
+def test_what_an_axis_of_a_model_exports_has_test_vectors_that_move(axis):
+    """Its problem has a command, or something that acts: of zeros every wrong controller would make the same zeros."""
+    axes = Axes(hover=hovering(Quadrotor()))
+    pairs = [flying(axis, ["l1"])[0], *(QUADROTOR_SCHEMES["l1"](one) for one in (axes.attitude[0], axes.position[0]))]
+    for problem, controller in pairs:
+        T = controller.sample_time
+        states = recorded(problem, controller, Simulation(t_end=200 * T, dt=T), 200).states
+        assert len(np.unique(states[-50:], axis=0)) == 50
+
+
+def test_of_a_vehicle_that_flies_otherwise_the_axis_is_named(monkeypatch):
+    monkeypatch.setattr(flight, "DURATION", 1.0)
+    axes = Axes(hover=hovering(Quadrotor()))
+    scheme = of_quadrotor._scheme("geometric-integral", axes)
+    with monkeypatch.context() as patch:
+        patch.setattr(exported_step, "source", with_another_bit(exported_step.source))
+        wrong = exported_c(*QUADROTOR_SCHEMES["geometric-integral"](axes.attitude[1]))
+    scheme = replace(scheme, attitude=(scheme.attitude[0], wrong, scheme.attitude[2]))
+    (found,) = flight.flown(axes, scheme, [OF_QUADROTOR["no-reset"]])
+    assert (found.agreement.flights, found.agreement.samples) == (1, 400)
+    assert found.agreement.difference.startswith("pitch: held_u[0] differs from sample ")
 
 
 def test_the_command_says_so_everywhere(tmp_path, capsys):
@@ -133,15 +122,19 @@ def test_the_command_says_so_everywhere(tmp_path, capsys):
     assert document["software_in_the_loop"] == {"LQR": equal, "L1 piecewise": equal}
 
 
-def test_a_bit_that_differs_is_the_exit_code(capsys, monkeypatch):
-    right = exported_step.source
+def with_another_bit(right):
+    """The source with a control that is off by its last bit."""
 
     def wrong(printed):
         text = right(printed)
         line = next(line for line in text.splitlines() if line.startswith("    c->held_u[0] = t"))
         return text.replace(line, line.replace(";", " * (1 + 0x1p-52);"), 1)
 
-    monkeypatch.setattr(exported_step, "source", wrong)
+    return wrong
+
+
+def test_a_bit_that_differs_is_the_exit_code(capsys, monkeypatch):
+    monkeypatch.setattr(exported_step, "source", with_another_bit(exported_step.source))
     assert main(["fly", "f16-pitch", "--schemes", "lqr", "--failure", "none", "--sil", "--json"]) == 1
     found = json.loads(capsys.readouterr().out)["software_in_the_loop"]["LQR"]
     assert found["equal"] is False
@@ -159,6 +152,10 @@ def test_of_a_flight_that_breaks_nothing_is_claimed(monkeypatch):
     monkeypatch.setattr(comparison, "isolated", breaking)
     found = fly(schemes=["lqr"], failures=["none", "gusts"], software_in_the_loop=exported_c)
     assert found.agreements == {"LQR": Agreement(flights=1, samples=3000)}
+
+
+def test_what_makes_it_fly_is_no_switch():
+    assert "exported_c, got True" in refusal(lambda: fly(software_in_the_loop=True))
 
 
 @pytest.mark.parametrize(

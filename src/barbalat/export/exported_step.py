@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import ctypes
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -94,7 +94,7 @@ class ExportedStep:
         self._library = loaded(contents.library)
         self._act = self._library.barbalat_act
         self._act.argtypes, self._act.restype = [ctypes.c_void_p] * 3, ctypes.c_uint
-        self._told = Agreement()
+        self._told, self._apart = Agreement(), 0.0
         self.reset()
 
     @property
@@ -112,17 +112,17 @@ class ExportedStep:
         self._handed[:measured], self._handed[measured:] = y, r
         refused = self._act(*self._addresses) != OK
         told, expected = self._told, self._beside(y, r)
-        self._told = Agreement(
-            samples=told.samples + 1,
-            refused=told.refused + refused,
-            difference=told.difference or self._difference(expected),
-        )
+        difference = told.difference or self._difference(expected)
+        self._told = Agreement(samples=told.samples + 1, refused=told.refused + refused, difference=difference)
+        if difference:
+            self._apart = max(self._apart, float(np.abs(self._u - expected).max()))
         return self._u.copy()
 
     def agreement(self) -> Agreement:
         """Of the samples since it was last asked for."""
-        told, self._told = self._told, Agreement()
-        return told
+        told, apart = self._told, self._apart
+        self._told, self._apart = Agreement(), 0.0
+        return replace(told, difference=f"{told.difference}, u by {apart:.1e} at most") if told.difference else told
 
     def _difference(self, expected: Array) -> str:
         """Of u and of all that is kept, bit by bit."""

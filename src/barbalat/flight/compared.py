@@ -60,8 +60,8 @@ class Flown(Protocol):
 class Compared(ABC):
     """All flights of some controllers through some failures.
 
-    flights  for each controller those through all failures, in their order
-    delays   the largest added delay that each kept control with [s], by name; None where nobody asked
+    flights   for each controller those through all failures, in their order
+    delays    the largest added delay that each kept control with [s], by name; None where nobody asked
     exported  whether what flew was the exported C
     """
 

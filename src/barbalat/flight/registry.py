@@ -79,6 +79,10 @@ def fly(
     """
     if name not in FLIGHTS:
         raise InputError(f"NAME must be one of {', '.join(FLIGHTS)}, got {show(name)}")
+    if software_in_the_loop is not None and not callable(software_in_the_loop):
+        raise InputError(
+            f"software_in_the_loop must be what makes a controller fly, exported_c, got {show(software_in_the_loop)}"
+        )
     request = Request(
         name=name,
         schemes=schemes,

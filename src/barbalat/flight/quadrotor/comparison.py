@@ -53,10 +53,10 @@ WIRE = (
 class QuadrotorComparison(Compared):
     """All flights of some schemes through some failures.
 
-    mujoco   its version
-    axes     the vehicle's, with their linear model and gains
-    flights  for each scheme those through all failures, in their order
-    delays   the largest added delay with which each kept the vehicle [s], by name; None where nobody asked
+    mujoco    its version
+    axes      the vehicle's, with their linear model and gains
+    flights   for each scheme those through all failures, in their order
+    delays    the largest added delay with which each kept the vehicle [s], by name; None where nobody asked
     exported  whether the exported C flew
     """
 
