@@ -40,6 +40,8 @@ DIVERGED_ESTIMATE = 1e3
 """An estimate as large as that has diverged: the converged ones stay below 9, their bounds are 5."""
 RINGING_WINDOW = 0.01
 """[s]: dozens of periods of the adaptation, and little of the command's motion."""
+STEPS_UNDISTURBED = 200
+"""Between two looks whether Ctrl-C was pressed: a look takes as long as a step, and so many of the slowest code 0.1 s."""
 REPORT_STEP = 5e-5
 """[s] between the points at which CVODES reports: 15 or more in a period of the adaptation."""
 
@@ -159,9 +161,11 @@ def scipy_path(
     instants, states = [0.0], [loop.initial()]
     while solver.status == "running" and solver.nfev < evaluations:
         with undisturbed():  # SciPy's Fortran would report an interrupt of the slope on the terminal
-            solver.step()
-        instants.append(solver.t)
-        states.append(solver.y)
+            for _ in range(STEPS_UNDISTURBED):
+                if solver.status == "running" and solver.nfev < evaluations:
+                    solver.step()
+                    instants.append(solver.t)
+                    states.append(solver.y)
     seconds = time.process_time() - started
     theta_hat = np.array(states)[:, loop.theta_hat_rows]
     return _path(np.array(instants), theta_hat, t_end, int(solver.nfev), seconds, lost=solver.status == "failed")

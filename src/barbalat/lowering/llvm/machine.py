@@ -109,13 +109,10 @@ def _engine(source: str, *, quickly: bool) -> llvm.ExecutionEngine:
     module = llvm.parse_assembly(source)
     module.triple = target.triple
     module.data_layout = str(machine.target_data)
-    # The operations come optimised: a higher level finds nothing more and takes longer.
-    options = llvm.create_pipeline_tuning_options(speed_level=1)
-    # One member at a time is a chain of dependent operations: packing neighbours into vectors only adds shuffles.
-    options.slp_vectorization = False
-    options.loop_unrolling = False
-    passes = llvm.create_pass_builder(machine, options)
-    pipeline = passes.getModulePassManager()
+    # The operations come optimised: what else a pipeline has finds nothing, and takes longer than making the machine code.
+    passes = llvm.create_pass_builder(machine, llvm.create_pipeline_tuning_options())
+    pipeline = llvm.create_new_module_pass_manager()
+    pipeline.add_instruction_combine_pass()  # addresses: without it code that is made quickly takes a third longer for a step
     pipeline.run(module, passes)
     NewPassManager._dispose(pipeline)  # 0.1 to 0.2 MB; llvmlite 0.50 inherits from a class that frees nothing before this one
     pipeline.detach()
