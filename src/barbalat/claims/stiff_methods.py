@@ -8,6 +8,8 @@ by their step control, as far as they do; their Jacobian is that of the side on 
 
 from __future__ import annotations
 
+import contextlib
+import io
 import time
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
@@ -180,7 +182,8 @@ def cvodes(loop: ClosedLoop, problem: Problem, *, tolerance: float, t_end: float
     options = {"reltol": tolerance, "abstol": tolerance / 100, "max_num_steps": 10**9}
     instants = np.linspace(0, t_end, round(t_end / REPORT_STEP) + 1)
     solver = ca.integrator("solver", "cvodes", {"x": state, "t": t, "ode": slope}, 0.0, instants, options)
-    states = np.array(solver(x0=loop.initial())["xf"])
+    with contextlib.redirect_stderr(io.StringIO()):  # what fails is raised; of an interrupt it would report a slope that failed
+        states = np.array(solver(x0=loop.initial())["xf"])
     seconds = time.process_time() - started
     return _path(instants, states[loop.theta_hat_rows].T, t_end, int(solver.stats()["nfevals"]), seconds)
 
