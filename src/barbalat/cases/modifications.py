@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from typing import Any, get_args
 
 from barbalat.adaptation.modifications import leakage
@@ -20,6 +21,12 @@ class Modification:
     """modification = { ... }: the same keys stand in a law's own table."""
 
 
+@cache
+def _keys_of(kind: type) -> dict[str, Key]:
+    """Of a modification's own settings."""
+    return keys_of(kind, Differences())
+
+
 def choices_of(keys: dict[str, Key]) -> Choices:
     """Which of these fields hold a modification."""
     types = {name: {key.type, *get_args(key.type)} for name, key in keys.items()}
@@ -30,7 +37,7 @@ def modification_keys(choices: Choices) -> dict[str, Key]:
     """The keys that choose and set the modifications; none is required."""
     found: dict[str, Key] = {}
     for kind in (kind for kinds in choices.values() for kind in kinds):
-        keys = keys_of(kind, Differences())
+        keys = _keys_of(kind)
         for name, key in keys.items():
             others = " and ".join(other for other in keys if other != name)
             meaning = f"{found[name].meaning}; with {others} {key.meaning}" if name in found else key.meaning
@@ -40,7 +47,8 @@ def modification_keys(choices: Choices) -> dict[str, Key]:
 
 def modified(given: Given, choices: Choices) -> Given:
     """What was given, with the modifications built from their keys."""
-    rest = {key: value for key, value in given.items() if key not in modification_keys(choices)}
+    own = {name for kinds in choices.values() for kind in kinds for name in _keys_of(kind)}
+    rest = {key: value for key, value in given.items() if key not in own}
     return rest | {field: _chosen(given, kinds) for field, kinds in choices.items()}
 
 
@@ -61,7 +69,7 @@ def joined(given: Given, more: Given) -> Given:
 
 def _chosen(given: Given, kinds: tuple[type, ...]) -> Any:
     """The one whose keys are given; ``None`` where none are."""
-    keys = {kind: set(keys_of(kind, Differences())) for kind in kinds}
+    keys = {kind: set(_keys_of(kind)) for kind in kinds}
     found = {key for kind in kinds for key in keys[kind] if key in given}
     if not found:
         return None
@@ -71,5 +79,5 @@ def _chosen(given: Given, kinds: tuple[type, ...]) -> Any:
     wider = [keys[kind] - found for kind in kinds if found < keys[kind]]
     if wider:
         raise InputError(f"{' and '.join(sorted(found))} goes with {' and '.join(sorted(wider[0]))}, which is missing")
-    ways = ", or ".join(" with ".join(keys_of(kind, Differences())) for kind in kinds)
+    ways = ", or ".join(" with ".join(_keys_of(kind)) for kind in kinds)
     raise InputError(f"give either {ways}, got {', '.join(sorted(found))}")

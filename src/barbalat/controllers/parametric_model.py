@@ -31,6 +31,7 @@ def _model(c_0: bytes, A_m: bytes, b: bytes) -> TransferFunction:
     return transfer_function(c, A.reshape(len(b_), len(b_)), b_)
 
 
+@lru_cache(maxsize=64)  # by the model itself, which is the same one for the same numbers
 def auxiliary_filter(W_m: TransferFunction, tau: float) -> StateSpace:
     """Q(s) = W_m(s)^-1/(tau s + 1)^n*, n* the relative degree of W_m: proper, stable, of the order of the plant."""
     lag = np.array([1.0])

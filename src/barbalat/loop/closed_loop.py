@@ -93,7 +93,7 @@ class ClosedLoop:
     @cached_property
     def sample_time(self) -> float | None:
         """[s], of a sampled controller."""
-        return self.equations.sample_time if isinstance(self.equations, SampledEquations) else None
+        return self.equations.sample_time if is_sampled(self.equations) else None
 
     @cached_property
     def continuous(self) -> Equations | SampledEquations:
