@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 import json
 import re
 from abc import ABC, abstractmethod
@@ -17,7 +16,7 @@ from barbalat.cases.build import Case
 from barbalat.cases.load import CaseText
 from barbalat.explorer.numbers import FIXED_KEYS, in_tables
 from barbalat.protocols import Controller
-from barbalat.sweeps.paths import FieldPath, Key
+from barbalat.sweeps.paths import FieldPath, Key, copied
 from barbalat.sweeps.varied import VariedObjects
 from barbalat.validate import InputError
 
@@ -61,7 +60,7 @@ class TextSource(Source):
         return self.text.data()
 
     def _tables(self) -> dict[str, Any]:
-        tables = copy.deepcopy(self._read)
+        tables = copied(self._read)
         simulation = tables.get("simulation")
         if isinstance(simulation, dict):
             simulation["fused"] = False

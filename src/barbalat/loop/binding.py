@@ -36,8 +36,9 @@ def bound(problem: TrackingProblem, controller: Controller) -> Equations | Sampl
     Equations in which a class from outside takes part are checked, once for each structure: see ``check_controller``. Those of
     the package are held to the same by its tests.
     """
-    equations = _equations(problem, controller)
-    if comes_from_outside(equations) or comes_from_outside(controller):
+    outside = comes_from_outside(controller)
+    equations = _equations(problem, controller, outside=outside)
+    if outside or comes_from_outside(equations):
         ports = ports_of(problem)
         key = tuple(port.shape for port in ports), *structure(equations)
         if key not in _checked:
@@ -71,7 +72,7 @@ class Bindings:
         elif type(controller) is type(self._last[0]) and not self._outside:
             found = controller.bind(known)
         else:
-            found = _equations(problem, controller)
+            found = _equations(problem, controller, outside=comes_from_outside(controller))
         self._last = controller, known, found
         return found
 
@@ -83,17 +84,18 @@ def check_controller(controller: Controller, problem: TrackingProblem) -> None:
     what the lines say. Raises InputError, with the class, the equation, the shape and what would be right.
     """
     validate.instance("problem", problem, TrackingProblem)
-    check_equations(_equations(problem, controller), ports_of(problem), subject_of(controller))
+    equations = _equations(problem, controller, outside=comes_from_outside(controller))
+    check_equations(equations, ports_of(problem), subject_of(controller))
 
 
-def _equations(problem: TrackingProblem, controller: Controller) -> Equations | SampledEquations:
+def _equations(problem: TrackingProblem, controller: Controller, *, outside: bool) -> Equations | SampledEquations:
     require_controllers([controller])
     feedback = feedback_of(controller)
     if feedback != problem.feedback:
         raise Subject(controller.name, controller.name).error(
             f" feeds back the {feedback}, but the problem measures the {problem.feedback}"
         )
-    if not comes_from_outside(controller):
+    if not outside:
         return controller.bind(problem.known)
     with blamed(subject_of(controller).part(": bind")):
         return controller.bind(problem.known)

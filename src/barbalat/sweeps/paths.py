@@ -101,5 +101,16 @@ class FieldPath:
         return key
 
 
+def copied(tables: Tables) -> Tables:
+    """Tables of their own with the same values: what TOML has are tables, lists, and what nobody changes."""
+    return {key: _copied(value) for key, value in tables.items()}
+
+
+def _copied(part: Any) -> Any:
+    if isinstance(part, dict):
+        return copied(part)
+    return [_copied(value) for value in part] if isinstance(part, list) else part
+
+
 def _text(keys: tuple[Key, ...]) -> str:
     return "".join(f"[{key}]" if isinstance(key, int) else f".{key}" for key in keys).removeprefix(".")

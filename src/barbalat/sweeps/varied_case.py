@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -13,7 +12,7 @@ from barbalat import validate
 from barbalat.cases.build import Case
 from barbalat.cases.load import CaseText
 from barbalat.problem.state_feedback import Problem
-from barbalat.sweeps.paths import FieldPath, Tables
+from barbalat.sweeps.paths import FieldPath, Tables, copied
 from barbalat.sweeps.spread import Distribution, Uniform, parse_distribution
 from barbalat.sweeps.varied import Varied
 from barbalat.validate import Array, InputError
@@ -39,7 +38,7 @@ class VariedCase(Varied):
 
     def tables_at(self, values: Sequence[float] | Array) -> Tables:
         """The file's tables with these numbers; InputError for a path that leads to none."""
-        tables = copy.deepcopy(self._tables)
+        tables = copied(self._tables)
         for path, value in zip(self.paths, values, strict=True):
             path.put(tables, float(value))
         return tables
