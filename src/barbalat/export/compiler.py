@@ -55,10 +55,11 @@ def shared_library(compiler: Sequence[str], texts: Mapping[str, str], *options: 
         sources, library = [name for name in texts if name.endswith(".c")], f"made{ending}"
         command = [*compiler, *FLAGS, *options, *sources, "-o", library, "-lm"]
         try:
-            done = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=COMPILING_SECONDS, check=False)
+            done = subprocess.run(command, cwd=folder, capture_output=True, timeout=COMPILING_SECONDS, check=False)
             if done.returncode == 0 and (folder / library).exists():
                 return (folder / library).read_bytes()
-            said = (done.stderr.strip().splitlines() or [f"it left no library, and ended with exit code {done.returncode}"])[0]
+            told = done.stderr.decode(errors="replace").strip().splitlines()  # in whatever encoding it writes
+            said = (told or [f"it left no library, and ended with exit code {done.returncode}"])[0]
         except (OSError, subprocess.TimeoutExpired) as error:
             said = str(error)
     raise InputError(f"{compiler[0]} does not compile the export: {said}")
