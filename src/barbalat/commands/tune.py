@@ -45,9 +45,8 @@ def add(commands: Commands) -> None:
     parser.add_argument(
         "--trials",
         type=int,
-        default=384,
         metavar="N",
-        help="tunings tried for each controller; default 384, at least 288, of more than three numbers 576",
+        help="tunings tried for each controller; default 384, at least 288; of more than three numbers 576, at least as many",
     )
     parser.add_argument("--seed", type=int, default=0, metavar="S", help="of the plants and of the search; default 0")
     parser.add_argument("--out", metavar="DIR", help="for case file, page and JSON; default: barbalat-tune, none with --json")
@@ -64,7 +63,7 @@ def execute(options: argparse.Namespace) -> int:
     """Run the command; returns the exit code."""
     from barbalat.cases.load import CaseText
     from barbalat.tuning.aim import Aim
-    from barbalat.tuning.tune import Tuner, tune_case
+    from barbalat.tuning.tune import DEFAULT_TRIALS, Tuner, tune_case
 
     text = CaseText.read(options.case, options.controllers)
     case = text.case()
@@ -77,7 +76,8 @@ def execute(options: argparse.Namespace) -> int:
         seed=options.seed,
     )
     space, tuner = _space(options.vary), Tuner(text, case, aim, options.trials)
-    steps = case.simulation.steps * options.trials * RUNS_EACH_TRIAL * options.plants * len(case.controllers)
+    trials = DEFAULT_TRIALS if options.trials is None else options.trials
+    steps = case.simulation.steps * trials * RUNS_EACH_TRIAL * options.plants * len(case.controllers)
     expected = {"tuning": max(steps * SECONDS_EACH_STEP, 1.0), "drawing": DRAWING_SECONDS}
     with folder_of(options.out, None if options.json else "barbalat-tune") as folder, work(expected) as running:
         with running.part("tuning") as progress:

@@ -50,7 +50,7 @@ def tune(
     controller: str | None = None,
     plants: int = DEFAULT_PLANTS,
     quantile: float = 1.0,
-    trials: int = DEFAULT_TRIALS,
+    trials: int | None = None,
     seed: int = 0,
     threads: int | None = None,
     progress: Progress | None = None,
@@ -64,7 +64,7 @@ def tune(
     controller  the one to tune, by its name; by default all
     plants      the case's own and so many less one of its known set
     quantile    of the plants; 1: the worst of them
-    trials      tunings that are tried for each controller
+    trials      tunings that are tried for each controller, by default 384, of more than three numbers 576, the least of so many
     seed        of the plants and of the search: the same seed gives the same result
     Raises InputError.
     """
@@ -85,7 +85,7 @@ class Tuner:
     text: CaseText | None
     case: Case
     aim: Aim
-    trials: int
+    trials: int | None = None
     threads: int | None = None
 
     def varied(self, paths: tuple[FieldPath, ...]) -> Varied:
@@ -109,12 +109,13 @@ class Tuner:
 
     def tuned(self, controller: int, space: Space, progress: Progress | None) -> Tuned:
         """One controller."""
-        validate.whole("trials", self.trials, least=least_trials(len(space)))
+        least = least_trials(len(space))
+        count = max(DEFAULT_TRIALS, least) if self.trials is None else validate.whole("trials", self.trials, least=least)
         trials, start = self._trials(controller, space), self._start(space)
         own = trials.whole(np.zeros(0) if start is None else start, self.case)  # what can't be judged is refused here
         shares = None if start is None else space.shares(start)
         part = part_of(progress, 0, SEARCH_SHARE)
-        search(trials.scoring(space), len(space), trials=self.trials, seed=self.aim.seed, start=shares, progress=part)
+        search(trials.scoring(space), len(space), trials=count, seed=self.aim.seed, start=shares, progress=part)
         return choose(trials, space, own, part_of(progress, SEARCH_SHARE, 1 - SEARCH_SHARE))
 
     def _trials(self, controller: int, space: Space) -> Trials:

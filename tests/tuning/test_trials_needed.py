@@ -1,0 +1,27 @@
+"""How many tunings a search needs at least, as the command's help says it."""
+
+import pytest
+
+from barbalat import InputError
+from barbalat.cases.load import CaseText
+from barbalat.cli import main
+from barbalat.sweeps.paths import FieldPath
+from barbalat.tuning.aim import Aim
+from barbalat.tuning.search import least_trials
+from barbalat.tuning.space import Range, Space
+from barbalat.tuning.tune import DEFAULT_TRIALS, Tuner
+
+
+def test_the_help_says_the_least_number(capsys):
+    with pytest.raises(SystemExit):
+        main(["tune", "--help"])
+    said = " ".join(capsys.readouterr().out.split())
+    assert f"default {DEFAULT_TRIALS}, at least {least_trials(3)}; of more than three numbers {least_trials(4)}, at least" in said
+
+
+def test_fewer_are_refused_with_the_least_number():
+    text = CaseText.read("first-order")
+    aim = Aim.of("rms_e", [], maximize=False, plants=1, quantile=1.0, seed=0)
+    space = Space({FieldPath.parse("controller[0].gamma"): Range(1.0, 10.0)})
+    with pytest.raises(InputError, match=f"trials must .* {least_trials(1)}"):
+        Tuner(text, text.case(), aim, 100).tuned(0, space, None)
