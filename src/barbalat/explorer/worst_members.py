@@ -11,6 +11,7 @@ from barbalat.explorer.source import TextSource, toml
 from barbalat.report.file_names import file_name
 from barbalat.report.sweep import WorstMember
 from barbalat.sweeps.result import SweepResult
+from barbalat.sweeps.varied_case import VariedCase
 from barbalat.validate import InputError
 
 MOST = 6
@@ -47,9 +48,7 @@ def _alone(text: CaseText, found: SweepResult, i: int, member: int) -> CaseText:
         raise InputError("pages don't have controllers from a file of one's own")
     if text.case().problem.noise is not None:
         raise InputError("pages don't have the member's own measurement noise")
-    tables = text.data()
-    for path, value in zip(found.plan.paths, found.plan.values(member, 1)[0], strict=True):
-        path.put(tables, float(value))
+    tables = VariedCase(text, found.plan.paths).tables(found.plan.values(member, 1)[0])
     tables["controller"] = [tables["controller"][i]]
     tables["name"] = f"{found.case}, member {member}"
     return replace(text, text=toml(tables))

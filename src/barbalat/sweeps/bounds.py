@@ -89,5 +89,6 @@ class Bounds:
             return np.zeros((len(rows), 0))
         thetas = np.tile(problem.plant.theta, (len(rows), 1))
         for column in self.thetas:
-            thetas[:, int(self.study.plan.paths[column].keys[2])] = rows[:, column]
+            row, *inputs = map(int, self.study.plan.paths[column].keys[2:])
+            thetas[:, row * problem.plant.inputs + inputs[0] if inputs else row] = rows[:, column]
         return thetas

@@ -8,8 +8,8 @@ import multiprocessing
 import re
 import warnings
 from collections.abc import Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
+from threading import Event, Thread
 from typing import TYPE_CHECKING
 
 from barbalat import validate
@@ -113,14 +113,21 @@ def _require_answer(address: str) -> None:
     async def within() -> None:
         await asyncio.wait_for(ask(), PATIENCE)
 
-    with ThreadPoolExecutor(1) as pool:  # a notebook's own thread has a loop that runs already
-        try:
-            pool.submit(asyncio.run, within()).result()
-        except (OSError, TimeoutError):
-            raise InputError(
-                f"the scheduler {address!r} does not answer within {PATIENCE:g} s: start one there with 'dask scheduler', "
-                "or leave --scheduler out"
-            ) from None
+    answered = Event()
+
+    def wait() -> None:
+        with contextlib.suppress(OSError, TimeoutError):
+            asyncio.run(within())
+            answered.set()
+
+    asking = Thread(target=wait, daemon=True)  # a notebook's own thread has a loop that runs already
+    asking.start()
+    asking.join()  # Ctrl-C leaves it behind
+    if not answered.is_set():
+        raise InputError(
+            f"the scheduler {address!r} does not answer within {PATIENCE:g} s: start one there with 'dask scheduler', "
+            "or leave --scheduler out"
+        )
 
 
 @dataclass(eq=False)

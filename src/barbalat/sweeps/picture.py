@@ -87,14 +87,14 @@ class Heat:
 
 
 def heat_of(found: SweepResult, figure: str) -> Heat | None:
-    """None for a grid of other than two axes."""
+    """None for a grid of other than two axes, and where members diverged at each of its points."""
     axes = [(path, axis.values) for path, axis in found.plan.axes.items() if axis.count > 1]
     if len(axes) != 2 or len(found.plan.axes) != 2:
         return None
     (y, x) = axes
     shape = len(y[1]), len(x[1]), found.plan.draws_each
     values = {c: np.median(found.column(f"{c}/{figure}").reshape(shape), axis=2) for c in found.evidence.metrics.get(figure, {})}
-    return Heat(x, y, values)
+    return Heat(x, y, values) if any(np.isfinite(one).any() for one in values.values()) else None
 
 
 def heat_map(heat: Heat, title: str, logarithmic: tuple[bool, bool], *, narrow: bool = False) -> Figure:

@@ -12,6 +12,7 @@ import numpy as np
 from barbalat.sweeps.paths import FieldPath
 from barbalat.sweeps.plan import Design, Plan
 from barbalat.sweeps.rows import Rows
+from barbalat.sweeps.spread import InBall
 from barbalat.validate import Array
 
 MOST_DRAWS = 2**14
@@ -62,6 +63,8 @@ def sensitivities(rows: Rows, controllers: Sequence[str], plan: Plan) -> tuple[l
             notes.append(f"sensitivity to what is drawn needs {FEWEST_DRAWS} draws at least, and there are {plan.members}")
         elif find_spec("SALib") is None:
             notes.append("sensitivity to what is drawn needs the package SALib: pip install 'barbalat[study]'")
+    if any(isinstance(one, InBall) for one in plan.draws.values()):
+        notes.append("entries of a ball are not independent: their shares of a variance overlap and need not add up to the whole")
     for controller in controllers:
         for name in rows.names:
             figure = name.removeprefix(f"{controller}/")

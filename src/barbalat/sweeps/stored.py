@@ -29,8 +29,9 @@ NAMED = {
     "case": "another case file",
     "plan": "other --vary, --sample, --members, --design or --seed",
     "equations": "other equations",
+    "bounds": "rows with bounds where this has none, or without: it was made with, or without, --no-bounds",
 }
-"""What differs, by the keys of ``Study.identity``."""
+"""What differs, by the keys of ``Study.identity``; of a row alone it is not asked whether there are bounds."""
 
 
 @dataclass(frozen=True)
@@ -96,7 +97,7 @@ def row_of(folder: Path, identity: dict[str, Any], member: int) -> dict[str, flo
 def require_same(folder: Path, index: Index, identity: dict[str, Any]) -> None:
     """InputError where the store is another sweep's, with what differs."""
     for key, what in NAMED.items():
-        if index.identity.get(key) != identity[key]:
+        if key in identity.keys() & index.identity.keys() and index.identity[key] != identity[key]:
             by = f" (made by barbalat {index.versions.get('barbalat')})" if key == "equations" else ""
             raise InputError(f"the store {str(folder)!r} is of {what}{by}: choose another folder, or the command that made it")
 

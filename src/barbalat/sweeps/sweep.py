@@ -15,7 +15,7 @@ from barbalat.sweeps.chunks import Chunk, chunk_size, chunks_of
 from barbalat.sweeps.cluster import Scheduler, Workers, connected
 from barbalat.sweeps.evidence import evidence
 from barbalat.sweeps.paths import FieldPath
-from barbalat.sweeps.plan import DEFAULT_MEMBERS, Design, Plan, design_of
+from barbalat.sweeps.plan import Design, Plan, design_of, members_of
 from barbalat.sweeps.requirement import Requirement
 from barbalat.sweeps.result import SweepResult
 from barbalat.sweeps.rows import Kept, Rows
@@ -50,8 +50,9 @@ def sweep(
     case     a case file or a bundled case's name, whose keys ``vary`` and ``sample`` name; or a ``Case`` with a problem,
              controllers and a simulation, whose fields they name: ``plant.theta[0]``, ``controller[0].gamma``, ``simulation.dt``
     vary     by paths "START:STOP:COUNT" or "START:STOP:COUNT:log"
-    sample   by paths "uniform:A:B", "normal:MEAN:DEVIATION", "loguniform:A:B"; "known-set" for a vector of a case file
-    members  draws at each point of the grid, by default 1000 where something is drawn
+    sample   by paths "uniform:A:B", "normal:MEAN:DEVIATION", "loguniform:A:B"; "known-set" for a vector, or an input's
+             gain, over the case's known set
+    members  draws at each point of the grid, by default 1000 where something is drawn, 1024 of Saltelli's design
     design   of the draws: "latin", "sobol", "random" (exact intervals), "saltelli" (Sobol indices)
     require  such as "max_abs_e[0] < 2"; counted where broken
     store    a folder that keeps every row and from which the same call goes on
@@ -61,10 +62,9 @@ def sweep(
     """
     requirements = [Requirement.parse(text) for text in require]
     axes = {FieldPath.parse(path): one if isinstance(one, Axis) else Axis.parse(one) for path, one in (vary or {}).items()}
-    text = None if isinstance(case, Case) else CaseText.read(case)
-    draws = sampled(text, list((sample or {}).items()))
-    chosen = members if members is not None else DEFAULT_MEMBERS if draws else 1
-    plan = Plan(axes, draws, chosen, design_of(design), seed)
+    draws = sampled(case if isinstance(case, Case) else CaseText.read(case), list((sample or {}).items()))
+    known = design_of(design)
+    plan = Plan(axes, draws, members_of(members, known, drawn=bool(draws)), known, seed)
     varied = VariedObjects(case, plan.paths) if isinstance(case, Case) else VariedCase(CaseText.read(case), plan.paths)
     return run_study(
         Study(varied, plan),
@@ -94,7 +94,7 @@ def run_study(
     chunk   members of a new store's files, by default as many as take about a second; no bit depends on it
     scheduler  of the workers that run them; by default threads here
     bounds  certify what can be certified, a second for each controller, and hold the errors against it
-    told    what happened to the store
+    told    what happened to the store, what is waited for
     Raises InputError for a member that makes no case, with its number; what was stored before stays.
     """
     if store is not None:
@@ -104,13 +104,15 @@ def run_study(
     for requirement in requirements:
         requirement.require_known(list(first), study.controllers)
     started = time.perf_counter()
-    with _sink(study, store, chunk, len(first)) as sink:
+    with _sink(study, store, chunk, list(first)) as sink:
         if isinstance(sink, Store) and told is not None and sink.damaged:
             told(f"damaged in the store and made again: {', '.join(sink.damaged)}")
         resumed = sink.stored if isinstance(sink, Store) else 0
         done = resumed
         open_chunks = _open_chunks(study, sink, chunk)
-        made = _here(study, open_chunks, threads, progress) if scheduler is None else _elsewhere(study, open_chunks, scheduler)
+        made = (
+            _here(study, open_chunks, threads, progress) if scheduler is None else _elsewhere(study, open_chunks, scheduler, told)
+        )
         if not isinstance(sink, Store):
             made = _in_order(made)
         for one, figures in made:
@@ -136,11 +138,12 @@ def run_study(
 
 
 @contextlib.contextmanager
-def _sink(study: Study, store: Path | None, chunk: int | None, columns: int) -> Iterator[Store | Kept]:
+def _sink(study: Study, store: Path | None, chunk: int | None, columns: Sequence[str]) -> Iterator[Store | Kept]:
     if store is None:
-        yield Kept.room_for(len(study), columns)
+        yield Kept.room_for(len(study), len(columns))
         return
-    with opened(store, study.identity(), len(study), chunk or chunk_size(len(study), study.steps)) as found:
+    identity = study.identity() | {"bounds": any(name.endswith(f"/{ERROR_BOUND}") for name in columns)}
+    with opened(store, identity, len(study), chunk or chunk_size(len(study), study.steps)) as found:
         yield found
 
 
@@ -162,10 +165,12 @@ def _here(study: Study, chunks: Sequence[Chunk], threads: int | None, progress: 
         done += one.size
 
 
-def _elsewhere(study: Study, chunks: Sequence[Chunk], scheduler: Scheduler) -> Made:
+def _elsewhere(study: Study, chunks: Sequence[Chunk], scheduler: Scheduler, told: Told | None) -> Made:
     """On a cluster, in any order."""
     if chunks:
         with connected(scheduler) as client:
+            if told is not None and not client.nthreads():
+                told(f"no worker at {scheduler.address} yet: the sweep begins when one joins, 'dask worker {scheduler.address}'")
             yield from Workers(study, client).run(chunks)
 
 

@@ -2,21 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import copy
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
-import numpy as np
-
-from barbalat import validate
 from barbalat.cases.build import Case
 from barbalat.cases.load import CaseText
-from barbalat.sweeps.paths import FieldPath
-from barbalat.sweeps.spread import Distribution, Uniform, parse_distribution
-from barbalat.sweeps.varied import Varied
+from barbalat.problem.state_feedback import Problem
+from barbalat.sweeps.known_set_draws import KNOWN_SET, over_known_set
+from barbalat.sweeps.paths import FieldPath, Tables
+from barbalat.sweeps.spread import Distribution, parse_distribution
+from barbalat.sweeps.varied import Varied, VariedObjects
 from barbalat.validate import Array, InputError
-
-KNOWN_SET = "known-set"
-"""In place of a distribution: uniform over the case's known set."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,21 +30,55 @@ class VariedCase(Varied):
 
     def at(self, values: Sequence[float] | Array) -> Case:
         """The case with these numbers, checked as any other; InputError where it can't be used."""
-        tables = self.text.data()
+        return self.text.case(self.tables(values))
+
+    def tables(self, values: Sequence[float] | Array) -> Tables:
+        """Of the case file with these numbers."""
+        tables = self._tables()
         for path, value in zip(self.paths, values, strict=True):
             path.put(tables, float(value))
-        return self.text.case(tables)
+        return tables
+
+    def standing(self, path: FieldPath) -> object:
+        """What the file has there; None where it has nothing."""
+        return path.of(self._tables())
+
+    def _tables(self) -> Tables:
+        """A new copy."""
+        return self.text.data() | copy.deepcopy(self._by_theta)
+
+    @cached_property
+    def _by_theta(self) -> Tables:
+        """Plant and model by A_m and theta where the file has A, from which both follow, and theta varies."""
+        tables = self.text.data()
+        plant, model = (tables.get(name) for name in ("plant", "reference_model"))
+        if not any(path.keys[:2] == THETA for path in self.paths) or not isinstance(plant, dict) or "A" not in plant:
+            return {}
+        if both := [str(path) for path in self.paths if path.keys[:2] in (("plant", "A"), *((MODEL, key) for key in FROM_A))]:
+            raise InputError(f"{both[0]} and plant.theta can't both vary: theta follows from plant.A and the model's A_m")
+        made = self.text.case().problem
+        assert isinstance(made, Problem) and isinstance(model, dict)  # what has a plant.A
+        theta = made.plant.theta if made.plant.inputs == 1 else made.plant.theta.reshape(-1, made.plant.inputs)
+        by_theta = {key: value for key, value in plant.items() if key != "A"}
+        by_theta |= {"A_m": made.plant.A_m.tolist(), "theta": theta.tolist()}
+        return {"plant": by_theta, MODEL: {key: value for key, value in model.items() if key not in FROM_A}}
 
 
-def sampled(text: CaseText | None, given: Sequence[tuple[str, str | Distribution]]) -> dict[FieldPath, Distribution]:
-    """Pairs of path and distribution; a vector over a case file's known set becomes a distribution for each entry."""
+THETA = ("plant", "theta")
+MODEL = "reference_model"
+FROM_A = ("A_m", "poles")
+"""Of the model, what goes with a plant's A."""
+
+
+def sampled(source: CaseText | Case, given: Sequence[tuple[str, str | Distribution]]) -> dict[FieldPath, Distribution]:
+    """Pairs of path and distribution; a vector over the case's known set becomes a distribution for each entry."""
     found: dict[FieldPath, Distribution] = {}
     for place, distribution in given:
         path = FieldPath.parse(place)
         if not isinstance(distribution, str):
-            drawn = {path: distribution}
-        elif distribution == KNOWN_SET and text is not None:
-            drawn = _over_known_set(text, path)
+            drawn: Mapping[FieldPath, Distribution] = {path: distribution}
+        elif distribution == KNOWN_SET:
+            drawn = _over_known_set(source, path)
         else:
             drawn = {path: _named(path, distribution)}
         if twice := [str(one) for one in drawn if one in found]:
@@ -55,22 +87,14 @@ def sampled(text: CaseText | None, given: Sequence[tuple[str, str | Distribution
     return found
 
 
+def _over_known_set(source: CaseText | Case, path: FieldPath) -> Mapping[FieldPath, Distribution]:
+    if isinstance(source, Case):
+        return over_known_set(source, path, VariedObjects(source, (path,)).standing(path))
+    return over_known_set(source.case(), path, VariedCase(source, (path,)).standing(path))
+
+
 def _named(path: FieldPath, distribution: str) -> Distribution:
     try:
         return parse_distribution(distribution)
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
-
-
-def _over_known_set(text: CaseText, path: FieldPath) -> dict[FieldPath, Distribution]:
-    """Independent in each entry, as is uniform in a box."""
-    entries, uncertainty = path.of(text.data()), text.data().get("uncertainty", {})
-    lower, upper = uncertainty.get("lower"), uncertainty.get("upper")
-    if not isinstance(entries, list) or not isinstance(lower, list) or not isinstance(upper, list):
-        raise InputError(
-            f"{path} = known-set needs a vector there and a box of the same size, uncertainty.lower and uncertainty.upper; "
-            f"got {validate.show(entries)}"
-        )
-    if np.shape(entries) != np.shape(lower) or np.shape(lower) != np.shape(upper):
-        raise InputError(f"{path} = known-set needs as many entries as uncertainty.lower has, {len(lower)}, got {len(entries)}")
-    return {path.entry(i): Uniform(float(low), float(high)) for i, (low, high) in enumerate(zip(lower, upper, strict=True))}
