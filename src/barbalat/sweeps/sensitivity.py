@@ -21,6 +21,8 @@ FEWEST_DRAWS = 128
 """Below them RBD-FAST's spectrum has too few points for its ten harmonics."""
 RESAMPLES, CONFIDENCE = 50, 0.95
 """Of the bootstrap."""
+ROUNDINGS = 1e-20
+"""Of a variance: what sums of 10^6 numbers leave where there is no effect, squared."""
 FIGURES = ("max_abs_e", "rms_e", "tail_max_abs_e", "max_abs_u", "max_abs_y")
 """Figures, without their components, that are looked at."""
 
@@ -29,7 +31,8 @@ FIGURES = ("max_abs_e", "rms_e", "tail_max_abs_e", "max_abs_u", "max_abs_y")
 class Sensitivity:
     """Of one figure of one controller to one number.
 
-    first      share of the variance, with its interval ``low`` to ``high``; both ends equal it where it is exact for the grid
+    first      share of the variance, with its interval ``low`` to ``high``; both ends equal it where it is exact for the grid.
+               What an estimator gives below 0 or above 1 is cut off there, where no share lies
     total      with what it accounts for together with others; of Saltelli's design only, else None
     estimator  how it was obtained
     """
@@ -78,6 +81,10 @@ def sensitivities(rows: Rows, controllers: Sequence[str], plan: Plan) -> tuple[l
     return found, notes
 
 
+def _cut(share: float) -> float:
+    return min(max(float(share), 0.0), 1.0)
+
+
 class Index(NamedTuple):
     """What a ``Sensitivity`` says, of whichever figure."""
 
@@ -105,6 +112,7 @@ def _of(rows: Rows, values: Array, plan: Plan) -> Iterator[Index]:
     for i, path in enumerate(plan.axes):
         others = tuple(k for k in range(by_point.ndim) if k != i)
         share = float(by_point.mean(axis=others).var()) / total
+        share = 0.0 if share < ROUNDINGS else share
         yield Index(path, share, share, share, None, FACTORIAL)
     if plan.members >= FEWEST_DRAWS and find_spec("SALib") is not None:
         yield from _drawn(rows, by_point, plan, total)
@@ -124,8 +132,8 @@ def _drawn(rows: Rows, by_point: Array, plan: Plan, total: float) -> Iterator[In
     problem = {"num_vars": len(names), "names": names, "bounds": [[0.0, 1.0]] * len(names)}
     found = rbd_fast.analyze(problem, given, mean[:count], num_resamples=RESAMPLES, conf_level=CONFIDENCE, seed=plan.seed)
     for path, first, half in zip(plan.draws, found["S1"], found["S1_conf"], strict=True):
-        low, high = float(part * (first - half)), float(part * (first + half))
-        yield Index(path, float(part * first), low, high, None, RBD_FAST)
+        low, middle, high = (_cut(part * share) for share in (first - half, first, first + half))
+        yield Index(path, middle, low, high, None, RBD_FAST)
 
 
 def _saltelli(values: Array, plan: Plan) -> Iterator[Index]:
@@ -139,4 +147,4 @@ def _saltelli(values: Array, plan: Plan) -> Iterator[Index]:
     first, whole = np.atleast_2d(found.first_order)[0], np.atleast_2d(found.total_order)[0]
     low, high = np.atleast_2d(spread.low)[0], np.atleast_2d(spread.high)[0]
     for i, path in enumerate(plan.draws):
-        yield Index(path, float(first[i]), float(low[i]), float(high[i]), float(whole[i]), SALTELLI)
+        yield Index(path, _cut(first[i]), _cut(low[i]), _cut(high[i]), _cut(whole[i]), SALTELLI)
