@@ -64,7 +64,8 @@ def connected(scheduler: Scheduler) -> Iterator[Client]:
 
     from distributed import Client, LocalCluster
 
-    logging.getLogger("distributed").setLevel(logging.CRITICAL)  # workers that die are said by what becomes of their chunks
+    for name in ("distributed", "distributed.client"):  # workers that die are said by what becomes of their chunks
+        logging.getLogger(name).setLevel(logging.CRITICAL)
     cluster = None
     if scheduler.address is not None:
         _require_answer(scheduler.address)
@@ -101,9 +102,14 @@ def _close(cluster: LocalCluster) -> None:
 def _require_answer(address: str) -> None:
     """InputError where no scheduler says who it is; a client would wait for a port that is open but silent."""
     from distributed.core import connect
+    from distributed.security import Security
+
+    known = Security().get_connection_args("client")
+    if address.startswith("tls:") and known.get("ssl_context") is None:
+        raise InputError(f"the scheduler {address!r} needs certificates: name them in Dask's configuration, distributed.comm.tls")
 
     async def ask() -> None:
-        comm = await connect(address, timeout=PATIENCE)
+        comm = await connect(address, timeout=PATIENCE, **known)
         try:
             await comm.write({"op": "identity", "reply": True})
             await comm.read()
