@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from barbalat.sweeps.chunks import Chunk, chunks_of
-from barbalat.sweeps.stored import INDEX, KEY, Index, StoredRows, name_of, read_index, require_same
+from barbalat.sweeps.stored import INDEX, KEY, Index, StoredRows, intact, name_of, read_index, require_same
 from barbalat.sweeps.study import OSCILLATED, Columns
 from barbalat.validate import InputError
 
@@ -101,10 +101,16 @@ class Store:
 
 @contextlib.contextmanager
 def opened(folder: Path, identity: dict[str, Any], members: int, chunk: int) -> Iterator[Store]:
-    """A new store, or one to go on with, of this process alone.
+    """A new store, or one to go on with, of this process alone; of one that is complete nothing is written.
 
     InputError for a folder that can't be written, that another process writes, or that holds another sweep or other things.
     """
+    whole = read_index(folder)
+    if whole is not None and sum(file["count"] for file in whole.files.values()) == whole.members:
+        require_same(folder, whole, identity)
+        if not _damaged(folder, whole):
+            yield Store(folder, whole)
+            return
     made = [one for one in (folder, *folder.parents) if not one.exists()]
     try:
         with _locked(folder):
@@ -117,7 +123,7 @@ def opened(folder: Path, identity: dict[str, Any], members: int, chunk: int) -> 
                 yield Store(folder, Index.new(identity, members, chunk))
             else:
                 require_same(folder, index, identity)
-                damaged = tuple(name for name, file in index.files.items() if not _intact(folder / name, file["sha256"]))
+                damaged = _damaged(folder, index)
                 for name in damaged:
                     del index.files[name]
                 yield Store(folder, index, damaged)
@@ -125,6 +131,10 @@ def opened(folder: Path, identity: dict[str, Any], members: int, chunk: int) -> 
         for one in made:
             with contextlib.suppress(OSError):  # it is not empty
                 one.rmdir()
+
+
+def _damaged(folder: Path, index: Index) -> tuple[str, ...]:
+    return tuple(name for name, file in index.files.items() if not intact(folder / name, file["sha256"]))
 
 
 def _ours(file: Path) -> bool:
@@ -157,14 +167,6 @@ def _locked(folder: Path) -> Iterator[None]:
         with contextlib.suppress(OSError):  # while it is held: who waits for it sees that it is gone, and makes a new one
             (folder / LOCK).unlink()
         lock.release()
-
-
-def _intact(file: Path, sha256: str) -> bool:
-    try:
-        with file.open("rb") as content:
-            return hashlib.file_digest(content, "sha256").hexdigest() == sha256
-    except OSError:
-        return False
 
 
 def _sync(folder: Path) -> None:

@@ -29,7 +29,7 @@ NAMED = {
     "case": "another case file",
     "plan": "other --vary, --sample, --members, --design or --seed",
     "equations": "other equations",
-    "bounds": "rows with bounds where this has none, or without: it was made with, or without, --no-bounds",
+    "bounds": "the other choice of --no-bounds",
 }
 """What differs, by the keys of ``Study.identity``; of a row alone it is not asked whether there are bounds."""
 
@@ -132,9 +132,23 @@ class StoredRows:
         for file in self.files:
             place = member - self.index.files[file]["first"]
             if 0 <= place < self.index.files[file]["count"]:
+                if not intact(self.folder / file, self.index.files[file]["sha256"]):
+                    raise InputError(
+                        f"the store's file {str(self.folder / file)!r} is damaged or gone: the same command without --member "
+                        "makes it again"
+                    )
                 table = parquet.read_table(self.folder / file).slice(place, 1)
                 return {name: float(_numbers(table, name)[0]) for name in table.column_names}
         raise InputError(f"the store {str(self.folder)!r} does not hold member {member}")
+
+
+def intact(file: Path, sha256: str) -> bool:
+    """Whether a file is there with the bytes that were stored."""
+    try:
+        with file.open("rb") as content:
+            return hashlib.file_digest(content, "sha256").hexdigest() == sha256
+    except OSError:
+        return False
 
 
 def _numbers(table: pa.Table, name: str) -> Array:
