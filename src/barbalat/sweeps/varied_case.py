@@ -45,9 +45,13 @@ class VariedCase(Varied):
 
     def _tables(self) -> Tables:
         """A new copy."""
-        return self.text.data() | copy.deepcopy(self._by_theta)
+        return copy.deepcopy(self._given)
 
     @cached_property
+    def _given(self) -> Tables:
+        """As they are read, once."""
+        return self.text.data() | self._by_theta()
+
     def _by_theta(self) -> Tables:
         """Plant and model by A_m and theta where the file has A, from which both follow, and theta varies."""
         tables = self.text.data()
