@@ -14,8 +14,6 @@ from benchmarks.loops import CASES, l1
 from benchmarks.race import WrongNumbersError
 from benchmarks.table import console, show
 
-MEMBERS = 1024
-
 
 def main() -> int:
     start = time.perf_counter()
@@ -51,9 +49,9 @@ def compare(extent: speed.Extent) -> None:
         for case in CASES:
             show(*speed.trajectory(case(), Path(folder), extent))
         for case in CASES:
-            show(*speed.ensemble(case(MEMBERS), Path(folder), extent))
+            show(*speed.ensemble(case(speed.MEMBERS), Path(folder), extent))
     show("L1 norms: a certified enclosure against quadratures", *norms.section(quick=quick))
-    show("The second core, ns per step of one member", *house.two_cores(MEMBERS, quick=quick))
+    show("The second core, ns per step of one member", *house.two_cores(speed.MEMBERS, quick=quick))
     for members in (1, 16):
         show("Delay and actuator, time per state as a ratio to the plain loop's", *inputs.per_state(members, quick=quick))
         show("Output feedback, time per state as a ratio to a state-feedback loop's", *outputs.per_state(members, quick=quick))
@@ -63,12 +61,12 @@ def compare(extent: speed.Extent) -> None:
 
 
 def compare_studies(extent: speed.Extent) -> None:
-    """Sweeps, beside what peers do with as many members in one process."""
+    """Sweeps, then what peers do with as many members in one process: their idle threads would count as a sweep's work."""
+    for title, (rows, notes) in studies.sections(quick=extent.quick):
+        show(title, rows, notes)
     if extent.peers and not extent.quick:
         with tempfile.TemporaryDirectory() as folder:
             show(*speed.ensemble(l1(10_000), Path(folder), extent))
-    for title, (rows, notes) in studies.sections(quick=extent.quick):
-        show(title, rows, notes)
 
 
 if __name__ == "__main__":

@@ -35,6 +35,8 @@ SAMPLED = [("plant.theta", "known-set"), ("controller[0].gamma", "loguniform:100
 MILLION, HORIZON = 1_000_000, 60.0
 MINUTES = 10.0
 """In which a million members of a minute are to run."""
+TIMED_STEPS = 1e9
+"""Member's steps after which nothing is timed again: some seconds; of less a single look says little."""
 CHUNK = 5_000
 """Members of a minute each that take about a second."""
 
@@ -51,6 +53,10 @@ class Cost:
     def each(self) -> float:
         """ns."""
         return self.busy / self.member_steps * 1e9
+
+    def without(self, once: float) -> Cost:
+        """Beside what is done once, in so many seconds."""
+        return replace(self, busy=self.busy - once)
 
     def __str__(self) -> str:
         return f"{self.each:.3g} ns, {self.member_steps / self.wall:.3g} steps/s"
@@ -72,12 +78,12 @@ def prepared(members: int, t_end: float) -> Study:
 
 
 def measured(given: Study, call: Callable[[], object], repeats: int) -> Cost:
-    """The best of some calls that run all members, each with its own clock."""
-    costs = []
-    for _ in range(repeats):
+    """The best of some calls that run all members, each with its own clock; of more where they are short."""
+    costs, steps = [], float(len(given)) * given.steps
+    for _ in range(max(repeats, min(int(TIMED_STEPS / steps), 20))):
         busy, wall = time.process_time(), time.perf_counter()
         call()
-        costs.append(Cost(time.process_time() - busy, time.perf_counter() - wall, float(len(given)) * given.steps))
+        costs.append(Cost(time.process_time() - busy, time.perf_counter() - wall, steps))
     return min(costs, key=lambda cost: cost.busy)
 
 
@@ -90,7 +96,7 @@ def in_threads(given: Study, threads: int | None, repeats: int = 1) -> Cost:
 
 
 def scaling(*, quick: bool) -> Section:
-    """What a step of a member costs, whatever their number and the length of their runs."""
+    """What a step of a member costs, whatever their number and the length of their runs; what is done once is shown apart."""
     begun = time.process_time()
     first = study(1, 10.0)
     asked, begun = time.process_time() - begun, time.process_time()
@@ -98,19 +104,26 @@ def scaling(*, quick: bool) -> Section:
     compiled = time.process_time() - begun
     numbers = (1_000, 4_000) if quick else (1_000, 10_000, 100_000, MILLION)
     lengths = (10.0, 100.0) if quick else (10.0, 100.0, 1000.0)
-    by_number = {number: in_threads(prepared(number, 10.0), 1, 2) for number in numbers}
-    by_length = {t_end: in_threads(prepared(1_000, t_end), 1, 2) for t_end in lengths}
+    half, whole = (in_threads(prepared(CHUNK, t_end), 1, 5).busy / CHUNK for t_end in (0.5, 1.0))
+    set_up = 2 * half - whole
+    by_number = {number: in_threads(prepared(number, 10.0), 1, 2).without(number * set_up) for number in numbers}
+    by_length = {t_end: in_threads(prepared(1_000, t_end), 1, 2).without(1_000 * set_up) for t_end in lengths}
     rows = [
         *_against_the_first(by_number, "{:,.0f} members of 10 s"),
         *_against_the_first(by_length, "1,000 members of {:,.0f} s"),
     ]
-    return rows, [f"beside that, once: {asked:.2f} s to find out how each number varies, {compiled:.2f} s to compile"]
+    once = f"{asked:.2f} s to find out how each number varies, {compiled:.2f} s to compile"
+    return rows, [f"beside that, once: {once}; once for each member: {1e6 * set_up:.1f} us"]
 
 
 def _against_the_first(costs: Mapping[float, Cost], what: str) -> list[Row]:
+    """By how much each is off the first, whichever is dearer."""
     (least, base), *others = costs.items()
     beside = f"{what.format(least)}: {base}"
-    return [Row(what.format(size), str(cost), beside, cost.each / base.each, at_most=1.1) for size, cost in others]
+    return [
+        Row(what.format(size), str(cost), beside, max(cost.each / base.each, base.each / cost.each), at_most=1.1)
+        for size, cost in others
+    ]
 
 
 def spread(*, quick: bool) -> Section:

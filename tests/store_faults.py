@@ -24,7 +24,7 @@ import numpy as np
 from barbalat import InputError
 from barbalat.cases.load import CaseText
 from barbalat.sweeps.plan import Plan
-from barbalat.sweeps.stored import INDEX, StoredRows, read_index
+from barbalat.sweeps.stored import INDEX_FILE, StoredRows, read_index
 from barbalat.sweeps.study import Study
 from barbalat.sweeps.sweep import run_study
 from barbalat.sweeps.varied_case import VariedCase, sampled
@@ -131,7 +131,7 @@ def flips(folder: Path, expected: dict[str, np.ndarray], count: int, rng: random
         content[rng.randrange(len(content))] ^= 1 << rng.randrange(8)
         file.write_bytes(content)
         finished(folder, expected)
-    index = folder / INDEX
+    index = folder / INDEX_FILE
     whole = index.read_bytes()
     refused = 0
     for _ in range(count):
@@ -174,7 +174,7 @@ def full_disk(folder: Path, expected: dict[str, np.ndarray]) -> str:
 def two_writers(folder: Path, expected: dict[str, np.ndarray]) -> str:
     """The second is refused; a reader is not."""
     first = writer(folder)
-    while not (folder / INDEX).exists():
+    while not (folder / INDEX_FILE).exists():
         time.sleep(0.01)
     first.send_signal(signal.SIGSTOP)  # so that it can't be done before the second one asks
     second = writer(folder)
@@ -193,7 +193,7 @@ def interrupt(folder: Path, *options: str) -> str:
     arguments = ["sweep", "paper", "--sample", "plant.theta=known-set", "--members", "100000", "--no-bounds", "--json"]
     command = [sys.executable, "-m", "barbalat", *arguments, "--store", str(folder), *options]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-    while not (folder / INDEX).exists() and process.poll() is None:
+    while not (folder / INDEX_FILE).exists() and process.poll() is None:
         time.sleep(0.05)
     time.sleep(0.5)
     begun = time.perf_counter()

@@ -48,6 +48,7 @@ from .design import hinf_feedback as hinf_feedback
 from .design import pi_feedback as pi_feedback
 from .explorer.explorer import Explorer as Explorer
 from .explorer.explorer import explore as explore
+from .export.exported_step import exported_c as exported_c
 from .export.in_the_loop import InTheLoop as InTheLoop
 from .export.in_the_loop import simulate_export as simulate_export
 from .export.write import export_controller as export_controller

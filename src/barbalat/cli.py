@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 import contextlib
 import io
 import os
@@ -29,17 +28,20 @@ from barbalat.commands import (
     tune,
 )
 from barbalat.commands.interrupt import Terminated, interruptible
+from barbalat.commands.parser import BAD_INPUT, UNKNOWN, Parser
 from barbalat.commands.screen import say
 
-FAILED, BAD_INPUT, INTERRUPTED, TERMINATED = 1, 2, 130, 143
+FAILED, INTERRUPTED, TERMINATED = 1, 130, 143
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command; returns the exit code: 0 done, 2 bad input, 1 anything else that went wrong."""
     parser = _parser()
-    if completion.ASKED in os.environ:
+    if completion.COMPLETION_VARIABLE in os.environ:
         completion.answer(parser)
-    options = parser.parse_args(arguments)
+    options, unknown = parser.parse_known_args(arguments)
+    if unknown:
+        options.parser.error(f"{UNKNOWN}{' '.join(unknown)}")
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")  # a name in any script reaches a terminal of any encoding
@@ -62,6 +64,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return TERMINATED
     except KeyboardInterrupt:
         say("interrupted")
+        exec(
+            ""
+        )  # after an interrupt within an exec, as dataclasses have, Python would end by the signal: this one makes it forget
         return INTERRUPTED
     except ValueError as error:
         from barbalat.validate import InputError
@@ -79,9 +84,9 @@ def _close_standard_output() -> None:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
-def _parser() -> argparse.ArgumentParser:
+def _parser() -> Parser:
     description = "Design, certify, simulate adaptive controllers, and find out which claims about them are true."
-    parser = argparse.ArgumentParser(prog="barbalat", description=description)
+    parser = Parser(prog="barbalat", description=description)
     parser.add_argument("--version", action="version", version=f"barbalat {barbalat.__version__}")
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
     for command in (
@@ -102,4 +107,6 @@ def _parser() -> argparse.ArgumentParser:
         completion,
     ):
         command.add(commands)
+    for own in commands.choices.values():
+        own.set_defaults(parser=own)  # it knows its options, and says which one is meant
     return parser

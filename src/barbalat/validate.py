@@ -155,6 +155,12 @@ def line(field: str, value: Any) -> str:
     return value
 
 
+def counted(count: int, one: str) -> str:
+    """A number with its noun: "1 step", "2 steps", "3 entries"."""
+    several = f"{one[:-1]}ies" if one.endswith("y") else f"{one}s"
+    return f"{count} {one if count == 1 else several}"
+
+
 def printable(text: str) -> str:
     """A text with its control characters written out, so that they do nothing to a terminal."""
     return "".join(ascii(c)[1:-1] if _controls(c) else c for c in text)

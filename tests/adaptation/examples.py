@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -12,7 +12,9 @@ from barbalat.adaptation.laws import LAWS, Estimation, covariance, integral_cost
 from barbalat.problem.known_set import Gain
 
 BOUND = 40.0
-"""Of the covariance, in the Frobenius norm; rho_0 of the law that resets."""
+"""Of the covariance, in the Frobenius norm."""
+RHO_0, RHO_1 = 20.0, 0.5
+"""Between these the eigenvalues of the covariance that is reset."""
 M_0 = 6.0
 """Above |theta| in every situation."""
 G_0 = 0.05
@@ -20,14 +22,39 @@ G_0 = 0.05
 MATRIX = np.array([[3.0, 1.0, 0.5], [1.0, 2.0, -0.4], [0.5, -0.4, 1.0]])
 
 
+SIGMA, NU = 0.3, 0.5
+
+
+@dataclass(frozen=True, kw_only=True)
+class Modification:
+    """What the tests need to know of a modification, or of several at once."""
+
+    settings: dict[str, object]
+    """The law's keywords."""
+    leaks: Callable[[float], float] | None = None
+    """Its leakage w from epsilon m_s, where w theta_tilde'theta_hat < 0 is possible: for theta within M_0 too."""
+    dead_zone: bool = False
+    """Whether V bears a modelling error of G_0 beside it."""
+    implicit: bool = True
+    """Whether an implicit step has the weight that the continuous law has at the step's end."""
+
+
+FIXED, SWITCHING = FixedSigma(sigma=SIGMA), SwitchingSigma(sigma=SIGMA, M_0=M_0)
+ZONE = DeadZone(g_0=G_0)
 MODIFICATIONS = {
-    "plain": {},
-    "sigma": {"leakage": FixedSigma(sigma=0.3)},
-    "switching sigma": {"leakage": SwitchingSigma(sigma=0.3, M_0=M_0)},
-    "epsilon": {"leakage": EpsilonModification(nu=0.5)},
-    "dead zone": {"dead_zone": DeadZone(g_0=G_0)},
-    "switching sigma and dead zone": {"leakage": SwitchingSigma(sigma=0.3, M_0=M_0), "dead_zone": DeadZone(g_0=G_0)},
-    "sigma and dead zone": {"leakage": FixedSigma(sigma=0.3), "dead_zone": DeadZone(g_0=G_0)},
+    "plain": Modification(settings={}),
+    "sigma": Modification(settings={"leakage": FIXED}, leaks=lambda error: SIGMA),
+    "switching sigma": Modification(settings={"leakage": SWITCHING}, implicit=False),
+    "epsilon": Modification(
+        settings={"leakage": EpsilonModification(nu=NU)}, leaks=lambda error: NU * abs(error), implicit=False
+    ),
+    "dead zone": Modification(settings={"dead_zone": ZONE}, dead_zone=True),
+    "switching sigma and dead zone": Modification(
+        settings={"leakage": SWITCHING, "dead_zone": ZONE}, dead_zone=True, implicit=False
+    ),
+    "sigma and dead zone": Modification(
+        settings={"leakage": FIXED, "dead_zone": ZONE}, leaks=lambda error: SIGMA, dead_zone=True
+    ),
 }
 WITHOUT_EPSILON = tuple(name for name in MODIFICATIONS if name != "epsilon")
 SWITCHING_OR_DEAD_ZONE = ("plain", "switching sigma", "dead zone", "switching sigma and dead zone")
@@ -38,24 +65,36 @@ def random_gain(random: np.random.Generator, n: int) -> np.ndarray:
     return root @ root.T + 0.1 * np.eye(n)
 
 
-def gain_alone(random: np.random.Generator, law, theta) -> tuple:
-    """No memory, and the constant gain of V."""
-    return (), Gain(law.gamma).as_matrix(len(theta))
+def no_memory(random: np.random.Generator, law, theta) -> tuple:
+    return ()
 
 
-def integrals_of_data(random: np.random.Generator, law, theta) -> tuple:
+def integrals_of_data(random: np.random.Generator, law, theta) -> integral_cost.Memory:
     """Of the cost: R of a few random regressors and Q = R theta."""
     data = random.normal(size=(len(theta), random.integers(0, 4)))
-    return integral_cost.Memory(data @ data.T, data @ data.T @ theta), Gain(law.gamma).as_matrix(len(theta))
+    return integral_cost.Memory(data @ data.T, data @ data.T @ theta)
 
 
-def covariance_within_its_bound(random: np.random.Generator, law, theta) -> tuple:
-    """P, which is the gain of V; half of the time at the bound where the law has one."""
+def any_covariance(random: np.random.Generator, law, theta) -> covariance.Memory:
+    """P, which is the gain of V."""
+    return law.limit(covariance.Memory(random_gain(random, len(theta))))
+
+
+def covariance_within_its_bound(random: np.random.Generator, law, theta) -> covariance.Memory:
+    """P, half of the time at its bound."""
     P = random_gain(random, len(theta))
-    bound = getattr(law, "covariance_bound", None)
-    if bound is not None and random.uniform() < 0.5:
-        P = P * (bound / np.linalg.norm(P))
-    return law.limit(covariance.Memory(P)), None
+    if random.uniform() < 0.5:
+        P = P * (BOUND / np.linalg.norm(P))
+    return law.limit(covariance.Memory(P))
+
+
+def keeps_its_norm(P: np.ndarray) -> bool:
+    return np.linalg.norm(P) <= BOUND * (1 + 1e-12)
+
+
+def keeps_its_eigenvalues(P: np.ndarray) -> bool:
+    smallest, *_, largest = np.linalg.eigvalsh(P)
+    return smallest > RHO_1 and largest <= RHO_0 * (1 + 1e-12)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -72,9 +111,13 @@ class Example:
     strong: dict[str, float]
     """What of the settings is larger where the law is to learn within a minute."""
     memory: Callable[..., tuple]
-    """A random memory that the law can have, and the gain of its Lyapunov function, None where the memory's covariance is."""
+    """A random memory that the law can have."""
     gain: str = ""
     """The setting that takes a diagonal or a matrix as well."""
+    has_covariance: bool = True
+    """Whether the gain of V is the memory's covariance; where not, it is the setting ``gain``."""
+    kept: Callable[[np.ndarray], bool] | None = None
+    """What the covariance keeps at every step, the settings' gain with it; None where the gain may be any."""
     shapes: tuple[str, ...] = ("number",)
     """Those of the gain that the tests go through."""
     takes: tuple[str, ...] = tuple(MODIFICATIONS)
@@ -82,30 +125,43 @@ class Example:
     unexcited: bool = True
     """Whether its estimates stay bounded without excitation, set and modifications."""
 
+    def gain_of_V(self, law, memory, n: int) -> np.ndarray:
+        """(n, n) Gamma of V = theta_tilde'Gamma^-1 theta_tilde."""
+        return memory.covariance if self.has_covariance else Gain(vars(law)[self.gain]).as_matrix(n)
 
-COVARIANCE = {"fastest_rate": 2 * BOUND + 0.3, "gain": "covariance0", "memory": covariance_within_its_bound}
-"""2 P <= 2 bound, and the forgetting."""
+    def scaled(self, law, factor: float):
+        """The law with ``factor`` times its gain, as far as its covariance has no bound to keep."""
+        return law if self.kept is not None else replace(law, **{self.gain: factor * vars(law)[self.gain]})
+
+
+BOUNDED_COVARIANCE = {
+    "fastest_rate": 2 * BOUND + 0.3,  # 2 P <= 2 bound, and the forgetting
+    "gain": "covariance0",
+    "memory": covariance_within_its_bound,
+    "kept": keeps_its_norm,
+}
+CONSTANT_GAIN = {"gain": "gamma", "has_covariance": False}
 FORGETTING = {"covariance0": 2.0, "forgetting": 0.3, "covariance_bound": BOUND}
 STRONG_AND_BOUNDED = {"covariance0": 2000.0, "covariance_bound": 4000.0}
 EVERY_SHAPE = ("number", "diagonal", "matrix")
 LAW_EXAMPLES = {
     "gradient": Example(
-        numbers={"gamma": 2.0}, fastest_rate=2.0, strong={"gamma": 2000.0}, memory=gain_alone, gain="gamma", shapes=EVERY_SHAPE
+        numbers={"gamma": 2.0}, fastest_rate=2.0, strong={"gamma": 2000.0}, memory=no_memory, shapes=EVERY_SHAPE, **CONSTANT_GAIN
     ),
     "integral-cost": Example(
         numbers={"gamma": 2.0, "forgetting": 0.4},
         fastest_rate=5.0,  # Gamma/beta
         strong={"gamma": 2000.0},
         memory=integrals_of_data,
-        gain="gamma",
         shapes=EVERY_SHAPE,
         takes=("plain", "sigma", "switching sigma"),
+        **CONSTANT_GAIN,
     ),
     "least-squares": Example(
         numbers={"covariance0": 2.0},
         fastest_rate=4.0,
         strong={"covariance0": 2000.0},
-        memory=covariance_within_its_bound,
+        memory=any_covariance,
         gain="covariance0",
         shapes=EVERY_SHAPE,
         takes=SWITCHING_OR_DEAD_ZONE,
@@ -114,25 +170,32 @@ LAW_EXAMPLES = {
         numbers={"covariance0": 2.0, "forgetting": 0.3},
         fastest_rate=None,
         strong={"covariance0": 2000.0},
-        memory=covariance_within_its_bound,
+        memory=any_covariance,
         gain="covariance0",
         takes=("plain", "switching sigma"),
         unexcited=False,
     ),
     "least-squares-resetting": Example(
-        numbers={"rho_0": 20.0, "rho_1": 0.5},
-        fastest_rate=40.0,
+        numbers={"rho_0": RHO_0, "rho_1": RHO_1},
+        fastest_rate=2 * RHO_0,
         strong={"rho_0": 2000.0},
-        memory=covariance_within_its_bound,
+        memory=any_covariance,
+        kept=keeps_its_eigenvalues,
         takes=WITHOUT_EPSILON,
     ),
     "least-squares-bounded": Example(
-        numbers=FORGETTING, strong=STRONG_AND_BOUNDED, shapes=("matrix",), takes=WITHOUT_EPSILON, **COVARIANCE
+        numbers=FORGETTING, strong=STRONG_AND_BOUNDED, shapes=("matrix",), takes=WITHOUT_EPSILON, **BOUNDED_COVARIANCE
     ),
     "least-squares-bounded-gain": Example(
-        numbers=FORGETTING, strong=STRONG_AND_BOUNDED, shapes=("matrix",), takes=SWITCHING_OR_DEAD_ZONE, **COVARIANCE
+        numbers=FORGETTING, strong=STRONG_AND_BOUNDED, shapes=("matrix",), takes=SWITCHING_OR_DEAD_ZONE, **BOUNDED_COVARIANCE
     ),
 }
+
+
+def example_of(law) -> Example:
+    """That of its class."""
+    (kind,) = (kind for kind, made in LAWS.items() if made is type(law))
+    return LAW_EXAMPLES[kind]
 
 
 def plain(kind: str, n: int) -> list[dict]:
@@ -141,14 +204,24 @@ def plain(kind: str, n: int) -> list[dict]:
     return [example.numbers | {example.gain: values[shape]} if shape in values else example.numbers for shape in example.shapes]
 
 
-def laws(n: int) -> list[tuple[str, object]]:
-    """(name, law) for all that is borne; that the other combinations are refused is tested too."""
+@dataclass(frozen=True, eq=False)
+class ModifiedLaw:
+    """A law with a modification, and what is known of both."""
+
+    name: str
+    law: object
+    example: Example
+    modification: Modification
+
+
+def laws(n: int) -> list[ModifiedLaw]:
+    """All that is borne; that the other combinations are refused is tested too."""
     return [
-        (f"{kind} {i}, {modification}", LAWS[kind](**settings, **MODIFICATIONS[modification]))
+        ModifiedLaw(f"{kind} {i}, {name}", LAWS[kind](**settings, **modification.settings), example, modification)
         for kind, example in LAW_EXAMPLES.items()
         for i, settings in enumerate(plain(kind, n))
-        for modification in MODIFICATIONS
-        if modification in example.takes
+        for name, modification in MODIFICATIONS.items()
+        if name in example.takes
     ]
 
 

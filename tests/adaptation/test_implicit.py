@@ -2,32 +2,21 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
-from examples import BOUND, G_0, inside, known_sets, laws
 from scipy.optimize import minimize
 
+from adaptation.examples import G_0, inside, known_sets, laws
 from barbalat import ParameterBall, ParameterBox
 from barbalat.adaptation import implicit
 from barbalat.adaptation.law import Estimation, SampleData
-from barbalat.adaptation.laws import Gradient, IntegralCost
-from barbalat.adaptation.laws.integral_cost import Memory as Data
 from barbalat.problem.known_set import Gain
 from barbalat.validate import InputError
 
-RHO_0, RHO_1 = 20.0, 0.5
 
-
-def scaled(random, law):
+def scaled(random, modified):
     """The law with a gain from 1e2 to 1e8 times its own; a covariance with a bound keeps it."""
-    factor = 10 ** random.uniform(2, 8)
-    if isinstance(law, (Gradient, IntegralCost)):
-        return replace(law, gamma=factor * law.gamma)
-    if hasattr(law, "covariance_bound") or hasattr(law, "rho_0"):
-        return law
-    return replace(law, covariance0=factor * law.covariance0)
+    return modified.example.scaled(modified.law, 10 ** random.uniform(2, 8))
 
 
 def data(random, theta, eta_over_m):
@@ -42,19 +31,10 @@ def step(law, T, theta_hat, memory, z, phi, m_s_squared, known_set):
 
 def memory_of(random, law, theta):
     """A memory that the law may have; of past data without modelling error."""
-    n = len(theta)
-    memory = law.initial(n)
-    if isinstance(law, IntegralCost):
-        seen = random.normal(size=(n, 2)) * 0.3
-        return Data(seen @ seen.T, seen @ seen.T @ theta)
-    if hasattr(memory, "covariance"):
-        for _ in range(random.integers(0, 3)):
-            memory = step(law, 0.1, np.zeros(n), memory, *data(random, theta, 0.0), None).memory
+    memory = law.initial(len(theta))
+    for _ in range(random.integers(0, 3)):
+        memory = step(law, 0.1, np.zeros(len(theta)), memory, *data(random, theta, 0.0), None).memory
     return memory
-
-
-def plain_kind(name):
-    return name.split(",")[1].strip()
 
 
 @pytest.mark.parametrize("n", [1, 2, 3])
@@ -62,25 +42,20 @@ def test_the_step_solves_the_continuous_law_at_its_end(n):
     """theta_next = theta_hat + T theta_hat'(theta_next): an independent evaluation. 1e-7: the gains go to 1e8."""
     random = np.random.default_rng(n)
     tried = 0
-    for name, given in laws(n):
-        if not isinstance(given, (Gradient, IntegralCost)) or plain_kind(name) not in (
-            "plain",
-            "sigma",
-            "dead zone",
-            "sigma and dead zone",
-        ):
+    for modified in laws(n):
+        if modified.example.has_covariance or not modified.modification.implicit:
             continue
         for _ in range(40):
-            law, T, theta = scaled(random, given), 10 ** random.uniform(-4, 0), random.normal(size=n)
+            law, T, theta = scaled(random, modified), 10 ** random.uniform(-4, 0), random.normal(size=n)
             theta_hat = theta + random.normal(size=n)
             z, phi, m_s_squared = data(random, theta, random.uniform(-1, 1))
             found = step(law, T, theta_hat, memory_of(random, law, theta), z, phi, m_s_squared, None)
             at_end = Estimation(phi, m_s_squared, (z - found.theta_hat @ phi) / m_s_squared)
             rate = law.rates(found.theta_hat, found.memory, at_end, None).theta_hat
-            inverse = np.linalg.inv(Gain(law.gamma).as_matrix(n))
+            inverse = np.linalg.inv(modified.example.gain_of_V(law, found.memory, n))
             left = inverse @ (found.theta_hat - theta_hat) - T * inverse @ rate
             scale = T * (np.abs(z) * np.abs(phi).max() + 1) + np.abs(inverse).max()
-            assert np.abs(left).max() <= 1e-7 * scale, name
+            assert np.abs(left).max() <= 1e-7 * scale, modified.name
             tried += 1
     assert tried > 300
 
@@ -92,24 +67,22 @@ def test_V_keeps_the_continuous_inequality(n, sample):
     A switching leakage adds nothing. 1e-6: V is computed with inverses of gains and covariances of up to 1e8.
     """
     random = np.random.default_rng(40 + n)
-    for name, given in laws(n):
-        modification = plain_kind(name)
+    for modified in laws(n):
+        modification, gain_of_V = modified.modification, modified.example.gain_of_V
         for i in range(sample(20, 60)):
-            law, T, theta = scaled(random, given), 10 ** random.uniform(-4, 1), random.uniform(-1, 1, n)
+            law, T, theta = scaled(random, modified), 10 ** random.uniform(-4, 1), random.uniform(-1, 1, n)
             eta = random.uniform(-G_0, G_0) if i % 2 else 0.0
-            memory = memory_of(random, law, theta)
             for known_set in known_sets(random, n):
                 try:
                     implicit.require_sampled(law, known_set)
                 except InputError:
                     assert isinstance(known_set, ParameterBall)
                     continue
-                matrix = not (isinstance(law, (Gradient, IntegralCost)) and np.ndim(law.gamma) < 2)
+                matrix = law.metric.is_matrix
                 if matrix and n == 3 and known_set is not None:
                     continue  # corners of three faces are cut
                 target = theta if known_set is None else inside(random, known_set, n, on_the_border=False)
-                if isinstance(law, IntegralCost):
-                    memory = memory._replace(Q=memory.R @ target)
+                memory = memory_of(random, law, target)
                 start = (
                     target + random.normal(size=n)
                     if known_set is None
@@ -117,39 +90,36 @@ def test_V_keeps_the_continuous_inequality(n, sample):
                 )
                 z, phi, m_s_squared = data(random, target, eta)
                 found = step(law, T, start, memory, z, phi, m_s_squared, known_set)
-                V, V_next = V_of(law, memory, start - target), V_of(law, found.memory, found.theta_hat - target)
-                w = {"sigma": 0.3, "sigma and dead zone": 0.3, "epsilon": 0.5 * abs(z - start @ phi) / np.sqrt(m_s_squared)}
-                added = T * w.get(modification, 0.0) * target @ target / 2 * (2 if matrix else 1)
-                if "dead zone" not in modification:
+                V = V_of(gain_of_V(law, memory, n), start - target)
+                V_next = V_of(gain_of_V(law, found.memory, n), found.theta_hat - target)
+                w = 0.0 if modification.leaks is None else modification.leaks((z - start @ phi) / np.sqrt(m_s_squared))
+                added = T * w * target @ target / 2 * (2 if matrix else 1)
+                if not modification.dead_zone:
                     added += T * eta**2
-                assert V_next <= V + added + 1e-6 * (V + added) + 1e-12, (name, known_set)
+                assert V_next <= V + added + 1e-6 * (V + added) + 1e-12, (modified.name, known_set)
 
 
-def V_of(law, memory, theta_tilde):
-    if isinstance(law, (Gradient, IntegralCost)):
-        return theta_tilde @ np.linalg.solve(Gain(law.gamma).as_matrix(len(theta_tilde)), theta_tilde)
-    return theta_tilde @ np.linalg.solve(memory.covariance, theta_tilde)
+def V_of(gain, theta_tilde):
+    return theta_tilde @ np.linalg.solve(gain, theta_tilde)
 
 
 def test_the_covariances_stay_within_their_bounds_and_forget_exactly():
     """P^-1 = e^(-beta T) P^-1 + (1 - e^(-beta T))/beta phi phi'/m_s^2 where no bound is near; bounds are kept at every step."""
     random = np.random.default_rng(3)
-    for name, law in laws(3):
-        if isinstance(law, (Gradient, IntegralCost)) or plain_kind(name) != "plain":
+    for modified in laws(3):
+        law, example = modified.law, modified.example
+        if not example.has_covariance or modified.modification.settings:
             continue
-        memory = law.initial(3)
+        memory, beta = law.initial(3), example.numbers.get("forgetting", 0.0)
         for _ in range(200):
             T = 10 ** random.uniform(-3, 1)
             z, phi, m_s_squared = data(random, np.zeros(3), 0.0)
             following = step(law, T, np.ones(3), memory, z, phi, m_s_squared, None).memory
             P = following.covariance
             np.testing.assert_allclose(P, P.T, atol=1e-10 * np.abs(P).max())
-            if "resetting" in name:
-                assert np.linalg.eigvalsh(P)[0] > RHO_1 and np.linalg.eigvalsh(P)[-1] <= RHO_0 * (1 + 1e-12)
-            elif "bounded" in name:
-                assert np.linalg.norm(P) <= BOUND * (1 + 1e-12)
+            if example.kept is not None:
+                assert example.kept(P), modified.name
             else:
-                beta = getattr(law, "forgetting", 0.0)
                 weight = T if beta == 0 else (1 - np.exp(-beta * T)) / beta
                 expected = np.exp(-beta * T) * np.linalg.inv(memory.covariance) + weight * np.outer(phi, phi) / m_s_squared
                 if np.linalg.cond(expected) < 1e8:
@@ -164,7 +134,8 @@ def test_many_short_steps_tend_to_the_continuous_law():
     Up to 1 % of the way that the estimate goes, which is what the explicit steps and the time of a reset leave.
     """
     random = np.random.default_rng(9)
-    for name, law in laws(2):
+    for modified in laws(2):
+        law = modified.law
         theta, theta_hat, many = np.array([0.6, -0.8]), np.array([3.0, 6.0]), 4000
         z, phi, m_s_squared = data(random, theta, 0.02)
         fine = theta_hat, law.initial(2)
@@ -178,7 +149,7 @@ def test_many_short_steps_tend_to_the_continuous_law():
             for _ in range(steps):
                 coarse = step(law, 1 / steps, *coarse, z, phi, m_s_squared, None)
             distances.append(np.linalg.norm(coarse[0] - fine[0]) / np.linalg.norm(fine[0] - theta_hat))
-        assert distances[1] <= distances[0] / 2 + 0.01 and distances[1] < 0.2, (name, distances)
+        assert distances[1] <= distances[0] / 2 + 0.01 and distances[1] < 0.2, (modified.name, distances)
 
 
 def test_the_step_within_a_set_against_a_quadratic_programme():

@@ -7,12 +7,15 @@ import re
 import numpy as np
 from mixtures import SIMULATION
 
-from barbalat import DirectMrac, KnownParameters, NetworkMrac, NormalizedMrac, RobustMrac, Sampled
+from adaptation.examples import example_of
+from barbalat import KnownParameters
 from barbalat.certificates.bounds.slopes import steepest_seen
 from barbalat.certificates.cells import Column
 from barbalat.certificates.certificate import Certificate
 from barbalat.certificates.certify import certify
 from barbalat.certificates.table_1 import table_1
+from barbalat.controllers.robust_mrac_state import OnParametricModel
+from barbalat.estimating import GainEstimating
 from barbalat.problem.known_set import Gain
 from barbalat.run.result import Result
 
@@ -92,30 +95,30 @@ def runs_away(run: Result) -> bool:
 
 def estimates_grow(run: Result, text: str) -> bool:
     """theta_tilde'Gamma^-1 theta_tilde, or with P for Gamma, above V(0), where the cell denies it of a continuous law."""
-    scheme = run.controller
-    if isinstance(scheme, Sampled) or "pulled" in text or run.diverged_at is not None or run.problem.feedback == "output":
+    scheme, equations = run.controller, run.loop.continuous
+    if run.loop.sample_time is not None or "pulled" in text or run.diverged_at is not None or run.problem.feedback == "output":
         return False
-    if isinstance(scheme, DirectMrac):
-        return gains_grow(run, scheme)
-    if isinstance(scheme, NetworkMrac):
-        return False  # no weights are the true ones; their bounds are looked at below
+    if isinstance(equations, GainEstimating):
+        return gains_grow(run, equations)
     theta_tilde = run.theta_hat - run.problem.parameters
-    if isinstance(scheme, (NormalizedMrac, RobustMrac)):
-        parts = [run.loop.unpack(state).controller.memory for state in run.states]
-        metrics = [getattr(part, "covariance", None) for part in parts]
-        if metrics[0] is None:
-            metrics = [Gain(scheme.law.gamma).as_matrix(theta_tilde.shape[1])] * len(parts)
+    n = theta_tilde.shape[1]
+    if isinstance(equations, OnParametricModel):
+        law, gain_of_V = scheme.law, example_of(scheme.law).gain_of_V
+        metrics = [gain_of_V(law, run.loop.unpack(state).controller.memory, n) for state in run.states]
     else:
-        metrics = [Gain(scheme.gamma).as_matrix(theta_tilde.shape[1])] * len(theta_tilde)
+        metrics = [Gain(scheme.gamma).as_matrix(n)] * len(theta_tilde)
     V = [error @ np.linalg.solve(metric, error) for error, metric in zip(theta_tilde, metrics, strict=True)]
     return bool(max(V) > V[0] * ROUNDING + 1e-12)
 
 
-def gains_grow(run: Result, scheme: DirectMrac) -> bool:
+def gains_grow(run: Result, equations: GainEstimating) -> bool:
     """The same of feedback and feedforward together: k_x_tilde'Gamma^-1 k_x_tilde + k_r_tilde^2/gamma_r."""
-    plant = run.problem.plant
+    plant, scheme = run.problem.plant, run.controller
     (omega,) = (path.gain for path in plant.paths)
-    k_x, k_r = run.theta_hat - plant.theta / omega, run.reported["k_r_hat"] - run.problem.reference_model.k_0 / omega
+    ideal = equations.ideal_gains(plant.theta, np.array([omega]))
+    if ideal is None:
+        return False  # no weights are known to be the true ones; their bounds are looked at above
+    k_x, k_r = run.theta_hat - ideal, run.reported["k_r_hat"] - run.problem.reference_model.k_0 / omega
     inverse = np.linalg.inv(Gain(scheme.gamma).as_matrix(k_x.shape[1]))
     V = np.einsum("ki,ij,kj->k", k_x, inverse, k_x) + k_r[:, 0] ** 2 / (scheme.gamma_r or scheme.gamma)
     return bool(V.max() > V[0] * ROUNDING + 1e-12)

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from barbalat.claims import flown
-from barbalat.claims.flown import ADAPTIVE, ERROR, LINEAR, LOSS, Flights
+from barbalat.claims.flown import ADAPTIVE_SCHEMES, ERROR, LINEAR_SCHEMES, LOSS, Flights
 
 PAGE = Path(__file__).parents[2] / "docs" / "guides" / "aircraft.md"
 LEAST_LOST = ("MRAC", "L1 piecewise, as flown", "Robust MRAC", "ADRC")
@@ -75,9 +75,9 @@ def test_a_failure_that_nobody_survives_says_nothing_of_who_is_better():
 
 def test_the_stored_flights_are_all_there():
     stored = json.loads(resources.files("barbalat.claims").joinpath("flown.json").read_text(encoding="utf-8"))
-    assert set(stored["lost"]) == {*LINEAR, *ADAPTIVE}
+    assert set(stored["lost"]) == {*LINEAR_SCHEMES, *ADAPTIVE_SCHEMES}
     for failure, found in stored["failures"].items():
-        assert set(found) == {*LINEAR, *ADAPTIVE}, failure
+        assert set(found) == {*LINEAR_SCHEMES, *ADAPTIVE_SCHEMES}, failure
         for one in found.values():
             assert one["lost"]["judged"] == stored["members"]
             assert (one["rms_e"]["median"] is None) == (2 * one["lost"]["count"] > stored["members"])
@@ -100,13 +100,13 @@ def test_who_wins_in_the_guide_wins_in_the_stored_flights(flights):
         assert flights.compared(one, other, "delay-100", LOSS) == 1
     better = {
         (one, failure, by)
-        for names, others in ((LINEAR, ADAPTIVE), (ADAPTIVE, LINEAR))
+        for names, others in ((LINEAR_SCHEMES, ADAPTIVE_SCHEMES), (ADAPTIVE_SCHEMES, LINEAR_SCHEMES))
         for one in names
         for by in (ERROR, LOSS)
         for failure in flights.over_all(one, others, by)
     }
     assert better == {(name, failure, ERROR) for name, failures in BETTER.items() for failure in failures}
-    assert "hard-over" in flights.over_all("MRAC", [*LINEAR, *ADAPTIVE], ERROR)
+    assert "hard-over" in flights.over_all("MRAC", [*LINEAR_SCHEMES, *ADAPTIVE_SCHEMES], ERROR)
     assert flights.compared("ADRC", "L1 piecewise, as flown", "gusts") == 0
     signs = {failure: flights.compared("L1", "MRAC", failure) for failure in flights.failures}
     assert [failure for failure, sign in signs.items() if sign == 1] == ["aft-cg"]

@@ -5,18 +5,20 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from barbalat.claims import section_v, stiff
-from barbalat.claims.stiff_methods import Path
-from barbalat.claims.stiff_runs import Row
+from barbalat.claims import section_v, stiff, stiff_settings
+from barbalat.claims.stiff_methods import SolverPath
+from barbalat.claims.stiff_runs import StiffRow
 from barbalat.run.simulate import simulate
 from barbalat.solvers.simulation import Simulation
 
 
 def test_a_code_at_a_loose_tolerance_rings_several_times_too_much():
     """CVODES' estimates swing by 1.8 within 10 ms, those of RK4 at h = 1e-6 s by 0.4."""
-    (row,) = stiff.PAPER.automatic({}, tolerance=stiff.LOOSE_TOLERANCES[0], t_end=stiff.LOOSE_END)
-    assert not row.boxed.lost and row.boxed.reached == stiff.LOOSE_END
-    simulation = Simulation(t_end=stiff.LOOSE_END, dt=1e-6, record_points=4000)
+    (row,) = stiff_settings.PAPER_SETTING.automatic(
+        {}, tolerance=stiff_settings.LOOSE_TOLERANCES[0], t_end=stiff_settings.LOOSE_END
+    )
+    assert not row.boxed.lost and row.boxed.reached == stiff_settings.LOOSE_END
+    simulation = Simulation(t_end=stiff_settings.LOOSE_END, dt=1e-6, record_points=4000)
     (run,) = simulate(section_v.problem(), [section_v.l1("L1", 1e4)], simulation).values()
     late = slice(-100, None)  # as many windows of 1 ms; ten of them are one of the row's
     most, least = (
@@ -27,18 +29,18 @@ def test_a_code_at_a_loose_tolerance_rings_several_times_too_much():
     assert row.boxed.ringing(*row.span).max() > 4 * right
 
 
-def path(swing: float, *, lost: bool = False) -> Path:
+def path(swing: float, *, lost: bool = False) -> SolverPath:
     least, reached = np.zeros((100, 1)), 0.5 if lost else 1.0
-    return Path(
+    return SolverPath(
         least=least, greatest=least + 2 * swing, final=least[0], reached=reached, lost=lost, evaluations=1, seconds=0.0
     )  # fmt: skip
 
 
-def tried(monkeypatch, *loose: Path) -> SimpleNamespace:
+def tried(monkeypatch, *loose: SolverPath) -> SimpleNamespace:
     """The parts that the readings on codes with automatic steps ask for; the converged solution rings by 1."""
-    monkeypatch.setattr(stiff, "PAPER", SimpleNamespace(right=(path(1.0), path(1.0))))
-    right = [Row("tight", "tolerance 1e-07", path(1.0), path(1.0), (0.9, 1.0))]
-    rows = [Row(f"code {i}", "tolerance 0.001", one, one, (0.9, 1.0)) for i, one in enumerate(loose)]
+    monkeypatch.setattr(stiff, "PAPER_SETTING", SimpleNamespace(right=(path(1.0), path(1.0))))
+    right = [StiffRow("tight", "tolerance 1e-07", path(1.0), path(1.0), (0.9, 1.0))]
+    rows = [StiffRow(f"code {i}", "tolerance 0.001", one, one, (0.9, 1.0)) for i, one in enumerate(loose)]
     return SimpleNamespace(automatic=right, longer=right, loose=rows)
 
 

@@ -6,7 +6,7 @@ import pytest
 
 from barbalat import L1Adaptive, Simulation, input_filter, simulate
 from barbalat.claims import section_v
-from barbalat.claims.stiff_methods import Path, cvodes, implicit, scipy_path
+from barbalat.claims.stiff_methods import SolverPath, cvodes, implicit, scipy_path
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.lowering.compiled import Compiled
 
@@ -73,7 +73,7 @@ def test_a_spent_budget_is_said():
 def test_ringing_is_half_the_largest_swing_of_a_window():
     least, greatest = np.zeros((400, 2)), np.zeros((400, 2))
     greatest[250], least[251], greatest[399] = [1.0, 0.0], [0.0, -3.0], [9.0, 9.0]
-    path = Path(least=least, greatest=greatest, final=greatest[-1], reached=4.0, lost=False, evaluations=0, seconds=0.0)
+    path = SolverPath(least=least, greatest=greatest, final=greatest[-1], reached=4.0, lost=False, evaluations=0, seconds=0.0)
     np.testing.assert_array_equal(path.ringing(2.0, 3.9), [0.5, 1.5])
     np.testing.assert_array_equal(path.ringing(0.0, 1.0), [0.0, 0.0])
 

@@ -153,10 +153,55 @@ def test_cases_lists_the_bundled_ones(capsys):
     assert "paper" in capsys.readouterr().out
 
 
-def test_unknown_command_exits_2():
+@pytest.mark.parametrize(
+    ("typed", "said"),
+    [
+        (["runn"], "barbalat: COMMAND must be one of reproduce, run,"),
+        (["runn"], "; got 'runn'; did you mean 'run'?"),
+        ([], "barbalat: COMMAND is missing: one of reproduce, run,"),
+        (["export", "paper", "--out", "x"], "barbalat export: --controller is missing: one of the case's, which runs sampled"),
+        (["export"], "barbalat export: CASE, --controller and --out are missing; barbalat export --help says what they are"),
+        (["fly"], "barbalat fly: NAME is missing: f16-pitch, f16-roll:"),
+        (["new"], "barbalat new: FILE is missing: where the case goes"),
+        (["completion"], "barbalat completion: SHELL is missing: one of bash, zsh"),
+        (["sweep", "paper", "--membres", "3"], "barbalat sweep: takes no '--membres 3'; did you mean '--members'?"),
+        (["certify", "paper", "rohrs"], "barbalat certify: takes no 'rohrs'; barbalat certify --help lists what it takes"),
+        (["sweep", "paper", "--members", "x"], "barbalat sweep: --members must be a whole number, got 'x'"),
+        (["certify", "paper", "--share", "x"], "barbalat certify: --share must be a number, got 'x'"),
+        (["export", "paper", "--target", "c98"], "--target must be one of c99, fmu2, fmu3; got 'c98'; did you mean 'c99'?"),
+        (["sweep", "paper", "--vary"], "barbalat sweep: --vary: expected one argument"),
+    ],
+)
+def test_what_is_typed_wrongly_is_told_in_one_sentence(typed, said, capsys):
     with pytest.raises(SystemExit) as stopped:
-        main(["simulat"])
-    assert stopped.value.code == 2
+        main(typed)
+    captured = capsys.readouterr()
+    assert stopped.value.code == 2 and captured.out == ""
+    assert captured.err.count("\n") == 1 and said in captured.err
+
+
+@pytest.mark.parametrize(
+    ("typed", "keys"),
+    [
+        (["cases"], {"cases"}),
+        (["new", "own.toml"], {"case", "schema"}),
+        (["explore", "case.toml", "--no-open"], {"case", "page"}),
+        (
+            ["export", "case.toml", "--controller", "MRAC", "--out", "made"],
+            {"case", "controller", "target", "folder", "files", "check"},
+        ),
+    ],
+)
+def test_what_a_command_leaves_is_one_document(typed, keys, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    sampled = SHORT[: SHORT.index("[[controller]]")] + '[[controller]]\nscheme = "mrac"\ngamma = 9.0\nsample_time = 1e-2\n'
+    (tmp_path / "case.toml").write_text(sampled)
+    assert main([*typed, "--json"]) == 0
+    document = json.loads(capsys.readouterr().out)
+    assert set(document) == keys
+    for key in ("page", "schema", "folder"):
+        assert key not in document or (tmp_path / document[key]).exists()
+    assert all((tmp_path / document["folder"] / name).is_file() for name in document.get("files", []))
 
 
 def test_help_imports_nothing_heavy():

@@ -10,7 +10,7 @@ import time
 import pytest
 
 from barbalat.commands.interrupt import RETRY_PERIOD, Terminated, interruptible
-from barbalat.run.processes import deaf_children
+from barbalat.run.processes import deaf_children, undisturbed
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="no timers of signals")
 
@@ -93,6 +93,21 @@ def test_an_interrupt_while_processes_start_is_kept():
     assert signal.SIGINT not in signal.pthread_sigmask(signal.SIG_BLOCK, ())
 
 
+@pytest.mark.usefixtures("interrupts")
+def test_an_interrupt_within_a_library_that_would_report_it_waits():
+    """As SciPy's Fortran: of what is raised in the function that it calls it writes to the terminal."""
+    for _ in range(3):
+        said = []
+        with pytest.raises(KeyboardInterrupt), interruptible():
+            with undisturbed():
+                os.kill(os.getpid(), signal.SIGINT)
+                for k in range(1000):
+                    said.append(k)
+            said.append("raised too late")
+        assert said == list(range(1000))
+    assert signal.getsignal(signal.SIGINT) == signal.default_int_handler
+
+
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 @pytest.mark.parametrize("after", [1.0, 1.5, 2.0, 2.5, 5.0])
 @pytest.mark.short(kept=lambda after, number: (after, number) in ((2.5, signal.SIGINT), (2.5, signal.SIGTERM)))
@@ -127,3 +142,17 @@ def alive(group: int) -> list[str]:
     table = subprocess.run(["ps", "-eo", "pgid=,stat=,args="], capture_output=True, text=True, check=True).stdout
     rows = [line.split(maxsplit=2) for line in table.splitlines()]
     return [" ".join(command) for owner, state, *command in rows if int(owner) == group and not state.startswith("Z")]
+
+
+def test_an_interrupt_within_an_exec_ends_with_its_code_too(tmp_path):
+    """After one that fell into an exec, as of a dataclass, Python ends itself by the signal, whoever caught it."""
+    (tmp_path / "within_an_exec.py").write_text(
+        "import sys\n"
+        "from barbalat import cli\n"
+        "from barbalat.commands import cases\n"
+        "def execute(options): exec('raise KeyboardInterrupt')\n"
+        "cases.execute = execute\n"
+        "sys.exit(cli.main(['cases']))\n"
+    )
+    done = subprocess.run([sys.executable, "-m", "within_an_exec"], check=False, cwd=tmp_path, capture_output=True, text=True)
+    assert (done.returncode, done.stderr) == (130, "interrupted\n")

@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 
 from barbalat.controllers import SCHEMES, Mrac
+from barbalat.estimating import Estimating, GainEstimating
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.problem.state_feedback import ParameterBox, Plant, Problem
-from barbalat.protocols import Controller, Estimating, GainEstimating
+from barbalat.protocols import Controller
 from barbalat.run.simulate import simulate
 from barbalat.signals import Constant, Sine
 from barbalat.solvers import SOLVERS

@@ -16,6 +16,7 @@ from barbalat.explorer.commands import Grid, smooth_module
 from barbalat.explorer.describe import Described
 from barbalat.explorer.explorer import Explorer
 from barbalat.explorer.numbers import in_tables
+from barbalat.explorer.outputs import outputs
 from barbalat.explorer.source import TextSource, toml
 from barbalat.lowering.shape import ENTRY
 from barbalat.run.grid import signal_table
@@ -116,6 +117,14 @@ def test_the_copied_case_file_is_the_case() -> None:
     given["simulation"] |= {"fused": False, "solver": "rk4"}
     given["controller"][0]["projection"] = True
     assert found == given
+
+
+def test_estimates_are_called_what_they_are():
+    """As in pictures and tables: feedback and feedforward of direct MRAC; the textbook's ideal gains are 2 and 4."""
+    described = Described.of(TextSource(CaseText.read("astrom-wittenmark")))
+    found = outputs(described.case, described.variants[0].target.family.members)
+    assert found["estimates"] == ["k\u0302ₓ"] and found["true"] == [2.0]
+    assert found["beside"] == [{"label": "k\u0302ᵣ", "row": found["reported"]["k_r_hat"][0], "true": 4.0}]
 
 
 @pytest.mark.parametrize("case", sorted(bundled()))

@@ -120,12 +120,12 @@ def _lyapunov():
 def _examples():
     yield from _lyapunov()
     for n_controllers in example_controllers(2).values():
-        yield from ((STATE, controller) for controller in n_controllers if not isinstance(controller, L1PiecewiseConstant))
+        yield from ((STATE, controller) for controller in n_controllers)
     for scheme, n_controllers in example_output_controllers(1).items():
         # the second linear one is an L1-AC of a high gain written out, which no sample time of this size bears
         yield from ((OUTPUT, controller) for controller in n_controllers[: 1 if scheme == "linear" else None])
     yield OUTPUT, LinearOutput(loop=TransferFunction([2.0], [1.0, 0.0]), feedforward=TransferFunction([1.0], [0.1, 1.0]))
-    for _, law in laws(2):
+    for law in (modified.law for modified in laws(2)):
         for problem in (STATE, BALL):
             yield problem, NormalizedMrac(law=law)
         yield FREE, RobustMrac(tau=0.3, law=law, saturated_predictor=False)
@@ -148,7 +148,9 @@ def sampled_examples() -> list[tuple[str, object, Sampled | L1PiecewiseConstant 
             sampled = Sampled(controller=replace(controller, name=f"c{number}"), sample_time=T, discretization=discretization)
             try:
                 sampled.bind(problem.known)
-            except InputError:  # what has no midpoint form, or does not fit the set, is tested where it is refused
+            except (
+                InputError
+            ):  # what has no midpoint form, does not fit the set or is sampled by nature is tested where it is refused
                 continue
             found.append((f"{type(controller).__name__}-{problem.name}-{discretization}-{number}", problem, sampled))
     return found + [(f"{type(law).__name__}-{problem.name}-{i}", problem, law) for i, (problem, law) in enumerate(_by_nature())]

@@ -19,9 +19,9 @@ from barbalat.flight.dispersed import fly_dispersed
 from barbalat.flight.dispersions import DRAWN, NOMINAL, Dispersion, drawn, plan_of
 from barbalat.flight.failures import NONE
 from barbalat.flight.flying import fly_once
-from barbalat.flight.sampled_step import SampledList, SampledStep
 from barbalat.flight.schemes import TUNED, flying
 from barbalat.flight.trim import trimmed
+from barbalat.run.sampled_step import SampledList, SampledStep
 
 pytestmark = pytest.mark.full  # ./dev flight runs them; each starts a simulator
 

@@ -61,7 +61,7 @@ def test_a_film_shows_both_until_one_is_lost():
 def test_a_film_is_the_same_again_and_has_fewer_frames_where_it_is_too_large(monkeypatch):
     whole = film(scene())
     assert whole == film(scene())  # the same bytes
-    monkeypatch.setattr(films, "LARGEST", len(whole) - 1)
+    monkeypatch.setattr(films, "LARGEST_FILM_BYTES", len(whole) - 1)
     fewer = film(scene())
     assert len(fewer) < len(whole)
     assert Image.open(io.BytesIO(fewer)).n_frames == 15
@@ -69,7 +69,7 @@ def test_a_film_is_the_same_again_and_has_fewer_frames_where_it_is_too_large(mon
 
 @pytest.mark.full
 def test_a_film_begins_shortly_before_the_failure(monkeypatch):
-    monkeypatch.setattr(films, "BEFORE", 0.5)
+    monkeypatch.setattr(films, "SECONDS_BEFORE", 0.5)
     assert len(frames(film(scene(fails=2.0)))) == 15  # from 1.5 s on
 
 

@@ -19,9 +19,9 @@ from barbalat.flight.equipment import Actuator, Equipment, Sensors
 from barbalat.flight.failures import OF_PITCH, OF_ROLL
 from barbalat.flight.flying import DELAY_STEP, delay_borne
 from barbalat.flight.flying import flown as through_failures
-from barbalat.flight.sampled_step import SampledList, SampledStep
 from barbalat.flight.schemes import flying
 from barbalat.flight.trim import trimmed
+from barbalat.run.sampled_step import SampledList, SampledStep
 
 FAILURES = {one.name: one for one in OF_PITCH}
 pytestmark = pytest.mark.full  # ./dev flight runs them; each starts a simulator

@@ -22,7 +22,7 @@ from barbalat.flight.quadrotor.geometry import (  # noqa: E402
 )
 from barbalat.flight.quadrotor.hover import hovering  # noqa: E402
 from barbalat.flight.quadrotor.simulator import Motion, Simulator  # noqa: E402
-from barbalat.flight.quadrotor.trajectory import AHEAD, ASIDE, CLIMBS, HEIGHT, PERIOD, path  # noqa: E402
+from barbalat.flight.quadrotor.trajectory import CLIMBS, HALF_LENGTH, HALF_WIDTH, HEIGHT, PERIOD, path  # noqa: E402
 from barbalat.flight.quadrotor.vehicle import PLACES, SPINS, STANDING, STEP, Quadrotor, SlungMass  # noqa: E402
 
 VEHICLE = Quadrotor()
@@ -208,7 +208,8 @@ def test_the_path_s_derivatives_are_those_of_its_position():
         )  # T^2/6 of a third derivative of some 100
     assert found.position[0] == pytest.approx([0, 0, STANDING])
     around = 2 * np.pi / PERIOD
-    fastest = [AHEAD * around, 2 * ASIDE * around, 35 / 16 * (HEIGHT - STANDING) / CLIMBS]  # 35/16: of 35 s^4 - 84 s^5 + ...
+    steepest = 35 / 16  # of 35 s^4 - 84 s^5 + ...
+    fastest = [HALF_LENGTH * around, 2 * HALF_WIDTH * around, steepest * (HEIGHT - STANDING) / CLIMBS]
     assert np.abs(found.velocity).max(axis=0) == pytest.approx(fastest, rel=1e-3)
 
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from barbalat.certificates.overview import Certified
-from barbalat.certificates.table_1 import Table
-from barbalat.claims.claim import Axis, Chart, Claim, Curve, Listing
+from barbalat.certificates.table_1 import Table1
+from barbalat.claims.claim import Chart, ChartAxis, Claim, Curve, Listing
 from barbalat.pictures.render import render
 from barbalat.report import charts, page, write
 from barbalat.report.files import Folder
@@ -17,7 +17,7 @@ def example(**change):
         "key": "sizes",
         "title": "Chart",
         "caption": "A caption",
-        "x": Axis("size", [1.0, 2.0, 4.0], logarithmic=True),
+        "x": ChartAxis("size", [1.0, 2.0, 4.0], logarithmic=True),
         "quantity": "error",
         "curves": (Curve("whole", [1.0, 2.0, 4.0], [1.0, 2.0, 3.0]), Curve("ends early", [1.0, 2.0], [3.0, 5.0])),
         "levels": (Curve("level", [1.0, 4.0], [2.0, 2.0]),),
@@ -77,7 +77,7 @@ def test_page_and_files(tmp_path):
     pictures = write.draw_maps(folder, [claim])
     folder.commit()
     assert (tmp_path / "map-sizes.png").stat().st_size > 1000
-    html = page.reproduction([], [claim], {}, pictures, Certified({}, Table(())), [], {"total": 1.0}, {})["claims.html"]
+    html = page.reproduction([], [claim], {}, pictures, Certified({}, Table1(())), [], {"total": 1.0}, {})["claims.html"]
     assert "error over size, for whole, ends early" in html
     assert '<th scope="row">PI &amp; co</th><td>1.03</td>' in html
     assert "A table" in html

@@ -7,8 +7,8 @@ import pytest
 from matplotlib.image import imread
 
 from barbalat.certificates.overview import Certified
-from barbalat.certificates.table_1 import Table
-from barbalat.claims.claim import Axis, Claim, Curve, Map
+from barbalat.certificates.table_1 import Table1
+from barbalat.claims.claim import ChartAxis, Claim, Curve, Map
 from barbalat.pictures.render import render
 from barbalat.report import maps, page, write
 from barbalat.report.files import Folder
@@ -20,8 +20,8 @@ def example(**change):
         "key": "gain-step",
         "title": "Map",
         "caption": "A caption",
-        "x": Axis("gain", [1.0, 10.0, 100.0], logarithmic=True),
-        "y": Axis("step [s]", [1.0, 2.0]),
+        "x": ChartAxis("gain", [1.0, 10.0, 100.0], logarithmic=True),
+        "y": ChartAxis("step [s]", [1.0, 2.0]),
         "values": [[1.0, 2.0, 3.0], [4.0, 5.0, np.nan]],
         "quantity": "variation [1/s]",
         "curves": (Curve("boundary", [1.0, 100.0], [2.5, 0.5]),),
@@ -79,7 +79,7 @@ def test_files_page_and_link(tmp_path):
     folder.commit()
     assert {path.name for path in tmp_path.iterdir()} == {"map-gain-step.png", "map-gain-step.svg", "map-gain-step-narrow.svg"}
     tried = {"some-claim": "explorer.html#lesson=it"}
-    text = page.reproduction([], [claim], {}, pictures, Certified({}, Table(())), [], {"total": 1.0}, tried)["claims.html"]
+    text = page.reproduction([], [claim], {}, pictures, Certified({}, Table1(())), [], {"total": 1.0}, tried)["claims.html"]
     card = text[text.index('<article id="claim-some-claim"') : text.index("</article>")]
     assert 'id="map-gain-step"' in card
     assert '<a href="explorer.html#lesson=it">' in card
@@ -107,8 +107,8 @@ def test_maps_that_make_no_sense(change, message):
 
 def test_axes_and_curves_that_make_no_sense():
     with pytest.raises(InputError, match="ascending"):
-        Axis("x", [1.0, 1.0])
+        ChartAxis("x", [1.0, 1.0])
     with pytest.raises(InputError, match="above zero"):
-        Axis("x", [0.0, 1.0], logarithmic=True)
+        ChartAxis("x", [0.0, 1.0], logarithmic=True)
     with pytest.raises(InputError, match="3 values of x and 2 of y"):
         Curve("c", [1, 2, 3], [1, 2])

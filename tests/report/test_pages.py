@@ -11,9 +11,9 @@ from barbalat import Mrac, Simulation, certify, simulate
 from barbalat.cases.load import load_case
 from barbalat.certificates.overview import Certified
 from barbalat.certificates.picture import distinct
-from barbalat.certificates.table_1 import Table
+from barbalat.certificates.table_1 import Table1
 from barbalat.report import page, write
-from barbalat.report.drawings import Drawing, Picture
+from barbalat.report.drawings import DrawnFile, ReportFigure
 from barbalat.report.files import Folder
 from barbalat.report.narrow import fits_a_phone
 from barbalat.report.notation import mathematics
@@ -29,8 +29,8 @@ SVG = '<svg xmlns="http://www.w3.org/2000/svg">\n<style>a { fill: #102030; width
 
 
 def shown(results, svg):
-    picture = Picture(Drawing("wide.svg", svg), Drawing("narrow.svg", svg))
-    return page.comparison("a case", list(results.values()), Certified({}, Table(())), picture)
+    picture = ReportFigure(DrawnFile("wide.svg", svg), DrawnFile("narrow.svg", svg))
+    return page.comparison("a case", list(results.values()), Certified({}, Table1(())), picture)
 
 
 def test_a_small_page_holds_its_pictures(results):
@@ -46,8 +46,8 @@ def test_a_small_page_holds_its_pictures(results):
 
 
 def test_a_large_page_has_them_beside_it(results):
-    found = shown(results, SVG.replace("<g", f"<!--{'x' * page.LARGEST}--><g"))
-    assert len(found) < page.LARGEST
+    found = shown(results, SVG.replace("<g", f"<!--{'x' * page.LARGEST_PAGE_BYTES}--><g"))
+    assert len(found) < page.LARGEST_PAGE_BYTES
     assert 'src="wide.svg"' in found and 'srcset="narrow.svg"' in found and page.PICTURES_BESIDE in found
 
 
@@ -95,7 +95,7 @@ def test_progress_of_drawing_rises_to_its_end(results, tmp_path):
     for certificates in ({}, certify(next(iter(results.values())).problem, [Mrac(gamma=5)], Simulation(t_end=1, dt=1e-2))):
         told = []
         write.write_comparison(
-            Folder(tmp_path), "a case", list(results.values()), Certified(certificates, Table(())), told.append
+            Folder(tmp_path), "a case", list(results.values()), Certified(certificates, Table1(())), told.append
         )
         assert told == sorted(told) and told[0] < 0.8 and told[-1] == pytest.approx(1.0)
         assert len(told) >= 2

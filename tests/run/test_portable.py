@@ -14,7 +14,7 @@ from barbalat.lowering.llvm.elementwise import evaluate
 from barbalat.run.batch import Batch
 from barbalat.run.engine import run
 from barbalat.run.grid import final_row, signal_table
-from barbalat.run.portable import LISTS, Portable
+from barbalat.run.portable import LIST_NAMES, Portable
 from barbalat.run.step import output_function
 from barbalat.signals import Chirp, Sine, Sines
 from lowering.functions.test_functions import evaluated
@@ -66,7 +66,7 @@ def test_what_a_user_writes_with_numpy() -> None:
     found = written(t.view(Portable))
     assert same_bits(np.asarray(found), by_lists(t))
     assert isinstance(np.concatenate([t.view(Portable), t]), Portable)
-    assert set(LISTS.values()) == FUNCTIONS - {"ndtri"}  # of noise alone: NumPy has no such function
+    assert set(LIST_NAMES.values()) == FUNCTIONS - {"ndtri"}  # of noise alone: NumPy has no such function
 
 
 def test_a_run_uses_them() -> None:

@@ -9,7 +9,7 @@ import pytest
 
 from barbalat.adaptation.laws import Gradient, LeastSquares
 from barbalat.certificates.linear_loops.frozen import FrozenLoops
-from barbalat.controllers import Mrac, RobustMrac
+from barbalat.controllers import KnownParameters, Mrac, RobustMrac
 from barbalat.linear.systems import TransferFunction
 from barbalat.problem.actuation import PlantInput
 from barbalat.problem.modelling_error import DelayError, ScaledError
@@ -106,8 +106,7 @@ def test_quarters_against_every_sample(section_v):
 
 
 def test_quarters_of_a_run_that_diverged(section_v):
-    known = Mrac(gamma=1e-60, theta_hat0=[4.0, -3.0], projection=False)
-    members = [(section_v, Mrac(gamma=1.0, projection=False)), (section_v, known)]
+    members = [(section_v, KnownParameters(theta=theta)) for theta in ([0.0, 0.0], [4.0, -3.0])]  # the plant alone is unstable
     found = simulate_ensemble(members, Simulation(t_end=100.0, dt=0.5), quarters=True)
     assert np.isnan(found.quarters[0]).all()
     assert np.isfinite(found.quarters[1]).all()

@@ -15,7 +15,7 @@ from barbalat.certificates.certify import certify
 from barbalat.certificates.step_limits.oscillator import Oscillator
 from barbalat.controllers import SCHEMES, Mrac
 from barbalat.controllers.knobs import Knobs
-from barbalat.pictures.labels import Labels
+from barbalat.pictures.labels import LabelPlaces
 from barbalat.problem.state_feedback import Known
 from barbalat.report import documents, tradeoff, write
 from barbalat.report.files import Folder
@@ -185,7 +185,7 @@ def test_labels_cover_neither_lines_nor_each_other():
     axes = figure.add_subplot()
     axes.set(xlim=(0, 10), ylim=(0, 10))
     line = np.column_stack([np.linspace(1, 9, 12), 5 + 2 * np.sin(np.linspace(0, 3, 12))])
-    labels = Labels(axes, [line], 6.5)
+    labels = LabelPlaces(axes, [line], 6.5)
     for point in line:
         labels.place("Gamma 690", point, "C0")
     for i, (left, low, right, high) in enumerate(labels.boxes):

@@ -79,7 +79,7 @@ def test_addresses_that_are_none(address):
 
 def test_a_scheduler_that_does_not_answer(monkeypatch, capsys):
     pytest.importorskip("distributed")
-    monkeypatch.setattr(cluster, "PATIENCE", 0.3)
+    monkeypatch.setattr(cluster, "ANSWER_SECONDS", 0.3)
     with socket.create_server(("127.0.0.1", 0)) as silent:
         address = f"tcp://127.0.0.1:{silent.getsockname()[1]}"
         sweep = ["sweep", "first-order", "--vary", "controller[0].gamma=1:2:2", "--no-bounds", "--scheduler", address]

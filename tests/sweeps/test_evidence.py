@@ -6,11 +6,12 @@ from scipy.stats import beta
 
 from barbalat import InputError
 from barbalat.sweeps import sensitivity
+from barbalat.sweeps.chunks import Chunk
 from barbalat.sweeps.evidence import Extremes, Share, evidence
+from barbalat.sweeps.kept import Kept
 from barbalat.sweeps.paths import FieldPath
 from barbalat.sweeps.plan import Design, Plan
 from barbalat.sweeps.requirement import Requirement
-from barbalat.sweeps.rows import Kept
 from barbalat.sweeps.spread import Axis, Uniform
 
 PATHS = [FieldPath.parse(name) for name in ("a", "b", "c")]
@@ -18,7 +19,7 @@ PATHS = [FieldPath.parse(name) for name in ("a", "b", "c")]
 
 def rows(**columns):
     made = Kept(None)
-    made.add({name.replace("_in_", "/"): np.asarray(values) for name, values in columns.items()})
+    made.add(Chunk(0, 0), {name.replace("_in_", "/"): np.asarray(values) for name, values in columns.items()})
     return made
 
 

@@ -8,7 +8,7 @@ from barbalat import InputError, load_case, simulate
 from barbalat.cases.load import CaseText
 from barbalat.sweeps.kinds import Kind
 from barbalat.sweeps.paths import FieldPath
-from barbalat.sweeps.plan import BLOCK, Design, Plan
+from barbalat.sweeps.plan import BLOCK_DRAWS, Design, Plan
 from barbalat.sweeps.replay import replay
 from barbalat.sweeps.spread import Axis, InBall, LogUniform, Normal, Uniform
 from barbalat.sweeps.study import Study
@@ -40,13 +40,13 @@ def test_members_are_made_alone_as_they_are_made_together(design):
 
 
 def test_every_block_is_a_latin_hypercube(monkeypatch):
-    monkeypatch.setattr("barbalat.sweeps.plan.BLOCK", 50)
+    monkeypatch.setattr("barbalat.sweeps.plan.BLOCK_DRAWS", 50)
     plan = Plan({}, {A: Uniform(0.0, 1.0), B: Uniform(0.0, 1.0)}, 120)
     values = plan.values(0, 120)
     for first, count in ((0, 50), (50, 50), (100, 20)):
         strata = np.sort((values[first : first + count] * count).astype(int), axis=0)
         np.testing.assert_array_equal(strata, np.tile(np.arange(count)[:, None], 2))  # one in each, in each dimension
-    assert BLOCK == 2**16
+    assert BLOCK_DRAWS == 2**16
 
 
 @pytest.mark.parametrize(
@@ -221,7 +221,7 @@ def test_a_known_set_is_drawn_from_whatever_the_case_gives():
     assert list(map(str, ball.values())) == ["ball:[1.0, -2.0]:3.0, entry 1", "ball:[1.0, -2.0]:3.0, entry 2"]
     text = CaseText.read("lateral-aircraft")
     draws = sampled(text, [("plant.theta", "known-set")])
-    assert {str(path): str(one) for path, one in draws.items()}["plant.theta[3][1]"] == "uniform:-100.0:100.0"
+    assert {str(path): str(one) for path, one in draws.items()}["plant.theta[7]"] == "uniform:-100.0:100.0"
     assert len(draws) == 8 and sampled(text.case(), [("plant.theta[0]", "uniform:0:1")])
     varied = VariedCase(text, tuple(draws))
     plant, made = text.case().problem.plant, varied.at(np.arange(8.0)).problem.plant
@@ -242,8 +242,8 @@ def test_a_known_set_is_drawn_from_whatever_the_case_gives():
         ("paper", "reference.amplitude", "as many entries"),
         ("paper", "plant.input.gain", "needs the interval of the input's gain"),
         ("payload-drop", "plant.theta", "the case has none"),
-        ("rohrs", "plant.theta", "needs a vector"),
-        ("paper", "plant.thet", "got None"),
+        ("rohrs", "plant.theta", "the case has no plant.theta"),
+        ("paper", "plant.thet", "the case has no plant.thet"),
     ],
 )
 def test_what_has_no_known_set(case, path, message):

@@ -14,7 +14,7 @@ from barbalat.sweeps.paths import FieldPath
 from barbalat.sweeps.plan import Plan
 from barbalat.sweeps.spread import Axis, Uniform
 from barbalat.sweeps.store import opened
-from barbalat.sweeps.stored import INDEX, KEY, row_of
+from barbalat.sweeps.stored import INDEX_FILE, INDEX_KEY, StoredRows, read_index, row_of
 from barbalat.sweeps.study import Study
 from barbalat.sweeps.sweep import run_study
 from barbalat.sweeps.varied_case import VariedCase
@@ -40,7 +40,7 @@ def test_a_store_is_one_table_and_goes_on(tmp_path):
     whole = run_study(study(), bounds=False)
     found = run(folder)
     assert found.resumed == 0 and sorted(file.name for file in folder.iterdir()) == [
-        INDEX, *(f"members-{first:012}.parquet" for first in (0, 6, 12, 18)),
+        INDEX_FILE, *(f"members-{first:012}.parquet" for first in (0, 6, 12, 18)),
     ]  # fmt: skip
     table = pd.read_parquet(folder).sort_values("member")
     assert table["member"].tolist() == list(range(20)) and list(table) == whole.rows.names
@@ -50,7 +50,7 @@ def test_a_store_is_one_table_and_goes_on(tmp_path):
     (folder / "members-000000000006.parquet").unlink()
     again = run(folder)
     assert again.resumed == 14 and again.as_json() | {"resumed": 0} == found.as_json()
-    index = json.loads(parquet.read_schema(folder / INDEX).metadata[KEY])
+    index = json.loads(parquet.read_schema(folder / INDEX_FILE).metadata[INDEX_KEY])
     assert index["members"] == 20 and {"barbalat", "numpy", "pyarrow"} <= index["versions"].keys()
     assert index["identity"]["case"] == TEXT and index["identity"]["plan"]["seed"] == 0
 
@@ -153,9 +153,33 @@ def test_a_complete_store_is_read_beside_who_holds_it(tmp_path):
 def test_a_damaged_index_is_said(tmp_path):
     folder = tmp_path / "store"
     run(folder)
-    (folder / INDEX).write_bytes(b"no Parquet")
+    (folder / INDEX_FILE).write_bytes(b"no Parquet")
     with pytest.raises(InputError, match=r"index of the store .* is damaged"):
         run(folder)
+
+
+def test_a_flipped_bit_anywhere_in_the_index_changes_nothing_or_is_said(tmp_path):
+    """Names of columns too: of them the text and its checksum know nothing by themselves."""
+    folder = tmp_path / "store"
+    run(folder)
+    file = folder / INDEX_FILE
+    whole, known = file.read_bytes(), StoredRows(folder, read_index(folder))
+    refused = 0
+    for place in range(0, len(whole), 7):
+        content = bytearray(whole)
+        content[place] ^= 1
+        file.write_bytes(content)
+        try:
+            index = read_index(folder)
+        except InputError:
+            refused += 1
+        else:
+            assert index == known.index and StoredRows(folder, index).names == known.names
+    assert refused > len(whole) / 7 / 2  # the rest is padding, and what says nothing of rows
+    at = whole.index(b"L1/rms_e")
+    file.write_bytes(whole[:at] + b"M" + whole[at + 1 :])
+    with pytest.raises(InputError, match=r"index of the store .* is damaged"):
+        read_index(folder)
 
 
 def test_folders_that_are_no_store(tmp_path):

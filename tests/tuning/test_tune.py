@@ -10,9 +10,9 @@ import pytest
 from barbalat import Simulation, certify, load_case, simulate, sweep, trade_off, tune
 from barbalat.cases.load import CaseText, parse_case
 from barbalat.cli import main
-from barbalat.study.motion import Motion
+from barbalat.study.motion import ModelMotion
 from barbalat.tuning.aim import Aim
-from barbalat.tuning.search import FAR, search
+from barbalat.tuning.search import BROKEN_CONSTRAINT_SCORE, search
 from barbalat.tuning.tune import Tuner
 from independent import refusal
 
@@ -144,7 +144,7 @@ def test_no_worse_than_the_trade_offs_front_at_equal_delay(tmp_path):
     case = load_case(path)
     assert case.simulation == Simulation(t_end=20.0, dt=1e-3)
     clouds = trade_off(case.problem, case.simulation, density=4, plants=2).clouds
-    scale = Motion.of(case.problem, case.simulation).rms
+    scale = ModelMotion.of(case.problem, case.simulation).rms
     for cloud in clouds:
         error, margin = cloud.at("worst", "onset")
         front = cloud.front("worst", "onset")
@@ -206,7 +206,7 @@ def test_a_search_comes_close_to_where_a_constraint_binds(seed):
     def judged(points, to_beat):
         x, y = points.T
         tried.extend(points[x >= limit])
-        return np.where(x >= limit, x + 1e-4 * (1 - y), FAR * (1 + limit - x))
+        return np.where(x >= limit, x + 1e-4 * (1 - y), BROKEN_CONSTRAINT_SCORE * (1 + limit - x))
 
     search(judged, 2, trials=384, seed=seed, start=None, progress=None)
     assert min(x for x, _ in tried) - limit < 1.6e-4  # the shortest steps are 0.02 / 128 long; without them it is up to 7e-4

@@ -46,13 +46,7 @@ class Case:
         from barbalat.problem.notebook import html_of, table_of
 
         rows = {one.name: one_line(one) if is_dataclass(one) else show(one) for one in self.controllers}
-        return "".join(
-            [
-                html_of(self.problem),
-                table_of("Controllers", rows),
-                table_of("Simulation", given_of(self.simulation)),
-            ]
-        )
+        return "".join([html_of(self.problem), table_of("Controllers", rows), table_of("Simulation", given_of(self.simulation))])
 
 
 @contextmanager

@@ -42,6 +42,7 @@ class Entry:
     """A value by its key; ``value`` is ready for JSON, and None where there is none.
 
     assumptions  what it rests on, as sentences; ``rests_on`` are those of a guarantee, which were checked on the case
+    unsampled    whether it is of the continuous controller that a sampled one stands for
     """
 
     key: str
@@ -52,6 +53,7 @@ class Entry:
     rests_on: tuple[Assumption, ...] = field(default=(), repr=False)
     of: str = ""
     why: str = ""
+    unsampled: bool = False
 
     @property
     def unit(self) -> str:

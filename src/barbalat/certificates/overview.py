@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 from barbalat.certificates.certificate import Certificate
 from barbalat.certificates.certify import certify_where_possible
-from barbalat.certificates.table_1 import Table, table_1
+from barbalat.certificates.table_1 import Table1, table_1
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller
 from barbalat.solvers.simulation import Simulation
@@ -17,7 +17,7 @@ class Certified(NamedTuple):
     """Certificates by the names under which they are shown, and Table 1 of the schemes."""
 
     certificates: dict[str, Certificate]
-    table: Table
+    table: Table1
 
     def as_document(self, case: str) -> dict[str, Any]:
         """The contract's document of ``certify --json``."""

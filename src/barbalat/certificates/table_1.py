@@ -18,7 +18,7 @@ from barbalat.protocols import Controller
 
 
 @dataclass(frozen=True)
-class Table:
+class Table1:
     """Table 1 of a case. Each cell was checked on the case: one whose assumptions it breaks says so in its place."""
 
     columns: tuple[Column, ...]
@@ -28,6 +28,6 @@ class Table:
         return {"properties": PROPERTIES, "columns": [column.as_json() for column in self.columns]}
 
 
-def table_1(problem: TrackingProblem, controllers: Sequence[Controller], certificates: dict[str, Certificate]) -> Table:
+def table_1(problem: TrackingProblem, controllers: Sequence[Controller], certificates: dict[str, Certificate]) -> Table1:
     """One column for each controller."""
-    return Table(tuple(column_of(problem, controller, certificates[controller.name]) for controller in controllers))
+    return Table1(tuple(column_of(problem, controller, certificates[controller.name]) for controller in controllers))

@@ -15,7 +15,7 @@ import numpy as np
 
 from barbalat.certificates.linear_loops.around_equilibrium import around_equilibrium
 from barbalat.claims import section_v
-from barbalat.claims.claim import Axis, Curve, Map, Reading, verdict
+from barbalat.claims.claim import ChartAxis, Curve, Map, Reading, verdict
 from barbalat.controllers import L1Adaptive, Mrac
 from barbalat.linear.interconnections import complementary_sensitivity
 from barbalat.linear.margins import Margins, margins
@@ -27,9 +27,9 @@ GAINS = np.geomspace(1e-6, 1e8, 43)
 """Gamma r^2, three in a decade: from where the adaptation is too slow to matter, beyond Gamma = 1e4 at r = 50."""
 KAPPAS = np.geomspace(1e-3, 0.4, 12)
 """The last is too slow for Section V's plant: the filtered loop is unstable."""
-CREST = 50.0
+COMMAND_CREST = 50.0
 """Of Section V's command."""
-FIGURE_3_GAIN = 1e4 * CREST**2
+FIGURE_3_GAIN = 1e4 * COMMAND_CREST**2
 """Gamma r^2 at Figure 3's gain and the crest of its command."""
 TOLD_GAINS = (0.01, 100.0, FIGURE_3_GAIN)
 """Gamma r^2 at which the readings tell the margins: slow adaptation, where L1-AC's delay margin is near its least, Figure 3's."""
@@ -38,7 +38,7 @@ MODERATE_KAPPA = 0.1
 METHOD = "exact margins of the loops linearised with the law inside, Section V's plant at constant r; the loop depends on Gamma r^2 alone"
 
 
-class Borne(NamedTuple):
+class BorneMargins(NamedTuple):
     """What a stable loop bears.
 
     small_gain  1/||T||_inf: a Delta_m of (11) that is smaller at every frequency cannot destabilise it
@@ -49,7 +49,7 @@ class Borne(NamedTuple):
 
 
 UPWARDS, DOWNWARDS = "gain margin upwards", "gain margin downwards"
-MARGINS: dict[str, Callable[[Borne], float]] = {
+MARGINS: dict[str, Callable[[BorneMargins], float]] = {
     UPWARDS: lambda borne: borne.margins.gain_up - 1,
     DOWNWARDS: lambda borne: 1 - borne.margins.gain_down,
     "phase margin": lambda borne: borne.margins.phase,
@@ -110,7 +110,7 @@ def _reading(name: str, moderate: Array) -> Reading:
     said = f"the filter raises it at {int(raised.sum())} of {len(raised)} gains"
     if raised.any():
         first, last = GAINS[raised][0], GAINS[raised][-1]
-        said += f", Gamma r^2 = {first:.2g} to {last:.2g}, that is Gamma = {first / CREST**2:.2g} to {last / CREST**2:.2g} at r = {CREST:g}"
+        said += f", Gamma r^2 = {first:.2g} to {last:.2g}, that is Gamma = {first / COMMAND_CREST**2:.2g} to {last / COMMAND_CREST**2:.2g} at r = {COMMAND_CREST:g}"
     at = "; ".join(f"{_changed(name, gain)} at Gamma r^2 = {gain:.3g}" for gain in TOLD_GAINS)
     return Reading(
         f"the {name} of the loop that adapts: exact, around constant commands",
@@ -153,8 +153,8 @@ def _delay_map(ratios: Array, line: Curve) -> Map:
             "inside. To the left of the line the filter costs margin, to the right it raises it: MRAC's margin falls as 1/Γ, and L1-AC's returns to that of the limit of fast "
             "adaptation (the step in the colours)."
         ),
-        x=Axis("Γr²", GAINS, logarithmic=True),
-        y=Axis("filter time constant κ [s]", KAPPAS, logarithmic=True),
+        x=ChartAxis("Γr²", GAINS, logarithmic=True),
+        y=ChartAxis("filter time constant κ [s]", KAPPAS, logarithmic=True),
         values=ratios,
         quantity="delay margin with/without filter",
         logarithmic=True,
@@ -171,8 +171,8 @@ def _gain_map(ratios: Array) -> Map:
             "As for the delay margin: k - 1 with the filter over k - 1 without it, k the gain margin. The filter makes the loop's relative "
             "degree larger, and the resonance of the adaptation bears less gain, however fast it is."
         ),
-        x=Axis("Γr²", GAINS, logarithmic=True),
-        y=Axis("filter time constant κ [s]", KAPPAS, logarithmic=True),
+        x=ChartAxis("Γr²", GAINS, logarithmic=True),
+        y=ChartAxis("filter time constant κ [s]", KAPPAS, logarithmic=True),
         values=ratios,
         quantity="(k - 1) with/without filter",
         logarithmic=True,
@@ -201,22 +201,24 @@ def _controller(gamma: float, kappa: float | None) -> Mrac | L1Adaptive:
 
 
 @cache
-def scan(kappa: float | None) -> tuple[Borne | None, ...]:
+def scan(kappa: float | None) -> tuple[BorneMargins | None, ...]:
     """Over ``GAINS``; ``None`` where the loop is unstable."""
     at = loop(kappa)
     return tuple(bears(at(float(gamma))) for gamma in GAINS)
 
 
-def bears(loop: StateSpace) -> Borne | None:
+def bears(loop: StateSpace) -> BorneMargins | None:
     """What the loop bears; ``None`` where it is unstable."""
     try:
         found = margins(loop)
     except InputError:  # the loop is unstable, which is an answer here
         return None
-    return Borne(found, 1 / peak_gain(complementary_sensitivity(loop)).gain)
+    return BorneMargins(found, 1 / peak_gain(complementary_sensitivity(loop)).gain)
 
 
-def _ratios(with_filter: Sequence[Borne | None], without: Sequence[Borne | None], of: Callable[[Borne], float]) -> Array:
+def _ratios(
+    with_filter: Sequence[BorneMargins | None], without: Sequence[BorneMargins | None], of: Callable[[BorneMargins], float]
+) -> Array:
     """NaN where one of the loops is unstable."""
     pairs = zip(with_filter, without, strict=True)
     return np.array([np.nan if f is None or m is None else of(f) / of(m) for f, m in pairs])

@@ -15,7 +15,7 @@ from barbalat.protocols import Controller, Signal
 from barbalat.run.ensemble import simulate_ensemble
 from barbalat.signals import Chirp, Constant, Recorded, Sines, Square, Steps
 from barbalat.solvers.simulation import Simulation
-from barbalat.study.motion import Motion
+from barbalat.study.motion import ModelMotion
 from barbalat.validate import Array
 
 SEED = 20130820  # any fixed number: the draws are the same on every machine
@@ -23,14 +23,15 @@ DRAWS, MORE_DRAWS = 2, 12
 """Of each kind, by the plain command and by ``--full``."""
 LARGEST_COMMAND = 50.0
 """|r| of Section V."""
-T_END, LONGER = 400.0, 1600.0
+T_END, LONGER_T_END = 400.0, 1600.0
+"""[s], by the plain command and by ``--full``: the shorter run's quarters have eight periods of Section V's command each."""
 STEP = 2e-3
 """20 times below what the fastest dynamics, those of tau, need for RK4's fourth order to show; jumps are met exactly."""
 MRAC_GAIN, MRAC_STEP = 0.01, 5e-3
 """Of the standard MRAC: slow enough for a first quarter in which there is an error to fall from, and h omega_a = 0.35 at |x| = 50."""
 SMALL_ERROR_SHARE = 1e-3
 """Of the largest |x_m|: what counts as close to zero at the end."""
-ROUNDING = 1e-12
+ROUNDING_SHARE = 1e-12
 """Of the largest |x_m|: an error below it is zero as doubles have it, and falls no further."""
 ONE_OVER_T = 1 / 3
 """The start of the second quarter over that of the last."""
@@ -101,11 +102,7 @@ def commands(draws: int, t_end: float) -> list[tuple[str, Signal]]:
 
 
 def quarter_errors(command: Signal, t_end: float, controller: Controller, h: float) -> Array:
-    """(4,) max |e| in the quarters of a run, over the largest |x_m|."""
-    return _errors(command, t_end, controller, h) / _largest(command, t_end)
-
-
-def _errors(command: Signal, t_end: float, controller: Controller, h: float) -> Array:
+    """(4,) max |e| in the quarters of a run."""
     given, simulation = variant(reference=command), Simulation(t_end=t_end, dt=h)
     found = simulate_ensemble([(given, controller)], simulation, quarters=True).quarters
     assert found is not None  # asked for
@@ -113,11 +110,11 @@ def _errors(command: Signal, t_end: float, controller: Controller, h: float) -> 
 
 
 def _largest(command: Signal, t_end: float) -> float:
-    return Motion.of(variant(reference=command), Simulation(t_end=t_end, dt=STEP)).largest
+    return ModelMotion.of(variant(reference=command), Simulation(t_end=t_end, dt=STEP)).largest
 
 
 @dataclass(frozen=True, eq=False)
-class Followed:
+class CommandErrors:
     """What one scheme made of all commands: (commands, 4) max |e| in the quarters of a run, over the largest |x_m|."""
 
     scheme: str
@@ -131,7 +128,7 @@ class Followed:
     @property
     def ratios(self) -> Array:
         """The last quarter's over the second's; zero where the last is nothing but rounding."""
-        return np.where(self.late < ROUNDING, 0.0, self.late / self.quarters[:, 1])
+        return np.where(self.late < ROUNDING_SHARE, 0.0, self.late / self.quarters[:, 1])
 
     @property
     def risen(self) -> tuple[str, ...]:
@@ -158,7 +155,7 @@ class Followed:
         )  # fmt: skip
 
 
-def followed(tried: Sequence[tuple[str, Signal]], t_end: float) -> tuple[Followed, Followed]:
+def followed(tried: Sequence[tuple[str, Signal]], t_end: float) -> tuple[CommandErrors, CommandErrors]:
     """The robust MRAC of Figure 2, Theorem 2, and the standard MRAC, Theorem 1 (i)."""
     largest = np.array([[_largest(command, t_end)] for _, command in tried])
     kinds, found = tuple(kind for kind, _ in tried), []
@@ -166,14 +163,14 @@ def followed(tried: Sequence[tuple[str, Signal]], t_end: float) -> tuple[Followe
         ("the robust MRAC", section_v.robust_mrac("r"), STEP),
         (f"the standard MRAC, Gamma = {MRAC_GAIN:g}", Mrac(gamma=MRAC_GAIN), MRAC_STEP),
     ):
-        errors = np.array([_errors(command, t_end, controller, h) for _, command in tried])
-        found.append(Followed(scheme, kinds, errors / largest))
+        errors = np.array([quarter_errors(command, t_end, controller, h) for _, command in tried])
+        found.append(CommandErrors(scheme, kinds, errors / largest))
     return found[0], found[1]
 
 
 def claim(*, full: bool = False) -> Claim:
     """The error at the end for every command, and that it is smaller than it was."""
-    t_end = LONGER if full else T_END
+    t_end = LONGER_T_END if full else T_END
     tried = commands(MORE_DRAWS if full else DRAWS, t_end)
     robust, standard = followed(tried, t_end)
     readings = (*robust.readings, *standard.readings)
@@ -186,18 +183,18 @@ def claim(*, full: bool = False) -> Claim:
         f"{robust.ratios.min():.1g} to {robust.ratios.max():.2g} of what it was, slowest: {tried[slowest][0]}; 1/t makes {ONE_OVER_T:.2g}, the paper names no rate. "
         f"The standard MRAC's: {standard.late.max():.2g} at most, since the second quarter {standard.ratios.max():.2g} of what it was",
         f"Section V, tau = 0.5 s, sign of (14) corrected, RK4, h = {STEP:g} s, |r| <= {LARGEST_COMMAND:g}, seed {SEED}. 'Any' can't be run: tested were "
-        f"{', '.join(KINDS)}, {len(tried) // len(KINDS)} each. MRAC: h = {MRAC_STEP:g} s. An error below {ROUNDING:g} of |x_m| counts as fallen. Not tested: commands without a bound",
+        f"{', '.join(KINDS)}, {len(tried) // len(KINDS)} each. MRAC: h = {MRAC_STEP:g} s. An error below {ROUNDING_SHARE:g} of |x_m| counts as fallen. Not tested: commands without a bound",
         listings=tuple(_listing(each, t_end) for each in (robust, standard)),
         number=f"largest final |e| over the largest |x_m|, of {len(tried)} commands: robust MRAC {robust.late[worst]:.2g}, MRAC {standard.late.max():.2g}",
         readings=readings,
         condition=_condition(robust, standard, t_end),
         would_change="confirmed: longer runs in which no command's error is larger in the last quarter than in the second; not confirmed: a command whose "
         "error does not go to zero. Both theorems have proofs, which cover all commands; a run never does",
-        sharpened=f"{MORE_DRAWS} commands of each kind over {LONGER:g} s, for both schemes",
+        sharpened=f"{MORE_DRAWS} commands of each kind over {LONGER_T_END:g} s, for both schemes",
     )  # fmt: skip
 
 
-def _condition(robust: Followed, standard: Followed, t_end: float) -> str:
+def _condition(robust: CommandErrors, standard: CommandErrors, t_end: float) -> str:
     """Which commands the runs have not shown to be followed better and better, where there are some."""
     risen = [f"{each.scheme} with a command that is a {' or a '.join(each.risen)}" for each in (robust, standard) if each.risen]
     large = [each.scheme for each in (robust, standard) if not (each.late < SMALL_ERROR_SHARE).all()]
@@ -211,7 +208,7 @@ def _condition(robust: Followed, standard: Followed, t_end: float) -> str:
     return "; ".join(said)
 
 
-def _listing(of: Followed, t_end: float) -> Listing:
+def _listing(of: CommandErrors, t_end: float) -> Listing:
     names = np.array(of.kinds)
     return Listing(
         f"max |e| over the largest |x_m| in the first, the second and the last quarter of {t_end:g} s, {of.scheme}: the least and the largest of a "

@@ -10,7 +10,7 @@ from barbalat.claims.variants import figures, local_exponents, table, variant
 from barbalat.signals import Constant
 from barbalat.validate import Array
 
-PROPORTIONAL = 0.02
+EXPONENT_TOLERANCE = 0.02
 """How far from one a local exponent may be."""
 LASTING_ERROR = 1e-3
 """Share of the error beside Section V's sine above which an error beside a constant command counts as one that stays."""
@@ -50,12 +50,12 @@ def _readings(kappas: Array, exponents: Array, held: float, size: float) -> tupl
     return (
         Reading(
             "beside a sine, to first order: as kappa falls the exponent tends to one",
-            verdict(holds=bool(abs(exponents[-1] - 1) < PROPORTIONAL and (np.diff(np.abs(exponents - 1)) < 0).all())),
+            verdict(holds=bool(abs(exponents[-1] - 1) < EXPONENT_TOLERANCE and (np.diff(np.abs(exponents - 1)) < 0).all())),
             f"{exponents[0]:.3g} at the largest kappas, {exponents[-1]:.3g} at the smallest",
         ),
         Reading(
             f"beside a sine, around Section V's kappa = {section_v.KAPPA:g} s: an exponent of one",
-            verdict(holds=bool((np.abs(exponents[:2] - 1) < PROPORTIONAL).all())),
+            verdict(holds=bool((np.abs(exponents[:2] - 1) < EXPONENT_TOLERANCE).all())),
             f"{exponents[0]:.3g} from {kappas[1]:g} to {kappas[0]:g} s, {exponents[1]:.3g} from {kappas[2]:g} to {kappas[1]:g} s",
         ),
         Reading(

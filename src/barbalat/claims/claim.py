@@ -13,8 +13,6 @@ from barbalat.validate import Array, InputError
 
 Verdict = Literal["confirmed", "confirmed with conditions", "not confirmed", "erratum"]
 """The contract's words."""
-CONFIRMED: tuple[Verdict, ...] = ("confirmed", "confirmed with conditions")
-"""Those that ask for no second look."""
 
 
 def verdict(*, holds: bool, conditional: bool = False) -> Verdict:
@@ -25,7 +23,7 @@ def verdict(*, holds: bool, conditional: bool = False) -> Verdict:
 
 
 @dataclass(frozen=True, eq=False)
-class Axis:
+class ChartAxis:
     """An axis of a map: its cells are centred at ``values``, which ascend; geometrically centred if ``logarithmic``."""
 
     label: str
@@ -72,8 +70,8 @@ class Map:
     key: str
     title: str
     caption: str
-    x: Axis
-    y: Axis
+    x: ChartAxis
+    y: ChartAxis
     values: Array
     quantity: str
     logarithmic: bool = False
@@ -110,7 +108,7 @@ class Chart:
     key: str
     title: str
     caption: str
-    x: Axis
+    x: ChartAxis
     quantity: str
     curves: tuple[Curve, ...]
     levels: tuple[Curve, ...] = ()

@@ -12,6 +12,7 @@ from barbalat.linear.systems import input_filter
 from barbalat.problem.state_feedback import Known
 
 THETA_MAX = 10.0
+"""Section V's, of |theta|_1 over the known set."""
 PRINTED_KAPPA = 0.05
 """[s]: the paper's limit, with its two decimals."""
 BISECTION_WIDTH = 1e-6

@@ -18,16 +18,16 @@ from barbalat.validate import Array
 
 SLOWEST_OSCILLATION = 100.0
 """[rad/s]: the command, the model and the projected estimates move below 10; the slowest ringing that is looked at is near 900."""
-INSTANTS = 100_000
+RECORDED_INSTANTS = 100_000
 """Recorded of each run: every step of the coarse runs, every fifth of the fine ones, whose ringing is resolved so too."""
-SEGMENT = 8192
+SEGMENT_INSTANTS = 8192
 """Instants of one periodogram of Welch's method: a resolution of a hundredth of the frequencies found."""
-NUMERICAL = {1e-4: (3e3, 1e4, 1e5)}
+NUMERICAL_SETTINGS = {1e-4: (3e3, 1e4, 1e5)}
 """Steps [s] and gains at which RK4 is unstable; the second is Figure 3's."""
-MORE_NUMERICAL = {2e-4: (1e3, 3e3, 1e4, 1e5), 1e-4: (3e3, 1e4, 1e5, 1e6), 5e-5: (1e4, 3e4, 1e5)}
-RESOLVED, MORE_RESOLVED = {1e-5: (100.0,)}, {1e-5: (10.0, 100.0, 1000.0)}
+MORE_NUMERICAL_SETTINGS = {2e-4: (1e3, 3e3, 1e4, 1e5), 1e-4: (3e3, 1e4, 1e5, 1e6), 5e-5: (1e4, 3e4, 1e5)}
+RESOLVED_SETTINGS, MORE_RESOLVED_SETTINGS = {1e-5: (100.0,)}, {1e-5: (10.0, 100.0, 1000.0)}
 """At which h omega_a stays below 0.1: the ringing is that of the equations."""
-FIGURE_3 = (section_v.COARSE, 1e4)
+FIGURE_3 = (section_v.COARSE_STEP, 1e4)
 EQUAL_FREQUENCY_SHARE = 0.1
 """Two mean frequencies within a tenth count as equal: they differ by as much from one quarter of a run to the next."""
 
@@ -64,7 +64,7 @@ def oscillation(t: Array, u: Array) -> Oscillation:
     from scipy.signal import detrend, welch
 
     late = t > t[-1] / 2
-    f, power = welch(u[late], fs=1 / (t[1] - t[0]), nperseg=SEGMENT, detrend=detrend)
+    f, power = welch(u[late], fs=1 / (t[1] - t[0]), nperseg=SEGMENT_INSTANTS, detrend=detrend)
     above = 2 * np.pi * f > SLOWEST_OSCILLATION
     w, power = 2 * np.pi * f[above], power[above]
     return Oscillation(
@@ -76,7 +76,7 @@ def measured(chosen: Mapping[float, tuple[float, ...]]) -> list[Pair]:
     """Both schemes at each step and gain; the runs are as long as their record allows every step, or every fifth."""
     found = []
     for h, gains in chosen.items():
-        simulation = Simulation(t_end=INSTANTS * max(h, 5e-5), dt=h, record_points=INSTANTS)
+        simulation = Simulation(t_end=RECORDED_INSTANTS * max(h, 5e-5), dt=h, record_points=RECORDED_INSTANTS)
         for gamma in gains:
             runs = simulate(section_v.problem(), [Mrac(gamma=gamma, name="without"), section_v.l1("filtered", gamma)], simulation)
             found.append(Pair(h, gamma, _of(runs["without"]), _of(runs["filtered"])))
@@ -89,7 +89,10 @@ def _of(run: Result) -> Oscillation:
 
 def claim(*, full: bool = False) -> Claim:
     """Numerical oscillations at and around Figure 3's setting, and the ringing of the equations."""
-    numerical, resolved = measured(MORE_NUMERICAL if full else NUMERICAL), measured(MORE_RESOLVED if full else RESOLVED)
+    numerical, resolved = (
+        measured(MORE_NUMERICAL_SETTINGS if full else NUMERICAL_SETTINGS),
+        measured(MORE_RESOLVED_SETTINGS if full else RESOLVED_SETTINGS),
+    )
     shown = next(pair for pair in numerical if (pair.h, pair.gamma) == FIGURE_3)
     falls = [pair for pair in (*numerical, *resolved) if pair.frequency < 1 - EQUAL_FREQUENCY_SHARE]
     count, readings = len(numerical) + len(resolved), _readings(shown, numerical, resolved)
@@ -98,14 +101,14 @@ def claim(*, full: bool = False) -> Claim:
         of_readings(readings),
         f"at Figure 3's gain and step the mean frequency of u above {SLOWEST_OSCILLATION:g} rad/s goes from {shown.without.mean:.3g} to {shown.filtered.mean:.3g} rad/s with the filter, a factor {shown.frequency:.2f}; it falls by more than a "
         f"tenth in {len(falls)} of {count} settings. Their RMS value there: {shown.without.rms:.3g} without the filter, {shown.filtered.rms:.3g} with it",
-        f"Section V, MRAC and L1-AC at the same Gamma, RK4, u at {INSTANTS} instants, second half of the run, Welch's method; h and Gamma as listed; a "
+        f"Section V, MRAC and L1-AC at the same Gamma, RK4, u at {RECORDED_INSTANTS} instants, second half of the run, Welch's method; h and Gamma as listed; a "
         f"difference below {EQUAL_FREQUENCY_SHARE:.0%} counts as none",
         listings=_listings(numerical, resolved),
         number=f"mean frequency of the oscillations in u with C over that without, Figure 3's setting: {shown.frequency:.2f}",
         readings=readings,
         condition="well inside the numerically unstable region, of the mean frequency; of the equations' own ringing it is not so",
         would_change="confirmed: frequencies, mean and strongest, that fall at every setting, and a ringing that gets slower and smaller; not confirmed: none of it",
-        sharpened=f"h = 2e-4 and 5e-5 s as well and more gains, {sum(map(len, MORE_NUMERICAL.values())) + len(MORE_RESOLVED[1e-5])} settings in all",
+        sharpened=f"h = 2e-4 and 5e-5 s as well and more gains, {sum(map(len, MORE_NUMERICAL_SETTINGS.values())) + len(MORE_RESOLVED_SETTINGS[1e-5])} settings in all",
     )  # fmt: skip
 
 

@@ -25,16 +25,19 @@ from barbalat.signals import Sine, Sines
 from barbalat.validate import Array
 
 TAUS = np.array([0.5, 0.25, 0.125, 0.0625])
+"""[s]: Section V's, and halved three times."""
 SIZES = np.array([0.002, 0.004, 0.008, 0.016, 0.032])
 """mu, or the delay [s]: up to half of the smallest tau, of which every pair is borne."""
 STEP = 1e-3
-T_END, LONGER = 200.0, 800.0
+"""[s]: a sixtieth of the smallest tau."""
+T_END, LONGER_T_END = 200.0, 800.0
+"""[s], by the plain command and by ``--full``: the last quarter of the shorter one has four periods of the slower sine."""
 COMMAND, ONE_SINE = Sines((30.0, 20.0), (0.5, 1.7)), Sine(50.0, 0.5)
 DERIVATIVE_POLE = 2e-3
 """Time constant of the realisation of -mu s [s], as in the rows on Theorem 2's boundary."""
 DELTA_0, ALPHA_0 = 0.5, 0.05
 """Of (16): 1/delta_0 = 2 s is above every tau, Delta(s) is analytic right of -0.25; n_d is a third of phi'phi or less."""
-PROPORTIONAL = 0.03
+EXPONENT_TOLERANCE = 0.03
 """How far an exponent may be from 1: the part that learning has not removed by the end still adds to the smallest errors."""
 
 
@@ -98,7 +101,7 @@ def constants(errors: Errors) -> Array:
 
 def claim(*, full: bool = False) -> Claim:
     """The exponent of what stays in the size of Delta, and whether one nu serves all tau and sizes."""
-    t_end = LONGER if full else T_END
+    t_end = LONGER_T_END if full else T_END
     found = {
         f"{name}, alpha_0 = {alpha_0:g}": measure(error, alpha_0, t_end)
         for name, error in families().items()
@@ -121,7 +124,7 @@ def claim(*, full: bool = False) -> Claim:
         readings=readings,
         condition="for the peak of the transient, Delta is well below the size that the loop bears; the error that stays needs no such condition",
         would_change="confirmed: a peak that grows in proportion up to the largest Delta; not confirmed: a steady error that does not, or a nu that grows as tau falls",
-        sharpened=f"runs of {LONGER:g} s, in which learning has removed more of the rest",
+        sharpened=f"runs of {LONGER_T_END:g} s, in which learning has removed more of the rest",
     )  # fmt: skip
 
 
@@ -136,7 +139,7 @@ def _one_constant(nu: Array) -> Reading:
 def _proportional(exponents: Array) -> Reading:
     return Reading(
         "the error that stays at fixed tau is proportional to Delta_2",
-        verdict(holds=bool((np.abs(exponents - 1) < PROPORTIONAL).all())),
+        verdict(holds=bool((np.abs(exponents - 1) < EXPONENT_TOLERANCE).all())),
         f"{exponents.size} local exponents {exponents.min():.3f} to {exponents.max():.3f}",
     )
 
@@ -152,8 +155,8 @@ def _of_tau(found: dict[str, Errors], with_tau: Array) -> str:
 
 def _one_frequency() -> str:
     """Two estimates fit a delayed plant at one frequency."""
-    tails = [_one_sine(t_end) for t_end in (T_END, LONGER)]
-    return f"|e| in the tail, tau = {TAUS[0]:g} s, delay {SIZES[-1]:g} s, is {tails[0]:.3g} after {T_END:g} s and {tails[1]:.3g} after {LONGER:g} s"
+    tails = [_one_sine(t_end) for t_end in (T_END, LONGER_T_END)]
+    return f"|e| in the tail, tau = {TAUS[0]:g} s, delay {SIZES[-1]:g} s, is {tails[0]:.3g} after {T_END:g} s and {tails[1]:.3g} after {LONGER_T_END:g} s"
 
 
 def _one_sine(t_end: float) -> float:

@@ -137,13 +137,13 @@ def _in_order(ours: Array, of_l1: Array) -> tuple[float, ...]:
 def _runs(given: Problem, gamma: float, h: float) -> tuple[Metrics, Metrics]:
     """The robust MRACs at Figure 2's step, and L1-AC at the step h."""
     of_l1 = figures([(given, section_v.l1("L1", gamma))], section_v.T_END, h)
-    return figures([(given, robust(tau)) for tau in TAUS.values()], section_v.T_END, section_v.COARSE), of_l1
+    return figures([(given, robust(tau)) for tau in TAUS.values()], section_v.T_END, section_v.COARSE_STEP), of_l1
 
 
 def _on_the_nominal_plant() -> list[Respect]:
     """Transient, tracking, learning, control."""
     given = section_v.problem()
-    found = _runs(given, GAMMA, section_v.FINE)
+    found = _runs(given, GAMMA, section_v.FINE_STEP)
 
     def respect(name: str, of: Callable[[Metrics], Array], *, named: bool = True) -> Respect:
         return Respect(name, "", _in_order(*(of(metrics) for metrics in found)), named=named)
@@ -203,7 +203,7 @@ def disturbed(signal: Signal) -> Problem:
 def _disturbed() -> list[Respect]:
     respects = []
     for name, signal in DISTURBANCES.items():
-        found = _runs(disturbed(signal), MODERATE_GAMMA, section_v.COARSE)
+        found = _runs(disturbed(signal), MODERATE_GAMMA, section_v.COARSE_STEP)
         for part, errors in (("peak", [m.max_abs_e for m in found]), ("tail", [m.tail_max_abs_e for m in found])):
             values = _in_order(*(error.max(axis=1) for error in errors))
             respects.append(Respect(f"{part} error beside a disturbance {name}", "", values, named=False))
@@ -212,7 +212,7 @@ def _disturbed() -> list[Respect]:
 
 def _in_the_control() -> list[Respect]:
     """What noise does to u: the RMS difference to the run without, in the second half."""
-    given, simulation = section_v.problem(), Simulation(t_end=10.0, dt=section_v.COARSE, record_points=5000)
+    given, simulation = section_v.problem(), Simulation(t_end=10.0, dt=section_v.COARSE_STEP, record_points=5000)
     noisy = replace(given, sensor=Sensor(noise=NOISE))
     values = tuple(_difference(noisy, given, c, simulation) for c in contestants(MODERATE_GAMMA))
     return [Respect("measurement noise that reaches u, RMS", "", values, named=False)]

@@ -202,6 +202,10 @@ def _counted(shown: Sequence[PaperFigure]) -> Listing:
 
 
 def _ends(diverged_at: Sequence[float | None]) -> Listing:
-    settings = {"figure": ("3", "4", "5"), "Gamma": (1e4, 1e4, 1e6), "h [s]": (section_v.COARSE, section_v.FINE, section_v.FINE)}
+    settings = {
+        "figure": ("3", "4", "5"),
+        "Gamma": (1e4, 1e4, 1e6),
+        "h [s]": (section_v.COARSE_STEP, section_v.FINE_STEP, section_v.FINE_STEP),
+    }
     ends = [np.nan if at is None else at for at in diverged_at]
     return table("L1-AC without projection at the settings of the figures", settings | {"diverges at [s]": ends})

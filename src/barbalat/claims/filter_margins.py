@@ -27,19 +27,21 @@ from barbalat.solvers.simulation import Simulation
 from barbalat.study.criteria import Lost, Onset
 from barbalat.study.delay_margin import delay_margins_ensemble
 from barbalat.study.ideal_benchmark import ideal_errors, without_error
-from barbalat.study.motion import Motion
+from barbalat.study.motion import ModelMotion
 from barbalat.validate import Array
 
 SIMULATION = Simulation(t_end=40.0, dt=2e-4)
+"""Three periods of the command."""
 COMMANDS: dict[str, Signal] = {"r = sin 0.5t": Sine(1.0, 0.5), "r = 50 sin 0.5t": Sine(50.0, 0.5), "r = 50": Constant(50.0)}
 EQUAL_GAINS = (0.01, 1.0, 100.0)
 OWN_GAINS = (10.0, 100.0)
 """What a user would choose at this step: MRAC's moderate one, and for L1-AC the largest decade that the step resolves at r = 50."""
-SEARCHED_DELAYS = np.geomspace(1e-6, 10.0, 36)
+SEARCHED_GAINS = np.geomspace(1e-6, 10.0, 36)
+"""Of MRAC, five a decade: one of them tracks as L1-AC does."""
 BANDWIDTHS = np.geomspace(0.2, 2000.0, 54)
+"""[rad/s] of the actuator, from slower than the model to faster than the step resolves."""
 DAMPING = 0.7
-
-
+"""Of the actuator: a maximally flat second order has 0.707."""
 ONSET, LOSS = Onset(), Lost()
 
 
@@ -177,8 +179,8 @@ def _equal_error(signal: Signal) -> float:
     """The MRAC's gain with the RMS error of L1-AC at its own gain, the nearest of a fine grid."""
     problem = variant(reference=signal)
     target = _rms([(problem, section_v.l1("L1", OWN_GAINS[1]))])[0]
-    found = _rms([(problem, Mrac(gamma=float(g))) for g in SEARCHED_DELAYS])
-    return float(SEARCHED_DELAYS[np.nanargmin(np.abs(np.log(found / target)))])
+    found = _rms([(problem, Mrac(gamma=float(g))) for g in SEARCHED_GAINS])
+    return float(SEARCHED_GAINS[np.nanargmin(np.abs(np.log(found / target)))])
 
 
 def _rms(members: list[tuple[object, Controller]]) -> Array:
@@ -192,7 +194,7 @@ def _actuator_margins(problem: Problem, controllers: Sequence[Controller]) -> di
         for w in BANDWIDTHS
     ]  # fmt: skip
     members = [(problem, c) for c in controllers]
-    ideal, motion = simulate_ensemble(members, SIMULATION).metrics, Motion.of(problem, SIMULATION)
+    ideal, motion = simulate_ensemble(members, SIMULATION).metrics, ModelMotion.of(problem, SIMULATION)
     without = without_error(members, ideal, [motion] * len(members))
     explained = np.tile(np.asarray(ideal_errors([problem, *slowed], SIMULATION, motion)), len(controllers))
     metrics = simulate_ensemble([(p, c) for c in controllers for p in slowed], SIMULATION).metrics

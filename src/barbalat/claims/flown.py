@@ -16,8 +16,8 @@ from typing import Any
 from barbalat.claims.claim import Claim, Listing, Reading, of_readings, verdict
 from barbalat.sweeps.evidence import Share, beyond_chance
 
-LINEAR = ("LQR", "LQR with PI", "H-infinity", "ADRC")
-ADAPTIVE = ("MRAC", "Robust MRAC", "L1", "L1 piecewise", "L1 piecewise, as flown")
+LINEAR_SCHEMES = ("LQR", "LQR with PI", "H-infinity", "ADRC")
+ADAPTIVE_SCHEMES = ("MRAC", "Robust MRAC", "L1", "L1 piecewise", "L1 piecewise, as flown")
 """As their authors call them; L1 with the piecewise-constant law is a linear controller by the row ``l1-piecewise-is-lti``."""
 
 
@@ -82,7 +82,7 @@ def claim() -> Claim:
     """The row, from the document."""
     flights = Flights(json.loads(resources.files("barbalat.claims").joinpath("flown.json").read_text(encoding="utf-8")))
     document = flights.document
-    linear, adaptive = (tuple(one for one in names if one in document["lost"]) for names in (LINEAR, ADAPTIVE))
+    linear, adaptive = (tuple(one for one in names if one in document["lost"]) for names in (LINEAR_SCHEMES, ADAPTIVE_SCHEMES))
     readings = (
         _losses(flights, linear, adaptive),
         _better(flights, "the adaptation: an adaptive scheme follows better", linear, adaptive, ERROR),

@@ -7,7 +7,7 @@ import numpy as np
 from barbalat.certificates.linear_loops.ideal import fast_adaptation
 from barbalat.claims import section_v
 from barbalat.claims.adapting_margins import DOWNWARDS, GAINS, MARGINS, METHOD, UPWARDS, scan
-from barbalat.claims.claim import Axis, Chart, Claim, Curve, Reading, of_readings, verdict
+from barbalat.claims.claim import Chart, ChartAxis, Claim, Curve, Reading, of_readings, verdict
 from barbalat.linear.margins import margins
 from barbalat.linear.systems import input_filter
 from barbalat.validate import Array
@@ -33,13 +33,13 @@ def gain_reduces_margins() -> Claim:
             "With the filter the margin falls as long as the resonance of the adaptation crosses |L| = 1, and returns to the limit of "
             "fast adaptation, near 1.6 κ here, where it no longer does."
         ),
-        x=Axis("Γr²", GAINS, logarithmic=True),
+        x=ChartAxis("Γr²", GAINS, logarithmic=True),
         quantity="delay margin [s]",
         curves=tuple(Curve(label, GAINS, values) for label, values in curves.items()),
     )
     schemes = {"MRAC": None, f"L1-AC, kappa = {section_v.KAPPA:g} s": section_v.KAPPA}
     found = {(who, name): _over_gains(name, kappa) for who, kappa in schemes.items() for name in MARGINS}
-    readings = tuple(_reading(f"{who}: {name}", values) for (who, name), values in found.items())
+    readings = tuple(_reading(who, name, values) for (who, name), values in found.items())
     of_mrac, of_l1 = ([name for name in MARGINS if _falls(found[who, name])] for who in schemes)
     return Claim(
         "gain-reduces-margins", "Section III.A, last paragraph; Section III.B, last paragraph", "A high adaptive gain reduces robustness",
@@ -65,14 +65,14 @@ def _falls(values: Array) -> bool:
     return bool((np.diff(values) < 0).all())
 
 
-def _reading(says: str, values: Array) -> Reading:
+def _reading(who: str, name: str, values: Array) -> Reading:
     """That it falls at every step of the gain."""
     least = int(values.argmin())
     between = f", at its least {values[least]:.2g} at Gamma r^2 = {GAINS[least]:.2g}" if 0 < least < len(values) - 1 else ""
     said = f"{values[0]:.3g} at the smallest gain{between}, {values[-1]:.2g} at the largest"
-    if says.endswith((UPWARDS, DOWNWARDS)):
+    if name in (UPWARDS, DOWNWARDS):
         said += "; of the factor k what is between it and 1"
-    return Reading(says, verdict(holds=_falls(values)), said)
+    return Reading(f"{who}: {name}", verdict(holds=_falls(values)), said)
 
 
 def _listed(names: list[str]) -> str:

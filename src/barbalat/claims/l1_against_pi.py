@@ -16,9 +16,10 @@ from barbalat.validate import Array
 
 GAMMA = 100.0
 """As beside the linear designs: the loop moves as its limit of fast adaptation, and h = 1e-4 s resolves it."""
-SEARCHED = (1e-3, 0.5)
+SEARCHED_KAPPAS = (1e-3, 0.5)
 """[s]: between these time constants of the second filter its delay margin rises past that of the first."""
 THETA_MAX = 10.0
+"""Section V's, of |theta|_1 over the known set."""
 
 
 def second_order_filter(kappa: float) -> TransferFunction:
@@ -31,7 +32,7 @@ def claim(l1: Array, pi: Array) -> Claim:
     from scipy.optimize import brentq
 
     margin = _delay_margin(input_filter(section_v.KAPPA))
-    kappa = float(brentq(lambda value: _delay_margin(second_order_filter(value)) - margin, *SEARCHED))
+    kappa = float(brentq(lambda value: _delay_margin(second_order_filter(value)) - margin, *SEARCHED_KAPPAS))
     C = second_order_filter(kappa)
     second = over_sizes(L1Adaptive(gamma=GAMMA, filter=C, name="two slopes"))[:-1]
     condition = theorem_1.filter_condition(section_v.problem().known, C.realise(), THETA_MAX).value_upper

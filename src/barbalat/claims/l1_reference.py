@@ -23,16 +23,16 @@ STEPS = {1e2: 2e-5, 1e3: 1e-5, 1e4: 5e-6}
 MORE_STEPS = STEPS | {1e5: 2e-6, 1e6: 1e-6}
 T_END = 12.0
 """One period of the command [s]."""
-INSTANTS = 40_000
+COMPARED_INSTANTS = 40_000
 """At which the two systems are compared: every 0.3 ms, so that the ringing is met at thousands of its phases."""
 THETA_MAX = 10.0
 """Section V's, of |theta|_1 over the known set."""
-AT_REST = 1e-9
+RESTING_GAIN = 1e-9
 """Gain of the run that serves as the reference system: with theta_hat = theta its x_tilde is zero, and nothing moves."""
 
 
 @dataclass(frozen=True, eq=False)
-class Bounds:
+class ReferenceBounds:
     """gamma_1 by the book, with its worst theta; for the case's initial error; for the case's theta, exactly; gamma_2."""
 
     condition: theorem_1.FilterCondition
@@ -42,7 +42,7 @@ class Bounds:
     control: float
 
 
-def bounds() -> Bounds:
+def bounds() -> ReferenceBounds:
     """Of Section V; each is to be divided by sqrt(Gamma)."""
     given, C = section_v.problem(), input_filter(section_v.KAPPA)
     known, theta, realised = given.known, given.plant.theta, C.realise()
@@ -50,7 +50,7 @@ def bounds() -> Bounds:
     nu_0 = theorem_1.nu_0(theorem_1.initial_parameter_error(np.zeros(2), theta), known)
     farthest = 2 * float(np.hypot(5.0, 5.0))  # the book's theta_max is 4 max |theta|^2
     exact = l1_reference.exact_gain(known, realised, theta) * nu_0
-    return Bounds(
+    return ReferenceBounds(
         condition=condition,
         book=l1_reference.reference_error_bound(theorem_1.nu_0(farthest, known), condition, realised),
         case=l1_reference.reference_error_bound(nu_0, condition, realised),
@@ -81,8 +81,8 @@ class Distances:
 def run_pair(gamma: float, h: float, t_end: float = T_END) -> tuple[Result, Result]:
     """L1-AC and its reference system, on one grid."""
     given, C = section_v.problem(), input_filter(section_v.KAPPA)
-    reference = L1Adaptive(gamma=AT_REST, filter=C, theta_hat0=given.plant.theta, name="reference")
-    runs = simulate(given, [section_v.l1("L1", gamma), reference], Simulation(t_end=t_end, dt=h, record_points=INSTANTS))
+    reference = L1Adaptive(gamma=RESTING_GAIN, filter=C, theta_hat0=given.plant.theta, name="reference")
+    runs = simulate(given, [section_v.l1("L1", gamma), reference], Simulation(t_end=t_end, dt=h, record_points=COMPARED_INSTANTS))
     return runs["L1"], runs["reference"]
 
 
@@ -113,7 +113,7 @@ def claim(*, full: bool = False) -> Claim:
         f"{found.gains[0]:g} to {found.state[-1]:.3g} at {found.gains[-1]:g}, {share.min():.2g} to "
         f"{share.max():.2g} of the bound, with local exponents of {span(exponents)} (the bound's is -1/2). The reference system "
         f"itself stays up to {found.model:.3g} away from the model x_m, whatever Gamma is",
-        f"Section V, kappa = {section_v.KAPPA:g} s, RK4, h = {span(list(steps.values()))} s, {T_END:g} s, {INSTANTS} instants; "
+        f"Section V, kappa = {section_v.KAPPA:g} s, RK4, h = {span(list(steps.values()))} s, {T_END:g} s, {COMPARED_INSTANTS} instants; "
         "certified L1 norms. Assumptions checked: the condition, theta in the known set, C and the "
         "predictor at rest, no modelling error, no disturbance",
         listings=_listings(found, bound, steps),
@@ -125,10 +125,10 @@ def claim(*, full: bool = False) -> Claim:
     )  # fmt: skip
 
 
-def _readings(found: Distances, bound: Bounds) -> tuple[Reading, ...]:
+def _readings(found: Distances, bound: ReferenceBounds) -> tuple[Reading, ...]:
     root = np.sqrt(found.gains)
     of_u = local_exponents(found.control, found.gains)
-    coarse = run_pair(1e4, section_v.COARSE)
+    coarse = run_pair(1e4, section_v.COARSE_STEP)
     numerical = float(np.abs(coarse[0].x - coarse[1].x).max())
     return (
         Reading(
@@ -150,7 +150,7 @@ def _readings(found: Distances, bound: Bounds) -> tuple[Reading, ...]:
     )  # fmt: skip
 
 
-def _listings(found: Distances, bound: Bounds, steps: dict[float, float]) -> tuple[Listing, Listing]:
+def _listings(found: Distances, bound: ReferenceBounds, steps: dict[float, float]) -> tuple[Listing, Listing]:
     root = np.sqrt(found.gains)
     return (
         table(

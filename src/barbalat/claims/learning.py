@@ -50,7 +50,7 @@ def loss_of_learning(runs: Runs) -> Claim:
     )  # fmt: skip
 
 
-INSTANTS = (60.0, 120.0, 240.0, 479.0)
+TOLD_INSTANTS = (60.0, 120.0, 240.0, 479.0)
 """[s]: each twice the one before, the last just before the end."""
 
 
@@ -65,7 +65,7 @@ def exponential() -> Claim:
     runs = simulate(given, controllers, Simulation(t_end=480.0, dt=1e-3))
     distance = {name: _distance(run) for name, run in runs.items()}
     t = next(iter(runs.values())).t
-    at = np.searchsorted(t, INSTANTS)
+    at = np.searchsorted(t, TOLD_INSTANTS)
     power = np.polyfit(np.log(t[at]), np.log(distance["least squares"][at]), 1)[0]
     rate = -np.polyfit(t[at][1:], np.log(distance["normalised gradient"][at][1:]), 1)[0]
     is_algebraic = abs(power + 1) < 0.15
@@ -78,7 +78,7 @@ def exponential() -> Claim:
         f"|theta_hat - theta*| with pure least squares (15) goes as t^{power:.2f}: not exponential; with the normalised gradient "
         "law "
         f"it falls exponentially, by {rate:.3f} per s; MRAC with Gamma = 1 has {distance['MRAC'][at][-1]:.3g} left after "
-        f"{INSTANTS[-1]:g} s",
+        f"{TOLD_INSTANTS[-1]:g} s",
         "Section V with r = 10 sin 0.5t + 10 sin 1.7t, RK4, h = 1e-3 s, 480 s",
         listings=(_distances({name: values[at] for name, values in distance.items()}),),
         number=f"pure least squares goes as t^{power:.2f}, the gradient law as exp(-{rate:.3f} t)",
@@ -107,7 +107,7 @@ def _distances(at_instants: dict[str, Array]) -> Listing:
     columns = {"least squares (15)": "least squares", "normalised gradient": "normalised gradient", "MRAC, Gamma = 1": "MRAC"}
     return table(
         "The distance |theta_hat - theta*| of the estimates from the true values",
-        {"t [s]": INSTANTS} | {shown: at_instants[name] for shown, name in columns.items()},
+        {"t [s]": TOLD_INSTANTS} | {shown: at_instants[name] for shown, name in columns.items()},
     )
 
 

@@ -35,12 +35,12 @@ Told: TypeAlias = Callable[[Measured], None]
 
 @dataclass(frozen=True)
 class UnderWay:
-    """What other processes are at: rows by their place in ``LEDGER``, and the certificates of Section V.
+    """What other processes are at: rows by their places in ``LEDGER``, and the certificates of Section V.
 
     pool  the processes: what is submitted to them comes after all that
     """
 
-    rows: dict[int, Future[Measured]]
+    rows: dict[tuple[int, ...], Future[list[Measured]]]
     certified: Future[Certified]
     pool: ProcessPoolExecutor
 
@@ -57,22 +57,38 @@ def under_way(processes: int, *, quick: bool = False, full: bool = False, told: 
     first = [i for i in alone if LEDGER[i].quick and LEDGER[i].duration(full=full) < 1][:processes]
     with own_processes(processes) as pool:
         with deaf_children():
-            ahead = {i: _submitted(pool, i, full, told) for i in first}
+            quick_ones: list[tuple[int, ...]] = [(i,) for i in first]
+            ahead = {job: _submitted(pool, job, full, told) for job in quick_ones}
             certified = pool.submit(certified_paper)
-            longest_first = sorted(set(alone) - set(first), key=lambda i: -LEDGER[i].duration(full=full))
-            ahead |= {i: _submitted(pool, i, full, told) for i in longest_first}
+            jobs = _together([i for i in alone if i not in first])
+            longest_first = sorted(jobs, key=lambda job: -sum(LEDGER[i].duration(full=full) for i in job))
+            ahead |= {job: _submitted(pool, job, full, told) for job in longest_first}
         yield UnderWay(ahead, certified, pool)
 
 
-def _submitted(pool: ProcessPoolExecutor, place: int, full: bool, told: Told | None) -> Future[Measured]:
-    future = pool.submit(_rows, place, full)
+def _together(places: list[int]) -> list[tuple[int, ...]]:
+    """What one process measures, one after the other: rows that share runs, which it keeps; the others alone."""
+    found: dict[str, tuple[int, ...]] = {}
+    for i in places:
+        shared = LEDGER[i].shares or f"alone {i}"
+        found[shared] = (*found.get(shared, ()), i)
+    return list(found.values())
 
-    def done(finished: Future[Measured]) -> None:
+
+def _submitted(pool: ProcessPoolExecutor, places: tuple[int, ...], full: bool, told: Told | None) -> Future[list[Measured]]:
+    future = pool.submit(_several, places, full)
+
+    def done(finished: Future[list[Measured]]) -> None:
         if told is not None and not finished.cancelled() and finished.exception() is None:
-            told(finished.result())
+            for measured in finished.result():
+                told(measured)
 
     future.add_done_callback(done)
     return future
+
+
+def _several(places: tuple[int, ...], full: bool) -> list[Measured]:
+    return [_rows(place, full) for place in places]
 
 
 def _rows(place: int, full: bool, *runs: Runs) -> Measured:
@@ -111,15 +127,17 @@ def measure(
         if progress is not None:
             progress(sum(seconds[i] for i in found) / sum(seconds.values()))
 
+    elsewhere = {i for job in rows for i in job}
     for i in chosen:
-        if i not in rows:
+        if i not in elsewhere:
             here = _rows(i, full, *([runs] if LEDGER[i].judges_runs else []))
             if told is not None:
                 told(here)
             take(i, here)
-    places = {future: i for i, future in rows.items()}
-    for future in as_completed(places):
-        take(places[future], future.result())
+    jobs = {future: job for job, future in rows.items()}
+    for future in as_completed(jobs):
+        for i, measured in zip(jobs[future], future.result(), strict=True):
+            take(i, measured)
     return [row for i in chosen for row in found[i]]
 
 

@@ -17,7 +17,7 @@ from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array
 
 
-class State(NamedTuple):
+class LemmaState(NamedTuple):
     """The scheme's own state, and integrals along the run."""
 
     scheme: Any
@@ -32,26 +32,26 @@ class State(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Equations:
+class LemmaEquations:
     """The robust MRAC's equations, and the integrals of Lemma 1; theta, which no controller knows, enters these alone."""
 
     scheme: RobustEquations
     theta: Array
 
-    def initial(self) -> State:
-        return State(self.scheme.initial(), *(np.zeros(()) for _ in range(4)))
+    def initial(self) -> LemmaState:
+        return LemmaState(self.scheme.initial(), *(np.zeros(()) for _ in range(4)))
 
-    def control(self, state: State, x: Value, x_m: Value, r: Value) -> Value:
+    def control(self, state: LemmaState, x: Value, x_m: Value, r: Value) -> Value:
         return self.scheme.control(state.scheme, x, x_m, r)
 
-    def eta(self, state: State, x: Value) -> Value:
+    def eta(self, state: LemmaState, x: Value) -> Value:
         phi, m_s_squared, epsilon = self.scheme.estimation(state.scheme, x)
         return epsilon * m_s_squared + (state.theta_hat - self.theta) @ phi  # (13): z - theta'phi
 
-    def derivative(self, state: State, x: Value, x_m: Value, r: Value, u: Value) -> State:
+    def derivative(self, state: LemmaState, x: Value, x_m: Value, r: Value, u: Value) -> LemmaState:
         rates = self.scheme.derivative(state.scheme, x, x_m, r, u)
         _, m_s_squared, epsilon = self.scheme.estimation(state.scheme, x)
-        return State(
+        return LemmaState(
             scheme=rates,
             eta=self.eta(state, x) ** 2 / m_s_squared,
             error=epsilon * epsilon * m_s_squared,
@@ -59,7 +59,7 @@ class Equations:
             rate=rates.theta_hat @ rates.theta_hat,
         )
 
-    def limit(self, state: State) -> State:
+    def limit(self, state: LemmaState) -> LemmaState:
         return state._replace(scheme=self.scheme.limit(state.scheme))
 
 
@@ -71,10 +71,10 @@ class Observed:
     theta: Array
     name: str = "observed"
 
-    def bind(self, known: Known) -> Equations:
+    def bind(self, known: Known) -> LemmaEquations:
         bound = self.scheme.bind(known)
         assert isinstance(bound, RobustEquations)  # Section V has one input
-        return Equations(bound, self.theta)
+        return LemmaEquations(bound, self.theta)
 
 
 @dataclass(frozen=True, eq=False)

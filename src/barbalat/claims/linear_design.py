@@ -11,7 +11,7 @@ import numpy as np
 
 from barbalat.certificates.certify import certify
 from barbalat.claims import l1_against_pi, section_v
-from barbalat.claims.claim import Axis, Chart, Claim, Curve, Listing, Reading, of_readings, verdict
+from barbalat.claims.claim import Chart, ChartAxis, Claim, Curve, Listing, Reading, of_readings, verdict
 from barbalat.claims.linear_family import SIZES, STEP, T_END, at_one, given, over_sizes, tail
 from barbalat.claims.variants import variant
 from barbalat.controllers import LinearFeedback, Mrac
@@ -22,6 +22,7 @@ from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array, InputError
 
 DELAY = 0.01
+"""[s] at the plant's input: a third of L1-AC's delay margin."""
 DELAYS = np.geomspace(2e-3, 0.1, 24)
 PI_DELAY, HINF_DELAY = 0.0118, 0.025
 """Unmodelled delays for which the two designs get L1-AC's delay margin of 33 ms at Section V's theta, and no less."""
@@ -35,7 +36,7 @@ UNSTABLE_ERROR_FACTOR = 10.0
 
 
 @dataclass(frozen=True)
-class Contestant:
+class ComparedController:
     """A controller in the comparison."""
 
     controller: Controller
@@ -50,7 +51,7 @@ class Contestant:
 
 
 @dataclass(frozen=True, eq=False)
-class Measured:
+class TailErrors:
     """Tail errors max |e|: over SIZES at the corner, without and with DELAY (NaN: diverged), and at Section V's own theta."""
 
     plain: Array
@@ -70,7 +71,7 @@ def claims() -> list[Claim]:
     return [_adaptive_against_linear(contestants, measured, missing), against_pi]
 
 
-def _contestants() -> tuple[list[Contestant], str]:
+def _contestants() -> tuple[list[ComparedController], str]:
     known = section_v.problem().known
     controllers: list[Controller] = [
         Mrac(gamma=section_v.MODERATE_GAIN, name="MRAC, Γ = 10"),
@@ -87,16 +88,16 @@ def _contestants() -> tuple[list[Contestant], str]:
         ]
     except InputError as error:
         missing = f". The H∞ designs are left out: {error}"
-    return [Contestant(controller) for controller in controllers], missing
+    return [ComparedController(controller) for controller in controllers], missing
 
 
-def _measure(controller: Controller) -> Measured:
+def _measure(controller: Controller) -> TailErrors:
     plain = over_sizes(controller)
     with_delays = [given(size, DELAY) for size in SIZES] + [variant(input=PlantInput(delay=float(d))) for d in DELAYS]
     delayed, borne = np.split(tail([(problem, controller) for problem in with_delays]), [len(SIZES)])
     lost = np.flatnonzero(~(borne < UNFOLLOWED_SHARE * amplitude()))
     last = int(lost[0]) if len(lost) else len(DELAYS)
-    return Measured(plain[:-1], delayed, float(plain[-1]), float(DELAYS[last - 1]) if last else 0.0)
+    return TailErrors(plain[:-1], delayed, float(plain[-1]), float(DELAYS[last - 1]) if last else 0.0)
 
 
 def amplitude() -> float:
@@ -104,7 +105,7 @@ def amplitude() -> float:
     return float(50 * 4 / abs((0.5j) ** 2 + 0.5j + 0.3))
 
 
-def _adaptive_against_linear(contestants: list[Contestant], measured: dict[str, Measured], missing: str) -> Claim:
+def _adaptive_against_linear(contestants: list[ComparedController], measured: dict[str, TailErrors], missing: str) -> Claim:
     readings = tuple(
         _against_the_best(c.name, words, getattr(measured[c.name], part), _best_linear(contestants, measured, part))
         for part, words in (("plain", "without a delay"), ("delayed", f"with an input delay of {1e3 * DELAY:g} ms"))
@@ -148,7 +149,7 @@ def _condition(readings: tuple[Reading, ...]) -> str:
     return f"it is {'; '.join(always) or 'none at every size'}" + (f"; at some sizes also {'; '.join(partly)}" if partly else "")
 
 
-def _best_linear(contestants: list[Contestant], measured: dict[str, Measured], part: str) -> Array:
+def _best_linear(contestants: list[ComparedController], measured: dict[str, TailErrors], part: str) -> Array:
     """The least error of a linear design at each size; infinite where all are lost."""
     errors = [getattr(measured[c.name], part) for c in contestants if c.linear]
     return np.min([np.where(np.isnan(e), np.inf, e) for e in errors], axis=0)
@@ -165,14 +166,14 @@ def _against_the_best(name: str, words: str, errors: Array, linear: Array) -> Re
     )
 
 
-def _step_effect(contestants: list[Contestant], measured: dict[str, Measured]) -> float:
+def _step_effect(contestants: list[ComparedController], measured: dict[str, TailErrors]) -> float:
     """The largest relative change of the errors at size 1 with the delay when the step is halved."""
     problem = given(1.0, DELAY)
     fine = {c.name: float(tail([(problem, c.controller)], STEP / 2)[0]) for c in contestants}
     return max(abs(at_one(measured[c.name].delayed) / fine[c.name] - 1) for c in contestants)
 
 
-def _chart(key: str, contestants: list[Contestant], measured: dict[str, Measured], part: str) -> Chart:
+def _chart(key: str, contestants: list[ComparedController], measured: dict[str, TailErrors], part: str) -> Chart:
     delayed = part == "delayed"
     level = Curve("a fifth of the model's amplitude", [SIZES[0], SIZES[-1]], [UNFOLLOWED_SHARE * amplitude()] * 2)
     return Chart(
@@ -180,7 +181,7 @@ def _chart(key: str, contestants: list[Contestant], measured: dict[str, Measured
         title="Section V's family as its parameters grow" + (f", with an input delay of {1e3 * DELAY:g} ms" if delayed else ""),
         caption="Set and true parameters scaled together, the parameters in the set's corner (5, 5), where mu finds the linear loops "
         "weakest; fixed settings of all controllers. " + ("An exact delay at the input, which no controller knows" if delayed else "Without modelling errors"),
-        x=Axis("size of the parameters (1: Section V)", SIZES, logarithmic=True),
+        x=ChartAxis("size of the parameters (1: Section V)", SIZES, logarithmic=True),
         quantity="max |e| in the tail",
         lost=f"last size before |e| passes {UNSTABLE_ERROR_FACTOR:g} amplitudes",
         curves=tuple(_until_lost(c.name, getattr(measured[c.name], part)) for c in contestants),
@@ -194,7 +195,7 @@ def _until_lost(label: str, errors: Array) -> Curve:
     return Curve(label, SIZES[:end], errors[:end])
 
 
-def _table(contestants: list[Contestant], measured: dict[str, Measured]) -> Listing:
+def _table(contestants: list[ComparedController], measured: dict[str, TailErrors]) -> Listing:
     found = certify(section_v.problem(), tuple(c.controller for c in contestants), Simulation(t_end=T_END, dt=STEP))
     rows = []
     for c in contestants:

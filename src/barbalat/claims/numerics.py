@@ -32,7 +32,7 @@ def come_and_go(runs: Runs) -> Claim:
                 {
                     "figure": ("3", "4", "5"),
                     "Gamma": (1e4, 1e4, 1e6),
-                    "h [s]": (section_v.COARSE, section_v.FINE, section_v.FINE),
+                    "h [s]": (section_v.COARSE_STEP, section_v.FINE_STEP, section_v.FINE_STEP),
                     "first": [rate[0] for rate in rates],
                     "second": [rate[1] for rate in rates],
                 },
@@ -86,7 +86,7 @@ def smaller_gain() -> Claim:
         "Section V, h = 1e-4 s, RK4, 60 s, without modelling error",
         listings=(
             by_component(
-                f"Tail error and variation of the estimates at h = {section_v.COARSE:g} s",
+                f"Tail error and variation of the estimates at h = {section_v.COARSE_STEP:g} s",
                 {f"MRAC, Gamma = {section_v.MODERATE_GAIN:g}": mrac, "L1-AC, Gamma = 10000": l1},
             ),
         ),

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from barbalat.claims import section_v
-from barbalat.claims.claim import Axis, Claim, Curve, Map, verdict
+from barbalat.claims.claim import ChartAxis, Claim, Curve, Map, verdict
 from barbalat.claims.section_v import Runs
 from barbalat.claims.variants import figures, span, table
 from barbalat.controllers import Mrac
@@ -19,6 +19,7 @@ from barbalat.validate import Array
 T_END = 30.0
 """Its last quarter has a crest of |x|, where the adaptation is fastest."""
 STEPS = (2e-4, 1e-4, 5e-5)
+"""[s]: the paper's coarse one, twice and half of it."""
 SWEEP_RATE = 20.0
 """Variation of an estimate [1/s] that is worth one sweep of the box, there and back, per second; the command makes one in 12 s."""
 
@@ -87,7 +88,11 @@ def _map(smooth: Result, onset_of_mrac: Array) -> Map:
     unstable = values > SWEEP_RATE
     some = unstable.any(axis=1)
     first = MAP_GAINS[unstable.argmax(axis=1)] * (MAP_GAINS[0] / MAP_GAINS[1]) ** 0.5  # the cell's left edge
-    of_the_paper = {"Figure 3": (1e4, section_v.COARSE), "Figure 4": (1e4, section_v.FINE), "Figure 5": (1e6, section_v.FINE)}
+    of_the_paper = {
+        "Figure 3": (1e4, section_v.COARSE_STEP),
+        "Figure 4": (1e4, section_v.FINE_STEP),
+        "Figure 5": (1e6, section_v.FINE_STEP),
+    }
     return Map(
         key="gain-step",
         title="L1-AC in Section V: where the estimates oscillate",
@@ -96,8 +101,8 @@ def _map(smooth: Result, onset_of_mrac: Array) -> Map:
             "the boundary; the line is drawn before any simulation of these cells, from the solver's limit and the largest |x|. "
             "A cell darker than the rest: a short burst of oscillation has thrown the estimates close to theta, where they vary less."
         ),
-        x=Axis("adaptive gain Γ", MAP_GAINS, logarithmic=True),
-        y=Axis("step h [s]", MAP_STEPS, logarithmic=True),
+        x=ChartAxis("adaptive gain Γ", MAP_GAINS, logarithmic=True),
+        y=ChartAxis("step h [s]", MAP_STEPS, logarithmic=True),
         values=values,
         quantity="variation of the estimates in the tail [1/s]",
         logarithmic=True,

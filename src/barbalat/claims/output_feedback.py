@@ -76,7 +76,7 @@ def _after_saturation(problem: OutputProblem, controller: L1Output) -> tuple[flo
     return bounded, free
 
 
-ZONES = (0.1, 0.2, 0.3, 0.34, 0.38, 0.42)
+DEAD_ZONES = (0.1, 0.2, 0.3, 0.34, 0.38, 0.42)
 """Half widths of the dead zone that are tried beside the case's own."""
 LEAST_PATH = 0.1
 """Of the estimates, all of the order of one: what moves less in 80 s does not adapt."""
@@ -89,7 +89,7 @@ def rohrs() -> Claim:
     classical, resting = runs.pop("Classical"), runs.pop("Not adapting")
     bounded = {name: run for name, run in runs.items() if run.diverged_at is None}
     ended = _dead_zones(case)
-    lost = [g_0 for g_0, at in zip(ZONES, ended, strict=True) if np.isfinite(at)]
+    lost = [g_0 for g_0, at in zip(DEAD_ZONES, ended, strict=True) if np.isfinite(at)]
     heights = _heights(bounded)
     adapting = [name for name, run in bounded.items() if _moved(run) > LEAST_PATH]
     falls = f"diverges at t = {classical.diverged_at:.4g} s" if classical.diverged_at else "stays"
@@ -104,14 +104,14 @@ def rohrs() -> Claim:
         verdict=of_readings(readings),
         measured=f"the classical law {falls}; max |y| of the others over {case.simulation.t_end:g} s is {span(heights)}, without "
         "adapting at all "
-        f"{resting.figures['max_abs_y']:.3g}. The dead zone bears it by not adapting: of {len(ZONES)} more, g_0 = {span(ZONES)}, "
+        f"{resting.figures['max_abs_y']:.3g}. The dead zone bears it by not adapting: of {len(DEAD_ZONES)} more, g_0 = {span(DEAD_ZONES)}, "
         f"{len(lost)} diverge" + (f", those of {span(lost)}" if lost else ""),
         how="Rohrs' plant and command 0.3 + 1.85 sin 16.1 t, RK4, h = 1e-4 s; dead zones at h = 1e-3 s",
         listings=(
             _motions(bounded, case.simulation.t_end),
             table(
                 "Narrower and wider dead zones: when the run diverges; -: it does not",
-                {"g_0": ZONES, "diverges at [s]": ended},
+                {"g_0": DEAD_ZONES, "diverges at [s]": ended},
             ),
         ),
         number=f"the classical law {falls}; {len(bounded)} of {len(runs)} modified laws do not",
@@ -129,7 +129,7 @@ def _of_rohrs(
         Reading(
             "the modified laws stay bounded, with any width of the dead zone",
             verdict(holds=bounded == modified, conditional=lost > 0),
-            f"{bounded} of {modified} do over {t_end:g} s; of {len(ZONES)} more dead zones {lost} diverge",
+            f"{bounded} of {modified} do over {t_end:g} s; of {len(DEAD_ZONES)} more dead zones {lost} diverge",
         ),
         Reading(
             "and they go on adapting",
@@ -157,9 +157,9 @@ def _moved(run: Result) -> float:
 
 
 def _dead_zones(case: Case) -> Array:
-    """For each of ``ZONES`` when the classical law diverges with it [s]; NaN where it does not."""
+    """For each of ``DEAD_ZONES`` when the classical law diverges with it [s]; NaN where it does not."""
     classical = next(c for c in case.controllers if isinstance(c, MracOutput) and c.name == "Classical")
     assert isinstance(classical.law, LyapunovLaw)
-    tried = [replace(classical, law=replace(classical.law, dead_zone=DeadZone(g_0=g_0))) for g_0 in ZONES]
+    tried = [replace(classical, law=replace(classical.law, dead_zone=DeadZone(g_0=g_0))) for g_0 in DEAD_ZONES]
     simulation = replace(case.simulation, dt=1e-3)
     return np.asarray(simulate_ensemble([(case.problem, controller) for controller in tried], simulation).metrics.diverged_at)

@@ -6,17 +6,17 @@ import numpy as np
 
 from barbalat.claims import section_v
 from barbalat.claims.claim import Claim, Reading, of_readings, verdict
-from barbalat.claims.stiff import AUTOMATIC_END, CONVERGED_STEPS, LATE_WINDOW, PAPER, T_END, TAIL
-from barbalat.claims.stiff_methods import WINDOW
+from barbalat.claims.stiff_methods import RINGING_WINDOW
 from barbalat.claims.stiff_runs import rk4
+from barbalat.claims.stiff_settings import AUTOMATIC_END, CONVERGED_STEPS, LATE_WINDOW, PAPER_SETTING, T_END, TAIL_WINDOW
 from barbalat.claims.variants import numbers, table
 from barbalat.validate import Array
 
 
 def own_oscillation() -> Claim:
     """What is left of the oscillation when the step goes to zero."""
-    steps = [rk4(PAPER.gamma, h, T_END) for h in (section_v.FINE, *CONVERGED_STEPS)]
-    free, boxed = ([path.ringing(*TAIL) for path in paths] for paths in zip(*steps, strict=True))
+    steps = [rk4(PAPER_SETTING.gamma, h, T_END) for h in (section_v.FINE_STEP, *CONVERGED_STEPS)]
+    free, boxed = ([path.ringing(*TAIL_WINDOW) for path in paths] for paths in zip(*steps, strict=True))
     early = [path.ringing(*LATE_WINDOW) for path in (steps[0][1], steps[2][1])]
     agree = bool(np.allclose(free[1], free[2], rtol=0.1))
     readings = _readings(free, boxed, agree)
@@ -28,12 +28,12 @@ def own_oscillation() -> Claim:
         f"their bounds (at {AUTOMATIC_END:g} s, before that, {numbers(early[0])} at h = 1e-5 s, {numbers(early[1])} at 5e-7 s). "
         f"Without projection {numbers(free[2])}: there the equations themselves ring, and at h = 1e-5 s "
         "RK4's own damping hides it",
-        f"L1-AC, kappa = 0.02 s, Gamma = 1e4, RK4, {T_END:g} s; ringing: half the largest swing within {WINDOW:g} s, over every step of the last quarter",
+        f"L1-AC, kappa = 0.02 s, Gamma = 1e4, RK4, {T_END:g} s; ringing: half the largest swing within {RINGING_WINDOW:g} s, over every step of the last quarter",
         listings=(
             table(
                 "The ringing of the two estimates with RK4, by its step, with projection and without",
                 {
-                    "h [s]": (section_v.FINE, *CONVERGED_STEPS),
+                    "h [s]": (section_v.FINE_STEP, *CONVERGED_STEPS),
                     **{f"{i}, with": [each[i - 1] for each in boxed] for i in (1, 2)},
                     **{f"{i}, without": [each[i - 1] for each in free] for i in (1, 2)},
                 },
@@ -51,13 +51,13 @@ def _readings(free: list[Array], boxed: list[Array], agree: bool) -> tuple[Readi
         Reading(
             "with the projection, as Figure 4 shows it, after the first seconds",
             verdict(holds=bool((boxed[2] < 0.01).all())),
-            f"ringing of at most {boxed[0].max():.2g} at h = {section_v.FINE:g} s, {boxed[2].max():.2g} at "
+            f"ringing of at most {boxed[0].max():.2g} at h = {section_v.FINE_STEP:g} s, {boxed[2].max():.2g} at "
             f"{CONVERGED_STEPS[1]:g} s",
         ),
         Reading(
             "without projection: what rings at h = 1e-4 s is the solver's alone",
             verdict(holds=not (agree and bool((free[2] > 3 * free[0]).all()))),
-            f"ringing of at most {free[0].max():.2g} at h = {section_v.FINE:g} s, {free[2].max():.2g} at {CONVERGED_STEPS[1]:g} "
+            f"ringing of at most {free[0].max():.2g} at h = {section_v.FINE_STEP:g} s, {free[2].max():.2g} at {CONVERGED_STEPS[1]:g} "
             "s",
         ),
     )

@@ -18,7 +18,7 @@ from barbalat.signals import Constant, Step
 from barbalat.solvers.simulation import Simulation
 
 STEPS_A_SAMPLE = 2
-ROUNDING = 1e-9
+ROUNDING_SHARE = 1e-9
 """Of the largest |u|: sums in another order, divided by the sample time."""
 TRIED_POLES = (-10.0, -5.0, -1.0, 0.0)
 """a of the predictor as flown [1/s]."""
@@ -61,12 +61,12 @@ def _readings(difference: float, left: list[float]) -> tuple[Reading, ...]:
     return (
         Reading(
             "a fixed-gain LTI controller, from sample to sample",
-            verdict(holds=difference < ROUNDING),
+            verdict(holds=difference < ROUNDING_SHARE),
             f"its control differs from its realisation's by {difference:.1g} of the largest |u|, in both forms",
         ),
         Reading(
             "integral action",
-            verdict(holds=left[-1] < ROUNDING, conditional=left[0] > ROUNDING),
+            verdict(holds=left[-1] < ROUNDING_SHARE, conditional=left[0] > ROUNDING_SHARE),
             f"a constant disturbance leaves |e_1| = {left[1]:.2g} with a = {TRIED_POLES[1]:g}/s, {left[-1]:.1g} with a = 0",
         ),
     )

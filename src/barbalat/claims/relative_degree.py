@@ -41,7 +41,7 @@ LAWS: dict[str, AdaptiveLaw] = {"gradient": Gradient(gamma=5.0), "least squares"
 
 DISTURBANCE_AND_LAG: tuple[Sine, float] = (Sine(amplitude=0.2, frequency=2.0), 0.05)
 """A bounded disturbance, a fifth of the command, and an actuator's lag [s] of which the designer knows nothing."""
-NOT_GROWING = 1.1
+LARGEST_GROWTH = 1.1
 """By which the largest error of the last quarter may exceed that of the quarter before: signals of two frequencies beat, and the estimates still move."""
 
 
@@ -93,7 +93,7 @@ def _readings(
         ),
         Reading(
             f"all stays bounded beside a disturbance 0.2 sin 2t and an unmodelled lag of {DISTURBANCE_AND_LAG[1]:g} s: n* = {', '.join(map(str, degrees))}, gradient",
-            verdict(holds=all(last <= NOT_GROWING * before for before, last in beside.values())),
+            verdict(holds=all(last <= LARGEST_GROWTH * before for before, last in beside.values())),
             stays,
         ),
         Reading(

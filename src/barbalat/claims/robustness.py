@@ -8,7 +8,7 @@ from barbalat.claims import section_v
 from barbalat.claims.claim import Claim, Reading, of_readings, verdict
 from barbalat.claims.variants import figures, local_exponents, span, table
 
-ONE_NU = 1.05
+EQUAL_NU_FACTOR = 1.05
 """Up to which factor two values of max |e|/tau count as one."""
 
 
@@ -21,7 +21,7 @@ def tau_and_error() -> Claim:
     readings = (
         Reading(
             f"as (17) has it, |e| <= tau nu with one nu, up to Figure 2's tau = {section_v.TAU:g} s",
-            verdict(holds=bool(nu.max() < nu[-1] * ONE_NU)),
+            verdict(holds=bool(nu.max() < nu[-1] * EQUAL_NU_FACTOR)),
             f"the least nu is {nu[0]:.3g} at {taus[0]:g} s, {nu[1]:.3g} at {taus[1]:g} s, {nu[-1]:.3g} at {taus[-1]:g} s",
         ),
         Reading(

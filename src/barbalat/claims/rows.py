@@ -49,6 +49,7 @@ class Measurement:
 
     names    the rows' names, and what each is about in a few words: a row can be found before it is measured
     seconds  what they take in a process of their own, about: the longest are begun first, and the time that is left is forecast
+    shares   a name that rows have in common which share runs: one process measures them
     ``measure`` stands alone, or judges the runs of Section V, which it is then given. ``sharper`` measures the same rows further
     than the plain command has time for, which is ``reproduce --full``; no verdict waits for it.
     """
@@ -60,6 +61,7 @@ class Measurement:
     judges_runs: bool = False
     sharper: Callable[..., Claim | list[Claim]] | None = None
     sharper_seconds: float = 0.0
+    shares: str = ""
 
     def rows(self, *runs: Runs, full: bool = False) -> list[Claim]:
         """The rows."""
@@ -107,15 +109,21 @@ LEDGER = (
     ),
     Measurement(numerics.smaller_gain, 0.2, {"smaller-gain": "a smaller gain removes the oscillations"}),
     Measurement(numerics.small_tau, 0.4, {"small-tau-numerics": "a very small tau fails numerically"}),
-    Measurement(own_oscillation.own_oscillation, 5.7, {"own-oscillation": "at h = 1e-5 s the oscillation is gone"}),
+    Measurement(
+        own_oscillation.own_oscillation, 5.7, {"own-oscillation": "at h = 1e-5 s the oscillation is gone"}, shares="converged"
+    ),
     Measurement(
         stiff.stiff_solvers, 12.0, {"stiff-solvers": "solvers for stiff problems"},
-        sharper=stiff.stiff_solvers_further, sharper_seconds=190.0,
+        sharper=stiff.stiff_solvers_further, sharper_seconds=190.0, shares="converged",
     ),
     Measurement(sampled.claim, 1.6, {"sampled-midpoint": "a sampled law that no gain destabilises"}),
     Measurement(sampled.delays, 0.9, {"sampled-delay": "sampled controllers and delays"}),
-    Measurement(gain_margins.gain_reduces_margins, 0.7, {"gain-reduces-margins": "a high adaptive gain reduces robustness"}),
-    Measurement(filter_margins.claim, 9.0, {"filter-reduces-margins": "the filter reduces the margins"}),
+    Measurement(
+        gain_margins.gain_reduces_margins, 0.7, {"gain-reduces-margins": "a high adaptive gain reduces robustness"}, shares="scans"
+    ),
+    Measurement(
+        filter_margins.claim, 9.0, {"filter-reduces-margins": "the filter reduces the margins"}, shares="scans"
+    ),
     Measurement(robustness.tau_and_error, 0.3, {"tau-error": "the robust MRAC's error is proportional to tau"}),
     Measurement(
         theorem_2.claims, 5.0,

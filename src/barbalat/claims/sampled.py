@@ -58,9 +58,10 @@ def _rates(scheme: str, discretization: str) -> Array:
     return np.array(rates)
 
 
-DELAYS = (1e-3, 2e-3, 5e-3, 1e-2, 5e-2)
-DELAY_GAINS = (1.0, 1e2, 1e4, 1e6)
 SAMPLE_TIME = 1e-3
+DELAYS = (1e-3, 2e-3, 5e-3, 1e-2, 5e-2)
+"""[s], from one sample to fifty."""
+DELAY_GAINS = (1.0, 1e2, 1e4, 1e6)
 CHATTER_FACTOR = 30.0
 """Estimates that vary by no more than this factor above their variation without delay don't chatter; the others do a thousandfold."""
 

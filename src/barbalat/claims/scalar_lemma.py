@@ -23,7 +23,7 @@ WEAK_REGRESSORS = (0.3, 0.1, 0.03)
 LEARNT_BIAS = 5.0
 """Inside the width of Section V's set."""
 GRADIENT_GAIN = 10.0
-GROWTH = 1.5
+BOUNDED_GROWTH = 1.5
 """Constants that grow by no more from one signal to the next have a bound; those of pure least squares grow tenfold."""
 
 
@@ -39,7 +39,7 @@ class Piece(NamedTuple):
         return 1 + self.phi**2
 
 
-class Law(Protocol):
+class ScalarLaw(Protocol):
     """One law: its state at the start, and what a piece does to it."""
 
     def initial(self) -> tuple[float, float]: ...
@@ -79,7 +79,7 @@ class ScalarGradient(NamedTuple):
         return (goal + left * apart, 0.0), apart**2 * (1 - left**2) / (2 * self.gamma)
 
 
-def spent_in_the_last(law: Law, pieces: tuple[Piece, ...]) -> float:
+def spent_in_the_last(law: ScalarLaw, pieces: tuple[Piece, ...]) -> float:
     """The integral of (epsilon m)^2 over the last piece."""
     state, spent = law.initial(), 0.0
     for piece in pieces:
@@ -104,7 +104,7 @@ def weakly_taught(phi: float) -> tuple[tuple[Piece, Piece], float]:
     return (first._replace(duration=T / 2 * first.m_squared / phi**2), Piece(T, 1.0, 0.0)), mu
 
 
-def constants(law: Law) -> Array:
+def constants(law: ScalarLaw) -> Array:
     """The least nu of the paper's definition, integral <= nu (mu T + 1), over the last piece, for each of WEAK_REGRESSORS."""
     taught = [weakly_taught(phi) for phi in WEAK_REGRESSORS]
     return np.array([spent_in_the_last(law, pieces) / (mu * pieces[1].duration + 1) for pieces, mu in taught])
@@ -149,14 +149,14 @@ def listings() -> tuple[Listing, Listing]:
     )
 
 
-def _of_both(measure: Callable[[Law], Array]) -> tuple[Array, Array]:
+def _of_both(measure: Callable[[ScalarLaw], Array]) -> tuple[Array, Array]:
     """By pure least squares, and by the gradient law."""
     return measure(ScalarLeastSquares()), measure(ScalarGradient())
 
 
-def _left(law: Law) -> Array:
+def _left(law: ScalarLaw) -> Array:
     return np.array([spent_in_the_last(law, biased(T)) for T in BIASED_TIMES])
 
 
 def _bounded(found: Array) -> bool:
-    return bool((found[1:] <= GROWTH * found[:-1]).all())
+    return bool((found[1:] <= BOUNDED_GROWTH * found[:-1]).all())

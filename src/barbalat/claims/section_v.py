@@ -19,11 +19,12 @@ from barbalat.run.simulate import simulate
 from barbalat.solvers.simulation import Simulation
 
 T_END = 60.0
-COARSE, FINE = 1e-4, 1e-5
+COARSE_STEP, FINE_STEP = 1e-4, 1e-5
 KAPPA = 0.02
 TAU = 0.5
 COVARIANCE0 = 500.0
 C_0 = (1.0, 1.0)
+"""As printed, in seconds: horizon, both steps, kappa and tau; P(0) and c_0 of the robust MRAC."""
 ERRATUM_TAUS = (0.1, 0.05)
 """Two values below the loop's own time constants, where proportional to tau means what it says."""
 MODERATE_GAIN = 10.0
@@ -86,8 +87,8 @@ def run(progress: Progress | None = None) -> Runs:
     """All runs, those that are labelled numerically unstable with their check at a finer step."""
     given, coarse, fine = problem(), coarse_controllers(), fine_controllers()
     runs = Runs(
-        coarse=simulate(given, coarse, Simulation(t_end=T_END, dt=COARSE), progress=part_of(progress, 0.0, 0.1)),
-        fine=simulate(given, fine, Simulation(t_end=T_END, dt=FINE), progress=part_of(progress, 0.1, 0.3)),
+        coarse=simulate(given, coarse, Simulation(t_end=T_END, dt=COARSE_STEP), progress=part_of(progress, 0.0, 0.1)),
+        fine=simulate(given, fine, Simulation(t_end=T_END, dt=FINE_STEP), progress=part_of(progress, 0.1, 0.3)),
     )
     return Runs(
         coarse=check_numerics(runs.coarse, progress=part_of(progress, 0.4, 0.2)),

@@ -2,104 +2,46 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from barbalat.claims import section_v
 from barbalat.claims.claim import Claim, Listing, Reading, of_readings, verdict
-from barbalat.claims.stiff_methods import NEWTON_STEPS, WINDOW, SciPyMethod
-from barbalat.claims.stiff_runs import AGREEMENT_FACTOR, Gain, Row, agrees, cell, listing, rings_too_much
-from barbalat.claims.variants import numbers
-
-T_END = 20.0
-TAIL = (0.75 * T_END, T_END)
-AUTOMATIC_END = 3.0
-"""[s]: past the time at which RK4 has left the solution at the paper's step, and before any estimate reaches its bound."""
-LATE_WINDOW = (AUTOMATIC_END - 0.1, AUTOMATIC_END)
-LONG_AUTOMATIC_END = 10.0
-"""[s]: past the time that an estimate lies on its bound, from 6.5 to 9.3 s."""
-TOLERANCE = 1e-7
-"""Relative, of the codes with automatic steps; to 3 s at 1e-6 they damp the ringing by a quarter and more (docs/claims.md)."""
-BUDGETS: dict[SciPyMethod, int] = {"LSODA": 1_000_000}
-"""It needs half of that. SciPy's BDF and Radau are Python, 20 to 40 us for each evaluation, half a minute each: ``--full`` has them."""
-LONG_BUDGETS: dict[SciPyMethod, int] = {"LSODA": 3_000_000, "BDF": 3_000_000, "Radau": 3_000_000}
-"""What they need to ``AUTOMATIC_END`` at ``LOOSE_TOLERANCES``."""
-LOOSE_TOLERANCES = (1e-3, 1e-6)
-"""The first is what MATLAB's ode15s has unless told otherwise: what the paper's authors would have got without a word."""
-LOOSE_END = 4.0
-"""[s]: of the plain command at the loose tolerance; ``--full`` goes to ``LONG_AUTOMATIC_END`` with all four codes, in a minute and more."""
-FULL_BUDGETS: dict[SciPyMethod, int] = {"LSODA": 30_000_000, "BDF": 30_000_000, "Radau": 30_000_000}
-"""Evaluations to ``LONG_AUTOMATIC_END`` at the loose tolerance: more than any of them needs to arrive, or to give up."""
-CONVERGED_STEPS = (1e-6, 5e-7)
-"""Steps [s] at which h |lambda| is 0.07 and less: two that agree show what the equations do."""
-PAPER = Gain(1e4, T_END, CONVERGED_STEPS[0], TAIL)
-FIGURE_5 = Gain(1e6, AUTOMATIC_END, 2e-7, LATE_WINDOW)
-"""The converged step is 1e-7 s within 0.2 % of the ringing."""
-NEIGHBOURS = (Gain(3e3, 6.0, 1e-6, (4.5, 6.0)), Gain(1e5, 2.0, 2.5e-7, (1.5, 2.0)))
-"""Gains around the paper's first one, at each of which RK4 fails at its step of 1e-4 s, for as long as the plain command has time."""
-FURTHER_GAINS = (Gain(3e3, T_END, 1e-6, TAIL), Gain(1e5, T_END, 2.5e-7, TAIL), Gain(1e6, 10.0, 1e-7, (9.9, 10.0)))
-"""Of ``reproduce --full``; the last is as long as its converged step allows within a quarter of a minute."""
-FULL_COMMAND = (
-    f"Gamma = {', '.join(f'{each.gamma:g}' for each in FURTHER_GAINS)} at h = 1e-4 and 1e-5 s over {FURTHER_GAINS[0].t_end:g} s ({FURTHER_GAINS[-1].t_end:g} s at "
-    f"the largest); SciPy's BDF and Radau beside the two codes, to {AUTOMATIC_END:g} s at tolerances of {LOOSE_TOLERANCES[0]:g} and "
-    f"{LOOSE_TOLERANCES[1]:g}, all four to {LONG_AUTOMATIC_END:g} s at {LOOSE_TOLERANCES[0]:g}; both codes to {LONG_AUTOMATIC_END:g} s at {TOLERANCE:g}"
+from barbalat.claims.stiff_methods import NEWTON_STEPS, RINGING_WINDOW, SciPyMethod
+from barbalat.claims.stiff_runs import AGREEMENT_FACTOR, StiffRow, agrees, cell, listing, rings_too_much
+from barbalat.claims.stiff_settings import (
+    AUTOMATIC_END,
+    FIGURE_5,
+    FULL_COMMAND,
+    FURTHER_GAINS,
+    LONG_AUTOMATIC_END,
+    LONG_BUDGETS,
+    LOOSE_TOLERANCES,
+    NEIGHBOURING_SETTINGS,
+    PAPER_SETTING,
+    T_END,
+    TAIL_WINDOW,
+    TOLERANCE,
+    StiffRuns,
 )
-
-
-@dataclass(frozen=True)
-class Tried:
-    """All that was run, by what it is for."""
-
-    explicit: list[Row]
-    fixed: list[Row]
-    automatic: list[Row]
-    longer: list[Row]
-    loose: list[Row]
-    at_figure_5: list[Row]
-    at_neighbours: tuple[list[Row], ...]
-
-    @staticmethod
-    def now(*, full: bool = False) -> Tried:
-        """What the plain command has time for; in full all codes to the end at the loose tolerance."""
-        return Tried(
-            explicit=[PAPER.explicit(h) for h in (section_v.COARSE, section_v.FINE)],
-            fixed=[
-                PAPER.implicit(section_v.COARSE, midpoint=True),
-                PAPER.implicit(section_v.COARSE, midpoint=False),
-                PAPER.implicit(section_v.FINE, midpoint=True),
-            ],
-            automatic=PAPER.automatic(BUDGETS, tolerance=TOLERANCE, t_end=AUTOMATIC_END),
-            longer=PAPER.automatic({}, tolerance=LOOSE_TOLERANCES[1], t_end=LONG_AUTOMATIC_END),
-            loose=PAPER.automatic(
-                FULL_BUDGETS if full else {}, tolerance=LOOSE_TOLERANCES[0], t_end=LONG_AUTOMATIC_END if full else LOOSE_END
-            ),
-            at_figure_5=[FIGURE_5.explicit(section_v.FINE)]
-            + [FIGURE_5.implicit(section_v.FINE, midpoint=midpoint) for midpoint in (True, False)],
-            at_neighbours=tuple(
-                [gain.explicit(section_v.COARSE)]
-                + [gain.implicit(section_v.COARSE, midpoint=midpoint) for midpoint in (True, False)]
-                for gain in NEIGHBOURS
-            ),
-        )
+from barbalat.claims.variants import numbers
 
 
 def stiff_solvers() -> Claim:
     """At the gains and steps of Figures 3 and 5, where RK4 fails: without projection, and with it as the figures are."""
-    return _claim(Tried.now())
+    return _claim(StiffRuns.now())
 
 
 def stiff_solvers_further() -> Claim:
     """The same, more gains, longer runs of the codes with automatic steps."""
-    listings, right, followed = [], PAPER.right, []
+    listings, right, followed = [], PAPER_SETTING.right, []
     for gain in FURTHER_GAINS:
-        steps = (section_v.COARSE, section_v.FINE)
+        steps = (section_v.COARSE_STEP, section_v.FINE_STEP)
         rows = [gain.explicit(h) for h in steps] + [gain.implicit(h, midpoint=m) for h in steps for m in (True, False)]
         listings.append(listing(rows, gain.right, gain.gamma))
         followed.append((gain, [row for row in rows[2:] if agrees(row.boxed, gain.right[1], gain.span)]))
-    loose = [row for t in LOOSE_TOLERANCES for row in PAPER.automatic(LONG_BUDGETS, tolerance=t, t_end=AUTOMATIC_END)]
+    loose = [row for t in LOOSE_TOLERANCES for row in PAPER_SETTING.automatic(LONG_BUDGETS, tolerance=t, t_end=AUTOMATIC_END)]
     compiled: dict[SciPyMethod, int] = {"LSODA": LONG_BUDGETS["LSODA"]}
-    longer = PAPER.automatic(compiled, tolerance=TOLERANCE, t_end=LONG_AUTOMATIC_END)
+    longer = PAPER_SETTING.automatic(compiled, tolerance=TOLERANCE, t_end=LONG_AUTOMATIC_END)
     gains = "; ".join(
         f"Gamma = {gain.gamma:g}: {', '.join(f'{row.name}, {row.setting}' for row in rows) or 'none'}" for gain, rows in followed
     )
@@ -109,14 +51,16 @@ def stiff_solvers_further() -> Claim:
         verdict(holds=not all(rows for _, rows in followed), conditional=any(rows for _, rows in followed)),
         f"implicit steps that follow the equations, with projection: {gains}. Automatic steps: {codes}",
     )
-    return _claim(Tried.now(full=True), more, listings=tuple(listings))
+    return _claim(StiffRuns.now(full=True), more, listings=tuple(listings))
 
 
-def _claim(tried: Tried, *more: Reading, listings: tuple[Listing, ...] = ()) -> Claim:
+def _claim(tried: StiffRuns, *more: Reading, listings: tuple[Listing, ...] = ()) -> Claim:
     readings = (*_phenomena(tried), *_automatic(tried), *_singularity(tried), *more)
-    right, shown = PAPER.right, [*tried.explicit, *tried.fixed, *tried.automatic, *tried.longer, *tried.loose]
+    right, shown = PAPER_SETTING.right, [*tried.explicit, *tried.fixed, *tried.automatic, *tried.longer, *tried.loose]
     best = tried.fixed[0]
-    neighbours = tuple(listing(rows, gain.right, gain.gamma) for gain, rows in zip(NEIGHBOURS, tried.at_neighbours, strict=True))
+    neighbours = tuple(
+        listing(rows, gain.right, gain.gamma) for gain, rows in zip(NEIGHBOURING_SETTINGS, tried.at_neighbours, strict=True)
+    )
     return Claim(
         "stiff-solvers", "Section V, discussion of Figures 3 to 5",
         "Even with a solver for stiff problems the phenomena of Figures 3 and 5 cannot be avoided, nor a possible singularity",
@@ -130,11 +74,11 @@ def _claim(tried: Tried, *more: Reading, listings: tuple[Listing, ...] = ()) -> 
         )
         + "".join(f". {one.verdict.capitalize()} is {one.says}: {one.measured}" for one in readings if not one.decides)
         + f". {NOT_TESTED}",
-        f"right: within a factor {AGREEMENT_FACTOR:g} of RK4 at h = {PAPER.converged_step:g} s, which rings by {numbers(right[0].ringing(*TAIL))} without and "
-        f"{numbers(right[1].ringing(*TAIL))} with projection; last quarter of {T_END:g} s. Implicit steps: {NEWTON_STEPS} Newton steps of the exact Jacobian, "
+        f"right: within a factor {AGREEMENT_FACTOR:g} of RK4 at h = {PAPER_SETTING.converged_step:g} s, which rings by {numbers(right[0].ringing(*TAIL_WINDOW))} without and "
+        f"{numbers(right[1].ringing(*TAIL_WINDOW))} with projection; last quarter of {T_END:g} s. Implicit steps: {NEWTON_STEPS} Newton steps of the exact Jacobian, "
         f"the estimate limited at the step's end. Automatic steps: with projection, exact Jacobian, last 0.1 s; up to {AUTOMATIC_END:g} s no estimate is "
         f"beyond {_highest():.1f} and the projection at rest; the phenomenon begins at {tried.explicit[0].free.reached:.1f} s",
-        listings=(listing(shown, right, PAPER.gamma), *neighbours, listing(tried.at_figure_5, FIGURE_5.right, FIGURE_5.gamma), *listings),
+        listings=(listing(shown, right, PAPER_SETTING.gamma), *neighbours, listing(tried.at_figure_5, FIGURE_5.right, FIGURE_5.gamma), *listings),
         number=f"ringing over the converged one's, Figure 3: RK4 {cell(tried.explicit[0], 1, right)}, {best.name} {cell(best, 1, right)}, "
         f"{tried.loose[0].name} at {LOOSE_TOLERANCES[0]:g} {cell(tried.loose[0], 1, right)}",
         readings=readings,
@@ -145,21 +89,21 @@ def _claim(tried: Tried, *more: Reading, listings: tuple[Listing, ...] = ()) -> 
     )  # fmt: skip
 
 
-def _phenomena(tried: Tried) -> tuple[Reading, ...]:
+def _phenomena(tried: StiffRuns) -> tuple[Reading, ...]:
     """What the paper saw of RK4, of implicit steps of the same size."""
-    free, boxed = PAPER.right
+    free, boxed = PAPER_SETTING.right
     at_paper = [row for row in tried.fixed if row.setting == tried.fixed[0].setting]
-    too_much = [row for row in at_paper if rings_too_much(row.free, free, TAIL)]
-    pairs = [(gain, row) for gain, rows in zip(NEIGHBOURS, tried.at_neighbours, strict=True) for row in rows[1:]]
+    too_much = [row for row in at_paper if rings_too_much(row.free, free, TAIL_WINDOW)]
+    pairs = [(gain, row) for gain, rows in zip(NEIGHBOURING_SETTINGS, tried.at_neighbours, strict=True) for row in rows[1:]]
     failing = [row.boxed.lost or rings_too_much(row.boxed, gain.right[1], gain.span) for gain, row in pairs]
     return (
         Reading(
             "swings between the bounds, at Figure 3's gain and step, with the projection",
-            verdict(holds=not any(agrees(row.boxed, boxed, TAIL) for row in tried.fixed)),
-            "; ".join(f"{row.name}, {row.setting} {cell(row, 1, PAPER.right)}" for row in tried.fixed),
+            verdict(holds=not any(agrees(row.boxed, boxed, TAIL_WINDOW) for row in tried.fixed)),
+            "; ".join(f"{row.name}, {row.setting} {cell(row, 1, PAPER_SETTING.right)}" for row in tried.fixed),
         ),
         Reading(
-            f"the same at {' and '.join(f'Gamma = {gain.gamma:g}' for gain in NEIGHBOURS)}, Figure 3's step",
+            f"the same at {' and '.join(f'Gamma = {gain.gamma:g}' for gain in NEIGHBOURING_SETTINGS)}, Figure 3's step",
             verdict(holds=any(failing), conditional=not all(failing)),
             "; ".join(f"Gamma = {gain.gamma:g}, {row.name} {cell(row, 1, gain.right)}" for gain, row in pairs),
         ),
@@ -176,20 +120,20 @@ def _phenomena(tried: Tried) -> tuple[Reading, ...]:
         Reading(
             "beside the sentence: a ringing of the solver's own, beyond that of the equations, at Figure 3's gain and step, without projection",
             verdict(holds=bool(too_much), conditional=len(too_much) < len(at_paper)),
-            "; ".join(f"{row.name} {cell(row, 0, PAPER.right)}" for row in at_paper)
+            "; ".join(f"{row.name} {cell(row, 0, PAPER_SETTING.right)}" for row in at_paper)
             + ". The midpoint rule is stable at any step, but damps nothing of what it does not resolve: no swing between the bounds, no signal unbounded",
             decides=False,
         ),
     )
 
 
-def _automatic(tried: Tried) -> tuple[Reading, ...]:
+def _automatic(tried: StiffRuns) -> tuple[Reading, ...]:
     """Codes that choose their steps: tight, to where the phenomenon has begun and past the first second on a bound; and loose."""
     tight = tuple(
         Reading(
             f"codes with automatic steps, {_named(rows)}, to {rows[0].span[1]:g} s at a tight tolerance, {tolerance:g}",
-            verdict(holds=not any(agrees(row.boxed, PAPER.right[1], row.span) for row in rows)),
-            "; ".join(f"{row.name} {cell(row, 1, PAPER.right)}" for row in rows),
+            verdict(holds=not any(agrees(row.boxed, PAPER_SETTING.right[1], row.span) for row in rows)),
+            "; ".join(f"{row.name} {cell(row, 1, PAPER_SETTING.right)}" for row in rows),
         )
         for rows, tolerance in ((tried.automatic, TOLERANCE), (tried.longer, LOOSE_TOLERANCES[1]))
     )
@@ -198,18 +142,18 @@ def _automatic(tried: Tried) -> tuple[Reading, ...]:
         f"codes with automatic steps, {_named(tried.loose)}, to {tried.loose[0].span[1]:g} s at a loose tolerance, {LOOSE_TOLERANCES[0]:g}: one rings beyond "
         "the equations, or gives up",
         verdict(holds=bool(failing), conditional=len(failing) < len(tried.loose)),
-        "; ".join(f"{row.name} {cell(row, 1, PAPER.right)}{_amplitude(row)}" for row in tried.loose)
-        + f"; the converged solution rings by {PAPER.right[1].ringing(*tried.loose[0].span).max():.2g}. The bounds are 5 and -5",
+        "; ".join(f"{row.name} {cell(row, 1, PAPER_SETTING.right)}{_amplitude(row)}" for row in tried.loose)
+        + f"; the converged solution rings by {PAPER_SETTING.right[1].ringing(*tried.loose[0].span).max():.2g}. The bounds are 5 and -5",
     )
     return (*tight, loose)
 
 
-def _failing(tried: Tried) -> list[Row]:
+def _failing(tried: StiffRuns) -> list[StiffRow]:
     """The runs at the loose tolerance that show something of Figures 3 and 5: more ringing than the equations', or no end."""
-    return [row for row in tried.loose if row.boxed.lost or rings_too_much(row.boxed, PAPER.right[1], row.span)]
+    return [row for row in tried.loose if row.boxed.lost or rings_too_much(row.boxed, PAPER_SETTING.right[1], row.span)]
 
 
-def _condition(tried: Tried) -> str:
+def _condition(tried: StiffRuns) -> str:
     """By what is seen: which codes fail at the loose tolerance, and where none does."""
     said = [
         f"{row.name} {f'gives up at {row.boxed.reached:.4g} s' if row.boxed.lost else 'rings too much'}"
@@ -221,11 +165,11 @@ def _condition(tried: Tried) -> str:
     )
 
 
-def _amplitude(row: Row) -> str:
+def _amplitude(row: StiffRow) -> str:
     return "" if row.boxed.lost else f", by {row.boxed.ringing(*row.span).max():.2g}"
 
 
-def _named(rows: list[Row]) -> str:
+def _named(rows: list[StiffRow]) -> str:
     return ", ".join(row.name for row in rows)
 
 
@@ -235,7 +179,7 @@ NOT_TESTED = (
 )
 
 
-def _singularity(tried: Tried) -> tuple[Reading, ...]:
+def _singularity(tried: StiffRuns) -> tuple[Reading, ...]:
     """What a code says that meets one: its step falls below what doubles can add to t."""
     codes = [*tried.automatic, *tried.longer, *tried.loose]
     gave_up = [f"{row.name}, {row.setting}, at {row.boxed.reached:.4g} s" for row in codes if row.boxed.lost]
@@ -250,4 +194,6 @@ def _singularity(tried: Tried) -> tuple[Reading, ...]:
 
 def _highest() -> float:
     """The largest estimate of the converged solution until ``AUTOMATIC_END``."""
-    return float(np.nanmax(np.abs([(p.least, p.greatest) for p in PAPER.right])[:, :, : round(AUTOMATIC_END / WINDOW)]))
+    return float(
+        np.nanmax(np.abs([(p.least, p.greatest) for p in PAPER_SETTING.right])[:, :, : round(AUTOMATIC_END / RINGING_WINDOW)])
+    )

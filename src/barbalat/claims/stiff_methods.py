@@ -23,6 +23,7 @@ from barbalat.lowering.optimize import optimize
 from barbalat.lowering.shape import LoopShape
 from barbalat.problem.known_set import ParameterBox
 from barbalat.problem.state_feedback import Problem
+from barbalat.run.processes import undisturbed
 from barbalat.signals import Sine
 from barbalat.validate import Array
 
@@ -34,16 +35,17 @@ SciPyMethod = Literal["Radau", "BDF", "LSODA"]
 NEWTON_STEPS = 3
 """From the last step's state as the guess; the residual after them is checked."""
 LARGEST_RESIDUAL = 1e-6
+"""Of the method's own equation; from a window on that exceeds it a run has no numbers."""
 DIVERGED_ESTIMATE = 1e3
 """An estimate as large as that has diverged: the converged ones stay below 9, their bounds are 5."""
-WINDOW = 0.01
+RINGING_WINDOW = 0.01
 """[s]: dozens of periods of the adaptation, and little of the command's motion."""
 REPORT_STEP = 5e-5
 """[s] between the points at which CVODES reports: 15 or more in a period of the adaptation."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Path:
+class SolverPath:
     """What a solver made of the estimates, and what it cost.
 
     least, greatest  (windows, n): over each WINDOW from t = 0 on, NaN where the solver had no point in it
@@ -64,12 +66,14 @@ class Path:
 
     def ringing(self, start: float, end: float) -> Array:
         """Half the largest swing of each estimate within one WINDOW of [start, end] s: (n,), NaN where nothing is known."""
-        chosen = slice(round(start / WINDOW), round(end / WINDOW))
+        chosen = slice(round(start / RINGING_WINDOW), round(end / RINGING_WINDOW))
         swings = (self.greatest - self.least)[chosen]
         return np.asarray(np.where(np.isfinite(swings).any(axis=0), np.nanmax(swings, axis=0, initial=0.0) / 2, np.nan))
 
 
-def implicit(loop: ClosedLoop, problem: Problem, h: float, t_end: float, weight: float, box: ParameterBox) -> tuple[Path, Path]:
+def implicit(
+    loop: ClosedLoop, problem: Problem, h: float, t_end: float, weight: float, box: ParameterBox
+) -> tuple[SolverPath, SolverPath]:
     """The same steps without projection and with it, side by side in two lanes; ``loop`` is the one without.
 
     The slope is taken at (1 - weight) old + weight new: 1/2 is the midpoint rule, 1 is Euler's implicit method.
@@ -77,7 +81,7 @@ def implicit(loop: ClosedLoop, problem: Problem, h: float, t_end: float, weight:
     """
     started = time.process_time()
     rows, size = loop.theta_hat_rows, loop.size
-    n, blocks, steps = rows.stop - rows.start, round(t_end / WINDOW), round(WINDOW / h)
+    n, blocks, steps = rows.stop - rows.start, round(t_end / RINGING_WINDOW), round(RINGING_WINDOW / h)
     shape = LoopShape(size, 2 * n + 1, 2 * n, 1)
     resets = (np.inf,) * n + (-np.inf,) * n + (0.0,)
     kernel = Kernel(optimize(read(_implicit_step(loop, h, weight))), shape, resets, lanes=2)
@@ -92,9 +96,9 @@ def implicit(loop: ClosedLoop, problem: Problem, h: float, t_end: float, weight:
         least, greatest, residual = np.split(out[:, size:, lane], [n, 2 * n], axis=1)
         lost = np.logical_or.accumulate(~(residual < LARGEST_RESIDUAL))
         known = (np.where(lost, np.nan, extremum) for extremum in (least, greatest))
-        reached = float(t_end if not lost.any() else lost.argmax() * WINDOW)
+        reached = float(t_end if not lost.any() else lost.argmax() * RINGING_WINDOW)
         paths.append(
-            Path(
+            SolverPath(
                 least=next(known),
                 greatest=next(known),
                 final=state[rows, lane],
@@ -133,7 +137,7 @@ def _implicit_step(loop: ClosedLoop, h: float, weight: float) -> ca.Function:
 
 def scipy_path(
     loop: ClosedLoop, problem: Problem, method: SciPyMethod, *, tolerance: float, t_end: float, evaluations: int
-) -> Path:
+) -> SolverPath:
     """One of SciPy's solvers, relative tolerance and a hundredth of it absolute, until t_end or the evaluations are spent."""
     import casadi as ca
     from scipy.integrate import BDF, LSODA, Radau
@@ -154,7 +158,8 @@ def scipy_path(
     )
     instants, states = [0.0], [loop.initial()]
     while solver.status == "running" and solver.nfev < evaluations:
-        solver.step()
+        with undisturbed():  # SciPy's Fortran would report an interrupt of the slope on the terminal
+            solver.step()
         instants.append(solver.t)
         states.append(solver.y)
     seconds = time.process_time() - started
@@ -162,7 +167,7 @@ def scipy_path(
     return _path(np.array(instants), theta_hat, t_end, int(solver.nfev), seconds, lost=solver.status == "failed")
 
 
-def cvodes(loop: ClosedLoop, problem: Problem, *, tolerance: float, t_end: float) -> Path:
+def cvodes(loop: ClosedLoop, problem: Problem, *, tolerance: float, t_end: float) -> SolverPath:
     """SUNDIALS' code for stiff problems, backward differentiation formulas, with the exact Jacobian."""
     import casadi as ca
 
@@ -189,14 +194,14 @@ def _right_hand_side(loop: ClosedLoop, problem: Problem) -> tuple[ca.SX, ca.SX, 
     return state_column, t, ca.substitute(column(loop.derivative(loop.limit(state), r)), command, reference)
 
 
-def _path(t: Array, theta_hat: Array, t_end: float, evaluations: int, seconds: float, *, lost: bool = False) -> Path:
+def _path(t: Array, theta_hat: Array, t_end: float, evaluations: int, seconds: float, *, lost: bool = False) -> SolverPath:
     """Extrema over the windows from the points (K,), (K, n) that a solver gave."""
-    windows = round(t_end / WINDOW)
-    place = np.minimum((t / WINDOW * (1 + 1e-12)).astype(int), windows - 1)  # t_end belongs to the last
+    windows = round(t_end / RINGING_WINDOW)
+    place = np.minimum((t / RINGING_WINDOW * (1 + 1e-12)).astype(int), windows - 1)  # t_end belongs to the last
     filled, first = np.unique(place, return_index=True)
     least, greatest = np.full((2, windows, theta_hat.shape[1]), np.nan)
     least[filled], greatest[filled] = (extremum.reduceat(theta_hat, first) for extremum in (np.minimum, np.maximum))
-    return Path(
+    return SolverPath(
         least=least, greatest=greatest, final=theta_hat[-1], reached=float(t[-1]), lost=lost or not bool(np.abs(theta_hat).max() < DIVERGED_ESTIMATE),
         evaluations=evaluations, seconds=seconds,
     )  # fmt: skip

@@ -11,7 +11,7 @@ import numpy as np
 
 from barbalat.claims import section_v
 from barbalat.claims.claim import Listing
-from barbalat.claims.stiff_methods import WINDOW, Path, SciPyMethod, cvodes, implicit, scipy_path
+from barbalat.claims.stiff_methods import RINGING_WINDOW, SciPyMethod, SolverPath, cvodes, implicit, scipy_path
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.problem.known_set import ParameterBox
 from barbalat.protocols import Controller
@@ -24,18 +24,18 @@ AGREEMENT_FACTOR = 1.25
 CASES = ("L1, no projection", "L1")
 
 
-class Row(NamedTuple):
+class StiffRow(NamedTuple):
     """One solver: its paths without projection and with it, and the time over which its ringing is taken."""
 
     name: str
     setting: str
-    free: Path
-    boxed: Path
+    free: SolverPath
+    boxed: SolverPath
     span: tuple[float, float]
 
 
 @dataclass(frozen=True)
-class Gain:
+class StiffSetting:
     """L1-AC of Section V at one gain: how far it is run, and the step at which RK4 has converged.
 
     converged_step  [s]: h |lambda| is 0.14 and less, |lambda| near 700 sqrt(Gamma) at the crest of |x|
@@ -48,23 +48,23 @@ class Gain:
     span: tuple[float, float]
 
     @property
-    def right(self) -> tuple[Path, Path]:
+    def right(self) -> tuple[SolverPath, SolverPath]:
         """What the equations do, without projection and with it."""
         return rk4(self.gamma, self.converged_step, self.t_end)
 
-    def explicit(self, h: float) -> Row:
+    def explicit(self, h: float) -> StiffRow:
         """RK4 with the step h."""
-        return Row("RK4", self._setting(h), *rk4(self.gamma, h, self.t_end), self.span)
+        return StiffRow("RK4", self._setting(h), *rk4(self.gamma, h, self.t_end), self.span)
 
-    def implicit(self, h: float, *, midpoint: bool) -> Row:
+    def implicit(self, h: float, *, midpoint: bool) -> StiffRow:
         """The implicit midpoint rule, or Euler's implicit method, with the step h."""
         given = section_v.problem()
         assert isinstance(given.uncertainty, ParameterBox)
         loop = ClosedLoop.of(given, _controllers(self.gamma)[0])
         paths = implicit(loop, given, h, self.t_end, 0.5 if midpoint else 1.0, given.uncertainty)
-        return Row("implicit midpoint" if midpoint else "implicit Euler", self._setting(h), *paths, self.span)
+        return StiffRow("implicit midpoint" if midpoint else "implicit Euler", self._setting(h), *paths, self.span)
 
-    def automatic(self, budgets: dict[SciPyMethod, int], *, tolerance: float, t_end: float) -> list[Row]:
+    def automatic(self, budgets: dict[SciPyMethod, int], *, tolerance: float, t_end: float) -> list[StiffRow]:
         """The codes with automatic steps, with projection, judged by the last 0.1 s; SciPy's until their evaluations are spent."""
         given = section_v.problem()
         loop = ClosedLoop.of(given, _controllers(self.gamma)[1])
@@ -72,7 +72,7 @@ class Gain:
         for method, budget in budgets.items():
             found = scipy_path(loop, given, method, tolerance=tolerance, t_end=t_end, evaluations=budget)
             paths[f"{method} (SciPy)"] = found
-        return [Row(name, f"tolerance {tolerance:g}", path, path, (t_end - 0.1, t_end)) for name, path in paths.items()]
+        return [StiffRow(name, f"tolerance {tolerance:g}", path, path, (t_end - 0.1, t_end)) for name, path in paths.items()]
 
     def _setting(self, h: float) -> str:
         return f"h = {h:g} s"
@@ -83,10 +83,10 @@ def _controllers(gamma: float) -> list[Controller]:
 
 
 @cache
-def rk4(gamma: float, h: float, t_end: float) -> tuple[Path, Path]:
+def rk4(gamma: float, h: float, t_end: float) -> tuple[SolverPath, SolverPath]:
     """L1-AC with RK4, without projection and with it."""
     started = time.process_time()
-    windows, parts = round(t_end / WINDOW), _parts(round(WINDOW / h))
+    windows, parts = round(t_end / RINGING_WINDOW), _parts(round(RINGING_WINDOW / h))
     simulation = Simulation(t_end=t_end, dt=h, record_points=windows * parts)
     runs = simulate(section_v.problem(), _controllers(gamma), simulation)
     seconds = (time.process_time() - started) / 2
@@ -97,7 +97,7 @@ def rk4(gamma: float, h: float, t_end: float) -> tuple[Path, Path]:
         least[:kept], greatest[:kept] = run.envelope.theta_hat_min, run.envelope.theta_hat_max
         reached = t_end if run.diverged_at is None else run.diverged_at
         paths.append(
-            Path(
+            SolverPath(
                 least=least.reshape(windows, parts, 2).min(axis=1),
                 greatest=greatest.reshape(windows, parts, 2).max(axis=1),
                 final=run.theta_hat[-1],
@@ -115,13 +115,13 @@ def _parts(steps: int) -> int:
     return next(parts for parts in range(1, steps + 1) if steps % parts == 0 and steps // parts <= CHUNK_STEPS)
 
 
-def ratio(path: Path, right: Path, span: tuple[float, float]) -> float:
+def ratio(path: SolverPath, right: SolverPath, span: tuple[float, float]) -> float:
     """Its ringing over the converged one's: of the estimate for which it is farther from one."""
     ratios = path.ringing(*span) / right.ringing(*span)
     return float(ratios[np.abs(np.log(np.maximum(ratios, 1e-9))).argmax()])
 
 
-def agrees(path: Path, right: Path, span: tuple[float, float]) -> bool:
+def agrees(path: SolverPath, right: SolverPath, span: tuple[float, float]) -> bool:
     """Whether it got there and rings as the converged solution does."""
     return (
         not path.lost
@@ -130,12 +130,12 @@ def agrees(path: Path, right: Path, span: tuple[float, float]) -> bool:
     )
 
 
-def rings_too_much(path: Path, right: Path, span: tuple[float, float]) -> bool:
+def rings_too_much(path: SolverPath, right: SolverPath, span: tuple[float, float]) -> bool:
     """Whether it got there and swings more than the converged solution does."""
     return not path.lost and path.reached >= span[1] * (1 - 1e-9) and ratio(path, right, span) >= AGREEMENT_FACTOR
 
 
-def cell(row: Row, which: int, right: tuple[Path, Path]) -> str:
+def cell(row: StiffRow, which: int, right: tuple[SolverPath, SolverPath]) -> str:
     """The ratio and what it means, or why there is none."""
     path = (row.free, row.boxed)[which]
     if path.lost:
@@ -147,7 +147,7 @@ def cell(row: Row, which: int, right: tuple[Path, Path]) -> str:
     return f"{value:.3g} ({word})"
 
 
-def listing(rows: list[Row], right: tuple[Path, Path], gamma: float) -> Listing:
+def listing(rows: list[StiffRow], right: tuple[SolverPath, SolverPath], gamma: float) -> Listing:
     """All of them, with their cost."""
     return Listing(
         f"Solvers on L1-AC of Section V, Gamma = {gamma:g}: ringing of the estimates over the converged solution's, evaluations of the right-hand side (Newton "

@@ -7,9 +7,9 @@ from functools import cache, cached_property
 
 import numpy as np
 
-from barbalat.certificates.linear_loops.frozen import Borne, FrozenLoops, borne
+from barbalat.certificates.linear_loops.frozen import BorneSizes, FrozenLoops, borne
 from barbalat.claims import section_v
-from barbalat.claims.claim import Axis, Chart, Claim, Curve, Map, verdict
+from barbalat.claims.claim import Chart, ChartAxis, Claim, Curve, Map, verdict
 from barbalat.linear.systems import TransferFunction
 from barbalat.problem.modelling_error import DelayError, ModellingError, ScaledError
 from barbalat.solvers.simulation import Simulation
@@ -20,7 +20,7 @@ TAUS = np.geomspace(2.5e-3, 2.0, 20)
 SIZES = np.geomspace(5e-3, 0.7, 12)
 T_END, BOUNDARY_RUN_FACTOR, STEP = 100.0, 4, 1e-3
 """A quarter of the run is two periods of the command; at and along the boundary the runs are four times as long."""
-MULTIPLES = {1.05: "τ 5 % above the boundary", 2.0: "twice the boundary's τ", 4.0: "four times the boundary's τ"}
+TAU_MULTIPLES = {1.05: "τ 5 % above the boundary", 2.0: "twice the boundary's τ", 4.0: "four times the boundary's τ"}
 """Of the boundary's tau: where the error is measured. On the boundary itself what is left of an oscillation hides it."""
 FROZEN_TAUS = np.concatenate([np.geomspace(TAUS[0], 0.1, 5), np.geomspace(0.13, 0.36, 6), [0.6, 1.0, TAUS[-1]]])
 DERIVATIVE_POLE = 2e-3
@@ -70,11 +70,13 @@ class TauTradeOff:
     def along(self) -> Array:
         """(MULTIPLES, bounded) max |e| in the tail of the longer runs at multiples of the boundary's tau; NaN where lost."""
         sizes, taus = SIZES[self.bounded], self.limits.bears[self.bounded]
-        pairs = np.tile(sizes, len(MULTIPLES)), np.concatenate([multiple * taus for multiple in MULTIPLES])
-        return self.study.tail_errors(*pairs, Simulation(t_end=BOUNDARY_RUN_FACTOR * T_END, dt=STEP)).reshape(len(MULTIPLES), -1)
+        pairs = np.tile(sizes, len(TAU_MULTIPLES)), np.concatenate([multiple * taus for multiple in TAU_MULTIPLES])
+        return self.study.tail_errors(*pairs, Simulation(t_end=BOUNDARY_RUN_FACTOR * T_END, dt=STEP)).reshape(
+            len(TAU_MULTIPLES), -1
+        )
 
     @cached_property
-    def frozen(self) -> list[Borne]:
+    def frozen(self) -> list[BorneSizes]:
         """What the linear loops bear, for ``FROZEN_TAUS``."""
         return [borne(frozen_loops(float(tau)), self.error) for tau in FROZEN_TAUS]
 
@@ -119,8 +121,8 @@ class TauTradeOff:
             "where it loses stability exactly, with θ̂ = θ; up to where the small-gain theorem shows it stable, with θ̂ = θ, and with the worst "
             "θ̂ of the known set that was found (an estimate; above its end the frozen loop is unstable with some θ̂ even without modelling "
             "error). None of them is a guarantee for the loop that adapts, whose estimates move.",
-            x=Axis(self.axis, SIZES, logarithmic=True),
-            y=Axis("τ [s]", TAUS, logarithmic=True),
+            x=ChartAxis(self.axis, SIZES, logarithmic=True),
+            y=ChartAxis("τ [s]", TAUS, logarithmic=True),
             values=self.limits.tail.T,
             quantity="max |e| in the last quarter",
             logarithmic=True,
@@ -137,14 +139,14 @@ class TauTradeOff:
         sizes = SIZES[self.bounded]
         curves = [
             Curve(name, sizes[np.isfinite(row)], row[np.isfinite(row)])
-            for name, row in zip(MULTIPLES.values(), self.along, strict=True)
+            for name, row in zip(TAU_MULTIPLES.values(), self.along, strict=True)
         ]
         return Chart(
             key=f"tau-error-{self.key}",
             title=f"The error along the boundary: {self.title}",
             caption=f"What the smallest τ costs: the largest |e| in the last quarter of runs over {BOUNDARY_RUN_FACTOR * T_END:g} s, at multiples of the τ of "
             "the observed boundary, below which runs are lost. Away from the largest sizes the error is proportional to τ.",
-            x=Axis(self.axis, SIZES, logarithmic=True),
+            x=ChartAxis(self.axis, SIZES, logarithmic=True),
             quantity="max |e| in the last quarter",
             curves=tuple(curves),
             lost="lost beyond, or no τ is borne",

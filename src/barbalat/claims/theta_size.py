@@ -7,7 +7,7 @@ import numpy as np
 from barbalat.certificates.bounds import theorem_1
 from barbalat.certificates.linear_loops.ideal import fast_adaptation
 from barbalat.claims import section_v
-from barbalat.claims.claim import Axis, Claim, Curve, Map, Reading, of_readings, verdict
+from barbalat.claims.claim import ChartAxis, Claim, Curve, Map, Reading, of_readings, verdict
 from barbalat.claims.variants import figures, numbers, variant
 from barbalat.controllers import Mrac
 from barbalat.linear.largest import largest
@@ -17,10 +17,11 @@ from barbalat.protocols import Controller
 from barbalat.signals import Constant
 from barbalat.validate import Array
 
-DIRECTION = np.array([4.0, -3.0])
-GAIN = 100.0
+THETA_DIRECTION = np.array([4.0, -3.0])
+"""The paper's theta."""
+ADAPTIVE_GAIN = 100.0
 KAPPAS = np.geomspace(1e-3, 1.0, 25)
-SCALES = np.geomspace(0.5, 50, 17)
+THETA_SCALES = np.geomspace(0.5, 50, 17)
 """Of theta: the paper's is 1."""
 
 
@@ -30,7 +31,7 @@ def filter_limits_theta() -> Claim:
     exact = _exact_scale(section_v.KAPPA)
     sides = [(_given(s), _l1(section_v.KAPPA)) for s in (0.8 * exact, 1.25 * exact)]
     early, late = _tail(sides, 30.0), _tail(sides, 60.0)
-    unfiltered = _tail([(_given(s), Mrac(gamma=GAIN, projection=False)) for s in SCALES])
+    unfiltered = _tail([(_given(s), Mrac(gamma=ADAPTIVE_GAIN, projection=False)) for s in THETA_SCALES])
     stays, goes = bool(late[0] < early[0] / 2), bool(np.isnan(late[1]) or late[1] > 2 * early[1])
     bounded = bool((unfiltered < 1e-3).all())
     readings = (
@@ -42,7 +43,7 @@ def filter_limits_theta() -> Claim:
         Reading(
             "of the loop itself, at high gain",
             verdict(holds=stays and goes and bounded),
-            f"lost beyond {exact:.2f} [4, -3] with the filter; MRAC bears {SCALES[-1]:g} [4, -3]",
+            f"lost beyond {exact:.2f} [4, -3] with the filter; MRAC bears {THETA_SCALES[-1]:g} [4, -3]",
         ),
     )
     return Claim(
@@ -50,7 +51,7 @@ def filter_limits_theta() -> Claim:
         of_readings(readings),
         f"with kappa = 0.02 s Theorem 1 guarantees stability up to theta = {_down(guaranteed)} [4, -3], |theta|_1 = {_down(7 * guaranteed)}; the limit "
         f"loop is stable up to {exact:.2f} [4, -3], {exact / guaranteed:.1f} times that; simulated at 0.8 and 1.25 of it: tail error of L1-AC "
-        f"{numbers(early)} over 30 s, {numbers(late)} over 60 s. MRAC, {len(SCALES)} sizes up to {SCALES[-1]:g} [4, -3]: tail error at most {unfiltered.max():.1g}",
+        f"{numbers(early)} over 30 s, {numbers(late)} over 60 s. MRAC, {len(THETA_SCALES)} sizes up to {THETA_SCALES[-1]:g} [4, -3]: tail error at most {unfiltered.max():.1g}",
         "certified norms; bisection on the exact eigenvalues of the fast-adaptation loop; RK4, h = 1e-4 s, Gamma = 100, r = 1, no projection, "
         "30 s (these keep h omega_a below 1 in what is stable)",
         (_map(),),
@@ -66,11 +67,11 @@ def _down(value: float) -> str:
 
 
 def _given(scale: float) -> Problem:
-    return variant(theta=scale * DIRECTION, reference=Constant(1.0))
+    return variant(theta=scale * THETA_DIRECTION, reference=Constant(1.0))
 
 
 def _l1(kappa: float) -> Controller:
-    return section_v.l1("L1", GAIN, kappa, projection=False)
+    return section_v.l1("L1", ADAPTIVE_GAIN, kappa, projection=False)
 
 
 def _tail(members: list[tuple[Problem, Controller]], t_end: float = 30.0) -> Array:
@@ -80,7 +81,7 @@ def _tail(members: list[tuple[Problem, Controller]], t_end: float = 30.0) -> Arr
 
 def _guaranteed_scale(kappas: Array) -> Array:
     """The largest theta/[4, -3] with ||W_b (1 - C)||_1 |theta|_1 < 1, for each kappa."""
-    known, size = section_v.problem().known, np.abs(DIRECTION).sum()
+    known, size = section_v.problem().known, np.abs(THETA_DIRECTION).sum()
     norms = [theorem_1.filter_condition(known, input_filter(float(k)).realise(), 1.0).norm.upper for k in kappas]
     return np.array([1 / (norm * size) for norm in norms])
 
@@ -90,14 +91,14 @@ def _exact_scale(kappa: float) -> float:
     C = input_filter(kappa).realise()
 
     def is_stable(scale: float) -> bool:
-        loop = fast_adaptation(variant(theta=scale * DIRECTION).plant, C)
+        loop = fast_adaptation(variant(theta=scale * THETA_DIRECTION).plant, C)
         return bool(np.linalg.eigvals(loop.A - np.outer(loop.B, loop.C) / (1 + loop.D)).real.max() < 0)
 
     return largest(is_stable, 1e-3, 1e4, within=1e-10)
 
 
 def _map() -> Map:
-    tail = _tail([(_given(s), _l1(float(k))) for s in SCALES for k in KAPPAS])
+    tail = _tail([(_given(s), _l1(float(k))) for s in THETA_SCALES for k in KAPPAS])
     coarse = KAPPAS[::4]
     return Map(
         key="kappa-theta",
@@ -107,9 +108,9 @@ def _map() -> Map:
             "is stable over the whole height of the map. Below the lower line Theorem 1's condition is certified; the upper one is where "
             "the limit loop of fast adaptation loses stability."
         ),
-        x=Axis("filter time constant κ [s]", KAPPAS, logarithmic=True),
-        y=Axis("size s of the parameters, θ = s [4, −3]", SCALES, logarithmic=True),
-        values=tail.reshape(len(SCALES), len(KAPPAS)),
+        x=ChartAxis("filter time constant κ [s]", KAPPAS, logarithmic=True),
+        y=ChartAxis("size s of the parameters, θ = s [4, −3]", THETA_SCALES, logarithmic=True),
+        values=tail.reshape(len(THETA_SCALES), len(KAPPAS)),
         quantity="max |e| in the tail",
         logarithmic=True,
         curves=(

@@ -18,6 +18,7 @@ from barbalat.signals import Constant
 from barbalat.validate import Array
 
 MEMBERS = 192
+"""Random runs: a multiple of the kernel's lanes."""
 MORE_MEMBERS = 32 * MEMBERS
 """Of ``reproduce --full``: a search for a run that breaks a bound."""
 FULL_COMMAND = f"{MORE_MEMBERS} random runs instead of {MEMBERS}"

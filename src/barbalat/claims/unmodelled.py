@@ -26,7 +26,7 @@ from barbalat.linear.systems import input_filter
 from barbalat.problem.actuation import PlantInput
 from barbalat.protocols import Controller
 from barbalat.solvers.simulation import Simulation
-from barbalat.study.motion import Motion
+from barbalat.study.motion import ModelMotion
 from barbalat.validate import Array
 
 THETAS = ((4.0, -3.0), (0.0, 0.0), (5.0, 5.0), (-5.0, 5.0), (5.0, -5.0), (-5.0, -5.0))
@@ -34,7 +34,7 @@ THETAS = ((4.0, -3.0), (0.0, 0.0), (5.0, 5.0), (-5.0, 5.0), (5.0, -5.0), (-5.0, 
 GAINS, MORE_GAINS = (1.0, 100.0), (1e-2, 1.0, 100.0, 1e4)
 DELAYS = np.round(np.geomspace(0.02, 1.0, 14), 3)
 """[s]; Delta_m = e^(-s d) - 1, of which the paper's -mu s is the first term."""
-T_END, H = 120.0, 1e-3
+T_END, STEP = 120.0, 1e-3
 """Ten periods of the command: a growth of 15 % in each second passes the bound below in that time."""
 UNBOUNDED_RATIO = 100.0
 """Times the largest |x_m|, in the last quarter; what stays bounded stays below 20 times, as the listing shows."""
@@ -59,15 +59,15 @@ class Loss:
         return bool((self.loses[theta] < delay).all())
 
 
-def lost(members: Sequence[tuple[tuple[float, ...], float, float]], scheme: str, h: float = H) -> tuple[Array, Array]:
+def lost(members: Sequence[tuple[tuple[float, ...], float, float]], scheme: str, h: float = STEP) -> tuple[Array, Array]:
     """Which (theta, gain, delay) end beyond every bound, and max |e| in their last quarter over the largest |x_m|."""
     pairs = [(variant(theta=theta, input=PlantInput(delay=delay)), SCHEMES[scheme](gain)) for theta, gain, delay in members]
-    largest = Motion.of(section_v.problem(), Simulation(t_end=T_END, dt=H)).largest
+    largest = ModelMotion.of(section_v.problem(), Simulation(t_end=T_END, dt=STEP)).largest
     tail = figures(pairs, T_END, h).tail_max_abs_e.max(axis=1) / largest
     return np.isnan(tail) | (tail > UNBOUNDED_RATIO), tail
 
 
-def search(scheme: str, gains: tuple[float, ...], h: float = H) -> Loss:
+def search(scheme: str, gains: tuple[float, ...], h: float = STEP) -> Loss:
     """The scan of DELAYS for every theta and gain."""
     members = [(theta, gain, float(delay)) for theta in THETAS for gain in gains for delay in DELAYS]
     gone, tail = (part.reshape(len(THETAS), len(gains), len(DELAYS)) for part in lost(members, scheme, h))
@@ -100,7 +100,7 @@ def certain_size(kappa: float | None, delay: float = PROVEN_DELAY) -> float:
 def claim(*, full: bool = False) -> Claim:
     """Delays, and Rohrs' actuator."""
     gains = MORE_GAINS if full else GAINS
-    found = {name: search(name, gains, H / 4 if full else H) for name in SCHEMES}
+    found = {name: search(name, gains, STEP / 4 if full else STEP) for name in SCHEMES}
     ideal = dict(zip(SCHEMES, (ideal_margins(None), ideal_margins(section_v.KAPPA)), strict=True))
     below = {name: [i for i in range(len(THETAS)) if each.before(i, ideal[name][i])] for name, each in found.items()}
     unbounded = {name: bool(np.isfinite(each.loses).any()) for name, each in found.items()}
@@ -113,7 +113,7 @@ def claim(*, full: bool = False) -> Claim:
         f"first delay with growth without end, at any gain that was tried: {_of_section_v(found, ideal)}. At every gain, in {len(below['MRAC (3)-(4)'])} and {len(below['L1-AC (5)-(8)'])} of {len(THETAS)} values of theta in the known set the delay "
         f"that does it, {firsts.min():g} s to {firsts.max():g} s, is one that the same loop bears with theta known; theta = 0: {_of_the_centre(found, ideal)}",
         f"Section V, theta over its known set, Gamma = {numbers(gains)}, {len(DELAYS)} exact delays from {DELAYS[0]:g} to "
-        f"{DELAYS[-1]:g} s, RK4, h = {H / 4 if full else H:g} s, {T_END:g} s. Unbounded: diverged, or |e| in the last "
+        f"{DELAYS[-1]:g} s, RK4, h = {STEP / 4 if full else STEP:g} s, {T_END:g} s. Unbounded: diverged, or |e| in the last "
         f"quarter beyond {UNBOUNDED_RATIO:g} times the largest |x_m|; what is counted as bounded stays below {max(float(each.tail.max()) for each in found.values()):.2g} times",
         listings=(*_listings(found, ideal, gains), at_rohrs_plant),
         number=f"smallest delay with unbounded growth that the loop with theta known bears: {firsts.min():g} s",

@@ -5,4 +5,6 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     import argparse
 
-    Commands = argparse._SubParsersAction[argparse.ArgumentParser]
+    from barbalat.commands.parser import Parser
+
+    Commands = argparse._SubParsersAction[Parser]

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import argparse
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, NamedTuple
+
+from barbalat.commands.output import print_json
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -14,24 +17,49 @@ if TYPE_CHECKING:
 def add(commands: Commands) -> None:
     """Register the command and its options."""
     parser = commands.add_parser("cases", help="list the bundled cases")
+    parser.add_argument("--json", action="store_true", help="one JSON document on standard output")
     parser.set_defaults(execute=execute)
 
 
-def execute(_: argparse.Namespace) -> int:
+def execute(options: argparse.Namespace) -> int:
     """Run the command; returns the exit code."""
     from barbalat.cases.bundled import bundled
+
+    rows = [_row(name, path) for name, path in bundled().items()]
+    if options.json:
+        from barbalat.report.documents import as_json
+
+        print_json(as_json({"cases": [row._asdict() for row in rows]}))
+    else:
+        _show(rows)
+    return 0
+
+
+class Row(NamedTuple):
+    """A bundled case: what it is about, the order of the state, the controllers' names."""
+
+    name: str
+    about: str
+    order: int
+    controllers: list[str]
+
+
+def _row(name: str, path: Path) -> Row:
     from barbalat.cases.load import load_case
+
+    case = load_case(name)
+    return Row(name, _first_sentence(path), len(case.problem.dynamics.x0), [controller.name for controller in case.controllers])
+
+
+def _show(rows: Sequence[Row]) -> None:
     from barbalat.report.terminal.layout import Screen, held
 
     screen = Screen()
-    for name, path in bundled().items():
-        case = load_case(name)
-        compared = "; ".join(held(controller.name) for controller in case.controllers)
-        screen.line(name, "bold")
-        for text in (_first_sentence(path), f"State of order {len(case.problem.dynamics.x0)}. Controllers: {compared}."):
+    for row in rows:
+        screen.line(row.name, "bold")
+        for text in (row.about, f"State of order {row.order}. Controllers: {'; '.join(map(held, row.controllers))}."):
             screen.line(text, indent="  ", start="  ")
     screen.title("barbalat run NAME simulates one; barbalat new FILE --from NAME copies it to start from.", "")
-    return 0
 
 
 def _first_sentence(path: Path) -> str:

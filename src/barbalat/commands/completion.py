@@ -9,7 +9,7 @@ if TYPE_CHECKING:
     from barbalat.commands import Commands
 
 SHELLS = ("bash", "zsh", "fish", "tcsh", "powershell")
-ASKED = "_ARGCOMPLETE"
+COMPLETION_VARIABLE = "_ARGCOMPLETE"
 """The environment variable by which a shell says that it wants completions."""
 
 
@@ -18,7 +18,7 @@ def add(commands: Commands) -> None:
     parser = commands.add_parser(
         "completion", help='print what makes a shell complete, to be used as: eval "$(barbalat completion bash)"'
     )
-    parser.add_argument("shell", choices=SHELLS)
+    parser.add_argument("shell", metavar="SHELL", choices=SHELLS, help=f"one of {', '.join(SHELLS)}")
     parser.set_defaults(execute=execute)
 
 

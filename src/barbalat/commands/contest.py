@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from barbalat.commands.options import add_controllers
 from barbalat.commands.output import folder_of, tell
-from barbalat.commands.screen import Work, work
+from barbalat.commands.screen import SECONDS_EACH_STEP, Work, work
 
 if TYPE_CHECKING:
     from barbalat.commands import Commands
@@ -52,14 +52,12 @@ def add(commands: Commands) -> None:
     parser.set_defaults(execute=execute)
 
 
-SECONDS_EACH_STEP = 10e-9
-"""Of a small loop, on one core."""
 RUNS_EACH_TRIAL, MOST_SCHEMES = 22, 9
 """As on the template's case: of all plants and modelling errors together; schemes that can be tuned."""
 DRAWING_SECONDS = 2.0
-QUICK = {"plants": 2, "trials": 288, "members": 64}
+QUICK_SIZES = {"plants": 2, "trials": 288, "members": 64}
 """The search's least number of trials, and plants enough for one that is not the case's own."""
-FULL = {"plants": 4, "trials": 384, "members": 200}
+FULL_SIZES = {"plants": 4, "trials": 384, "members": 200}
 
 
 def execute(options: argparse.Namespace) -> int:
@@ -98,7 +96,7 @@ def execute(options: argparse.Namespace) -> int:
 
 
 def _defaults(options: argparse.Namespace) -> dict[str, int]:
-    return QUICK if options.quick else FULL
+    return QUICK_SIZES if options.quick else FULL_SIZES
 
 
 def _write(folder: Folder, found: Contest, document: str, running: Work) -> None:

@@ -7,10 +7,13 @@ import shlex
 from typing import TYPE_CHECKING
 
 from barbalat.commands.options import add_controllers
+from barbalat.commands.output import print_json
 from barbalat.commands.screen import say
 from barbalat.export import TARGETS
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from barbalat.commands import Commands
 
 
@@ -32,6 +35,7 @@ def add(commands: Commands) -> None:
     which.add_argument("--closed-loop", action="store_true", help="the plant and the whole loop as well")
     parser.add_argument("--sources-only", action="store_true", help="units without a binary, which needs a C compiler here")
     add_controllers(parser)
+    parser.add_argument("--json", action="store_true", help="one JSON document on standard output")
     parser.set_defaults(execute=execute)
 
 
@@ -58,12 +62,23 @@ def execute(options: argparse.Namespace) -> int:
         closed_loop=options.closed_loop,
         sources_only=options.sources_only,
     )
+    check = _check(folder, options)
+    if options.json:
+        from barbalat.report.documents import as_json
+
+        files = sorted(file.relative_to(folder).as_posix() for file in folder.rglob("*") if file.is_file())
+        about = {"case": case.name, "controller": controller.name, "target": options.target, "folder": str(folder)}
+        print_json(as_json({**about, "files": files, "check": check}))
+    else:
+        say(f"written: {folder}; check it with: {check}")
+    return 0
+
+
+def _check(folder: Path, options: argparse.Namespace) -> str:
+    """What a shell is to be given."""
     place = shlex.quote(str(folder))
     if options.target == "c99":
-        check = f"cd {place} && cc -std=c99 -ffp-contract=off controller.c selftest.c -lm && ./a.out"
-    elif options.closed_loop:
-        check = f'for unit in {place}/*.fmu; do fmpy validate "$unit"; done'  # it takes one at a time
-    else:
-        check = f"fmpy validate {place}/*.fmu"
-    say(f"written: {folder}; check it with: {check}")
-    return 0
+        return f"cd {place} && cc -std=c99 -ffp-contract=off controller.c selftest.c -lm && ./a.out"
+    if options.closed_loop:
+        return f'for unit in {place}/*.fmu; do fmpy validate "$unit"; done'  # it takes one at a time
+    return f"fmpy validate {place}/*.fmu"

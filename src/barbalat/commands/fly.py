@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from barbalat.commands import Commands
     from barbalat.flight.compared import Compared
 
-DEFAULT = "barbalat-fly"
+DEFAULT_FOLDER = "barbalat-fly"
 
 
 def add(commands: Commands) -> None:
@@ -35,7 +35,12 @@ def add(commands: Commands) -> None:
     parser.add_argument("--store", metavar="DIR", help="keep every draw's row there; the same command resumes")
     parser.add_argument("--altitude", type=float, metavar="FT", help="of the F-16's level flight; default 10013 ft")
     parser.add_argument("--mach", type=float, metavar="M", help="of the F-16's level flight; default 0.525")
-    parser.add_argument("--out", metavar="DIR", help=f"default: {DEFAULT}, none with --json")
+    parser.add_argument(
+        "--sil",
+        action="store_true",
+        help="software in the loop: controllers fly as exported C, compiled here by cc or CC; exit code 1 where a bit differs",
+    )
+    parser.add_argument("--out", metavar="DIR", help=f"default: {DEFAULT_FOLDER}, none with --json")
     parser.add_argument("--json", action="store_true", help="one JSON document on standard output")
     add_controllers(parser)
     parser.set_defaults(execute=execute)
@@ -52,8 +57,12 @@ def execute(options: argparse.Namespace) -> int:
     if options.dispersions is not None:
         return _execute_dispersed(options)
     _require_none(options, ("seed", "store"), "goes with --dispersions: add --dispersions 200")
+    if options.sil:
+        from barbalat.export.compiler import require_compiler
+
+        require_compiler("--sil flies the exported C")  # before anything is flown
     try:
-        with folder_of(options.out, None if options.json else DEFAULT) as folder, work(EXPECTED_SECONDS) as running:
+        with folder_of(options.out, None if options.json else DEFAULT_FOLDER) as folder, work(EXPECTED_SECONDS) as running:
             found = _flown(options, running)
             from barbalat.report import documents, flights, write
 
@@ -70,7 +79,7 @@ def execute(options: argparse.Namespace) -> int:
     from barbalat.report.terminal import flights as terminal
 
     tell(document, lambda screen: terminal.show(screen, found), folder, as_json=options.json, page=PAGE)
-    return 0
+    return int(any(one.equal is False for one in (found.agreements or {}).values()))
 
 
 def _require_none(options: argparse.Namespace, names: Sequence[str], remedy: str) -> None:
@@ -89,9 +98,9 @@ def _execute_dispersed(options: argparse.Namespace) -> int:
     from barbalat.report.file_names import PAGE
 
     remedy = "does not go with --dispersions, which flies the project's schemes at three conditions: leave it out"
-    _require_none(options, ("delays", "altitude", "mach", "controllers"), remedy)
+    _require_none(options, ("delays", "sil", "altitude", "mach", "controllers"), remedy)
     try:
-        with folder_of(options.out, None if options.json else DEFAULT) as folder, work({"flying": 1200.0}) as running:
+        with folder_of(options.out, None if options.json else DEFAULT_FOLDER) as folder, work({"flying": 1200.0}) as running:
             with running.part("flying", here=False) as progress:
                 found = fly_dispersed(
                     options.name,
@@ -119,6 +128,7 @@ def _execute_dispersed(options: argparse.Namespace) -> int:
 
 def _flown(options: argparse.Namespace, running: Work) -> Compared:
     from barbalat.cases import outside
+    from barbalat.export.exported_step import exported_c
     from barbalat.flight.airframe import FlightCondition
     from barbalat.flight.registry import fly
 
@@ -132,6 +142,7 @@ def _flown(options: argparse.Namespace, running: Work) -> Compared:
             failures=_failures(options),
             condition=FlightCondition(**given) if given else None,
             delays=options.delays,
+            software_in_the_loop=exported_c if options.sil else None,
             progress=progress,
         )
 

@@ -44,12 +44,13 @@ def checked(results: Sequence[Result], running: Work) -> dict[str, dict[str, Any
 def show(found: Mapping[str, Mapping[str, Any]]) -> None:
     """On the terminal."""
     from barbalat.report.terminal.layout import Screen
+    from barbalat.validate import counted
 
     screen = Screen()
     if found:
         screen.title("software in the loop", "")
     for name, one in found.items():
-        samples = f"; the export refused {one['refused']} samples" if one["refused"] else ""
+        samples = f"; the export refused {counted(one['refused'], 'sample')}" if one["refused"] else ""
         equal = "as compiled C it has the same figures and the same states in every bit"
         screen.whole(f"{name}: {equal if one['equal'] else one['difference']}{samples}")
 

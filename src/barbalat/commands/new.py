@@ -7,6 +7,7 @@ import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from barbalat.commands.output import print_json
 from barbalat.commands.screen import say
 
 if TYPE_CHECKING:
@@ -18,8 +19,9 @@ SCHEMA_FILE = "barbalat.schema.json"
 def add(commands: Commands) -> None:
     """Register the command and its options."""
     parser = commands.add_parser("new", help="write a commented case file to start from")
-    parser.add_argument("file", metavar="FILE")
+    parser.add_argument("file", metavar="FILE", help="where the case goes; one that is there is kept")
     parser.add_argument("--from", dest="source", metavar="CASE", help="a bundled case to copy instead of the template")
+    parser.add_argument("--json", action="store_true", help="one JSON document on standard output")
     parser.set_defaults(execute=execute)
 
 
@@ -37,10 +39,15 @@ def execute(options: argparse.Namespace) -> int:
     text = text_to_start_from(options.source)
     with output_folder(file.parent) as folder:
         folder.write(file.name, f"#:schema ./{SCHEMA_FILE}\n{text}")
-        if not os.path.lexists(file.parent / SCHEMA_FILE):  # one that is there may be the user's
+        with_schema = not os.path.lexists(file.parent / SCHEMA_FILE)  # one that is there may be the user's
+        if with_schema:
             folder.write(SCHEMA_FILE, as_json(json_schema()))
         folder.commit()
+    if options.json:
+        print_json(as_json({"case": str(file), "schema": str(file.parent / SCHEMA_FILE) if with_schema else None}))
+        return 0
     say(f"written: {file}")
-    say(f"and beside it {SCHEMA_FILE}, by which editors complete and check it")
+    if with_schema:
+        say(f"and beside it {SCHEMA_FILE}, by which editors complete and check it")
     say(f"run it with: barbalat run {file}")
     return 0

@@ -27,9 +27,7 @@ def add(commands: Commands) -> None:
     parser.add_argument("case", metavar="CASE", help="a case file, or a bundled case's name")
     add_controllers(parser)
     parser.add_argument(
-        "--out",
-        metavar="DIR",
-        help="where pictures, page, JSON and trajectories go; default: barbalat-run, none with --json",
+        "--out", metavar="DIR", help="where pictures, page, JSON and trajectories go; default: barbalat-run, none with --json"
     )
     parser.add_argument("--json", action="store_true", help="one JSON document on standard output")
     parser.add_argument("--full-record", action="store_true", help="every recorded instant in the CSVs; default: about 1000")

@@ -15,6 +15,8 @@ if TYPE_CHECKING:
     from barbalat.run.progress import Progress
 
 
+SECONDS_EACH_STEP = 10e-9
+"""Of a small loop, on one core."""
 TOLD_FRACTION = 0.02
 """Of a part: from there on its own pace says how long it takes, and no longer what was expected."""
 

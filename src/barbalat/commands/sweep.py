@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from barbalat.commands.options import add_controllers
 from barbalat.commands.output import folder_of, print_json, tell
-from barbalat.commands.screen import Work, say, work
+from barbalat.commands.screen import SECONDS_EACH_STEP, Work, say, work
 
 if TYPE_CHECKING:
     from barbalat.cases.load import CaseText
@@ -79,7 +79,7 @@ def execute(options: argparse.Namespace) -> int:
             stays = f"what is stored in {options.store} stays, and the same command goes on"
             what = "without --store nothing is kept" if options.store is None else stays
             say(f"the scheduler {options.scheduler} does not answer any more; {what}")
-            return FAILED
+            return EXIT_FAILED
         from barbalat.report import documents
 
         document = documents.as_json(result.as_json())
@@ -151,6 +151,7 @@ def _study(text: CaseText, options: argparse.Namespace) -> Study:
     from barbalat.sweeps.varied_case import VariedCase, sampled
     from barbalat.validate import InputError
 
+    text.case()  # what is wrong with the file itself is said first
     axes = {}
     for place, spread in map(_pair, options.vary):
         path = FieldPath.parse(place)
@@ -162,7 +163,6 @@ def _study(text: CaseText, options: argparse.Namespace) -> Study:
             raise InputError(f"{path}: {error}") from None
     draws = sampled(text, [_pair(given) for given in options.sample])
     design = Design(options.design)
-    text.case()  # what is wrong with the file itself is said first
     plan = Plan(axes, draws, members_of(options.members, design, drawn=bool(draws)), design, options.seed)
     return Study(VariedCase(text, plan.paths), plan)
 
@@ -176,21 +176,20 @@ def _pair(given: str) -> tuple[str, str]:
     return path.strip(), spread.strip()
 
 
-SECONDS_EACH_STEP = 10e-9
-"""Of a small loop, on one core."""
 SECONDS_EACH_EXPLORER, DRAWING_SECONDS = 1.0, 2.0
 
 
-FAILED = 1
+EXIT_FAILED = 1
 """Exit code of what went wrong, where the input was right."""
 
 
 def _run(study: Study, requirements: list[Requirement], scheduler: Scheduler | None, options: argparse.Namespace) -> SweepResult:
     from barbalat.sweeps.sweep import run_study
+    from barbalat.validate import counted
 
     store = None if options.store is None else _folder(options.store)
     steps = len(study) * study.steps
-    say(f"{len(study)} members, {steps:.3g} solver steps")
+    say(f"{counted(len(study), 'member')}, {steps:.3g} solver steps")
     try:
         with work({"simulating": max(steps * SECONDS_EACH_STEP, 1.0)}) as running, running.part("simulating") as progress:
             return run_study(

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from barbalat.commands.options import add_controllers
 from barbalat.commands.output import folder_of, tell
-from barbalat.commands.screen import Work, work
+from barbalat.commands.screen import SECONDS_EACH_STEP, Work, work
 
 if TYPE_CHECKING:
     from barbalat.commands import Commands
@@ -42,15 +42,19 @@ def add(commands: Commands) -> None:
     parser.add_argument(
         "--quantile", type=float, default=1.0, metavar="Q", help="of the plants, from 0 to 1; default 1, the worst of them"
     )
-    parser.add_argument("--trials", type=int, default=384, metavar="N", help="tunings tried for each controller; default 384")
+    parser.add_argument(
+        "--trials",
+        type=int,
+        default=384,
+        metavar="N",
+        help="tunings tried for each controller; default 384, at least 288, of more than three numbers 576",
+    )
     parser.add_argument("--seed", type=int, default=0, metavar="S", help="of the plants and of the search; default 0")
     parser.add_argument("--out", metavar="DIR", help="for case file, page and JSON; default: barbalat-tune, none with --json")
     parser.add_argument("--json", action="store_true", help="one JSON document on standard output")
     parser.set_defaults(execute=execute)
 
 
-SECONDS_EACH_STEP = 10e-9
-"""Of a small loop, on one core."""
 RUNS_EACH_TRIAL = 5
 """For each plant: without a delay, and with some."""
 DRAWING_SECONDS = 3.0

@@ -26,14 +26,14 @@ from barbalat.problem.tracking import TrackingProblem
 from barbalat.run.progress import Progress, part_of
 from barbalat.solvers.simulation import Simulation
 from barbalat.study.delay_search import Criterion
-from barbalat.study.motion import REST_SENTENCE, Motion
+from barbalat.study.motion import REST_SENTENCE, ModelMotion
 from barbalat.study.tradeoff import plants_of
 from barbalat.tuning.trial import Plants
-from barbalat.validate import InputError
+from barbalat.validate import InputError, counted
 
 DEFAULT_MEMBERS = 200
 """Held-out runs: the median of a ratio then has an interval of 7 % of the runs to either side."""
-TUNING = 0.85
+TUNING_SHARE = 0.85
 """Of the time, about; the rest is the held-out runs'."""
 
 
@@ -123,11 +123,12 @@ def compete(
     plants = _Shared(family, rule, simulation)
     tuned = []
     for i, one in enumerate(entrants):
-        part = part_of(progress, TUNING * i / len(entrants), TUNING / len(entrants))
+        part = part_of(progress, TUNING_SHARE * i / len(entrants), TUNING_SHARE / len(entrants))
         tuned.append(qualify(one, rule, *plants.read_by(one), simulation, threads=threads, progress=part))
     qualified = [one for one in tuned if one.meets]
     draws = Draws.drawn(problem, members, rule)
-    held = measure(qualified, draws, rule, simulation, threads=threads, progress=part_of(progress, TUNING, 1 - TUNING))
+    rest = part_of(progress, TUNING_SHARE, 1 - TUNING_SHARE)
+    held = measure(qualified, draws, rule, simulation, threads=threads, progress=rest)
     ordered = sorted(tuned, key=lambda one: _rank(one, held))
     pairs = [paired((a.name, held[a.name]), (b.name, held[b.name])) for a, b in combinations(ordered, 2) if a.meets and b.meets]
     return Contest(
@@ -186,10 +187,10 @@ def _rank(one: Qualified, held: dict[str, HeldOut]) -> tuple[bool, int, float]:
 
 def _notes(problem: Problem, simulation: Simulation, tuned: Sequence[Qualified]) -> list[str]:
     """Sentences on what the result is not."""
-    said = [f"{one.name}: none of {one.trials} tunings meets the rule" for one in tuned if not one.meets]
+    said = [f"{one.name}: none of {counted(one.trials, 'tuning')} meets the rule" for one in tuned if not one.meets]
     for one in tuned:
         if one.at_edge:
             said.append(f"{one.name}: {' and '.join(one.at_edge)} at the end of what was searched; beyond it may be better")
-    if Motion.of(problem, simulation).comes_to_rest:
+    if ModelMotion.of(problem, simulation).comes_to_rest:
         said.append(REST_SENTENCE)
     return said

@@ -21,12 +21,12 @@ from barbalat.solvers.simulation import Simulation
 from barbalat.study.criteria import tail_error, tracks
 from barbalat.study.delay_borne import Question
 from barbalat.study.ideal_benchmark import Ideals, Member
-from barbalat.study.motion import Motion
+from barbalat.study.motion import ModelMotion
 from barbalat.study.tradeoff import plants_of
 from barbalat.sweeps.evidence import Share
 from barbalat.validate import Array
 
-COMMANDS = 8
+HELD_OUT_COMMANDS = 8
 """Of which each is followed by an equal number of plants: enough to fill the kernel's lanes."""
 
 
@@ -49,7 +49,7 @@ class Draws:
         assert problem.uncertainty is not None
         seed = rule.seed + HELD_OUT_SEED
         plants = plants_of(problem, problem.uncertainty, members + 1, seed)[1:]
-        commands = drawn(min(COMMANDS, members), seed)
+        commands = drawn(min(HELD_OUT_COMMANDS, members), seed)
         which = np.sort(np.arange(members) % len(commands))
         made = [with_command(problem, float(size), float(pace)) for size, pace in commands]
         problems = [replace(made[c], plant=plant.plant) for c, plant in zip(which, plants, strict=True)]
@@ -181,7 +181,7 @@ def _measured(
 ) -> HeldOut:
     """Errors with the noise, what is borne without it."""
     metrics = simulate_ensemble(members, simulation, numbers=streams, threads=threads).metrics
-    motion = Motion.of(members[0][0], simulation)  # one command, one model
+    motion = ModelMotion.of(members[0][0], simulation)  # one command, one model
     lost = ~tracks(tail_error(metrics), np.full(len(members), motion.largest))
     alone = simulate_ensemble(silent, simulation, numbers=streams, threads=threads).metrics
     borne = {}
@@ -209,7 +209,7 @@ def _find(ideals: Ideals, members: Sequence[Member], streams: Array) -> None:
         ideals.find(*(list(part) for part in zip(*new, strict=True)))
 
 
-def _relative(metrics: Metrics, motion: Motion) -> Array:
+def _relative(metrics: Metrics, motion: ModelMotion) -> Array:
     return np.asarray(np.linalg.norm(metrics.rms_e, axis=1) / motion.rms)
 
 

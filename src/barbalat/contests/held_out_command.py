@@ -10,9 +10,9 @@ from barbalat.problem.state_feedback import Problem
 from barbalat.protocols import BreakingSignal, Signal
 from barbalat.validate import Array
 
-SIZES = (0.5, 1.5)
+AMPLITUDE_FACTORS = (0.5, 1.5)
 """Of the case's command: what a tuning on one size of it says of others is what a neutral comparison must ask."""
-PACES = (0.5, 2.0)
+PACE_FACTORS = (0.5, 2.0)
 """Of the case's command, an octave to either side."""
 
 
@@ -47,5 +47,5 @@ def drawn(count: int, seed: int) -> Array:
     from scipy.stats import qmc
 
     shares = qmc.LatinHypercube(2, rng=np.random.default_rng(seed)).random(count)
-    sizes = SIZES[0] + (SIZES[1] - SIZES[0]) * shares[:, 0]
-    return np.column_stack([sizes, PACES[0] * (PACES[1] / PACES[0]) ** shares[:, 1]])
+    sizes = AMPLITUDE_FACTORS[0] + (AMPLITUDE_FACTORS[1] - AMPLITUDE_FACTORS[0]) * shares[:, 0]
+    return np.column_stack([sizes, PACE_FACTORS[0] * (PACE_FACTORS[1] / PACE_FACTORS[0]) ** shares[:, 1]])

@@ -7,7 +7,7 @@ from dataclasses import replace
 from barbalat.problem.measurement import Noise, Sensor
 from barbalat.problem.state_feedback import Problem
 from barbalat.solvers.simulation import Simulation
-from barbalat.study.motion import Motion
+from barbalat.study.motion import ModelMotion
 from barbalat.validate import InputError
 
 DEFAULT_SHARE = 1e-3
@@ -30,6 +30,6 @@ def with_noise(problem: Problem, share: float, simulation: Simulation, sample_ti
         raise InputError(f"noise must be a share of the model's motion, at least 0 and below 1, got {share:g}")
     steps = max(round(sample_time / simulation.dt), 1)
     held = simulation.dt * steps
-    noise = Noise(std=[share * each for each in Motion.of(problem, simulation).of_each], sample_time=held, seed=seed)
+    noise = Noise(std=[share * each for each in ModelMotion.of(problem, simulation).of_each], sample_time=held, seed=seed)
     sensor = Sensor(noise=noise) if problem.sensor is None else replace(problem.sensor, noise=noise)
     return replace(problem, sensor=sensor)

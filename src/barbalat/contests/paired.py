@@ -16,7 +16,7 @@ import numpy as np
 
 from barbalat.certificates.linear_loops.margin_values import finite
 from barbalat.contests.held_out import HeldOut, median
-from barbalat.sweeps.evidence import CONFIDENCE, Share
+from barbalat.sweeps.evidence import CONFIDENCE_LEVEL, Share
 from barbalat.validate import Array
 
 
@@ -50,7 +50,7 @@ class Paired:
             "second": self.second,
             "ratio": finite(self.ratio),
             "interval": [finite(low), finite(high)],
-            "confidence": CONFIDENCE,
+            "confidence": CONFIDENCE_LEVEL,
             "better": self.better.as_json(),
             "worse": self.worse.as_json(),
             "both_failed": self.both_failed,
@@ -81,7 +81,7 @@ def log_ratios(a: Array, b: Array) -> Array:
         return np.where(both, 0.0, np.log(a) - np.log(b))
 
 
-def interval_of_median(values: Array, confidence: float = CONFIDENCE) -> tuple[float, float]:
+def interval_of_median(values: Array, confidence: float = CONFIDENCE_LEVEL) -> tuple[float, float]:
     """Two-sided: from the k-th smallest to the k-th largest; without an end where there are too few values for one."""
     from scipy.stats import binom
 

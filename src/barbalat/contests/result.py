@@ -16,7 +16,7 @@ from barbalat.contests.tuned import Qualified
 from barbalat.pictures.plotted import Plotted
 from barbalat.problem.state_feedback import Problem
 from barbalat.solvers.simulation import Simulation
-from barbalat.study.motion import Motion
+from barbalat.study.motion import ModelMotion
 from barbalat.validate import Array
 
 if TYPE_CHECKING:
@@ -59,7 +59,7 @@ class Contest(Plotted):
     @cached_property
     def motion(self) -> float:
         """RMS of |x_m| under the problem's own command."""
-        return Motion.of(self.problem, self.simulation).rms
+        return ModelMotion.of(self.problem, self.simulation).rms
 
     def plot(self, *, shown: bool = True) -> Figure:
         """The error of every held-out run of every entrant, as a Matplotlib figure; InputError where nobody meets the rule.

@@ -14,7 +14,7 @@ from barbalat.solvers.simulation import Simulation
 from barbalat.study.delay_search import LARGEST_GAIN_ERROR, LONGEST_DELAY, Criterion
 from barbalat.study.ideal_benchmark import SHORTEST_DELAY_STEPS
 from barbalat.tuning.aim import Aim
-from barbalat.tuning.quantity import Constraint, Quantity
+from barbalat.tuning.quantity import Constraint, TunedQuantity
 from barbalat.tuning.search import least_trials
 from barbalat.validate import InputError
 
@@ -23,9 +23,9 @@ DEFAULT_GAIN_MARGIN = 1.5
 scheme at all; 3.5 dB is what many of them can be asked."""
 DEFAULT_PLANTS, DEFAULT_TRIALS = 4, 384
 """As of ``tune``."""
-OBJECTIVE = "rms_e"
-DELAY = {Criterion.ONSET: "delay_onset_simulated", Criterion.LOSS: "delay_margin_simulated"}
-GAIN = {Criterion.ONSET: "gain_onset_simulated", Criterion.LOSS: "gain_margin_simulated"}
+OBJECTIVE_FIGURE = "rms_e"
+DELAY_KEYS = {Criterion.ONSET: "delay_onset_simulated", Criterion.LOSS: "delay_margin_simulated"}
+GAIN_KEYS = {Criterion.ONSET: "gain_onset_simulated", Criterion.LOSS: "gain_margin_simulated"}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,13 +62,13 @@ class Rule(Settings):
     @property
     def constraints(self) -> tuple[Constraint, Constraint]:
         """On the delay, on the gain."""
-        delay = Constraint.parse(f"{DELAY[self.until]} >= {self.delay_margin!r}")
-        return delay, Constraint.parse(f"{GAIN[self.until]} >= {self.gain_margin!r}")
+        delay = Constraint.parse(f"{DELAY_KEYS[self.until]} >= {self.delay_margin!r}")
+        return delay, Constraint.parse(f"{GAIN_KEYS[self.until]} >= {self.gain_margin!r}")
 
     @property
     def aim(self) -> Aim:
         """The same as what a tuning is for."""
-        quantity = Quantity(OBJECTIVE, larger_is_worse=True)
+        quantity = TunedQuantity(OBJECTIVE_FIGURE, larger_is_worse=True)
         return Aim(quantity=quantity, constraints=self.constraints, plants=self.plants, seed=self.seed)
 
     def require_steps(self, simulation: Simulation) -> None:
@@ -82,7 +82,7 @@ class Rule(Settings):
             "delay_margin": self.delay_margin,
             "gain_margin": self.gain_margin,
             "until": self.until.value,
-            "objective": OBJECTIVE,
+            "objective": OBJECTIVE_FIGURE,
             "plants": self.plants,
             "trials": self.trials,
             "seed": self.seed,

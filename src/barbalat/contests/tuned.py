@@ -17,16 +17,16 @@ from barbalat.run.progress import Progress
 from barbalat.solvers.simulation import Simulation
 from barbalat.study.delay_margin import DelayMargins
 from barbalat.study.delay_search import Criterion
-from barbalat.sweeps.kinds import Kind, Tried, kinds_of
 from barbalat.tuning.chosen import best_of
 from barbalat.tuning.probing import Probing
 from barbalat.tuning.quantity import PROBES
 from barbalat.tuning.search import least_trials, search
+from barbalat.tuning.space import Space
 from barbalat.tuning.trial import Plants, Trial
-from barbalat.tuning.trials import Trials
+from barbalat.tuning.trials import Trials, in_one_kernel
 from barbalat.validate import Array
 
-EDGE = 0.02
+EDGE_SHARE = 0.02
 """Of a knob's range: a tuning so near to an end would perhaps have gone on."""
 
 
@@ -111,16 +111,10 @@ def qualify(
     space, problem = entrant.space, plants.problems[0]
     assert isinstance(problem, Problem)
     varied = VariedEntrant(entrant, problem, simulation, space.paths)
-    trials = Trials(varied, 0, rule.aim, together=_together(entrant, varied), shared=plants, threads=threads, quiet=silent)
-    if len(space):
-
-        def judged(points: Array, to_beat: float) -> Array:
-            return np.array([trial.score for trial in trials.judged(space.rows(points), to_beat)])
-
-        count = max(rule.trials, least_trials(len(space)))
-        search(judged, len(space), trials=count, seed=rule.seed, start=None, progress=progress)
-    else:
-        trials.judged(np.zeros((1, 0)), np.inf)
+    trials = Trials(
+        varied, 0, rule.aim, together=not len(space) or in_one_kernel(varied, space), shared=plants, threads=threads, quiet=silent
+    )
+    _try_tunings(trials, space, rule, progress)
     best = best_of(trials)
     found = best.nearest
     controller = entrant.controller(found.row)
@@ -141,13 +135,13 @@ def qualify(
     )
 
 
-def _together(entrant: Entrant, varied: VariedEntrant) -> bool:
-    """Whether tunings run side by side in one kernel."""
-    if not len(entrant.space):
-        return True
-    ends = tuple(np.array([one.low, one.high]) for one in entrant.space.ranges.values())
-    middle = entrant.space.rows(np.full((1, len(ends)), 0.5))[0]
-    return all(kind is Kind.NUMBER for kind in kinds_of(varied, Tried(middle, ends)))
+def _try_tunings(trials: Trials, space: Space, rule: Rule, progress: Progress | None) -> None:
+    """As many as the rule says, and no fewer than the search needs; where there is no knob, the one tuning that there is."""
+    if not len(space):
+        trials.judged(np.zeros((1, 0)), np.inf)
+        return
+    count = max(rule.trials, least_trials(len(space)))
+    search(trials.scoring(space), len(space), trials=count, seed=rule.seed, start=None, progress=progress)
 
 
 def _probed(
@@ -192,7 +186,7 @@ def _settled(trials: list[Trial], rule: Rule) -> float | None:
 
 def _at_edge(entrant: Entrant, row: Array) -> tuple[str, ...]:
     shares = [one.share(float(value)) for one, value in zip(entrant.space.ranges.values(), row, strict=True)]
-    near = [share is None or min(share, 1 - share) < EDGE for share in shares]
+    near = [share is None or min(share, 1 - share) < EDGE_SHARE for share in shares]
     return tuple(name for name, close in zip(entrant.knobs.values, near, strict=True) if close)
 
 

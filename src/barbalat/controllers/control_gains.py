@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -113,6 +113,35 @@ class ControlGains:
 
     def limited(self, k_x_hat: Value, k_r_hat: Value) -> tuple[Value, Value]:
         return limit(k_x_hat, self.box), limit(k_r_hat, self.interval)
+
+
+class GainEquations:
+    """Equations that adapt both gains, whatever law moves them. Their state has the fields theta_hat and k_r_hat."""
+
+    gains: ControlGains
+
+    @property
+    def box(self) -> KnownSet | None:
+        return self.gains.box
+
+    def control(self, state: Any, x: Value, x_m: Value, r: Value) -> Value:
+        return self.gains.control(state.theta_hat, state.k_r_hat, x, r)
+
+    def regressor_at(self, state: Any, x: Value, u: Value) -> Value:
+        return self.gains.with_input(x, u)
+
+    def reported(self, state: Any) -> dict[str, Value]:
+        return {"k_r_hat": state.k_r_hat}
+
+    def ideal_gains(self, theta: Array, omega: Array) -> Array:
+        return self.gains.ideal(theta, omega)
+
+    def ideal_reported(self, theta: Array, omega: Array) -> dict[str, Array]:
+        return self.gains.ideal_feedforward(omega)
+
+    @property
+    def estimate_names(self) -> tuple[str, ...]:
+        return self.gains.names
 
 
 def _initial_feedforward(given: float | None, k_0: float, interval: ParameterBox | None) -> float:

@@ -10,6 +10,7 @@ import numpy as np
 from barbalat.adaptation.law import SampleData, SampledLaw
 from barbalat.adaptation.normalization import Normalization
 from barbalat.controllers.steps import Filter, LinearStep
+from barbalat.controllers.twin import SampledTwin
 from barbalat.problem.known_set import EstimateSet
 from barbalat.protocols import Equations, Sample, Value, kept
 
@@ -35,7 +36,7 @@ class Learnt(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Estimator:
+class Estimator(SampledTwin):
     """Filters by the midpoint rule, the law as in ``adaptation.implicit``; docs/sampled.md has what holds.
 
     A scheme's own ``advance`` takes the filters' middles, then ``learnt``, ``swapped`` and ``filtered``, in this order.
@@ -52,12 +53,6 @@ class Estimator:
     frozen: Value = field(default=None, kw_only=True)  # where it holds, estimates and memory rest; None: it never does
 
     explicit: ClassVar[bool] = False
-
-    def initial(self) -> NamedTuple:
-        return self.continuous.initial()
-
-    def control(self, state: Any, x: Value, x_m: Value, r: Value) -> Value:
-        return self.continuous.control(state, x, x_m, r)
 
     def learnt(self, state: Any, z: Value, phi: Value, driven: Value) -> Learnt:
         """``driven`` is what n_d' adds, held over the sample."""

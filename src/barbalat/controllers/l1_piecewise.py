@@ -7,7 +7,7 @@ sample, the whole is a linear time-invariant sampled controller: see ``realisati
 from __future__ import annotations
 
 from dataclasses import KW_ONLY, dataclass, replace
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -23,6 +23,11 @@ from barbalat.problem.regressors import Uncertainty
 from barbalat.problem.state_feedback import Known
 from barbalat.protocols import Sample, Value, kept
 from barbalat.validate import Array, InputError
+
+PATENT_NOTE = (
+    "This is the piecewise-constant L1 law of published papers; nothing of the flight code L1Quad is used in it. That code\n"
+    "names US patent 8,712,559 for the law: ask whether it covers your use before you fly it."
+)
 
 
 class State(NamedTuple):
@@ -109,6 +114,8 @@ class L1PiecewiseConstant(Scheme):
     as_flown: AsFlown | None = None
     saturated_predictor: bool = False
     name: str = "L1, piecewise constant"
+
+    patent: ClassVar[str] = PATENT_NOTE
 
     def __post_init__(self) -> None:
         validate.label("name", self.name)

@@ -8,9 +8,8 @@ from typing import NamedTuple
 import numpy as np
 
 from barbalat import validate
-from barbalat.controllers.control_gains import ControlGains, check_gains
+from barbalat.controllers.control_gains import ControlGains, GainEquations, check_gains
 from barbalat.controllers.settings import Scheme
-from barbalat.problem.known_set import KnownSet
 from barbalat.problem.state_feedback import Known
 from barbalat.protocols import Value
 from barbalat.validate import Array, Vector
@@ -26,7 +25,7 @@ class State(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Equations:
+class Equations(GainEquations):
     """de/dk_x = -omega (sI - A_m)^-1 b [phi'] and de/dk_r = omega (sI - A_m)^-1 b [r], once plant and model are alike."""
 
     A_m: Array
@@ -35,32 +34,9 @@ class Equations:
     normalization: float | None
     gains: ControlGains
 
-    @property
-    def box(self) -> KnownSet | None:
-        return self.gains.box
-
     def initial(self) -> State:
         n, p = len(self.b), len(self.gains.theta_hat0)
         return State(self.gains.theta_hat0, np.stack([self.gains.k_r0]), np.zeros((n, p)), np.zeros(n))
-
-    def control(self, state: State, x: Value, x_m: Value, r: Value) -> Value:
-        return self.gains.control(state.theta_hat, state.k_r_hat, x, r)
-
-    def regressor_at(self, state: State, x: Value, u: Value) -> Value:
-        return self.gains.with_input(x, u)
-
-    def reported(self, state: State) -> dict[str, Value]:
-        return {"k_r_hat": state.k_r_hat}
-
-    def ideal_gains(self, theta: Array, omega: Array) -> Array:
-        return self.gains.ideal(theta, omega)
-
-    def ideal_reported(self, theta: Array, omega: Array) -> dict[str, Array]:
-        return self.gains.ideal_feedforward(omega)
-
-    @property
-    def estimate_names(self) -> tuple[str, ...]:
-        return self.gains.names
 
     def derivative(self, state: State, x: Value, x_m: Value, r: Value, u: Value) -> State:
         of_x, of_r, error = self.c @ state.Psi, self.c @ state.psi_r, self.c @ (x - x_m)

@@ -7,10 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from barbalat.controllers.control_gains import ControlGains, check_gains
+from barbalat.controllers.control_gains import ControlGains, GainEquations, check_gains
 from barbalat.controllers.knobs import Knobs, Reach
 from barbalat.controllers.settings import Scheme
-from barbalat.problem.known_set import KnownSet
 from barbalat.problem.state_feedback import Known
 from barbalat.protocols import Value
 from barbalat.validate import Array, Vector
@@ -24,38 +23,15 @@ class State(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Equations:
+class Equations(GainEquations):
     """The Lyapunov law of both gains, driven by the tracking error; omega > 0 of b omega u stands nowhere."""
 
     b: Array
     P: Array
     gains: ControlGains
 
-    @property
-    def box(self) -> KnownSet | None:
-        return self.gains.box
-
     def initial(self) -> State:
         return State(self.gains.theta_hat0, np.stack([self.gains.k_r0]))
-
-    def control(self, state: State, x: Value, x_m: Value, r: Value) -> Value:
-        return self.gains.control(*state, x, r)
-
-    def regressor_at(self, state: State, x: Value, u: Value) -> Value:
-        return self.gains.with_input(x, u)
-
-    def reported(self, state: State) -> dict[str, Value]:
-        return {"k_r_hat": state.k_r_hat}
-
-    def ideal_gains(self, theta: Array, omega: Array) -> Array:
-        return self.gains.ideal(theta, omega)
-
-    def ideal_reported(self, theta: Array, omega: Array) -> dict[str, Array]:
-        return self.gains.ideal_feedforward(omega)
-
-    @property
-    def estimate_names(self) -> tuple[str, ...]:
-        return self.gains.names
 
     def derivative(self, state: State, x: Value, x_m: Value, r: Value, u: Value) -> State:
         e_P_b = (x - x_m) @ (self.P @ self.b)

@@ -25,7 +25,7 @@ class State(NamedTuple):
     filter: Value  # (n,) state of Q(s); (0,) without auxiliary input
 
 
-class Filter(Protocol):
+class RealisedFilter(Protocol):
     """Q(s) of (14), with n states."""
 
     def derivative(self, q: Value, v: Value) -> Value: ...
@@ -35,7 +35,7 @@ class OnParametricModel(ABC):
     """Equations whose law is driven by the estimation error of (13)."""
 
     A_m: Array
-    Q: Filter | None
+    Q: RealisedFilter | None
     law: AdaptiveLaw
     theta_hat0: Array
     x0: Array

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import KW_ONLY, dataclass, replace
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar
 
 from barbalat import validate
 from barbalat.controllers.settings import Scheme
+from barbalat.controllers.twin import SampledTwin
 from barbalat.protocols import Controller, Discretizable, Equations, Sample, SampledEquations, Value, feedback_of
 from barbalat.validate import InputError
 
@@ -14,19 +15,13 @@ DISCRETIZATIONS = ("midpoint", "euler")
 
 
 @dataclass(frozen=True, eq=False)
-class Euler:
+class Euler(SampledTwin):
     """The continuous equations with explicit Euler steps from sample to sample: what is often done, and what chatters."""
 
     continuous: Equations
     sample_time: float
 
     explicit: ClassVar[bool] = True
-
-    def initial(self) -> NamedTuple:
-        return self.continuous.initial()
-
-    def control(self, state: Any, x: Value, x_m: Value, r: Value) -> Value:
-        return self.continuous.control(state, x, x_m, r)
 
     def advance(self, state: Any, before: Sample, u: Value, now: Sample) -> Any:
         rates = self.continuous.derivative(state, *before, u)

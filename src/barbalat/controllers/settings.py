@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 
@@ -16,6 +16,16 @@ from barbalat.validate import Array, InputError
 
 class Scheme(Settings, Controller):
     """The base of the package's schemes, by which type checkers know a list of several as one of controllers."""
+
+
+@runtime_checkable
+class PatentNamed(Protocol):
+    """A scheme for whose law somebody names a patent: who exports it is told."""
+
+    @property
+    def patent(self) -> str:
+        """What is to be asked before it flies, as sentences."""
+        ...
 
 
 class Adaptive(Protocol):

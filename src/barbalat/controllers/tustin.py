@@ -8,11 +8,12 @@ from typing import Any, ClassVar
 import numpy as np
 
 from barbalat.controllers.steps import LinearStep
+from barbalat.controllers.twin import SampledTwin
 from barbalat.protocols import Equations, Sample, Value
 
 
 @dataclass(frozen=True, eq=False)
-class Tustin:
+class Tustin(SampledTwin):
     """A linear controller on the output or on the state, whose NamedTuple ends with the state of its linear system."""
 
     continuous: Equations
@@ -20,12 +21,6 @@ class Tustin:
     step: LinearStep
 
     explicit: ClassVar[bool] = False
-
-    def initial(self) -> Any:
-        return self.continuous.initial()
-
-    def control(self, state: Any, x: Value, x_m: Value, r: Value) -> Value:
-        return self.continuous.control(state, x, x_m, r)
 
     def advance(self, state: Any, before: Sample, u: Value, now: Sample) -> Any:
         rest = type(state)(state.theta_hat, np.zeros(state[1].shape))  # at the origin the derivative is the forcing alone

@@ -6,9 +6,9 @@ from html import escape
 
 from barbalat.cases.build import Case
 from barbalat.certificates.overview import certified_case
-from barbalat.report.certificates import Row, rows
+from barbalat.report.certificates import CertificateRow, rows
 
-HEAD = "<tr>" + "".join(f'<th scope="col">{name}</th>' for name in ("quantity", "value", "kind", "meaning")) + "</tr>"
+TABLE_HEAD = "<tr>" + "".join(f'<th scope="col">{name}</th>' for name in ("quantity", "value", "kind", "meaning")) + "</tr>"
 
 
 def section(case: Case) -> str:
@@ -16,7 +16,7 @@ def section(case: Case) -> str:
     found = certified_case(case.problem, case.controllers, case.simulation).certificates
     parts = [
         f'<details><summary>{escape(name)}</summary><div class="wide" tabindex="0" role="region" '
-        f'aria-label="Certificates of {escape(name)}"><table class="figures"><thead>{HEAD}</thead><tbody>'
+        f'aria-label="Certificates of {escape(name)}"><table class="figures"><thead>{TABLE_HEAD}</thead><tbody>'
         f"{''.join(map(_row, rows(certificate)))}</tbody></table></div></details>"
         for name, certificate in found.items()
     ]
@@ -26,6 +26,6 @@ def section(case: Case) -> str:
     return f'<h2>Certificates of the case</h2><p class="note">{note}</p>{"".join(parts)}'
 
 
-def _row(row: Row) -> str:
+def _row(row: CertificateRow) -> str:
     cells = "".join(f"<td>{escape(text)}</td>" for text in (row.value, row.kind, row.meaning))
     return f'<tr><th scope="row">{escape(row.quantity)}</th>{cells}</tr>'

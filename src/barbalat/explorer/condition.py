@@ -42,6 +42,7 @@ class Filtered:
         if not isinstance(problem, Problem):
             return None
         equations = case.controllers[self.index].bind(problem.known)
+        # Theorem 1 is of this scheme's own C(s) and x_hat; its set's bounds, which move, are numbers of a box alone
         if not isinstance(equations, Equations) or not isinstance(equations.box, ParameterBox):
             return None
         plain = problem.known.inputs == 1 and not problem.known.uncertainty.gain_unknown

@@ -12,7 +12,7 @@ from barbalat.explorer.commands import breaks_anywhere, grids_of, is_smooth, smo
 from barbalat.explorer.condition import condition_of
 from barbalat.explorer.effects import Target
 from barbalat.explorer.encoded import doubles
-from barbalat.explorer.numbers import DELAY, GRID, Number
+from barbalat.explorer.numbers import DELAY_PATH, GRID_KEYS, Number
 from barbalat.explorer.outputs import delay_weights, numbers_handed, outputs
 from barbalat.explorer.sliders import Slider, Sliders, Variant
 from barbalat.explorer.source import Source
@@ -98,11 +98,11 @@ class Described:
 
     def slots(self) -> list[FieldPath]:
         """Places in a copied case file that take a number of the page: the sliders', horizon and step, the delay."""
-        own = [FieldPath(("simulation", key)) for key in GRID]
+        own = [FieldPath(("simulation", key)) for key in GRID_KEYS]
         return [
             *(one.number.path for one in self.sliders),
             *own,
-            *([DELAY] if self.case.problem.delay > 0 and self._delay()["slider"] else []),
+            *([DELAY_PATH] if self.case.problem.delay > 0 and self._delay()["slider"] else []),
         ]
 
     def _noise(self) -> dict[str, Any] | None:
@@ -118,7 +118,7 @@ class Described:
         own = self.case.problem.delay
         tried = own + self.case.simulation.dt
         try:
-            moves = self.source.at({DELAY: tried}).problem.delay == tried
+            moves = self.source.at({DELAY_PATH: tried}).problem.delay == tried
         except InputError:
             moves = False
         return {"value": own, "slider": moves, "weights": delay_weights()}

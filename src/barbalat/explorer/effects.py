@@ -48,7 +48,7 @@ class Effect:
         return not len(self.parameters) and not len(self.states)
 
 
-SPECIAL = (-1.0, 0.0, 1.0)
+SPECIAL_VALUES = (-1.0, 0.0, 1.0)
 """Values that a structure may depend on."""
 FEWER_VALUES = 20
 """Of a slider that excludes others: there may be many of them, and each has a table."""
@@ -99,7 +99,7 @@ def effects_of(
     if found is None:
         return None
     left_out = set(few.tolist()) - set(found[0].tolist())
-    if all(effect.table is None for effect in found[1]) and left_out <= set(SPECIAL):
+    if all(effect.table is None for effect in found[1]) and left_out <= set(SPECIAL_VALUES):
         values = number.values[~np.isin(number.values, list(left_out))]
         return replace(number, values=values, without=(*number.without, *sorted(left_out))), found[1]
     shared = any(effect.rows & rows for effect, rows in zip(found[1], taken, strict=True))
@@ -118,7 +118,7 @@ def thinned(number: Number) -> Number:
 
 def _tried(number: Number) -> Array:
     values, last = number.values, len(number.values) - 1
-    special = [value for value in SPECIAL if values[0] <= value <= values[last] and value not in number.without]
+    special = [value for value in SPECIAL_VALUES if values[0] <= value <= values[last] and value not in number.without]
     return np.unique([number.value, *values[[0, last // 5, last // 2, last]], *special])
 
 

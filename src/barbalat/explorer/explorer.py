@@ -30,7 +30,7 @@ FRAME_HEIGHT = 900
 
 
 @dataclass(frozen=True, eq=False)
-class Contents:
+class PageContents:
     """A page's data and the HTML of its certificates; ``names`` are its controllers'."""
 
     data: dict[str, Any]
@@ -57,11 +57,11 @@ class Explorer:
         return self.contents.page(())
 
     @cached_property
-    def contents(self) -> Contents:
+    def contents(self) -> PageContents:
         """All that is on the page but for the verdicts on claims that its lessons name."""
         described = Described.of(self.source)
         names = tuple(controller.name for controller in described.case.controllers)
-        return Contents(described.as_data(), section(described.case), names, self.lessons)
+        return PageContents(described.as_data(), section(described.case), names, self.lessons)
 
     def save(self, path: str | Path) -> Path:
         """Write it to a file."""

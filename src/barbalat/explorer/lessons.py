@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import Any, Literal, Protocol
 
 from barbalat.claims.claim import Claim
 
@@ -22,12 +22,20 @@ class FigureGoal:
     value: float
     share_of: str | None = None
 
+    def as_data(self, names: Sequence[str]) -> dict[str, Any]:
+        share = self.share_of if self.share_of in (None, "start") else names.index(str(self.share_of))
+        index = names.index(self.controller)
+        return {"controller": index, "figure": self.figure, "relation": self.relation, "value": self.value, "share": share}
+
 
 @dataclass(frozen=True, kw_only=True)
 class BoundedGoal:
     """The controller's run ends without diverging."""
 
     controller: str
+
+    def as_data(self, names: Sequence[str]) -> dict[str, Any]:
+        return {"bounded": names.index(self.controller)}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,6 +46,9 @@ class SettingGoal:
     relation: Literal["<=", ">="]
     value: float
 
+    def as_data(self, names: Sequence[str]) -> dict[str, Any]:
+        return {"path": self.path, "relation": self.relation, "value": self.value}
+
 
 @dataclass(frozen=True, kw_only=True)
 class UnprojectedGoal:
@@ -45,8 +56,16 @@ class UnprojectedGoal:
 
     controller: str
 
+    def as_data(self, names: Sequence[str]) -> dict[str, Any]:
+        return {"unprojected": names.index(self.controller)}
 
-Goal = FigureGoal | BoundedGoal | SettingGoal | UnprojectedGoal
+
+class Goal(Protocol):
+    """What a page checks."""
+
+    def as_data(self, names: Sequence[str]) -> dict[str, Any]:
+        """For a page of controllers with these names."""
+        ...
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -79,21 +98,9 @@ class Lesson:
             "numbers": dict(self.numbers), "example": dict(self.example),
             "shown": [name in self.shown for name in names],
             "projection": {str(names.index(name)): "on" if on else "off" for name, on in self.projection.items()},
-            "checks": [_goal(one, names) for one in self.checks],
+            "checks": [one.as_data(names) for one in self.checks],
             "claims": [_claim(name, claims) for name in self.claims],
         }  # fmt: skip
-
-
-def _goal(one: Goal, names: Sequence[str]) -> dict[str, Any]:
-    if isinstance(one, SettingGoal):
-        return {"path": one.path, "relation": one.relation, "value": one.value}
-    if isinstance(one, UnprojectedGoal):
-        return {"unprojected": names.index(one.controller)}
-    if isinstance(one, BoundedGoal):
-        return {"bounded": names.index(one.controller)}
-    share = one.share_of if one.share_of in (None, "start") else names.index(str(one.share_of))
-    index = names.index(one.controller)
-    return {"controller": index, "figure": one.figure, "relation": one.relation, "value": one.value, "share": share}
 
 
 def _claim(name: str, claims: Sequence[Claim]) -> dict[str, Any]:

@@ -17,17 +17,17 @@ MANTISSAS = (
     8.0, 9.0,
 )  # fmt: skip
 """Of a decade on a logarithmic slider: two digits, about evenly spread, those that people write among them."""
-REACHES = (100.0, 10.0, 3.0, 1.3)
+REACH_FACTORS = (100.0, 10.0, 3.0, 1.3)
 """Of a logarithmic slider to either side, as a factor; the first that constructors take at its ends."""
 LINEAR_REACHES = (2.0, 1.0, 0.5, 0.1)
 """Of a linear one to either side, in sizes of the number itself; of a zero in units."""
 LINEAR_STEPS = 40
 """To either side of a linear slider's beginning."""
-FIXED = ("name", "record_points", "seed", "sample_time")
-"""Keys that are no number of the loop, or say at which instants something happens."""
-GRID = ("t_end", "dt")
+FIXED_KEYS = ("name", "record_points", "seed", "sample_time", "solver")
+"""Keys that hold no number of the loop, or say at which instants something happens."""
+GRID_KEYS = ("t_end", "dt")
 """Keys of the simulation; their sliders are the page's own."""
-DELAY = FieldPath(("plant", "input", "delay"))
+DELAY_PATH = FieldPath(("plant", "input", "delay"))
 """A slider of the page's own too: it moves how far a module looks back, in whole steps."""
 At = Callable[[FieldPath, float], Case]
 """The case with another number at one place; InputError where it can't be used."""
@@ -88,7 +88,7 @@ def in_tables(tables: dict[str, Any]) -> Iterator[tuple[FieldPath, float]]:
 def _within(part: Any, keys: tuple[Key, ...]) -> Iterator[tuple[tuple[Key, ...], float]]:
     if isinstance(part, dict):
         for key, inner in part.items():
-            if key not in FIXED:
+            if key not in FIXED_KEYS:
                 yield from _within(inner, (*keys, key))
     elif isinstance(part, list):
         for i, inner in enumerate(part):
@@ -101,7 +101,7 @@ def ranged(path: FieldPath, value: float, at: At) -> Number | None:
     """The number with the values that its case's constructors take; None where they take no other one."""
     whole = isinstance(value, int)
     if value > 0 and not _taken(path, [-value], at):
-        for reach in REACHES:
+        for reach in REACH_FACTORS:
             values = _decades(value / reach, value * reach, value)
             if _taken(path, [values[0], values[-1]], at):
                 return Number(path=path, value=value, values=values, whole=whole, logarithmic=True)

@@ -11,13 +11,15 @@ from barbalat.cases.build import Case
 from barbalat.explorer.encoded import doubles
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.loop.packing import unflatten
-from barbalat.loop.true_values import reporting, true_values
+from barbalat.loop.true_values import estimate_names, ideal_reported, reporting, true_values
 from barbalat.lowering.operations import read
 from barbalat.lowering.optimize import optimize
 from barbalat.lowering.shape import LoopShape
 from barbalat.lowering.wasm.loop import loop as module_of
+from barbalat.pictures.symbols import estimated
 from barbalat.problem.command_gain import commanded, gains_at_rest
 from barbalat.run import delay
+from barbalat.run.estimates import MOST_REPORTED, reported_names
 from barbalat.run.members import Members
 from barbalat.run.metrics import Accumulators
 from barbalat.solvers import SOLVERS, Tableau
@@ -45,7 +47,8 @@ def outputs(case: Case, members: Members) -> dict[str, Any]:
         "x": [int(i) for i in marked.x.reshape(-1)], "x_m": [int(i) for i in marked.x_m.reshape(-1)],
         "output": loop.measured_outputs > 0, "panels": panels,
         "true": None if true is None else [float(v) for v in true],
-        "reported": _reported(loop),
+        "estimates": [estimated(name) for name in estimate_names(loop)],
+        "reported": _reported(loop), "beside": _beside(case, loop),
         "past": None if members.history is None else members.history[:, 0].tolist(),
     }  # fmt: skip
 
@@ -62,6 +65,17 @@ def _reported(loop: ClosedLoop) -> dict[str, list[int]]:
         for name, rows in once.items()
         if np.isin(rows, marks[0]).all() and (2 * np.asarray(rows) + 1 == twice[name]).all()
     }
+
+
+def _beside(case: Case, loop: ClosedLoop) -> list[dict[str, Any]]:
+    """What of that is drawn beside the parameters' estimates, entry by entry, with what it is to become."""
+    ideal, found = ideal_reported(case.problem, loop), []
+    for key, rows in _reported(loop).items():
+        if len(rows) <= MOST_REPORTED:
+            true = [None] * len(rows) if ideal.get(key) is None else np.ravel(ideal[key]).tolist()
+            names = map(estimated, reported_names(key, len(rows)))
+            found += [{"label": name, "row": row, "true": one} for name, row, one in zip(names, rows, true, strict=True)]
+    return found
 
 
 def numbers_handed(members: Members) -> int:

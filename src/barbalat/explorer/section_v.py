@@ -6,15 +6,20 @@ from collections.abc import Sequence
 
 from barbalat.cases.load import CaseText, text_to_start_from
 from barbalat.claims.claim import Claim
-from barbalat.explorer.explorer import Contents, Explorer
+from barbalat.explorer.explorer import Explorer, PageContents
 from barbalat.explorer.lessons import BoundedGoal, FigureGoal, Lesson, SettingGoal, UnprojectedGoal
 from barbalat.explorer.source import TextSource
 
-TAU, KAPPA, GAMMA, MRAC_GAMMA = "controller[0].tau", "controller[1].filter.kappa", "controller[1].gamma", "controller[2].gamma"
-STEP, DELAY = "simulation.dt", "plant.input.delay"
-PAPER = "paper"
+TAU_PATH, KAPPA_PATH, GAMMA_PATH, MRAC_GAMMA_PATH = (
+    "controller[0].tau",
+    "controller[1].filter.kappa",
+    "controller[1].gamma",
+    "controller[2].gamma",
+)
+STEP_PATH, DELAY_PATH = "simulation.dt", "plant.input.delay"
+PAPER_CASE = "paper"
 """The bundled case that these lessons are about."""
-OSCILLATING, QUIET = 20.0, 1.0
+OSCILLATING_RATE, QUIET_RATE = 20.0, 1.0
 """Variation of an estimate [1/s]: one sweep of the box per second, there and back, as ``claims.onset``; and the command's own."""
 QUIET_GAIN = 300.0
 """Of L1-AC, far below the onset at the paper's step: what is seen is not the solver's."""
@@ -28,7 +33,7 @@ ON_THE_PAPER_S_EXAMPLE = (
         ),
         goal="Bring the largest error to 0.6 of what it is here, or less.",
         checks=(FigureGoal(controller="Robust MRAC", figure="max_abs_e", relation="<", value=0.6, share_of="start"),),
-        example={TAU: 0.25}, claims=("figures-2-5", "tau-error"),
+        example={TAU_PATH: 0.25}, claims=("figures-2-5", "tau-error"),
     ),
     Lesson(
         key="figure-3", title="Figure 3: L1-AC at h = 1e-4 s", shown=("L1",),
@@ -38,64 +43,64 @@ ON_THE_PAPER_S_EXAMPLE = (
         ),
         goal="Quieten the estimates (variation below 1 per s) without a smaller step.",
         checks=(
-            SettingGoal(path=STEP, relation=">=", value=1e-4),
-            FigureGoal(controller="L1", figure="theta_hat_variation_rate", relation="<", value=QUIET),
+            SettingGoal(path=STEP_PATH, relation=">=", value=1e-4),
+            FigureGoal(controller="L1", figure="theta_hat_variation_rate", relation="<", value=QUIET_RATE),
         ),
-        example={GAMMA: QUIET_GAIN}, claims=("numerical-oscillation", "oscillation-without-filter", "smaller-gain"),
+        example={GAMMA_PATH: QUIET_GAIN}, claims=("numerical-oscillation", "oscillation-without-filter", "smaller-gain"),
     ),
     Lesson(
-        key="onset", title="Where the oscillation begins", shown=("L1",), numbers={GAMMA: 3000.0},
+        key="onset", title="Where the oscillation begins", shown=("L1",), numbers={GAMMA_PATH: 3000.0},
         text=(
             "At this gain the loop oscillates at h = 1e-4 s. Halve the step and it is gone: the onset is at a "
             "fixed product of step and √Γ."
         ),
         goal="Make it oscillate (variation above 20 per s) at half this step.",
         checks=(
-            SettingGoal(path=STEP, relation="<=", value=5e-5),
-            FigureGoal(controller="L1", figure="theta_hat_variation_rate", relation=">", value=OSCILLATING),
+            SettingGoal(path=STEP_PATH, relation="<=", value=5e-5),
+            FigureGoal(controller="L1", figure="theta_hat_variation_rate", relation=">", value=OSCILLATING_RATE),
         ),
-        example={STEP: 5e-5, GAMMA: 12000.0}, claims=("boundary",),
+        example={STEP_PATH: 5e-5, GAMMA_PATH: 12000.0}, claims=("boundary",),
     ),
     Lesson(
-        key="figure-4", title="Figure 4: a tenth of the step", shown=("L1",), numbers={STEP: 1e-5},
+        key="figure-4", title="Figure 4: a tenth of the step", shown=("L1",), numbers={STEP_PATH: 1e-5},
         text=(
             "The same controller, the same gain, six million steps instead of six hundred thousand: the estimates"
             " move with the command alone."
         ),
         goal="Bring the oscillation back (variation above 20 per s) at this step.",
         checks=(
-            SettingGoal(path=STEP, relation="<=", value=1e-5),
-            FigureGoal(controller="L1", figure="theta_hat_variation_rate", relation=">", value=OSCILLATING),
+            SettingGoal(path=STEP_PATH, relation="<=", value=1e-5),
+            FigureGoal(controller="L1", figure="theta_hat_variation_rate", relation=">", value=OSCILLATING_RATE),
         ),
-        example={GAMMA: 1e6}, claims=("numerical-oscillation", "own-oscillation"),
+        example={GAMMA_PATH: 1e6}, claims=("numerical-oscillation", "own-oscillation"),
     ),
     Lesson(
-        key="figure-5", title="Figure 5: a hundred times the gain", shown=("L1",), numbers={STEP: 1e-5, GAMMA: 1e6},
+        key="figure-5", title="Figure 5: a hundred times the gain", shown=("L1",), numbers={STEP_PATH: 1e-5, GAMMA_PATH: 1e6},
         text="At Γ = 1e6 the smaller step does not help any more.",
         goal="Find a gain of at least 5e4 whose estimates are quiet at this step (variation below 1 per s).",
         checks=(
-            SettingGoal(path=GAMMA, relation=">=", value=5e4),
-            SettingGoal(path=STEP, relation=">=", value=1e-5),
-            FigureGoal(controller="L1", figure="theta_hat_variation_rate", relation="<", value=QUIET),
+            SettingGoal(path=GAMMA_PATH, relation=">=", value=5e4),
+            SettingGoal(path=STEP_PATH, relation=">=", value=1e-5),
+            FigureGoal(controller="L1", figure="theta_hat_variation_rate", relation="<", value=QUIET_RATE),
         ),
-        example={GAMMA: 5e4}, claims=("numerical-oscillation", "boundary"),
+        example={GAMMA_PATH: 5e4}, claims=("numerical-oscillation", "boundary"),
     ),
     Lesson(
         key="projection", title="Without projection", shown=("L1",), projection={"L1": False},
         text="With Figure 3's gain and step the projection is switched off: the run diverges within three seconds.",
         goal="Keep L1-AC bounded for 60 s, still without projection.",
         checks=(UnprojectedGoal(controller="L1"), BoundedGoal(controller="L1")),
-        example={GAMMA: QUIET_GAIN}, claims=("no-projection",),
+        example={GAMMA_PATH: QUIET_GAIN}, claims=("no-projection",),
     ),
     Lesson(
-        key="bias", title="What the filter costs", shown=("L1",), numbers={GAMMA: QUIET_GAIN},
+        key="bias", title="What the filter costs", shown=("L1",), numbers={GAMMA_PATH: QUIET_GAIN},
         text="Far from any oscillation an error remains that no gain removes. It is the filter's.",
         goal="Bring the error of the tail to 0.55 of what it is here, or less.",
         checks=(FigureGoal(controller="L1", figure="tail_max_abs_e", relation="<", value=0.55, share_of="start"),),
-        example={KAPPA: 0.01}, claims=("bias-kappa", "best-kappa-zero", "bound-10"),
+        example={KAPPA_PATH: 0.01}, claims=("bias-kappa", "best-kappa-zero", "bound-10"),
     ),
     Lesson(
-        key="kappa", title="Toward kappa = 0.05", shown=("L1",), numbers={GAMMA: QUIET_GAIN},
+        key="kappa", title="Toward kappa = 0.05", shown=("L1",), numbers={GAMMA_PATH: QUIET_GAIN},
         text=(
             "The paper's condition on the filter ends at κ = 0.05 s, and with it the guarantee. What the loop "
             "does there is another question."
@@ -105,55 +110,55 @@ ON_THE_PAPER_S_EXAMPLE = (
             "times the error and more."
         ),
         checks=(
-            SettingGoal(path=KAPPA, relation=">=", value=0.05),
+            SettingGoal(path=KAPPA_PATH, relation=">=", value=0.05),
             BoundedGoal(controller="L1"),
             FigureGoal(controller="L1", figure="tail_max_abs_e", relation=">", value=3.0, share_of="start"),
         ),
-        example={KAPPA: 0.07}, claims=("kappa-0.05",),
+        example={KAPPA_PATH: 0.07}, claims=("kappa-0.05",),
     ),
     Lesson(
-        key="small-gain", title="A small gain instead", shown=("L1", "MRAC"), numbers={MRAC_GAMMA: 1e-2},
+        key="small-gain", title="A small gain instead", shown=("L1", "MRAC"), numbers={MRAC_GAMMA_PATH: 1e-2},
         text="L1-AC with Figure 3's gain beside the standard MRAC with a millionth of it, at the same step.",
         goal=(
             "Find a gain of MRAC, at most 10, with which its largest error is a tenth of L1-AC's or less, and its"
             " estimates are quiet (variation below 1 per s)."
         ),
         checks=(
-            SettingGoal(path=MRAC_GAMMA, relation="<=", value=10.0),
+            SettingGoal(path=MRAC_GAMMA_PATH, relation="<=", value=10.0),
             FigureGoal(controller="MRAC", figure="max_abs_e", relation="<", value=0.1, share_of="L1"),
-            FigureGoal(controller="MRAC", figure="theta_hat_variation_rate", relation="<", value=QUIET),
+            FigureGoal(controller="MRAC", figure="theta_hat_variation_rate", relation="<", value=QUIET_RATE),
         ),
-        example={MRAC_GAMMA: 1.0}, claims=("smaller-gain", "filtered-mrac"),
+        example={MRAC_GAMMA_PATH: 1.0}, claims=("smaller-gain", "filtered-mrac"),
     ),
 )  # fmt: skip
 
 WITH_A_DELAY = (
     Lesson(
         key="tau-and-delay", title="Theorem 2: tau against a modelling error",
-        shown=("Robust MRAC",), numbers={TAU: 0.02, DELAY: 0.05},
+        shown=("Robust MRAC",), numbers={TAU_PATH: 0.02, DELAY_PATH: 0.05},
         text="An input delay of 50 ms, and a τ that would be excellent without it: the loop is lost.",
         goal="Find a τ that bears this delay with an error below 3 in the tail: neither too small nor too large.",
         checks=(
-            SettingGoal(path=DELAY, relation=">=", value=0.05),
+            SettingGoal(path=DELAY_PATH, relation=">=", value=0.05),
             BoundedGoal(controller="Robust MRAC"),
             FigureGoal(controller="Robust MRAC", figure="tail_max_abs_e", relation="<", value=3.0),
         ),
-        example={TAU: 0.1}, claims=("tau-limit-delay", "delta-2-term"),
+        example={TAU_PATH: 0.1}, claims=("tau-limit-delay", "delta-2-term"),
     ),
     Lesson(
         key="delay-and-filter", title="Delay against filter",
-        shown=("L1", "MRAC"), numbers={DELAY: 0.1, GAMMA: 100.0},
+        shown=("L1", "MRAC"), numbers={DELAY_PATH: 0.1, GAMMA_PATH: 100.0},
         text=(
             "With a delay of 100 ms both L1-AC and the standard MRAC oscillate. Without it a filter only costs "
             "error (the lesson What the filter costs); with it, see."
         ),
         goal="Choose the filter so that L1-AC's error in the tail is half of MRAC's or less.",
         checks=(
-            SettingGoal(path=DELAY, relation=">=", value=0.1),
-            SettingGoal(path=MRAC_GAMMA, relation=">=", value=1.0),
+            SettingGoal(path=DELAY_PATH, relation=">=", value=0.1),
+            SettingGoal(path=MRAC_GAMMA_PATH, relation=">=", value=1.0),
             FigureGoal(controller="L1", figure="tail_max_abs_e", relation="<", value=0.5, share_of="MRAC"),
         ),
-        example={KAPPA: 0.05}, claims=("filter-reduces-margins", "gain-reduces-margins"),
+        example={KAPPA_PATH: 0.05}, claims=("filter-reduces-margins", "gain-reduces-margins"),
     ),
 )  # fmt: skip
 
@@ -169,11 +174,11 @@ def late(text: str) -> str:
 
 def explorer(file: str) -> Explorer:
     """The page of that name."""
-    text = text_to_start_from(PAPER)
+    text = text_to_start_from(PAPER_CASE)
     return Explorer(TextSource(CaseText(late(text) if PAGES[file] is WITH_A_DELAY else text)), PAGES[file])
 
 
-def contents(file: str) -> Contents:
+def contents(file: str) -> PageContents:
     """Of the page of that name, before anything is measured: another process can make it."""
     return explorer(file).contents
 

@@ -11,10 +11,10 @@ import numpy as np
 from barbalat.cases.build import Case
 from barbalat.explorer.effects import Effect, Rows, Target, composed, effects_of
 from barbalat.explorer.in_signals import InSignals, SignalSearch
-from barbalat.explorer.numbers import DELAY, GRID, Number, ranged
+from barbalat.explorer.numbers import DELAY_PATH, GRID_KEYS, Number, ranged
 from barbalat.explorer.source import Source
 from barbalat.explorer.together import Outcome, Together
-from barbalat.explorer.tried_values import TURNS, Place, places_tried, without_indices
+from barbalat.explorer.tried_values import TRIED_TURNS, Place, places_tried, without_indices
 from barbalat.protocols import Controller
 from barbalat.sweeps.paths import FieldPath
 from barbalat.validate import Array, InputError
@@ -101,7 +101,7 @@ class Sliders:
         kept: list[Slider] = []
         room = MOST_SHARED_BYTES
         for path, value in sorted(self.source.numbers(), key=_precedence):
-            if path.keys[-1] in GRID or len(kept) == MOST_NUMBERS or (path == DELAY and self.case.problem.delay > 0):
+            if path.keys[-1] in GRID_KEYS or len(kept) == MOST_NUMBERS or (path == DELAY_PATH and self.case.problem.delay > 0):
                 continue
             number = ranged(path, value, partial(self.at, False))
             slider = None if number is None else self._followed(number, taken, room)
@@ -122,7 +122,7 @@ class Sliders:
             apart.reshape(len(kept), len(kept)),
             lambda moves: self._outcome([(kept[k], tried[k][i]) for k, i in moves]),
         )
-        for turn in range(TURNS):
+        for turn in range(TRIED_TURNS):
             tried = [
                 places_tried(slider.number, k, turn, copied=slider.copied, handed=slider.handed) for k, slider in enumerate(kept)
             ]

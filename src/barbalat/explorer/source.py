@@ -15,16 +15,15 @@ import numpy as np
 
 from barbalat.cases.build import Case
 from barbalat.cases.load import CaseText
-from barbalat.explorer.numbers import FIXED, in_tables
+from barbalat.explorer.numbers import FIXED_KEYS, in_tables
 from barbalat.protocols import Controller
-from barbalat.solvers import SOLVERS
 from barbalat.sweeps.paths import FieldPath, Key
 from barbalat.sweeps.varied import VariedObjects
 from barbalat.validate import InputError
 
 Segment = str | dict[str, Any]
 """Of a copied text: as it is, or what the page puts there: a number, a controller's projection, the solver."""
-NOTE = "# copied from a page of barbalat explore; fused = false: every bit is the page's"
+COPY_NOTE = "# copied from a page of barbalat explore; fused = false: every bit is the page's"
 
 
 class Source(ABC):
@@ -105,7 +104,7 @@ class TextSource(Source):
         for i in switched:
             tables["controller"][i]["projection"] = mark({"projection": i})
         tables["simulation"]["solver"] = mark({"solver": True})
-        parts = re.split(r'"\\u0000(\d+)\\u0000"', f"{NOTE}\n{toml(tables)}")
+        parts = re.split(r'"\\u0000(\d+)\\u0000"', f"{COPY_NOTE}\n{toml(tables)}")
         return [part if k % 2 == 0 else marks[int(part)] for k, part in enumerate(parts)]
 
 
@@ -196,10 +195,7 @@ def _of_object(part: Any, keys: tuple[Key, ...]) -> Iterator[tuple[tuple[Key, ..
     elif isinstance(part, (tuple, list)):
         for i, inner in enumerate(part):
             yield from _of_object(inner, (*keys, i))
-    elif is_dataclass(part) and not isinstance(part, type) and type(part).__name__ != "Tableau":
+    elif is_dataclass(part) and not isinstance(part, type):
         for one in fields(part):
-            if one.init and one.name not in FIXED:
+            if one.init and one.name not in FIXED_KEYS:
                 yield from _of_object(vars(part).get(one.name), (*keys, one.name))
-
-
-SOLVER_NAMES = tuple(SOLVERS)

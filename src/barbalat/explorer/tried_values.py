@@ -9,14 +9,14 @@ from barbalat.sweeps.paths import FieldPath, Key
 
 Place = tuple[float, int]
 """A value of a slider, and where it stands among those that are tabulated, if it does."""
-NEAR = (0.04, 0.12)
+NEAR_SHARES = (0.04, 0.12)
 """Of a slider's length: how far off to either side it is tried together with others; each slider somewhere between, lest two that
 stand in a difference move by as much. So near the case all pairs should make one."""
-FAR = ((0.1, 0.4), (0.1, 0.4), (0.4, 1.0), (0.4, 1.0))
+FAR_SHARES = ((0.1, 0.4), (0.1, 0.4), (0.4, 1.0), (0.4, 1.0))
 """How far off to one side, another one each time: some pairs make other numbers in a last bit, and at some values only."""
-GOLDEN = 0.6180339887498949
+GOLDEN_RATIO = 0.6180339887498949
 """Its multiples' fractions are spread evenly, however many there are."""
-TURNS = 1 + len(FAR)
+TRIED_TURNS = 1 + len(FAR_SHARES)
 
 
 def places_tried(number: Number, k: int, turn: int, *, copied: bool, handed: bool) -> list[Place]:
@@ -26,16 +26,16 @@ def places_tried(number: Number, k: int, turn: int, *, copied: bool, handed: boo
 
     copied  whether any value can be taken, not only those that are tabulated
     """
-    low, high = (NEAR, *FAR)[turn]
+    low, high = (NEAR_SHARES, *FAR_SHARES)[turn]
     last = len(number.values) - 1
     own = int(np.searchsorted(number.values, number.value))
-    step = max(1, round(last * (low + (high - low) * ((k + 1 + turn) * GOLDEN % 1))))
+    step = max(1, round(last * (low + (high - low) * ((k + 1 + turn) * GOLDEN_RATIO % 1))))
     ways = [way for way in (-1, 1) if 0 <= own + way <= last]
     if turn > 0 or not handed:
         ways = [ways[(k + turn) % len(ways)]] if turn == 0 or handed else []
     values = [number.values[int(np.clip(own + way * step, 0, last))] for way in ways]
     if turn > 0 and copied and not number.whole:
-        values = [number.value + GOLDEN * (value - number.value) for value in values]
+        values = [number.value + GOLDEN_RATIO * (value - number.value) for value in values]
     return [(float(value), int(np.searchsorted(number.values, value))) for value in values]
 
 

@@ -14,7 +14,7 @@ from barbalat.sweeps.result import SweepResult
 from barbalat.sweeps.varied_case import VariedCase
 from barbalat.validate import InputError
 
-MOST = 6
+MOST_PAGES = 6
 """Pages: each takes a second to make and a fifth of a megabyte."""
 
 
@@ -28,7 +28,7 @@ class Explored:
 
 def explored(text: CaseText, found: SweepResult) -> Iterator[Explored]:
     """For each controller the member that diverged first, or else the one with the largest error."""
-    for i, name in enumerate(found.controllers[:MOST]):
+    for i, name in enumerate(found.controllers[:MOST_PAGES]):
         judged = [figure for figure in ("diverged_at", "max_abs_e[0]") if name in found.evidence.metrics.get(figure, {})]
         if not judged:
             continue
@@ -48,7 +48,7 @@ def _alone(text: CaseText, found: SweepResult, i: int, member: int) -> CaseText:
         raise InputError("pages don't have controllers from a file of one's own")
     if text.case().problem.noise is not None:
         raise InputError("pages don't have the member's own measurement noise")
-    tables = VariedCase(text, found.plan.paths).tables(found.plan.values(member, 1)[0])
+    tables = VariedCase(text, found.plan.paths).tables_at(found.plan.values(member, 1)[0])
     tables["controller"] = [tables["controller"][i]]
     tables["name"] = f"{found.case}, member {member}"
     return replace(text, text=toml(tables))

@@ -2,19 +2,74 @@
 
 from __future__ import annotations
 
+import ctypes
+import os
+import shlex
 import shutil
+import subprocess
+import tempfile
+from collections.abc import Mapping, Sequence
+from pathlib import Path
 
-from barbalat.validate import InputError
+from barbalat.validate import InputError, show
 
 COMPILERS = ("cc", "gcc", "clang")
+CHOICE = "CC"
+"""The variable by which another compiler is chosen, and options go with it, as make has it."""
 COMPILING_SECONDS = 600
 """That a compiler may take: it needs a second for each few thousand operations."""
+FLAGS = ("-std=c99", "-ffp-contract=off", "-O2", "-shared", "-fPIC")
+"""As the export's README says, and as a library."""
 
 
-def require_compiler(purpose: str = "the exported C is to run here", remedy: str = "") -> str:
-    """The path of a C compiler; InputError, which says what for, where this machine has none."""
-    found = next(filter(None, map(shutil.which, COMPILERS)), None)
+def require_compiler(purpose: str = "the exported C is to run here", remedy: str = "") -> list[str]:
+    """The command of a C compiler, CC's where that is set; InputError, which says what for, where this machine has none."""
+    chosen = _chosen()
+    names = [chosen[0]] if chosen else list(COMPILERS)
+    found = next(filter(None, map(shutil.which, names)), None)
+    if found is None and chosen:
+        raise InputError(
+            f"{purpose}, and {CHOICE} names {show(chosen[0])}, which is not on this machine's PATH: name a C compiler that is, "
+            f"or unset {CHOICE}"
+        )
     if found is None:
         wanted = f"install a C compiler{f', {remedy}' if remedy else ''}"
         raise InputError(f"{purpose}, and none of {', '.join(COMPILERS)} is on this machine's PATH: {wanted}")
-    return found
+    return [found, *chosen[1:]]
+
+
+def _chosen() -> list[str]:
+    given = os.environ.get(CHOICE, "")
+    try:
+        return shlex.split(given)
+    except ValueError:
+        raise InputError(f"{CHOICE} must be the command of a C compiler, got {show(given)}: a quotation mark is open") from None
+
+
+def shared_library(compiler: Sequence[str], texts: Mapping[str, str], *options: str, ending: str = ".so") -> bytes:
+    """Sources by their names as one library; InputError where the compiler does not make it."""
+    with tempfile.TemporaryDirectory(prefix="barbalat-") as made:
+        folder = Path(made)
+        for name, text in texts.items():
+            (folder / name).write_text(text, encoding="ascii")
+        sources, library = [name for name in texts if name.endswith(".c")], f"made{ending}"
+        command = [*compiler, *FLAGS, *options, *sources, "-o", library, "-lm"]
+        try:
+            done = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=COMPILING_SECONDS, check=False)
+            if done.returncode == 0 and (folder / library).exists():
+                return (folder / library).read_bytes()
+            said = (done.stderr.strip().splitlines() or [f"it left no library, and ended with exit code {done.returncode}"])[0]
+        except (OSError, subprocess.TimeoutExpired) as error:
+            said = str(error)
+    raise InputError(f"{compiler[0]} does not compile the export: {said}")
+
+
+def loaded(library: bytes) -> ctypes.CDLL:
+    """Such a library in this process; each call loads one of its own, whose numbers are nobody else's."""
+    with tempfile.TemporaryDirectory(prefix="barbalat-") as folder:
+        file = Path(folder) / "controller.so"
+        file.write_bytes(library)
+        try:
+            return ctypes.CDLL(str(file))
+        except OSError as error:
+            raise InputError(f"the compiled export can't be loaded here: {error}") from None

@@ -55,13 +55,7 @@ class Contents:
 
     @classmethod
     def of(
-        cls,
-        problem: TrackingProblem,
-        controller: Controller,
-        simulation: Simulation,
-        real: Real,
-        *,
-        opened: Opened | None = None,
+        cls, problem: TrackingProblem, controller: Controller, simulation: Simulation, real: Real, *, opened: Opened | None = None
     ) -> Contents:
         """InputError for a continuous controller, and for one that diverges before the vectors end."""
         loop = ClosedLoop.of(problem, controller)

@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 import ctypes
-import subprocess
-import tempfile
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 
-from barbalat.export.compiler import COMPILING_SECONDS, require_compiler
+from barbalat.export.compiler import loaded, require_compiler, shared_library
 from barbalat.export.contents import Contents
 from barbalat.export.header import header
 from barbalat.export.source import source
@@ -27,10 +24,6 @@ from barbalat.run.progress import Progress
 from barbalat.run.result import Result
 from barbalat.run.simulate import result_of
 from barbalat.solvers.simulation import Simulation
-from barbalat.validate import InputError
-
-FLAGS = ("-std=c99", "-ffp-contract=off", "-O2", "-shared", "-fPIC")
-"""As the export's README says."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,19 +88,8 @@ def _outside(printed: Printed, members: Members, library: ctypes.CDLL) -> Outsid
 
 
 def _compiled(printed: Printed) -> ctypes.CDLL:
-    compiler = require_compiler()
     texts = {"controller.h": header(printed), "controller.c": source(printed), "adapter.c": _adapter(printed)}
-    with tempfile.TemporaryDirectory(prefix="barbalat-") as folder:
-        for name, text in texts.items():
-            (Path(folder) / name).write_text(text, encoding="ascii")
-        command = [compiler, *FLAGS, "controller.c", "adapter.c", "-o", "controller.so", "-lm"]
-        try:
-            done = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=COMPILING_SECONDS, check=False)
-        except (OSError, subprocess.TimeoutExpired) as error:
-            raise InputError(f"{compiler} does not compile the export: {error}") from None
-        if done.returncode:
-            raise InputError(f"{compiler} does not compile the export: {done.stderr.strip().splitlines()[0]}")
-        return ctypes.CDLL(str(Path(folder) / "controller.so"))
+    return loaded(shared_library(require_compiler(), texts))
 
 
 def _adapter(printed: Printed) -> str:

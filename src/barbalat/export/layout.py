@@ -15,7 +15,7 @@ from barbalat.run.sampled_part import STATE
 
 
 @dataclass(frozen=True)
-class Part:
+class StatePart:
     """One array of the state.
 
     name   of the member in C
@@ -47,10 +47,10 @@ class Part:
 class Layout:
     """The arrays that are kept, and among them the control, the estimates, and what tells the first sample from the others."""
 
-    parts: tuple[Part, ...]
-    u: Part
-    theta_hat: Part
-    started: Part
+    parts: tuple[StatePart, ...]
+    u: StatePart
+    theta_hat: StatePart
+    started: StatePart
 
     @classmethod
     def of(cls, program: Program, initial: Acting) -> Layout:
@@ -73,7 +73,7 @@ class Layout:
         """All that is kept, in the flat state."""
         return [row for part in self.parts for row in part.rows]
 
-    def part(self, path: str) -> Part | None:
+    def part(self, path: str) -> StatePart | None:
         """One array by its place in the state; None where it is not kept."""
         return next((part for part in self.parts if part.path == path), None)
 
@@ -82,12 +82,12 @@ class Layout:
         return {row: part.entry(row) for part in self.parts for row in part.rows}
 
 
-def _parts(initial: Acting) -> Iterator[Part]:
+def _parts(initial: Acting) -> Iterator[StatePart]:
     """All arrays, in the order of the flat state; the scheme's own by their names, what is held with a prefix."""
     found = [(path, np.shape(array)) for path, array in leaves(initial)]
     names = distinct(path.removeprefix("controller.") for path, _ in found)
     start = 0
     for name, (path, shape) in zip(names, found, strict=True):
-        part = Part(name, path, shape, start)
+        part = StatePart(name, path, shape, start)
         yield part
         start += part.size

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from barbalat.controllers.l1_piecewise import L1PiecewiseConstant
-from barbalat.controllers.output.l1_piecewise import L1OutputPiecewiseConstant
+from barbalat.controllers.settings import PatentNamed
 from barbalat.export.contents import is_explicit
 from barbalat.export.header import shape
 from barbalat.export.meanings import meaning
@@ -45,15 +44,9 @@ def readme(printed: Printed, *, closed_loop: bool = False) -> str:
 
 def _patent(printed: Printed) -> str:
     """What is to be asked before such a law flies."""
-    return PATENT if isinstance(printed.contents.controller, (L1PiecewiseConstant, L1OutputPiecewiseConstant)) else ""
+    controller = printed.contents.controller
+    return f"\n## Before you fly it\n\n{controller.patent}\n" if isinstance(controller, PatentNamed) else ""
 
-
-PATENT = """
-## Before you fly it
-
-This is the piecewise-constant L1 law of published papers; nothing of the flight code L1Quad is used in it. That code names US
-patent 8,712,559 for the law: ask whether it covers your use before you fly it.
-"""
 
 EULER_SWAPPING = " The swapping term of (14) moves as if the law did: Euler's steps know it from the law's rate alone."
 

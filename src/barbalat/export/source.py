@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from barbalat.export.layout import Part
+from barbalat.export.layout import StatePart
 from barbalat.export.meanings import meaning
 from barbalat.export.texts import Printed, filled, indented
 from barbalat.lowering import c99
@@ -76,7 +76,7 @@ def _initial(printed: Printed, row: int, value: float) -> str:
     return printed.parameter(starts[row]) if row in starts else printed.number(value)
 
 
-def _operations(printed: Printed, program: Program, parts: list[Part], fixed: dict[int, str]) -> str:
+def _operations(printed: Printed, program: Program, parts: list[StatePart], fixed: dict[int, str]) -> str:
     """One constant for each operation, then the assignments; ``fixed`` has C text in the place of entries of the state."""
     contents = printed.contents
     y, q, _, _ = contents.sizes

@@ -10,6 +10,8 @@ from importlib import resources
 from string import Template
 
 from barbalat import __version__
+from barbalat.controllers import SCHEMES, Sampled
+from barbalat.controllers.output import OUTPUT_SCHEMES
 from barbalat.export.contents import Contents
 from barbalat.export.names import prefix_of
 from barbalat.export.parameters import Parameter
@@ -76,12 +78,19 @@ class Printed:
     @property
     def origin(self) -> str:
         """Who made the files, of what."""
-        equations = type(self.contents.loop.equations)
         case, each = comment(self.contents.problem.name), f"every {self.contents.sample_time!r} s"
         return (
-            f"{comment(self.contents.controller.name)}: {equations.__name__} of {equations.__module__}, {each},\n * for the case "
+            f"{comment(self.contents.controller.name)}: {self._scheme}, {each},\n * for the case "
             f"{case}. Made by barbalat {__version__} from the operations of its simulation."
         )
+
+    @property
+    def _scheme(self) -> str:
+        """As case files call it; of a class from outside its name."""
+        controller = self.contents.controller
+        kind = type(controller.controller if isinstance(controller, Sampled) else controller)
+        named = {settings: name for name, settings in (*SCHEMES.items(), *OUTPUT_SCHEMES.items())}
+        return f"scheme {named[kind]}" if kind in named else f"{kind.__name__} of {kind.__module__}"
 
     @property
     def guard(self) -> str:

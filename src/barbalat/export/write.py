@@ -30,12 +30,7 @@ VERSIONS = {"fmu2": 2, "fmu3": 3}
 
 
 def files(
-    problem: TrackingProblem,
-    controller: Controller,
-    simulation: Simulation,
-    *,
-    float32: bool = False,
-    closed_loop: bool = False,
+    problem: TrackingProblem, controller: Controller, simulation: Simulation, *, float32: bool = False, closed_loop: bool = False
 ) -> dict[str, str]:
     """The files of an export by their names, in C99; InputError as of ``export_controller``."""
     _require(problem, simulation)

@@ -20,14 +20,14 @@ from barbalat.problem.plant import Plant
 from barbalat.problem.reference_model import ReferenceModel
 from barbalat.problem.regressors import Polynomial
 from barbalat.problem.state_feedback import Problem
-from barbalat.signals import Constant, Steps
+from barbalat.signals import Steps
 from barbalat.validate import Array
 
 SAMPLE_TIME = 0.01
 """[s]."""
-STARTS = (1.0, 11.0, 21.0)
+COMMAND_STARTS = (1.0, 11.0, 21.0)
 """[s], of the commands: one before what fails does, two after."""
-RESTING = 2.0
+RESTING_SECONDS = 2.0
 """[s] between a command's two pulses."""
 
 
@@ -63,9 +63,9 @@ class Followed:
     @property
     def command(self) -> Steps:
         """The commanded rate: a pulse and its opposite, each ten seconds."""
-        lags = (0.0, self.pulse, self.pulse + RESTING, 2 * self.pulse + RESTING)
-        times = tuple(start + lag for start in STARTS for lag in lags)
-        return Steps(times=times, values=(self.commanded, 0.0, -self.commanded, 0.0) * len(STARTS))
+        lags = (0.0, self.pulse, self.pulse + RESTING_SECONDS, 2 * self.pulse + RESTING_SECONDS)
+        times = tuple(start + lag for start in COMMAND_STARTS for lag in lags)
+        return Steps(times=times, values=(self.commanded, 0.0, -self.commanded, 0.0) * len(COMMAND_STARTS))
 
     @property
     def places(self) -> tuple[int, ...]:
@@ -197,7 +197,7 @@ class Axis:
         return Problem(
             plant=plant,
             reference_model=ReferenceModel(k_0=self.k_0),
-            reference=Constant(0.0),
+            reference=self.followed.command,
             uncertainty=known,
             name=self.followed.meaning,
         )

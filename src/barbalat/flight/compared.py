@@ -9,12 +9,13 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any, Protocol
 
 from barbalat.flight.scene import Scene
+from barbalat.run.stepwise import Agreement
 from barbalat.validate import Array, InputError, show
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-HELD = "\0"
+HELD_BLANK = "\0"
 """In the place of a blank at which no line ends."""
 
 
@@ -52,18 +53,23 @@ class Flown(Protocol):
     @property
     def figures(self) -> dict[str, float | None]: ...
 
+    @property
+    def agreement(self) -> Agreement | None: ...
+
 
 class Compared(ABC):
     """All flights of some controllers through some failures.
 
-    flights  for each controller those through all failures, in their order
-    delays   the largest added delay that each kept control with [s], by name; None where nobody asked
+    flights   for each controller those through all failures, in their order
+    delays    the largest added delay that each kept control with [s], by name; None where nobody asked
+    exported  whether what flew was the exported C
     """
 
     name: str
     failures: tuple[Failing, ...]
     flights: tuple[tuple[Flown, ...], ...]
     delays: dict[str, float] | None
+    exported: bool
 
     @property
     @abstractmethod
@@ -125,15 +131,24 @@ class Compared(ABC):
         """Their names."""
         return tuple(several[0].controller for several in self.flights)
 
+    @cached_property
+    def agreements(self) -> dict[str, Agreement] | None:
+        """Of each controller's exported C with the simulated list, over all its flights; None where the list itself flew."""
+        if not self.exported:
+            return None
+        return {several[0].controller: Agreement.together(one.agreement for one in several) for several in self.flights}
+
     def __repr__(self) -> str:
         lines = [self.headline]
         for failure in self.failures:
             found = (
-                f"{one.controller} {f'lost at {one.duration:.1f} s' if one.lost else f'{one.rms_error:.2f}'}".replace(" ", HELD)
+                f"{one.controller} {f'lost at {one.duration:.1f} s' if one.lost else f'{one.rms_error:.2f}'}".replace(
+                    " ", HELD_BLANK
+                )
                 for one in self.through(failure)
             )
             lines += textwrap.wrap(f"{failure.name}: {', '.join(found)}", 100, subsequent_indent="    ")
-        return "\n".join(lines).replace(HELD, " ")
+        return "\n".join(lines).replace(HELD_BLANK, " ")
 
     def plot(self, failure: str | None = None) -> Figure:
         """Time histories of all controllers through one failure, by its name; the last one by default."""

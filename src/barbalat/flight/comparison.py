@@ -17,10 +17,11 @@ from barbalat.flight.flight import Flight, columns_of
 from barbalat.flight.flying import delay_borne, flown
 from barbalat.flight.isolated import SimulatorFailed, isolated
 from barbalat.flight.request import Request
-from barbalat.flight.sampled_step import SampledList
 from barbalat.flight.schemes import Flying, available, flying, require_known
 from barbalat.flight.trim import trimmed
 from barbalat.protocols import Controller
+from barbalat.run.sampled_step import SampledList
+from barbalat.run.stepwise import Flyable, Maker
 from barbalat.validate import InputError, require_extra, show
 
 STARTING_SECONDS, SECONDS_PER_FLIGHT = 120.0, 60.0
@@ -33,10 +34,11 @@ def fly(request: Request) -> FlightComparison:
     chosen = chosen_failures(request.name, request.failures)
     require_known(wanted)
     axis = axis_of(request.name, request.condition or FlightCondition(), request.equipment)
-    lists = lists_of(axis, wanted, request.controllers)
+    lists, maker = lists_of(axis, wanted, request.controllers), request.software_in_the_loop
+    flyables: Sequence[Flyable] = lists if maker is None else _made(axis, wanted, request.controllers, maker)
     flights, borne = [], {}
-    for i, contents in enumerate(lists):
-        flights.append(tuple(_flown(axis, contents, chosen)))
+    for i, (contents, flyable) in enumerate(zip(lists, flyables, strict=True)):
+        flights.append(tuple(_flown(axis, flyable, chosen)))
         if request.delays:
             borne[contents.name] = isolated(STARTING_SECONDS + 20 * SECONDS_PER_FLIGHT, delay_borne, axis, contents)
         if request.progress is not None:
@@ -48,10 +50,11 @@ def fly(request: Request) -> FlightComparison:
         jsbsim=metadata.version("jsbsim"),
         flights=tuple(flights),
         delays=borne if request.delays else None,
+        exported=maker is not None,
     )
 
 
-def _flown(axis: Axis, contents: SampledList, failures: Sequence[Failure]) -> list[Flight]:
+def _flown(axis: Axis, contents: Flyable, failures: Sequence[Failure]) -> list[Flight]:
     """All in one process; where that breaks, each in its own, so that only what breaks is lost."""
     try:
         return isolated(STARTING_SECONDS + SECONDS_PER_FLIGHT * len(failures), flown, axis, contents, failures)
@@ -83,10 +86,18 @@ def axis_of(name: str, condition: FlightCondition, equipment: Equipment | None =
 
 def lists_of(axis: Axis, schemes: Sequence[str], controllers: Sequence[Controller] = ()) -> list[SampledList]:
     """The operations of all that fly; InputError for what does not fit the axis."""
-    pairs = [*flying(axis, schemes), *(Flying(axis.adaptive_problem, one) for one in controllers)]
-    lists = [SampledList.of(*pair) for pair in pairs]
+    lists = [SampledList.of(*pair) for pair in _pairs(axis, schemes, controllers)]
     _require_fitting(lists)
     return lists
+
+
+def _made(axis: Axis, schemes: Sequence[str], controllers: Sequence[Controller], maker: Maker) -> list[Flyable]:
+    """The same, by another maker."""
+    return [maker(*pair) for pair in _pairs(axis, schemes, controllers)]
+
+
+def _pairs(axis: Axis, schemes: Sequence[str], controllers: Sequence[Controller]) -> list[Flying]:
+    return [*flying(axis, schemes), *(Flying(axis.adaptive_problem, one) for one in controllers)]
 
 
 def _require_fitting(lists: Sequence[SampledList]) -> None:

@@ -28,12 +28,13 @@ from barbalat.flight.failures import Failure
 from barbalat.flight.flight import Timing
 from barbalat.flight.flying import fly_once
 from barbalat.flight.isolated import isolated
-from barbalat.flight.sampled_step import SampledList, SampledStep
 from barbalat.flight.schemes import available, require_known
 from barbalat.run.progress import Progress
+from barbalat.run.sampled_step import SampledList, SampledStep
 from barbalat.sweeps.chunks import Chunk, chunks_of
+from barbalat.sweeps.kept import Kept, in_order
 from barbalat.sweeps.plan import Plan
-from barbalat.sweeps.rows import Kept, Rows
+from barbalat.sweeps.rows import Rows
 from barbalat.sweeps.store import Store, opened
 from barbalat.sweeps.stored import require_parquet
 from barbalat.sweeps.study import Columns
@@ -144,20 +145,14 @@ def fly_dispersed(
     validate.whole("processes", processes, least=1)
     campaign = _campaign(name, schemes, failures, plan_of(members, seed), stored=store is not None)
     with _sink(campaign, store) as sink:
-        resumed = sink.stored if isinstance(sink, Store) else 0
-        missing = [one for one in chunks_of(members, campaign.chunk) if not (isinstance(sink, Store) and sink.holds(one))]
-        done, waiting = resumed, {}
-        for chunk, columns in _made(campaign, missing, processes):
-            waiting[chunk.first] = columns
+        resumed = done = sink.stored
+        made = _made(campaign, sink.missing, processes)
+        for chunk, columns in in_order(made) if sink.in_order else made:
+            sink.add(chunk, columns)
             done += chunk.size
-            if isinstance(sink, Store):
-                sink.add(chunk, columns)
             if progress is not None:
                 progress(done / members)
-        if isinstance(sink, Kept):
-            for first in sorted(waiting):
-                sink.add(waiting[first])
-        return DispersedComparison(campaign=campaign, rows=sink.rows() if isinstance(sink, Store) else sink, resumed=resumed)
+        return DispersedComparison(campaign=campaign, rows=sink.rows(), resumed=resumed)
 
 
 def _campaign(name: str, schemes: Sequence[str] | None, failures: Sequence[str] | None, plan: Plan, *, stored: bool) -> Campaign:
@@ -175,7 +170,7 @@ def _campaign(name: str, schemes: Sequence[str] | None, failures: Sequence[str] 
 @contextlib.contextmanager
 def _sink(campaign: Campaign, store: str | Path | None) -> Iterator[Store | Kept]:
     if store is None:
-        yield Kept(None)
+        yield Kept(None, list(chunks_of(len(campaign.plan), campaign.chunk)))
         return
     with opened(Path(store), campaign.identity(), len(campaign.plan), campaign.chunk) as found:
         yield found

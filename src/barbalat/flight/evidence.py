@@ -8,7 +8,7 @@ from itertools import combinations
 
 import numpy as np
 
-from barbalat.sweeps.evidence import CONFIDENCE, Share, beyond_chance
+from barbalat.sweeps.evidence import CONFIDENCE_LEVEL, Share, beyond_chance
 from barbalat.validate import Array
 
 
@@ -21,7 +21,7 @@ class Median:
 
     value: float
     interval: tuple[float, float]
-    confidence: float = CONFIDENCE
+    confidence: float = CONFIDENCE_LEVEL
 
     @classmethod
     def of(cls, values: Array) -> Median:
@@ -30,7 +30,7 @@ class Median:
 
         found = np.sort(np.where(np.isnan(values), np.inf, values))
         count = len(found)
-        below = int(binom.ppf((1 - CONFIDENCE) / 2, count, 0.5))
+        below = int(binom.ppf((1 - CONFIDENCE_LEVEL) / 2, count, 0.5))
         # (x_(below), x_(count + 1 - below)) with places counted from 1; where below is 0 nothing bounds it
         low = float(found[below - 1]) if below > 0 else float(-np.inf)
         high = float(found[count - below]) if below > 0 else float(np.inf)

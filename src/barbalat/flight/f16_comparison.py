@@ -35,9 +35,10 @@ WIRE = tuple(
 class FlightComparison(Compared):
     """All flights of some controllers through some failures.
 
-    jsbsim   its version
-    flights  for each controller those through all failures, in their order
-    delays   the largest added delay that each kept control with [s], by name; None where nobody asked
+    jsbsim    its version
+    flights   for each controller those through all failures, in their order
+    delays    the largest added delay that each kept control with [s], by name; None where nobody asked
+    exported  whether the exported C flew
     """
 
     name: str
@@ -46,6 +47,7 @@ class FlightComparison(Compared):
     jsbsim: str
     flights: tuple[tuple[Flight, ...], ...]
     delays: dict[str, float] | None = None
+    exported: bool = False
 
     @property
     def headline(self) -> str:

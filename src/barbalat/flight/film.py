@@ -21,27 +21,27 @@ from barbalat.pictures.panels import text_of
 from barbalat.pictures.theme import GROUND, INK, QUIET_INK, Theme, new_figure
 from barbalat.validate import Array
 
-SIDE, PIXELS_PER_INCH = 4.8, 100
+FRAME_SIDE, PIXELS_PER_INCH = 4.8, 100
 """[in], and of a frame: 480 pixels a side, of which a phone shows 390."""
 FRAMES_PER_SECOND = 10
-BEFORE = 3.0
+SECONDS_BEFORE = 3.0
 """[s] of a flight before its failure that are shown."""
 TITLE_WIDTH = 66
 """Characters of a line of the title."""
-TRAIL = 3.0
+TRAIL_SECONDS = 3.0
 """[s] that a vehicle's path stays in sight."""
-LARGEST = 2_000_000
+LARGEST_FILM_BYTES = 2_000_000
 """Bytes of a film; a larger one is drawn again with half the frames."""
 SHADES = 12
 """Of each colour, down to the ground's: the smoothed edges of lines."""
 
 
 def film(scene: Scene) -> bytes:
-    """From ``BEFORE`` the failure on, in real time; the same scene gives the same bytes."""
+    """From ``SECONDS_BEFORE`` the failure on, in real time; the same scene gives the same bytes."""
     rate = FRAMES_PER_SECOND
     while True:
-        found = _film(scene, max(0.0, scene.fails - BEFORE), rate)
-        if len(found) <= LARGEST or rate < 2:
+        found = _film(scene, max(0.0, scene.fails - SECONDS_BEFORE), rate)
+        if len(found) <= LARGEST_FILM_BYTES or rate < 2:
             return found
         rate //= 2
 
@@ -81,7 +81,7 @@ def _palette(scene: Scene) -> Image:
 
 def _frames(scene: Scene, instants: range) -> Iterator[Image]:
     """The box is drawn once; on it what moves."""
-    figure = new_figure(SIDE, SIDE, shown=False)
+    figure = new_figure(FRAME_SIDE, FRAME_SIDE, shown=False)
     figure.set_dpi(PIXELS_PER_INCH)
     figure.set_facecolor(GROUND)
     canvas: Canvas = FigureCanvasAgg(figure)
@@ -114,7 +114,7 @@ def _frames(scene: Scene, instants: range) -> Iterator[Image]:
 def _moving(axes: Axes, scene: Scene, mover: Mover, k: int, theme: Theme) -> list[Line2D]:
     """A vehicle at an instant, or what is left to see of one that was lost."""
     at, colour = min(k, len(mover.path) - 1), theme.colour(mover.colour)
-    since = max(0, k - round(TRAIL / float(scene.t[1] - scene.t[0])))
+    since = max(0, k - round(TRAIL_SECONDS / float(scene.t[1] - scene.t[0])))
     found: list[Line2D] = []
     if since < at:
         found += axes.plot(*inside(scene, mover.path[since : at + 1]).T, color=colour, linewidth=0.8)

@@ -8,6 +8,7 @@ import numpy as np
 
 from barbalat.flight.axis import SAMPLE_TIME, Followed
 from barbalat.flight.failures import FAILS_AT, Failure
+from barbalat.run.stepwise import Agreement
 from barbalat.validate import Array
 
 
@@ -56,8 +57,9 @@ def figures_of(followed: Followed) -> dict[str, str]:
 class Flight:
     """What was flown.
 
-    record   (K, 13), one row for each sample, see ``columns_of``; up to where control was lost
-    lost     why control was lost, empty where it was not
+    record     (K, 13), one row for each sample, see ``columns_of``; up to where control was lost
+    lost       why control was lost, empty where it was not
+    agreement  of the exported C that flew with the simulated list; None where that list flew
     """
 
     controller: str
@@ -66,6 +68,7 @@ class Flight:
     record: Array
     lost: str
     timing: Timing = TIMING
+    agreement: Agreement | None = None
 
     def column(self, name: str) -> Array:
         """One of ``columns_of`` over the samples."""

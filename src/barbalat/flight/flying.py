@@ -16,9 +16,9 @@ from barbalat.flight.equipment import Actuator, Sensors
 from barbalat.flight.failures import Failure
 from barbalat.flight.flight import ALPHA, BANK, BETA, N_Z, TIMING, Flight, Timing, columns_of
 from barbalat.flight.gusts import SEED, gusts_met
-from barbalat.flight.sampled_step import SampledList, SampledStep
 from barbalat.linear.largest import largest_whole
 from barbalat.linear.zero_order_hold import HeldSystem
+from barbalat.run.stepwise import Flyable, Step
 from barbalat.validate import Array
 
 if TYPE_CHECKING:
@@ -28,9 +28,9 @@ SUBSTEPS = range(round(SAMPLE_TIME / STEP))
 """The simulator's steps in a sample."""
 
 
-def flown(axis: Axis, contents: SampledList, failures: Sequence[Failure]) -> list[Flight]:
+def flown(axis: Axis, contents: Flyable, failures: Sequence[Failure]) -> list[Flight]:
     """One controller through the failures, in this process."""
-    step = SampledStep(contents)
+    step = contents.step()
     return [fly_once(axis, step, failure) for failure in failures]
 
 
@@ -40,12 +40,12 @@ COARSE, MOST = 5, 50
 """DELAY_STEPs from one trial to the next until control is lost, and the last of them."""
 
 
-def delay_borne(axis: Axis, contents: SampledList) -> float:
+def delay_borne(axis: Axis, contents: Flyable) -> float:
     """The largest added delay [s] with which control is kept to the end, to DELAY_STEP: by trials upwards, then by bisection.
 
     COARSE * DELAY_STEP at least, or 0.0, lie between it and a delay that lost control; MOST * DELAY_STEP where none did.
     """
-    step = SampledStep(contents)
+    step = contents.step()
 
     def kept(delay: int) -> bool:
         return not fly_once(axis, step, Failure(name="delay", meaning="", delay=delay * DELAY_STEP)).lost
@@ -53,9 +53,7 @@ def delay_borne(axis: Axis, contents: SampledList) -> float:
     return largest_whole(kept, stride=COARSE, most=MOST) * DELAY_STEP
 
 
-def fly_once(
-    axis: Axis, controller: SampledStep, failure: Failure, dispersion: Dispersion = NOMINAL, timing: Timing = TIMING
-) -> Flight:
+def fly_once(axis: Axis, controller: Step, failure: Failure, dispersion: Dispersion = NOMINAL, timing: Timing = TIMING) -> Flight:
     """From trim, or from what a dispersion makes of it."""
     aircraft = _Aircraft.at_start(axis, dispersion)
     controller.reset()
@@ -75,7 +73,13 @@ def fly_once(
             break
         aircraft.advance(command)
     return Flight(
-        controller=controller.contents.name, failure=failure, followed=axis.followed, record=record, lost=lost, timing=timing
+        controller=controller.name,
+        failure=failure,
+        followed=axis.followed,
+        record=record,
+        lost=lost,
+        timing=timing,
+        agreement=controller.agreement(),
     )
 
 

@@ -10,7 +10,7 @@ from scipy.linalg import solve_discrete_lyapunov
 from barbalat.linear.zero_order_hold import HeldSystem
 from barbalat.validate import Array
 
-SCALE = 1750.0
+TURBULENCE_LENGTH = 1750.0
 """L [ft], above 2000 ft: MIL-F-8785C, section 3.7.2."""
 SEED = 2013
 
@@ -27,7 +27,7 @@ def gusts_met(deviation: float, speed: float, T: float, samples: int, seed: int 
 @lru_cache(maxsize=8)  # a draw's flights, of all controllers and through all failures, meet the same
 def _of_one(speed: float, T: float, samples: int, seed: int) -> Array:
     """Of standard deviation 1."""
-    tau = SCALE / speed
+    tau = TURBULENCE_LENGTH / speed
     A = np.array([[0.0, 1.0], [-1 / tau**2, -2 / tau]])
     C = np.sqrt(tau) * np.array([1 / tau**2, np.sqrt(3) / tau])
     # Van Loan (1978): exp([[-A, b b'], [0, A']] T) has the covariance of what the noise adds in a sample

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from mpl_toolkits.mplot3d import Axes3D
 
-POINTS = 250
+PATH_POINTS = 250
 """Of a drawn path: a pixel and a half of a phone's width from one to the next."""
 ELEVATION, AZIMUTH = 24.0, -58.0
 """[deg], from where it is seen."""
@@ -85,6 +85,6 @@ def inside(scene: Scene, points: Array) -> Array:
 
 
 def thinned(points: Array) -> Array:
-    """About ``POINTS`` of them, the last among these."""
-    every = max(1, len(points) // POINTS)
+    """About ``PATH_POINTS`` of them, the last among these."""
+    every = max(1, len(points) // PATH_POINTS)
     return np.asarray(np.vstack([points[:-1:every], points[-1:]]))

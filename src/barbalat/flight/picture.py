@@ -18,7 +18,7 @@ from barbalat.validate import Array
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-EVERY = 10
+DRAWN_STRIDE = 10
 """Samples from one drawn point to the next: a tenth of a second is three pixels of a page."""
 
 
@@ -67,5 +67,5 @@ def _series(i: int, name: str, flight: Flight) -> Series:
 
 def thinned(values: Array) -> Array:
     """Every so many rows of a record, and its last one."""
-    rows = np.unique([*range(0, len(values), EVERY), len(values) - 1])
+    rows = np.unique([*range(0, len(values), DRAWN_STRIDE), len(values) - 1])
     return np.asarray(values[rows])

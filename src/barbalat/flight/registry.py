@@ -16,6 +16,7 @@ from barbalat.flight.quadrotor.failures import FAILURES as QUADROTOR_FAILURES
 from barbalat.flight.request import Request
 from barbalat.protocols import Controller
 from barbalat.run.progress import Progress
+from barbalat.run.stepwise import Maker
 from barbalat.validate import InputError, show
 
 
@@ -56,6 +57,7 @@ def fly(
     condition: FlightCondition | None = None,
     equipment: Equipment | None = None,
     delays: bool = False,
+    software_in_the_loop: Maker | None = None,
     progress: Progress | None = None,
 ) -> Compared:
     """Fly controllers on a flight model, each through every failure; the extra ``flight`` has JSBSim and MuJoCo.
@@ -70,11 +72,17 @@ def fly(
     condition    where the F-16's level flight is trimmed; 10013 ft, Mach 0.525 by default
     equipment    what lies between controller and surface of the F-16; the axis's own by default
     delays       whether the delay is raised, too, until control is lost: some ten flights more for each controller
+    software_in_the_loop  ``exported_c``: each controller flies as its exported C, compiled by this machine's compiler, beside
+                 the simulated list, with which u and state are compared in every bit; by default that list flies alone
 
     Raises InputError for what can't be flown, SimulatorFailed where the simulator breaks before any flight.
     """
     if name not in FLIGHTS:
         raise InputError(f"NAME must be one of {', '.join(FLIGHTS)}, got {show(name)}")
+    if software_in_the_loop is not None and not callable(software_in_the_loop):
+        raise InputError(
+            f"software_in_the_loop must be what makes a controller fly, exported_c, got {show(software_in_the_loop)}"
+        )
     request = Request(
         name=name,
         schemes=schemes,
@@ -83,6 +91,7 @@ def fly(
         condition=condition,
         equipment=equipment,
         delays=delays,
+        software_in_the_loop=software_in_the_loop,
         progress=progress,
     )
     return FLIGHTS[name].fly(request)

@@ -9,6 +9,7 @@ from barbalat.flight.airframe import FlightCondition
 from barbalat.flight.equipment import Equipment
 from barbalat.protocols import Controller
 from barbalat.run.progress import Progress
+from barbalat.run.stepwise import Maker
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -22,4 +23,5 @@ class Request:
     condition: FlightCondition | None = None
     equipment: Equipment | None = None
     delays: bool = False
+    software_in_the_loop: Maker | None = None
     progress: Progress | None = None

@@ -130,20 +130,20 @@ def _as_flown(axis: Axis, numbers: Numbers) -> Flying:
     return _piecewise(axis, numbers, flown=True)
 
 
-BANDWIDTH = {"bandwidth": (0.5, 50.0)}
+BANDWIDTH_RANGE = {"bandwidth": (0.5, 50.0)}
 """[rad/s], from what a flight of 15 s hardly shows to half a radian in a sample."""
-ADAPTATION = {"adaptation": (0.3, 100.0)}
+ADAPTATION_RANGE = {"adaptation": (0.3, 100.0)}
 """[rad/s] at which estimates swing, up to a radian in a sample."""
 SCHEMES: dict[str, Contestant] = {
     "lqr": Contestant(_lqr, {}, adapts=False),
-    "linear": Contestant(_linear, BANDWIDTH, adapts=False),
-    "hinf": Contestant(_hinf, BANDWIDTH, adapts=False),
-    "adrc": Contestant(_adrc, BANDWIDTH, adapts=False),
-    "mrac": Contestant(_mrac, ADAPTATION),
-    "robust-mrac": Contestant(_robust, {**BANDWIDTH, "covariance": (1e-3, 1e2)}),
-    "l1": Contestant(_l1, {**BANDWIDTH, **ADAPTATION}),
-    "l1-piecewise": Contestant(_piecewise, BANDWIDTH),
-    "l1-piecewise-flown": Contestant(_as_flown, BANDWIDTH),
+    "linear": Contestant(_linear, BANDWIDTH_RANGE, adapts=False),
+    "hinf": Contestant(_hinf, BANDWIDTH_RANGE, adapts=False),
+    "adrc": Contestant(_adrc, BANDWIDTH_RANGE, adapts=False),
+    "mrac": Contestant(_mrac, ADAPTATION_RANGE),
+    "robust-mrac": Contestant(_robust, {**BANDWIDTH_RANGE, "covariance": (1e-3, 1e2)}),
+    "l1": Contestant(_l1, {**BANDWIDTH_RANGE, **ADAPTATION_RANGE}),
+    "l1-piecewise": Contestant(_piecewise, BANDWIDTH_RANGE),
+    "l1-piecewise-flown": Contestant(_as_flown, BANDWIDTH_RANGE),
 }
 """The registry, by the names of the command line."""
 TUNED: dict[str, dict[str, Numbers]] = {

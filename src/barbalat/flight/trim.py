@@ -12,11 +12,11 @@ from barbalat.validate import Array, InputError
 
 ELEVATOR_LIMIT = np.deg2rad(25.0)
 """Of the surface, and of the tables [rad]."""
-RESIDUAL = 1e-7
+LARGEST_RESIDUAL = 1e-7
 """[ft/s^2, rad/s^2]; what is left after Newton's steps is a thousand times less, and a jump of the tables far more."""
-GUESS = (np.deg2rad(3.0), np.deg2rad(-2.0), 0.3)
+CRUISE_GUESS = (np.deg2rad(3.0), np.deg2rad(-2.0), 0.3)
 """alpha, elevator [rad] and throttle of an aircraft at cruise."""
-DIFFERENCE = 1e-4
+DIFFERENCE_STEP = 1e-4
 """Of angles and rates [rad, rad/s], and of the speed relative to it: the tables are linear between points that are degrees apart,
 so that a smaller one says the same, and rounding leaves nine digits of it."""
 
@@ -80,7 +80,7 @@ def trimmed(condition: FlightCondition) -> Trim:
         airframe.put(Motion(airframe.speed, alpha, alpha, 0.0), Surfaces(elevator), throttle)
         return np.asarray(airframe.rates[[0, 1, 3]] * (1.0, airframe.speed, 1.0))
 
-    found = root(rates, GUESS, tol=1e-12)
+    found = root(rates, CRUISE_GUESS, tol=1e-12)
     alpha, elevator, throttle = map(float, found.x)
     residual = float(np.abs(rates(found.x)).max())
     _require_flyable(condition, residual, alpha, elevator, throttle)
@@ -100,7 +100,7 @@ def _require_flyable(condition: FlightCondition, residual: float, alpha: float, 
     }
     asked = [text for text, holds in ranges.items() if not holds]
     why = f"it would take {asked[0]}" if asked else f"Newton's method ends with {residual:.2g} ft/s^2 or rad/s^2 left"
-    if asked or not residual < RESIDUAL:
+    if asked or not residual < LARGEST_RESIDUAL:
         raise InputError(f"the F-16 can't be trimmed in level flight at {condition}: {why}; 10000 ft, Mach 0.5 can")
 
 
@@ -117,9 +117,9 @@ def _linearised(airframe: Airframe, motion: Motion, surfaces: Surfaces, throttle
     def moved(count: int, i: int, size: float) -> Array:
         return size * np.eye(count)[i]
 
-    sizes = [DIFFERENCE * airframe.speed] + [DIFFERENCE] * 7
+    sizes = [DIFFERENCE_STEP * airframe.speed] + [DIFFERENCE_STEP] * 7
     A = [column(moved(8, i, size), np.zeros(3), size) for i, size in enumerate(sizes)]
-    B = [column(np.zeros(8), moved(3, i, DIFFERENCE), DIFFERENCE) for i in range(3)]
+    B = [column(np.zeros(8), moved(3, i, DIFFERENCE_STEP), DIFFERENCE_STEP) for i in range(3)]
     return np.column_stack(A), np.column_stack(B)
 
 

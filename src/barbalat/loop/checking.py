@@ -61,7 +61,7 @@ def check_equations(equations: Equations | SampledEquations, ports: Ports, whose
     with blamed(whose.part(".initial")):
         initial = equations.initial()
     require_state(initial, whose.part(".initial"))
-    numbers = Trial(whose, equations, Arguments(initial, ports, ports))
+    numbers = TrialCall(whose, equations, Arguments(initial, ports, ports))
     for equation in numbers.equations:
         numbers.compare(equation, numbers.equations[equation])
 
@@ -69,8 +69,8 @@ def check_equations(equations: Equations | SampledEquations, ports: Ports, whose
 def check_varied(numbers: Any, varied: Any, ports: Ports, values: tuple[Any, Array]) -> None:
     """The same for the equations of an ensemble, where symbols stand for settings: a column of them, and numbers (p,) for it."""
     whose = Subject(f"an ensemble: {type(numbers).__name__}")
-    trial = Trial(whose, numbers, Arguments(numbers.initial(), ports, ports), *values)
-    others = Trial(whose, varied, trial.arguments).equations
+    trial = TrialCall(whose, numbers, Arguments(numbers.initial(), ports, ports), *values)
+    others = TrialCall(whose, varied, trial.arguments).equations
     for equation in trial.equations:
         trial.compare(equation, others[equation])
 
@@ -91,7 +91,7 @@ Equation = Callable[[Arguments], Any]
 
 
 @dataclass(frozen=True, eq=False)
-class Trial:
+class TrialCall:
     """One object's equations, each as a function of all arguments; ``settings`` are symbols among its own numbers."""
 
     whose: Subject

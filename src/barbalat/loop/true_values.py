@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from barbalat.estimating import GainEstimating, IdealReporting, NamingEstimates, Reporting
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.problem.state_feedback import Problem
 from barbalat.problem.tracking import TrackingProblem
-from barbalat.protocols import GainEstimating, IdealReporting, NamingEstimates, Reporting
 from barbalat.validate import Array
 
 

@@ -18,7 +18,7 @@ WIDTH, HEIGHT = 0.66, 1.4
 """Of a character and of a line, in font sizes: a little more than DejaVu Sans needs for numbers."""
 
 
-class Labels:
+class LabelPlaces:
     """Places labels in one panel whose limits and layout are final.
 
     ``lines`` are drawn polylines, (K, 2) each in data coordinates.

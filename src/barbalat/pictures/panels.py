@@ -12,15 +12,13 @@ from barbalat.validate import Array
 
 LONGEST_LABEL = 40
 """Characters of a name in a picture: a legend has room for no more."""
-INKS = ("ink", "quiet")
-"""Names of the colours that belong to no compared thing: of the model and of the command."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Series:
     """A quantity over time.
 
-    colour     a compared thing's number, or one of ``INKS``
+    colour     a compared thing's number, or "ink" or "quiet" of what is not compared, the model and the command
     low, high  (K - 1,) extrema between the instants, where they are known
     """
 

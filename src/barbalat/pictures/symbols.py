@@ -28,6 +28,8 @@ GREEK = {
     "Theta": "Θ",
     "Lambda": "Λ",
 }
+SUBSCRIPTS = str.maketrans("0123456789xr", "₀₁₂₃₄₅₆₇₈₉ₓᵣ", ",")
+HAT = "\N{COMBINING CIRCUMFLEX ACCENT}"
 _VALUE = re.compile(rf"\b({'|'.join(GREEK)})(?= (?:= )?[\d.])|(?<![\w.])(-?\d+(?:\.\d+)?)e([+-]?\d+)(?![\w.])")
 
 
@@ -39,6 +41,12 @@ def in_symbols(text: str) -> str:
         return GREEK[letter] if letter else times_power(mantissa, int(exponent))
 
     return _VALUE.sub(symbol, text)
+
+
+def estimated(name: str) -> str:
+    """The name of an estimate, as "theta_1" or "k_x,1", with its hat: θ̂₁, k̂ₓ₁."""
+    symbol, _, index = name.partition("_")
+    return f"{GREEK.get(symbol, symbol)}{HAT}{index.translate(SUBSCRIPTS)}"
 
 
 def times_power(mantissa: str, exponent: int) -> str:

@@ -112,6 +112,11 @@ class InputPath:
     dynamics: StateSpace | None
     following: Value = None
 
+    @property
+    def linear(self) -> InputPath | None:
+        """What of it is linear: its dynamics; None where there are none."""
+        return None if self.dynamics is None else InputPath(None, None, None, self.dynamics)
+
     def initial(self) -> InputState:
         return InputState(
             np.zeros(0 if self.rate_limit is None else 1), np.zeros(0 if self.dynamics is None else self.dynamics.order)

@@ -36,7 +36,7 @@ Evaluation = Callable[[Mapping[str, Value]], Value]
 
 
 @dataclass(frozen=True)
-class Variables:
+class FormulaNames:
     """Which names a formula may use: a regular expression, and how a message speaks of them."""
 
     pattern: str
@@ -57,14 +57,14 @@ class Formula:
     """Whether it uses abs or sqrt, whose slope jumps or has no limit at zero."""
 
 
-def formula(field: str, text: Any, variables: Variables) -> Formula:
+def formula(field: str, text: Any, variables: FormulaNames) -> Formula:
     """The text as a formula; InputError, which names the field, where it is none or uses anything else."""
     if not isinstance(text, str):
         raise _refusal(field, text, variables)
     return _parsed(field, text, variables)
 
 
-def _refusal(field: str, text: Any, variables: Variables, part: ast.AST | None = None) -> InputError:
+def _refusal(field: str, text: Any, variables: FormulaNames, part: ast.AST | None = None) -> InputError:
     found = "" if part is None else f", which contains {ast.unparse(part)!r}"
     return InputError.of(
         field,
@@ -74,7 +74,7 @@ def _refusal(field: str, text: Any, variables: Variables, part: ast.AST | None =
 
 
 @cache
-def _parsed(field: str, text: str, variables: Variables) -> Formula:
+def _parsed(field: str, text: str, variables: FormulaNames) -> Formula:
     try:
         tree = ast.parse(text.strip(), mode="eval").body
     except (SyntaxError, ValueError, MemoryError, RecursionError):
@@ -88,7 +88,7 @@ def _parsed(field: str, text: str, variables: Variables) -> Formula:
 class _Reader:
     """Reads the parts of one formula; ``names`` are the variables that were met."""
 
-    def __init__(self, field: str, text: str, variables: Variables) -> None:
+    def __init__(self, field: str, text: str, variables: FormulaNames) -> None:
         self.field, self.text, self.variables = field, text, variables
         self.names: set[str] = set()
 

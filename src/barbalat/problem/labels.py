@@ -37,7 +37,7 @@ class Labels(Settings):
             ("input_units", self.input_units, inputs),
         ):
             if given and len(given) != wanted:
-                raise InputError.of(f"labels.{field}", f"must have {wanted} entries, got {len(given)}")
+                raise InputError.of(f"labels.{field}", f"must have {validate.counted(wanted, 'entry')}, got {len(given)}")
 
     def name(self, i: int) -> str:
         """Of the i-th state or the output; empty where none is given."""

@@ -10,12 +10,12 @@ import numpy as np
 from barbalat import validate
 from barbalat.linear.systems import StateSpace, TransferFunction, strictly_proper
 from barbalat.problem.actuation import PlantInput
-from barbalat.problem.formulas import BEND_OF_ABS, Formula, Variables, formula
+from barbalat.problem.formulas import BEND_OF_ABS, Formula, FormulaNames, formula
 from barbalat.protocols import Value
 from barbalat.settings import Settings, one_line
 from barbalat.validate import Array, InputError, freeze
 
-OUTPUT_AND_TIME = Variables("y|t", "y and t")
+OUTPUT_AND_TIME = FormulaNames("y|t", "y and t")
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,7 +10,7 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 
 from barbalat import validate
-from barbalat.problem.formulas import BEND_OF_ABS, Formula, Variables, formula
+from barbalat.problem.formulas import BEND_OF_ABS, Formula, FormulaNames, formula
 from barbalat.protocols import Value
 from barbalat.settings import Settings
 from barbalat.validate import InputError, Matrix
@@ -103,7 +103,7 @@ class GaussianRBF(Settings):
         return np.exp(-np.sum(distance * distance, axis=1) / (2 * self.width * self.width))
 
 
-STATES = Variables(r"x[1-9][0-9]*", "x1, x2, ...")
+STATES = FormulaNames(r"x[1-9][0-9]*", "x1, x2, ...")
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -114,7 +114,7 @@ class Problem(TrackingProblem, Settings):
             size, wanted = self.uncertainty.size, len(self.plant.theta)
             if size != wanted:
                 field = f"uncertainty.{self.uncertainty.first_field}"
-                raise InputError.of(field, f"must have {wanted} entries, one for each parameter, got {size}")
+                raise InputError.of(field, f"must have {validate.counted(wanted, 'entry')}, one for each parameter, got {size}")
         if self.input_gain is not None:
             self._check_input_gain()
         self._check_commands()

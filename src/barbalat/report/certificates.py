@@ -18,7 +18,7 @@ SMALLEST_SHOWN = 1e-12
 """A value per unit below this is printed as zero: it is rounding."""
 
 
-class Row(NamedTuple):
+class CertificateRow(NamedTuple):
     """``kind`` is "guaranteed", "estimate", "does not apply", "linear loop" for what is exact of one, or empty for advice."""
 
     quantity: str
@@ -27,16 +27,16 @@ class Row(NamedTuple):
     kind: str
 
 
-def rows(certificate: Certificate) -> list[Row]:
+def rows(certificate: Certificate) -> list[CertificateRow]:
     """All entries in order; guaranteed values rounded so that the print is a bound too."""
     return [row for entry in certificate.entries for row in rows_of(entry)]
 
 
-def rows_of(entry: Entry) -> list[Row]:
+def rows_of(entry: Entry) -> list[CertificateRow]:
     """Those of one entry."""
     kind = KINDS.get(entry.kind, entry.kind)
     if not entry.applies:
-        return [Row(entry.key, "", entry.why, kind)]
+        return [CertificateRow(entry.key, "", entry.why, kind)]
     if entry.value is None:
         return []
     return ROWS_BY_FORM[entry.quantity.form](entry, kind)
@@ -50,71 +50,73 @@ def _text(entry: Entry, value: Any) -> str:
     return f"{value:.6g}"
 
 
-def _plain(entry: Entry, kind: str) -> list[Row]:
+def _plain(entry: Entry, kind: str) -> list[CertificateRow]:
     unit, value = f" [{entry.unit}]" if entry.unit else "", entry.value
-    return [Row(entry.key, value if isinstance(value, str) else _text(entry, value), f"{entry.meaning}{unit}", kind)]
+    return [CertificateRow(entry.key, value if isinstance(value, str) else _text(entry, value), f"{entry.meaning}{unit}", kind)]
 
 
-def _matrix(entry: Entry, kind: str) -> list[Row]:
-    return [Row(entry.key, number_text(entry.value, "; "), entry.meaning, kind)]
+def _matrix(entry: Entry, kind: str) -> list[CertificateRow]:
+    return [CertificateRow(entry.key, number_text(entry.value, "; "), entry.meaning, kind)]
 
 
-def _names(entry: Entry, _: str) -> list[Row]:
-    return [Row(entry.key, ", ".join(entry.value), entry.meaning, "")]
+def _names(entry: Entry, _: str) -> list[CertificateRow]:
+    return [CertificateRow(entry.key, ", ".join(entry.value), entry.meaning, "")]
 
 
-def _norms(entry: Entry, kind: str) -> list[Row]:
+def _norms(entry: Entry, kind: str) -> list[CertificateRow]:
     ends = {name: f"{down(found['lower'], 10)} ... {up(found['upper'], 10)}" for name, found in entry.value.items()}
-    return [Row(f"||{name}||_1", text, "L1 norm", kind) for name, text in ends.items()]
+    return [CertificateRow(f"||{name}||_1", text, "L1 norm", kind) for name, text in ends.items()]
 
 
-def _bounds(entry: Entry, kind: str) -> list[Row]:
-    return [Row(f"sup |{name}|", _text(entry, bound), NAMES_OF_BOUNDS[name], kind) for name, bound in entry.value.items()]
+def _bounds(entry: Entry, kind: str) -> list[CertificateRow]:
+    return [
+        CertificateRow(f"sup |{name}|", _text(entry, bound), NAMES_OF_BOUNDS[name], kind) for name, bound in entry.value.items()
+    ]
 
 
-def _over_the_set(entry: Entry, _: str) -> list[Row]:
+def _over_the_set(entry: Entry, _: str) -> list[CertificateRow]:
     return [row for loop in entry.value for row in _worst_case(loop)]
 
 
-def _transfer_functions(entry: Entry, _: str) -> list[Row]:
+def _transfer_functions(entry: Entry, _: str) -> list[CertificateRow]:
     return [_coefficients(f"{entry.key}, {name}", system, entry.meaning) for name, system in entry.value.items()]
 
 
-def _per_unit(entry: Entry, kind: str) -> list[Row]:
+def _per_unit(entry: Entry, kind: str) -> list[CertificateRow]:
     left = ", ".join(f"{0 if abs(v) < SMALLEST_SHOWN else v:.4g} {name}" for name, v in entry.value.items())
-    return [Row(entry.key, left, entry.meaning, kind)]
+    return [CertificateRow(entry.key, left, entry.meaning, kind)]
 
 
-def _condition(entry: Entry, kind: str) -> list[Row]:
+def _condition(entry: Entry, kind: str) -> list[CertificateRow]:
     value = entry.value
     quantity = f"||{value.get('of', 'W_b (1 - C)')}||_1 {value.get('times', 'theta_max')}"
     if value["value_upper"] is None:
-        return [Row(quantity, "infinite", "condition < 1 fails", kind)]
+        return [CertificateRow(quantity, "infinite", "condition < 1 fails", kind)]
     verdict = "< 1: holds" if value["holds"] else "not shown to be below 1"
-    return [Row(quantity, f"<= {up(value['value_upper'], 6)}", f"condition {verdict}", kind)]
+    return [CertificateRow(quantity, f"<= {up(value['value_upper'], 6)}", f"condition {verdict}", kind)]
 
 
-def _coefficients(quantity: str, system: dict[str, list[float]], meaning: str) -> Row:
+def _coefficients(quantity: str, system: dict[str, list[float]], meaning: str) -> CertificateRow:
     """A transfer function, highest power first."""
     text = ", ".join(f"{side} = [{number_text(values)}]" for side, values in system.items())
-    return Row(quantity, text, meaning, "linear loop")
+    return CertificateRow(quantity, text, meaning, "linear loop")
 
 
-def _worst_case(loop: dict[str, Any]) -> list[Row]:
+def _worst_case(loop: dict[str, Any]) -> list[CertificateRow]:
     """The margins of one linear loop over the known set."""
-    found = [Row("over the known set", f"the linear loop {loop['loop']}", f"searched: {loop['searched']}", "")]
+    found = [CertificateRow("over the known set", f"the linear loop {loop['loop']}", f"searched: {loop['searched']}", "")]
     for key, value in loop.items():
         if isinstance(value, dict):
             text = f"{value['value']:.6g} at theta = [{number_text(value['theta'])}]"
-            found.append(Row(f"- {key}", text, QUANTITIES[key].meaning, "estimate"))
+            found.append(CertificateRow(f"- {key}", text, QUANTITIES[key].meaning, "estimate"))
     if loop["unlimited"]:
-        found.append(Row("- unlimited", ", ".join(loop["unlimited"]), "at every theta looked at", ""))
+        found.append(CertificateRow("- unlimited", ", ".join(loop["unlimited"]), "at every theta looked at", ""))
     if "unstable_at" in loop:
-        found.append(Row("- unstable at", f"theta = [{number_text(loop['unstable_at'])}]", "", ""))
+        found.append(CertificateRow("- unstable at", f"theta = [{number_text(loop['unstable_at'])}]", "", ""))
     return found
 
 
-ROWS_BY_FORM: dict[Form, Callable[[Entry, str], list[Row]]] = {
+ROWS_BY_FORM: dict[Form, Callable[[Entry, str], list[CertificateRow]]] = {
     Form.PLAIN: _plain,
     Form.MATRIX: _matrix,
     Form.NAMES: _names,

@@ -8,6 +8,7 @@ from barbalat.contests.paired import Paired
 from barbalat.contests.result import Contest
 from barbalat.contests.tuned import Qualified
 from barbalat.study.delay_search import Criterion
+from barbalat.validate import counted
 
 FAILURES = ("entrant", "failed", "up to", "diverged", "delay", "gain up", "gain down")
 """Columns of ``failures``."""
@@ -24,7 +25,8 @@ def rule(found: Contest) -> str:
     return (
         f"each scheme has the tuning with the least RMS |e| among those that bear {asked.delay_margin:g} s of added delay and "
         f"the input's gain times {asked.gain_margin:g} and over {asked.gain_margin:g} before {until}, without noise; both on the "
-        f"worst of {len(found.thetas)} plants, {asked.trials} tunings at most each, the same plants, command and noise for all"
+        f"worst of {counted(len(found.thetas), 'plant')}, {counted(asked.trials, 'tuning')} at most each, the same plants, "
+        "command and noise for all"
     )
 
 
@@ -32,8 +34,8 @@ def held_out(found: Contest) -> str:
     """What the tuned ones are measured on, in a sentence."""
     sizes, paces = found.draws.commands.T
     return (
-        f"{len(found.draws)} plants of the known set that no tuning saw, the command {sizes.min():.2g} to {sizes.max():.2g} "
-        f"times as large and {paces.min():.2g} to {paces.max():.2g} times as fast, new noise"
+        f"{counted(len(found.draws), 'plant')} of the known set that no tuning saw, the command {sizes.min():.2g} to "
+        f"{sizes.max():.2g} times as large and {paces.min():.2g} to {paces.max():.2g} times as fast, new noise"
     )
 
 
@@ -92,7 +94,7 @@ def _ratio(one: Paired) -> list[str]:
 
 
 def _own(one: Qualified) -> str:
-    return ", ".join(f"{name} {value:.4g}" for name, value in one.own.items()) or "none claimed here"
+    return ", ".join(f"{name} {value:.4g}" for name, value in one.own.items()) or "no objective of its own"
 
 
 def _settled(one: Qualified) -> str:

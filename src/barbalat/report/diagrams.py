@@ -36,6 +36,7 @@ Point = tuple[float, float]
 
 def of_controller(controller: Controller, problem: TrackingProblem) -> Figure | None:
     """The block diagram of a scheme that has one: of L1 output feedback."""
+    # drawn by hand for this one scheme, block by block: no controller could answer with it
     if isinstance(controller, L1Output) and isinstance(problem, OutputProblem):
         return l1_output(controller, problem.plant)
     return None
@@ -46,12 +47,12 @@ def l1_output(controller: L1Output, plant: OutputPlant) -> Figure:
     figure = Figure(figsize=(INCHES, 10.4), layout="constrained")
     FigureCanvasAgg(figure)
     scheme, equivalent, limit = figure.subplots(3, 1, height_ratios=[4.4, 3, 3])
-    _scheme(Drawing(scheme), controller, plant)
+    _scheme(BlockDiagram(scheme), controller, plant)
     scheme.set_title(f"{text_of(controller.name)}: the closed loop, as in Figure 1", fontsize="medium", loc="left")
     inside = "inside the bounds of sigma" if controller.sigma_bound is not None else "everywhere, for sigma has no bounds"
-    _equivalent(Drawing(equivalent), linear_equivalent(controller), plant)
+    _equivalent(BlockDiagram(equivalent), linear_equivalent(controller), plant)
     equivalent.set_title(f"What it is {inside}: a linear controller with a pole at s = 0", fontsize="medium", loc="left")
-    _equivalent(Drawing(limit), fast_limit(controller), plant)
+    _equivalent(BlockDiagram(limit), fast_limit(controller), plant)
     limit.set_title(r"For $\gamma \to \infty$", fontsize="medium", loc="left")
     for axes in (scheme, equivalent, limit):
         axes.set_aspect("equal")
@@ -60,7 +61,7 @@ def l1_output(controller: L1Output, plant: OutputPlant) -> Figure:
     return figure
 
 
-def _scheme(drawing: Drawing, controller: L1Output, plant: OutputPlant) -> None:
+def _scheme(drawing: BlockDiagram, controller: L1Output, plant: OutputPlant) -> None:
     """(18)-(21); the predictor and its law in colour."""
     m, gamma = number_math(controller.m), number_math(controller.gamma)
     drawing.axes.set_ylim(-0.9, 4.1)
@@ -85,7 +86,7 @@ def _scheme(drawing: Drawing, controller: L1Output, plant: OutputPlant) -> None:
     drawing.line([(5.8, -0.2), (5.8, 1.4 - RADIUS)], arrow=True, colour=ADAPTIVE, sign="+")
 
 
-def _equivalent(drawing: Drawing, linear: LinearEquivalent, plant: OutputPlant) -> None:
+def _equivalent(drawing: BlockDiagram, linear: LinearEquivalent, plant: OutputPlant) -> None:
     """u = F[r] - K[y] around the plant."""
     drawing.axes.set_ylim(-0.9, 2.7)
     drawing.block((2.8, 1.6), 4.2, transfer_function_text(linear.feedforward))
@@ -100,7 +101,7 @@ def _equivalent(drawing: Drawing, linear: LinearEquivalent, plant: OutputPlant) 
     drawing.line([(7.3, -0.2), (5.8, -0.2), (5.8, 1.6 - RADIUS)], arrow=True, sign="-")
 
 
-def _plant(drawing: Drawing, x: float, y: float, plant: OutputPlant) -> None:
+def _plant(drawing: BlockDiagram, x: float, y: float, plant: OutputPlant) -> None:
     """The sum at (x, y) where d enters, and G(s) up to x + 4.8; a path of the input and f(y) are named."""
     entering = r"$d$" if plant.nonlinear is None else r"$d + f(y)$"
     drawing.sum((x, y))
@@ -110,7 +111,7 @@ def _plant(drawing: Drawing, x: float, y: float, plant: OutputPlant) -> None:
 
 
 @dataclass(frozen=True)
-class Drawing:
+class BlockDiagram:
     """Blocks, sums and lines in the axes' own units."""
 
     axes: Axes

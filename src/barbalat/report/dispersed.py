@@ -12,7 +12,7 @@ from barbalat.flight.dispersed import KEPT, TIMING, DispersedComparison
 from barbalat.flight.dispersions import DRAWN, UNITS
 from barbalat.flight.evidence import Flown, Median, Pairing
 from barbalat.flight.schemes import TUNED
-from barbalat.sweeps.evidence import CONFIDENCE, Share
+from barbalat.sweeps.evidence import CONFIDENCE_LEVEL, Share
 
 LARGE = 9.995
 BESIDE = "LQR with PI"
@@ -36,7 +36,7 @@ def notes(found: DispersedComparison) -> tuple[str, ...]:
     chance = (
         "beyond chance: all flew the same draws, so that pairs are judged by the exact sign test, each two controllers through "
         f"each failure by error and by losses; of all {found.evidence.comparisons} such comparisons that some draw decides, none "
-        f"is called so by chance with a probability of {100 * CONFIDENCE:.0f} %, by Holm's correction"
+        f"is called so by chance with a probability of {100 * CONFIDENCE_LEVEL:.0f} %, by Holm's correction"
     )
     return (*NOTES, chance) if found.evidence.comparisons else NOTES
 

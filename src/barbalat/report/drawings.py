@@ -18,7 +18,7 @@ from barbalat.report.file_names import NARROW, loop_names
 
 
 @dataclass(frozen=True)
-class Drawing:
+class DrawnFile:
     """An SVG and the file that it is in."""
 
     file: str
@@ -35,30 +35,30 @@ class Drawing:
 
 
 @dataclass(frozen=True)
-class Picture:
+class ReportFigure:
     """A drawn figure, and how it is drawn for phones where that differs."""
 
-    wide: Drawing
-    narrow: Drawing | None = None
+    wide: DrawnFile
+    narrow: DrawnFile | None = None
 
 
-def svg_of(name: str, drawing: Figure) -> Drawing:
+def svg_of(name: str, drawing: Figure) -> DrawnFile:
     """A figure as an SVG of that name."""
-    return Drawing(f"{name}.svg", render(drawing, "svg").decode())
+    return DrawnFile(f"{name}.svg", render(drawing, "svg").decode())
 
 
-def narrow_panels(name: str, shown: Sequence[Panel], t_end: float) -> Drawing:
+def narrow_panels(name: str, shown: Sequence[Panel], t_end: float) -> DrawnFile:
     """Panels for a phone."""
     return svg_of(f"{name}{NARROW}", draw_panels(shown, t_end, narrow=True))
 
 
-def pictures_of_loops(found: Sequence[MarginLoop]) -> list[Picture]:
+def pictures_of_loops(found: Sequence[MarginLoop]) -> list[ReportFigure]:
     """So many loops in a picture as there are colours."""
     groups = [found[i : i + len(COLOURS)] for i in range(0, len(found), len(COLOURS))]
     return [_loops(name, group) for name, group in zip(loop_names(len(groups)), groups, strict=True)]
 
 
-def _loops(name: str, loops: Sequence[MarginLoop]) -> Picture:
+def _loops(name: str, loops: Sequence[MarginLoop]) -> ReportFigure:
     responses = responses_of(loops)
     wide, narrow = (draw_responses(responses, "", narrow=narrow) for narrow in (False, True))
-    return Picture(svg_of(name, wide), svg_of(f"{name}{NARROW}", narrow))
+    return ReportFigure(svg_of(name, wide), svg_of(f"{name}{NARROW}", narrow))

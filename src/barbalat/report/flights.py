@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import csv
 import io
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
 
 from barbalat.flight.compared import Compared, Failing, Flown
+from barbalat.run.stepwise import Agreement
 
 CSV_EVERY = 10
 """Samples from one row of a CSV to the next: ten rows a second, so that a failure's flights are some 100 kB."""
@@ -66,6 +68,32 @@ def best_and_worst(found: Compared, failure: Failing) -> str:
     return f"{survived}; least error: {kept[0].controller}, largest: {kept[-1].controller}"
 
 
+def facts(found: Compared) -> list[tuple[str, str]]:
+    """What is said before the tables: what flew where, and how what flew agrees with what is simulated."""
+    return [*found.facts(), *(("exported", sentence) for sentence in _in_the_loop(found))]
+
+
+def _in_the_loop(found: Compared) -> list[str]:
+    """Of the exported C: a sentence of all that equal their lists, one of each that does not."""
+    agreements = found.agreements or {}
+    equal = {name: one for name, one in agreements.items() if one.equal and not one.refused}
+    several = "every controller" if len(equal) == len(agreements) else f"{len(equal)} of {len(agreements)} controllers"
+    who, together = next(iter(equal)) if len(equal) == 1 else several, Agreement.together(equal.values())
+    flights = "a flight" if together.flights == 1 else f"{together.flights} flights"
+    said = (
+        f"the C of {who} flew, compiled on this machine: every bit of u and of the state equals the simulated list's at all "
+        f"{together.samples:,} samples of {flights}"
+    )
+    return [*([said] if equal else []), *(_unequal(name, one) for name, one in agreements.items() if name not in equal)]
+
+
+def _unequal(name: str, one: Agreement) -> str:
+    if one.equal is None:
+        return f"nothing is known of the C of {name}: the simulator broke in every flight"
+    held = f", and it refused {one.refused:,} of {one.samples:,} samples" if one.refused else ""
+    return f"the C of {name} is not the simulated list{f': {one.difference}' if one.difference else ''}{held}"
+
+
 def as_document(found: Compared) -> dict[str, Any]:
     """The document of ``fly --json``."""
     return {
@@ -75,11 +103,18 @@ def as_document(found: Compared) -> dict[str, Any]:
         "failures": {failure.name: _judged(found, failure) for failure in found.failures},
         "losses": found.losses,
         **({} if found.delays is None else {"delay_borne": found.delays}),
+        **_as_c(found),
         "controllers": {
             several[0].controller: {flight.failure.name: flight.figures | {"lost": flight.lost or None} for flight in several}
             for several in found.flights
         },
     }
+
+
+def _as_c(found: Compared) -> dict[str, Any]:
+    if found.agreements is None:
+        return {}
+    return {"software_in_the_loop": {name: {"equal": one.equal, **asdict(one)} for name, one in found.agreements.items()}}
 
 
 def _judged(found: Compared, failure: Failing) -> dict[str, Any]:

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 from matplotlib.patheffects import Normal, withStroke
 
-from barbalat.claims.claim import Axis, Curve, Map
+from barbalat.claims.claim import ChartAxis, Curve, Map
 from barbalat.pictures.theme import NARROW
 from barbalat.validate import Array
 
@@ -64,7 +64,7 @@ def _curve(axes: Axes, k: int, curve: Curve) -> Artist:
     return line
 
 
-def _edges(axis: Axis) -> Array:
+def _edges(axis: ChartAxis) -> Array:
     """The borders of the cells around an axis' values."""
     values = np.log(axis.values) if axis.logarithmic else axis.values
     middle = (values[1:] + values[:-1]) / 2

@@ -28,7 +28,7 @@ from barbalat.report import contest as contest_rows
 from barbalat.report import dispersed, flights, tradeoff
 from barbalat.report import tuning as tuning_rows
 from barbalat.report.certificates import rows
-from barbalat.report.drawings import Picture
+from barbalat.report.drawings import ReportFigure
 from barbalat.report.file_names import PAGE
 from barbalat.report.narrow import fits_a_phone
 from barbalat.report.notation import mathematics
@@ -59,9 +59,9 @@ def figure_columns(results: Iterable[Result]) -> dict[str, str]:
     return {name: f"{heading} {units.get(name, '')}".rstrip() for name, heading in FIGURE_COLUMNS.items()}
 
 
-LARGEST = 500_000
+LARGEST_PAGE_BYTES = 500_000
 """Bytes of a page with its pictures: mail programs show and phones load that at once."""
-LARGER = {"flights.html": 4_000_000}
+LARGER_PAGES_BYTES = {"flights.html": 4_000_000}
 """Of pages that hold their pictures even so: flights are sent to others as one file, and have a picture for each failure."""
 PICTURES_BESIDE = " Its pictures are files in the same folder: send them along."
 
@@ -75,10 +75,10 @@ EXPLORER = "explorer.html"
 def reproduction(
     figures: Sequence[PaperFigure],
     claims: Sequence[Claim],
-    pictures: dict[str, Picture],
-    maps: dict[str, Picture],
+    pictures: dict[str, ReportFigure],
+    maps: dict[str, ReportFigure],
     certified: Certified,
-    loops: Sequence[Picture],
+    loops: Sequence[ReportFigure],
     seconds: dict[str, float],
     tried: Mapping[str, str],
 ) -> dict[str, str]:
@@ -107,21 +107,21 @@ def comparison(
     name: str,
     results: Sequence[Result],
     certified: Certified,
-    picture: Picture,
-    diagrams: Sequence[Picture] = (),
-    loops: Sequence[Picture] = (),
+    picture: ReportFigure,
+    diagrams: Sequence[ReportFigure] = (),
+    loops: Sequence[ReportFigure] = (),
 ) -> str:
     """The page of ``barbalat run``; ``diagrams`` show what controllers are, ``loops`` the loops whose margins are given."""
     shown = {"picture": picture, "diagrams": diagrams, "loops": loops}
     return _render("comparison.html", name=name, results=results, certified=certified, **shown)
 
 
-def certificates(name: str, certified: Certified, loops: Sequence[Picture]) -> str:
+def certificates(name: str, certified: Certified, loops: Sequence[ReportFigure]) -> str:
     """The page of ``barbalat certify``; ``loops`` are those whose margins are given."""
     return _render("certified.html", name=name, certified=certified, loops=loops)
 
 
-def trade_off(found: TradeOff, picture: Picture) -> str:
+def trade_off(found: TradeOff, picture: ReportFigure) -> str:
     """The page of ``barbalat tradeoff``."""
     titles = {which: TITLES[which] for which in panels(found)}
     tables = {"rows": tradeoff.rows, "at_equal_error": tradeoff.at_equal_error, "ranking": tradeoff.ranking}
@@ -135,7 +135,7 @@ def linked(text: Markup, names: Sequence[str]) -> Markup:
     return Markup(re.sub(pattern, r'<a href="#claim-\1"><code>\1</code></a>', str(text))) if told else text
 
 
-def sweep(found: SweepResult, pictures: Mapping[str, Picture], worst: Sequence[WorstMember] = ()) -> str:
+def sweep(found: SweepResult, pictures: Mapping[str, ReportFigure], worst: Sequence[WorstMember] = ()) -> str:
     """The page of ``barbalat sweep``; ``worst`` are members of which there are explorers beside it, or why there are none."""
     tables = {"shares": _symbols(shares(found)), "extremes": _symbols(extremes(found))}
     return _render("sweep.html", found=found, pictures=pictures, worst=worst, varied=varied, **tables)
@@ -154,9 +154,15 @@ class Film:
         return f"data:image/gif;base64,{b64encode(self.gif).decode()}" if alone else self.file
 
 
-def flight(found: Compared, pictures: Mapping[str, Picture], paths: Mapping[str, Picture], film: Film | None) -> str:
+def flight(found: Compared, pictures: Mapping[str, ReportFigure], paths: Mapping[str, ReportFigure], film: Film | None) -> str:
     """The page of ``barbalat fly``; pictures over time and in space by the failures' names."""
-    told = {"rows": flights.rows, "reasons": flights.reasons, "losses": flights.losses, "best_and_worst": flights.best_and_worst}
+    told = {
+        "facts": flights.facts,
+        "rows": flights.rows,
+        "reasons": flights.reasons,
+        "losses": flights.losses,
+        "best_and_worst": flights.best_and_worst,
+    }
     headings = ("controller", *(heading.replace("\n", " ") for heading in found.headings))
     values = {
         "headings": headings,
@@ -179,14 +185,14 @@ def dispersed_flights(found: DispersedComparison) -> str:
     return _render("dispersed.html", found=found, **told, **values)
 
 
-def tuning(found: Tuning, picture: Picture | None) -> str:
+def tuning(found: Tuning, picture: ReportFigure | None) -> str:
     """The page of ``barbalat tune``."""
     rows_of = tuning_rows
     made = (rows_of.points, rows_of.columns, rows_of.changes, rows_of.held_out, rows_of.front, rows_of.judged)
     return _render("tuning.html", found=found, picture=picture, **{one.__name__: one for one in made})
 
 
-def contest(found: Contest, picture: Picture | None) -> str:
+def contest(found: Contest, picture: ReportFigure | None) -> str:
     """The page of ``barbalat contest``."""
     rows_of = contest_rows
     made = (rows_of.rule, rows_of.held_out, rows_of.failures, rows_of.margins, rows_of.errors, rows_of.pairs, rows_of.own)
@@ -225,6 +231,6 @@ def _templates() -> Environment:
 def _render(template: str, **values: object) -> str:
     found = _templates().get_template(template)
     complete = found.render(alone=True, of_pictures="", **values)
-    if len(complete.encode()) <= LARGER.get(template, LARGEST):
+    if len(complete.encode()) <= LARGER_PAGES_BYTES.get(template, LARGEST_PAGE_BYTES):
         return complete
     return found.render(alone=False, of_pictures=PICTURES_BESIDE, **values)

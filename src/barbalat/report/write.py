@@ -24,7 +24,7 @@ from barbalat.flight.registry import FLIGHTS
 from barbalat.pictures.panel_drawing import draw as draw_panels
 from barbalat.pictures.render import render
 from barbalat.report import charts, diagrams, flights, maps, page
-from barbalat.report.drawings import Drawing, Picture, narrow_panels, pictures_of_loops, svg_of
+from barbalat.report.drawings import DrawnFile, ReportFigure, narrow_panels, pictures_of_loops, svg_of
 from barbalat.report.file_names import CERTIFICATES, NARROW, PAGE, PICTURE, TUNED_CASE, diagram_names
 from barbalat.report.files import Folder
 from barbalat.report.sweep import WorstMember
@@ -45,7 +45,7 @@ class Drawn(Protocol):
     def __call__(self, *, narrow: bool) -> Figure: ...
 
 
-def draw_reproduction(folder: Folder, figures: Sequence[PaperFigure], drawn: Callable[[float], None]) -> dict[str, Picture]:
+def draw_reproduction(folder: Folder, figures: Sequence[PaperFigure], drawn: Callable[[float], None]) -> dict[str, ReportFigure]:
     """Draw every figure into the folder, but for those for phones; ``drawn`` is told the share of each."""
     pictures = {}
     for figure in figures:
@@ -54,17 +54,17 @@ def draw_reproduction(folder: Folder, figures: Sequence[PaperFigure], drawn: Cal
     return pictures
 
 
-def narrow_pictures(figures: Sequence[PaperFigure]) -> dict[str, Drawing]:
+def narrow_pictures(figures: Sequence[PaperFigure]) -> dict[str, DrawnFile]:
     """The figures for phones by their keys, which another process may draw meanwhile."""
     return {figure.key: narrow_panels(f"figure-{figure.key}", panels(figure.shown), ends_at(figure.shown)) for figure in figures}
 
 
-def with_narrow(pictures: Mapping[str, Picture], narrow: Mapping[str, Drawing]) -> dict[str, Picture]:
+def with_narrow(pictures: Mapping[str, ReportFigure], narrow: Mapping[str, DrawnFile]) -> dict[str, ReportFigure]:
     """Both as one, by key."""
     return {key: replace(picture, narrow=narrow[key]) for key, picture in pictures.items()}
 
 
-def keep(folder: Folder, pictures: Sequence[Picture]) -> None:
+def keep(folder: Folder, pictures: Sequence[ReportFigure]) -> None:
     """Write the SVGs of pictures that were drawn elsewhere."""
     for picture in pictures:
         for drawing in (picture.wide, picture.narrow):
@@ -72,7 +72,7 @@ def keep(folder: Folder, pictures: Sequence[Picture]) -> None:
                 folder.write(drawing.file, drawing.svg)
 
 
-def draw_maps(folder: Folder, claims: Sequence[Claim]) -> dict[str, Picture]:
+def draw_maps(folder: Folder, claims: Sequence[Claim]) -> dict[str, ReportFigure]:
     """Draw every map and chart of the claims into the folder; pictures by their keys."""
     return {shown.key: _draw_both(folder, f"map-{shown.key}", partial(_map, shown)) for claim in claims for shown in claim.maps}
 
@@ -81,7 +81,7 @@ def _map(shown: Map | Chart, *, narrow: bool) -> Figure:
     return maps.draw(shown, narrow=narrow) if isinstance(shown, Map) else charts.draw(shown, narrow=narrow)
 
 
-def loop_pictures(certificates: Mapping[str, Certificate]) -> list[Picture]:
+def loop_pictures(certificates: Mapping[str, Certificate]) -> list[ReportFigure]:
     """The loops whose margins the certificates give."""
     return pictures_of_loops(distinct(certificates))
 
@@ -189,11 +189,11 @@ def write_flights(folder: Folder, found: Compared) -> None:
 FILM = "flight.gif"
 
 
-def _within(folder: Folder, name: str, figure: Drawn) -> Picture:
+def _within(folder: Folder, name: str, figure: Drawn) -> ReportFigure:
     """Wide as PNG; both as SVG, in the page alone."""
     wide, narrow = (figure(narrow=narrow) for narrow in (False, True))
     folder.write(f"{name}.png", render(wide, "png"))
-    return Picture(svg_of(name, wide), svg_of(f"{name}{NARROW}", narrow))
+    return ReportFigure(svg_of(name, wide), svg_of(f"{name}{NARROW}", narrow))
 
 
 def files_of_flights() -> set[str]:
@@ -216,15 +216,15 @@ def write_contest(folder: Folder, found: Contest) -> None:
     folder.write(PAGE, page.contest(found, picture))
 
 
-def _draw(folder: Folder, name: str, drawing: Figure) -> Picture:
+def _draw(folder: Folder, name: str, drawing: Figure) -> ReportFigure:
     folder.write(f"{name}.png", render(drawing, "png"))
     drawing.set_layout_engine(None)  # what the first rendering has laid out stays where it is
     wide = svg_of(name, drawing)
     folder.write(wide.file, wide.svg)
-    return Picture(wide)
+    return ReportFigure(wide)
 
 
-def _draw_both(folder: Folder, name: str, figure: Drawn) -> Picture:
+def _draw_both(folder: Folder, name: str, figure: Drawn) -> ReportFigure:
     """Wide as PNG and SVG, narrow as SVG."""
     narrow = svg_of(f"{name}{NARROW}", figure(narrow=True))
     folder.write(narrow.file, narrow.svg)

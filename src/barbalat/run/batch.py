@@ -10,7 +10,7 @@ from math import inf
 import numpy as np
 
 from barbalat.loop.closed_loop import ClosedLoop
-from barbalat.lowering.llvm.machine import Kernel, Past, Watch, vector_width
+from barbalat.lowering.llvm.machine import Kernel, Rings, Watch, vector_width
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller
 from barbalat.run.delay import CHANNELS_PER_INPUT
@@ -128,11 +128,11 @@ class Batch:
             streams = None if self.seeds is None else [(int(self.seeds[i]), int(numbers[i])) for i in index]
             self.groups.append(Group(self, kernel, columns, state, parameters, past, streams, self.watch))
 
-    def _past(self, index: Array) -> Past:
+    def _past(self, index: Array) -> Rings:
         assert self.lags is not None
         inputs = self.program.shape.delayed // CHANNELS_PER_INPUT
         given = np.zeros((inputs, self.states.shape[1])) if self.history is None else self.history
-        return Past(self.lags[index], np.repeat(given, CHANNELS_PER_INPUT, axis=0)[:, index])
+        return Rings(self.lags[index], np.repeat(given, CHANNELS_PER_INPUT, axis=0)[:, index])
 
     @property
     def final_states(self) -> Array:
@@ -162,7 +162,7 @@ class Batch:
     def resumed(self, state: Array) -> Group:
         """The only member in this state (size,), with nothing on its way: at t = 0, or at any time where there is no delay."""
         (group,) = self.groups
-        past = None if group.past is None else Past(group.past.lags, group.past.history)
+        past = None if group.past is None else Rings(group.past.lags, group.past.history)
         return replace(group, state=state[:, None].copy(), past=past, recorded=[])
 
 
@@ -175,7 +175,7 @@ class Group:
     columns: slice
     state: Array
     parameters: Array
-    past: Past | None
+    past: Rings | None
     streams: list[tuple[int, int]] | None  # seed and number of each member: its noise
     watch: Watch | None
     recorded: list[Array] = field(default_factory=list)

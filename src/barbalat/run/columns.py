@@ -18,12 +18,12 @@ class StructureError(Exception):
     """A member has more than other numbers."""
 
 
-class _Part(NamedTuple):
+class _ColumnPart(NamedTuple):
     """A part of the first member, and where its leaves stand among all of them."""
 
     first: Any
     leaf: int  # its place, of a leaf; else where the first leaf in it stands
-    inner: tuple[_Part, ...] | None  # None for a leaf, and for what has no parts
+    inner: tuple[_ColumnPart, ...] | None  # None for a leaf, and for what has no parts
     named: bool = False  # whether the class alone says which parts there are
 
 
@@ -43,21 +43,21 @@ class Columns:
         self._bytes = [leaf.tobytes() for leaf in self._leaves]
         self._kept: dict[int, bytearray] = {}
 
-    def _read(self, part: Any, depth: int) -> _Part:
+    def _read(self, part: Any, depth: int) -> _ColumnPart:
         begin = len(self._leaves)
         if isinstance(part, (np.ndarray, float)):
             self._leaves.append(np.asarray(part, dtype=float))
         elif depth < DEEPEST_NESTING and (parts := parts_of(part)) is not None:
             inner = tuple(self._read(value, depth + 1) for value in parts.values())
-            return _Part(part, begin, inner, is_dataclass(part))
-        return _Part(part, begin, None)
+            return _ColumnPart(part, begin, inner, is_dataclass(part))
+        return _ColumnPart(part, begin, None)
 
     def add(self, member: Any) -> None:
         """Take up the next member; StructureError where it differs by more than numbers."""
         self._take(member, self._whole)
         self.count += 1
 
-    def _take(self, part: Any, place: _Part) -> None:
+    def _take(self, part: Any, place: _ColumnPart) -> None:
         first, leaf, inner, named = place
         if part is first:
             return

@@ -75,7 +75,7 @@ def require_memory(longest: float, inputs: int, runs: int, dt: float) -> None:
 def free_memory() -> int | None:
     """Bytes that programs can still get; None where the system does not say."""
     try:
-        stated = Path("/proc/meminfo").read_text()
+        stated = Path("/proc/meminfo").read_text("ascii")
     except OSError:
         return None
     found = re.search(r"^MemAvailable:\s*(\d+) kB$", stated, re.MULTILINE)

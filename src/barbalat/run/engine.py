@@ -58,12 +58,7 @@ def run(
 
 
 def advance(
-    batches: list[Batch],
-    tables: Tables,
-    simulation: Simulation,
-    *,
-    threads: int | None = None,
-    progress: Progress | None = None,
+    batches: list[Batch], tables: Tables, simulation: Simulation, *, threads: int | None = None, progress: Progress | None = None
 ) -> None:
     """The same with signals by their tables."""
     if threads is not None:

@@ -52,7 +52,8 @@ class EnsembleResult(Plotted):
         diverged, M = int(np.isfinite(self.metrics.diverged_at).sum()), len(self)
         e = self.metrics.tail_max_abs_e
         worst = ", ".join(f"{value:.4g}" for value in np.nanmax(e, axis=0)) if diverged < M else "-"
-        return f"<EnsembleResult: {M} members, {self.varied} numbers varied, {diverged} diverged; worst |e| in the tail {worst}>"
+        size = f"{validate.counted(M, 'member')}, {validate.counted(self.varied, 'number')} varied"
+        return f"<EnsembleResult: {size}, {diverged} diverged; worst |e| in the tail {worst}>"
 
     def plot(self, *, shown: bool = True) -> Figure:
         """Which share of the members has at most an error, in all and in the tail, as a Matplotlib figure.
@@ -67,7 +68,9 @@ class EnsembleResult(Plotted):
             for title, e in (("largest |e|", found.max_abs_e), ("largest |e| in the tail", found.tail_max_abs_e))
         ]
         diverged = int(np.isfinite(found.diverged_at).sum())
-        note = f"{M} runs" + (f"; {diverged} diverged and have no error, so that the share stays below 1" if diverged else "")
+        note = validate.counted(M, "run") + (
+            f"; {diverged} diverged and have no error, so that the share stays below 1" if diverged else ""
+        )
         return draw(panels, note, shown=shown)
 
     def __len__(self) -> int:
@@ -130,7 +133,7 @@ def simulate_ensemble(
 def _numbers_of(members: Members, numbers: Sequence[int] | Array) -> Array:
     """(M,) the members' numbers, checked."""
     if len(numbers) != len(members):
-        raise InputError(f"numbers must have {len(members)} entries, one for each member, got {len(numbers)}")
+        raise InputError(f"numbers must have {validate.counted(len(members), 'entry')}, one for each member, got {len(numbers)}")
     return np.array([validate.whole("numbers", number, least=0) for number in numbers])
 
 

@@ -38,17 +38,17 @@ class Estimate:
     def label(self) -> str:
         """With its hat, as TeX."""
         symbol, _, index = self.name.partition("_")
-        letter = GREEK.get(symbol, symbol)
+        letter = GREEK_NAMES.get(symbol, symbol)
         return rf"$\hat{{{letter}}}_{{{index}}}$" if index else rf"$\hat{{{letter}}}$"
 
     @property
     def symbol(self) -> str:
         """Without it."""
         symbol, _, index = self.name.partition("_")
-        return f"{GREEK.get(symbol, symbol)}_{{{index}}}" if index else GREEK.get(symbol, symbol)
+        return f"{GREEK_NAMES.get(symbol, symbol)}_{{{index}}}" if index else GREEK_NAMES.get(symbol, symbol)
 
 
-GREEK = {name: rf"\{name}" for name in ("theta", "sigma", "omega")}
+GREEK_NAMES = {name: rf"\{name}" for name in ("theta", "sigma", "omega")}
 
 
 def estimates_of(result: Result) -> list[Estimate]:
@@ -67,10 +67,14 @@ def estimates_of(result: Result) -> list[Estimate]:
         entries, becomes = values.reshape(len(result.t), -1), ideal.get(key)
         if entries.shape[1] > MOST_REPORTED:
             continue
-        name = key.removesuffix("_hat")
-        names = [name] if entries.shape[1] == 1 else [f"{name}_{i + 1}" for i in range(entries.shape[1])]
         found += [
             Estimate(name=one, value=entries[:, i], true=None if becomes is None else float(np.ravel(becomes)[i]))
-            for i, one in enumerate(names)
+            for i, one in enumerate(reported_names(key, entries.shape[1]))
         ]
     return found
+
+
+def reported_names(key: str, count: int) -> list[str]:
+    """Of the entries of what is reported as ``key``, without a hat."""
+    name = key.removesuffix("_hat")
+    return [name] if count == 1 else [f"{name}_{i + 1}" for i in range(count)]

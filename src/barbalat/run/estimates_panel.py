@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from barbalat.pictures.panels import Level, Panel, Series, around, span_of
-from barbalat.problem.known_set import UNREACHED_BOUND, EstimateSet, ParameterProduct, Projecting
+from barbalat.problem.known_set import UNREACHED_BOUND, EstimateSet, Projecting
 from barbalat.problem.state_feedback import Problem
 from barbalat.protocols import DiscretizedEquations
 from barbalat.run.estimates import estimates_of
@@ -100,9 +100,7 @@ def _bounds(result: Result, p: int) -> list[tuple[float, float]]:
     found = _set_of(result)
     if found is None:
         return []
-    parts = [found.theta, found.gains] if isinstance(found, ParameterProduct) else [found]
-    extents = [part.extent for part in parts if part is not None]
-    lower, upper = (np.concatenate(side) for side in zip(*extents, strict=True))
+    lower, upper = found.extent
     return [(float(a), float(b)) for a, b in zip(lower, upper, strict=True)] if len(lower) == p else []
 
 

@@ -55,7 +55,7 @@ def window_of(steps: int, count: int) -> int:
     return WATCH_EVERY * -(-steps // (count * WATCH_EVERY))
 
 
-class Piece(NamedTuple):
+class StepPiece(NamedTuple):
     """What a row of the table says of a piece of a step, as numbers of the kernel: the last entries of a row.
 
     length        in steps
@@ -67,7 +67,7 @@ class Piece(NamedTuple):
     ends: Value
 
 
-WHOLE_STEP = Piece(1.0, 1.0, 1.0)
+WHOLE_STEP = StepPiece(1.0, 1.0, 1.0)
 
 
 def signal_table(
@@ -76,7 +76,7 @@ def signal_table(
     """Values for each step and stage: (steps, nodes * signals), the signals of the first node first.
 
     A step's last node takes the limit from the left, so that a jump on the grid belongs wholly to the next step. With
-    ``in_pieces`` each step is cut where a signal breaks: a row for each piece, and its ``Piece`` behind its signals.
+    ``in_pieces`` each step is cut where a signal breaks: a row for each piece, and its ``StepPiece`` behind its signals.
     """
     nodes = simulation.solver.nodes
     k = np.arange(start, start + steps + 1)
@@ -99,13 +99,13 @@ def signal_table(
     return rows if pieces is None else np.column_stack([rows, *pieces])
 
 
-def _cut(breaks: Array, t: Array, k: Array) -> tuple[Array, Array, Piece]:
+def _cut(breaks: Array, t: Array, k: Array) -> tuple[Array, Array, StepPiece]:
     """The grid t [s], k, in steps, with the breaks inserted into both; and what the pieces between are."""
     step = np.searchsorted(t, breaks, side="right") - 1
     places = k[step] + (breaks - t[step]) / (t[step + 1] - t[step])
     on_grid = np.insert(np.ones(len(t)), step + 1, 0.0)
     k = np.insert(k.astype(float), step + 1, places)
-    return np.insert(t, step + 1, breaks), k, Piece(np.diff(k), on_grid[:-1], on_grid[1:])
+    return np.insert(t, step + 1, breaks), k, StepPiece(np.diff(k), on_grid[:-1], on_grid[1:])
 
 
 def final_row(signals: tuple[Signal, ...], simulation: Simulation, *, in_pieces: bool = False) -> Array:

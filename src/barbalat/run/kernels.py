@@ -17,7 +17,7 @@ operation of loops with 16,000 and 34,000 of them 0.15 ms and 0.45 ns: the same 
 
 
 @dataclass(eq=False)
-class Compiled:
+class CompiledLoop:
     """A loop's code as it is made at first, and optimised once its runs have been long enough in all."""
 
     make: Callable[[bool], Kernel]
@@ -42,10 +42,10 @@ def compiled(
     sample: Program | None,
     watch: Program | None,
     outside: Outside | None,
-) -> Compiled:
+) -> CompiledLoop:
     """What is kept of a loop's code, the same for the same lists; of what was used least lately nothing."""
 
     def make(quickly: bool) -> Kernel:
         return Kernel(program, shape, resets, lanes, sample, watch, outside=outside, quickly=quickly)
 
-    return Compiled(make)
+    return CompiledLoop(make)

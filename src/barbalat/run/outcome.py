@@ -7,7 +7,7 @@ from typing import Protocol
 
 from barbalat.problem.labels import Labels
 
-FIGURES = {
+FIGURE_LABELS = {
     "max_abs_e": "max |e|",
     "rms_e": "RMS e",
     "tail_max_abs_e": "max |e| in the tail",
@@ -39,7 +39,7 @@ def outcome(run: Finished) -> str:
         return f"diverged at t = {run.diverged_at:.4g} s"
     shown = ("max_abs_e", "tail_max_abs_e", "max_abs_u")
     label = [] if run.label is None else [run.label]
-    return "; ".join([*(f"{FIGURES[name]} {text_of(run.figures[name])}" for name in shown), *label])
+    return "; ".join([*(f"{FIGURE_LABELS[name]} {text_of(run.figures[name])}" for name in shown), *label])
 
 
 def outcome_in_brief(run: Finished) -> str:
@@ -48,7 +48,7 @@ def outcome_in_brief(run: Finished) -> str:
 
 
 def _error_of(run: Finished) -> str:
-    return f"{FIGURES['max_abs_e']} {text_of(run.figures['max_abs_e'])}"
+    return f"{FIGURE_LABELS['max_abs_e']} {text_of(run.figures['max_abs_e'])}"
 
 
 def text_of(value: float | list[float] | None) -> str:
@@ -70,13 +70,13 @@ def table(runs: Iterable[Finished], labels: Labels | None = None) -> str:
     from html import escape
 
     units = units_of(labels)
-    said = (escape(f"{text} {units.get(name, '')}".rstrip()) for name, text in FIGURES.items())
+    said = (escape(f"{text} {units.get(name, '')}".rstrip()) for name, text in FIGURE_LABELS.items())
     head = "".join(f"<th>{text}</th>" for text in ("controller", *said))
     return f"<table><tr>{head}</tr>{''.join(_row(escape(run.name), run) for run in runs)}</table>"
 
 
 def _row(name: str, run: Finished) -> str:
     if run.diverged_at is not None:
-        return f'<tr><td>{name}</td><td colspan="{len(FIGURES)}">diverged at t = {run.diverged_at:.4g} s</td></tr>'
-    cells = "".join(f"<td>{text_of(run.figures[key])}</td>" for key in FIGURES)
+        return f'<tr><td>{name}</td><td colspan="{len(FIGURE_LABELS)}">diverged at t = {run.diverged_at:.4g} s</td></tr>'
+    cells = "".join(f"<td>{text_of(run.figures[key])}</td>" for key in FIGURE_LABELS)
     return f"<tr><td>{name}</td>{cells}</tr>"

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
     from barbalat.run.result import Result
 
-WINDOWS = 150
+ERROR_WINDOWS = 150
 """Of the run: the largest error in each makes a line that can be followed on a logarithmic axis."""
 LARGEST_SHOWN = 20
 """Times the largest error of the runs that stay bounded: so much is seen of one that diverges, and the others stay apart."""
@@ -118,13 +118,13 @@ def _of_model(result: Result, state: int) -> Array:
 
 def _largest_error(results: Sequence[Result]) -> Panel:
     """The largest |e_i| in windows of the run, on a logarithmic axis."""
-    width = results[0].simulation.t_end / WINDOWS
+    width = results[0].simulation.t_end / ERROR_WINDOWS
     series = []
     for k, result in enumerate(results):
         largest = np.maximum(np.abs(result.envelope.e_min), np.abs(result.envelope.e_max)).max(axis=1)
         if len(largest) == 0:
             continue
-        starts = np.unique(np.searchsorted(result.t[:-1], np.linspace(0, result.simulation.t_end, WINDOWS, endpoint=False)))
+        starts = np.unique(np.searchsorted(result.t[:-1], np.linspace(0, result.simulation.t_end, ERROR_WINDOWS, endpoint=False)))
         starts = starts[starts < len(largest)]
         value = np.maximum(np.maximum.reduceat(largest, starts), np.finfo(float).tiny)
         name = text_of(result.name)

@@ -17,7 +17,7 @@ from barbalat.validate import Array
 if TYPE_CHECKING:
     import casadi
 
-LISTS: dict[np.ufunc, str] = {
+LIST_NAMES: dict[np.ufunc, str] = {
     np.sin: "sin", np.cos: "cos", np.tan: "tan", np.exp: "exp", np.log: "log", np.tanh: "tanh", np.arctan: "atan",
     np.power: "pow", np.float_power: "pow",
 }  # fmt: skip
@@ -42,7 +42,7 @@ def at_instants(function: casadi.Function, simulation: Simulation, *columns: Arr
 
 
 class Portable(np.ndarray):
-    """An array that hands NumPy's elementary functions to ``LISTS``; arrays that follow from it are such arrays too."""
+    """An array that hands NumPy's elementary functions to ``LIST_NAMES``; arrays that follow from it are such arrays too."""
 
     def __array_ufunc__(
         self,
@@ -53,8 +53,8 @@ class Portable(np.ndarray):
         **options: Any,
     ) -> Any:
         plain = [_plain(value) for value in inputs]
-        if ufunc in LISTS and method == "__call__" and not options and all(value.dtype.kind in "biuf" for value in plain):
-            found = evaluate(LISTS[ufunc], *plain)
+        if ufunc in LIST_NAMES and method == "__call__" and not options and all(value.dtype.kind in "biuf" for value in plain):
+            found = evaluate(LIST_NAMES[ufunc], *plain)
         else:
             found = super().__array_ufunc__(ufunc, method, *plain, **options)
         if not out:

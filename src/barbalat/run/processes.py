@@ -52,18 +52,32 @@ def deaf_children() -> Iterator[None]:
     They inherit that it is blocked. Here it is neither lost, nor does it interrupt a process that is half started: it waits, as
     a request to end does, to which they stay open: it is how this one ends them.
     """
-    if sys.platform == "win32" or current_thread() is not main_thread():  # where signals can't be set, and none arrive
+    if sys.platform == "win32" or current_thread() is not main_thread():  # where signals can't be blocked, and none arrive
         yield
         return
     resource_tracker.ensure_running()  # it would unblock the signal when the first process starts it
+    with undisturbed():  # another thread may be the one to get it
+        signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+        try:
+            yield
+        finally:
+            signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
+
+
+@contextmanager
+def undisturbed() -> Iterator[None]:
+    """Ctrl-C, a request to end, and an alarm wait until this is left: for code that would report what is raised within it."""
+    if current_thread() is not main_thread():  # to which none arrives
+        yield
+        return
+    kept = [signal.SIGINT, signal.SIGTERM]
+    if sys.platform != "win32":
+        kept.append(signal.SIGALRM)
     waiting: list[int] = []
-    kept = (signal.SIGINT, signal.SIGTERM)  # another thread may be the one to get it
     before = {number: signal.signal(number, lambda number, _: waiting.append(number)) for number in kept}
-    signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield
     finally:
-        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
         for number, handler in before.items():
             signal.signal(number, handler)
     if waiting:

@@ -135,7 +135,7 @@ class Result:
         s = self.simulation
         found = self.stiffness
         limit = f"{s.solver.imaginary_limit:.3g} on the imaginary axis, {s.solver.real_limit:.3g} on the real one"
-        seen = f"h |lambda| up to {found.h_lambda_max:.3g} at the {found.looks} instants looked at"
+        seen = f"h |lambda| up to {found.h_lambda_max:.3g} at the {validate.counted(found.looks, 'instant')} looked at"
         how = "" if s.fused else ", without fused multiply-adds"
         parts = [f"{s.solver.name}, h = {s.dt:g} s{how}, {seen}; the solver's limit is {limit}"]
         if found.radius_max is not None:

@@ -12,7 +12,7 @@ from barbalat.loop.blame import named
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller
 from barbalat.run import delay
-from barbalat.run.batch import Batch
+from barbalat.run.batch import Batch, Blocks
 from barbalat.run.breaks import lost_order
 from barbalat.run.delay import brings_bends
 from barbalat.run.diagnosis.stability_label import MOST_WINDOWS, Run, stiffness_along
@@ -67,12 +67,6 @@ def result_of(problem: TrackingProblem, controller: Controller, simulation: Simu
     made = Run(problem, simulation, batch, steps, states, stop)
     t, signals, states = simulation.time(steps), made.signals(steps), made.acted(steps, states)
     e, u, theta_hat, x, x_m, y = (value.T for value in at_instants(output_function(loop), simulation, states.T, signals))
-    between = slice(0, max(len(steps) - 1, 0))
-    extrema = [(quantity, side) for quantity in ("e", "u", "theta_hat") for side in ("min", "max")]
-    envelope = Envelope(
-        **{f"{quantity}_{side}": blocks.figure(quantity, side)[between, :, 0] for quantity, side in extrema},
-        theta_hat_path=blocks.figure("variation", "sum")[between, :, 0],
-    )
     return Result(
         problem=problem,
         controller=controller,
@@ -86,7 +80,7 @@ def result_of(problem: TrackingProblem, controller: Controller, simulation: Simu
         r=signals[0] if loop.commands is None else signals[: loop.commands].T,
         theta_hat=theta_hat,
         states=states,
-        envelope=envelope,
+        envelope=_envelope(blocks, max(len(steps) - 1, 0)),
         metrics=metrics,
         stiffness=stiffness_along(made),
         lost=lost_along(
@@ -96,4 +90,13 @@ def result_of(problem: TrackingProblem, controller: Controller, simulation: Simu
             metrics.max_abs_u.reshape(1, -1),
             theta_hat,
         ),
+    )
+
+
+def _envelope(blocks: Blocks, intervals: int) -> Envelope:
+    """Of the first member, between the recorded instants."""
+    extrema = [(quantity, side) for quantity in ("e", "u", "theta_hat") for side in ("min", "max")]
+    return Envelope(
+        **{f"{quantity}_{side}": blocks.figure(quantity, side)[:intervals, :, 0] for quantity, side in extrema},
+        theta_hat_path=blocks.figure("variation", "sum")[:intervals, :, 0],
     )

@@ -20,7 +20,7 @@ from barbalat.problem.measurement import Noise
 from barbalat.protocols import Value
 from barbalat.run.coupling import coupling_function
 from barbalat.run.delay import CHANNELS_PER_INPUT
-from barbalat.run.grid import WHOLE_STEP, Piece
+from barbalat.run.grid import WHOLE_STEP, StepPiece
 from barbalat.run.kernels import compiled
 from barbalat.run.metrics import Accumulators
 from barbalat.run.sampled_part import parameters_column, sample_program
@@ -106,7 +106,7 @@ def step_function(
     timed = loop.signals.timed
     row_length = len(solver.nodes) * timed + (len(WHOLE_STEP) if in_pieces else 0)
     signal_column, table_row = symbols("signals", row_length)
-    piece = Piece(*table_row[-len(WHOLE_STEP) :]) if in_pieces else WHOLE_STEP
+    piece = StepPiece(*table_row[-len(WHOLE_STEP) :]) if in_pieces else WHOLE_STEP
     noise_column, noise = symbols("noise", loop.signals.noise)
     past_column, past = symbols("past", CHANNELS_PER_INPUT * TAPS_PER_CHANNEL * loop.signals.delayed)
     taps = past.reshape(loop.inputs, CHANNELS_PER_INPUT * TAPS_PER_CHANNEL) if loop.delayed else None

@@ -121,7 +121,6 @@ def delay_margins_ensemble(
     onset: Onset | None = None,
     lost: Lost | None = None,
     numbers: Sequence[int] | Array | None = None,
-    ideals: Ideals | None = None,
     threads: int | None = None,
     progress: Progress | None = None,
 ) -> DelayMargins:
@@ -132,7 +131,6 @@ def delay_margins_ensemble(
                 a loop that is lost, saved and lost again as the delay grows is caught where the scan resolves it
     resolution  relative distance of ``bears`` and ``loses`` at which bisection ends
     numbers     as for ``simulate_ensemble``: a member has one noise in all its runs, whoever runs beside it
-    ideals      of this simulation and ``longest``, where others have been found before
 
     Members have one structure, as for ``simulate_ensemble``; they advance together, and every run is judged by both criteria.
     Raises InputError.
@@ -141,7 +139,7 @@ def delay_margins_ensemble(
         raise InputError(f"longest must exceed two solver steps, {SHORTEST_DELAY_STEPS * simulation.dt:g} s, got {longest:g} s")
     validate.whole("scan", scan, least=2)
     return margins_ensemble(
-        members, simulation, scanned(simulation, longest, scan), ideals or Ideals.over(simulation, longest),
+        members, simulation, scanned(simulation, longest, scan), Ideals.over(simulation, longest),
         resolution=resolution, criteria=(onset or Onset(), lost or Lost()), numbers=numbers, threads=threads, progress=progress,
     )  # fmt: skip
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -82,6 +83,19 @@ class Forecast:
 
     expected: dict[str, float]  # of each part, before it started
     finished: dict[str, float] = field(default_factory=dict)
+
+    @classmethod
+    def of(cls, schemes: Mapping[str, Sequence[Member]], plants: int, simulation: Simulation) -> Forecast:
+        """Of each scheme's members on so many plants."""
+        costs = {name: Cost.measured(members, simulation) for name, members in schemes.items()}
+        return cls({name: cost.seconds(len(schemes[name]), plants, simulation.steps) for name, cost in costs.items()})
+
+    @contextmanager
+    def timed(self, part: str) -> Iterator[None]:
+        """What is done within is that part."""
+        begun = time.perf_counter()
+        yield
+        self.finished[part] = time.perf_counter() - begun
 
     def total(self, part: str, fraction: float, seconds: float) -> float:
         """Seconds in all, ``part`` being done to a fraction after so many of them.

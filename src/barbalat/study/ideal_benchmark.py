@@ -21,7 +21,7 @@ from barbalat.run.metrics import Metrics
 from barbalat.signals import Constant
 from barbalat.solvers.simulation import Simulation
 from barbalat.study.criteria import Expected, tail_error
-from barbalat.study.motion import Motion
+from barbalat.study.motion import ModelMotion
 from barbalat.validate import Array
 
 Member = tuple[TrackingProblem, Controller]
@@ -32,7 +32,7 @@ SIZES_TRIED = 40
 """Sizes of a modelling error with which the loop that knows theta is run; in between its error is interpolated."""
 
 
-def without_error(members: Sequence[Member], metrics: Metrics, motions: Sequence[Motion]) -> Expected:
+def without_error(members: Sequence[Member], metrics: Metrics, motions: Sequence[ModelMotion]) -> Expected:
     """What the runs of M members with a modelling error are judged against; ``metrics`` and ``motions`` of those without."""
     return Expected(
         error=tail_error(metrics),
@@ -54,14 +54,14 @@ class Ideals:
     simulation: Simulation
     sizes: Array
     error: ModellingError = field(default_factory=DelayError)
-    known: dict[int, tuple[TrackingProblem, Motion, Array]] = field(default_factory=dict)
+    known: dict[int, tuple[TrackingProblem, ModelMotion, Array]] = field(default_factory=dict)
 
     @classmethod
     def over(cls, simulation: Simulation, longest: float) -> Ideals:
         """For delays from the shortest one on [s]."""
         return cls(simulation, np.geomspace(SHORTEST_DELAY_STEPS * simulation.dt, longest, SIZES_TRIED))
 
-    def of(self, problem: TrackingProblem, number: int) -> tuple[Motion, Array]:
+    def of(self, problem: TrackingProblem, number: int) -> tuple[ModelMotion, Array]:
         """The model's motion, and (K,) what the sizes explain; ``number`` is the stream of the noise."""
         if id(problem) not in self.known:
             self.find([problem], [number])
@@ -69,7 +69,7 @@ class Ideals:
 
     def find(self, problems: Sequence[TrackingProblem], numbers: Sequence[int]) -> None:
         """The same for several problems of one structure, side by side."""
-        motions = [Motion.of(problem, self.simulation) for problem in problems]
+        motions = [ModelMotion.of(problem, self.simulation) for problem in problems]
         if isinstance(problems[0], Problem):
             groups = [[problem, *(with_error(problem, self.error, float(s)) for s in self.sizes)] for problem in problems]
             added = _added_errors(groups, self.simulation, motions, numbers)
@@ -111,7 +111,7 @@ def known_width(problem: TrackingProblem, controller: Controller) -> Array:
     return np.full(loop.parameters, np.inf if theta is None else 2 * float(np.linalg.norm(theta)))
 
 
-def ideal_errors(problems: Sequence[Any], simulation: Simulation, motion: Motion, number: int = 0) -> Array | None:
+def ideal_errors(problems: Sequence[Any], simulation: Simulation, motion: ModelMotion, number: int = 0) -> Array | None:
     """(K,) what each problem's modelling error adds to the tail's error where the controller knows theta.
 
     The first problem is the one without it; all others have one structure. At most the model's own motion: there is no more to
@@ -124,7 +124,7 @@ def ideal_errors(problems: Sequence[Any], simulation: Simulation, motion: Motion
 
 
 def _added_errors(
-    groups: Sequence[Sequence[Any]], simulation: Simulation, motions: Sequence[Motion], numbers: Sequence[int]
+    groups: Sequence[Sequence[Any]], simulation: Simulation, motions: Sequence[ModelMotion], numbers: Sequence[int]
 ) -> Array:
     """(P, K) the same for P groups of as many problems, which all have one structure; each with its motion and its noise."""
     first, others = [group[0] for group in groups], [problem for group in groups for problem in group[1:]]

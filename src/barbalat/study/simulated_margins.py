@@ -13,7 +13,7 @@ from barbalat.run.progress import Progress
 from barbalat.solvers.simulation import Simulation
 from barbalat.study.criteria import Lost, Onset
 from barbalat.study.delay_margin import Bracket, DelayMargins, delay_margins
-from barbalat.study.motion import REST_SENTENCE, Motion
+from barbalat.study.motion import REST_SENTENCE, ModelMotion
 
 
 def with_simulated_margins(
@@ -27,7 +27,7 @@ def with_simulated_margins(
 ) -> dict[str, Certificate]:
     """The certificates with ``delay_onset_simulated`` and ``delay_margin_simulated`` [s], by ``Onset`` and by ``Lost``."""
     result, criterion = dict(certificates), lost or Lost()
-    resting = (REST_SENTENCE,) if Motion.of(problem, simulation).comes_to_rest else ()
+    resting = (REST_SENTENCE,) if ModelMotion.of(problem, simulation).comes_to_rest else ()
     for name, found in delay_margins(problem, controllers, simulation, lost=criterion, progress=progress).items():
         result[name] = _with(result[name], found, criterion, simulation, resting)
     return result

@@ -21,7 +21,7 @@ from barbalat.problem.state_feedback import Problem
 from barbalat.run.ensemble import simulate_ensemble
 from barbalat.run.progress import Progress, part_of
 from barbalat.solvers.simulation import Simulation
-from barbalat.study.motion import Motion
+from barbalat.study.motion import ModelMotion
 from barbalat.validate import Array, InputError
 
 if TYPE_CHECKING:
@@ -113,13 +113,7 @@ class TauStudy:
             raise InputError(f"the robust MRAC has one input, but plant.b has {self.problem.plant.inputs} columns")
 
     def tail_errors(
-        self,
-        sizes: Array,
-        taus: Array,
-        simulation: Simulation,
-        *,
-        threads: int | None = None,
-        progress: Progress | None = None,
+        self, sizes: Array, taus: Array, simulation: Simulation, *, threads: int | None = None, progress: Progress | None = None
     ) -> Array:
         """(M,) max |e| in the last quarter of one run for each pair of ``sizes`` and ``taus``; NaN where it is lost."""
         members = [self._member(float(size), float(tau)) for size, tau in zip(sizes, taus, strict=True)]
@@ -183,7 +177,7 @@ class TauStudy:
 @lru_cache(maxsize=8)
 def _amplitude(problem: Problem, simulation: Simulation) -> float:
     """The largest |x_m| of the run, once for all rounds of a search."""
-    return Motion.of(problem, simulation).largest
+    return ModelMotion.of(problem, simulation).largest
 
 
 class _TauSearch:

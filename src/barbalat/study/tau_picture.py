@@ -13,7 +13,7 @@ from barbalat.pictures.theme import WIDE, Theme, new_figure
 if TYPE_CHECKING:
     from barbalat.study.tau_limit import TauLimits
 
-HEIGHT = 3.8
+FIGURE_HEIGHT = 3.8
 """Of the figure [in]."""
 MOST_CURVES = 6
 """Sizes of the modelling error whose curves can be told apart."""
@@ -21,7 +21,7 @@ MOST_CURVES = 6
 
 def draw(found: TauLimits, *, shown: bool = False) -> Figure:
     """Two panels beside one another; ``shown`` as of ``new_figure``."""
-    figure = new_figure(WIDE, HEIGHT, shown=shown, layout="constrained")
+    figure = new_figure(WIDE, FIGURE_HEIGHT, shown=shown, layout="constrained")
     limits, errors = figure.subplots(1, 2)
     _limits(limits, found)
     _errors(errors, found)

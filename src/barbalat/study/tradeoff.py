@@ -15,14 +15,15 @@ from barbalat.pictures.plotted import Plotted
 from barbalat.problem.known_set import KnownSet
 from barbalat.problem.plant import Plant
 from barbalat.problem.state_feedback import Problem
+from barbalat.protocols import Controller
 from barbalat.run.progress import Progress
 from barbalat.solvers.simulation import Simulation
 from barbalat.study.criteria import Lost, Onset
 from barbalat.study.delay_margin import DelayMargins, delay_margins_ensemble
-from barbalat.study.forecast import Cost, Forecast
+from barbalat.study.forecast import Forecast
 from barbalat.study.ideal_benchmark import SHORTEST_DELAY_STEPS
 from barbalat.study.knobs import default_knobs
-from barbalat.study.motion import REST_SENTENCE, Motion
+from barbalat.study.motion import REST_SENTENCE, ModelMotion
 from barbalat.validate import Array, InputError
 
 if TYPE_CHECKING:
@@ -138,22 +139,15 @@ def trade_off(
     chosen, left_out = default_knobs(problem, simulation, density=density) if knobs is None else (knobs, ())
     family = plants_of(problem, problem.uncertainty, plants, seed)
     members = {k.scheme: [(p, k.make(**tuning)) for tuning in k.tunings() for p in family] for k in chosen}
-    expected = {name: Cost.measured(group, simulation) for name, group in members.items()}
-    forecast = Forecast({name: cost.seconds(len(members[name]), plants, simulation.steps) for name, cost in expected.items()})
+    forecast = Forecast.of(members, plants, simulation)
     if estimate is not None:
         estimate(time.perf_counter() - started + sum(forecast.expected.values()))
-    motion, criteria = Motion.of(problem, simulation), (onset or Onset(), lost or Lost())
+    motion, criteria = ModelMotion.of(problem, simulation), (onset or Onset(), lost or Lost())
     found = []
     for k in chosen:
-        begun, group = time.perf_counter(), members[k.scheme]
-        numbers = np.tile(np.arange(plants), len(group) // plants)  # every tuning has the same noise on a plant
-        found.append(
-            delay_margins_ensemble(
-                group, simulation, longest=longest, onset=criteria[0], lost=criteria[1], numbers=numbers,
-                progress=_in_time(progress, forecast, k.scheme),
-            )
-        )  # fmt: skip
-        forecast.finished[k.scheme] = time.perf_counter() - begun
+        with forecast.timed(k.scheme):
+            group, part = members[k.scheme], _in_time(progress, forecast, k.scheme)
+            found.append(_delay_margins(group, plants, simulation, longest=longest, criteria=criteria, progress=part))
     return TradeOff(
         problem=problem,
         simulation=simulation,
@@ -163,6 +157,22 @@ def trade_off(
         notes=(*left_out, *([REST_SENTENCE] if motion.comes_to_rest else [])),
         runs=sum(of_scheme.runs for of_scheme in found),
         seconds=time.perf_counter() - started,
+    )
+
+
+def _delay_margins(
+    members: list[tuple[Problem, Controller]],
+    plants: int,
+    simulation: Simulation,
+    *,
+    longest: float,
+    criteria: tuple[Onset, Lost],
+    progress: Progress | None,
+) -> DelayMargins:
+    """Of tunings on so many plants each; every tuning has the same noise on a plant."""
+    numbers, (onset, lost) = np.tile(np.arange(plants), len(members) // plants), criteria
+    return delay_margins_ensemble(
+        members, simulation, longest=longest, onset=onset, lost=lost, numbers=numbers, progress=progress
     )
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from barbalat.pictures.labels import Labels
+from barbalat.pictures.labels import LabelPlaces
 from barbalat.pictures.symbols import in_symbols
 from barbalat.pictures.theme import NARROW, Theme, new_figure
 from barbalat.study.tradeoff import Cloud, TradeOff
@@ -98,7 +98,7 @@ def _label_ends(axes: Axes, found: TradeOff, which: str, criterion: str) -> None
     """The tunings at both ends of each front, and the way to go."""
     theme = Theme.current()
     lines = [_front(cloud, which, criterion) for cloud in found.clouds]
-    labels = Labels(axes, lines, 6.5)
+    labels = LabelPlaces(axes, lines, 6.5)
     for k, (cloud, line) in enumerate(zip(found.clouds, lines, strict=True)):
         front = cloud.front(which, criterion)
         for end in dict.fromkeys([0, len(front) - 1] if len(front) else []):

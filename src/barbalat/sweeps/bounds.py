@@ -89,6 +89,6 @@ class Bounds:
             return np.zeros((len(rows), 0))
         thetas = np.tile(problem.plant.theta, (len(rows), 1))
         for column in self.thetas:
-            row, *inputs = map(int, self.study.plan.paths[column].keys[2:])
-            thetas[:, row * problem.plant.inputs + inputs[0] if inputs else row] = rows[:, column]
+            place, *of_input = map(int, self.study.plan.paths[column].keys[2:])  # theta row by row, as the plant stores it
+            thetas[:, place * problem.plant.inputs + of_input[0] if of_input else place] = rows[:, column]
         return thetas

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 CHUNK_WORK = 2 * 10**8
 """Solver steps of all members of a chunk: two seconds of one core, at some 10 ns for a small loop."""
-FEWEST, MOST = 32, 2**16
+FEWEST_MEMBERS, MOST_MEMBERS = 32, 2**16
 """Members of a chunk: two kernel calls at least, and at most some 30 MB of columns."""
 MOST_CHUNKS = 4096
 """Of a sweep: its index, some hundred bytes for each, is written after every one."""
@@ -22,7 +22,7 @@ class Chunk(NamedTuple):
 
 def chunk_size(members: int, steps: int) -> int:
     """Members of a chunk, for runs of so many steps."""
-    by_time = min(max(CHUNK_WORK // max(steps, 1), FEWEST), MOST)
+    by_time = min(max(CHUNK_WORK // max(steps, 1), FEWEST_MEMBERS), MOST_MEMBERS)
     return max(by_time, -(-members // MOST_CHUNKS))
 
 

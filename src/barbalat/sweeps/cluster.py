@@ -7,6 +7,7 @@ import contextlib
 import multiprocessing
 import re
 import warnings
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from threading import Event, Thread
@@ -17,17 +18,17 @@ from barbalat.run.metrics import Metrics
 from barbalat.sweeps.chunks import Chunk
 from barbalat.sweeps.sent import Sent, Tabulated, figures, kept
 from barbalat.sweeps.setting import Setting
-from barbalat.sweeps.study import Columns, Part, Study
+from barbalat.sweeps.study import Columns, Study, StudyPart
 from barbalat.validate import InputError
 
 if TYPE_CHECKING:
     from distributed import Client, Future, LocalCluster, as_completed
 
-PATIENCE = 10.0
+ANSWER_SECONDS = 10.0
 """Seconds until a scheduler that does not answer is given up."""
-CLOSING = 0.5
+CLOSING_SECONDS = 0.5
 """Seconds for what is told to a cluster at the end: Ctrl-C is to be over within two."""
-AHEAD = 2
+CHUNKS_AHEAD = 2
 """Chunks for each thread of the workers that are under way or wait there, so that none is idle while its next one is sent."""
 MOST_TABLES = 8
 """Of signals that a cluster holds for chunks to come: some 10 MB each."""
@@ -62,7 +63,7 @@ def connected(scheduler: Scheduler) -> Iterator[Client]:
     validate.require_extra("distributed", "study", "--scheduler")
     import logging
 
-    from distributed import Client, LocalCluster
+    from distributed import Client
 
     for name in ("distributed", "distributed.client"):  # workers that die are said by what becomes of their chunks
         logging.getLogger(name).setLevel(logging.CRITICAL)
@@ -70,28 +71,35 @@ def connected(scheduler: Scheduler) -> Iterator[Client]:
     if scheduler.address is not None:
         _require_answer(scheduler.address)
     else:
-        cluster = LocalCluster(
-            n_workers=scheduler.workers,
-            threads_per_worker=1,
-            processes=True,
-            dashboard_address=None,
-            silence_logs=logging.CRITICAL,
-        )
-    client = Client(scheduler.address or cluster, timeout=PATIENCE, set_as_default=False)
+        cluster = _local(scheduler.workers)
+    client = Client(scheduler.address or cluster, timeout=ANSWER_SECONDS, set_as_default=False)
     try:
         yield client
     finally:
         with contextlib.suppress(TimeoutError, OSError):
-            client.close(timeout=CLOSING)
+            client.close(timeout=CLOSING_SECONDS)
         if cluster is not None:
             _close(cluster)
+
+
+def _local(workers: int | None) -> LocalCluster:
+    """Without Dask's profiler, which looks at every thread a hundred times a second."""
+    import logging
+
+    import dask.config
+    from distributed import LocalCluster
+
+    with dask.config.set({"distributed.worker.profile.enabled": False}):
+        return LocalCluster(
+            n_workers=workers, threads_per_worker=1, processes=True, dashboard_address=None, silence_logs=logging.CRITICAL
+        )
 
 
 def _close(cluster: LocalCluster) -> None:
     """Workers in the middle of a chunk are killed: Dask would wait for them, ten seconds more at the end of this process."""
     workers = [nanny.pid for nanny in cluster.workers.values()]
     with contextlib.suppress(TimeoutError, OSError):
-        cluster.close(timeout=CLOSING)
+        cluster.close(timeout=CLOSING_SECONDS)
         return
     cluster.shutdown_on_close = False  # it can't be closed a second time, and would be at the end of this process
     for process in multiprocessing.active_children():
@@ -109,7 +117,7 @@ def _require_answer(address: str) -> None:
         raise InputError(f"the scheduler {address!r} needs certificates: name them in Dask's configuration, distributed.comm.tls")
 
     async def ask() -> None:
-        comm = await connect(address, timeout=PATIENCE, **known)
+        comm = await connect(address, timeout=ANSWER_SECONDS, **known)
         try:
             await comm.write({"op": "identity", "reply": True})
             await comm.read()
@@ -117,7 +125,7 @@ def _require_answer(address: str) -> None:
             comm.abort()
 
     async def within() -> None:
-        await asyncio.wait_for(ask(), PATIENCE)
+        await asyncio.wait_for(ask(), ANSWER_SECONDS)
 
     answered = Event()
 
@@ -131,7 +139,7 @@ def _require_answer(address: str) -> None:
     asking.join()  # Ctrl-C leaves it behind
     if not answered.is_set():
         raise InputError(
-            f"the scheduler {address!r} does not answer within {PATIENCE:g} s: start one there with 'dask scheduler', "
+            f"the scheduler {address!r} does not answer within {ANSWER_SECONDS:g} s: start one there with 'dask scheduler', "
             "or leave --scheduler out"
         )
 
@@ -141,7 +149,7 @@ class _Given:
     """A chunk that is under way: its parts, and the figures of those that have run."""
 
     chunk: Chunk
-    parts: list[Part]
+    parts: list[StudyPart]
     found: dict[int, list[Metrics]] = field(default_factory=dict)
     deaths: int = 0
 
@@ -153,7 +161,7 @@ class Workers:
     study: Study
     client: Client
     tables: dict[int, tuple[Setting, Future]] = field(default_factory=dict)
-    under_way: dict[Future, tuple[_Given, int]] = field(default_factory=dict)
+    under_way: dict[Future, tuple[_Given, int, str | None]] = field(default_factory=dict)
 
     def run(self, chunks: Sequence[Chunk]) -> Iterator[tuple[Chunk, Columns]]:
         """Each with its columns as it is complete, in any order; SchedulerLostError."""
@@ -162,7 +170,7 @@ class Workers:
         waiting, done = iter(chunks), as_completed(loop=self.client.loop)
         self._give_more(waiting, done)
         for future in done:
-            given, place = self.under_way.pop(future)
+            given, place, _ = self.under_way.pop(future)
             result = self._result(future, given)
             if result is None:
                 self._give(given, place, done)
@@ -175,7 +183,7 @@ class Workers:
 
     def _give_more(self, waiting: Iterator[Chunk], done: as_completed) -> None:
         """Until every thread has its work, and more waits."""
-        room = AHEAD * max(self._threads(), 1)
+        room = CHUNKS_AHEAD * max(sum(self._threads().values()), 1)
         while len(self.under_way) < room:
             chunk = next(waiting, None)
             if chunk is None:
@@ -185,14 +193,16 @@ class Workers:
                 self._give(given, place, done)
 
     def _give(self, given: _Given, place: int, done: as_completed) -> None:
-        part = given.parts[place]
+        part, worker = given.parts[place], self._least_busy()
         with warnings.catch_warnings():
             warnings.filterwarnings("ignore", "Sending large graph")  # the signals' tables, once for all chunks
-            future = self.client.submit(figures, Sent.of(part), self._table(part), pure=False)
-        self.under_way[future] = given, place
+            future = self.client.submit(
+                figures, Sent.of(part), self._table(part), pure=False, workers=worker, allow_other_workers=worker is not None
+            )
+        self.under_way[future] = given, place, worker
         done.add(future)
 
-    def _table(self, part: Part) -> Future:
+    def _table(self, part: StudyPart) -> Future:
         key = id(part.setting)
         if key not in self.tables:
             if len(self.tables) >= MOST_TABLES:
@@ -200,9 +210,15 @@ class Workers:
             self.tables[key] = part.setting, self.client.submit(kept, Tabulated.of(part), pure=False)
         return self.tables[key][1]
 
-    def _threads(self) -> int:
+    def _least_busy(self) -> str | None:
+        """The worker to go to where it lives on. Left alone, Dask prefers the one that holds the signals already."""
+        busy = Counter(worker for _, _, worker in self.under_way.values())
+        return min(threads := self._threads(), key=lambda one: busy[one] / threads[one], default=None)
+
+    def _threads(self) -> dict[str, int]:
+        """Of each worker, by its address."""
         try:
-            return sum(self.client.nthreads().values())
+            return dict(self.client.nthreads())
         except (OSError, TimeoutError) as error:
             raise SchedulerLostError from error
 

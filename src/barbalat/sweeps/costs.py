@@ -10,13 +10,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from barbalat.run.metrics import Metrics
-from barbalat.sweeps.chunks import MOST, chunk_size
+from barbalat.sweeps.chunks import MOST_MEMBERS, chunk_size
 from barbalat.sweeps.sent import Sent, Tabulated, figures
 from barbalat.sweeps.store import opened
 from barbalat.sweeps.stored import name_of, require_parquet
 from barbalat.sweeps.study import Study
 
-PATIENCE = 3.0
+MEASURING_SECONDS = 3.0
 """Seconds of the client's work that are measured."""
 
 
@@ -43,7 +43,7 @@ class Costs:
     def of(cls, study: Study) -> Costs:
         """By a second's work of its members; InputError as of a sweep, and without the extra ``study``."""
         require_parquet()
-        whole = min(chunk_size(len(study), study.steps), MOST, len(study))
+        whole = min(chunk_size(len(study), study.steps), MOST_MEMBERS, len(study))
         count = min(chunk_size(1, study.steps), whole)
         next(study.parts(0, count))  # traces the equations, once
         parts = list(study.parts(0, count))
@@ -53,7 +53,7 @@ class Costs:
         simulated = time.process_time() - begun
         for _ in range(2):  # the first one imports what draws members and writes files
             client, size = _handled(study, count, found)
-        if client * whole < PATIENCE and whole > count:  # what a chunk costs once is spread over as many as it has
+        if client * whole < MEASURING_SECONDS and whole > count:  # what a chunk costs once is spread over as many as it has
             client, _ = _handled(study, whole, found)  # repeated figures take less room than others
         return cls(
             steps=study.steps,

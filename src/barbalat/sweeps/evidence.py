@@ -17,7 +17,7 @@ from barbalat.sweeps.sensitivity import Sensitivity, sensitivities
 from barbalat.sweeps.study import OSCILLATED
 from barbalat.validate import Array
 
-CONFIDENCE = 0.95
+CONFIDENCE_LEVEL = 0.95
 """Of the intervals."""
 DIVERGED, OUT_OF_BOUND = "diverged", "above the guaranteed bound"
 FINDINGS = frozenset({DIVERGED, OSCILLATED, OUT_OF_BOUND})
@@ -35,7 +35,7 @@ class Share:
 
     count: int
     judged: int
-    confidence: float = CONFIDENCE
+    confidence: float = CONFIDENCE_LEVEL
 
     @property
     def share(self) -> float:
@@ -76,7 +76,7 @@ def beyond_chance(shares: Mapping[Compared, Share]) -> dict[Compared, int]:
     """
     found = dict.fromkeys(shares, 0)
     for left, name in zip(range(len(shares), 0, -1), sorted(shares, key=lambda one: shares[one].chance), strict=True):
-        if shares[name].chance > (1 - CONFIDENCE) / left:
+        if shares[name].chance > (1 - CONFIDENCE_LEVEL) / left:
             break
         found[name] = 1 if shares[name].share > 1 / 2 else -1
     return found

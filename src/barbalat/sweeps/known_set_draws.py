@@ -25,6 +25,9 @@ def over_known_set(case: Case, path: FieldPath, stands_there: object) -> Mapping
     problem = case.problem
     if path.keys[:2] == ("plant", "input") and path.keys[-1] == GAIN:
         return {path: _of_gain(problem, path)}
+    if stands_there is None:
+        vector = "a vector of parameters that are estimated, as plant.theta"
+        raise InputError(f"the case has no {path}; {KNOWN_SET} goes with {vector}")
     known = problem.uncertainty if isinstance(problem, Problem) else None
     shape = np.shape(stands_there) if isinstance(stands_there, (list, tuple, np.ndarray)) else ()
     if known is None or not shape or int(np.prod(shape)) != known.size:

@@ -97,7 +97,7 @@ class FieldPath:
             said = "is not given: write it into the case first" if here in (None, {}) else f"is {validate.show(here)}, not a list"
             raise InputError(f"{self} names no field: {place} {said}")
         if not isinstance(key, int) or key >= len(here):
-            raise InputError(f"{self} names no field: {place} has {len(here)} entries, counted from 0")
+            raise InputError(f"{self} names no field: {place} has {validate.counted(len(here), 'entry')}, counted from 0")
         return key
 
 

@@ -15,7 +15,7 @@ from barbalat.sweeps.paths import FieldPath
 from barbalat.sweeps.spread import LARGEST_SHARE, SMALLEST_SHARE, Axis, Distribution, InBall
 from barbalat.validate import Array, InputError
 
-BLOCK = 2**16
+BLOCK_DRAWS = 2**16
 """Draws that are made together: each block is a Latin hypercube of its own, so that one member costs a block and not all."""
 MOST_SOBOL = 2**30
 """Points of SciPy's Sobol sequence with its 30 bits."""
@@ -142,15 +142,15 @@ class Plan:
         found, dimensions = np.empty((len(draw), len(self.draws))), len(self.draws)
         if self.design is Design.SALTELLI:
             return self._saltelli(draw, dimensions)
-        for block in np.unique(draw // BLOCK):
-            within = draw // BLOCK == block
-            found[within] = self._block(int(block), dimensions)[draw[within] - block * BLOCK]
+        for block in np.unique(draw // BLOCK_DRAWS):
+            within = draw // BLOCK_DRAWS == block
+            found[within] = self._block(int(block), dimensions)[draw[within] - block * BLOCK_DRAWS]
         return found
 
     def _block(self, block: int, dimensions: int) -> Array:
-        count = min(BLOCK, self.members - block * BLOCK)
+        count = min(BLOCK_DRAWS, self.members - block * BLOCK_DRAWS)
         if self.design is Design.SOBOL:
-            return self._sobol(block * BLOCK, count, dimensions)
+            return self._sobol(block * BLOCK_DRAWS, count, dimensions)
         if self.design is Design.RANDOM:
             return np.random.default_rng([self.seed, block]).random((count, dimensions))
         return _hypercube(self.seed, block, count, dimensions)
@@ -169,10 +169,11 @@ class Plan:
         """Rows of A, of B, then of A with one column of B, for each of the numbers that are drawn."""
         matrix, row = np.divmod(draw, self.members)
         both = np.empty((len(draw), 2 * dimensions))
-        for block in np.unique(row // BLOCK):
-            within = row // BLOCK == block
-            made = self._sobol(int(block) * BLOCK, min(BLOCK, self.members - int(block) * BLOCK), 2 * dimensions)
-            both[within] = made[row[within] - block * BLOCK]
+        for block in np.unique(row // BLOCK_DRAWS):
+            within = row // BLOCK_DRAWS == block
+            first = int(block) * BLOCK_DRAWS
+            made = self._sobol(first, min(BLOCK_DRAWS, self.members - first), 2 * dimensions)
+            both[within] = made[row[within] - first]
         from_b = (matrix == 1)[:, None] | (matrix[:, None] - 2 == np.arange(dimensions))
         return np.where(from_b, both[:, dimensions:], both[:, :dimensions])
 

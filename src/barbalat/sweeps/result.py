@@ -40,7 +40,7 @@ class SweepResult:
     def __repr__(self) -> str:
         diverged = ", ".join(f"{name} {share.count}" for name, share in self.evidence.shares["diverged"].items())
         varied = ", ".join(map(str, self.plan.paths))
-        return f"<SweepResult {self.case!r}: {len(self)} members over {varied}; diverged: {diverged}>"
+        return f"<SweepResult {self.case!r}: {validate.counted(len(self), 'member')} over {varied}; diverged: {diverged}>"
 
     def column(self, name: str) -> Array:
         """(M,) by the members' numbers, under its name in a store: ``plant.theta[0]``, ``L1/max_abs_e[0]``."""

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from importlib.util import find_spec
-from typing import NamedTuple
 
 import numpy as np
 
@@ -19,10 +19,10 @@ MOST_DRAWS = 2**14
 """Draws that an estimate is made of: its interval is then about a hundredth wide, and it takes a tenth of a second."""
 FEWEST_DRAWS = 128
 """Below them RBD-FAST's spectrum has too few points for its ten harmonics."""
-RESAMPLES, CONFIDENCE = 50, 0.95
+RESAMPLES, CONFIDENCE_LEVEL = 50, 0.95
 """Of the bootstrap."""
-ROUNDINGS = 1e-20
-"""Of a variance: what sums of 10^6 numbers leave where there is no effect, squared."""
+SMALLEST_SHARE_OF_VARIANCE = 1e-20
+"""Below it lies what rounding leaves of no effect: the square of a sum's, of 10^6 numbers."""
 FIGURES = ("max_abs_e", "rms_e", "tail_max_abs_e", "max_abs_u", "max_abs_y")
 """Figures, without their components, that are looked at."""
 
@@ -73,11 +73,11 @@ def sensitivities(rows: Rows, controllers: Sequence[str], plan: Plan) -> tuple[l
             figure = name.removeprefix(f"{controller}/")
             if name == figure or figure.split("[")[0] not in FIGURES:
                 continue
-            lacking, indices = _figure(rows, name, plan)
-            if lacking:
+            values = rows.column(name)
+            if lacking := int((~np.isfinite(values)).sum()):
                 notes.append(f"{name}: {lacking} members have none, so that its variance is unknown")
-            else:
-                found += [Sensitivity(controller=controller, figure=figure, **index._asdict()) for index in indices]
+            elif values.min() < values.max():
+                found += _of(rows, values, plan, partial(Sensitivity, controller=controller, figure=figure))
     return found, notes
 
 
@@ -85,40 +85,26 @@ def _cut(share: float) -> float:
     return min(max(float(share), 0.0), 1.0)
 
 
-class Index(NamedTuple):
-    """What a ``Sensitivity`` says, of whichever figure."""
-
-    path: FieldPath
-    first: float
-    low: float
-    high: float
-    total: float | None
-    estimator: str
+Made = Callable[..., Sensitivity]
+"""Of one figure of one controller; it takes the rest."""
 
 
-def _figure(rows: Rows, name: str, plan: Plan) -> tuple[int, list[Index]]:
-    """How many members lack it, and its indices where none does and where it varies at all."""
-    values = rows.column(name)
-    lacking = int((~np.isfinite(values)).sum())
-    return lacking, list(_of(rows, values, plan)) if not lacking and values.min() < values.max() else []
-
-
-def _of(rows: Rows, values: Array, plan: Plan) -> Iterator[Index]:
+def _of(rows: Rows, values: Array, plan: Plan, made: Made) -> Iterator[Sensitivity]:
     if plan.design is Design.SALTELLI:
-        yield from _saltelli(values, plan)
+        yield from _saltelli(values, plan, made)
         return
     by_point = values.reshape(*(axis.count for axis in plan.axes.values()), plan.draws_each)
     total = float(values.var())
     for i, path in enumerate(plan.axes):
         others = tuple(k for k in range(by_point.ndim) if k != i)
         share = float(by_point.mean(axis=others).var()) / total
-        share = 0.0 if share < ROUNDINGS else share
-        yield Index(path, share, share, share, None, FACTORIAL)
+        share = 0.0 if share < SMALLEST_SHARE_OF_VARIANCE else share
+        yield made(path=path, first=share, low=share, high=share, total=None, estimator=FACTORIAL)
     if plan.members >= FEWEST_DRAWS and find_spec("SALib") is not None:
-        yield from _drawn(rows, by_point, plan, total)
+        yield from _drawn(rows, by_point, plan, total, made)
 
 
-def _drawn(rows: Rows, by_point: Array, plan: Plan, total: float) -> Iterator[Index]:
+def _drawn(rows: Rows, by_point: Array, plan: Plan, total: float, made: Made) -> Iterator[Sensitivity]:
     """Of what is drawn: of the mean over the grid, whose variance is a part of the whole."""
     from SALib.analyze import rbd_fast
 
@@ -130,21 +116,22 @@ def _drawn(rows: Rows, by_point: Array, plan: Plan, total: float) -> Iterator[In
     given = np.column_stack([rows.column(str(path))[:count].copy() for path in plan.draws])
     names = [str(path) for path in plan.draws]
     problem = {"num_vars": len(names), "names": names, "bounds": [[0.0, 1.0]] * len(names)}
-    found = rbd_fast.analyze(problem, given, mean[:count], num_resamples=RESAMPLES, conf_level=CONFIDENCE, seed=plan.seed)
+    found = rbd_fast.analyze(problem, given, mean[:count], num_resamples=RESAMPLES, conf_level=CONFIDENCE_LEVEL, seed=plan.seed)
     for path, first, half in zip(plan.draws, found["S1"], found["S1_conf"], strict=True):
         low, middle, high = (_cut(part * share) for share in (first - half, first, first + half))
-        yield Index(path, middle, low, high, None, RBD_FAST)
+        yield made(path=path, first=middle, low=low, high=high, total=None, estimator=RBD_FAST)
 
 
-def _saltelli(values: Array, plan: Plan) -> Iterator[Index]:
+def _saltelli(values: Array, plan: Plan, made: Made) -> Iterator[Sensitivity]:
     from scipy.stats import sobol_indices
 
     n, d = plan.members, len(plan.draws)
     a, b, ab = values[:n], values[n : 2 * n], values[2 * n :].reshape(d, 1, n)
     generator = np.random.default_rng(plan.seed)
     found = sobol_indices(func={"f_A": a[None], "f_B": b[None], "f_AB": ab}, n=n, rng=generator)
-    spread = found.bootstrap(confidence_level=CONFIDENCE, n_resamples=RESAMPLES).first_order.confidence_interval
+    spread = found.bootstrap(confidence_level=CONFIDENCE_LEVEL, n_resamples=RESAMPLES).first_order.confidence_interval
     first, whole = np.atleast_2d(found.first_order)[0], np.atleast_2d(found.total_order)[0]
     low, high = np.atleast_2d(spread.low)[0], np.atleast_2d(spread.high)[0]
     for i, path in enumerate(plan.draws):
-        yield Index(path, _cut(first[i]), _cut(low[i]), _cut(high[i]), _cut(whole[i]), SALTELLI)
+        interval = {"low": _cut(low[i]), "high": _cut(high[i])}
+        yield made(path=path, first=_cut(first[i]), **interval, total=_cut(whole[i]), estimator=SALTELLI)

@@ -18,10 +18,10 @@ from barbalat.run.grid import Segment, segments_of
 from barbalat.run.members import Members
 from barbalat.run.metrics import Metrics
 from barbalat.solvers.simulation import Simulation
-from barbalat.sweeps.study import Part
+from barbalat.sweeps.study import StudyPart
 from barbalat.validate import Array, InputError
 
-COMPARED = ("numpy", "scipy", "casadi", "llvmlite")
+COMPARED_PACKAGES = ("numpy", "scipy", "casadi", "llvmlite")
 """Packages on which a worker's bits may depend, beside Python's minor version and Barbalat's own."""
 
 
@@ -33,7 +33,7 @@ class Tabulated:
     final: Array
 
     @classmethod
-    def of(cls, part: Part) -> Tabulated:
+    def of(cls, part: StudyPart) -> Tabulated:
         simulation = part.setting.simulation
         (in_pieces,) = {one.program.shape.in_pieces for one in part.members}
         made = Evaluated(part.setting.signals, simulation, in_pieces)
@@ -55,7 +55,7 @@ class Sent:
     versions: dict[str, str]
 
     @classmethod
-    def of(cls, part: Part) -> Sent:
+    def of(cls, part: StudyPart) -> Sent:
         plain = tuple(replace(one, signals=()) for one in part.members)
         return cls(plain, part.setting.simulation, versions())
 
@@ -64,7 +64,7 @@ class Sent:
 def versions() -> dict[str, str]:
     """Of this process; they are read from files, which takes as long as simulating hundreds of members."""
     found = {"barbalat": barbalat.__version__, "python": ".".join(map(str, sys.version_info[:2]))}
-    return found | {name: metadata.version(name) for name in COMPARED}
+    return found | {name: metadata.version(name) for name in COMPARED_PACKAGES}
 
 
 def kept(tables: Tabulated) -> Tabulated:

@@ -14,7 +14,7 @@ from barbalat.protocols import Signal
 from barbalat.run.kernel_numbers import Copied, Family, Numbers
 from barbalat.run.members import Members
 from barbalat.solvers.simulation import Simulation
-from barbalat.study.motion import Motion
+from barbalat.study.motion import ModelMotion
 from barbalat.sweeps.kinds import Kind, Tried
 from barbalat.sweeps.varied import Varied
 from barbalat.validate import Array, InputError
@@ -79,9 +79,9 @@ class Setting:
         return self.example.problem.signals
 
     @cached_property
-    def motion(self) -> Motion:
+    def motion(self) -> ModelMotion:
         """Of the example's model."""
-        return Motion.of(self.example.problem, self.simulation)
+        return ModelMotion.of(self.example.problem, self.simulation)
 
     def driven_by(self, base: Array) -> Setting:
         """The same kernels with the signals of another example."""

@@ -16,19 +16,29 @@ import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
 from barbalat.sweeps.chunks import Chunk, chunks_of
-from barbalat.sweeps.stored import INDEX, KEY, Index, StoredRows, intact, name_of, read_index, require_same
+from barbalat.sweeps.stored import (
+    INDEX_FILE,
+    INDEX_KEY,
+    StoredRows,
+    StoreIndex,
+    checksum,
+    intact,
+    name_of,
+    read_index,
+    require_same,
+)
 from barbalat.sweeps.study import OSCILLATED, Columns
 from barbalat.validate import InputError
 
 if TYPE_CHECKING:
     import pyarrow as pa
 
-LOCK, WRITING = ".lock", ".writing"
+LOCK_FILE, WRITING_DIR = ".lock", ".writing"
 
 
 @dataclass(eq=False)
@@ -39,16 +49,20 @@ class Store:
     """
 
     folder: Path
-    index: Index
+    index: StoreIndex
     damaged: tuple[str, ...] = ()
+
+    in_order: ClassVar[bool] = False
 
     @property
     def chunks(self) -> list[Chunk]:
         """All of the sweep's."""
         return list(chunks_of(self.index.members, self.index.chunk))
 
-    def holds(self, chunk: Chunk) -> bool:
-        return name_of(chunk) in self.index.files
+    @property
+    def missing(self) -> list[Chunk]:
+        """Those that are not there yet."""
+        return [chunk for chunk in self.chunks if name_of(chunk) not in self.index.files]
 
     @property
     def stored(self) -> int:
@@ -76,14 +90,14 @@ class Store:
         from pyarrow import parquet
 
         text = self.index.as_text().encode()
-        stated = {KEY: text, KEY + b".sha256": hashlib.sha256(text).hexdigest().encode()}
+        stated = {INDEX_KEY: text, INDEX_KEY + b".sha256": checksum(text, schema)}
         buffer = io.BytesIO()
         parquet.write_table(schema.with_metadata(stated).empty_table(), buffer)
-        self._write(INDEX, buffer.getvalue())
+        self._write(INDEX_FILE, buffer.getvalue())
 
     def _write(self, name: str, content: bytes) -> None:
         """Under another name first, and under its own when it is on the disk: nobody ever sees half of it."""
-        temporary = self.folder / WRITING / name
+        temporary = self.folder / WRITING_DIR / name
         temporary.parent.mkdir(exist_ok=True)
         try:
             with temporary.open("wb") as file:
@@ -116,11 +130,13 @@ def opened(folder: Path, identity: dict[str, Any], members: int, chunk: int) -> 
         with _locked(folder):
             index = read_index(folder)
             if index is None:
-                if foreign := sorted(one.name for one in folder.iterdir() if one.name not in (LOCK, WRITING) and not _ours(one)):
+                if foreign := sorted(
+                    one.name for one in folder.iterdir() if one.name not in (LOCK_FILE, WRITING_DIR) and not _ours(one)
+                ):
                     raise InputError(
                         f"the store {str(folder)!r} holds other files, such as {foreign[0]!r}: choose another folder"
                     )
-                yield Store(folder, Index.new(identity, members, chunk))
+                yield Store(folder, StoreIndex.new(identity, members, chunk))
             else:
                 require_same(folder, index, identity)
                 damaged = _damaged(folder, index)
@@ -133,7 +149,7 @@ def opened(folder: Path, identity: dict[str, Any], members: int, chunk: int) -> 
                 one.rmdir()
 
 
-def _damaged(folder: Path, index: Index) -> tuple[str, ...]:
+def _damaged(folder: Path, index: StoreIndex) -> tuple[str, ...]:
     return tuple(name for name, file in index.files.items() if not intact(folder / name, file["sha256"]))
 
 
@@ -147,7 +163,7 @@ def _locked(folder: Path) -> Iterator[None]:
 
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        lock = FileLock(folder / LOCK, timeout=0)
+        lock = FileLock(folder / LOCK_FILE, timeout=0)
         lock.acquire()
     except Timeout:
         raise InputError(
@@ -163,9 +179,9 @@ def _locked(folder: Path) -> Iterator[None]:
     try:
         yield
     finally:
-        shutil.rmtree(folder / WRITING, ignore_errors=True)
+        shutil.rmtree(folder / WRITING_DIR, ignore_errors=True)
         with contextlib.suppress(OSError):  # while it is held: who waits for it sees that it is gone, and makes a new one
-            (folder / LOCK).unlink()
+            (folder / LOCK_FILE).unlink()
         lock.release()
 
 

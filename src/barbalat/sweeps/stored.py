@@ -20,22 +20,22 @@ from barbalat.validate import Array, InputError
 if TYPE_CHECKING:
     import pyarrow as pa
 
-INDEX = "_index.parquet"
-KEY = b"barbalat"
-"""Of the index in its file's metadata; its SHA-256 stands under ``KEY + b".sha256"``."""
+INDEX_FILE = "_index.parquet"
+INDEX_KEY = b"barbalat"
+"""Of the index in its file's metadata; its ``checksum`` stands under ``KEY + b".sha256"``."""
 READ_AT_ONCE = 2**27
 """Bytes of columns that are read together."""
-NAMED = {
+NAMES_OF_DIFFERENCES = {
     "case": "another case file",
     "plan": "other --vary, --sample, --members, --design or --seed",
     "equations": "other equations",
     "bounds": "the other choice of --no-bounds",
 }
-"""What differs, by the keys of ``Study.identity``; of a row alone it is not asked whether there are bounds."""
+"""What differs, by the keys of ``Study.identity``."""
 
 
 @dataclass(frozen=True)
-class Index:
+class StoreIndex:
     """What is stored: ``files`` by their names, each with its first member, how many, and its SHA-256."""
 
     identity: dict[str, Any]
@@ -45,7 +45,7 @@ class Index:
     files: dict[str, dict[str, Any]]
 
     @classmethod
-    def new(cls, identity: dict[str, Any], members: int, chunk: int) -> Index:
+    def new(cls, identity: dict[str, Any], members: int, chunk: int) -> StoreIndex:
         packages = ("numpy", "scipy", "casadi", "llvmlite", "pyarrow")
         versions = {"barbalat": barbalat.__version__, "python": sys.version.split()[0]}
         return cls(identity, members, chunk, versions | {name: metadata.version(name) for name in packages}, {})
@@ -65,24 +65,31 @@ def require_parquet(purpose: str = "a store") -> None:
         validate.require_extra(module, "study", purpose)
 
 
-def read_index(folder: Path) -> Index | None:
+def read_index(folder: Path) -> StoreIndex | None:
     """None where there is none; InputError where it can't be read."""
     from pyarrow import ArrowException, parquet
 
-    if not (folder / INDEX).exists():
+    if not (folder / INDEX_FILE).exists():
         return None
     try:
-        found = parquet.read_schema(folder / INDEX).metadata or {}
-        text = found[KEY]
-        if hashlib.sha256(text).hexdigest().encode() != found[KEY + b".sha256"]:
+        schema = parquet.read_schema(folder / INDEX_FILE)
+        found = schema.metadata or {}
+        text = found[INDEX_KEY]
+        if checksum(text, schema) != found[INDEX_KEY + b".sha256"]:
             raise ValueError("its checksum differs")
-        return Index(**json.loads(text))
+        return StoreIndex(**json.loads(text))
     except (ArrowException, OSError, ValueError, LookupError, TypeError) as error:
         if isinstance(error, PermissionError):
             raise InputError(f"the store {str(folder)!r} cannot be read: {error.strerror}") from None
         raise InputError(
-            f"the index of the store {str(folder)!r} is damaged: delete {INDEX} there; the same command then begins anew"
+            f"the index of the store {str(folder)!r} is damaged: delete {INDEX_FILE} there; the same command then begins anew"
         ) from None
+
+
+def checksum(text: bytes, schema: pa.Schema) -> bytes:
+    """SHA-256 of an index' text and of the columns beside it, whose names no other checksum has."""
+    columns = "".join(f"\n{one.name}: {one.type}" for one in schema)
+    return hashlib.sha256(text + columns.encode()).hexdigest().encode()
 
 
 def row_of(folder: Path, identity: dict[str, Any], member: int) -> dict[str, float]:
@@ -94,9 +101,9 @@ def row_of(folder: Path, identity: dict[str, Any], member: int) -> dict[str, flo
     return StoredRows(folder, index).row(member)
 
 
-def require_same(folder: Path, index: Index, identity: dict[str, Any]) -> None:
+def require_same(folder: Path, index: StoreIndex, identity: dict[str, Any]) -> None:
     """InputError where the store is another sweep's, with what differs."""
-    for key, what in NAMED.items():
+    for key, what in NAMES_OF_DIFFERENCES.items():
         if key in identity.keys() & index.identity.keys() and index.identity[key] != identity[key]:
             by = f" (made by barbalat {index.versions.get('barbalat')})" if key == "equations" else ""
             raise InputError(f"the store {str(folder)!r} is of {what}{by}: choose another folder, or the command that made it")
@@ -105,12 +112,12 @@ def require_same(folder: Path, index: Index, identity: dict[str, Any]) -> None:
 class StoredRows:
     """The columns of a store's files, some of them read together."""
 
-    def __init__(self, folder: Path, index: Index) -> None:
+    def __init__(self, folder: Path, index: StoreIndex) -> None:
         from pyarrow import parquet
 
         self.folder, self.index = folder, index
         self.files = sorted(index.files)
-        self.names = list(parquet.read_schema(folder / INDEX).names)
+        self.names = list(parquet.read_schema(folder / INDEX_FILE).names)
         self._read: dict[str, Array] = {}
 
     def column(self, name: str) -> Array:

@@ -34,7 +34,7 @@ MOST_SETTINGS = 64
 
 
 @dataclass(frozen=True, eq=False)
-class Part:
+class StudyPart:
     """Members with one set of signals: their places among those asked for, and what each controller's kernel is given."""
 
     which: Array
@@ -91,17 +91,17 @@ class Study:
             done += len(one.which)
         return self.columns(first, count, parts, figures)
 
-    def parts(self, first: int, count: int) -> Iterator[Part]:
+    def parts(self, first: int, count: int) -> Iterator[StudyPart]:
         """Members that run together, ready for their kernels; InputError, with its number, for one that makes no case."""
         rows, streams = self.values(first, count), self.plan.streams(first, count)
         for which in self._groups(rows):
             setting = self.setting(rows[which[0]])
             try:
-                yield Part(which, setting, setting.members(rows[which], streams[which]))
+                yield StudyPart(which, setting, setting.members(rows[which], streams[which]))
             except RefusedError as error:
                 raise InputError(f"member {first + int(which[error.place])}: {error}") from None
 
-    def columns(self, first: int, count: int, parts: Sequence[Part], figures: Sequence[Sequence[Metrics]]) -> Columns:
+    def columns(self, first: int, count: int, parts: Sequence[StudyPart], figures: Sequence[Sequence[Metrics]]) -> Columns:
         """All columns of members whose parts have run, by each part's figures of each controller."""
         rows = self.values(first, count)
         found: Columns = {"member": np.arange(first, first + count)}

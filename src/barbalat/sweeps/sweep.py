@@ -14,11 +14,11 @@ from barbalat.sweeps.bounds import ERROR_BOUND, Bounds
 from barbalat.sweeps.chunks import Chunk, chunk_size, chunks_of
 from barbalat.sweeps.cluster import Scheduler, Workers, connected
 from barbalat.sweeps.evidence import evidence
+from barbalat.sweeps.kept import Kept, Made, in_order
 from barbalat.sweeps.paths import FieldPath
 from barbalat.sweeps.plan import Design, Plan, design_of, members_of
 from barbalat.sweeps.requirement import Requirement
 from barbalat.sweeps.result import SweepResult
-from barbalat.sweeps.rows import Kept, Rows
 from barbalat.sweeps.spread import Axis, Distribution
 from barbalat.sweeps.store import Store, opened
 from barbalat.sweeps.stored import require_parquet
@@ -50,9 +50,8 @@ def sweep(
     case     a case file or a bundled case's name, whose keys ``vary`` and ``sample`` name; or a ``Case`` with a problem,
              controllers and a simulation, whose fields they name: ``plant.theta[0]``, ``controller[0].gamma``, ``simulation.dt``
     vary     by paths "START:STOP:COUNT" or "START:STOP:COUNT:log"
-    sample   by paths "uniform:A:B", "normal:MEAN:DEVIATION", "loguniform:A:B"; "known-set" for a vector, or an input's
-             gain, over the case's known set
-    members  draws at each point of the grid, by default 1000 where something is drawn, 1024 of Saltelli's design
+    sample   by paths "uniform:A:B", "normal:MEAN:DEVIATION", "loguniform:A:B"; "known-set" for a vector of a case file
+    members  draws at each point of the grid, by default 1000 where something is drawn
     design   of the draws: "latin", "sobol", "random" (exact intervals), "saltelli" (Sobol indices)
     require  such as "max_abs_e[0] < 2"; counted where broken
     store    a folder that keeps every row and from which the same call goes on
@@ -105,26 +104,17 @@ def run_study(
         requirement.require_known(list(first), study.controllers)
     started = time.perf_counter()
     with _sink(study, store, chunk, list(first)) as sink:
-        if isinstance(sink, Store) and told is not None and sink.damaged:
+        if told is not None and sink.damaged:
             told(f"damaged in the store and made again: {', '.join(sink.damaged)}")
-        resumed = sink.stored if isinstance(sink, Store) else 0
-        done = resumed
-        open_chunks = _open_chunks(study, sink, chunk)
-        made = (
-            _here(study, open_chunks, threads, progress) if scheduler is None else _elsewhere(study, open_chunks, scheduler, told)
-        )
-        if not isinstance(sink, Store):
-            made = _in_order(made)
-        for one, figures in made:
-            columns = _judged(figures, study, judged, one)
-            if isinstance(sink, Store):
-                sink.add(one, columns)
-            else:
-                sink.add(columns)
+        resumed = done = sink.stored
+        missing = sink.missing
+        made = _here(study, missing, threads, progress) if scheduler is None else _elsewhere(study, missing, scheduler, told)
+        for one, figures in in_order(made) if sink.in_order else made:
+            sink.add(one, _judged(figures, study, judged, one))
             done += one.size
             if progress is not None:
                 progress(done / len(study))
-        rows: Rows = sink.rows() if isinstance(sink, Store) else sink
+        rows = sink.rows()
     return SweepResult(
         case=study.example.name,
         controllers=study.controllers,
@@ -139,22 +129,13 @@ def run_study(
 
 @contextlib.contextmanager
 def _sink(study: Study, store: Path | None, chunk: int | None, columns: Sequence[str]) -> Iterator[Store | Kept]:
+    size = chunk or chunk_size(len(study), study.steps)
     if store is None:
-        yield Kept.room_for(len(study), len(columns))
+        yield Kept.room_for(list(chunks_of(len(study), size)), len(columns))
         return
     identity = study.identity() | {"bounds": any(name.endswith(f"/{ERROR_BOUND}") for name in columns)}
-    with opened(store, identity, len(study), chunk or chunk_size(len(study), study.steps)) as found:
+    with opened(store, identity, len(study), size) as found:
         yield found
-
-
-def _open_chunks(study: Study, sink: Store | Kept, chunk: int | None) -> list[Chunk]:
-    if isinstance(sink, Store):
-        return [chunk for chunk in sink.chunks if not sink.holds(chunk)]
-    return list(chunks_of(len(study), chunk or chunk_size(len(study), study.steps)))
-
-
-Made = Iterator[tuple[Chunk, Columns]]
-"""Chunks with their columns, as they are complete."""
 
 
 def _here(study: Study, chunks: Sequence[Chunk], threads: int | None, progress: Progress | None) -> Made:
@@ -172,18 +153,6 @@ def _elsewhere(study: Study, chunks: Sequence[Chunk], scheduler: Scheduler, told
             if told is not None and not client.nthreads():
                 told(f"no worker at {scheduler.address} yet: the sweep begins when one joins, 'dask worker {scheduler.address}'")
             yield from Workers(study, client).run(chunks)
-
-
-def _in_order(made: Made) -> Made:
-    """By their first members; what comes early waits in memory."""
-    waiting: dict[int, tuple[Chunk, Columns]] = {}
-    first = 0
-    for chunk, columns in made:
-        waiting[chunk.first] = chunk, columns
-        while first in waiting:
-            following = waiting.pop(first)
-            yield following
-            first += following[0].size
 
 
 def _judged(found: Columns, study: Study, bounds: Bounds | None, chunk: Chunk) -> Columns:

@@ -75,7 +75,7 @@ def _put(path: FieldPath, part: Any, keys: Sequence[Key], value: float) -> Any:
         if not isinstance(part, (tuple, list, np.ndarray)):
             raise InputError(f"{path} names no field: [{key}] stands behind {validate.show(part)}, which has no entries")
         if key >= len(part):
-            raise InputError(f"{path} names no field: there are {len(part)} entries, counted from 0")
+            raise InputError(f"{path} names no field: it has {validate.counted(len(part), 'entry')}, counted from 0")
         entries = list(part)
         entries[key] = _put(path, part[key], rest, value)
         return np.array(entries) if isinstance(part, np.ndarray) else type(part)(entries)

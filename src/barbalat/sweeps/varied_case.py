@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -28,50 +28,46 @@ class VariedCase(Varied):
     def source(self) -> str:
         return self.text.text
 
-    def at(self, values: Sequence[float] | Array) -> Case:
-        """The case with these numbers, checked as any other; InputError where it can't be used."""
-        return self.text.case(self.tables(values))
+    @cached_property
+    def _tables(self) -> Tables:
+        return tables_with(self.text, self.paths)
 
-    def tables(self, values: Sequence[float] | Array) -> Tables:
-        """Of the case file with these numbers."""
-        tables = self._tables()
+    def tables_at(self, values: Sequence[float] | Array) -> Tables:
+        """The file's tables with these numbers; InputError for a path that leads to none."""
+        tables = copy.deepcopy(self._tables)
         for path, value in zip(self.paths, values, strict=True):
             path.put(tables, float(value))
         return tables
 
-    def standing(self, path: FieldPath) -> object:
-        """What the file has there; None where it has nothing."""
-        return path.of(self._tables())
+    def at(self, values: Sequence[float] | Array) -> Case:
+        """The case with these numbers, checked as any other; InputError where it can't be used."""
+        return self.text.case(self.tables_at(values))
 
-    def _tables(self) -> Tables:
-        """A new copy."""
-        return copy.deepcopy(self._given)
 
-    @cached_property
-    def _given(self) -> Tables:
-        """As they are read, once."""
-        return self.text.data() | self._by_theta()
+def tables_with(text: CaseText, paths: Iterable[FieldPath]) -> Tables:
+    """A case file's tables, in which ``paths`` stand.
 
-    def _by_theta(self) -> Tables:
-        """Plant and model by A_m and theta where the file has A, from which both follow, and theta varies."""
-        tables = self.text.data()
-        plant, model = (tables.get(name) for name in ("plant", "reference_model"))
-        if not any(path.keys[:2] == THETA for path in self.paths) or not isinstance(plant, dict) or "A" not in plant:
-            return {}
-        if both := [str(path) for path in self.paths if path.keys[:2] in (("plant", "A"), *((MODEL, key) for key in FROM_A))]:
-            raise InputError(f"{both[0]} and plant.theta can't both vary: theta follows from plant.A and the model's A_m")
-        made = self.text.case().problem
-        assert isinstance(made, Problem) and isinstance(model, dict)  # what has a plant.A
-        theta = made.plant.theta if made.plant.inputs == 1 else made.plant.theta.reshape(-1, made.plant.inputs)
-        by_theta = {key: value for key, value in plant.items() if key != "A"}
-        by_theta |= {"A_m": made.plant.A_m.tolist(), "theta": theta.tolist()}
-        return {"plant": by_theta, MODEL: {key: value for key, value in model.items() if key not in FROM_A}}
+    Where one of them is of theta and the plant is given by A, which theta follows from, A_m and that theta stand there instead.
+    InputError where A, or what the model makes of it, is to vary as well.
+    """
+    tables, paths = text.data(), tuple(paths)
+    plant, model = tables.get("plant"), tables.get("reference_model")
+    of_theta = [path for path in paths if path.keys[:2] == THETA]
+    if not of_theta or not isinstance(plant, dict) or not isinstance(model, dict) or "A" not in plant:
+        return tables
+    if both := [path for path in paths if path.keys[:2] in MATCHED]:
+        raise InputError(f"{both[0]} and {of_theta[0]} can't both vary: with plant.A given, theta is what follows from it")
+    problem = text.case().problem
+    if isinstance(problem, Problem):
+        plant |= {"A_m": problem.plant.A_m.tolist(), "theta": problem.plant.theta.tolist()}
+        del plant["A"]
+        tables["reference_model"] = {key: value for key, value in model.items() if key not in ("A_m", "poles")}
+    return tables
 
 
 THETA = ("plant", "theta")
-MODEL = "reference_model"
-FROM_A = ("A_m", "poles")
-"""Of the model, what goes with a plant's A."""
+MATCHED = (("plant", "A"), ("reference_model", "A_m"), ("reference_model", "poles"))
+"""From which theta follows in a file that gives plant.A."""
 
 
 def sampled(source: CaseText | Case, given: Sequence[tuple[str, str | Distribution]]) -> dict[FieldPath, Distribution]:
@@ -94,7 +90,7 @@ def sampled(source: CaseText | Case, given: Sequence[tuple[str, str | Distributi
 def _over_known_set(source: CaseText | Case, path: FieldPath) -> Mapping[FieldPath, Distribution]:
     if isinstance(source, Case):
         return over_known_set(source, path, VariedObjects(source, (path,)).standing(path))
-    return over_known_set(source.case(), path, VariedCase(source, (path,)).standing(path))
+    return over_known_set(source.case(), path, path.of(tables_with(source, [path])))
 
 
 def _named(path: FieldPath, distribution: str) -> Distribution:

@@ -12,7 +12,7 @@ from barbalat.problem.state_feedback import Problem
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.study.delay_search import LONGEST_DELAY
 from barbalat.study.tradeoff import plants_of
-from barbalat.tuning.quantity import Constraint, Origin, Quantity
+from barbalat.tuning.quantity import Constraint, Origin, TunedQuantity
 from barbalat.validate import InputError
 
 DEFAULT_PLANTS = 4
@@ -27,7 +27,7 @@ class Aim:
     quantile  of the plants on which a constraint is kept and the quantity is reached: 1, the worst of them, by default
     """
 
-    quantity: Quantity
+    quantity: TunedQuantity
     maximize: bool = False
     constraints: tuple[Constraint, ...] = ()
     plants: int = DEFAULT_PLANTS
@@ -44,7 +44,7 @@ class Aim:
     def of(cls, objective: str, subject_to: Sequence[str], *, maximize: bool, plants: int, quantile: float, seed: int) -> Aim:
         """From what a person writes."""
         return cls(
-            quantity=Quantity(objective, larger_is_worse=not maximize),
+            quantity=TunedQuantity(objective, larger_is_worse=not maximize),
             maximize=maximize,
             constraints=tuple(Constraint.parse(text) for text in subject_to),
             plants=plants,
@@ -53,7 +53,7 @@ class Aim:
         )
 
     @property
-    def quantities(self) -> tuple[Quantity, ...]:
+    def quantities(self) -> tuple[TunedQuantity, ...]:
         return (self.quantity, *(one.quantity for one in self.constraints))
 
     @property

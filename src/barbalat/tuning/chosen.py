@@ -15,17 +15,17 @@ from barbalat.problem.state_feedback import Problem
 from barbalat.run.progress import Progress
 from barbalat.study.tradeoff import pareto_front, plants_of
 from barbalat.tuning.quantity import Constraint, Origin
-from barbalat.tuning.result import HeldOut, Point, Tuned
+from barbalat.tuning.result import Point, Tuned, UnseenPlants
 from barbalat.tuning.space import Space
 from barbalat.tuning.trial import Plants, Trial
 from barbalat.tuning.trials import Trials
 from barbalat.validate import Array
 
-FRONT = 16
+FRONT_TUNINGS = 16
 """Tunings of which the first constraint's quantity is found in full for the front, from the best by the aim to the worst."""
-HELD_OUT = 32
+HELD_OUT_PLANTS = 32
 """New plants: where one in ten fails, all of these are well with a chance of 3 %."""
-LOOKED_AT = 8
+CANDIDATES_CHECKED = 8
 """Of the best tunings, those that are looked at in full until one meets every constraint: delays beyond the required one can
 show a loss below it, which the search's own delays stepped over."""
 
@@ -68,7 +68,7 @@ def best_of(trials: Trials) -> Best:
     """Of those that were tried."""
     ordered = sorted((trial for trial in trials.all if trial.case is not None), key=lambda trial: trial.score)
     wholes = []
-    for trial in [one for one in ordered if one.meets(trials.aim)][:LOOKED_AT]:
+    for trial in [one for one in ordered if one.meets(trials.aim)][:CANDIDATES_CHECKED]:
         whole = trials.whole(trial.row)
         wholes.append(whole)
         if whole.meets(trials.aim):
@@ -83,7 +83,7 @@ def _front(trials: Trials, wholes: Sequence[Trial]) -> list[Trial]:
         return []
     known = [trial for trial in trials.all if trial.value is not None and np.isfinite(trial.value)]
     known.sort(key=lambda trial: aim.signed(trial.value or 0.0))
-    places = np.unique(np.linspace(0, len(known) - 1, min(FRONT, len(known))).round().astype(int))
+    places = np.unique(np.linspace(0, len(known) - 1, min(FRONT_TUNINGS, len(known))).round().astype(int))
     first = aim.constraints[0]
     spread = [replace(known[i], found=dict(known[i].found)) for i in places]
     if spread and first.quantity.origin is not Origin.RUN:
@@ -106,18 +106,18 @@ def _point(trials: Trials, space: Space, trial: Trial) -> Point:
     return Point(tuning=known, value=trial.value, found=trial.found, meets=trial.meets(trials.aim))
 
 
-def _held_out(trials: Trials, made: Case) -> HeldOut | None:
+def _held_out(trials: Trials, made: Case) -> UnseenPlants | None:
     """On plants drawn by another seed; nothing where no run tells anything, or there is no set to draw from."""
     problem, aim = made.problem, trials.aim
     told = [one for one in aim.quantities if one.origin is not Origin.CERTIFICATE]
     if not told or not isinstance(problem, Problem) or problem.uncertainty is None:
         return None
-    others = plants_of(problem, problem.uncertainty, HELD_OUT + 1, aim.seed + 1)[1:]
+    others = plants_of(problem, problem.uncertainty, HELD_OUT_PLANTS + 1, aim.seed + 1)[1:]
     plants = Plants.of(made, aim, others)
     values = trials.on_other_plants(made, plants, told[0], None)
     broken = {one: _broken(trials, made, plants, one) for one in aim.constraints if one.quantity in told}
     signs = values if told[0].larger_is_worse else -values
-    return HeldOut(
+    return UnseenPlants(
         quantity=told[0].name,
         thetas=np.array([other.parameters for other in others]),
         values=values,

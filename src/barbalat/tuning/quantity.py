@@ -19,7 +19,7 @@ from barbalat.sweeps.requirement import Requirement
 from barbalat.sweeps.study import columns_of
 from barbalat.validate import Array, InputError
 
-FIGURES = tuple(field.name for field in fields(Metrics) if field.name != "diverged_at")
+FIGURE_NAMES = tuple(field.name for field in fields(Metrics) if field.name != "diverged_at")
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,7 @@ class Origin(Enum):
 
 
 @dataclass(frozen=True)
-class Quantity:
+class TunedQuantity:
     """A figure of ``run --json``, with an index or for all components, or a key of ``certify --json``.
 
     larger_is_worse  which side of several components, plants, or of an enclosure is the one that counts
@@ -64,13 +64,13 @@ class Quantity:
 
     def __post_init__(self) -> None:
         if not self.name:
-            raise InputError(f"a quantity must be a figure ({', '.join(FIGURES)}) or a key of certify, got ''")
+            raise InputError(f"a quantity must be a figure ({', '.join(FIGURE_NAMES)}) or a key of certify, got ''")
 
     @property
     def origin(self) -> Origin:
         if self.name in PROBES:
             return Origin.PROBE
-        return Origin.RUN if self.name.split("[")[0] in FIGURES else Origin.CERTIFICATE
+        return Origin.RUN if self.name.split("[")[0] in FIGURE_NAMES else Origin.CERTIFICATE
 
     @property
     def key(self) -> str:
@@ -134,7 +134,7 @@ class Quantity:
                 "--controller which one is tuned"
             )
         if lacking:
-            known = (*FIGURES, *PROBES, *(entry.key for one in certificates.values() for entry in one.entries))
+            known = (*FIGURE_NAMES, *PROBES, *(entry.key for one in certificates.values() for entry in one.entries))
             near = get_close_matches(self.name, known, n=1)
             meant = f"; did you mean {near[0]!r}?" if near else ""
             raise InputError(
@@ -152,13 +152,13 @@ class Constraint:
     """A requirement of a tuning."""
 
     requirement: Requirement
-    quantity: Quantity
+    quantity: TunedQuantity
 
     @classmethod
     def parse(cls, text: str) -> Constraint:
         """InputError for what can't be parsed, or asks for nothing that a search can keep."""
         requirement = Requirement.parse(text)
-        quantity = Quantity(requirement.figure, larger_is_worse=requirement.sign.startswith("<"))
+        quantity = TunedQuantity(requirement.figure, larger_is_worse=requirement.sign.startswith("<"))
         if quantity.origin is Origin.PROBE:
             least = PROBES[quantity.name].none
             if quantity.larger_is_worse or requirement.limit <= least:

@@ -40,7 +40,7 @@ class Point:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class HeldOut:
+class UnseenPlants:
     """The chosen tuning on plants that the search did not see.
 
     quantity  of which the values are: the aim's, or that of the first constraint that runs tell
@@ -80,7 +80,7 @@ class Tuned:
     chosen: Point | None
     nearest: Point
     front: tuple[Point, ...]
-    held_out: HeldOut | None
+    held_out: UnseenPlants | None
     certificate: Certificate | None
     trials: int
     runs: int

@@ -12,19 +12,19 @@ from barbalat.validate import Array, InputError
 
 POPULATION = 32
 """Tunings of a generation, for up to three numbers; with more of them twice as many. A generation is an ensemble."""
-SPREAD = 4
+SPREAD_GENERATIONS = 4
 """Generations' worth of points spread over all ranges: where few tunings meet the constraints, some of these do."""
-BEYOND = 0.15
+OVERSHOOT_SHARE = 0.15
 """Of a range, looked at beyond either end, where a point counts as the end itself: that is where many a best tuning is."""
-AROUND = (0.1, 0.02)
+REFINED_SHARES = (0.1, 0.02)
 """Of a range, to either side of the best so far, where the search goes on: constraints that bind leave no more room."""
-STARS = 3
-"""Generations at the end, where there are enough: steps from the best along each number to either side, each half as long as the
-one before. A constraint that binds leaves one side of the best alone, of which an evolution comes within a hundredth, a star
-within half of what the one before it left."""
-SETTLED = 5e-3
+STAR_GENERATIONS = 3
+"""At the end, where there are enough: steps from the best along each number to either side, each half as long as the one before.
+A constraint that binds leaves one side of the best alone, of which an evolution comes within a hundredth, a star within half of
+what the one before it left."""
+SETTLED_SPREAD = 5e-3
 """Relative spread of a generation at which it evolves no further: the best of it is closer still to what can be reached."""
-FAR = 1e100
+BROKEN_CONSTRAINT_SCORE = 1e100
 """Scores from here on are of tunings that break a constraint: times how much is broken, and how early that was seen."""
 
 Judged = Callable[[Array, float], Array]
@@ -33,7 +33,7 @@ Judged = Callable[[Array, float], Array]
 
 def least_trials(dimensions: int) -> int:
     """The spread, a generation over all, and one around each best with the one that it begins with."""
-    return (SPREAD + 1 + 2 * len(AROUND)) * _size(dimensions)
+    return (SPREAD_GENERATIONS + 1 + 2 * len(REFINED_SHARES)) * _size(dimensions)
 
 
 def search(judged: Judged, dimensions: int, *, trials: int, seed: int, start: Array | None, progress: Progress | None) -> None:
@@ -42,16 +42,16 @@ def search(judged: Judged, dimensions: int, *, trials: int, seed: int, start: Ar
 
     size, random = _size(dimensions), np.random.default_rng(seed)
     spent = _Spent(judged, trials, progress)
-    low, high = np.full(dimensions, -BEYOND), np.full(dimensions, 1 + BEYOND)
-    spread = qmc.scale(qmc.Sobol(dimensions, rng=random).random(SPREAD * size), low, high)
+    low, high = np.full(dimensions, -OVERSHOOT_SHARE), np.full(dimensions, 1 + OVERSHOOT_SHARE)
+    spread = qmc.scale(qmc.Sobol(dimensions, rng=random).random(SPREAD_GENERATIONS * size), low, high)
     if start is not None:
         spread[0] = start
     scores = spent.score(spread, np.inf)
     best = np.argsort(scores, kind="stable")[:size]
-    evolved, phases = trials // size - SPREAD - len(AROUND), 1 + len(AROUND)
-    generations = max((evolved - STARS) // phases, 1)
+    evolved, phases = trials // size - SPREAD_GENERATIONS - len(REFINED_SHARES), 1 + len(REFINED_SHARES)
+    generations = max((evolved - STAR_GENERATIONS) // phases, 1)
     spent.evolve(spread[best], scores[best], low, high, generations, random)
-    for share in AROUND:
+    for share in REFINED_SHARES:
         lower, upper = np.maximum(low, spent.best - share), np.minimum(high, spent.best + share)
         near = qmc.scale(qmc.Sobol(dimensions, rng=random).random(size), lower, upper)
         near[0] = spent.best
@@ -62,7 +62,7 @@ def search(judged: Judged, dimensions: int, *, trials: int, seed: int, start: Ar
 
 def _star(best: Array, size: int) -> Array:
     """(size, d) points around the best."""
-    steps = AROUND[-1] / 2.0 ** np.arange(-(-size // (2 * len(best))))
+    steps = REFINED_SHARES[-1] / 2.0 ** np.arange(-(-size // (2 * len(best))))
     along = np.concatenate([sign * step * np.eye(len(best)) for step in steps for sign in (1, -1)])
     return np.asarray(best + along[:size])
 
@@ -106,7 +106,7 @@ class _Spent:
             nonlocal to_beat
             energies = intermediate_result.population_energies
             to_beat = float(np.max(energies))
-            if to_beat < FAR and float(np.ptp(energies)) <= SETTLED * abs(float(np.mean(energies))):
+            if to_beat < BROKEN_CONSTRAINT_SCORE and float(np.ptp(energies)) <= SETTLED_SPREAD * abs(float(np.mean(energies))):
                 raise StopIteration
 
         try:

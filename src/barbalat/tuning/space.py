@@ -12,7 +12,7 @@ from barbalat.controllers.knobs import Knobs
 from barbalat.sweeps.paths import FieldPath, Key
 from barbalat.validate import Array, InputError
 
-DIGITS = 4
+SIGNIFICANT_DIGITS = 4
 """Of a tuned number: a case file stays readable, and what is judged is what stands in it."""
 
 
@@ -50,7 +50,7 @@ class Range:
             found = np.exp(np.log(self.low) + (np.log(self.high) - np.log(self.low)) * share)
         else:
             found = self.low + (self.high - self.low) * share
-        return np.clip([float(f"{value:.{DIGITS}g}") for value in found], self.low, self.high)
+        return np.clip([float(f"{value:.{SIGNIFICANT_DIGITS}g}") for value in found], self.low, self.high)
 
     def share(self, value: float) -> float | None:
         """Where a value lies; None outside."""

@@ -12,11 +12,13 @@ from barbalat.certificates.certify import certify
 from barbalat.run.ensemble import simulate_ensemble
 from barbalat.run.metrics import Metrics
 from barbalat.study.ideal_benchmark import Member
+from barbalat.sweeps.kinds import Kind, Tried, kinds_of
 from barbalat.sweeps.varied import Varied
 from barbalat.tuning.aim import Aim
 from barbalat.tuning.probing import Probing
-from barbalat.tuning.quantity import PROBES, Constraint, Origin, Quantity
-from barbalat.tuning.search import FAR
+from barbalat.tuning.quantity import PROBES, Constraint, Origin, TunedQuantity
+from barbalat.tuning.search import BROKEN_CONSTRAINT_SCORE, Judged
+from barbalat.tuning.space import Space
 from barbalat.tuning.trial import Plants, Trial
 from barbalat.validate import Array, InputError
 
@@ -37,11 +39,18 @@ class Looking:
     each: bool = False
 
 
+def in_one_kernel(varied: Varied, space: Space) -> bool:
+    """Whether tunings differ in numbers of the kernel alone, so that they run side by side."""
+    ends = tuple(np.array([one.low, one.high]) for one in space.ranges.values())
+    middle = space.rows(np.full((1, len(space)), 0.5))[0]
+    return all(kind is Kind.NUMBER for kind in kinds_of(varied, Tried(middle, ends)))
+
+
 @dataclass(eq=False)
 class Trials:
     """Of one controller of a case.
 
-    together  whether the tunings differ in numbers of the kernel alone, so that they run side by side
+    together  whether they run side by side
     shared    the plants, where what is tuned changes none of them
     quiet     those on which modelling errors are tried; by default the same
     """
@@ -56,13 +65,17 @@ class Trials:
     all: list[Trial] = field(default_factory=list)
     runs: int = 0
 
+    def scoring(self, space: Space) -> Judged:
+        """The scores of tunings at points of the space, from 0 to 1 in each number."""
+        return lambda points, to_beat: np.array([trial.score for trial in self.judged(space.rows(points), to_beat)])
+
     def judged(self, rows: Array, to_beat: float) -> list[Trial]:
         """These tunings; one whose quantity is above ``to_beat`` is not looked at further."""
         trials = [self._made(row) for row in rows]
         open_ones = [trial for trial in trials if trial.case is not None]
         for stage, origin in enumerate(Origin):
             if open_ones and self._asked(origin):
-                self._look(open_ones, origin, Looking(graded=to_beat >= FAR, below=False))
+                self._look(open_ones, origin, Looking(graded=to_beat >= BROKEN_CONSTRAINT_SCORE, below=False))
                 open_ones = [trial for trial in open_ones if self._goes_on(trial, stage, to_beat)]
         open_ones = self._verified(open_ones, to_beat)
         for trial in open_ones:
@@ -101,7 +114,7 @@ class Trials:
             for trial, value in zip(group, constraint.quantity.over_plants(values, self.aim.quantile), strict=True):
                 trial.found[constraint] = float(value)
 
-    def on_other_plants(self, case: Case, plants: Plants, quantity: Quantity, limit: float | None) -> Array:
+    def on_other_plants(self, case: Case, plants: Plants, quantity: TunedQuantity, limit: float | None) -> Array:
         """(P,) a quantity of one case on these."""
         others = replace(self, shared=plants, quiet=None, all=[], runs=0)
         trial = Trial(np.zeros(0), case)
@@ -122,14 +135,14 @@ class Trials:
         try:
             return Trial(row, self.varied.at(row))
         except InputError as error:
-            return Trial(row, score=FAR * (len(Origin) + 1), refused=str(error))
+            return Trial(row, score=BROKEN_CONSTRAINT_SCORE * (len(Origin) + 1), refused=str(error))
 
     def _goes_on(self, trial: Trial, stage: int, to_beat: float) -> bool:
         """Whether it can still be the best; else it has its score."""
         broken = [one.violation(trial.found[one]) for one in self.aim.constraints if one in trial.found]
         missed = trial.value is not None and not np.isfinite(trial.value)
         if any(broken) or missed:
-            trial.score = FAR * (len(Origin) - stage + min(max([*broken, float(missed)]), 1.0))
+            trial.score = BROKEN_CONSTRAINT_SCORE * (len(Origin) - stage + min(max([*broken, float(missed)]), 1.0))
             return False
         if trial.value is not None and self.aim.signed(trial.value) > to_beat:
             trial.score = self.aim.signed(trial.value)
@@ -185,7 +198,7 @@ class Trials:
             else:
                 trial.quiet = own
 
-    def _values(self, quantity: Quantity, group: Sequence[Trial], asked: float | None, looking: Looking) -> Array:
+    def _values(self, quantity: TunedQuantity, group: Sequence[Trial], asked: float | None, looking: Looking) -> Array:
         """(K, P); of probes up to what is asked, or all that is borne."""
         plants, members = self._members(group, quantity.origin)
         probed = self.quiet and quantity.origin is Origin.PROBE

@@ -20,7 +20,6 @@ from barbalat.problem.state_feedback import Problem
 from barbalat.run.progress import Progress, part_of
 from barbalat.study.ideal_benchmark import SHORTEST_DELAY_STEPS
 from barbalat.study.knobs import reach_of
-from barbalat.sweeps.kinds import Kind, Tried, kinds_of
 from barbalat.sweeps.paths import FieldPath
 from barbalat.sweeps.varied import Varied, VariedObjects
 from barbalat.sweeps.varied_case import VariedCase
@@ -31,13 +30,13 @@ from barbalat.tuning.result import Tuned, Tuning
 from barbalat.tuning.search import least_trials, search
 from barbalat.tuning.space import Range, Space, of_knobs
 from barbalat.tuning.trial import Plants
-from barbalat.tuning.trials import Trials
+from barbalat.tuning.trials import Trials, in_one_kernel
 from barbalat.tuning.written import with_numbers
 from barbalat.validate import Array, InputError
 
 DEFAULT_TRIALS = 384
 """Tunings tried for each controller: a spread of 128, a generation over all, four around the best, three stars."""
-SEARCHING = 0.75
+SEARCH_SHARE = 0.75
 """Of a controller's time, about; the rest is the front's and the new plants'."""
 
 
@@ -113,25 +112,19 @@ class Tuner:
         validate.whole("trials", self.trials, least=least_trials(len(space)))
         trials, start = self._trials(controller, space), self._start(space)
         own = trials.whole(np.zeros(0) if start is None else start, self.case)  # what can't be judged is refused here
-
-        def judged(points: Array, to_beat: float) -> Array:
-            return np.array([trial.score for trial in trials.judged(space.rows(points), to_beat)])
-
         shares = None if start is None else space.shares(start)
-        search(judged, len(space), trials=self.trials, seed=self.aim.seed, start=shares, progress=part_of(progress, 0, SEARCHING))
-        return choose(trials, space, own, part_of(progress, SEARCHING, 1 - SEARCHING))
+        part = part_of(progress, 0, SEARCH_SHARE)
+        search(trials.scoring(space), len(space), trials=self.trials, seed=self.aim.seed, start=shares, progress=part)
+        return choose(trials, space, own, part_of(progress, SEARCH_SHARE, 1 - SEARCH_SHARE))
 
     def _trials(self, controller: int, space: Space) -> Trials:
         varied = self.varied(space.paths)
-        ends = [np.array([one.low, one.high]) for one in space.ranges.values()]
-        middle = space.rows(np.full((1, len(space)), 0.5))[0]
-        kinds = kinds_of(varied, Tried(middle, tuple(ends)))
         own = all(path.keys[0] == "controller" for path in space.paths)
         return Trials(
             varied,
             controller,
             self.aim,
-            together=all(kind is Kind.NUMBER for kind in kinds),
+            together=in_one_kernel(varied, space),
             shared=Plants.of(self.case, self.aim) if own else None,
             threads=self.threads,
         )
@@ -214,5 +207,7 @@ def _notes(tuner: Tuner, found: Mapping[str, Tuned]) -> tuple[str, ...]:
         said.append("only the case's own plant was looked at: it has no known set from which others of theta could be drawn")
     for name, one in found.items():
         if one.chosen is None:
-            said.append(f"{name}: none of {one.trials} tunings meets every constraint; the case file keeps its own")
+            said.append(
+                f"{name}: none of {validate.counted(one.trials, 'tuning')} meets every constraint; the case file keeps its own"
+            )
     return tuple(said)

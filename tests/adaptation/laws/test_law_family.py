@@ -21,13 +21,18 @@ from independent import brute_force, refusal
 N = 3
 FAMILY = examples.laws(N)
 TRIALS = 200
-SHORT = {name for name, _ in FAMILY if name.endswith(", plain") or name.startswith(("gradient 2", "least-squares-bounded 0"))}
+BY_NAME = pytest.mark.parametrize("modified", [pytest.param(each, id=each.name) for each in FAMILY])
+SHORT = {
+    each.name
+    for each in FAMILY
+    if each.name.endswith(", plain") or each.name.startswith(("gradient 2", "least-squares-bounded 0"))
+}
 """Every law, and every modification with a gain and with a covariance."""
 
 
 def test_the_registry_has_examples_of_every_law():
     assert set(examples.LAW_EXAMPLES) == set(LAWS)
-    assert {name.split(" ")[0] for name, _ in FAMILY} == set(LAWS)
+    assert {type(each.law) for each in FAMILY} == set(LAWS.values())
 
 
 @pytest.mark.parametrize("kind", LAWS)
@@ -36,7 +41,7 @@ def test_a_law_takes_the_modifications_that_its_source_allows(kind):
     for name, modification in examples.MODIFICATIONS.items():
         if name not in examples.LAW_EXAMPLES[kind].takes:
             with pytest.raises((InputError, TypeError)):
-                LAWS[kind](**examples.LAW_EXAMPLES[kind].numbers, **modification)
+                LAWS[kind](**examples.LAW_EXAMPLES[kind].numbers, **modification.settings)
 
 
 @pytest.mark.parametrize("kind", LAWS)
@@ -47,27 +52,27 @@ def test_every_law_has_a_fastest_rate_or_says_that_nothing_bounds_it(kind):
     assert found == (None if example.fastest_rate is None else pytest.approx(example.fastest_rate, rel=1e-15))
 
 
-def derivative_of_V(law, theta, theta_hat, memory, gain, estimation, known_set):
+def derivative_of_V(modified, theta, theta_hat, memory, estimation, known_set):
     """d/dt of theta_tilde'Gamma^-1 theta_tilde/2 or theta_tilde'P^-1 theta_tilde/2, by the rates; and its scale."""
+    law, example = modified.law, modified.example
     rates = law.rates(theta_hat, memory, estimation, known_set)
-    P = memory.covariance if gain is None else gain
-    inverse = np.linalg.inv(P)
+    inverse = np.linalg.inv(example.gain_of_V(law, memory, N))
     theta_tilde = theta_hat - theta
     terms = [theta_tilde @ inverse @ rates.theta_hat]
-    if gain is None:
+    if example.has_covariance:
         terms.append(-theta_tilde @ inverse @ rates.memory.covariance @ inverse @ theta_tilde / 2)
     raw = law.rates(theta_hat, memory, estimation, None).theta_hat
     return sum(terms), sum(map(abs, terms)) + abs(theta_tilde @ inverse @ raw) + 1
 
 
-@pytest.mark.parametrize(("name", "law"), FAMILY, ids=[name for name, _ in FAMILY])
-def test_V_does_not_grow_where_the_theory_says_so(name, law, sample):
+@BY_NAME
+def test_V_does_not_grow_where_the_theory_says_so(modified, sample):
     """Pointwise, at random states, inside the known set and on its border; theta anywhere in the set.
 
     Without modelling error; with a dead zone for every |eta|/m_s <= g_0 as well. With a fixed sigma or the
     epsilon-modification where |theta_tilde| >= |theta|: there w theta_tilde'theta_hat >= 0.
     """
-    random = np.random.default_rng(11)
+    random, modification = np.random.default_rng(11), modified.modification
     looked_at, trials = 0, sample(TRIALS // 8, TRIALS)
     for _ in range(trials):
         for known_set in examples.known_sets(random, N):
@@ -75,23 +80,21 @@ def test_V_does_not_grow_where_the_theory_says_so(name, law, sample):
             theta_hat = examples.inside(random, known_set, N, on_the_border=random.uniform() < 0.7)
             if known_set is None:
                 theta_hat = 3 * theta_hat  # where leakage is at work
-            memory, gain = examples.LAW_EXAMPLES[name.split(" ")[0]].memory(random, law, theta)
-            eta = random.uniform(-1, 1) * examples.G_0 if getattr(law, "dead_zone", None) is not None else 0.0
-            if isinstance(law.leakage, (FixedSigma, EpsilonModification)) and np.linalg.norm(theta_hat - theta) < np.linalg.norm(
-                theta
-            ):
+            memory = modified.example.memory(random, modified.law, theta)
+            eta = random.uniform(-1, 1) * examples.G_0 if modification.dead_zone else 0.0
+            if modification.leaks is not None and np.linalg.norm(theta_hat - theta) < np.linalg.norm(theta):
                 continue
             looked_at += 1
             given = examples.estimation(random, theta, theta_hat, eta)
-            value, scale = derivative_of_V(law, theta, theta_hat, memory, gain, given, known_set)
+            value, scale = derivative_of_V(modified, theta, theta_hat, memory, given, known_set)
             assert value <= 1e-10 * scale  # inverses of matrices with a condition of up to 1e5
     assert looked_at > trials / 2
 
 
-@pytest.mark.parametrize(("name", "law"), FAMILY, ids=[name for name, _ in FAMILY])
-def test_the_estimate_does_not_leave_the_set(name, law, sample):
+@BY_NAME
+def test_the_estimate_does_not_leave_the_set(modified, sample):
     """Random data, steps that are far too long: limit(theta_hat + h rate) is in the set, to the last bit."""
-    random = np.random.default_rng(12)
+    random, law = np.random.default_rng(12), modified.law
     for known_set in examples.known_sets(random, N)[1:]:
         theta = examples.inside(random, known_set, N, on_the_border=True)
         theta_hat = examples.inside(random, known_set, N, on_the_border=False)
@@ -102,9 +105,9 @@ def test_the_estimate_does_not_leave_the_set(name, law, sample):
             assert known_set.contains(theta_hat)
 
 
-@pytest.mark.parametrize(("name", "law"), FAMILY, ids=[name for name, _ in FAMILY])
-@pytest.mark.short(kept=lambda name, law: name in SHORT)
-def test_the_kernel_does_what_plain_stepping_does(name, law, problems):
+@BY_NAME
+@pytest.mark.short(kept=lambda modified: modified.name in SHORT)
+def test_the_kernel_does_what_plain_stepping_does(modified, problems):
     """In the robust MRAC, with a ball: machine code against the textbook's RK4 on NumPy arrays, resets and bounds included."""
     given = problems[N]
     ball = ParameterBall(center=[0.2, -0.1, 0.3], radius=0.9)
@@ -112,7 +115,7 @@ def test_the_kernel_does_what_plain_stepping_does(name, law, problems):
     command = Sines(amplitudes=(100.0, 100.0), frequencies=(0.7, 2.3))
     problem = Problem(plant=given.plant, reference_model=given.reference_model, reference=command, uncertainty=ball)
     start = ball.center + 0.98 * ball.radius * outward / np.linalg.norm(outward)
-    controller = RobustMrac(tau=0.2, law=law, theta_hat0=start)
+    controller = RobustMrac(tau=0.2, law=modified.law, theta_hat0=start)
     dt, steps = 2.0**-5, 96
     samples = brute_force(ClosedLoop.of(problem, controller), problem.signals, "rk4", dt, steps)
     simulation = Simulation(t_end=steps * dt, dt=dt, solver=RK4, record_points=steps)
@@ -122,7 +125,7 @@ def test_the_kernel_does_what_plain_stepping_does(name, law, problems):
     np.testing.assert_allclose(result.e, samples.e, rtol=0, atol=1e-9)
     assert all(ball.contains(theta_hat) for theta_hat in result.theta_hat)
     away = np.linalg.norm(result.theta_hat - ball.center, axis=1)
-    assert isinstance(law.leakage, (FixedSigma, EpsilonModification)) or away.max() > ball.radius - 1e-9
+    assert modified.modification.leaks is not None or away.max() > ball.radius - 1e-9
 
 
 @pytest.mark.parametrize("kind", LAWS)

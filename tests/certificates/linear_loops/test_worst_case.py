@@ -11,7 +11,7 @@ from barbalat import InputError, L1Adaptive, Mrac, ParameterBox, Plant, PlantInp
 from barbalat.cases.load import load_case
 from barbalat.certificates.certify import certify
 from barbalat.certificates.linear_loops.ideal import fast_adaptation, known_parameters
-from barbalat.certificates.linear_loops.worst_case import Family, worst_case
+from barbalat.certificates.linear_loops.worst_case import LoopsOverTheta, worst_case
 from barbalat.claims.variants import variant
 from barbalat.cli import main
 from barbalat.linear.interconnections import sensitivity
@@ -27,9 +27,9 @@ ACTUATOR = PlantInput(actuator=TransferFunction([2500.0], [1.0, 100.0, 2500.0]))
 
 def family_of(plant, C):
     return {
-        "rest": Family(plant, lambda p: known_parameters(p, p.theta)),
-        "filtered": Family(plant, lambda p: known_parameters(p, p.theta, C)),
-        "fast": Family(plant, lambda p: fast_adaptation(p, C)),
+        "rest": LoopsOverTheta(plant, lambda p: known_parameters(p, p.theta)),
+        "filtered": LoopsOverTheta(plant, lambda p: known_parameters(p, p.theta, C)),
+        "fast": LoopsOverTheta(plant, lambda p: fast_adaptation(p, C)),
     }
 
 
@@ -74,7 +74,7 @@ def test_the_vectorised_response_and_spectrum_are_the_loops_own(family, box):
     np.testing.assert_allclose(family.largest_real_parts(thetas), spectra, atol=1e-6)  # a double pole: the root of rounding
 
 
-class Bump(Family):
+class Bump(LoopsOverTheta):
     """L = k/(s (s + 1)), k = 5 - |theta - (0.3, -0.2)|^2: worst in the inside, which matched uncertainty hardly ever is."""
 
     def gain(self, thetas):

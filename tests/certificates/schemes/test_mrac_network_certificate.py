@@ -20,7 +20,7 @@ from barbalat import (
 )
 from barbalat.adaptation.modifications.epsilon_modification import EpsilonModification
 from barbalat.adaptation.modifications.fixed_sigma import FixedSigma
-from barbalat.certificates.bounds.network import Case, Law
+from barbalat.certificates.bounds.network import ErrorBoundCase, NetworkLaw
 from barbalat.certificates.table_1 import table_1
 from barbalat.signals import Sine
 
@@ -60,7 +60,7 @@ def test_the_bounds_hold_beside_a_matched_disturbance(plant, leakage):
     cells = table_1(problem, [controller], {controller.name: found}).columns[0].cells
     assert [cells[key].kind for key in ("stability", "transient", "estimates")] == ["guaranteed"] * 3
     assert cells["tracking"].kind == "does not apply"
-    case = Case.of(problem, controller.bind(problem.known))
+    case = ErrorBoundCase.of(problem, controller.bind(problem.known))
     A = plant.A if plant.is_linear else plant.A_m
     assert level_along(run, controller).max() <= case.level(A, case.uncertainty(values["error_bound"]))
 
@@ -72,8 +72,8 @@ def test_the_highest_level_is_the_largest_where_it_can_grow(seed):
     gamma, gamma_v, F, lowest, p, value = 10 ** random.uniform(-1, 1, 6)
     highest, near = 2 * lowest, 0.0
     for law in (
-        Law(gamma=gamma, gamma_v=gamma_v, outer_weights=4, start=0.0, sigma=value, nu=None),
-        Law(gamma=gamma, gamma_v=gamma_v, outer_weights=4, start=0.0, sigma=None, nu=value),
+        NetworkLaw(gamma=gamma, gamma_v=gamma_v, outer_weights=4, start=0.0, sigma=value, nu=None),
+        NetworkLaw(gamma=gamma, gamma_v=gamma_v, outer_weights=4, start=0.0, sigma=None, nu=value),
     ):
         s = np.concatenate([[0.0, 2 * p * F / lowest], random.uniform(0, 2 * p * F / lowest, 40_000)])
         if law.nu is None:

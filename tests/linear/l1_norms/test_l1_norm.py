@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 from barbalat.linear.enclosure import Enclosure
 from barbalat.linear.l1_norms import l1_norm, model
-from barbalat.linear.l1_norms.pieces import POLYNOMIAL_DEGREE, Piece, bernstein_matrix, resolved
+from barbalat.linear.l1_norms.pieces import POLYNOMIAL_DEGREE, BernsteinPiece, bernstein_matrix, resolved
 
 ZERO = np.zeros((1, 1))
 
@@ -328,13 +328,13 @@ def test_rounding_noise_is_not_halved_for_ever():
 def test_noise_that_cannot_be_resolved_is_kept_as_a_gap():
     with ctx.workprec(128):
         noise = arb_poly([arb(0, 1e-9)] * (POLYNOMIAL_DEGREE + 1))
-        piece = Piece([arb(0, 1e-9)] * (POLYNOMIAL_DEGREE + 1))
+        piece = BernsteinPiece([arb(0, 1e-9)] * (POLYNOMIAL_DEGREE + 1))
         assert piece.blurred()
         (kept,) = resolved(noise, piece, arb(1e-30), room=1000)
         assert kept is piece
         wave = arb_poly([arb(0), arb(1), arb(-3), arb(2)])
         column = arb_mat([[value] for value in [0, 1, -3, 2] + [0] * (POLYNOMIAL_DEGREE - 3)])
-        rough = Piece((bernstein_matrix(128) * column).entries())
+        rough = BernsteinPiece((bernstein_matrix(128) * column).entries())
         assert not rough.blurred()
         assert len(resolved(wave, rough, arb(2) ** -200, room=5)) <= 6
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import wasmtime
 
-from barbalat.lowering.llvm.machine import Past, Watch
+from barbalat.lowering.llvm.machine import Rings, Watch
 from barbalat.lowering.shape import ENTRY
 from barbalat.lowering.wasm.loop import loop
 from barbalat.run.step import StepProgram
@@ -28,7 +28,7 @@ class WasmKernel:
         self.free = self.exports["free"](self.store)
 
     def __call__(
-        self, blocks, steps, state, parameters, signals, out, past: Past | None = None, noise=None, watch: Watch | None = None,
+        self, blocks, steps, state, parameters, signals, out, past: Rings | None = None, noise=None, watch: Watch | None = None,
         *, start=0, sample_every=None, noise_hold=None,
     ) -> None:  # fmt: skip
         nothing = np.zeros(0)

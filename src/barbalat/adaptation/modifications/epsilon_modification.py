@@ -42,6 +42,11 @@ class EpsilonModification(Settings):
         return math.inf
 
     @property
+    def per_error(self) -> float | None:
+        """nu."""
+        return self.nu
+
+    @property
     def harmless_within(self) -> float | None:
         """It takes convergence to zero for every theta."""
         return None

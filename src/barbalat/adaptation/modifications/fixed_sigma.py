@@ -26,6 +26,7 @@ class FixedSigma(Settings):
     sigma: float
 
     one_input_only: ClassVar[bool] = False
+    per_error: ClassVar[float | None] = None
 
     def __post_init__(self) -> None:
         validate.freeze(self, sigma=validate.positive("sigma", self.sigma))

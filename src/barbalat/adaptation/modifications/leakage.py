@@ -31,6 +31,11 @@ class Leakage(Protocol):
         ...
 
     @property
+    def per_error(self) -> float | None:
+        """nu of a leakage w = nu |error|, which bounds the estimates whatever drives them; None for any other."""
+        ...
+
+    @property
     def harmless_within(self) -> float | None:
         """The bound of |theta|_2 up to which V decreases as without it; None where it takes convergence to zero."""
         ...

@@ -30,6 +30,7 @@ class SwitchingSigma(Settings):
     M_0: float
 
     one_input_only: ClassVar[bool] = False
+    per_error: ClassVar[float | None] = None
     bend: ClassVar[str] = "an edge of the leakage's switching"
 
     def __post_init__(self) -> None:

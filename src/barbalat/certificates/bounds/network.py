@@ -19,7 +19,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from barbalat.adaptation.modifications.epsilon_modification import EpsilonModification
 from barbalat.certificates.bounds.model import command_bounds, require_lyapunov, state_bounds
 from barbalat.certificates.bounds.regressor import largest_square
 from barbalat.controllers.mrac_network import Equations
@@ -44,7 +43,7 @@ NO_BOUND = (
 
 
 @dataclass(frozen=True)
-class Bounds:
+class WeightBounds:
     """Of every component of e, of every outer weight, of |V_hat| in the Frobenius norm; None where none is found, and why."""
 
     error: float | None = None
@@ -54,7 +53,7 @@ class Bounds:
 
 
 @dataclass(frozen=True, eq=False)
-class Law:
+class NetworkLaw:
     """The numbers of a law's modification that the bounds need."""
 
     gamma: float
@@ -65,15 +64,15 @@ class Law:
     nu: float | None  # of the e-modification
 
     @classmethod
-    def of(cls, equations: Equations) -> Law:
+    def of(cls, equations: Equations) -> NetworkLaw:
         leakage = equations.leakage
         return cls(
             gamma=equations.gamma,
             gamma_v=equations.gamma_v,
             outer_weights=1 + equations.neurons,
             start=float(np.sum(equations.V_0**2)) / equations.gamma_v * OUTWARD_FACTOR,
-            sigma=None if isinstance(leakage, EpsilonModification) else leakage.largest,
-            nu=leakage.nu if isinstance(leakage, EpsilonModification) else None,
+            sigma=leakage.largest if leakage.per_error is None else None,
+            nu=leakage.per_error,
         )
 
     def highest_level(self, F: float, lowest: float, highest: float, p: float) -> float:
@@ -87,13 +86,13 @@ class Law:
         return max(self.start, found) * OUTWARD_FACTOR
 
     @property
-    def whatever_acts(self) -> Bounds | None:
+    def whatever_acts(self) -> WeightBounds | None:
         """Of the weights alone, by the e-modification."""
         if self.nu is None:
             return None
         far = math.sqrt(self.outer_weights) / self.nu  # U falls where omega^2 > far |W_hat|
         level = max(self.start, _largest(1 / self.gamma - 1 / self.gamma_v, far / self.gamma_v, far))
-        return Bounds(W_hat=OUTWARD_FACTOR / self.nu, V_hat=math.sqrt(self.gamma_v * level) * OUTWARD_FACTOR**2)
+        return WeightBounds(W_hat=OUTWARD_FACTOR / self.nu, V_hat=math.sqrt(self.gamma_v * level) * OUTWARD_FACTOR**2)
 
 
 def _largest(a: float, b: float, end: float) -> float:
@@ -103,23 +102,23 @@ def _largest(a: float, b: float, end: float) -> float:
 
 
 @dataclass(frozen=True, eq=False)
-class Case:
+class ErrorBoundCase:
     """What of the problem the bound of e needs."""
 
     problem: Problem
-    law: Law
+    law: NetworkLaw
     x_m: Array  # (n,) bounds
     d: float
 
     @classmethod
-    def of(cls, problem: Problem, equations: Equations) -> Case:
+    def of(cls, problem: Problem, equations: Equations) -> ErrorBoundCase:
         """InputError for signals without a bound."""
         d, bound = problem.disturbance, 0.0
         if d is not None:
             if not isinstance(d, BoundedSignal):
                 raise InputError("the disturbance has no known bound")
             bound = d.bound
-        return cls(problem, Law.of(equations), np.array(state_bounds(problem)), bound)
+        return cls(problem, NetworkLaw.of(equations), np.array(state_bounds(problem)), bound)
 
     def uncertainty(self, reach: float) -> float:
         """At least |theta'phi(x) + d|, every |x_i| at most the model's bound plus ``reach``."""
@@ -181,25 +180,25 @@ class Case:
         return None
 
 
-def bounds(problem: Problem, equations: Equations) -> Bounds:
+def bounds(problem: Problem, equations: Equations) -> WeightBounds:
     """All that is found."""
-    always = Law.of(equations).whatever_acts
+    always = NetworkLaw.of(equations).whatever_acts
     try:
-        case = Case.of(problem, equations)
+        case = ErrorBoundCase.of(problem, equations)
         found = case.globally() if problem.plant.is_linear else case.trapped()
     except InputError as refused:  # a command or a disturbance without a bound, an A_m too close to losing stability
-        return replace(always or Bounds(), why=str(refused))
+        return replace(always or WeightBounds(), why=str(refused))
     error, level = found if found is not None else (None, None)
     if always is not None:
         return replace(always, error=error)
     if level is None:
-        return Bounds(error=error)
+        return WeightBounds(error=error)
     W_hat, V_hat = (math.sqrt(gain * level) * OUTWARD_FACTOR for gain in (equations.gamma, equations.gamma_v))
-    return Bounds(error, W_hat, V_hat)
+    return WeightBounds(error, W_hat, V_hat)
 
 
 def control_bound(problem: Problem, equations: Equations, W_hat: float) -> float:
     """Of |u|, from that of every outer weight, or of all of them together by the sigma-modification."""
-    e_modified = isinstance(equations.leakage, EpsilonModification)
-    weights = 1 + equations.neurons if e_modified else math.sqrt(1 + equations.neurons)
+    together = equations.leakage.per_error is None
+    weights = math.sqrt(1 + equations.neurons) if together else 1 + equations.neurons
     return (weights * W_hat + float(command_bounds(problem)[0])) * OUTWARD_FACTOR**2

@@ -13,7 +13,6 @@ from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.loop.linearization import jacobian_function
 from barbalat.loop.packing import column, flatten, symbols
 from barbalat.loop.true_values import true_values
-from barbalat.problem.actuation import InputPath
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import BoundedSignal
 from barbalat.validate import Array
@@ -92,7 +91,7 @@ def rest_of(problem: TrackingProblem, loop: ClosedLoop, *, frozen: bool) -> Rest
         return NotApplicable("it acts at samples, and no continuous form of it is known")
     if loop.clocked:
         return NotApplicable("the plant depends on time, so that nothing rests")
-    loop = replace(loop, delayed=False, paths=tuple(_linear(path) for path in loop.paths))
+    loop = replace(loop, delayed=False, paths=tuple(path and path.linear for path in loop.paths))
     bounds = [command.bound if isinstance(command, BoundedSignal) else 0.0 for command in problem.commands]
     level = np.array(bounds, dtype=float)
     signals = np.concatenate([level, np.zeros(loop.signal_count - len(level))])
@@ -104,10 +103,6 @@ def rest_of(problem: TrackingProblem, loop: ClosedLoop, *, frozen: bool) -> Rest
     if not np.allclose(loop.limit(state), state, rtol=REST_TOLERANCE, atol=0):
         return NotApplicable(f"where the loop would rest {under}, its own limit acts")
     return Rest(loop, state, signals, level)
-
-
-def _linear(path: InputPath | None) -> InputPath | None:
-    return None if path is None or path.dynamics is None else InputPath(None, None, None, path.dynamics)
 
 
 def _start(problem: TrackingProblem, loop: ClosedLoop, signals: Array) -> Array:

@@ -9,7 +9,6 @@ import numpy as np
 from barbalat.linear.sampled_loop import SampledLoop
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.loop.linearization import jacobian_function, sampled_jacobian_function
-from barbalat.problem.actuation import InputPath
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller
 from barbalat.validate import Array
@@ -29,7 +28,7 @@ class Linearised:
 def linearised(problem: TrackingProblem, controller: Controller) -> Linearised:
     """Exact for a linear plant and a linear controller; what v does not move, the models and the command, is left out."""
     loop = ClosedLoop.of(problem, controller)
-    loop = replace(loop, delayed=False, paths=tuple(_linear(path) for path in loop.paths))
+    loop = replace(loop, delayed=False, paths=tuple(path and path.linear for path in loop.paths))
     assert loop.sample_time is not None
     marked = loop.unpack(np.arange(loop.size))
     held = marked.held
@@ -50,7 +49,3 @@ def linearised(problem: TrackingProblem, controller: Controller) -> Linearised:
     inner = np.ix_(kept, kept)
     found = SampledLoop(between[inner], slopes[np.ix_(kept, inputs)], J[inner], C[:, kept], loop.sample_time)
     return Linearised(found, rows)
-
-
-def _linear(path: InputPath | None) -> InputPath | None:
-    return None if path is None or path.dynamics is None else InputPath(None, None, None, path.dynamics)

@@ -141,7 +141,7 @@ class FrozenLoops:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Borne:
+class BorneSizes:
     """Sizes of a modelling error: what a frozen loop bears.
 
     small_gain  below this size the small-gain theorem shows the loop with theta_hat = theta stable
@@ -156,13 +156,13 @@ class Borne:
     over_set: float | None
 
 
-def borne(loops: FrozenLoops, error: ModellingError) -> Borne:
+def borne(loops: FrozenLoops, error: ModellingError) -> BorneSizes:
     """What the loop with frozen estimates bears of one family of modelling errors."""
     over_set = None
     if loops.gain_over_set is not None:
         w, gain = loops.gain_over_set
         over_set = float(error.allowed(w, gain).min()) if np.isfinite(gain).all() else 0.0
-    return Borne(small_gain=small_gain(loops.at_theta, error), limit=error.limit(loops.at_theta), over_set=over_set)
+    return BorneSizes(small_gain=small_gain(loops.at_theta, error), limit=error.limit(loops.at_theta), over_set=over_set)
 
 
 def small_gain(loop: StateSpace, error: ModellingError) -> float:

@@ -11,7 +11,7 @@ from barbalat.certificates.assumptions import LINEAR_LOOP_ONLY
 from barbalat.certificates.certificate import Draft
 from barbalat.certificates.linear_loops.ideal import fast_adaptation, known_parameters
 from barbalat.certificates.linear_loops.margin_values import KEYS_OF_MARGINS
-from barbalat.certificates.linear_loops.worst_case import Family, WorstCase, worst_case
+from barbalat.certificates.linear_loops.worst_case import LoopsOverTheta, WorstCase, worst_case
 from barbalat.certificates.needed import is_needed
 from barbalat.linear.systems import StateSpace
 from barbalat.problem.known_set import KnownSet
@@ -39,7 +39,7 @@ def add_filtered(draft: Draft, problem: Problem, C: StateSpace) -> None:
             _add(draft, _worst_filtered(problem.plant, known_set, C, problem.sensor_lag))
 
 
-def add_fixed(draft: Draft, problem: Problem, family: Family) -> None:
+def add_fixed(draft: Draft, problem: Problem, family: LoopsOverTheta) -> None:
     """Of a linear controller's loop."""
     known_set = problem.uncertainty
     if known_set is not None and is_needed(MARGINS_KEY):
@@ -50,15 +50,15 @@ def add_fixed(draft: Draft, problem: Problem, family: Family) -> None:
 @lru_cache(maxsize=16)
 def _worst_at_rest(plant: Plant, known_set: KnownSet, lag: StateSpace | None) -> WorstCase:
     """Several schemes of one case share it."""
-    return worst_case(Family(plant, lambda plant: known_parameters(plant, plant.theta), lag), known_set)
+    return worst_case(LoopsOverTheta(plant, lambda plant: known_parameters(plant, plant.theta), lag), known_set)
 
 
 @lru_cache(maxsize=16)
 def _worst_filtered(plant: Plant, known_set: KnownSet, C: StateSpace, lag: StateSpace | None) -> list[tuple[str, WorstCase]]:
     """L1-ACs of one case that differ in the gain alone share it."""
     families = {
-        LOOP_OF_FAST_ADAPTATION: Family(plant, lambda plant: fast_adaptation(plant, C), lag),
-        LOOP_AT_REST: Family(plant, lambda plant: known_parameters(plant, plant.theta, C), lag),
+        LOOP_OF_FAST_ADAPTATION: LoopsOverTheta(plant, lambda plant: fast_adaptation(plant, C), lag),
+        LOOP_AT_REST: LoopsOverTheta(plant, lambda plant: known_parameters(plant, plant.theta, C), lag),
     }
     return [(which, worst_case(family, known_set)) for which, family in families.items()]
 
@@ -69,11 +69,7 @@ def _add(draft: Draft, found: list[tuple[str, WorstCase]]) -> None:
 
 def _of_one_loop(draft: Draft, which: str, worst: WorstCase) -> dict[str, Any]:
     """JSON for one loop: each finite margin with its theta, beside the delay that the plant has."""
-    entry: dict[str, Any] = {
-        "loop": which,
-        "searched": worst.searched,
-        "unlimited": [],
-    }
+    entry: dict[str, Any] = {"loop": which, "searched": worst.searched, "unlimited": []}
     unstable_at = worst.unstable_at
     if unstable_at is not None:
         draft.note(f"linear loop {which}: unstable at theta = [{', '.join(f'{v:.4g}' for v in unstable_at)}] of the known set")

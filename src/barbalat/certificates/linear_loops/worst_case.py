@@ -31,7 +31,7 @@ SEARCH_SENTENCE = (
 
 
 @dataclass(frozen=True, eq=False)
-class Family:
+class LoopsOverTheta:
     """A linear loop for every theta: around (A_m + b theta', b), from the plant's input.
 
     plant   whose theta is replaced; its input dynamics are put into the loop here
@@ -108,7 +108,7 @@ class WorstCase:
     searched: str
 
 
-def worst_case(family: Family, known_set: KnownSet) -> WorstCase:
+def worst_case(family: LoopsOverTheta, known_set: KnownSet) -> WorstCase:
     """Search the set for the least margins beside the plant's delay, and for the greatest gain reduction margin."""
     rng = np.random.default_rng(0)
     extremes = known_set.extreme_points(rng, MOST_EXTREMES)
@@ -141,7 +141,7 @@ class _Unstable(Exception):
 class _WorstCaseSearch:
     """The least margins so far, all of them exact."""
 
-    def __init__(self, family: Family, w: Array) -> None:
+    def __init__(self, family: LoopsOverTheta, w: Array) -> None:
         self.family, self.w = family, w
         self.least: dict[str, tuple[float, Array]] = {}
         self._responses = family.responses(w)

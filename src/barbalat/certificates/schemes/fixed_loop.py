@@ -24,7 +24,7 @@ from barbalat.certificates.entry import NUMBERS_ALONE, Assumption, Entry
 from barbalat.certificates.linear_loops import over_known_set
 from barbalat.certificates.linear_loops.margin_values import add_margins
 from barbalat.certificates.linear_loops.robustness import robustness
-from barbalat.certificates.linear_loops.worst_case import Family
+from barbalat.certificates.linear_loops.worst_case import LoopsOverTheta
 from barbalat.certificates.rounding import up
 from barbalat.certificates.schemes.output_feedback import NEGLIGIBLE_STEADY_ERROR
 from barbalat.linear.enclosure import Enclosure
@@ -85,7 +85,9 @@ def add_loop(draft: Draft, problem: Problem, loop: FixedLoop) -> None:
     if known_set is not None:
         _add_bound(draft, problem, loop, known_set.farthest_1(loop.theta_0))
     add_margins(draft, problem, loop.at(problem.plant.theta), "with the true parameters")
-    over_known_set.add_fixed(draft, problem, Family(problem.plant, lambda plant: loop.at(plant.theta), problem.sensor_lag))
+    over_known_set.add_fixed(
+        draft, problem, LoopsOverTheta(problem.plant, lambda plant: loop.at(plant.theta), problem.sensor_lag)
+    )
     centre = problem.plant.theta if known_set is None else known_set.middle
     draft.estimate(robustness(loop.amplified(centre), known_set, loop.unmodelled, draft.notes), FREQUENCIES_TRIED)
 

@@ -55,7 +55,7 @@ FILTER_AT_REST = Assumption("the filter starts at rest")
 REACH_ASSUMED = "|x| in the adaptation frequency is the model's bound plus nu_0/sqrt(Gamma): an estimate"
 
 
-class Reach(NamedTuple):
+class StateReach(NamedTuple):
     """|x|_2 <= offset + factor/sqrt(Gamma), at all times."""
 
     offset: float
@@ -70,14 +70,14 @@ def certificate(problem: Problem, controller: L1Adaptive, simulation: Simulation
     C, model = equations.C, model_bounds(problem)
     add_parameter_errors(draft, problem, equations)
     add_ingredients(draft, problem, equations.box, model)
-    reach: Reach | None = None
+    reach: StateReach | None = None
     assumed: tuple[str, ...] = (FROZEN_LAW,)
     if equations.box is None:
         _without_projection(draft, problem, controller)
     else:
         reach = _add_bound_10(draft, problem, controller, C, model)
     if reach is None:  # no bound on x: take what the model asks for, and say so
-        reach, assumed = Reach(model.x_m_euclidean, draft["nu_0"]), (FROZEN_LAW, REACH_ASSUMED)
+        reach, assumed = StateReach(model.x_m_euclidean, draft["nu_0"]), (FROZEN_LAW, REACH_ASSUMED)
     limits = frozen_laws.of_lyapunov_law(
         problem, controller.gamma, simulation, reach.offset, reach.factor, np.linalg.eigvals(C.A)
     )
@@ -129,7 +129,7 @@ def add_condition(draft: Draft, problem: Problem, C: StateSpace) -> tuple[theore
     return found, slope
 
 
-def _add_bound_10(draft: Draft, problem: Problem, controller: L1Adaptive, C: StateSpace, model: ModelBounds) -> Reach | None:
+def _add_bound_10(draft: Draft, problem: Problem, controller: L1Adaptive, C: StateSpace, model: ModelBounds) -> StateReach | None:
     """The condition and, where it holds, the bound; None, with the reason in the entry, where there is none."""
     known, theta_max, nu_0 = problem.known, draft["theta_max"], draft["nu_0"]
     found, slope = add_condition(draft, problem, C)
@@ -146,7 +146,7 @@ def _add_bound_10(draft: Draft, problem: Problem, controller: L1Adaptive, C: Sta
             for key, value in zip(("nu_1", "nu_2"), constants, strict=True):
                 draft.guarantee(key, value, *rests_on)
     if not found.holds:
-        not_below = f"||W_b (1 - C)||_1 theta_max = {found.value_upper:.4g} is not below 1"
+        not_below = _too_large(found.value_upper)
         draft.missing("error_bound", f"{not_below}: bound (10) says nothing here")
         draft.missing("reference_error_bound", f"{not_below}: the distance to the reference system is not bounded")
         return None
@@ -155,7 +155,7 @@ def _add_bound_10(draft: Draft, problem: Problem, controller: L1Adaptive, C: Sta
     bound = theorem_1.l1_bound(level, 1.0, found, theta_max, known.k_0, model)
     draft.guarantee("error_bound", bound, *rests_on)
     remaining, root_n = 1 - found.value_upper, math.sqrt(known.n)
-    return Reach(model.x_m_euclidean + root_n * (bound - level / remaining), root_n * nu_0 / remaining)
+    return StateReach(model.x_m_euclidean + root_n * (bound - level / remaining), root_n * nu_0 / remaining)
 
 
 def _add_margins_of_the_limit(draft: Draft, problem: Problem, equations: Equations) -> None:
@@ -197,9 +197,12 @@ def _stability(problem: Problem, controller: L1Adaptive, certificate: Certificat
         return nothing("stability", "without a known set that is projected onto there is no theta_max for the condition on C(s)")
     value, rests_on = up(condition["value_upper"]), of_the_lyapunov_law(problem, controller, certificate)
     if not condition["holds"]:
-        why = f"||W_b (1 - C)||_1 theta_max is only known to be <= {value}, and 1 is needed"
-        return denied("stability", why, *rests_on)
+        return denied("stability", _too_large(condition["value_upper"]), *rests_on)
     return statement("stability", f"since ||W_b (1 - C)||_1 theta_max <= {value} < 1", *rests_on)
+
+
+def _too_large(upper: float) -> str:
+    return f"||W_b (1 - C)||_1 theta_max is only known to be <= {up(upper)}, and less than 1 is needed"
 
 
 def _tracking(problem: Problem, controller: L1Adaptive, stability: Entry) -> Entry:

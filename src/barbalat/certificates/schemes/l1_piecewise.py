@@ -9,12 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from barbalat.certificates.assumptions import (
-    bounded_command,
-    exact_plant,
-    measured,
-    undisturbed,
-)
+from barbalat.certificates.assumptions import bounded_command, exact_plant, measured, undisturbed
 from barbalat.certificates.bounds.piecewise_reference import distance
 from barbalat.certificates.cells import advice, estimate, margins_cell, nothing, statement
 from barbalat.certificates.certificate import Certificate, Draft

@@ -27,7 +27,8 @@ from barbalat.problem.state_feedback import Known, Problem
 from barbalat.solvers.simulation import Simulation
 from barbalat.validate import InputError
 
-NONE_KNOWN = "none known: the rule follows a gradient that is right only while the gains stand still"
+ITS_BASIS = "the rule follows a gradient that is right only while the gains stand still"
+NONE_KNOWN = f"none known: {ITS_BASIS}"
 MARGIN = "adaptation_gain_margin"
 OWN_QUANTITIES = {
     MARGIN: Quantity("factor on Gamma and gamma_r, or on the squared command, at which the ideal gains become unstable")
@@ -39,7 +40,7 @@ SLOW_ADAPTATION_RATIO = 1e-4
 def certificate(problem: Problem, controller: MitRule, simulation: Simulation) -> Certificate:
     """What its linearisations say: nothing is guaranteed."""
     draft = Draft(own=OWN_QUANTITIES)
-    draft.note(f"of the MIT rule no bound is known, {NONE_KNOWN.removeprefix('none known: ')}")
+    draft.note(f"of the MIT rule no bound is known, {ITS_BASIS}")
     draft.missing("error_bound", NONE_KNOWN)
     _add_gain_margin(draft, problem, controller)
     add_linearised(draft, problem, controller, simulation)

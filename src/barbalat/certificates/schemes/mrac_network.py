@@ -6,7 +6,6 @@ plant that the model's feedback alone does not keep, no number is known.
 
 from __future__ import annotations
 
-from barbalat.adaptation.modifications.epsilon_modification import EpsilonModification
 from barbalat.certificates.assumptions import ACTS_CONTINUOUSLY, START_TOGETHER, bounded_command, exact_plant, measured
 from barbalat.certificates.bounds.network import bounds, control_bound
 from barbalat.certificates.cells import denied, estimate, limits_text, margins_cell, nothing, statement
@@ -55,7 +54,12 @@ def certificate(problem: Problem, controller: NetworkMrac, simulation: Simulatio
 
 def _of_the_weights(problem: Problem, controller: NetworkMrac) -> tuple[Assumption, ...]:
     """What their bounds rest on: by the e-modification on the law alone."""
-    return WHATEVER_ACTS if isinstance(controller.leakage, EpsilonModification) else _nominal(problem)
+    return WHATEVER_ACTS if _is_e_modified(controller) else _nominal(problem)
+
+
+def _is_e_modified(controller: NetworkMrac) -> bool:
+    assert controller.leakage is not None  # the constructor has seen to it
+    return controller.leakage.per_error is not None
 
 
 def _add_control_bound(
@@ -92,7 +96,7 @@ def column(problem: Problem, controller: NetworkMrac, certificate: Certificate) 
         text = f"no weights are the true ones; every outer one stays within {up(found.W_hat)}"
         estimates = statement("estimates", text, *_of_the_weights(problem, controller))
     robust = nothing("modelling_error", "that x stays bounded is known beside a bounded matched disturbance, not for Delta_m")
-    e_modified = isinstance(controller.leakage, EpsilonModification)
+    e_modified = _is_e_modified(controller)
     if e_modified:
         robust = nothing("modelling_error", "weights and u stay bounded whatever acts; that x does is not known for Delta_m")
     modification = "e-modification" if e_modified else "sigma-modification"

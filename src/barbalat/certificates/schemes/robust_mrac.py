@@ -22,9 +22,7 @@ from barbalat.controllers.robust_mrac import Equations
 from barbalat.problem.state_feedback import Problem
 from barbalat.solvers.simulation import Simulation
 
-OWN_QUANTITIES = {
-    "tau_below": Quantity("1/delta_0, which tau must stay below (Theorem 2)", "s"),
-}
+OWN_QUANTITIES = {"tau_below": Quantity("1/delta_0, which tau must stay below (Theorem 2)", "s")}
 MINIMUM_PHASE = Assumption("c_0 makes W_m minimum phase")
 """``bind`` refuses a c_0 that doesn't."""
 SEVERAL_INPUTS = "none known: Theorem 2 is for one input"

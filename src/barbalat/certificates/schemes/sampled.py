@@ -69,7 +69,7 @@ def _sampled(entry: Entry, controller: Sampled) -> Entry:
     if entry.kind == "guaranteed" and not entry.quantity.timeless:
         return replace(entry, kind="does not apply", why=f"sampled every {controller.sample_time:g} s")
     if entry.kind == "exact":
-        return replace(entry, kind="estimate", assumptions=(*entry.assumptions, CONTINUOUS_ONLY))
+        return replace(entry, kind="estimate", assumptions=(*entry.assumptions, CONTINUOUS_ONLY), unsampled=True)
     return entry
 
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from barbalat import validate
 from barbalat.controllers.l1 import require_low_pass
-from barbalat.controllers.l1_piecewise import input_directions
+from barbalat.controllers.l1_piecewise import PATENT_NOTE, input_directions
 from barbalat.controllers.piecewise_filter import FilterStep, filter_step
 from barbalat.controllers.settings import Scheme
 from barbalat.controllers.windup import applied, limits_of_predictor
@@ -93,6 +93,7 @@ class L1OutputPiecewiseConstant(Scheme):
     name: str = "L1 output, piecewise constant"
 
     feedback: ClassVar[str] = "output"
+    patent: ClassVar[str] = PATENT_NOTE
 
     def __post_init__(self) -> None:
         validate.label("name", self.name)

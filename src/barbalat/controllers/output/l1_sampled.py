@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, ClassVar
 
 from barbalat.controllers.steps import Filter
+from barbalat.controllers.twin import SampledTwin
 from barbalat.problem.known_set import limit
 from barbalat.protocols import Sample, Value, kept
 
@@ -14,7 +15,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, eq=False)
-class OutputPredictor:
+class OutputPredictor(SampledTwin):
     """(21): predictor and sigma in one implicit step, for every gamma and T; the predictor is fed with sigma inside its bounds.
 
     With y_next = y + T (-m y_mid + m (u + s) + w), s what sigma estimates, y_tilde = y - y_hat and sigma_tilde = sigma - s,
@@ -31,12 +32,6 @@ class OutputPredictor:
     @classmethod
     def of(cls, equations: l1.Equations, T: float) -> OutputPredictor:
         return cls(equations, T, Filter.of(equations.C, T))
-
-    def initial(self) -> l1.State:
-        return self.continuous.initial()
-
-    def control(self, state: l1.State, y: Value, y_m: Value, r: Value) -> Value:
-        return self.continuous.control(state, y, y_m, r)
 
     def freezing(self, frozen: Value) -> OutputPredictor:
         return replace(self, frozen=frozen)

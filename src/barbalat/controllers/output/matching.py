@@ -24,7 +24,8 @@ def filter_polynomial(n: int, W_m: TransferFunction, filter_poles: Array | None)
     if filter_poles is None:
         filter_poles = np.full(free, -np.abs(W_m.poles).max())
     if len(filter_poles) != free:
-        raise InputError(f"filter_poles must have {free} entries (order - 1 less the model's zeros), got {len(filter_poles)}")
+        wanted = f"{validate.counted(free, 'entry')} (order - 1 less the model's zeros)"
+        raise InputError(f"filter_poles must have {wanted}, got {len(filter_poles)}")
     if not (np.asarray(filter_poles).real < -SLOWEST_POLE_SHARE * np.abs(W_m.poles).max()).all():
         raise InputError(
             f"filter_poles must have negative real parts, and not below {SLOWEST_POLE_SHARE:g} of the model's fastest pole: "

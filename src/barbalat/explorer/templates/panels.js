@@ -6,10 +6,10 @@ export function panelsOf(data, shown, moved) {
   return [
     ...data.controllers[0].panels.map((panel) => motion(data, shown, moved, panel)),
     { title: "Largest |eᵢ| between two recorded instants", series: errors, log: true },
-    { title: "Control u", series: shown.flatMap((part) => envelopes(data, part, "u", "u")) },
+    { title: "Control u", series: shown.flatMap((part) => envelopes(data, part, "u", (j) => `u${j + 1}`)) },
     ...data.controllers.flatMap((controller, index) => {
       const own = shown.filter(({ run }) => run.index === index);
-      const none = !own.length || controller.theta_hat[1] === controller.theta_hat[0];
+      const none = !own.length || !(controller.estimates.length + controller.beside.length);
       return none ? [] : [estimates(data, own, moved, controller)];
     }),
   ];
@@ -42,14 +42,20 @@ function motion(data, shown, moved, panel) {
 }
 
 function estimates(data, own, moved, controller) {
-  const series = own.flatMap(({ run, dash }) => envelopes(data, { run, dash, colour: null, label: null }, "theta_hat", "θ̂"));
-  const count = controller.theta_hat[1] - controller.theta_hat[0];
-  if (controller.true && controller.true.length === count && !moved) {
-    const { t } = own[0].run;
-    controller.true.forEach((value, i) => {
-      series.push({ t, low: t.map(() => value), colour: i, dash: [2, 3], label: i ? null : "true values" });
-    });
-  }
+  const names = controller.estimates;
+  const { beside } = controller;
+  const series = own.flatMap(({ run, dash }) => [
+    ...envelopes(data, { run, dash, colour: null, label: null }, "theta_hat", (j) => names[j]),
+    ...beside.map(({ label, row }, k) => ({ t: run.t, low: rows(run, row), colour: names.length + k, dash, label })),
+  ]);
+  const known = controller.true && controller.true.length === names.length ? controller.true : names.map(() => null);
+  const { t } = own[0].run;
+  let said = moved; // with other numbers others are true
+  [...known, ...beside.map((one) => one.true)].forEach((value, i) => {
+    if (moved || value === null) return;
+    series.push({ t, low: t.map(() => value), colour: i, dash: [2, 3], label: said ? null : "true values" });
+    said = true;
+  });
   return { title: `${controller.name}: estimates`, series };
 }
 
@@ -90,11 +96,11 @@ function middle(run, at, quantity, j) {
   return low.map((v, i) => (v + high[i]) / 2);
 }
 
-function envelopes(data, { run, colour, dash, label }, quantity, symbol) {
+function envelopes(data, { run, colour, dash, label }, quantity, nameOf) {
   const at = data.controllers[run.index];
   const [low, high] = ["min", "max"].map((side) => entries(run, at, quantity, side));
   return low.map((values, j) => ({
     t: run.t, low: values, high: high[j], colour: colour ?? j, dash,
-    label: low.length > 1 || label === null ? `${label ? `${label}, ` : ""}${symbol}${j + 1}` : label,
+    label: low.length > 1 || label === null ? `${label ? `${label}, ` : ""}${nameOf(j)}` : label,
   }));
 }

@@ -5,14 +5,11 @@ from __future__ import annotations
 import hashlib
 import io
 import platform
-import subprocess
 import sys
-import tempfile
 import zipfile
 from dataclasses import dataclass
-from pathlib import Path
 
-from barbalat.export.compiler import COMPILING_SECONDS, require_compiler
+from barbalat.export.compiler import require_compiler, shared_library
 from barbalat.export.fmu.describe import build_description, describe_2, describe_3
 from barbalat.export.fmu.refused import refused
 from barbalat.export.fmu.units import Unit
@@ -52,7 +49,7 @@ class Archive:
         whole["documentation/index.html"] = self._documentation().encode()
         if compiled:
             place, ending = self._platform()
-            whole[f"binaries/{place}/{self.unit.identifier}{ending}"] = _compiled(texts, names, ending)
+            whole[f"binaries/{place}/{self.unit.identifier}{ending}"] = _compiled(texts, ending)
         return _zipped(whole)
 
     def _sources(self) -> tuple[str, dict[str, str]]:
@@ -125,17 +122,9 @@ class Archive:
         return (f"{system}64" if machine == "x86_64" else f"{machine}-{system}"), ending
 
 
-def _compiled(texts: dict[str, str], names: list[str], ending: str) -> bytes:
+def _compiled(texts: dict[str, str], ending: str) -> bytes:
     compiler = require_compiler("an FMU has a binary for this machine", "or ask for the sources alone")
-    with tempfile.TemporaryDirectory(prefix="barbalat-") as folder:
-        for name, text in texts.items():
-            (Path(folder) / name).write_text(text, encoding="ascii")
-        made = Path(folder) / f"made{ending}"
-        command = [compiler, *OPTIONS, "-O2", "-shared", "-fPIC", "-fvisibility=hidden", *names, "-o", str(made), "-lm"]
-        done = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=COMPILING_SECONDS, check=False)
-        if done.returncode:
-            raise InputError(f"{compiler} does not compile the export: {done.stderr.strip().splitlines()[0]}")
-        return made.read_bytes()
+    return shared_library(compiler, texts, "-fvisibility=hidden", ending=ending)
 
 
 def _zipped(whole: dict[str, bytes]) -> bytes:

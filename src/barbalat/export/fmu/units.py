@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 from barbalat.export.fmu.variables import Variable, Variables, array, entries, parameters, require_distinct
-from barbalat.export.layout import Part
+from barbalat.export.layout import StatePart
 from barbalat.export.meanings import meaning
 from barbalat.export.parameters import Parameter
 from barbalat.export.plant_source import PrintedPlant
@@ -122,7 +122,7 @@ class Unit:
         return found
 
     @property
-    def _kept(self) -> list[Part]:
+    def _kept(self) -> list[StatePart]:
         layout = self.printed.contents.layout
         return [part for part in layout.parts if part not in (layout.u, layout.theta_hat, layout.started)]
 

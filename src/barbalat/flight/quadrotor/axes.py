@@ -37,6 +37,8 @@ MOMENT_SHARE = 1 / 3
 ADDED_SHARE = 0.5
 """Of an axis' authority, for what a scheme adds; the feedback has the rest. So neither is cut off by the other, and a predictor
 knows what is left of u. Half of position's lifts another 35 % of the mass."""
+MET_SHARE = 0.5
+"""Of what a scheme may add, as what acts on an axis where its problem is simulated by itself, or exported: else nothing moves."""
 TILT = np.deg2rad(35.0)
 """The most that position's control leans away from what the path asks for: g tan of it, and as much up and down."""
 
@@ -107,6 +109,7 @@ class Axis:
             plant=plant,
             reference_model=ReferenceModel(k_0=float(self.frequency**2)),
             reference=Constant(0.0),
+            disturbance=Constant(MET_SHARE * self.limit),
             uncertainty=known,
             name=f"Quadrotor, {self.name}",
         )

@@ -29,9 +29,10 @@ from barbalat.flight.quadrotor.schemes import SCHEMES, OnAxis, require_known
 from barbalat.flight.quadrotor.trajectory import TAKES_OFF
 from barbalat.flight.quadrotor.vehicle import AIR_DENSITY, INTEGRATOR, PLACES, SLOPE, STEP, Quadrotor
 from barbalat.flight.request import Request
-from barbalat.flight.sampled_step import SampledList
 from barbalat.flight.scene import Mover, Scene
 from barbalat.protocols import Controller
+from barbalat.run.sampled_step import SampledList
+from barbalat.run.stepwise import Flyable, Maker
 from barbalat.validate import InputError, require_extra, show
 
 if TYPE_CHECKING:
@@ -52,10 +53,11 @@ WIRE = (
 class QuadrotorComparison(Compared):
     """All flights of some schemes through some failures.
 
-    mujoco   its version
-    axes     the vehicle's, with their linear model and gains
-    flights  for each scheme those through all failures, in their order
-    delays   the largest added delay with which each kept the vehicle [s], by name; None where nobody asked
+    mujoco    its version
+    axes      the vehicle's, with their linear model and gains
+    flights   for each scheme those through all failures, in their order
+    delays    the largest added delay with which each kept the vehicle [s], by name; None where nobody asked
+    exported  whether the exported C flew
     """
 
     name: str
@@ -64,6 +66,7 @@ class QuadrotorComparison(Compared):
     mujoco: str
     flights: tuple[tuple[QuadrotorFlight, ...], ...]
     delays: dict[str, float] | None = None
+    exported: bool = False
 
     @property
     def headline(self) -> str:
@@ -171,11 +174,12 @@ def fly(request: Request) -> QuadrotorComparison:
         raise InputError("condition and equipment, --altitude and --mach, are the F-16's: the quadrotor hovers near the ground")
     require_extra("mujoco", "flight", "the quadrotor")
     axes = Axes(hover=isolated(STARTING_SECONDS, hovering, Quadrotor()))
-    schemes = [_scheme(name, axes) for name in dict.fromkeys(wanted)] + [_own(one, axes) for one in request.controllers]
+    schemes, maker = _schemes(axes, wanted, request.controllers), request.software_in_the_loop
     _require_different([one.name for one in schemes])
+    flying = schemes if maker is None else _schemes(axes, wanted, request.controllers, maker)
     flights, borne = [], {}
-    for i, scheme in enumerate(schemes):
-        flights.append(tuple(_flown(axes, scheme, chosen)))
+    for i, (scheme, flies) in enumerate(zip(schemes, flying, strict=True)):
+        flights.append(tuple(_flown(axes, flies, chosen)))
         if request.delays:
             borne[scheme.name] = isolated(STARTING_SECONDS + 20 * SECONDS_PER_FLIGHT, delay_borne, axes, scheme)
         if request.progress is not None:
@@ -187,6 +191,7 @@ def fly(request: Request) -> QuadrotorComparison:
         mujoco=metadata.version("mujoco"),
         flights=tuple(flights),
         delays=borne if request.delays else None,
+        exported=maker is not None,
     )
 
 
@@ -197,23 +202,30 @@ def _failures(names: Sequence[str] | None) -> tuple[Failure, ...]:
     return tuple(FAILURES[one] for one in dict.fromkeys(names or FAILURES))
 
 
-def _scheme(name: str, axes: Axes) -> Scheme:
-    def on(several: Sequence[OnAxis]) -> tuple[SampledList, ...]:
-        return tuple(SampledList.of(*one) for one in several)
+def _schemes(axes: Axes, names: Sequence[str], controllers: Sequence[Controller], maker: Maker = SampledList.of) -> list[Scheme]:
+    return [
+        *(_scheme(name, axes, maker) for name in dict.fromkeys(names)),
+        *(_own(one, axes, maker) for one in controllers),
+    ]
+
+
+def _scheme(name: str, axes: Axes, maker: Maker = SampledList.of) -> Scheme:
+    def on(several: Sequence[OnAxis]) -> tuple[Flyable, ...]:
+        return tuple(maker(*one) for one in several)
 
     attitude, position = ([SCHEMES[name](axis) for axis in several] for several in (axes.attitude, axes.position))
     return Scheme(name=attitude[0].controller.name, attitude=on(attitude), position=on(position))
 
 
-def _own(controller: Controller, axes: Axes) -> Scheme:
+def _own(controller: Controller, axes: Axes, maker: Maker) -> Scheme:
     """What is somebody's own turns the vehicle; its place is left to the geometric controller."""
-    lists = [SampledList.of(axis.adaptive_problem, controller) for axis in axes.attitude]
+    lists = [maker(axis.adaptive_problem, controller) for axis in axes.attitude]
     if lists[0].sample_time != ATTITUDE_SAMPLE:
         raise InputError(
             f"{controller.name} must have sample_time {ATTITUDE_SAMPLE:g} s, that of the attitude's computer, "
             f"got {lists[0].sample_time:g}"
         )
-    alone = _scheme("geometric", axes)
+    alone = _scheme("geometric", axes, maker)
     return Scheme(name=controller.name, attitude=tuple(lists), position=alone.position)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -20,7 +20,7 @@ from barbalat.flight.quadrotor.geometry import (
 )
 from barbalat.flight.quadrotor.simulator import Motion
 from barbalat.flight.quadrotor.trajectory import Path
-from barbalat.flight.sampled_step import SampledList, SampledStep
+from barbalat.run.stepwise import Agreement, Flyable, Step
 from barbalat.validate import Array
 
 OUTER_EVERY = round(POSITION_SAMPLE / ATTITUDE_SAMPLE)
@@ -29,11 +29,11 @@ OUTER_EVERY = round(POSITION_SAMPLE / ATTITUDE_SAMPLE)
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Scheme:
-    """What one scheme adds, as lists of operations: for roll, pitch, yaw, and for forward, left, up."""
+    """What one scheme adds, as what flies: for roll, pitch, yaw, and for forward, left, up."""
 
     name: str
-    attitude: tuple[SampledList, ...]
-    position: tuple[SampledList, ...]
+    attitude: tuple[Flyable, ...]
+    position: tuple[Flyable, ...]
 
 
 class Control:
@@ -46,8 +46,8 @@ class Control:
     def __init__(self, axes: Axes, scheme: Scheme) -> None:
         self.axes, self.name, self.vehicle = axes, scheme.name, axes.hover.vehicle
         self._mixer, self._hover, self._inertia = axes.hover.mixer, axes.hover.thrusts, np.asarray(self.vehicle.inertia)
-        self._attitude = [(axis, SampledStep(one)) for axis, one in zip(axes.attitude, scheme.attitude, strict=True)]
-        self._position = [(axis, SampledStep(one)) for axis, one in zip(axes.position, scheme.position, strict=True)]
+        self._attitude = [(axis, one.step()) for axis, one in zip(axes.attitude, scheme.attitude, strict=True)]
+        self._position = [(axis, one.step()) for axis, one in zip(axes.position, scheme.position, strict=True)]
         self.reset(np.eye(3), np.zeros(3))
 
     def reset(self, attitude: Array, rates: Array) -> None:
@@ -69,6 +69,16 @@ class Control:
         turning += cross(Omega, self._inertia * Omega) / self._inertia
         return allocated(self._mixer, self._hover, self.vehicle.thrust, float(self._wanted @ (R @ UP)), turning)
 
+    def agreement(self) -> Agreement | None:
+        """Of all six axes since it was last asked for: those of one flight."""
+        told = [(axis.name, step.agreement()) for axis, step in (*self._attitude, *self._position)]
+        named = [
+            replace(one, difference=f"{name}: {one.difference}") if one.difference else one
+            for name, one in told
+            if one is not None
+        ]
+        return Agreement.together(named, flights=1) if named else None
+
     def _follow(self, command: AttitudeCommand) -> None:
         """The model one sample on, under an acceleration that is held."""
         R, Omega, acceleration = self._model
@@ -81,7 +91,7 @@ class Control:
         self._model = AttitudeCommand(R, Omega, asked + carried(R, Omega, command))
 
 
-def _asked(loops: list[tuple[Axis, SampledStep]], errors: Array) -> Array:
+def _asked(loops: list[tuple[Axis, Step]], errors: Array) -> Array:
     """Feedback and what the scheme adds, each within its limit, (3,)."""
     return np.array(
         [axis.feedback(x) + axis.limited(float(step(x, 0.0)[0])) for (axis, step), x in zip(loops, errors, strict=True)]

@@ -16,6 +16,7 @@ from barbalat.flight.quadrotor.trajectory import CLIMBS, TAKES_OFF, Path, path
 from barbalat.flight.quadrotor.vehicle import STANDING, STEP
 from barbalat.flight.scene import attitudes
 from barbalat.linear.largest import largest_whole
+from barbalat.run.stepwise import Agreement
 from barbalat.validate import Array
 
 DURATION = 20.0
@@ -50,14 +51,16 @@ FARTHEST, STEEPEST, LOWEST = 3.0, 85.0, STANDING + 0.02
 class QuadrotorFlight:
     """What was flown.
 
-    record  (K, 18), one row for each sample of position, see ``COLUMNS``; up to where the vehicle was lost
-    lost    why it was lost, empty where it was not
+    record     (K, 18), one row for each sample of position, see ``COLUMNS``; up to where the vehicle was lost
+    lost       why it was lost, empty where it was not
+    agreement  of the exported C of all axes with the simulated lists; None where those flew
     """
 
     controller: str
     failure: Failure
     record: Array
     lost: str
+    agreement: Agreement | None = None
 
     def column(self, name: str) -> Array:
         """One of ``COLUMNS`` over the samples."""
@@ -168,7 +171,9 @@ def _fly(axes: Axes, control: Control, failure: Failure) -> QuadrotorFlight:
             if lost:
                 break
         simulator.advance(waiting.popleft(), round(T / STEP))
-    return QuadrotorFlight(controller=control.name, failure=failure, record=np.array(record), lost=lost)
+    return QuadrotorFlight(
+        controller=control.name, failure=failure, record=np.array(record), lost=lost, agreement=control.agreement()
+    )
 
 
 def _fail(simulator: Simulator, failure: Failure) -> None:

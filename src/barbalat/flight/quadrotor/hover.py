@@ -12,12 +12,12 @@ from barbalat.flight.quadrotor.simulator import ROTORS, Motion, Simulator
 from barbalat.flight.quadrotor.vehicle import Quadrotor
 from barbalat.validate import Array, InputError
 
-HEIGHT = 2.0
+HOVER_HEIGHT = 2.0
 """[m]; clear of the ground, on which nothing else depends."""
-DIFFERENCE = 1e-4
+DIFFERENCE_STEP = 1e-4
 """Of every number [m, rad, m/s, rad/s, N]: what is of second order in it is drag, 1e-8 of a Newton, and rounding leaves nine
 digits."""
-RESIDUAL = 1e-9
+LARGEST_RESIDUAL = 1e-9
 """[m/s^2, rad/s^2] left of the accelerations at hover."""
 
 
@@ -60,7 +60,7 @@ def hovering(vehicle: Quadrotor) -> Hover:
         B = _differences(partial(_of_thrusts, accelerations, thrusts), ROTORS)
         thrusts = thrusts - np.linalg.pinv(B) @ accelerations(np.zeros(12), thrusts)
     left = float(np.abs(accelerations(np.zeros(12), thrusts)).max())
-    if left > RESIDUAL or not ((thrusts > 0) & (thrusts < vehicle.thrust)).all():
+    if left > LARGEST_RESIDUAL or not ((thrusts > 0) & (thrusts < vehicle.thrust)).all():
         raise InputError(
             f"the quadrotor can't hover: it would take thrusts of {thrusts} N, and {left:.2g} m/s^2 or rad/s^2 are left"
         )
@@ -75,7 +75,7 @@ def _turned(change: Array) -> Motion:
     from scipy.spatial.transform import Rotation
 
     position, turn, velocity, rates = np.split(change, 4)
-    return Motion(np.array([0, 0, HEIGHT]) + position, Rotation.from_rotvec(turn).as_matrix(), velocity, rates)
+    return Motion(np.array([0, 0, HOVER_HEIGHT]) + position, Rotation.from_rotvec(turn).as_matrix(), velocity, rates)
 
 
 def _of_thrusts(accelerations: Callable[[Array, Array], Array], at: Array, change: Array) -> Array:
@@ -84,5 +84,5 @@ def _of_thrusts(accelerations: Callable[[Array, Array], Array], at: Array, chang
 
 def _differences(function: Callable[[Array], Array], count: int) -> Array:
     """Central ones, a column for each of the variables."""
-    moves = DIFFERENCE * np.eye(count)
-    return np.column_stack([(function(move) - function(-move)) / (2 * DIFFERENCE) for move in moves])
+    moves = DIFFERENCE_STEP * np.eye(count)
+    return np.column_stack([(function(move) - function(-move)) / (2 * DIFFERENCE_STEP) for move in moves])

@@ -17,11 +17,11 @@ CLIMBS = 2.5
 """[s] that the climb to ``HEIGHT`` takes."""
 HEIGHT = 2.0
 """[m] above the ground."""
-TURNS, WITHIN = 5.0, 3.0
+TURNS_AT, SPEED_UP_SECONDS = 5.0, 3.0
 """[s]: when the figure of eight begins, and how long it takes to reach its speed."""
 PERIOD = 8.0
 """[s] of an eight."""
-AHEAD, ASIDE, RISING = 2.0, 1.0, 0.3
+HALF_LENGTH, HALF_WIDTH, RISE = 2.0, 1.0, 0.3
 """[m]: half its length, half its width, and how far it rises and sinks: up to 2.2 m/s and 3 m/s^2."""
 
 
@@ -52,9 +52,9 @@ def path(T: float, samples: int) -> Path:
 
 
 def _position(t: Any, ca: Any) -> Any:
-    turned = 2 * np.pi / PERIOD * _run_up(t - TURNS, ca)
+    turned = 2 * np.pi / PERIOD * _run_up(t - TURNS_AT, ca)
     height = STANDING + (HEIGHT - STANDING) * _smooth((t - TAKES_OFF) / CLIMBS, ca)
-    return ca.vertcat(AHEAD * ca.sin(turned), ASIDE * ca.sin(2 * turned), height + RISING * (1 - ca.cos(turned)))
+    return ca.vertcat(HALF_LENGTH * ca.sin(turned), HALF_WIDTH * ca.sin(2 * turned), height + RISE * (1 - ca.cos(turned)))
 
 
 def _smooth(s: Any, ca: Any) -> Any:
@@ -65,8 +65,8 @@ def _smooth(s: Any, ca: Any) -> Any:
 
 def _run_up(t: Any, ca: Any) -> Any:
     """The integral of ``_smooth(t / WITHIN)``: a clock that comes up to speed."""
-    s = ca.fmin(ca.fmax(t / WITHIN, 0), 1)
-    return WITHIN * s**5 * (7 - 14 * s + 10 * s**2 - 2.5 * s**3) + ca.fmax(t - WITHIN, 0)
+    s = ca.fmin(ca.fmax(t / SPEED_UP_SECONDS, 0), 1)
+    return SPEED_UP_SECONDS * s**5 * (7 - 14 * s + 10 * s**2 - 2.5 * s**3) + ca.fmax(t - SPEED_UP_SECONDS, 0)
 
 
 def _turning(acceleration: Array, T: float) -> Array:

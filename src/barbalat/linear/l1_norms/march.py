@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 from flint import arb, arb_mat, arb_poly, ctx
 
 from barbalat.linear.l1_norms.decay import euclidean_norm
-from barbalat.linear.l1_norms.model import LONGEST_STEP, Model, Tolerances, column, log2_above, tolerances
-from barbalat.linear.l1_norms.pieces import POLYNOMIAL_DEGREE, Piece, bernstein_matrix, remainder_constant, resolved
+from barbalat.linear.l1_norms.model import LONGEST_STEP, NormModel, Tolerances, column, log2_above, tolerances
+from barbalat.linear.l1_norms.pieces import POLYNOMIAL_DEGREE, BernsteinPiece, bernstein_matrix, remainder_constant, resolved
 
 
 @dataclass
@@ -20,7 +20,7 @@ class Counters:
     sign_changes: int = 0
 
 
-def integrate(model: Model, budget: arb, counters: Counters, work_limit: int) -> tuple[list[arb], list[arb]]:
+def integrate(model: NormModel, budget: arb, counters: Counters, work_limit: int) -> tuple[list[arb], list[arb]]:
     """Return lower and upper bounds (as balls) of each output row's sum over inputs of |D| + integral |h|."""
     ladder = _Ladder(model)
     lowers = [sum(row, arb(0)) for row in model.feedthrough]
@@ -54,7 +54,7 @@ class _Rung:
 class _Ladder:
     """Segment lengths that are powers of two, their constants computed when first used."""
 
-    def __init__(self, model: Model) -> None:
+    def __init__(self, model: NormModel) -> None:
         self.model = model
         self._rungs: dict[int, _Rung] = {}
         self._transitions: dict[int, arb_mat] = {}
@@ -95,7 +95,7 @@ class _Ladder:
 class _March:
     """Integration of |h| for one input and all outputs, from t = 0 to where the tail is negligible."""
 
-    model: Model
+    model: NormModel
     ladder: _Ladder
     tolerances: Tolerances
     counters: Counters
@@ -174,7 +174,7 @@ class _March:
 
     def _segment(self, rung: _Rung, row: int, state: arb_mat, error: arb) -> None:
         """Add the integral of |c x(s)| over one segment for one row c of C, exact up to `error`."""
-        piece = Piece((rung.bernstein[row] * state).entries())
+        piece = BernsteinPiece((rung.bernstein[row] * state).entries())
         tolerance = self.tolerances.piece / rung.length
         pieces = [piece]
         if not piece.gap <= tolerance:

@@ -37,7 +37,7 @@ class System:
 
 
 @dataclass(frozen=True)
-class Model:
+class NormModel:
     """Everything about the system that does not depend on the tolerance, at one working precision.
 
     States and time are rescaled (`scaled`), so times are in its unit, not in seconds.
@@ -57,7 +57,7 @@ class Model:
     remainder: arb_mat  # factor of P times A^(POLYNOMIAL_DEGREE + 1)
 
 
-def build_model(system: System) -> Model | None:
+def build_model(system: System) -> NormModel | None:
     """Return the model of the system at the current precision, None if the decay is not certified at it."""
     plant = scaled(system.A, system.B, system.C)
     A, C = plant.A, plant.C
@@ -81,7 +81,7 @@ def build_model(system: System) -> Model | None:
         for _ in range(POLYNOMIAL_DEGREE + 1):
             high_power = high_power * A
     tables = [power.tolist() for power in powers]
-    return Model(
+    return NormModel(
         A,
         plant.B,
         C,
@@ -97,7 +97,7 @@ def build_model(system: System) -> Model | None:
     )
 
 
-def norm_lower_bound(model: Model) -> arb:
+def norm_lower_bound(model: NormModel) -> arb:
     """Return a rigorous lower bound of the norm: the largest row sum of step-response variations.
 
     The step response of a channel changes by at most the integral of |h| between any two instants, here
@@ -125,7 +125,7 @@ def norm_lower_bound(model: Model) -> arb:
     return max(sums, key=lambda value: float(value.log()) if value > 0 else -math.inf).lower()
 
 
-def needed_bits(model: Model, budget: arb) -> int:
+def needed_bits(model: NormModel, budget: arb) -> int:
     """Return the precision at which rounding stays below the budget and fast modes below notice."""
     # Rounding of the state is relative to its entries, whose contributions may cancel in the norm: a box of
     # their size has the norm without the cancellation.
@@ -154,7 +154,7 @@ class Tolerances:
     horizon: float  # time until the tail is met
 
 
-def tolerances(model: Model, start: arb_mat, budget: arb) -> Tolerances:
+def tolerances(model: NormModel, start: arb_mat, budget: arb) -> Tolerances:
     """Return the tolerances of one of the inputs, whose state starts at the column `start` (n, 1)."""
     share = budget * _TRUNCATION_SHARE / model.B.ncols()
     rate = 0.5 * model.decay

@@ -42,7 +42,7 @@ def remainder_constant(length: arb) -> arb:
     return power / (arb(math.factorial(POLYNOMIAL_DEGREE)) * (2 * degree + 1).sqrt() * (degree + arb(1.5)))
 
 
-class Piece:
+class BernsteinPiece:
     """Polynomial on [0, 1] by its Bernstein coefficients: |total| <= integral |p| <= |total| + gap.
 
     The mean of the coefficients is the integral; min(negative, positive part) of p is at most the same part
@@ -85,7 +85,7 @@ class Piece:
         return variations, place
 
 
-def resolved(polynomial: arb_poly, piece: Piece, tolerance: arb, room: int) -> list[Piece]:
+def resolved(polynomial: arb_poly, piece: BernsteinPiece, tolerance: arb, room: int) -> list[BernsteinPiece]:
     """Return pieces, in order of time, whose gaps are within the tolerance, about `room` pieces at most.
 
     Pieces that cannot be resolved at this precision or within the room keep their larger gap.
@@ -93,7 +93,7 @@ def resolved(polynomial: arb_poly, piece: Piece, tolerance: arb, room: int) -> l
     A child on [u, v] is p(u + (v - u) s) (v - u), so that integrals over [0, 1] of the children add up.
     """
     pending = [(polynomial, piece, 0)]
-    done: list[Piece] = []
+    done: list[BernsteinPiece] = []
     while pending:
         polynomial, piece, halvings = pending.pop()
         full = halvings >= _HALVINGS_LIMIT or len(done) + len(pending) >= room
@@ -107,11 +107,11 @@ def resolved(polynomial: arb_poly, piece: Piece, tolerance: arb, room: int) -> l
             coefficients += [arb(0)] * (POLYNOMIAL_DEGREE + 1 - len(coefficients))
             column = arb_mat(POLYNOMIAL_DEGREE + 1, 1, coefficients)
             values = (bernstein_matrix(ctx.prec) * column).entries()
-            pending.append((child, Piece(values), halvings + 1))
+            pending.append((child, BernsteinPiece(values), halvings + 1))
     return done
 
 
-def _split_point(polynomial: arb_poly, piece: Piece) -> arb:
+def _split_point(polynomial: arb_poly, piece: BernsteinPiece) -> arb:
     """Return an exact point of (0, 1): close to the only root if there is one, else the middle."""
     variations, place = piece.sign_variations()
     middle = arb(0.5)

@@ -6,7 +6,7 @@ Coefficients and intervals: fdlibm's s_atan.c (Copyright (C) 1993 by Sun Microsy
 from __future__ import annotations
 
 from barbalat.lowering.functions.formats import DOUBLE, SINGLE, whole
-from barbalat.lowering.functions.trace import Number
+from barbalat.lowering.functions.trace import TracedNumber
 
 A = (
     3.33333333333329318027e-01, -1.99999999998764832476e-01, 1.42857142725034663711e-01, -1.11111104054623557880e-01,
@@ -26,7 +26,7 @@ ASYMPTOTE_FROM = {DOUBLE: 2.0**66, SINGLE: 2.0**34}
 """From here on atan x is pi/2 to the last bit."""
 
 
-def atan(x: Number) -> tuple[Number]:
+def atan(x: TracedNumber) -> tuple[TracedNumber]:
     """atan a = atan c + atan((a - c)/(1 + c a)), with c = 0, 1/2, 1, 3/2 or infinity by the interval of a = |x|."""
     a = abs(x)
     beyond, at = ASYMPTOTE_FROM[x.format], AT[x.format]

@@ -9,7 +9,7 @@ import math
 
 from barbalat.lowering.functions.exact import Double, fast_two_sum, rounded, split, two_sum
 from barbalat.lowering.functions.formats import DOUBLE, SINGLE, whole
-from barbalat.lowering.functions.trace import Number
+from barbalat.lowering.functions.trace import TracedNumber
 
 P = (
     1.66666666666666019037e-01, -2.77777777770155933842e-03, 6.61375632143793436117e-05,
@@ -28,19 +28,19 @@ BEYOND_EXP = {DOUBLE: 800.0, SINGLE: 120.0}
 TANH_IS_ONE = {DOUBLE: 22.0, SINGLE: 10.0}
 
 
-def _remez(t: Number) -> Number:
+def _remez(t: TracedNumber) -> TracedNumber:
     """t (P1 + t P2 + ...): with r^2 = t, r (exp(r) + 1)/(exp(r) - 1) = 2 + this, to 2^-59."""
     squared = t * t
     return t * ((P[0] + t * P[1]) + squared * ((P[2] + t * P[3]) + squared * P[4]))
 
 
-def _scaled(value: Number, k: Number) -> Number:
+def _scaled(value: TracedNumber, k: TracedNumber) -> TracedNumber:
     """value 2^k, rounded once, where the value is near 1."""
     half = rounded(k * 0.5)
     return (value * half.two_to_this()) * (k - half).two_to_this()
 
 
-def exp(x: Number) -> tuple[Number]:
+def exp(x: TracedNumber) -> tuple[TracedNumber]:
     """exp(k ln 2 + r) = 2^k exp(r), |r| <= ln(2)/2."""
     beyond, (ln_2_high, ln_2_low) = BEYOND_EXP[x.format], LN_2[x.format]
     x = (x > beyond).then(beyond, x)
@@ -52,7 +52,7 @@ def exp(x: Number) -> tuple[Number]:
     return (_scaled(1.0 - ((low - (r * c) / (2.0 - c)) - high), k),)
 
 
-def log(x: Number) -> tuple[Number]:
+def log(x: TracedNumber) -> tuple[TracedNumber]:
     """log(2^k m) = k ln 2 + log m, sqrt(1/2) < m <= sqrt(2)."""
     (ln_2_high, ln_2_low), raised = LN_2[x.format], x.format.bits + 1
     tiny = x < x.format.smallest_normal
@@ -72,7 +72,7 @@ def log(x: Number) -> tuple[Number]:
     return ((x < 0.0).then(math.nan, value),)
 
 
-def tanh(x: Number) -> tuple[Number]:
+def tanh(x: TracedNumber) -> tuple[TracedNumber]:
     """With 2 |x| = k ln 2 + r and exp(r) = (R + r)/(R - r), see ``_remez``: (A - B)/(A + B), A = R + r, B = 2^-k (R - r)."""
     a = abs(x)
     one, (ln_2_high, ln_2_low) = TANH_IS_ONE[x.format], LN_2[x.format]
@@ -93,7 +93,7 @@ def tanh(x: Number) -> tuple[Number]:
     return (value.with_sign_of(x),)
 
 
-def _quotient(upper: Double, lower: Double) -> Number:
+def _quotient(upper: Double, lower: Double) -> TracedNumber:
     """upper/lower: Newton's correction of the first quotient, whose residual Dekker's product gives."""
     first = upper.high / lower.high
     product = first * lower.high

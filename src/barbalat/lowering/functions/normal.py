@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 
 from barbalat.lowering.functions.exponential import log
-from barbalat.lowering.functions.trace import Number
+from barbalat.lowering.functions.trace import TracedNumber
 
 CENTRAL = 0.425
 """|p - 1/2| up to which a rational function of its square serves; beyond, functions of sqrt(-log min(p, 1 - p)) do."""
@@ -43,7 +43,7 @@ F = (
 )  # fmt: skip
 
 
-def _polynomial(coefficients: tuple[float, ...], x: Number) -> Number:
+def _polynomial(coefficients: tuple[float, ...], x: TracedNumber) -> TracedNumber:
     """By Horner's rule; the constant stands first."""
     *rest, last = coefficients
     value = x.constant(last)
@@ -52,14 +52,14 @@ def _polynomial(coefficients: tuple[float, ...], x: Number) -> Number:
     return value
 
 
-def central(p: Number) -> tuple[Number, Number]:
+def central(p: TracedNumber) -> tuple[TracedNumber, TracedNumber]:
     """The value for |p - 1/2| <= CENTRAL, and whether p lies beyond, or is no number."""
     q = p - 0.5
     r = CENTRAL_SQUARED - q * q
     return q * _polynomial(A, r) / _polynomial(B, r), ~(abs(q) <= CENTRAL)
 
 
-def tail(p: Number) -> tuple[Number]:
+def tail(p: TracedNumber) -> tuple[TracedNumber]:
     """The value beyond; infinite at 0 and 1, and no number outside of them."""
     upper = p > 0.5
     (logarithm,) = log(upper.then(1.0 - p, p))

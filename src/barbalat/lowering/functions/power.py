@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from barbalat.lowering.functions.exact import Double, rounded, split
 from barbalat.lowering.functions.exponential import P as EXP
 from barbalat.lowering.functions.formats import DOUBLE, SINGLE, Format, whole
-from barbalat.lowering.functions.trace import Number
+from barbalat.lowering.functions.trace import TracedNumber
 
 L = (
     5.99999999999994648725e-01, 4.28571428578550184252e-01, 3.33333329818377432918e-01,
@@ -26,7 +26,7 @@ LN_2_HIGH, LN_2_LOW = 6.93147182464599609375e-01, -1.90465429995776804525e-09
 
 
 @dataclass(frozen=True)
-class Constants:
+class PowerConstants:
     """Each in one number, or in a first part of half of the bits and the rest.
 
     largest_power  2 to it overflows, to its negative rounds to zero, and half of it is an exponent
@@ -39,9 +39,11 @@ class Constants:
 
 
 _LN_2 = whole(LN_2_HIGH, LN_2_LOW)
-CONSTANTS: dict[Format, Constants] = {
-    DOUBLE: Constants((TWO_OVER_3_LN_2_HIGH, TWO_OVER_3_LN_2_LOW), (LOG2_3_2_HIGH, LOG2_3_2_LOW), (LN_2_HIGH, LN_2_LOW), 2000.0),
-    SINGLE: Constants(
+CONSTANTS: dict[Format, PowerConstants] = {
+    DOUBLE: PowerConstants(
+        (TWO_OVER_3_LN_2_HIGH, TWO_OVER_3_LN_2_LOW), (LOG2_3_2_HIGH, LOG2_3_2_LOW), (LN_2_HIGH, LN_2_LOW), 2000.0
+    ),
+    SINGLE: PowerConstants(
         SINGLE.parted(whole(TWO_OVER_3_LN_2_HIGH, TWO_OVER_3_LN_2_LOW), 12),
         SINGLE.parted(whole(LOG2_3_2_HIGH, LOG2_3_2_LOW), 12),
         SINGLE.parted(_LN_2, 12),
@@ -50,7 +52,7 @@ CONSTANTS: dict[Format, Constants] = {
 }
 
 
-def power(x: Number, y: Number) -> tuple[Number]:
+def power(x: TracedNumber, y: TracedNumber) -> tuple[TracedNumber]:
     """x^y; where that is nothing real, not a number."""
     a = abs(x)
     largest = 2.0 ** (x.format.bits + 11)  # with a larger one every x but 1 over- or underflows: |log2 x| is at least 2^-bits
@@ -60,7 +62,7 @@ def power(x: Number, y: Number) -> tuple[Number]:
     return (_special(x, y, a, value),)
 
 
-def _log2(a: Number) -> Double:
+def _log2(a: TracedNumber) -> Double:
     """log2 a for a > 0, with half of the bits in the first number."""
     of, raised = CONSTANTS[a.format], a.format.bits + 1
     factor_high, factor_low = of.two_over_3_ln_2
@@ -92,12 +94,12 @@ def _log2(a: Number) -> Double:
     return Double(high, z_low - (((high - n) - base_high) - z_high))
 
 
-def _times(log: Double, y: Number) -> Double:
+def _times(log: Double, y: TracedNumber) -> Double:
     high, low = split(y)
     return Double(high * log.high, low * log.high + y * log.low)
 
 
-def _two_to(power: Double) -> Number:
+def _two_to(power: Double) -> TracedNumber:
     high, low = power
     (ln_2_high, ln_2_low), largest = CONSTANTS[high.format].ln_2, CONSTANTS[high.format].largest_power
     total = high + low
@@ -117,7 +119,7 @@ def _two_to(power: Double) -> Number:
     return ((1.0 - (r - z)) * half.two_to_this()) * (n - half).two_to_this()
 
 
-def _special(x: Number, y: Number, a: Number, value: Number) -> Number:
+def _special(x: TracedNumber, y: TracedNumber, a: TracedNumber, value: TracedNumber) -> TracedNumber:
     """IEEE 754's values at zeros, infinities, negative x and NaN."""
     size = abs(y)
     near = (size < 2.0**x.format.bits).then(y, 0.0)  # from there on every number is even

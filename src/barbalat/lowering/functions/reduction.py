@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 from barbalat.lowering.functions.exact import Double, fast_two_sum, rounded, two_product, two_sum
 from barbalat.lowering.functions.formats import DOUBLE, SINGLE, Format, whole
-from barbalat.lowering.functions.trace import Number
+from barbalat.lowering.functions.trace import TracedNumber
 
 LARGEST_USUAL = 2.0**19 * math.pi / 2
 """Up to here n has at most 20 bits, and its product with a part of 33 bits is exact."""
@@ -36,7 +36,7 @@ PI_2 = whole(*PI_2_PARTS, PI_2_REST)
 
 
 @dataclass(frozen=True)
-class Constants:
+class ReductionConstants:
     """What the reduction of a format needs.
 
     largest_usual  up to here the product of n with a part of pi/2 is exact
@@ -62,13 +62,13 @@ def _zeros_before(digits: tuple[float, ...]) -> tuple[float, ...]:
 
 _SINGLE_PARTS = SINGLE.parted(PI_2, 12, 12, 12, 12)
 _BYTES = tuple(float(byte) for digit in TWO_OVER_PI_DIGITS[:10] for byte in int(digit).to_bytes(3, "big"))
-CONSTANTS: dict[Format, Constants] = {
+CONSTANTS: dict[Format, ReductionConstants] = {
     # what is cut off is below 2^-140, and no double is nearer than 2^-61 to a multiple of pi/2
-    DOUBLE: Constants(
+    DOUBLE: ReductionConstants(
         LARGEST_USUAL, TWO_OVER_PI, PI_2_PARTS, PI_2_REST, (PI_2_HIGH, PI_2_LOW), DIGIT_BITS, _zeros_before(TWO_OVER_PI_DIGITS), 8
     ),
     # n and the parts have 12 bits each; cut off is what is below 2^-66, and no float is nearer than 2^-31
-    SINGLE: Constants(
+    SINGLE: ReductionConstants(
         2.0**11 * math.pi / 2, SINGLE.nearest(1 / PI_2), _SINGLE_PARTS[:-1], _SINGLE_PARTS[-1], SINGLE.parted(PI_2, 24), 8,
         _zeros_before(_BYTES), 11,
     ),
@@ -78,18 +78,18 @@ CONSTANTS: dict[Format, Constants] = {
 class Reduced(NamedTuple):
     """x = quadrant pi/2 + (high + low), where the quadrant, -2 to 2, counts modulo 4."""
 
-    quadrant: Number
-    high: Number
-    low: Number
+    quadrant: TracedNumber
+    high: TracedNumber
+    low: TracedNumber
 
 
-def is_large(x: Number) -> Number:
+def is_large(x: TracedNumber) -> TracedNumber:
     """Whether ``usual`` is not for this x; infinity and NaN are, and make a NaN there."""
     size = abs(x)
     return (size > CONSTANTS[x.format].largest_usual) & (size < math.inf)
 
 
-def usual(x: Number) -> Reduced:
+def usual(x: TracedNumber) -> Reduced:
     """Where n is small. The errors of the subtractions are kept: near a multiple of pi/2 they are what is left."""
     of = CONSTANTS[x.format]
     n = rounded(x * of.two_over_pi)
@@ -103,7 +103,7 @@ def usual(x: Number) -> Reduced:
     return Reduced(_modulo_4(n), high, low)
 
 
-def large(x: Number) -> Reduced:
+def large(x: TracedNumber) -> Reduced:
     """For every larger, finite |x|; what else may stand beside it in a vector is replaced."""
     of = CONSTANTS[x.format]
     bits = of.digit_bits
@@ -128,7 +128,7 @@ def large(x: Number) -> Reduced:
     return Reduced(_modulo_4(negative.then(-n, n)), negative.then(-y.high, y.high), negative.then(-y.low, y.low))
 
 
-def _fraction(terms: list[Number]) -> tuple[Number, Double]:
+def _fraction(terms: list[TracedNumber]) -> tuple[TracedNumber, Double]:
     """The whole number next to the sum of the terms, and the rest of it; three numbers hold what cancellation leaves."""
     total = terms[0] + terms[1]  # exact: 47 bits, or 17
     n = rounded(total)
@@ -153,5 +153,5 @@ def _times_half_pi(turned: Double) -> Double:
     return fast_two_sum(high, low + (turned.high * pi_2_low + turned.low * pi_2_high))
 
 
-def _modulo_4(n: Number) -> Number:
+def _modulo_4(n: TracedNumber) -> TracedNumber:
     return n - 4.0 * rounded(n * 0.25)

@@ -1,4 +1,4 @@
-"""Operation lists written as formulas: every operator on a ``Number`` appends one operation, in the order of writing.
+"""Operation lists written as formulas: every operator on a ``TracedNumber`` appends one operation, in the order of writing.
 
 What is written is what is computed. Nothing is simplified or reordered, as that would cost a function its last bits.
 """
@@ -21,27 +21,27 @@ class Trace:
     operations: list[Operation] = field(default_factory=list)
     constants: dict[str, int] = field(default_factory=dict)
 
-    def append(self, name: str, *operands: Number | float, table: tuple[float, ...] = ()) -> Number:
+    def append(self, name: str, *operands: TracedNumber | float, table: tuple[float, ...] = ()) -> TracedNumber:
         places = tuple(self.number(operand).place for operand in operands)
         self.operations.append(Operation(name, places, table=table))
-        return Number(self, len(self.operations) - 1)
+        return TracedNumber(self, len(self.operations) - 1)
 
-    def number(self, value: Number | float) -> Number:
-        if isinstance(value, Number):
+    def number(self, value: TracedNumber | float) -> TracedNumber:
+        if isinstance(value, TracedNumber):
             return value
         key = float(value).hex()  # -0.0 == 0.0 and NaN != NaN as keys
         if key not in self.constants:
             self.operations.append(Operation("constant", (), float(value)))
             self.constants[key] = len(self.operations) - 1
-        return Number(self, self.constants[key])
+        return TracedNumber(self, self.constants[key])
 
-    def argument(self, i: int) -> Number:
+    def argument(self, i: int) -> TracedNumber:
         self.operations.append(Operation("input", source=(i, 0)))
-        return Number(self, len(self.operations) - 1)
+        return TracedNumber(self, len(self.operations) - 1)
 
 
 @dataclass(frozen=True, eq=False)
-class Number:
+class TracedNumber:
     """The value of one operation: a number, or a truth value where it comes from a comparison."""
 
     trace: Trace
@@ -52,95 +52,95 @@ class Number:
         """Of the numbers that are computed with."""
         return self.trace.format
 
-    def constant(self, value: float) -> Number:
+    def constant(self, value: float) -> TracedNumber:
         """A number of the same list."""
         return self.trace.number(value)
 
-    def __add__(self, other: Number | float) -> Number:
+    def __add__(self, other: TracedNumber | float) -> TracedNumber:
         return self.trace.append("add", self, other)
 
-    def __radd__(self, other: float) -> Number:
+    def __radd__(self, other: float) -> TracedNumber:
         return self.trace.append("add", other, self)
 
-    def __sub__(self, other: Number | float) -> Number:
+    def __sub__(self, other: TracedNumber | float) -> TracedNumber:
         return self.trace.append("sub", self, other)
 
-    def __rsub__(self, other: float) -> Number:
+    def __rsub__(self, other: float) -> TracedNumber:
         return self.trace.append("sub", other, self)
 
-    def __mul__(self, other: Number | float) -> Number:
+    def __mul__(self, other: TracedNumber | float) -> TracedNumber:
         return self.trace.append("mul", self, other)
 
-    def __rmul__(self, other: float) -> Number:
+    def __rmul__(self, other: float) -> TracedNumber:
         return self.trace.append("mul", other, self)
 
-    def __truediv__(self, other: Number | float) -> Number:
+    def __truediv__(self, other: TracedNumber | float) -> TracedNumber:
         return self.trace.append("div", self, other)
 
-    def __rtruediv__(self, other: float) -> Number:
+    def __rtruediv__(self, other: float) -> TracedNumber:
         return self.trace.append("div", other, self)
 
-    def __neg__(self) -> Number:
+    def __neg__(self) -> TracedNumber:
         return self.trace.append("neg", self)
 
-    def __abs__(self) -> Number:
+    def __abs__(self) -> TracedNumber:
         return self.trace.append("fabs", self)
 
-    def __lt__(self, other: Number | float) -> Number:
+    def __lt__(self, other: TracedNumber | float) -> TracedNumber:
         return self.trace.append("lt", self, other)
 
-    def __le__(self, other: Number | float) -> Number:
+    def __le__(self, other: TracedNumber | float) -> TracedNumber:
         return self.trace.append("le", self, other)
 
-    def __gt__(self, other: Number | float) -> Number:
+    def __gt__(self, other: TracedNumber | float) -> TracedNumber:
         return self.trace.append("lt", other, self)
 
-    def __ge__(self, other: Number | float) -> Number:
+    def __ge__(self, other: TracedNumber | float) -> TracedNumber:
         return self.trace.append("le", other, self)
 
-    def __and__(self, other: Number) -> Number:
+    def __and__(self, other: TracedNumber) -> TracedNumber:
         return self.trace.append("and", self, other)
 
-    def __or__(self, other: Number) -> Number:
+    def __or__(self, other: TracedNumber) -> TracedNumber:
         return self.trace.append("or", self, other)
 
-    def __invert__(self) -> Number:
+    def __invert__(self) -> TracedNumber:
         return self.trace.append("not", self)
 
-    def equals(self, other: Number | float) -> Number:
+    def equals(self, other: TracedNumber | float) -> TracedNumber:
         return self.trace.append("eq", self, other)
 
-    def then(self, yes: Number | float, no: Number | float) -> Number:
+    def then(self, yes: TracedNumber | float, no: TracedNumber | float) -> TracedNumber:
         """``yes`` where this is true, else ``no``; both are computed."""
         return self.trace.append("select", self, yes, no)
 
-    def with_sign_of(self, other: Number) -> Number:
+    def with_sign_of(self, other: TracedNumber) -> TracedNumber:
         return self.trace.append("copysign", self, other)
 
-    def sqrt(self) -> Number:
+    def sqrt(self) -> TracedNumber:
         return self.trace.append("sqrt", self)
 
-    def floor(self) -> Number:
+    def floor(self) -> TracedNumber:
         return self.trace.append("floor", self)
 
-    def exponent(self) -> Number:
+    def exponent(self) -> TracedNumber:
         """e of |x| = s 2^e with 1 <= s < 2, for a normal number."""
         return self.trace.append("exponent", self)
 
-    def significand(self) -> Number:
+    def significand(self) -> TracedNumber:
         """s of |x| = s 2^e with 1 <= s < 2, for a normal number."""
         return self.trace.append("significand", self)
 
-    def two_to_this(self) -> Number:
+    def two_to_this(self) -> TracedNumber:
         """2^k for a whole number k from the exponent of the smallest normal number to the largest one."""
         return self.trace.append("pow2", self)
 
-    def entry_of(self, table: tuple[float, ...]) -> Number:
+    def entry_of(self, table: tuple[float, ...]) -> TracedNumber:
         """The table's entry at this whole number, which is one of its places."""
         return self.trace.append("lookup", self, table=table)
 
 
-def traced(formula: Callable[..., tuple[Number, ...]], arguments: int, of: Format) -> Program:
+def traced(formula: Callable[..., tuple[TracedNumber, ...]], arguments: int, of: Format) -> Program:
     """The list of a formula: each of its results is one output, each argument an input with one component."""
     trace = Trace(of)
     results = formula(*(trace.argument(i) for i in range(arguments)))

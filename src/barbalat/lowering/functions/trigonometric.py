@@ -10,7 +10,7 @@ from collections.abc import Callable
 from barbalat.lowering.functions.exact import fast_two_sum, split
 from barbalat.lowering.functions.formats import DOUBLE, SINGLE, whole
 from barbalat.lowering.functions.reduction import Reduced, is_large, large, usual
-from barbalat.lowering.functions.trace import Number
+from barbalat.lowering.functions.trace import TracedNumber
 
 S = (
     -1.66666666666666324348e-01, 8.33333333332248946124e-03, -1.98412698298579493134e-04,
@@ -32,7 +32,7 @@ _PI_4 = float.fromhex("0x1.921fb54442d18p-1"), float.fromhex("0x1.1a62633145c07p
 PI_4 = {DOUBLE: _PI_4, SINGLE: SINGLE.parted(whole(*_PI_4), SINGLE.bits)}
 
 
-def _sine(y: Number, low: Number) -> Number:
+def _sine(y: TracedNumber, low: TracedNumber) -> TracedNumber:
     z = y * y
     w = z * z
     r = S[1] + z * (S[2] + z * S[3]) + z * w * (S[4] + z * S[5])
@@ -40,7 +40,7 @@ def _sine(y: Number, low: Number) -> Number:
     return y - ((z * (0.5 * low - v * r) - low) - v * S[0])
 
 
-def _cosine(y: Number, low: Number) -> Number:
+def _cosine(y: TracedNumber, low: TracedNumber) -> TracedNumber:
     z = y * y
     w = z * z
     r = z * (C[0] + z * (C[1] + z * C[2])) + w * w * (C[3] + z * (C[4] + z * C[5]))
@@ -49,21 +49,21 @@ def _cosine(y: Number, low: Number) -> Number:
     return main + (((1.0 - main) - half) + (z * r - y * low))
 
 
-def sin(x: Number, at: Reduced) -> Number:
+def sin(x: TracedNumber, at: Reduced) -> TracedNumber:
     """sin y, in odd quadrants cos y, with the half turn's sign."""
     quadrant, y, low = at
     value = abs(quadrant).equals(1.0).then(_cosine(y, low), _sine(y, low))
     return _or_itself(x, ((quadrant < -0.5) | (quadrant > 1.5)).then(-value, value))
 
 
-def cos(_: Number, at: Reduced) -> Number:
+def cos(_: TracedNumber, at: Reduced) -> TracedNumber:
     """cos y, in odd quadrants sin y, with the half turn's sign."""
     quadrant, y, low = at
     value = abs(quadrant).equals(1.0).then(_sine(y, low), _cosine(y, low))
     return ((quadrant > 0.5) | (quadrant < -1.5)).then(-value, value)
 
 
-def tan(x: Number, at: Reduced) -> Number:
+def tan(x: TracedNumber, at: Reduced) -> TracedNumber:
     """tan y in odd quadrants -1/tan y; above TAN_TURNS by 1 - 2 (t - ...)/(1 + t), t = tan(pi/4 - |y|)."""
     quadrant, y, low = at
     odd, turns, negative = abs(quadrant).equals(1.0), abs(y) >= TAN_TURNS, y < 0.0
@@ -86,16 +86,18 @@ def tan(x: Number, at: Reduced) -> Number:
     return _or_itself(x, turns.then(turned, odd.then(inverted, total)))
 
 
-def _or_itself(x: Number, value: Number) -> Number:
+def _or_itself(x: TracedNumber, value: TracedNumber) -> TracedNumber:
     """x is its own sine and tangent to the last bit where it is so small, and keeps the sign of zero."""
     return (abs(x) < x.format.linear_range).then(x, value)
 
 
-def usual_of(value: Callable[[Number, Reduced], Number]) -> Callable[[Number], tuple[Number, Number]]:
+def usual_of(
+    value: Callable[[TracedNumber, Reduced], TracedNumber],
+) -> Callable[[TracedNumber], tuple[TracedNumber, TracedNumber]]:
     """(the value, whether it is not for this x)."""
     return lambda x: (value(x, usual(x)), is_large(x))
 
 
-def large_of(value: Callable[[Number, Reduced], Number]) -> Callable[[Number], tuple[Number]]:
+def large_of(value: Callable[[TracedNumber, Reduced], TracedNumber]) -> Callable[[TracedNumber], tuple[TracedNumber]]:
     """The value for large arguments."""
     return lambda x: (value(x, large(x)),)

@@ -65,7 +65,7 @@ def remembered(lag: int) -> int:
     return (1 << (lag + TAPS_PER_CHANNEL - 1).bit_length()) - 1 + TAPS_PER_CHANNEL
 
 
-class Past:
+class Rings:
     """The memory of a group of members between calls.
 
     lags     (W,) int64, at least 1: how many steps ago the newest value lies that a member's step gets back
@@ -165,7 +165,7 @@ class Kernel:
         parameters: np.ndarray,
         signals: np.ndarray,
         out: np.ndarray,
-        past: Past | None = None,
+        past: Rings | None = None,
         noise: np.ndarray | None = None,
         watch: Watch | None = None,
         *,
@@ -209,7 +209,7 @@ class Kernel:
         return again
 
     def _require_parts(
-        self, start: int, stop: int, signals: np.ndarray, past: Past | None, noise: np.ndarray | None, watch: Watch | None
+        self, start: int, stop: int, signals: np.ndarray, past: Rings | None, noise: np.ndarray | None, watch: Watch | None
     ) -> None:
         """ValueError where a call lacks what this kernel needs, or brings what it has no use for."""
         s = self.shape

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from enum import IntEnum
 
 
-class Kind(IntEnum):
+class Type(IntEnum):
     """Types of values."""
 
     I32 = 0x7F
@@ -101,12 +101,12 @@ def _name(text: str) -> bytes:
 class Code:
     """A function's instructions and its local variables, of which the arguments are the first."""
 
-    arguments: tuple[Kind, ...]
-    result: Kind | None = None
-    locals: list[Kind] = field(default_factory=list)
+    arguments: tuple[Type, ...]
+    result: Type | None = None
+    locals: list[Type] = field(default_factory=list)
     body: bytearray = field(default_factory=bytearray)
 
-    def local(self, kind: Kind = Kind.F64) -> int:
+    def local(self, kind: Type = Type.F64) -> int:
         """A new local variable."""
         self.locals.append(kind)
         return len(self.arguments) + len(self.locals) - 1
@@ -149,7 +149,7 @@ class Code:
     def begin_loop(self) -> None:
         self.body += bytes((0x03, EMPTY))
 
-    def begin_if(self, kind: Kind | None = None) -> None:
+    def begin_if(self, kind: Type | None = None) -> None:
         self.body += bytes((0x04, EMPTY if kind is None else kind))
 
     def otherwise(self) -> None:
@@ -171,7 +171,7 @@ class Code:
         self.body += b"\xfc\x02"
 
     def encoded(self) -> bytes:
-        groups: list[tuple[int, Kind]] = []
+        groups: list[tuple[int, Type]] = []
         for kind in self.locals:
             if groups and groups[-1][1] is kind:
                 groups[-1] = (groups[-1][0] + 1, kind)

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping
 
 from barbalat.lowering.functions import FUNCTIONS, function
 from barbalat.lowering.operations import Program
-from barbalat.lowering.wasm.encode import Code, Kind
+from barbalat.lowering.wasm.encode import Code, Type
 from barbalat.lowering.wasm.printer import Printer
 
 
@@ -36,7 +36,7 @@ def tables_of(names: Iterable[str]) -> tuple[dict[tuple[float, ...], int], bytes
 def coded(name: str, tables: Mapping[tuple[float, ...], int]) -> Code:
     """The function as code."""
     made = function(name)
-    code = Code((Kind.F64,) * made.arguments, Kind.F64)
+    code = Code((Type.F64,) * made.arguments, Type.F64)
     inputs = {(i, 0): i for i in range(made.arguments)}
     usual = Printer(made.usual, code, inputs, {}, tables)
     usual.run()
@@ -44,7 +44,7 @@ def coded(name: str, tables: Mapping[tuple[float, ...], int]) -> Code:
         usual.number(made.usual.outputs[0][0])
         return code
     usual.condition(made.usual.outputs[1][0])
-    code.begin_if(Kind.F64)
+    code.begin_if(Type.F64)
     rare = Printer(made.rare, code, inputs, {}, tables)
     rare.run()
     rare.number(made.rare.outputs[0][0])

@@ -12,15 +12,15 @@ from dataclasses import dataclass, field
 from barbalat.lowering.functions import FUNCTIONS
 from barbalat.lowering.operations import Program
 from barbalat.lowering.shape import ENTRY, WATCH_EVERY, LoopShape
-from barbalat.lowering.wasm.encode import DOUBLE_BYTES, Code, Do, Kind, module
+from barbalat.lowering.wasm.encode import DOUBLE_BYTES, Code, Do, Type, module
 from barbalat.lowering.wasm.functions import called_by, coded, tables_of
-from barbalat.lowering.wasm.past import Past
+from barbalat.lowering.wasm.past import Taps
 from barbalat.lowering.wasm.printer import Printer
 
 ARGUMENTS = {
-    "blocks": Kind.I64, "steps": Kind.I64, "state": Kind.I32, "parameters": Kind.I32, "signals": Kind.I32, "out": Kind.I32,
-    "start": Kind.I64, "lags": Kind.I32, "ring": Kind.I32, "mask": Kind.I64, "noise": Kind.I32, "watched": Kind.I32,
-    "watch_first": Kind.I64, "watch_window": Kind.I64, "sample_every": Kind.I64, "noise_hold": Kind.I64,
+    "blocks": Type.I64, "steps": Type.I64, "state": Type.I32, "parameters": Type.I32, "signals": Type.I32, "out": Type.I32,
+    "start": Type.I64, "lags": Type.I32, "ring": Type.I32, "mask": Type.I64, "noise": Type.I32, "watched": Type.I32,
+    "watch_first": Type.I64, "watch_window": Type.I64, "sample_every": Type.I64, "noise_hold": Type.I64,
 }  # fmt: skip
 ARGUMENT_PLACES = {name: i for i, name in enumerate(ARGUMENTS)}
 
@@ -52,7 +52,7 @@ def loop(
     main = _Loop(shape, resets, Code(tuple(ARGUMENTS.values()))).printed(
         step, sample, watch, lambda program, code, inputs: Printer(program, code, inputs, called, tables)
     )
-    free = Code((), Kind.I32)
+    free = Code((), Type.I32)
     free.i32(len(data))
     exports = [(ENTRY, len(functions)), ("free", len(functions) + 1), *((name, called[name]) for name in exported)]
     return module([*functions, main, free], exports, data)
@@ -79,7 +79,7 @@ class _Loop:
             [c.local() for _ in range(size)] for size in (shape.states, shape.accumulators, shape.signals, shape.noise)
         )
         p = [c.local() for _ in range(shape.parameters)]
-        past = Past(shape, c, {name: ARGUMENT_PLACES[name] for name in ("lags", "ring", "mask")})
+        past = Taps(shape, c, {name: ARGUMENT_PLACES[name] for name in ("lags", "ring", "mask")})
         parts = (self.x, self.a, p, self.s, past.values, self.n)
         inputs = {(k, i): place for k, part in enumerate(parts) for i, place in enumerate(part)}
         for places, base in ((self.x, "state"), (p, "parameters")):
@@ -95,9 +95,9 @@ class _Loop:
         self._store(ARGUMENT_PLACES["state"], self.x)
         return c
 
-    def _blocks(self, stepping: Printer, sampling: Printer | None, watching: Printer | None, past: Past) -> None:
+    def _blocks(self, stepping: Printer, sampling: Printer | None, watching: Printer | None, past: Taps) -> None:
         c, shape, size = self.code, self.shape, self.shape.states + self.shape.accumulators
-        now, left, first_noise = (c.local(Kind.I64) for _ in range(3))
+        now, left, first_noise = (c.local(Type.I64) for _ in range(3))
         c.get(ARGUMENT_PLACES["start"])
         c.set(now)
         if shape.noise:
@@ -132,13 +132,13 @@ class _Loop:
         c.end()
 
     def _step(
-        self, stepping: Printer, sampling: Printer | None, watching: Printer | None, past: Past, now: int, first_noise: int
+        self, stepping: Printer, sampling: Printer | None, watching: Printer | None, past: Taps, now: int, first_noise: int
     ) -> None:
         c, shape = self.code, self.shape
         self._load(self.s, ARGUMENT_PLACES["signals"])
         self._forward(ARGUMENT_PLACES["signals"], shape.signals)
         if shape.noise:
-            row = c.local(Kind.I32)
+            row = c.local(Type.I32)
             c.get(ARGUMENT_PLACES["noise"])
             self._divided(now, shape.noise_hold, "noise_hold", Do.I64_DIV_U)
             c.get(first_noise)
@@ -181,7 +181,7 @@ class _Loop:
             self.code.set(place)
 
     def _keep_largest(self, watching: Printer, now: int) -> None:
-        c, quantity, row = self.code, self.code.local(), self.code.local(Kind.I32)
+        c, quantity, row = self.code, self.code.local(), self.code.local(Type.I32)
         watching.run()
         watching.number(watching.outputs[0][0])
         c.set(quantity)

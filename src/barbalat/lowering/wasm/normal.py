@@ -6,7 +6,7 @@ count of its own; counts begin with 1, as NumPy's do, and their upper 192 bits a
 
 from __future__ import annotations
 
-from barbalat.lowering.wasm.encode import DOUBLE_BYTES, Code, Do, Kind, module
+from barbalat.lowering.wasm.encode import DOUBLE_BYTES, Code, Do, Type, module
 from barbalat.lowering.wasm.functions import coded, tables_of
 
 ENTRY = "barbalat_normal"
@@ -24,7 +24,7 @@ _NDTRI, _HIGH = range(2)  # functions of the module
 def normal_module(channels: int) -> bytes:
     """Its function ``barbalat_normal(seed, member, first, rows, out)`` writes rows of so many numbers, one after another."""
     tables, data = tables_of(["ndtri"])
-    free = Code((), Kind.I32)
+    free = Code((), Type.I32)
     free.i32(len(data))
     functions = [coded("ndtri", tables), _high_half(), _rows(channels), free]
     return module(functions, [(ENTRY, 2), ("free", 3)], data)
@@ -37,8 +37,8 @@ def _signed(word: int) -> int:
 
 def _high_half() -> Code:
     """The upper 64 bits of the product of two whole numbers of 64, by halves (Knuth, Seminumerical Algorithms, 4.3.1)."""
-    c = Code((Kind.I64, Kind.I64), Kind.I64)
-    a_low, a_high, b_low, b_high, middle = (c.local(Kind.I64) for _ in range(5))
+    c = Code((Type.I64, Type.I64), Type.I64)
+    a_low, a_high, b_low, b_high, middle = (c.local(Type.I64) for _ in range(5))
     for given, low, high in ((0, a_low, a_high), (1, b_low, b_high)):
         c.get(given)
         _low(c)
@@ -79,9 +79,9 @@ def _high(c: Code) -> None:
 
 
 def _rows(channels: int) -> Code:
-    c = Code((Kind.I64, Kind.I64, Kind.I64, Kind.I64, Kind.I32))
+    c = Code((Type.I64, Type.I64, Type.I64, Type.I64, Type.I32))
     seed, member, first, rows, out = range(5)
-    count, words = c.local(Kind.I64), [c.local(Kind.I64) for _ in range(NUMBERS_PER_COUNT)]
+    count, words = c.local(Type.I64), [c.local(Type.I64) for _ in range(NUMBERS_PER_COUNT)]
     counts = -(-channels // NUMBERS_PER_COUNT)
     c.get(first)
     c.i64(counts)

@@ -5,16 +5,16 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from barbalat.lowering.shape import TAPS_PER_CHANNEL, LoopShape
-from barbalat.lowering.wasm.encode import DOUBLE_BYTES, Code, Do, Kind
+from barbalat.lowering.wasm.encode import DOUBLE_BYTES, Code, Do, Type
 
 
-class Past:
+class Taps:
     """``values`` are the local variables of what was remembered, the taps of the first channel first."""
 
     def __init__(self, shape: LoopShape, code: Code, at: Mapping[str, int]) -> None:
         self.channels, self.code, self.at = shape.delayed, code, at
         self.values = [code.local() for _ in range(shape.delayed * TAPS_PER_CHANNEL)]
-        self.lag, self.slot, self.row = code.local(Kind.I64), code.local(Kind.I64), code.local(Kind.I32)
+        self.lag, self.slot, self.row = code.local(Type.I64), code.local(Type.I64), code.local(Type.I32)
 
     def before_the_loop(self) -> None:
         if self.channels:

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from barbalat.lowering.functions import FUNCTIONS
 from barbalat.lowering.operations import ALIGNED, COMPARISONS, EXPONENT_BIAS, FRACTION_BITS, Operation, Program
 from barbalat.lowering.optimize import PARAMETERS
-from barbalat.lowering.wasm.encode import DOUBLE_BYTES, Code, Do, Kind
+from barbalat.lowering.wasm.encode import DOUBLE_BYTES, Code, Do, Type
 
 _PLAIN = {
     "add": Do.F64_ADD, "sub": Do.F64_SUB, "mul": Do.F64_MUL, "div": Do.F64_DIV, "neg": Do.F64_NEG, "sqrt": Do.F64_SQRT,
@@ -67,7 +67,7 @@ class Printer:
     def _keep(self, i: int) -> None:
         if i in self.waiting or i in self.places:
             return
-        place = self.code.local(Kind.I32 if self.is_truth(i) else Kind.F64)
+        place = self.code.local(Type.I32 if self.is_truth(i) else Type.F64)
         self._print(self.operations[i])
         self.code.set(place)
         self.places[i] = place

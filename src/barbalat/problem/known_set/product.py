@@ -48,6 +48,14 @@ class ParameterProduct:
         theta, gains = np.split(estimates, [estimates.shape[1] - self.gains.size], axis=1)
         return self.gains.reached_by(gains) or (self.theta is not None and self.theta.reached_by(theta))
 
+    @property
+    def extent(self) -> tuple[Array, Array]:
+        """The least and the largest value of each component that the set bounds."""
+        if self.theta is None:
+            return self.gains.extent
+        lower, upper = (np.concatenate(ends) for ends in zip(self.theta.extent, self.gains.extent, strict=True))
+        return lower, upper
+
     def within(self, bound: Fraction) -> bool:
         """Whether |theta|_2 + |omega|_1 <= bound throughout, in exact arithmetic: a little more than |(theta, omega)|_2 asks."""
         bound = bound - sum((Fraction(value) for value in self.gains.upper.tolist()), Fraction(0))

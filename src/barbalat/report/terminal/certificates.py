@@ -5,14 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import NamedTuple
 
-from barbalat.certificates.assumptions import CONTINUOUS_ONLY
 from barbalat.certificates.cells import PROPERTIES, Column
 from barbalat.certificates.certificate import Certificate
 from barbalat.certificates.entry import Entry
 from barbalat.certificates.rounding import up
-from barbalat.certificates.table_1 import Table
+from barbalat.certificates.table_1 import Table1
 from barbalat.report.certificates import rows_of
-from barbalat.report.terminal.layout import FALLBACK, HANGING_COLUMNS, Screen, held, shortened
+from barbalat.report.terminal.layout import Screen, held
 
 GROUPS = {
     "guaranteed": ("Guaranteed on this case", "green"),
@@ -43,8 +42,8 @@ class Line(NamedTuple):
     kind: str
 
 
-def show(screen: Screen, case: str, certificates: Mapping[str, Certificate], table: Table, dt: float | None) -> None:
-    """Five lines for each controller, each of them one line from 80 columns on; then what was noted, once each."""
+def show(screen: Screen, case: str, certificates: Mapping[str, Certificate], table: Table1, dt: float | None) -> None:
+    """Five lines for each controller, a long reason folded; then what was noted, once each."""
     screen.line(case, "bold")
     for column in table.columns:
         _controller(screen, column, certificates[column.name], dt)
@@ -64,12 +63,12 @@ def _notes(screen: Screen, certificates: Mapping[str, Certificate]) -> None:
         screen.line(f"{of}: {note}" if of else note, indent="    ", start="  ")
 
 
-def show_full(screen: Screen, case: str, certificates: Mapping[str, Certificate], table: Table, dt: float | None) -> None:
+def show_full(screen: Screen, case: str, certificates: Mapping[str, Certificate], table: Table1, dt: float | None) -> None:
     """The five lines and everything behind them, then Table 1."""
     screen.line(case, "bold")
     for column in table.columns:
         certificate = certificates[column.name]
-        _controller(screen, column, certificate, dt, whole=True)
+        _controller(screen, column, certificate, dt)
         for note in certificate.notes:
             screen.fact("note", note, LABEL_COLUMNS, "yellow")
         _values(screen, certificate)
@@ -80,14 +79,10 @@ def show_full(screen: Screen, case: str, certificates: Mapping[str, Certificate]
     _table_1(screen, table)
 
 
-def _controller(screen: Screen, column: Column, certificate: Certificate, dt: float | None, *, whole: bool = False) -> None:
-    """The five; at 80 columns and more a line has as much of a long reason as fits, unless the ``whole`` is wanted."""
-    room = max(screen.width, FALLBACK)
-    title = f"{held(column.name)}: {column.scheme}"
-    screen.title(title if whole else shortened(title, room))
+def _controller(screen: Screen, column: Column, certificate: Certificate, dt: float | None) -> None:
+    screen.title(f"{held(column.name)}: {column.scheme}")
     for line in five(column, certificate, dt):
-        text = line.text if whole else shortened(line.text, room - LABEL_COLUMNS - HANGING_COLUMNS)
-        screen.fact(line.label, text, LABEL_COLUMNS, STYLES.get(line.kind, ""))
+        screen.fact(line.label, line.text, LABEL_COLUMNS, STYLES.get(line.kind, ""))
 
 
 def five(column: Column, certificate: Certificate, dt: float | None) -> tuple[Line, ...]:
@@ -114,7 +109,7 @@ def _condition(stability: Entry | None, condition: Entry | None) -> Line:
             return Line("condition", f"{of} {size}; not enough: {stability.why}", "does not apply")
         if value["holds"]:
             return Line("condition", f"holds: {of} {size} < 1", condition.kind)
-        return Line("condition", f"not shown: {of} {size}, 1 needed", "does not apply")
+        return Line("condition", f"not shown: {of} {size}, less than 1 needed", "does not apply")
     if stability is None or not stability.applies:
         return Line("condition", f"not shown: {'' if stability is None else stability.why}", "does not apply")
     return Line("condition", f"none needed; bounded: {stability.text}", stability.kind)
@@ -133,8 +128,6 @@ def _bound(certificate: Certificate) -> Line:
 def _margin(certificate: Certificate) -> Line:
     margin, adapting = certificate.entry("delay_margin"), certificate.entry("delay_margin_adapting")
     parts = []
-    if margin is not None and margin.applies:
-        parts.append(f"{_delay(margin.value)} at theta")
     searched = certificate.entry("margins_over_known_set")
     loops = [] if searched is None or not searched.applies else searched.value
     least = [loop["delay_margin"]["value"] for loop in loops if "delay_margin" in loop]
@@ -144,10 +137,12 @@ def _margin(certificate: Certificate) -> Line:
         parts.append(f"{_delay(min(least))} in the set")
     if adapting is not None and adapting.applies:
         parts.append(f"{_delay(adapting.value)} adapting")
+    if margin is not None and margin.applies:  # alone it need not be told from others
+        parts.insert(0, f"{_delay(margin.value)} at theta" if parts else _delay(margin.value))
     if not parts:
         return Line("margin", "not known: no stable linear loop describes it", "does not apply")
-    text = ", ".join(parts).removesuffix(" at theta")  # alone it need not be told from others
-    if margin is not None and CONTINUOUS_ONLY in margin.assumptions:
+    text = ", ".join(parts)
+    if margin is not None and margin.unsampled:
         text = f"unsampled: {text}"
     return Line("margin", text, margin.kind if margin is not None and len(parts) == 1 else "estimate")
 
@@ -214,7 +209,7 @@ def _group(entry: Entry) -> str:
     return "searched" if entry.key == "margins_over_known_set" and entry.applies else entry.kind
 
 
-def _table_1(screen: Screen, table: Table) -> None:
+def _table_1(screen: Screen, table: Table1) -> None:
     screen.title("Table 1: what is guaranteed")
     room = max(len(screen.name(column.name)) for column in table.columns)
     for key, title in PROPERTIES.items():

@@ -5,11 +5,12 @@ from __future__ import annotations
 from barbalat.contests.result import Contest
 from barbalat.report import contest
 from barbalat.report.terminal.layout import Screen
+from barbalat.validate import counted
 
 
 def show(screen: Screen, found: Contest) -> None:
     """Tables, the first's columns last explained by the rule above it."""
-    screen.line(f"{found.problem.name}: {len(found.entrants)} schemes under one rule", "bold")
+    screen.line(f"{found.problem.name}: {counted(len(found.entrants), 'scheme')} under one rule", "bold")
     screen.line(f"The rule: {contest.rule(found)}.")
     screen.line(f"Held out: {contest.held_out(found)}.")
     for heading, columns, rows in (

@@ -13,6 +13,8 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+from barbalat.pictures.symbols import GREEK
+
 HELD_BLANK = "\N{NO-BREAK SPACE}"
 """A blank at which no line ends."""
 NARROWEST, FALLBACK = 40, 80
@@ -20,7 +22,7 @@ NARROWEST, FALLBACK = 40, 80
 LONGEST_LINE = 100
 """Columns of a paragraph: eyes lose a longer line; tables take what they need."""
 LONGEST_NAME = 28
-"""Columns of a controller's name in a table: the bundled cases' longest one has 21."""
+"""Columns of a controller's name in a table that is too wide with longer ones: they go on below."""
 UNITS = r"(?:1/s\^2|1/s|rad/s|rad|deg|s|ms|us|Hz|kHz|dB|%|kB|MB|times|rows|steps)"
 PAIR = re.compile(rf"(?<=[\d\]]) (?={UNITS}(?![\w/]))")
 """The blank between a number, or a list of numbers, and its unit."""
@@ -28,17 +30,18 @@ COMPARED = re.compile(r"(?<=\S) (<=|>=|=|<|>|\*|/) (?=[-+\d\[(|])")
 """The blanks around a sign that belongs to the number behind it."""
 ENCLOSED = re.compile(r"(?<=\d) \.\.\. (?=[-+\d])")
 """The blanks between the two ends of an enclosure."""
-CLAUSE = re.compile(r"[;:,] ")
-"""Where a sentence may end before its end."""
-CUT_MARK = f"{HELD_BLANK}..."
-"""In the place of what a line has no room for."""
-HANGING_COLUMNS = 4
-"""Columns beside a labelled line's label: two before it, two behind."""
 
 
 def held(text: str) -> str:
     """The text as one word."""
     return text.replace(" ", HELD_BLANK)
+
+
+def capitalized(text: str) -> str:
+    """A sentence with a capital, where it does not begin with a symbol."""
+    word = text.partition(" ")[0]
+    symbol = not word.isalpha() or word in GREEK or (len(word) == 1 and word != "a")
+    return text if symbol else f"{text[0].upper()}{text[1:]}"
 
 
 def fold(text: str, width: int, indent: str = "", start: str = "") -> list[str]:
@@ -65,24 +68,6 @@ def _released(word: str, width: int) -> list[str]:
     return [word] if cell_len(word) <= width else word.split(HELD_BLANK)
 
 
-def _cut(text: str, width: int) -> str:
-    while cell_len(text) > width:
-        text = text[:-1]
-    return text
-
-
-def shortened(text: str, width: int) -> str:
-    """The text in at most ``width`` columns: up to a clause's end past a third of them, else up to a word's."""
-    if cell_len(text) <= width:
-        return text
-    clauses, words = ([found.start() for found in ends.finditer(text)] for ends in (CLAUSE, re.compile(" ")))
-    fitting = [end for end in words if cell_len(text[:end]) <= width - len(CUT_MARK)]
-    whole = [end for end in clauses if cell_len(text[:end]) <= width - len(CUT_MARK) and end > width / 3]
-    if not fitting:
-        return _cut(text, width - len(CUT_MARK)) + CUT_MARK
-    return text[: max(whole or fitting)].rstrip(";:,") + CUT_MARK
-
-
 def console(*, to_standard_error: bool = False) -> Console:
     """Where screens go, or notes and progress with ``to_standard_error``; as wide as the terminal or COLUMNS says."""
     width = max(shutil.get_terminal_size((FALLBACK, 24)).columns, NARROWEST)
@@ -107,9 +92,8 @@ class Screen:
             self._print(line, style)
 
     def name(self, text: str) -> str:
-        """A controller's name, or as much of it as a table has room for, as one word."""
-        text = self._shown(text)
-        return held(text if cell_len(text) <= LONGEST_NAME else _cut(text, LONGEST_NAME - 3) + "...")
+        """A controller's name, as one word."""
+        return held(self._shown(text))
 
     def whole(self, text: str) -> None:
         """A line that is to be copied, such as a path: never folded."""
@@ -138,16 +122,14 @@ class Screen:
         """
         if not rows:
             return
-        shown = [[self._shown(cell).replace(HELD_BLANK, " ") for cell in row] for row in rows]
-        table = Table(box=box.SIMPLE_HEAD, show_edge=False, pad_edge=False, padding=(0, 1, 0, 0), header_style="bold")
-        for i, heading in enumerate(headings):
-            table.add_column(Text(heading), justify="left" if i < leads or i in left else "right", no_wrap=True)
-        for row in shown:
-            table.add_row(*map(Text, row))
-        if self.console.measure(table, options=self.console.options.update(width=10_000)).maximum <= self.console.width:
-            self.console.print(table)
-        else:
-            self._paragraphs([heading.replace("\n", " ") for heading in headings], shown, leads)
+        shown = [[self._shown(cell) for cell in row] for row in rows]
+        folded = [["\n".join(fold(first, LONGEST_NAME)), *others] for first, *others in shown]
+        for body in (shown, folded):
+            table = _table(headings, body, leads, left)
+            if self.console.measure(table, options=self.console.options.update(width=10_000)).maximum <= self.console.width:
+                self.console.print(table)
+                return
+        self._paragraphs([heading.replace("\n", " ") for heading in headings], shown, leads)
 
     def _paragraphs(self, headings: Sequence[str], rows: Sequence[Sequence[str]], leads: int) -> None:
         for row in rows:
@@ -168,6 +150,16 @@ class Screen:
 
     def _print(self, line: str, style: str = "") -> None:
         self.console.print(Text(line.replace(HELD_BLANK, " "), style=style), soft_wrap=True)
+
+
+def _table(headings: Sequence[str], rows: Sequence[Sequence[str]], leads: int, left: Sequence[int]) -> Table:
+    """A line for each row, or as many as its first entry has."""
+    table = Table(box=box.SIMPLE_HEAD, show_edge=False, pad_edge=False, padding=(0, 1, 0, 0), header_style="bold")
+    for i, heading in enumerate(headings):
+        table.add_column(Text(heading), justify="left" if i < leads or i in left else "right", no_wrap=True)
+    for row in rows:
+        table.add_row(*(Text(cell.replace(HELD_BLANK, " ")) for cell in row))
+    return table
 
 
 def grouped(rows: Sequence[Sequence[str]]) -> list[list[str]]:

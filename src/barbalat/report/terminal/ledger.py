@@ -5,12 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import get_args
 
-from rich.cells import cell_len
-
-from barbalat.claims.claim import CONFIRMED, Claim, Listing, Verdict
+from barbalat.claims.claim import Claim, Listing, Verdict
 from barbalat.claims.paper_figure import ADDED_FIGURE, PaperFigure
 from barbalat.claims.rows import RUNS_OF_SECTION_V, Measurement
-from barbalat.report.terminal.layout import FALLBACK, HANGING_COLUMNS, Screen, held, shortened
+from barbalat.report.terminal.layout import Screen, capitalized, held
 
 STYLES = {"confirmed": "green", "confirmed with conditions": "yellow", "not confirmed": "red", "erratum": "red"}
 NAME_COLUMNS = 26
@@ -18,28 +16,14 @@ NAME_COLUMNS = 26
 
 
 def overview(screen: Screen, shown: Sequence[PaperFigure], claims: Sequence[Claim]) -> None:
-    """One screen, what asks for a second look last: each row's name and number; the figures.
-
-    A row that is confirmed has one line from 80 columns on, one that is not has as many as it needs.
-    """
-    room = max(screen.width, FALLBACK) - NAME_COLUMNS - HANGING_COLUMNS
+    """What asks for a second look last: each row's name and number; the figures."""
     for verdict in get_args(Verdict):
         mine = [claim for claim in claims if claim.verdict == verdict]
         if mine:
             screen.line(f"{verdict[0].upper()}{verdict[1:]}: {len(mine)}", STYLES[verdict])
         for claim in mine:
-            short = verdict in CONFIRMED
-            screen.fact(claim.id, compact(claim.number, room) if short else claim.number, NAME_COLUMNS)
+            screen.fact(claim.id, claim.number, NAME_COLUMNS)
     _figures(screen, shown)
-
-
-def compact(number: str, width: int) -> str:
-    """What a number is, and the number: where that is too long, both are cut, what it is before the number."""
-    what, colon, value = number.partition(": ")
-    if cell_len(number) <= width or not colon:
-        return shortened(number, width)
-    value = shortened(value, 2 * width // 3)
-    return f"{shortened(what, width - cell_len(value) - 2)}: {value}"
 
 
 def _figures(screen: Screen, shown: Sequence[PaperFigure]) -> None:
@@ -83,7 +67,7 @@ def in_full(screen: Screen, claim: Claim) -> None:
 
 
 def _reading(verdict: str, says: str, measured: str) -> str:
-    return f"{held(verdict)}: {says}. {measured[:1].upper()}{measured[1:]}"
+    return f"{held(verdict)}: {says}. {capitalized(measured)}"
 
 
 def _listing(screen: Screen, listing: Listing) -> None:

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from barbalat.problem.labels import Labels
+from barbalat.problem.labels import Labels, bracketed
 from barbalat.report.numbers import number_text
-from barbalat.report.terminal.layout import Screen, grouped
+from barbalat.report.terminal.layout import Screen, capitalized, grouped
 from barbalat.run.diagnosis.adapting import Adapting
 from barbalat.run.estimates import estimates_of
 from barbalat.run.result import Result
+from barbalat.validate import counted
 
 LABEL_COLUMNS = 24
 """Columns of a label beside a paragraph."""
@@ -32,17 +33,20 @@ def _tracking(screen: Screen, results: Sequence[Result]) -> None:
     screen.title("Tracking error e and control u, over every step")
     measured = any(_values(result, "max_abs_y") for result in results)
     labels = results[0].problem.labels or Labels()
-    u = f"max |u|\n{labels.every_input_unit}".rstrip()
+    several = results[0].loop.inputs > 1
+    u = "max |u|" if several else f"max |u|\n{labels.input_unit}".rstrip()
     headings = ["controller", "", "max |e|", "RMS e", "max |e|\nin the tail", u, *(["max |y|"] if measured else [])]
     rows = []
     for result in results:
+        name, controls = screen.name(result.name), _values(result, "max_abs_u")
         errors = [_values(result, key) for key in ("max_abs_e", "rms_e", "tail_max_abs_e")]
-        once = [_values(result, key) for key in ("max_abs_u", *(["max_abs_y"] if measured else []))]
-        count = max(len(values) for values in (*errors, *once))
-        for i in range(count):
-            of = "e" if len(errors[0]) == 1 else f"e_{i + 1}" if i < len(errors[0]) else ""
-            unit = labels.unit(i) if i < len(labels.units) else ""
-            rows.append([screen.name(result.name), f"{of} {unit}".rstrip(), *(_at(values, i) for values in (*errors, *once))])
+        once = [[] if several else controls, *([_values(result, "max_abs_y")] if measured else [])]
+        for i in range(len(errors[0])):
+            of = "e" if len(errors[0]) == 1 else f"e_{i + 1}"
+            rows.append([name, f"{of} {labels.unit(i)}".rstrip(), *(_at(values, i) for values in (*errors, *once))])
+        if several:  # each on a line of its own: on one of e's it would be read as that component's
+            units = [bracketed(labels.input_units[i : i + 1]) for i in range(len(controls))]
+            rows += [[name, f"u_{i + 1} {unit}".rstrip(), "", "", "", _at(controls, i)] for i, unit in enumerate(units)]
     screen.table(headings, grouped(rows), leads=2)
     screen.line("tail: the last quarter of the run", "dim")
     for result in results:
@@ -116,14 +120,13 @@ def _warnings(screen: Screen, results: Sequence[Result], labels: Sequence[str], 
 
 
 def _sentence(text: str) -> str:
-    """With a capital, where it does not begin with a symbol."""
-    return f"{text[0].upper()}{text[1:]}." if text.partition(" ")[0].isalpha() else f"{text}."
+    return f"{capitalized(text)}."
 
 
 def numerics(result: Result) -> str:
     """What the run says of its numerics, without what all runs have in common."""
     found = result.stiffness
-    parts = [f"{found.h_lambda_max:.3g} at most, at {found.looks} instants"]
+    parts = [f"{found.h_lambda_max:.3g} at most, at {counted(found.looks, 'instant')}"]
     if found.radius_max is not None:
         parts.append(f"the sampled law's map from sample to sample has spectral radius up to {found.radius_max:.4g}")
     parts += [result.label] if result.label else []

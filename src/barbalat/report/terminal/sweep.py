@@ -6,11 +6,12 @@ from barbalat.report import sweep
 from barbalat.report.sweep import percent
 from barbalat.report.terminal.layout import Screen, grouped
 from barbalat.sweeps.result import SweepResult
+from barbalat.validate import counted
 
 
 def show(screen: Screen, found: SweepResult) -> None:
     """Shares with their intervals, extremes with the member to look at, how the numbers came about."""
-    screen.line(f"{found.case}: {len(found)} members over {', '.join(map(str, found.plan.paths))}", "bold")
+    screen.line(f"{found.case}: {counted(len(found), 'member')} over {', '.join(map(str, found.plan.paths))}", "bold")
     shares = [[name, screen.name(who), *cells, f"{low} to {high}"] for name, who, *cells, low, high in sweep.shares(found)]
     screen.table(("", "controller", "members", "share", "95 % interval"), grouped(shares), leads=2)
     screen.line("")
@@ -41,6 +42,6 @@ def show(screen: Screen, found: SweepResult) -> None:
         screen.line(f"Note: {note}.", "yellow")
     screen.line(f"Intervals: {found.evidence.intervals}.")
     if found.resumed:
-        screen.line(f"{found.resumed} members were in the store.")
+        screen.line(f"In the store already: {counted(found.resumed, 'member')}.")
     rate = found.member_steps / max(found.seconds, 1e-9)
     screen.line(f"{found.seconds:.1f} s, {rate:.3g} solver steps/s in all.")

@@ -5,6 +5,7 @@ from __future__ import annotations
 from barbalat.report import tuning
 from barbalat.report.terminal.layout import Screen, grouped
 from barbalat.tuning.result import Tuning
+from barbalat.validate import counted
 
 
 def show(screen: Screen, found: Tuning) -> None:
@@ -16,14 +17,14 @@ def show(screen: Screen, found: Tuning) -> None:
     screen.table(tuning.columns(found), grouped(rows), leads=2)
     for name, tuned in found.controllers.items():
         screen.line("")
-        screen.line(f"{name}: {tuned.trials} tunings, {tuned.runs} runs")
+        screen.line(f"{name}: {counted(tuned.trials, 'tuning')}, {counted(tuned.runs, 'run')}")
         for change in tuning.changes(tuned):
             screen.whole(f"  {change}")
     rows = [[screen.name(name), *cells] for name, *cells in tuning.held_out(found)]
     if rows:
         screen.line("")
         count = next(len(one.held_out.thetas) for one in found.controllers.values() if one.held_out is not None)
-        screen.line(f"On {count} plants of the known set that the search did not see:")
+        screen.line(f"On {counted(count, 'plant')} of the known set that the search did not see:")
         screen.table(("controller", "median", "worst", "at theta", "constraints"), rows)
     for note in found.notes:
         screen.line(f"Note: {note}.", "yellow")

@@ -67,13 +67,13 @@ class Spectrum:
     loop: ClosedLoop
     simulation: Simulation
     jacobian: ca.Function
-    law: SampledLaw | None
+    law: FrozenSampledLaw | None
 
     @classmethod
     def of(cls, loop: ClosedLoop, simulation: Simulation) -> Spectrum:
         equations, law = loop.equations, None
         if isinstance(equations, DiscretizedEquations) and equations.explicit:
-            law = SampledLaw.of(loop, simulation, equations.sample_time)
+            law = FrozenSampledLaw.of(loop, simulation, equations.sample_time)
         return cls(loop, simulation, jacobian_function(loop.following_within(simulation.dt)), law)
 
     def at(self, states: Array, signals: Array) -> Looks:
@@ -109,7 +109,7 @@ def _eigenvalues(matrices: Array) -> Array:
 
 
 @dataclass(frozen=True, eq=False)
-class SampledLaw:
+class FrozenSampledLaw:
     """The map from sample to sample of a law that takes Euler steps, frozen: the controller's action after the plant's flow.
 
     It counts as unstable when it amplifies more in the whole run than the continuous equations' fastest growth, by a factor e.
@@ -121,7 +121,7 @@ class SampledLaw:
     samples: float  # in the whole run
 
     @classmethod
-    def of(cls, loop: ClosedLoop, simulation: Simulation, sample_time: float) -> SampledLaw:
+    def of(cls, loop: ClosedLoop, simulation: Simulation, sample_time: float) -> FrozenSampledLaw:
         twin = jacobian_function(continuous_twin(loop).following_within(simulation.dt))
         return cls(sampled_jacobian_function(loop), twin, sample_time, simulation.t_end / sample_time)
 

@@ -23,9 +23,7 @@ from barbalat.problem.output_feedback import OutputProblem
 from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array
 
-OWN_QUANTITIES = {
-    "theta_star": Quantity("parameters with which the plant is the model"),
-}
+OWN_QUANTITIES = {"theta_star": Quantity("parameters with which the plant is the model")}
 
 
 def matched_feedback(theta: Array, Lambda: Array) -> TransferFunction:

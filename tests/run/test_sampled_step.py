@@ -18,9 +18,9 @@ from barbalat import (
     input_filter,
 )
 from barbalat.export.layout import Layout
-from barbalat.flight.sampled_step import SampledList, SampledStep
 from barbalat.run.recording import recorded
 from barbalat.run.sampled_part import controller_program, initial_acting
+from barbalat.run.sampled_step import SampledList, SampledStep
 
 PROBLEM = Problem(
     plant=Plant(A_m=[[0, 1], [-4, -3]], b=[0, 2], theta=[1, -0.5], x0=[0.2, 0]),

@@ -19,6 +19,7 @@ from barbalat.lowering.shape import LoopShape
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller
 from barbalat.run.sampled_part import COMMAND, FREEZE, MEASURED, STATE, controller_program, initial_acting
+from barbalat.run.stepwise import Agreement
 from barbalat.validate import Array, InputError
 
 SIGNALS = 3
@@ -71,6 +72,10 @@ class SampledList:
             signals=measured + commands + 1,
         )
 
+    def step(self) -> SampledStep:
+        """It, compiled by LLVM."""
+        return SampledStep(self)
+
 
 class SampledStep:
     """Such a list, compiled here: a call is a sample. Not for several threads."""
@@ -80,6 +85,10 @@ class SampledStep:
         kernel = Kernel(contents.program, LoopShape(states, 0, 0, contents.signals), (), lanes=1)
         self.state, self._handed = contents.initial.copy(), np.zeros(contents.signals)
         self._run = kernel.bound(1, 1, self.state, np.empty(0), self._handed, np.empty(states))
+
+    @property
+    def name(self) -> str:
+        return self.contents.name
 
     def reset(self) -> None:
         """Back to before the first sample."""
@@ -91,6 +100,10 @@ class SampledStep:
         self._handed[:measured], self._handed[measured:-1] = y, r
         self._run()
         return self.state[self.contents.u]
+
+    def agreement(self) -> Agreement | None:
+        """There is nothing that it could differ from."""
+        return None
 
     @property
     def estimates(self) -> Array:

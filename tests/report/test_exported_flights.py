@@ -1,0 +1,38 @@
+"""What is said of the exported C that flew: only what was compared, and of each that differs what it is."""
+
+from types import SimpleNamespace
+
+import pytest
+
+from barbalat.report.flights import facts
+from barbalat.run.stepwise import Agreement
+
+EQUAL = Agreement(flights=2, samples=6000)
+WRONG = Agreement(flights=2, samples=6000, difference="x_hat[1] differs from sample 3 of a flight on")
+HELD = Agreement(flights=1, samples=1200, refused=7, difference="held_u[0] differs from sample 90 of a flight on")
+BROKEN = Agreement(flights=0)
+WHOLE = "compiled on this machine: every bit of u and of the state equals the simulated list's at all"
+
+
+@pytest.mark.parametrize(
+    ("agreements", "said"),
+    [
+        (None, []),
+        ({"a": EQUAL}, [f"the C of a flew, {WHOLE} 6,000 samples of 2 flights"]),
+        ({"a": Agreement(samples=300)}, [f"the C of a flew, {WHOLE} 300 samples of a flight"]),
+        ({"a": EQUAL, "b": EQUAL}, [f"the C of every controller flew, {WHOLE} 12,000 samples of 4 flights"]),
+        (
+            {"a": EQUAL, "b": WRONG, "c": EQUAL, "d": HELD, "e": BROKEN},
+            [
+                f"the C of 2 of 5 controllers flew, {WHOLE} 12,000 samples of 4 flights",
+                "the C of b is not the simulated list: x_hat[1] differs from sample 3 of a flight on",
+                "the C of d is not the simulated list: held_u[0] differs from sample 90 of a flight on, "
+                "and it refused 7 of 1,200 samples",
+                "nothing is known of the C of e: the simulator broke in every flight",
+            ],
+        ),
+    ],
+)
+def test_what_is_said(agreements, said):
+    found = SimpleNamespace(facts=lambda: [("trim", "level")], agreements=agreements)
+    assert facts(found) == [("trim", "level"), *(("exported", one) for one in said)]
