@@ -10,7 +10,7 @@ from barbalat.sweeps.kinds import Kind
 from barbalat.sweeps.paths import FieldPath
 from barbalat.sweeps.plan import BLOCK_DRAWS, Design, Plan
 from barbalat.sweeps.replay import replay
-from barbalat.sweeps.spread import Axis, LogUniform, Normal, Uniform
+from barbalat.sweeps.spread import Axis, InBall, LogUniform, Normal, Uniform
 from barbalat.sweeps.study import Study
 from barbalat.sweeps.varied import VariedObjects
 from barbalat.sweeps.varied_case import VariedCase, sampled
@@ -75,7 +75,7 @@ def test_kinds_are_found_by_trying():
     given = {
         "plant.theta[0]": "uniform:-1:1", "controller[1].filter.kappa": "uniform:0.01:0.05", "reference.amplitude": "uniform:1:9",
     }  # fmt: skip
-    draws = sampled(None, list(given.items()))
+    draws = sampled(CaseText(SHORT), list(given.items()))
     found = study(SHORT, Plan({FieldPath.parse("simulation.dt"): Axis(1e-3, 5e-4, 2)}, draws, 4))
     assert found.kinds == (Kind.STRUCTURE, Kind.NUMBER, Kind.NUMBER, Kind.SIGNAL)
 
@@ -169,19 +169,83 @@ def test_fields_that_are_no_number(path, message):
 
 
 @pytest.mark.parametrize(
-    "text", ["1:2", "1:2:0", "1:2:x", "a:2:3", "0:1:3:log", "1:2:3:lin", "1:1:3", "nan:1:2", "1:inf:2"],
+    "text",
+    ["1:2", "1:2:0", "1:2:x", "a:2:3", "0:1:3:log", "1:2:3:lin", "1:1:3", "nan:1:2", "1:inf:2", "-1e308:1e308:3", "0:1:99999999"],
 )  # fmt: skip
 def test_bad_ranges(text):
     with pytest.raises(InputError):
         Axis.parse(text)
 
 
-@pytest.mark.parametrize("text", ["uniform:1", "uniform:2:1", "loguniform:0:1", "normal:0:0", "gauss:0:1", "uniform:a:1", ""])
+def test_more_members_than_a_sweep_can_have_are_refused_in_words():
+    axis = Axis(0.0, 1.0, 10**7)
+    assert "at most 1e+10 members, got 1e+14" in refusal(lambda: Plan({A: axis, B: axis}))
+    assert "from 1 to 10000000000" in refusal(lambda: Plan({}, {A: Uniform(0.0, 1.0)}, 10**30))
+
+
+@pytest.mark.parametrize(
+    "text", ["uniform:1", "uniform:2:1", "loguniform:0:1", "normal:0:0", "gauss:0:1", "uniform:a:1", "uniform:-1e308:1e308", ""]
+)
 def test_bad_distributions(text):
     with pytest.raises(InputError, match="theta"):
-        sampled(None, [("plant.theta[0]", text)])
+        sampled(CaseText(SHORT), [("plant.theta[0]", text)])
 
 
 def test_a_misspelt_list_offers_the_nearest_path():
     path = FieldPath.parse("plant.theata[0]")
     assert "did you mean 'plant.theta[0]'?" in refusal(lambda: path.put({"plant": {"theta": [1.0], "b": [1.0]}}, 2.0))
+
+
+BALL = SHORT.replace("lower = [-5.0, -5.0]\nupper = [5.0, 5.0]", "center = [1.0, -2.0]\nradius = 3.0")
+
+
+def test_draws_over_a_ball_are_even_and_inside():
+    """The volume within a share s of the radius goes as s^d; any direction is as likely."""
+    center = (1.0, -2.0, 0.5)
+    draws = {FieldPath.parse(f"plant.theta[{k}]"): InBall(center, 3.0, k) for k in range(3)}
+    for design in (Design.LATIN, Design.RANDOM):
+        plan = Plan({}, draws, 4000, design, seed=2)
+        away = (plan.values(0, len(plan)) - center) / 3.0
+        distance = np.linalg.norm(away, axis=1)
+        assert (distance <= 1).all()
+        assert kstest(distance**3, "uniform").pvalue > 1e-3
+        for direction in np.random.default_rng(0).normal(size=(5, 3)):  # Archimedes: even along any axis of the sphere
+            assert kstest(away @ direction / distance / np.linalg.norm(direction), "uniform", (-1, 2)).pvalue > 1e-3
+    with pytest.raises(InputError, match="independent of each other"):
+        Plan({}, draws, 16, Design.SALTELLI)
+
+
+def test_a_known_set_is_drawn_from_whatever_the_case_gives():
+    """A box of a matrix, a ball, an input's gain, and a plant that is given by A, of which theta follows."""
+    ball = sampled(CaseText(BALL), [("plant.theta", "known-set")])
+    assert list(map(str, ball.values())) == ["ball:[1.0, -2.0]:3.0, entry 1", "ball:[1.0, -2.0]:3.0, entry 2"]
+    text = CaseText.read("lateral-aircraft")
+    draws = sampled(text, [("plant.theta", "known-set")])
+    assert {str(path): str(one) for path, one in draws.items()}["plant.theta[7]"] == "uniform:-100.0:100.0"
+    assert len(draws) == 8 and sampled(text.case(), [("plant.theta[0]", "uniform:0:1")])
+    varied = VariedCase(text, tuple(draws))
+    plant, made = text.case().problem.plant, varied.at(np.arange(8.0)).problem.plant
+    np.testing.assert_array_equal(varied.at(plant.theta).problem.plant.theta, plant.theta)
+    np.testing.assert_array_equal(made.theta, np.arange(8.0))
+    np.testing.assert_array_equal(made.A_m, plant.A_m)
+    gain = sampled(CaseText.read("f16-short-period"), [("plant.input.gain", "known-set"), ("plant.theta", "known-set")])
+    assert str(gain[FieldPath.parse("plant.input.gain")]) == "uniform:0.3:1.5" and len(gain) == 3
+    several = sampled(CaseText.read("mass-spring-damper"), [("plant.input[1].gain", "known-set")])
+    assert list(map(str, several.values())) == ["uniform:0.1:2.0"]
+    objects = sampled(load_case("paper"), [("plant.theta", "known-set")])
+    assert list(map(str, objects)) == ["plant.theta[0]", "plant.theta[1]"]
+
+
+@pytest.mark.parametrize(
+    ("case", "path", "message"),
+    [
+        ("paper", "reference.amplitude", "as many entries"),
+        ("paper", "plant.input.gain", "needs the interval of the input's gain"),
+        ("payload-drop", "plant.theta", "the case has none"),
+        ("rohrs", "plant.theta", "the case has no plant.theta"),
+        ("paper", "plant.thet", "the case has no plant.thet"),
+    ],
+)
+def test_what_has_no_known_set(case, path, message):
+    with pytest.raises(InputError, match=message):
+        sampled(CaseText.read(case), [(path, "known-set")])

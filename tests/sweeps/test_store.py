@@ -14,7 +14,7 @@ from barbalat.sweeps.paths import FieldPath
 from barbalat.sweeps.plan import Plan
 from barbalat.sweeps.spread import Axis, Uniform
 from barbalat.sweeps.store import opened
-from barbalat.sweeps.stored import INDEX_FILE, INDEX_KEY
+from barbalat.sweeps.stored import INDEX_FILE, INDEX_KEY, StoredRows, read_index, row_of
 from barbalat.sweeps.study import Study
 from barbalat.sweeps.sweep import run_study
 from barbalat.sweeps.varied_case import VariedCase
@@ -113,12 +113,73 @@ def test_equations_are_told_apart():
     assert len(versions) == 3
 
 
+def test_a_damaged_row_is_not_compared_with(tmp_path):
+    folder, prepared = tmp_path / "store", study()
+    run(folder, prepared)
+    assert row_of(folder, prepared.identity(), 13)["member"] == 13
+    file = folder / "members-000000000012.parquet"
+    content = bytearray(file.read_bytes())
+    content[len(content) // 2] ^= 4
+    file.write_bytes(content)
+    with pytest.raises(InputError, match="is damaged or gone: the same command without --member"):
+        row_of(folder, prepared.identity(), 13)
+    assert row_of(folder, prepared.identity(), 3)["member"] == 3
+
+
+def test_rows_with_bounds_and_without_do_not_mix(tmp_path):
+    run(tmp_path / "store")
+    with pytest.raises(InputError, match="is of the other choice of --no-bounds"):
+        run_study(study(), store=tmp_path / "store", chunk=6)
+
+
+def test_a_complete_store_is_read_beside_who_holds_it(tmp_path):
+    """As on a disk that is read-only: nothing is written, no lock is taken."""
+    from filelock import FileLock
+
+    folder = tmp_path / "store"
+    found = run(folder)
+    before = {file.name: file.stat().st_mtime_ns for file in folder.iterdir()}
+    with FileLock(folder / ".lock", timeout=0):
+        again = run(folder)
+        (folder / "members-000000000012.parquet").unlink()
+        with pytest.raises(InputError, match="is being written by another process"):
+            run(folder)
+    assert again.resumed == 20 and again.as_json() | {"resumed": 0} == found.as_json()
+    assert {name: time for name, time in before.items() if "12." not in name}.items() <= {
+        file.name: file.stat().st_mtime_ns for file in folder.iterdir()
+    }.items()
+
+
 def test_a_damaged_index_is_said(tmp_path):
     folder = tmp_path / "store"
     run(folder)
     (folder / INDEX_FILE).write_bytes(b"no Parquet")
     with pytest.raises(InputError, match=r"index of the store .* is damaged"):
         run(folder)
+
+
+def test_a_flipped_bit_anywhere_in_the_index_changes_nothing_or_is_said(tmp_path):
+    """Names of columns too: of them the text and its checksum know nothing by themselves."""
+    folder = tmp_path / "store"
+    run(folder)
+    file = folder / INDEX_FILE
+    whole, known = file.read_bytes(), StoredRows(folder, read_index(folder))
+    refused = 0
+    for place in range(0, len(whole), 7):
+        content = bytearray(whole)
+        content[place] ^= 1
+        file.write_bytes(content)
+        try:
+            index = read_index(folder)
+        except InputError:
+            refused += 1
+        else:
+            assert index == known.index and StoredRows(folder, index).names == known.names
+    assert refused > len(whole) / 7 / 2  # the rest is padding, and what says nothing of rows
+    at = whole.index(b"L1/rms_e")
+    file.write_bytes(whole[:at] + b"M" + whole[at + 1 :])
+    with pytest.raises(InputError, match=r"index of the store .* is damaged"):
+        read_index(folder)
 
 
 def test_folders_that_are_no_store(tmp_path):

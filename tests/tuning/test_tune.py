@@ -8,9 +8,12 @@ import numpy as np
 import pytest
 
 from barbalat import Simulation, certify, load_case, simulate, sweep, trade_off, tune
-from barbalat.cases.load import parse_case
+from barbalat.cases.load import CaseText, parse_case
 from barbalat.cli import main
 from barbalat.study.motion import ModelMotion
+from barbalat.tuning.aim import Aim
+from barbalat.tuning.search import BROKEN_CONSTRAINT_SCORE, search
+from barbalat.tuning.tune import Tuner
 from independent import refusal
 
 DRIVE = """
@@ -192,3 +195,31 @@ def test_command_and_its_page(drive, tmp_path, capsys):
 )
 def test_bad_input(drive, given, said):
     assert said in refusal(lambda: tune(drive, **{"objective": "rms_e"} | given))
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_search_comes_close_to_where_a_constraint_binds(seed):
+    """The least x that is allowed, with a second number of hardly any influence: as of L1's filter and gain under a delay."""
+    limit = 0.2 + 0.1 * seed
+    tried = []
+
+    def judged(points, to_beat):
+        x, y = points.T
+        tried.extend(points[x >= limit])
+        return np.where(x >= limit, x + 1e-4 * (1 - y), BROKEN_CONSTRAINT_SCORE * (1 + limit - x))
+
+    search(judged, 2, trials=384, seed=seed, start=None, progress=None)
+    assert min(x for x, _ in tried) - limit < 1.6e-4  # the shortest steps are 0.02 / 128 long; without them it is up to 7e-4
+
+
+def test_a_knob_that_nothing_bounds_is_searched_beyond_the_grid(drive):
+    text = DRIVE.replace('name = "MRAC"\nscheme = "mrac"\ngamma = 3.0', ROBUST)
+    case = parse_case(text)
+    aim = Aim.of("rms_e", [], maximize=False, plants=1, quantile=1.0, seed=0)
+    space = Tuner(CaseText(text), case, aim, 384).space_of(0)
+    ends = {str(path): (one.low, one.high) for path, one in space.ranges.items()}
+    assert ends["controller[0].law.covariance0"] == (pytest.approx(1e-4), pytest.approx(1e6))
+    assert ends["controller[0].tau"] == (pytest.approx(5e-3), pytest.approx(0.5))  # five steps, the model's time constant
+
+
+ROBUST = 'name = "MRAC"\nscheme = "robust-mrac"\ntau = 0.1\nlaw = { kind = "least-squares", covariance0 = 10.0 }'

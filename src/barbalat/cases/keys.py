@@ -6,6 +6,7 @@ import inspect
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import MISSING, dataclass, field, fields
+from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple, get_type_hints
 
@@ -55,6 +56,7 @@ class Differences:
     make: Make | None = None
 
 
+@cache  # a sweep makes thousands of cases of one file
 def _types_of(settings: type) -> dict[str, Any]:
     """The fields' types; what a class says of itself beside its fields may name types that are imported for checkers only."""
     names = {one.name for one in fields(settings)}
@@ -81,6 +83,7 @@ def keys_of(settings: type, differences: Differences) -> dict[str, Key]:
     return found | dict(differences.keys)
 
 
+@cache
 def meanings_of(settings: type) -> dict[str, str]:
     """What the docstrings of a class, and of those it is made from, say of its fields: name -> meaning."""
     found: dict[str, str] = {}

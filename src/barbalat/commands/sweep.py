@@ -33,7 +33,7 @@ def add(commands: Commands) -> None:
     )  # fmt: skip
     parser.add_argument(
         "--sample", action="append", default=[], metavar="PATH=DISTRIBUTION",
-        help="uniform:A:B, normal:MEAN:DEVIATION or loguniform:A:B; known-set for a vector that is uniform over the known box",
+        help="uniform:A:B, normal:MEAN:DEVIATION or loguniform:A:B; known-set for a vector, or a gain, over the case's known set",
     )  # fmt: skip
     parser.add_argument("--members", type=int, metavar="N", help="draws at each point of the grid; default 1000 with --sample")
     parser.add_argument(
@@ -145,7 +145,7 @@ def _write(folder: Folder, text: CaseText, result: SweepResult) -> None:
 
 def _study(text: CaseText, options: argparse.Namespace) -> Study:
     from barbalat.sweeps.paths import FieldPath
-    from barbalat.sweeps.plan import DEFAULT_MEMBERS, Design, Plan
+    from barbalat.sweeps.plan import Design, Plan, members_of
     from barbalat.sweeps.spread import Axis
     from barbalat.sweeps.study import Study
     from barbalat.sweeps.varied_case import VariedCase, sampled
@@ -162,8 +162,8 @@ def _study(text: CaseText, options: argparse.Namespace) -> Study:
         except InputError as error:
             raise InputError(f"{path}: {error}") from None
     draws = sampled(text, [_pair(given) for given in options.sample])
-    members = options.members if options.members is not None else DEFAULT_MEMBERS if draws else 1
-    plan = Plan(axes, draws, members, Design(options.design), options.seed)
+    design = Design(options.design)
+    plan = Plan(axes, draws, members_of(options.members, design, drawn=bool(draws)), design, options.seed)
     return Study(VariedCase(text, plan.paths), plan)
 
 

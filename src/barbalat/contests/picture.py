@@ -30,7 +30,9 @@ def draw(found: Contest, *, narrow: bool = False, shown: bool = False) -> Figure
     axes.set_xscale("log")
     for k, name in enumerate(names):
         _line(axes, found.held_out[name], name, -k, theme)
-        axes.plot(found[name].error / found.motion, -k, marker="x", color=theme.quiet, markersize=6, linestyle="none")
+        axes.plot(
+            found[name].error / found.motion, -k, marker="x", color=theme.colour(1), markersize=7, linestyle="none", zorder=4
+        )
     axes.set_yticks([])
     axes.set_ylim(-len(names) + 0.4, 0.8)
     axes.set_xlabel("RMS |e| / RMS |x$_m$| (× where it was tuned)" if narrow else
@@ -51,4 +53,4 @@ def _line(axes: Axes, held: HeldOut, name: str, y: float, theme: Theme) -> None:
     axes.plot(errors, np.full(len(errors), y), marker="|", color=colour, markersize=7, linestyle="none", alpha=0.35)
     middle = held.quantiles["median"]
     if np.isfinite(middle):
-        axes.plot(middle, y, marker="o", color=colour, markersize=6, linestyle="none")
+        axes.plot(middle, y, marker="o", color=theme.ink, markersize=5, linestyle="none", zorder=3)  # above the strokes

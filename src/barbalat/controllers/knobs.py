@@ -20,6 +20,7 @@ class Knobs:
     """A scheme and the settings that are varied, all combinations of them; ``make`` builds the controller.
 
     traded  whether trade-offs have it where nobody says which; contests have all
+    open    those whose values end where a grid has to end, and not at what the step or the model sets: a search goes beyond
     aims    keys of its certificate that its designers look at: what they promise of it, and under which condition
     """
 
@@ -27,6 +28,7 @@ class Knobs:
     values: dict[str, Array]
     make: Callable[..., Controller]
     traded: bool = True
+    open: tuple[str, ...] = ()
     aims: tuple[str, ...] = ()
 
     def tunings(self) -> Iterator[dict[str, float]]:

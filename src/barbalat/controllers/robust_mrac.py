@@ -138,6 +138,7 @@ class RobustMrac(Scheme):
                 theta_hat0=reach.theta_hat0,
                 saturated_predictor=reach.saturated,
             ),
+            open=("covariance0",),  # what it does depends on the size of c_0
             aims=("tau_below", "complementary_sensitivity_peak"),
         )
 

@@ -63,10 +63,10 @@ def _rows(values: Array) -> str:
 def _noise(plant: PlantContents, count: int) -> Array:
     """(K, channels) what the simulation's generator gives at each sample."""
     noise, members = plant.problem.noise, plant.opened.members
-    hold, fused = members.rhythm.noise_hold, members.simulation.fused
     assert noise is not None
+    hold = members.rhythm.noise_hold
     rows = [step // hold for step in range(0, count * plant.steps_per_sample, plant.steps_per_sample)]
-    return standard_normal(noise.seed, 0, 0, rows[-1] + 1, plant.loop.signals.noise, fused=fused)[rows]
+    return standard_normal(noise.seed, 0, 0, rows[-1] + 1, plant.loop.signals.noise)[rows]
 
 
 def _disturbances(plant: PlantContents, count: int) -> Array:

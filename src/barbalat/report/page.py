@@ -33,7 +33,7 @@ from barbalat.report.file_names import PAGE
 from barbalat.report.narrow import fits_a_phone
 from barbalat.report.notation import mathematics
 from barbalat.report.numbers import number_text
-from barbalat.report.sweep import WorstMember, extremes, in_symbols, shares
+from barbalat.report.sweep import WorstMember, extremes, in_symbols, shares, varied
 from barbalat.run.outcome import units_of
 from barbalat.run.result import Result
 from barbalat.study.tradeoff import TradeOff
@@ -138,7 +138,7 @@ def linked(text: Markup, names: Sequence[str]) -> Markup:
 def sweep(found: SweepResult, pictures: Mapping[str, ReportFigure], worst: Sequence[WorstMember] = ()) -> str:
     """The page of ``barbalat sweep``; ``worst`` are members of which there are explorers beside it, or why there are none."""
     tables = {"shares": _symbols(shares(found)), "extremes": _symbols(extremes(found))}
-    return _render("sweep.html", found=found, pictures=pictures, worst=worst, **tables)
+    return _render("sweep.html", found=found, pictures=pictures, worst=worst, varied=varied, **tables)
 
 
 @dataclass(frozen=True)

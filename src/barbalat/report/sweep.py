@@ -5,9 +5,11 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 
+from barbalat import validate
 from barbalat.report.numbers import number_text
 from barbalat.sweeps.evidence import FINDINGS
 from barbalat.sweeps.result import SweepResult
+from barbalat.sweeps.spread import InBall
 
 SHOWN = ("max_abs_e", "rms_e", "tail_max_abs_e", "max_abs_u", "max_abs_y", "diverged_at")
 """Figures, without their components; the others are in the JSON and in a store."""
@@ -22,6 +24,18 @@ class WorstMember:
     member: int
     file: str | None = None
     why: str = ""
+
+
+def varied(found: SweepResult) -> list[tuple[str, str]]:
+    """What varies, and how; entries of a vector that is drawn from a ball once, together."""
+    rows = [(str(path), f"over {axis}") for path, axis in found.plan.axes.items()]
+    for path, drawn in found.plan.draws.items():
+        if not isinstance(drawn, InBall):
+            rows.append((str(path), f"from {drawn}"))
+        elif drawn.place == 0:
+            vector = str(path).split("[", 1)[0]
+            rows.append((vector, f"evenly in the ball of radius {drawn.radius:g} around {validate.show(drawn.center)}"))
+    return rows
 
 
 def shares(found: SweepResult) -> list[list[str]]:

@@ -60,7 +60,6 @@ class Batch:
     record   keeps every block's start state and accumulators
     watch    goes with a program that watches, of one member
     steps    of the whole run
-    fused    of its simulation: without fused multiply-adds noise is computed by a list too
     """
 
     loop: ClosedLoop
@@ -76,7 +75,6 @@ class Batch:
     numbers: Array | None = None
     watch: Watch | None = None
     steps: float = inf
-    fused: bool = True
     totals: Totals = field(init=False)
     groups: list[Group] = field(init=False)
 
@@ -112,7 +110,6 @@ class Batch:
             numbers=members.numbers[which],
             watch=members.watch(),
             steps=members.simulation.steps,
-            fused=members.simulation.fused,
         )
 
     def __post_init__(self) -> None:
@@ -213,6 +210,5 @@ class Group:
             return None
         hold, channels = self.batch.rhythm.noise_hold, self.batch.program.shape.noise
         first, last = start // hold, (start + steps - 1) // hold
-        fused = self.batch.fused
-        streams = [standard_normal(*stream, first, last - first + 1, channels, fused=fused) for stream in self.streams]
+        streams = [standard_normal(*stream, first, last - first + 1, channels) for stream in self.streams]
         return np.ascontiguousarray(np.stack(streams, axis=2))

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Protocol
 
 from barbalat import validate
 from barbalat.protocols import Signal
-from barbalat.run.batch import Batch
+from barbalat.run.batch import Batch, Group
 from barbalat.run.grid import Segment, final_row, segments_of, signal_table
 from barbalat.run.progress import Progress
 from barbalat.solvers.simulation import Simulation
@@ -73,12 +74,29 @@ def advance(
             if len(groups) == 1:
                 groups[0].advance(segment, current)
             else:
-                _finish([pool.submit(group.advance, segment, current) for group in groups])
+                _finish([pool.submit(_advance, some, segment, current) for some in _tasks(groups, segment)])
             if progress is not None:
                 progress((segment.start + segment.steps) / simulation.steps)
     last = tables.last()
     for group in groups:
         group.finish(simulation.steps, last)
+
+
+TASK_STEPS = 2**14
+"""Kernel steps that one task of a pool takes at least where there are groups enough, a millisecond or so: handing it out costs
+some 50 us, which members of a tenth of a second would else pay for each group."""
+
+
+def _tasks(groups: Sequence[Group], segment: Segment) -> Iterator[Sequence[Group]]:
+    """All groups, some together where the segment is short."""
+    count = max(TASK_STEPS // segment.steps, 1)
+    for first in range(0, len(groups), count):
+        yield groups[first : first + count]
+
+
+def _advance(groups: Sequence[Group], segment: Segment, table: Array) -> None:
+    for group in groups:
+        group.advance(segment, table)
 
 
 def _finish(pending: list[Future[None]]) -> None:

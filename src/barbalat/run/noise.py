@@ -11,16 +11,15 @@ NUMBERS_PER_BLOCK = 4
 """Numbers that one count of a Philox counter makes."""
 
 
-def standard_normal(seed: int, member: int, first: int, rows: int, channels: int, *, fused: bool = True) -> Array:
+def standard_normal(seed: int, member: int, first: int, rows: int, channels: int) -> Array:
     """Rows first ... first + rows - 1 of a member's standard Gaussian numbers, (rows, channels).
 
-    Without fused multiply-adds they are those of the list that pages have too, whose last bits are the same on every computer.
+    They are those of the operation list that pages have too: no library's logarithm is in them, and their bits are the same on
+    every computer.
     """
-    from scipy.special import ndtri
-
     counts = -(-channels // NUMBERS_PER_BLOCK)  # every row starts on a count of its own
     generator = np.random.Philox(key=np.array([seed, member], dtype=np.uint64))
     generator.advance(first * counts)
     raw = generator.random_raw(rows * counts * NUMBERS_PER_BLOCK).reshape(rows, counts * NUMBERS_PER_BLOCK)[:, :channels]
     uniform = ((raw >> np.uint64(11)) + 0.5) * 2.0**-53
-    return np.asarray(ndtri(uniform)) if fused else evaluate("ndtri", uniform)
+    return evaluate("ndtri", uniform)

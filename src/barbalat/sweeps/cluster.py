@@ -9,8 +9,8 @@ import re
 import warnings
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
+from threading import Event, Thread
 from typing import TYPE_CHECKING
 
 from barbalat import validate
@@ -65,7 +65,8 @@ def connected(scheduler: Scheduler) -> Iterator[Client]:
 
     from distributed import Client
 
-    logging.getLogger("distributed").setLevel(logging.CRITICAL)  # workers that die are said by what becomes of their chunks
+    for name in ("distributed", "distributed.client"):  # workers that die are said by what becomes of their chunks
+        logging.getLogger(name).setLevel(logging.CRITICAL)
     cluster = None
     if scheduler.address is not None:
         _require_answer(scheduler.address)
@@ -109,9 +110,14 @@ def _close(cluster: LocalCluster) -> None:
 def _require_answer(address: str) -> None:
     """InputError where no scheduler says who it is; a client would wait for a port that is open but silent."""
     from distributed.core import connect
+    from distributed.security import Security
+
+    known = Security().get_connection_args("client")
+    if address.startswith("tls:") and known.get("ssl_context") is None:
+        raise InputError(f"the scheduler {address!r} needs certificates: name them in Dask's configuration, distributed.comm.tls")
 
     async def ask() -> None:
-        comm = await connect(address, timeout=ANSWER_SECONDS)
+        comm = await connect(address, timeout=ANSWER_SECONDS, **known)
         try:
             await comm.write({"op": "identity", "reply": True})
             await comm.read()
@@ -121,14 +127,21 @@ def _require_answer(address: str) -> None:
     async def within() -> None:
         await asyncio.wait_for(ask(), ANSWER_SECONDS)
 
-    with ThreadPoolExecutor(1) as pool:  # a notebook's own thread has a loop that runs already
-        try:
-            pool.submit(asyncio.run, within()).result()
-        except (OSError, TimeoutError):
-            raise InputError(
-                f"the scheduler {address!r} does not answer within {ANSWER_SECONDS:g} s: start one there with 'dask scheduler', "
-                "or leave --scheduler out"
-            ) from None
+    answered = Event()
+
+    def wait() -> None:
+        with contextlib.suppress(OSError, TimeoutError):
+            asyncio.run(within())
+            answered.set()
+
+    asking = Thread(target=wait, daemon=True)  # a notebook's own thread has a loop that runs already
+    asking.start()
+    asking.join()  # Ctrl-C leaves it behind
+    if not answered.is_set():
+        raise InputError(
+            f"the scheduler {address!r} does not answer within {ANSWER_SECONDS:g} s: start one there with 'dask scheduler', "
+            "or leave --scheduler out"
+        )
 
 
 @dataclass(eq=False)

@@ -13,7 +13,6 @@ from barbalat.run.breaks import can_be_split
 from barbalat.run.kernel_numbers import Family
 from barbalat.run.members import Reader
 from barbalat.sweeps.plan import Plan
-from barbalat.sweeps.spread import Axis, Distribution
 from barbalat.sweeps.varied import Varied
 from barbalat.validate import Array, InputError
 
@@ -38,8 +37,10 @@ class Tried:
 
     @classmethod
     def of(cls, plan: Plan) -> Tried:
-        spreads: tuple[Axis | Distribution, ...] = (*plan.axes.values(), *plan.draws.values())
-        found = [s.values if isinstance(s, Axis) else s.at(np.array(TRIED_SHARES)) for s in spreads]
+        found, drawn = [axis.values for axis in plan.axes.values()], list[Array]()
+        for one in plan.draws.values():
+            found.append(one.at(np.array(TRIED_SHARES), drawn))
+            drawn.append(np.full(len(TRIED_SHARES), found[-1][len(TRIED_SHARES) // 2]))
         middle = np.array([values[len(values) // 2] for values in found])
         ends = [values[[0, len(values) // 3, -1]] for values in found]
         return cls(middle, tuple(np.unique(v[v != m]) for v, m in zip(ends, middle, strict=True)))

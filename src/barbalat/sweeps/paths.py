@@ -56,7 +56,7 @@ class FieldPath:
         return here
 
     def put(self, tables: Tables, value: float) -> None:
-        """A number there, whole where a whole one stood; tables that are missing on the way are made.
+        """A number there, whole where a whole one or none stood; tables that are missing on the way are made.
 
         InputError where a list or a table stands there: its entries are the numbers.
         """
@@ -82,7 +82,7 @@ class FieldPath:
             raise InputError(f"{self} is not a number but has several; name one {entry}, as {example}")
         if isinstance(old, (str, bool)):
             raise InputError(f"{self} is {validate.show(old)}, not a number, and can't be varied")
-        here[last] = int(value) if isinstance(old, int) and value.is_integer() else value
+        here[last] = int(value) if isinstance(old, int | None) and value.is_integer() else value
 
     def _not_given(self, position: int, table: Tables) -> InputError:
         """For a list that is not there, with the one of the table that is spelt most like it."""

@@ -19,8 +19,10 @@ from barbalat.validate import Array
 if TYPE_CHECKING:
     from barbalat.sweeps.result import SweepResult
 
-HISTOGRAM_BINS = 60
-"""Of a histogram."""
+FEWEST_BINS, MOST_BINS = 10, 60
+"""Of a histogram; between them twice the cube root of the members, Rice's rule."""
+MOST_BARS = 12
+"""Numbers in a chart of what a variance is due to, those with the largest shares."""
 DECADES_FOR_LOG = 1.3
 """From a factor of 20 between the smallest and the largest value on, an axis is logarithmic."""
 
@@ -50,7 +52,8 @@ def _histogram(axes: Axes, found: SweepResult, name: str, theme: Theme) -> None:
     low, high = min(one.min for one in known.values()), max(one.max for one in known.values())
     logarithmic = low > 0 and np.log10(high / low) > DECADES_FOR_LOG
     spaced = np.geomspace if logarithmic else np.linspace
-    edges = spaced(low, high if high > low else low + 1, HISTOGRAM_BINS + 1)
+    bins = int(np.clip(2 * len(found) ** (1 / 3), FEWEST_BINS, MOST_BINS))
+    edges = spaced(low, high if high > low else low + 1, bins + 1)
     for k, controller in enumerate(known):
         one = found.column(f"{controller}/{name}")
         gone = len(one) - known[controller].finite
@@ -87,14 +90,14 @@ class Heat:
 
 
 def heat_of(found: SweepResult, figure: str) -> Heat | None:
-    """None for a grid of other than two axes."""
+    """None for a grid of other than two axes, and where members diverged at each of its points."""
     axes = [(path, axis.values) for path, axis in found.plan.axes.items() if axis.count > 1]
     if len(axes) != 2 or len(found.plan.axes) != 2:
         return None
     (y, x) = axes
     shape = len(y[1]), len(x[1]), found.plan.draws_each
     values = {c: np.median(found.column(f"{c}/{figure}").reshape(shape), axis=2) for c in found.evidence.metrics.get(figure, {})}
-    return Heat(x, y, values)
+    return Heat(x, y, values) if any(np.isfinite(one).any() for one in values.values()) else None
 
 
 def heat_map(heat: Heat, title: str, logarithmic: tuple[bool, bool], *, narrow: bool = False) -> Figure:
@@ -133,8 +136,11 @@ def _edges(values: Array, *, logarithmic: bool) -> Array:
 
 
 def tornado(sensitivities: Sequence[Sensitivity], controllers: Sequence[str], name: str, *, narrow: bool = False) -> Figure:
-    """A bar for each varied number and controller: the share of the figure's variance, with its interval."""
-    paths = [str(path) for path in dict.fromkeys(one.path for one in sensitivities)]
+    """A bar for each varied number and controller: the share of the figure's variance, with its interval; the largest on top."""
+    shares: dict[str, float] = {}
+    for one in sensitivities:
+        shares[str(one.path)] = max(shares.get(str(one.path), 0.0), one.first)
+    paths = sorted(shares, key=lambda path: -shares[path])[:MOST_BARS]
     theme = Theme.current()
     height = 0.8 + 0.32 * len(paths) * max(len(controllers), 1)
     figure = new_figure(NARROW if narrow else 2 * NARROW, height, shown=False, layout="constrained")
@@ -144,12 +150,13 @@ def tornado(sensitivities: Sequence[Sensitivity], controllers: Sequence[str], na
         own = {str(one.path): one for one in sensitivities if one.controller == controller}
         places = [i + (k - (len(controllers) - 1) / 2) * width for i, path in enumerate(paths) if path in own]
         bars = [own[path] for path in paths if path in own]
-        spread = np.array([[max(b.first - b.low, 0) for b in bars], [max(b.high - b.first, 0) for b in bars]])
-        values = [b.first for b in bars]
+        spread = 100 * np.array([[max(b.first - b.low, 0) for b in bars], [max(b.high - b.first, 0) for b in bars]])
+        values = [100 * b.first for b in bars]
         axes.barh(places, values, width * 0.9, color=theme.colour(k), label=controller, xerr=spread, ecolor=theme.quiet)
     axes.set_yticks(range(len(paths)), paths, fontsize=9)
     axes.invert_yaxis()
-    axes.set_xlabel(f"first-order share of the variance of max {symbol(name)}", fontsize=9)
+    axes.set_xlim(left=0)
+    axes.set_xlabel(f"share of the variance of max {symbol(name)} [%]", fontsize=9)
     axes.legend(loc="lower left", bbox_to_anchor=(-0.01, 1.0), ncols=1 if narrow else 3, frameon=False, fontsize=9)
     _plain(axes)
     return figure

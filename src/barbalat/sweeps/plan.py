@@ -12,7 +12,7 @@ import numpy as np
 
 from barbalat import validate
 from barbalat.sweeps.paths import FieldPath
-from barbalat.sweeps.spread import LARGEST_SHARE, SMALLEST_SHARE, Axis, Distribution
+from barbalat.sweeps.spread import LARGEST_SHARE, SMALLEST_SHARE, Axis, Distribution, InBall
 from barbalat.validate import Array, InputError
 
 BLOCK_DRAWS = 2**16
@@ -30,8 +30,17 @@ class Design(Enum):
     SALTELLI = "saltelli"
 
 
-DEFAULT_MEMBERS = 1000
-"""Draws: a share of a few percent then has an interval of about one."""
+DEFAULT_MEMBERS = dict.fromkeys(Design, 1000) | {Design.SALTELLI: 1024}
+"""Draws: a share of a few percent then has an interval of about one. Saltelli's are powers of two."""
+MOST_MEMBERS = 10**10
+"""Of a sweep: a chunk, one of 4096, then has some 2.5 million, half a gigabyte of columns."""
+
+
+def members_of(given: int | None, design: Design, *, drawn: bool) -> int:
+    """The draws at each point of a grid: as given, or the design's default where something is drawn."""
+    if given is not None:
+        return given
+    return DEFAULT_MEMBERS[design] if drawn else 1
 
 
 def design_of(name: str | Design) -> Design:
@@ -58,7 +67,7 @@ class Plan:
     seed: int = 0
 
     def __post_init__(self) -> None:
-        validate.whole("members", self.members, least=1)
+        validate.whole("members", self.members, least=1, most=MOST_MEMBERS)
         validate.whole("seed", self.seed, least=0)
         if not self.axes and not self.draws:
             raise InputError(
@@ -72,8 +81,14 @@ class Plan:
             raise InputError("Saltelli's design goes without a grid: leave --vary out")
         if self.design is Design.SALTELLI and (not self.draws or self.members & (self.members - 1)):
             raise InputError(f"Saltelli's design needs something to draw and a power of two of members, got {self.members}")
+        if self.design is Design.SALTELLI and any(isinstance(one, InBall) for one in self.draws.values()):
+            raise InputError("Saltelli's design needs numbers that are independent of each other, which those of a ball are not")
         if self.design in (Design.SOBOL, Design.SALTELLI) and self.members > MOST_SOBOL:
             raise InputError(f"a Sobol sequence has at most {MOST_SOBOL} points, got members = {self.members}")
+        if self.count > MOST_MEMBERS:
+            raise InputError(
+                f"a sweep has at most {MOST_MEMBERS:.0e} members, got {self.count:.3g}: run several, each with its own --seed"
+            )
 
     @property
     def paths(self) -> tuple[FieldPath, ...]:
@@ -93,8 +108,13 @@ class Plan:
         """At each point of the grid."""
         return self.members * (len(self.draws) + 2) if self.design is Design.SALTELLI else self.members
 
-    def __len__(self) -> int:
+    @property
+    def count(self) -> int:
+        """Of all members."""
         return self.points * self.draws_each
+
+    def __len__(self) -> int:
+        return self.count
 
     def values(self, first: int, count: int) -> Array:
         """(count, paths) of the members from number ``first`` on."""
@@ -107,7 +127,10 @@ class Plan:
         columns.reverse()
         if self.draws:
             shares = np.clip(self._shares(draw), SMALLEST_SHARE, LARGEST_SHARE)
-            columns += [one.at(shares[:, i]) for i, one in enumerate(self.draws.values())]
+            drawn: list[Array] = []
+            for i, one in enumerate(self.draws.values()):
+                drawn.append(one.at(shares[:, i], drawn))
+            columns += drawn
         return np.column_stack(columns)
 
     def streams(self, first: int, count: int) -> Array:

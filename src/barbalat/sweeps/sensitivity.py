@@ -12,6 +12,7 @@ import numpy as np
 from barbalat.sweeps.paths import FieldPath
 from barbalat.sweeps.plan import Design, Plan
 from barbalat.sweeps.rows import Rows
+from barbalat.sweeps.spread import InBall
 from barbalat.validate import Array
 
 MOST_DRAWS = 2**14
@@ -20,6 +21,8 @@ FEWEST_DRAWS = 128
 """Below them RBD-FAST's spectrum has too few points for its ten harmonics."""
 RESAMPLES, CONFIDENCE_LEVEL = 50, 0.95
 """Of the bootstrap."""
+SMALLEST_SHARE_OF_VARIANCE = 1e-20
+"""Below it lies what rounding leaves of no effect: the square of a sum's, of 10^6 numbers."""
 FIGURES = ("max_abs_e", "rms_e", "tail_max_abs_e", "max_abs_u", "max_abs_y")
 """Figures, without their components, that are looked at."""
 
@@ -28,7 +31,8 @@ FIGURES = ("max_abs_e", "rms_e", "tail_max_abs_e", "max_abs_u", "max_abs_y")
 class Sensitivity:
     """Of one figure of one controller to one number.
 
-    first      share of the variance, with its interval ``low`` to ``high``; both ends equal it where it is exact for the grid
+    first      share of the variance, with its interval ``low`` to ``high``; both ends equal it where it is exact for the grid.
+               What an estimator gives below 0 or above 1 is cut off there, where no share lies
     total      with what it accounts for together with others; of Saltelli's design only, else None
     estimator  how it was obtained
     """
@@ -62,6 +66,8 @@ def sensitivities(rows: Rows, controllers: Sequence[str], plan: Plan) -> tuple[l
             notes.append(f"sensitivity to what is drawn needs {FEWEST_DRAWS} draws at least, and there are {plan.members}")
         elif find_spec("SALib") is None:
             notes.append("sensitivity to what is drawn needs the package SALib: pip install 'barbalat[study]'")
+    if any(isinstance(one, InBall) for one in plan.draws.values()):
+        notes.append("entries of a ball are not independent: their shares of a variance overlap and need not add up to the whole")
     for controller in controllers:
         for name in rows.names:
             figure = name.removeprefix(f"{controller}/")
@@ -73,6 +79,10 @@ def sensitivities(rows: Rows, controllers: Sequence[str], plan: Plan) -> tuple[l
             elif values.min() < values.max():
                 found += _of(rows, values, plan, partial(Sensitivity, controller=controller, figure=figure))
     return found, notes
+
+
+def _cut(share: float) -> float:
+    return min(max(float(share), 0.0), 1.0)
 
 
 Made = Callable[..., Sensitivity]
@@ -88,6 +98,7 @@ def _of(rows: Rows, values: Array, plan: Plan, made: Made) -> Iterator[Sensitivi
     for i, path in enumerate(plan.axes):
         others = tuple(k for k in range(by_point.ndim) if k != i)
         share = float(by_point.mean(axis=others).var()) / total
+        share = 0.0 if share < SMALLEST_SHARE_OF_VARIANCE else share
         yield made(path=path, first=share, low=share, high=share, total=None, estimator=FACTORIAL)
     if plan.members >= FEWEST_DRAWS and find_spec("SALib") is not None:
         yield from _drawn(rows, by_point, plan, total, made)
@@ -107,8 +118,8 @@ def _drawn(rows: Rows, by_point: Array, plan: Plan, total: float, made: Made) ->
     problem = {"num_vars": len(names), "names": names, "bounds": [[0.0, 1.0]] * len(names)}
     found = rbd_fast.analyze(problem, given, mean[:count], num_resamples=RESAMPLES, conf_level=CONFIDENCE_LEVEL, seed=plan.seed)
     for path, first, half in zip(plan.draws, found["S1"], found["S1_conf"], strict=True):
-        low, high = float(part * (first - half)), float(part * (first + half))
-        yield made(path=path, first=float(part * first), low=low, high=high, total=None, estimator=RBD_FAST)
+        low, middle, high = (_cut(part * share) for share in (first - half, first, first + half))
+        yield made(path=path, first=middle, low=low, high=high, total=None, estimator=RBD_FAST)
 
 
 def _saltelli(values: Array, plan: Plan, made: Made) -> Iterator[Sensitivity]:
@@ -122,5 +133,5 @@ def _saltelli(values: Array, plan: Plan, made: Made) -> Iterator[Sensitivity]:
     first, whole = np.atleast_2d(found.first_order)[0], np.atleast_2d(found.total_order)[0]
     low, high = np.atleast_2d(spread.low)[0], np.atleast_2d(spread.high)[0]
     for i, path in enumerate(plan.draws):
-        interval = {"low": float(low[i]), "high": float(high[i])}
-        yield made(path=path, first=float(first[i]), **interval, total=float(whole[i]), estimator=SALTELLI)
+        interval = {"low": _cut(low[i]), "high": _cut(high[i])}
+        yield made(path=path, first=_cut(first[i]), **interval, total=_cut(whole[i]), estimator=SALTELLI)

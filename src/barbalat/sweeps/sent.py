@@ -6,7 +6,6 @@ where the sweep was started, and sent with the operation lists. A worker transla
 
 from __future__ import annotations
 
-import hashlib
 import sys
 from dataclasses import dataclass, replace
 from functools import cache
@@ -18,15 +17,12 @@ from barbalat.run.engine import Evaluated, advance
 from barbalat.run.grid import Segment, segments_of
 from barbalat.run.members import Members
 from barbalat.run.metrics import Metrics
-from barbalat.run.noise import standard_normal
 from barbalat.solvers.simulation import Simulation
 from barbalat.sweeps.study import StudyPart
 from barbalat.validate import Array, InputError
 
 COMPARED_PACKAGES = ("numpy", "scipy", "casadi", "llvmlite")
 """Packages on which a worker's bits may depend, beside Python's minor version and Barbalat's own."""
-NOISE_TRIED = 10_000
-"""Numbers of noise that tell whether a C library makes other ones: its logarithm is needed for 5 % of them, in the tails."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,13 +53,11 @@ class Sent:
     members: tuple[Members, ...]
     simulation: Simulation
     versions: dict[str, str]
-    noise: str | None
 
     @classmethod
     def of(cls, part: StudyPart) -> Sent:
-        noisy = any(one.seeds is not None for one in part.members)
         plain = tuple(replace(one, signals=()) for one in part.members)
-        return cls(plain, part.setting.simulation, versions(), noise_made() if noisy else None)
+        return cls(plain, part.setting.simulation, versions())
 
 
 @cache
@@ -71,11 +65,6 @@ def versions() -> dict[str, str]:
     """Of this process; they are read from files, which takes as long as simulating hundreds of members."""
     found = {"barbalat": barbalat.__version__, "python": ".".join(map(str, sys.version_info[:2]))}
     return found | {name: metadata.version(name) for name in COMPARED_PACKAGES}
-
-
-def noise_made() -> str:
-    """SHA-256 of some noise as this process makes it."""
-    return hashlib.sha256(standard_normal(0, 0, 0, NOISE_TRIED, 1).tobytes()).hexdigest()
 
 
 def kept(tables: Tabulated) -> Tabulated:
@@ -88,10 +77,6 @@ def figures(sent: Sent, tables: Tabulated) -> list[Metrics]:
     own = versions()
     if different := [f"{name} {own[name]}, not {sent.versions[name]}" for name in own if own[name] != sent.versions.get(name)]:
         raise InputError(f"a worker has other versions than the client: {', '.join(different)}; install the client's there")
-    if sent.noise not in (None, noise_made()):
-        raise InputError(
-            "a worker's C library makes other noise than the client's, in the last bits: run this sweep on alike machines"
-        )
     batches = [Batch.part(one, slice(0, len(one))) for one in sent.members]
     advance(batches, tables, sent.simulation, threads=1)
     return [batch.metrics(sent.simulation) for batch in batches]

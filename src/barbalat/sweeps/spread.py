@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -13,6 +14,8 @@ from barbalat.validate import Array, InputError
 
 SMALLEST_SHARE, LARGEST_SHARE = 2.0**-54, 1 - 2.0**-53
 """Of what lies below a drawn value: 0 and 1 themselves would be the infinite ends of a normal distribution."""
+MOST_VALUES = 10**7
+"""Of an axis: all of them are kept, 80 MB."""
 
 
 @dataclass(frozen=True)
@@ -27,7 +30,8 @@ class Axis:
     def __post_init__(self) -> None:
         validate.number("START", self.start)
         validate.number("STOP", self.stop)
-        validate.whole("COUNT", self.count, least=1)
+        validate.number("STOP - START", self.stop - self.start)
+        validate.whole("COUNT", self.count, least=1, most=MOST_VALUES)
         if self.logarithmic and (self.start <= 0 or self.stop <= 0):
             raise InputError(f"START and STOP must be positive for log, got {self.start:g} and {self.stop:g}")
         if self.count > 1 and self.start == self.stop:
@@ -58,8 +62,8 @@ class Axis:
 class Distribution(Protocol):
     """What a number is drawn from."""
 
-    def at(self, share: Array) -> Array:
-        """The values below which these shares of all draws lie."""
+    def at(self, share: Array, before: Sequence[Array] = ()) -> Array:
+        """The values below which these shares of all draws lie, given the numbers that were drawn ``before``."""
         ...
 
 
@@ -73,7 +77,7 @@ class Uniform:
     def __post_init__(self) -> None:
         _require_range("uniform", self.low, self.high)
 
-    def at(self, share: Array) -> Array:
+    def at(self, share: Array, before: Sequence[Array] = ()) -> Array:
         return np.clip(self.low + (self.high - self.low) * share, self.low, self.high)  # rounding leaves no range
 
     def __str__(self) -> str:
@@ -92,7 +96,7 @@ class LogUniform:
         if self.low <= 0:
             raise InputError(f"loguniform needs positive limits, got {self.low:g}")
 
-    def at(self, share: Array) -> Array:
+    def at(self, share: Array, before: Sequence[Array] = ()) -> Array:
         low, high = math.log(self.low), math.log(self.high)
         return np.clip(np.exp(low + (high - low) * share), self.low, self.high)
 
@@ -111,7 +115,7 @@ class Normal:
         validate.number("normal's mean", self.mean)
         validate.positive("normal's standard deviation", self.deviation)
 
-    def at(self, share: Array) -> Array:
+    def at(self, share: Array, before: Sequence[Array] = ()) -> Array:
         from scipy.special import ndtri
 
         return np.asarray(self.mean + self.deviation * ndtri(share))
@@ -119,6 +123,34 @@ class Normal:
     def __str__(self) -> str:
         return f"normal:{self.mean!r}:{self.deviation!r}"
 
+
+@dataclass(frozen=True)
+class InBall:
+    """An entry of a vector that lies evenly in a ball, given the entries before it, which were drawn just before.
+
+    What is left of the ball there is a ball of fewer dimensions; along one of its axes a point of d dimensions has the density
+    (1 - t^2)^((d - 1)/2) of t in [-1, 1], a beta distribution (Rosenblatt's transformation).
+    """
+
+    center: tuple[float, ...]
+    radius: float
+    place: int
+
+    def at(self, share: Array, before: Sequence[Array] = ()) -> Array:
+        from scipy.special import betaincinv
+
+        entries = before[len(before) - self.place :]
+        away = sum(((entry - c) ** 2 for entry, c in zip(entries, self.center, strict=False)), np.zeros(len(share)))
+        left = np.sqrt(np.maximum(self.radius**2 - away, 0.0))
+        shape = (len(self.center) - self.place + 1) / 2
+        return np.asarray(self.center[self.place] + WITHIN * left * (2 * betaincinv(shape, shape, share) - 1))
+
+    def __str__(self) -> str:
+        return f"ball:{list(self.center)!r}:{self.radius!r}, entry {self.place + 1}"
+
+
+WITHIN = 1 - 2.0**-40
+"""Of a ball's radius: with all roundings every draw lies inside."""
 
 DISTRIBUTIONS: dict[str, type[Uniform] | type[LogUniform] | type[Normal]] = {
     "uniform": Uniform,
@@ -132,8 +164,8 @@ def parse_distribution(text: str) -> Distribution:
     name, *numbers = text.split(":")
     if name not in DISTRIBUTIONS or len(numbers) != 2:
         raise InputError(
-            "a distribution must be uniform:A:B, normal:MEAN:DEVIATION or loguniform:A:B, or for a vector of estimated "
-            f"parameters known-set, got {validate.show(text)}"
+            "a distribution must be uniform:A:B, normal:MEAN:DEVIATION or loguniform:A:B, or for plant.theta and the like "
+            f"known-set, got {validate.show(text)}"
         )
     try:
         first, second = map(float, numbers)
@@ -147,3 +179,4 @@ def _require_range(name: str, low: float, high: float) -> None:
     validate.number(f"{name}'s upper limit", high)
     if low >= high:
         raise InputError(f"{name}'s lower limit must be below its upper one, got {low:g} and {high:g}")
+    validate.number(f"{name}'s width", high - low)

@@ -21,7 +21,17 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from barbalat.sweeps.chunks import Chunk, chunks_of
-from barbalat.sweeps.stored import INDEX_FILE, INDEX_KEY, StoredRows, StoreIndex, name_of, read_index, require_same
+from barbalat.sweeps.stored import (
+    INDEX_FILE,
+    INDEX_KEY,
+    StoredRows,
+    StoreIndex,
+    checksum,
+    intact,
+    name_of,
+    read_index,
+    require_same,
+)
 from barbalat.sweeps.study import OSCILLATED, Columns
 from barbalat.validate import InputError
 
@@ -80,7 +90,7 @@ class Store:
         from pyarrow import parquet
 
         text = self.index.as_text().encode()
-        stated = {INDEX_KEY: text, INDEX_KEY + b".sha256": hashlib.sha256(text).hexdigest().encode()}
+        stated = {INDEX_KEY: text, INDEX_KEY + b".sha256": checksum(text, schema)}
         buffer = io.BytesIO()
         parquet.write_table(schema.with_metadata(stated).empty_table(), buffer)
         self._write(INDEX_FILE, buffer.getvalue())
@@ -105,10 +115,16 @@ class Store:
 
 @contextlib.contextmanager
 def opened(folder: Path, identity: dict[str, Any], members: int, chunk: int) -> Iterator[Store]:
-    """A new store, or one to go on with, of this process alone.
+    """A new store, or one to go on with, of this process alone; of one that is complete nothing is written.
 
     InputError for a folder that can't be written, that another process writes, or that holds another sweep or other things.
     """
+    whole = read_index(folder)
+    if whole is not None and sum(file["count"] for file in whole.files.values()) == whole.members:
+        require_same(folder, whole, identity)
+        if not _damaged(folder, whole):
+            yield Store(folder, whole)
+            return
     made = [one for one in (folder, *folder.parents) if not one.exists()]
     try:
         with _locked(folder):
@@ -123,7 +139,7 @@ def opened(folder: Path, identity: dict[str, Any], members: int, chunk: int) -> 
                 yield Store(folder, StoreIndex.new(identity, members, chunk))
             else:
                 require_same(folder, index, identity)
-                damaged = tuple(name for name, file in index.files.items() if not _intact(folder / name, file["sha256"]))
+                damaged = _damaged(folder, index)
                 for name in damaged:
                     del index.files[name]
                 yield Store(folder, index, damaged)
@@ -131,6 +147,10 @@ def opened(folder: Path, identity: dict[str, Any], members: int, chunk: int) -> 
         for one in made:
             with contextlib.suppress(OSError):  # it is not empty
                 one.rmdir()
+
+
+def _damaged(folder: Path, index: StoreIndex) -> tuple[str, ...]:
+    return tuple(name for name, file in index.files.items() if not intact(folder / name, file["sha256"]))
 
 
 def _ours(file: Path) -> bool:
@@ -163,14 +183,6 @@ def _locked(folder: Path) -> Iterator[None]:
         with contextlib.suppress(OSError):  # while it is held: who waits for it sees that it is gone, and makes a new one
             (folder / LOCK_FILE).unlink()
         lock.release()
-
-
-def _intact(file: Path, sha256: str) -> bool:
-    try:
-        with file.open("rb") as content:
-            return hashlib.file_digest(content, "sha256").hexdigest() == sha256
-    except OSError:
-        return False
 
 
 def _sync(folder: Path) -> None:

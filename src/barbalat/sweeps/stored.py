@@ -22,13 +22,14 @@ if TYPE_CHECKING:
 
 INDEX_FILE = "_index.parquet"
 INDEX_KEY = b"barbalat"
-"""Of the index in its file's metadata; its SHA-256 stands under ``KEY + b".sha256"``."""
+"""Of the index in its file's metadata; its ``checksum`` stands under ``KEY + b".sha256"``."""
 READ_AT_ONCE = 2**27
 """Bytes of columns that are read together."""
 NAMES_OF_DIFFERENCES = {
     "case": "another case file",
     "plan": "other --vary, --sample, --members, --design or --seed",
     "equations": "other equations",
+    "bounds": "the other choice of --no-bounds",
 }
 """What differs, by the keys of ``Study.identity``."""
 
@@ -71,9 +72,10 @@ def read_index(folder: Path) -> StoreIndex | None:
     if not (folder / INDEX_FILE).exists():
         return None
     try:
-        found = parquet.read_schema(folder / INDEX_FILE).metadata or {}
+        schema = parquet.read_schema(folder / INDEX_FILE)
+        found = schema.metadata or {}
         text = found[INDEX_KEY]
-        if hashlib.sha256(text).hexdigest().encode() != found[INDEX_KEY + b".sha256"]:
+        if checksum(text, schema) != found[INDEX_KEY + b".sha256"]:
             raise ValueError("its checksum differs")
         return StoreIndex(**json.loads(text))
     except (ArrowException, OSError, ValueError, LookupError, TypeError) as error:
@@ -82,6 +84,12 @@ def read_index(folder: Path) -> StoreIndex | None:
         raise InputError(
             f"the index of the store {str(folder)!r} is damaged: delete {INDEX_FILE} there; the same command then begins anew"
         ) from None
+
+
+def checksum(text: bytes, schema: pa.Schema) -> bytes:
+    """SHA-256 of an index' text and of the columns beside it, whose names no other checksum has."""
+    columns = "".join(f"\n{one.name}: {one.type}" for one in schema)
+    return hashlib.sha256(text + columns.encode()).hexdigest().encode()
 
 
 def row_of(folder: Path, identity: dict[str, Any], member: int) -> dict[str, float]:
@@ -96,7 +104,7 @@ def row_of(folder: Path, identity: dict[str, Any], member: int) -> dict[str, flo
 def require_same(folder: Path, index: StoreIndex, identity: dict[str, Any]) -> None:
     """InputError where the store is another sweep's, with what differs."""
     for key, what in NAMES_OF_DIFFERENCES.items():
-        if index.identity.get(key) != identity[key]:
+        if key in identity.keys() & index.identity.keys() and index.identity[key] != identity[key]:
             by = f" (made by barbalat {index.versions.get('barbalat')})" if key == "equations" else ""
             raise InputError(f"the store {str(folder)!r} is of {what}{by}: choose another folder, or the command that made it")
 
@@ -131,9 +139,23 @@ class StoredRows:
         for file in self.files:
             place = member - self.index.files[file]["first"]
             if 0 <= place < self.index.files[file]["count"]:
+                if not intact(self.folder / file, self.index.files[file]["sha256"]):
+                    raise InputError(
+                        f"the store's file {str(self.folder / file)!r} is damaged or gone: the same command without --member "
+                        "makes it again"
+                    )
                 table = parquet.read_table(self.folder / file).slice(place, 1)
                 return {name: float(_numbers(table, name)[0]) for name in table.column_names}
         raise InputError(f"the store {str(self.folder)!r} does not hold member {member}")
+
+
+def intact(file: Path, sha256: str) -> bool:
+    """Whether a file is there with the bytes that were stored."""
+    try:
+        with file.open("rb") as content:
+            return hashlib.file_digest(content, "sha256").hexdigest() == sha256
+    except OSError:
+        return False
 
 
 def _numbers(table: pa.Table, name: str) -> Array:

@@ -16,7 +16,7 @@ from barbalat.sweeps.cluster import Scheduler, Workers, connected
 from barbalat.sweeps.evidence import evidence
 from barbalat.sweeps.kept import Kept, Made, in_order
 from barbalat.sweeps.paths import FieldPath
-from barbalat.sweeps.plan import DEFAULT_MEMBERS, Design, Plan, design_of
+from barbalat.sweeps.plan import Design, Plan, design_of, members_of
 from barbalat.sweeps.requirement import Requirement
 from barbalat.sweeps.result import SweepResult
 from barbalat.sweeps.spread import Axis, Distribution
@@ -61,10 +61,9 @@ def sweep(
     """
     requirements = [Requirement.parse(text) for text in require]
     axes = {FieldPath.parse(path): one if isinstance(one, Axis) else Axis.parse(one) for path, one in (vary or {}).items()}
-    text = None if isinstance(case, Case) else CaseText.read(case)
-    draws = sampled(text, list((sample or {}).items()))
-    chosen = members if members is not None else DEFAULT_MEMBERS if draws else 1
-    plan = Plan(axes, draws, chosen, design_of(design), seed)
+    draws = sampled(case if isinstance(case, Case) else CaseText.read(case), list((sample or {}).items()))
+    known = design_of(design)
+    plan = Plan(axes, draws, members_of(members, known, drawn=bool(draws)), known, seed)
     varied = VariedObjects(case, plan.paths) if isinstance(case, Case) else VariedCase(CaseText.read(case), plan.paths)
     return run_study(
         Study(varied, plan),
@@ -94,7 +93,7 @@ def run_study(
     chunk   members of a new store's files, by default as many as take about a second; no bit depends on it
     scheduler  of the workers that run them; by default threads here
     bounds  certify what can be certified, a second for each controller, and hold the errors against it
-    told    what happened to the store
+    told    what happened to the store, what is waited for
     Raises InputError for a member that makes no case, with its number; what was stored before stays.
     """
     if store is not None:
@@ -104,11 +103,12 @@ def run_study(
     for requirement in requirements:
         requirement.require_known(list(first), study.controllers)
     started = time.perf_counter()
-    with _sink(study, store, chunk, len(first)) as sink:
+    with _sink(study, store, chunk, list(first)) as sink:
         if told is not None and sink.damaged:
             told(f"damaged in the store and made again: {', '.join(sink.damaged)}")
         resumed = done = sink.stored
-        made = _here(study, sink.missing, threads, progress) if scheduler is None else _elsewhere(study, sink.missing, scheduler)
+        missing = sink.missing
+        made = _here(study, missing, threads, progress) if scheduler is None else _elsewhere(study, missing, scheduler, told)
         for one, figures in in_order(made) if sink.in_order else made:
             sink.add(one, _judged(figures, study, judged, one))
             done += one.size
@@ -128,12 +128,13 @@ def run_study(
 
 
 @contextlib.contextmanager
-def _sink(study: Study, store: Path | None, chunk: int | None, columns: int) -> Iterator[Store | Kept]:
+def _sink(study: Study, store: Path | None, chunk: int | None, columns: Sequence[str]) -> Iterator[Store | Kept]:
     size = chunk or chunk_size(len(study), study.steps)
     if store is None:
-        yield Kept.room_for(list(chunks_of(len(study), size)), columns)
+        yield Kept.room_for(list(chunks_of(len(study), size)), len(columns))
         return
-    with opened(store, study.identity(), len(study), size) as found:
+    identity = study.identity() | {"bounds": any(name.endswith(f"/{ERROR_BOUND}") for name in columns)}
+    with opened(store, identity, len(study), size) as found:
         yield found
 
 
@@ -145,10 +146,12 @@ def _here(study: Study, chunks: Sequence[Chunk], threads: int | None, progress: 
         done += one.size
 
 
-def _elsewhere(study: Study, chunks: Sequence[Chunk], scheduler: Scheduler) -> Made:
+def _elsewhere(study: Study, chunks: Sequence[Chunk], scheduler: Scheduler, told: Told | None) -> Made:
     """On a cluster, in any order."""
     if chunks:
         with connected(scheduler) as client:
+            if told is not None and not client.nthreads():
+                told(f"no worker at {scheduler.address} yet: the sweep begins when one joins, 'dask worker {scheduler.address}'")
             yield from Workers(study, client).run(chunks)
 
 

@@ -41,6 +41,18 @@ class VariedObjects(Varied):
     def source(self) -> str:
         return f"{self.case!r}"
 
+    def standing(self, path: FieldPath) -> object:
+        """What a field is; None where there is none."""
+        first, *rest = path.keys
+        apart = {"controller": self.case.controllers, "simulation": self.case.simulation}
+        here: Any = apart.get(str(first), self.case.problem)
+        try:
+            for key in rest if first in apart else path.keys:
+                here = here[key] if isinstance(key, int) else vars(here)[key]
+        except (LookupError, TypeError):
+            return None
+        return here
+
     def at(self, values: Sequence[float] | Array) -> Case:
         problem, controllers, simulation = self.case.problem, self.case.controllers, self.case.simulation
         for path, value in zip(self.paths, values, strict=True):

@@ -2,23 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
-import numpy as np
-
-from barbalat import validate
 from barbalat.cases.build import Case
 from barbalat.cases.load import CaseText
 from barbalat.problem.state_feedback import Problem
+from barbalat.sweeps.known_set_draws import KNOWN_SET, over_known_set
 from barbalat.sweeps.paths import FieldPath, Tables, copied
-from barbalat.sweeps.spread import Distribution, Uniform, parse_distribution
-from barbalat.sweeps.varied import Varied
+from barbalat.sweeps.spread import Distribution, parse_distribution
+from barbalat.sweeps.varied import Varied, VariedObjects
 from barbalat.validate import Array, InputError
-
-KNOWN_SET = "known-set"
-"""In place of a distribution: uniform over the case's known set."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,15 +69,15 @@ MATCHED = (("plant", "A"), ("reference_model", "A_m"), ("reference_model", "pole
 """From which theta follows in a file that gives plant.A."""
 
 
-def sampled(text: CaseText | None, given: Sequence[tuple[str, str | Distribution]]) -> dict[FieldPath, Distribution]:
-    """Pairs of path and distribution; a vector over a case file's known set becomes a distribution for each entry."""
+def sampled(source: CaseText | Case, given: Sequence[tuple[str, str | Distribution]]) -> dict[FieldPath, Distribution]:
+    """Pairs of path and distribution; a vector over the case's known set becomes a distribution for each entry."""
     found: dict[FieldPath, Distribution] = {}
     for place, distribution in given:
         path = FieldPath.parse(place)
         if not isinstance(distribution, str):
-            drawn = {path: distribution}
-        elif distribution == KNOWN_SET and text is not None:
-            drawn = _over_known_set(text, path)
+            drawn: Mapping[FieldPath, Distribution] = {path: distribution}
+        elif distribution == KNOWN_SET:
+            drawn = _over_known_set(source, path)
         else:
             drawn = {path: _named(path, distribution)}
         if twice := [str(one) for one in drawn if one in found]:
@@ -91,29 +86,14 @@ def sampled(text: CaseText | None, given: Sequence[tuple[str, str | Distribution
     return found
 
 
+def _over_known_set(source: CaseText | Case, path: FieldPath) -> Mapping[FieldPath, Distribution]:
+    if isinstance(source, Case):
+        return over_known_set(source, path, VariedObjects(source, (path,)).standing(path))
+    return over_known_set(source.case(), path, path.of(tables_with(source, [path])))
+
+
 def _named(path: FieldPath, distribution: str) -> Distribution:
     try:
         return parse_distribution(distribution)
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
-
-
-def _over_known_set(text: CaseText, path: FieldPath) -> dict[FieldPath, Distribution]:
-    """Independent in each entry, as is uniform in a box; theta and its bounds may be matrices, or the same row by row."""
-    tables = tables_with(text, [path])
-    entries, uncertainty = path.of(tables), tables.get("uncertainty", {})
-    lower, upper = uncertainty.get("lower"), uncertainty.get("upper")
-    if entries is None:
-        raise InputError(f"the case has no {path}; known-set goes with a vector of parameters that are estimated, as plant.theta")
-    if not isinstance(entries, list) or not isinstance(lower, list) or not isinstance(upper, list):
-        raise InputError(
-            f"{path} = known-set needs a vector there and a box of the same size, uncertainty.lower and uncertainty.upper; "
-            f"got {validate.show(entries)}"
-        )
-    low, high = np.ravel(lower), np.ravel(upper)
-    if np.size(entries) != len(low) or len(low) != len(high):
-        raise InputError(f"{path} = known-set needs as many entries as uncertainty.lower has, {len(low)}, got {np.size(entries)}")
-    found: dict[FieldPath, Distribution] = {}
-    for k, index in enumerate(np.ndindex(np.shape(entries))):
-        found[FieldPath((*path.keys, *index))] = Uniform(float(low[k]), float(high[k]))
-    return found

@@ -87,6 +87,10 @@ class Space:
         return None if any(share is None for share in found) else np.array(found, dtype=float)
 
 
+BEYOND_GRID = 100.0
+"""Factor by which a search goes beyond the grid's ends, of a knob that nothing else bounds."""
+
+
 def of_knobs(knobs: Knobs, tables: object, controller: int) -> Space:
     """The scheme's knobs that stand in the controller's table, each where its name stands once; InputError where none does."""
     found: dict[FieldPath, Range] = {}
@@ -94,7 +98,8 @@ def of_knobs(knobs: Knobs, tables: object, controller: int) -> Space:
         places = list(_places(tables, name))
         if len(places) == 1:
             path = FieldPath(("controller", controller, *places[0]))
-            found[path] = Range(float(values.min()), float(values.max()), logarithmic=True)
+            beyond = BEYOND_GRID if name in knobs.open else 1.0
+            found[path] = Range(float(values.min()) / beyond, float(values.max()) * beyond, logarithmic=True)
     if not found:
         raise InputError(
             f"none of the knobs of {knobs.scheme}, {', '.join(knobs.values)}, stands as a number in the case: say what is tuned, "

@@ -35,7 +35,7 @@ from barbalat.tuning.written import with_numbers
 from barbalat.validate import Array, InputError
 
 DEFAULT_TRIALS = 384
-"""Tunings tried for each controller: a spread of 128, then two generations over all and six around the best."""
+"""Tunings tried for each controller: a spread of 128, a generation over all, four around the best, three stars."""
 SEARCH_SHARE = 0.75
 """Of a controller's time, about; the rest is the front's and the new plants'."""
 

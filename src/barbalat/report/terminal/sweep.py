@@ -22,15 +22,22 @@ def show(screen: Screen, found: SweepResult) -> None:
             f"{controller}: of the guaranteed bound the largest |e| of a member fills {percent(part.median)} in the middle, "
             f"{percent(part.max)} at most"
         )
+    told = [one for one in found.evidence.sensitivities if one.figure.startswith("max_abs_e") and one.low > 0]
+    told.sort(key=lambda one: (found.controllers.index(one.controller), one.figure, -one.first))
     explained = [
-        [one.figure, screen.name(one.controller), str(one.path), percent(one.first), f"{percent(one.low)} to {percent(one.high)}"]
-        for one in found.evidence.sensitivities
-        if one.figure.startswith("max_abs_e")
+        [
+            one.figure,
+            screen.name(one.controller),
+            str(one.path),
+            percent(one.first),
+            "exact" if one.low == one.high else f"{percent(one.low)} to {percent(one.high)}",
+        ]
+        for one in told
     ]
     screen.line("")
     screen.table(("variance of", "controller", "due to", "share", "95 % interval"), grouped(explained), leads=3)
     for how in dict.fromkeys(one.estimator for one in found.evidence.sensitivities):
-        screen.line(f"Shares of the variance: {how}.")
+        screen.line(f"Shares of the variance: {how}. What is not listed can't be told from 0.")
     for note in found.evidence.notes:
         screen.line(f"Note: {note}.", "yellow")
     screen.line(f"Intervals: {found.evidence.intervals}.")

@@ -177,8 +177,7 @@ class Run:
         if problem.noise is not None and len(steps):
             rows = steps // self.batch.rhythm.noise_hold
             number = 0 if self.batch.numbers is None else int(self.batch.numbers[0])
-            fused = self.simulation.fused
-            drawn = [standard_normal(problem.noise.seed, number, int(row), 1, loop.signals.noise, fused=fused) for row in rows]
+            drawn = [standard_normal(problem.noise.seed, number, int(row), 1, loop.signals.noise) for row in rows]
             signals[loop.signals.timed : loop.signals.timed + loop.signals.noise] = np.concatenate(drawn).T
         return signals
 

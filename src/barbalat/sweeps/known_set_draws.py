@@ -1,0 +1,59 @@
+"""Draws over a case's known set: a vector that lies evenly in its box or ball, an input gain in its interval."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from barbalat import validate
+from barbalat.cases.build import Case
+from barbalat.problem.known_set import ParameterBall
+from barbalat.problem.state_feedback import Problem
+from barbalat.sweeps.paths import FieldPath
+from barbalat.sweeps.spread import Distribution, InBall, Uniform
+from barbalat.validate import InputError
+
+KNOWN_SET = "known-set"
+"""In place of a distribution."""
+GAIN = "gain"
+"""Of an input, the last key of its path."""
+
+
+def over_known_set(case: Case, path: FieldPath, stands_there: object) -> Mapping[FieldPath, Distribution]:
+    """A distribution for each entry of the vector at ``path``, or for the input gain there; InputError where none fits."""
+    problem = case.problem
+    if path.keys[:2] == ("plant", "input") and path.keys[-1] == GAIN:
+        return {path: _of_gain(problem, path)}
+    if stands_there is None:
+        vector = "a vector of parameters that are estimated, as plant.theta"
+        raise InputError(f"the case has no {path}; {KNOWN_SET} goes with {vector}")
+    known = problem.uncertainty if isinstance(problem, Problem) else None
+    shape = np.shape(stands_there) if isinstance(stands_there, (list, tuple, np.ndarray)) else ()
+    if known is None or not shape or int(np.prod(shape)) != known.size:
+        size = "the case has none" if known is None else f"{known.size} here"
+        raise InputError(
+            f"{path} = {KNOWN_SET} needs a vector there with as many entries as the known set has ({size}), or an input's gain; "
+            f"got {validate.show(stands_there)}"
+        )
+    entries = []
+    for place in np.ndindex(*shape):
+        entry = path
+        for index in place:
+            entry = entry.entry(index)
+        entries.append(entry)
+    if isinstance(known, ParameterBall):
+        center = tuple(map(float, known.center))
+        return {entry: InBall(center, known.radius, k) for k, entry in enumerate(entries)}
+    ends = zip(entries, map(float, known.lower), map(float, known.upper), strict=True)
+    return {entry: Uniform(low, high) for entry, low, high in ends if low < high}  # the others are known
+
+
+def _of_gain(problem: object, path: FieldPath) -> Uniform:
+    gains = problem.known.gains if isinstance(problem, Problem) else None
+    if gains is None:
+        raise InputError(f"{path} = {KNOWN_SET} needs the interval of the input's gain: give uncertainty.input_gain")
+    which = path.keys[2] if isinstance(path.keys[2], int) else 0
+    if which >= gains.size:
+        raise InputError(f"{path} names no field: the plant has {gains.size} inputs, counted from 0")
+    return Uniform(float(gains.lower[which]), float(gains.upper[which]))
