@@ -11,7 +11,7 @@ from barbalat import L1PiecewiseConstant, Simulation, certify, input_filter, loa
 from barbalat.cases.load import parse_case
 from barbalat.cli import main
 from barbalat.study.motion import ModelMotion
-from barbalat.tuning.quantity import Quantity
+from barbalat.tuning.quantity import TunedQuantity
 from independent import refusal
 
 DRIVE = """
@@ -131,9 +131,9 @@ def test_margins_of_each_input_count_by_the_worst():
     case = load_case("lateral-aircraft")
     law = L1PiecewiseConstant(sample_time=0.05, filter=input_filter(0.3))
     certificate = certify(case.problem, [law], case.simulation)[law.name]
-    each = Quantity("delay_margin_each", larger_is_worse=False)
+    each = TunedQuantity("delay_margin_each", larger_is_worse=False)
     assert each.of_certificate(certificate) == min(certificate.values["delay_margin_each"])
-    peaks = Quantity("sensitivity_peak_each", larger_is_worse=True)
+    peaks = TunedQuantity("sensitivity_peak_each", larger_is_worse=True)
     assert peaks.of_certificate(certificate) == max(certificate.values["sensitivity_peak_each"])
 
 
