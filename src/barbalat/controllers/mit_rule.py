@@ -12,7 +12,7 @@ from barbalat.controllers.control_gains import ControlGains, GainEquations, chec
 from barbalat.controllers.settings import Scheme
 from barbalat.problem.state_feedback import Known
 from barbalat.protocols import Value
-from barbalat.validate import Array, Vector
+from barbalat.validate import Array, InputError, Vector
 
 
 class State(NamedTuple):
@@ -37,7 +37,7 @@ class Equations(GainEquations):
 
     def initial(self) -> State:
         n, p = len(self.b), len(self.gains.theta_hat0)
-        return State(self.gains.theta_hat0, np.stack([self.gains.k_r0]), np.zeros((n, p)), np.zeros(n))
+        return State(self.gains.theta_hat0, self.gains.k_r0, np.zeros((n, p)), np.zeros(n))
 
     def regressor_at(self, state: State, x: Value, u: Value) -> Value:
         if self.feedforward_only:  # k_r_hat r
@@ -99,6 +99,8 @@ class MitRule(Scheme):
             validate.freeze(self, normalization=validate.positive("normalization", self.normalization))
 
     def bind(self, known: Known) -> Equations:
+        if known.inputs > 1:
+            raise InputError(f"mit-rule takes plants with one input, got {known.inputs}; mrac-direct takes several")
         return Equations(
             A_m=known.A_m,
             b=known.b,
