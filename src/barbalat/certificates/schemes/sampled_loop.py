@@ -68,7 +68,9 @@ def _at_one_input(loop: SampledLoop, delay: float, i: int) -> dict[str, float | 
 def _add_of_several(draft: Draft, problem: TrackingProblem, loop: SampledLoop, name: str, linear: str) -> None:
     """The same factor on all inputs, and each input alone."""
     delay = problem.delay
-    draft.note("gain_margin, gain_reduction_margin and delay_margin are of one factor, or delay, in all inputs; _each is of one alone")
+    draft.note(
+        "gain_margin, gain_reduction_margin, delay_margin: of one factor or delay in all inputs; _each: of one input alone"
+    )
     down, up = gain_margins(loop, delay)
     draft.exact({"gain_margin": finite(up), "gain_reduction_margin": down}, f"{name}, at all inputs alike", linear)
     if not is_needed(*EACH_INPUT.values()):
