@@ -7,9 +7,10 @@ import json
 import numpy as np
 import pytest
 
-from barbalat import L1PiecewiseConstant, Simulation, certify, input_filter, load_case, simulate, sweep, trade_off, tune
+from barbalat import L1PiecewiseConstant, Mrac, Simulation, certify, input_filter, load_case, simulate, sweep, trade_off, tune
 from barbalat.cases.load import parse_case
 from barbalat.cli import main
+from barbalat.study.ideal_benchmark import known_width
 from barbalat.study.motion import ModelMotion
 from barbalat.tuning.quantity import TunedQuantity
 from independent import refusal
@@ -124,6 +125,13 @@ def test_what_a_scheme_says_is_turned_needs_no_vary(tmp_path, text, knobs):
     case = load_case(tmp_path / "case.toml")
     (by_hand,) = simulate(case.problem, case.controllers, case.simulation).values()
     assert tuned.chosen.meets and tuned.chosen.value < 0.8 * np.sqrt(sum(np.square(by_hand.figures["rms_e"])))
+
+
+def test_no_known_set_is_taken_for_a_networks_weights():
+    """Onset asks how far estimates move within the range in which they lie: theta's one is none of the weights'."""
+    case = parse_case(NETWORK)
+    assert np.isinf(known_width(case.problem, case.controllers[0])).all()
+    assert known_width(case.problem, Mrac(gamma=1.0)).tolist() == [6.0]
 
 
 def test_margins_of_each_input_count_by_the_worst():
