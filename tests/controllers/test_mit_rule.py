@@ -125,6 +125,13 @@ def test_a_feedforward_alone_bursts_above_it(factor):
     assert grows(*feedforward_alone(1.0, 0.1 * factor * certificate.values[MARGIN])[:2]) == (factor > 1)
 
 
+def test_with_all_its_gains_frozen_a_feedforward_is_no_loop():
+    """Any delay is borne then; with its law in it the loop has a margin."""
+    case = load_case("mit-feedforward")
+    found = certify(case.problem, case.controllers[:1], case.simulation)["gamma = 0.5"].values
+    assert found["delay_margin"] is None and 0 < found["delay_margin_adapting"] < 10
+
+
 def test_a_feedback_that_stays_wrong_has_no_such_margin():
     *_, certificate = feedforward_alone(1.0, 0.1, theta_hat0=(0.2, 0.0))
     assert "stay at theta_hat0" in certificate.entry(MARGIN).why

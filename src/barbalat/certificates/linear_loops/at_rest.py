@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from barbalat.certificates.entry import NotApplicable
+from barbalat.estimating import IdealReporting
 from barbalat.linear.systems import StateSpace
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.loop.linearization import jacobian_function
@@ -83,7 +84,11 @@ def _reduced(loop: ClosedLoop, jacobians: Iterable[Any], frozen: bool) -> StateS
     """L of A, B and C of the flat state: without the model, frozen estimates, and what nothing moves."""
     A, B, C = (np.array(part) for part in jacobians)
     marked = loop.unpack(np.arange(loop.size))
-    out = [*marked.x_m, *(marked.controller.theta_hat.reshape(-1) if frozen else [])]
+    out = [*marked.x_m]
+    if frozen:
+        out += [*marked.controller.theta_hat.reshape(-1)]
+        if isinstance(loop.continuous, IdealReporting):  # the gains that it adapts beside theta_hat
+            out += [row for part in loop.continuous.reported(marked.controller).values() for row in part.reshape(-1)]
     kept = np.setdiff1d(np.arange(loop.size), np.array(out, dtype=int))
     A, B, C = A[np.ix_(kept, kept)], B[kept], C[:, kept]
     moving = _moved_by(np.hstack([A, B]))
