@@ -51,6 +51,16 @@ class BoundedSignal(Signal, Protocol):
         ...
 
 
+@runtime_checkable
+class SlopedSignal(Signal, Protocol):
+    """A signal that tells how fast it may change, which bounds between a controller's samples need; all of the package do."""
+
+    @property
+    def slope(self) -> float:
+        """A number that |change per second| never exceeds where the signal does not jump."""
+        ...
+
+
 class Dynamics(Protocol):
     """What a loop integrates of a plant or of a model."""
 

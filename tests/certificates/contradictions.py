@@ -112,15 +112,15 @@ def estimates_grow(run: Result, text: str) -> bool:
 
 
 def gains_grow(run: Result, equations: GainEstimating) -> bool:
-    """The same of feedback and feedforward together: k_x_tilde'Gamma^-1 k_x_tilde + k_r_tilde^2/gamma_r."""
+    """The same of both gains: k_x_tilde'Gamma^-1 k_x_tilde + k_r_tilde^2/gamma_r, each input's times its omega."""
     plant, scheme = run.problem.plant, run.controller
-    (omega,) = (path.gain for path in plant.paths)
-    ideal = equations.ideal_gains(plant.theta, np.array([omega]))
-    if ideal is None:
+    omega, k_0 = np.array([path.gain for path in plant.paths]), np.array(run.problem.reference_model.k_0, dtype=float).reshape(-1)
+    if equations.ideal_gains(plant.theta, omega) is None:
         return False  # no weights are known to be the true ones; their bounds are looked at above
-    k_x, k_r = run.theta_hat - ideal, run.reported["k_r_hat"] - run.problem.reference_model.k_0 / omega
-    inverse = np.linalg.inv(Gain(scheme.gamma).as_matrix(k_x.shape[1]))
-    V = np.einsum("ki,ij,kj->k", k_x, inverse, k_x) + k_r[:, 0] ** 2 / (scheme.gamma_r or scheme.gamma)
+    of_x, of_r = np.tile(omega, len(plant.theta) // len(omega)), np.repeat(omega, len(k_0) // len(omega))
+    k_x, k_r = run.theta_hat - plant.theta / of_x, run.reported["k_r_hat"] - k_0 / of_r
+    inverse = np.linalg.inv(Gain(scheme.gamma).as_matrix(k_x.shape[1])) * of_x
+    V = np.einsum("ki,ij,kj->k", k_x, inverse, k_x) + k_r**2 @ of_r / (scheme.gamma_r or scheme.gamma)
     return bool(V.max() > V[0] * ROUNDING + 1e-12)
 
 

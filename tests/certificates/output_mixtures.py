@@ -13,7 +13,7 @@ from barbalat import (
 )
 from barbalat.adaptation.modifications.dead_zone import DeadZone
 from barbalat.adaptation.output_lyapunov import LyapunovLaw
-from barbalat.controllers.output import L1Output, LinearOutput, MracOutput
+from barbalat.controllers.output import L1Output, L1OutputPiecewiseConstant, LinearOutput, MracOutput
 from barbalat.controllers.output.l1 import linear_equivalent
 from barbalat.problem.output_feedback import OutputProblem
 from barbalat.problem.output_plant import OutputPlant, OutputReferenceModel
@@ -62,5 +62,6 @@ def output_controllers(random: np.random.Generator, problem: OutputProblem) -> l
         lambda: l1,
         lambda: LinearOutput(loop=same.feedback, feedforward=same.feedforward),
         lambda: LinearOutput(loop=TF([8.0, 8.0], [1.0, 0.0]), name="PI"),
+        lambda: L1OutputPiecewiseConstant(sample_time=0.02, filter=TF([20.0], [1.0, 20.0])),
     ]
     return fitting(random, problem, made)

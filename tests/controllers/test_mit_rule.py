@@ -58,6 +58,85 @@ def test_it_goes_down_the_gradient_of_the_squared_error(problems):
     np.testing.assert_allclose(gradient, [*(-c @ parts.Psi), c @ parts.psi_r], atol=1e-4)
 
 
+def feedforward_textbook(gamma, until, *, amplitude=1.0, k=1.0, k_0=2.0):
+    """Example 5.1 in its own symbols: y' = -y + k u, y_m' = -y_m + k_0 u_c, u = theta u_c, theta' = -gamma e y_m."""
+
+    def rates(t, state):
+        y, y_m, theta = state
+        u_c = amplitude * np.sin(t)
+        return -y + k * theta * u_c, -y_m + k_0 * u_c, -gamma * (y - y_m) * y_m
+
+    return solve_ivp(rates, (0, until), np.zeros(3), method="DOP853", rtol=1e-11, atol=1e-12).y[:, -1]
+
+
+def test_the_textbook_s_feedforward_gain():
+    """RK4 at 1 ms over 20 s: 1e-9. How far theta goes beyond 2 stands in docs/plants.md."""
+    case = load_case("mit-feedforward")
+    runs = simulate(case.problem, case.controllers, case.simulation)
+    for gamma, largest in ((0.5, 2.0), (1.0, 2.53), (2.0, 3.09)):
+        run, (y, y_m, theta) = runs[f"gamma = {gamma:g}"], feedforward_textbook(gamma, 20.0)
+        assert [*run.x[-1], *run.e[-1], *run.reported["k_r_hat"][-1]] == pytest.approx([y, y - y_m, theta], abs=1e-9)
+        assert not run.theta_hat.any()
+        assert round(float(run.reported["k_r_hat"].max()), 2) == largest
+
+
+def test_a_small_command_makes_it_slow_and_a_large_one_bursts():
+    """The numbers of docs/plants.md, by the textbook's equations: from a tenth of the command theta is not there after 400 s."""
+    assert round(feedforward_textbook(1.0, 400.0, amplitude=0.1)[2], 2) == 1.73
+    case = load_case("mit-feedforward")
+    large = replace(case.problem, reference=replace(case.problem.reference, amplitude=10.0))
+    (run,) = simulate(large, [case.controllers[1]], case.simulation).values()
+    assert round(float(run.reported["k_r_hat"].max())) == 23
+
+
+@pytest.mark.parametrize("amplitude", [0.5, 2.0])
+def test_its_speed_goes_with_the_squared_command(amplitude):
+    """gamma a^2 = 1 with a small gamma: theta after 20 s is that of gamma = 1 and a = 1 exactly, as e y_m scales with a^2."""
+    assert feedforward_textbook(1 / amplitude**2, 20.0, amplitude=amplitude)[2] == pytest.approx(
+        feedforward_textbook(1.0, 20.0)[2], abs=1e-9
+    )
+    case = load_case("mit-feedforward")
+    quiet = replace(case.problem, reference=replace(case.problem.reference, amplitude=amplitude))
+    law = MitRule(gamma=2.0 / amplitude**2, k_r0=0.0, feedforward_only=True)
+    (run,) = simulate(quiet, [law], case.simulation).values()
+    assert run.reported["k_r_hat"][-1, 0] == pytest.approx(feedforward_textbook(1.0, 20.0)[2], abs=1e-9)
+
+
+def feedforward_alone(r, gamma, *, start=0.49, theta_hat0=(0.0, 0.0)):
+    """k G(s) with G = 1/(s^2 + A_1 s + A_2), k = 2, model G A_2, at a constant command; theta -> A_2/2."""
+    plant = Plant(A_m=[[0.0, 1.0], [-A_2, -A_1]], b=[0.0, 1.0], theta=[0.0, 0.0], x0=[r, 0.0], input=PlantInput(gain=2.0))
+    problem = Problem(plant=plant, reference_model=ReferenceModel(k_0=A_2), reference=Constant(r))
+    controller = MitRule(gamma=gamma, k_r0=start * A_2, theta_hat0=theta_hat0, feedforward_only=True)
+    certificate = certify(problem, [controller], Simulation(t_end=1.0, dt=0.01))[controller.name]
+    return problem, controller, certificate
+
+
+@pytest.mark.parametrize(("r", "gamma"), [(1.0, 0.1), (3.5, 0.1), (0.1, 5.0)])
+def test_the_largest_gain_of_a_feedforward_alone_is_routh_s(r, gamma):
+    """The textbook's characteristic polynomial s^3 + a_1 s^2 + a_2 s + k gamma u_c y_m, with its gamma = ours/k_0 and y_m = r."""
+    *_, certificate = feedforward_alone(r, gamma)
+    stable_below = A_1 * A_2 / (2.0 * (gamma / A_2) * r * r)
+    assert certificate.values[MARGIN] == pytest.approx(stable_below, rel=1e-9)
+
+
+@pytest.mark.parametrize("factor", [0.85, 1.15])
+def test_a_feedforward_alone_bursts_above_it(factor):
+    *_, certificate = feedforward_alone(1.0, 0.1)
+    assert grows(*feedforward_alone(1.0, 0.1 * factor * certificate.values[MARGIN])[:2]) == (factor > 1)
+
+
+def test_with_all_its_gains_frozen_a_feedforward_is_no_loop():
+    """Any delay is borne then; with its law in it the loop has a margin."""
+    case = load_case("mit-feedforward")
+    found = certify(case.problem, case.controllers[:1], case.simulation)["gamma = 0.5"].values
+    assert found["delay_margin"] is None and 0 < found["delay_margin_adapting"] < 10
+
+
+def test_a_feedback_that_stays_wrong_has_no_such_margin():
+    *_, certificate = feedforward_alone(1.0, 0.1, theta_hat0=(0.2, 0.0))
+    assert "stay at theta_hat0" in certificate.entry(MARGIN).why
+
+
 A_1, A_2 = 1.2, 0.8  # of G = 1/(s^2 + A_1 s + A_2)
 
 

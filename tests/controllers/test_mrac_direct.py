@@ -5,9 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.linalg import solve_continuous_lyapunov
 
 from barbalat import (
     DirectMrac,
+    MitRule,
     Mrac,
     ParameterBall,
     ParameterBox,
@@ -16,6 +18,7 @@ from barbalat import (
     Problem,
     ReferenceModel,
     Sines,
+    certify,
     load_case,
     simulate,
 )
@@ -96,9 +99,105 @@ def test_the_sets_of_the_ideal_gains(problems, theta):
     assert (run.reported["k_r_hat"] >= 0.5).all() and (run.reported["k_r_hat"] <= 4.0).all()
 
 
+A_M, B_M = np.array([[0.0, 1.0, 0.2], [-2.0, -2.0, 0.3], [0.4, 0.0, -1.5]]), np.array([[0.0, 0.1], [1.0, 0.3], [-0.2, 0.8]])
+THETA_2 = np.array([[0.5, -0.3], [0.4, 0.6], [-0.7, 0.2]])  # (p, m)
+OMEGA_2 = np.array([0.4, 2.5])
+K_0_2 = np.array([[1.5, 0.0], [0.2, 1.0]])
+
+
+def several(**more):
+    """Three states, two inputs of unknown effectiveness, two commands."""
+    plant = Plant(
+        A_m=A_M, b=B_M, theta=THETA_2.reshape(-1), x0=[0.3, -0.1, 0.2], input=[PlantInput(gain=omega) for omega in OMEGA_2]
+    )
+    commands = Sines(amplitudes=(1.0, 0.5), frequencies=(0.7, 2.3)), Sines(amplitudes=(0.8, 0.6), frequencies=(1.1, 3.1))
+    return Problem(plant=plant, reference_model=ReferenceModel(k_0=K_0_2), reference=commands, **more)
+
+
+def by_matrices(gamma, gamma_r, until):
+    """K_x' = gamma phi e'PB, K_r' = -gamma_r B'Pe r', u = -K_x'x + K_r r as the textbooks write it; (x, x_m, K_x, K_r)."""
+    P = solve_continuous_lyapunov(A_M.T, -np.eye(3))
+
+    def rates(t, state):
+        x, x_m, K_x, K_r = state[:3], state[3:6], state[6:12].reshape(3, 2), state[12:].reshape(2, 2)
+        r = np.array([np.sin(0.7 * t) + 0.5 * np.sin(2.3 * t), 0.8 * np.sin(1.1 * t) + 0.6 * np.sin(3.1 * t)])
+        e, u = x - x_m, -K_x.T @ x + K_r @ r
+        x_dot = A_M @ x + B_M @ (THETA_2.T @ x + OMEGA_2 * u)
+        K_x_dot, K_r_dot = gamma * np.outer(x, e @ P @ B_M), -gamma_r * np.outer(B_M.T @ P @ e, r)
+        return np.concatenate([x_dot, A_M @ x_m + B_M @ K_0_2 @ r, K_x_dot.reshape(-1), K_r_dot.reshape(-1)])
+
+    start = np.concatenate([[0.3, -0.1, 0.2] * 2, np.zeros(6), K_0_2.reshape(-1)])
+    return solve_ivp(rates, (0, until), start, method="DOP853", rtol=1e-11, atol=1e-12).y[:, -1]
+
+
+def test_several_inputs_are_the_textbooks_matrices():
+    """RK4 at 1 ms over 20 s of motions of a second: 1e-8."""
+    (run,) = simulate(several(), [DirectMrac(gamma=6.0, gamma_r=2.0)], Simulation(t_end=20.0, dt=1e-3)).values()
+    expected = by_matrices(6.0, 2.0, 20.0)
+    found = np.concatenate([run.x[-1], run.x[-1] - run.e[-1], run.theta_hat[-1], run.reported["k_r_hat"][-1]])
+    np.testing.assert_allclose(found, expected, atol=1e-8)
+    assert run.true_values == pytest.approx((THETA_2 / OMEGA_2).reshape(-1))
+
+
+@pytest.mark.full
+def test_the_gains_of_several_inputs_find_the_ideal_ones():
+    """Four sines for five gains of each input, in three states: K_x -> theta/omega, K_r -> k_0/omega; both within a hundredth."""
+    (run,) = simulate(several(), [DirectMrac(gamma=40.0)], Simulation(t_end=600.0, dt=2e-3)).values()
+    np.testing.assert_allclose(run.theta_hat[-1], (THETA_2 / OMEGA_2).reshape(-1), atol=1e-2)
+    np.testing.assert_allclose(run.reported["k_r_hat"][-1], (K_0_2 / OMEGA_2[:, None]).reshape(-1), atol=1e-2)
+    assert max(run.figures["tail_max_abs_e"]) < 1e-3
+
+
+def test_the_bound_of_several_inputs_is_kept_and_its_v_never_grows(sample):
+    """V by hand along runs; the bound from it; plants at random with effectivenesses from a fifth to five."""
+    random, at, close = np.random.default_rng(6), Simulation(t_end=15.0, dt=2e-3, record_points=2000), 0.0
+    P = solve_continuous_lyapunov(A_M.T, -np.eye(3))
+    for _ in range(sample(2, 12)):
+        theta, omega = random.normal(size=(3, 2)), 5 ** random.uniform(-1, 1, 2)
+        plant = replace(several().plant, theta=theta.reshape(-1), input=[PlantInput(gain=one) for one in omega])
+        gamma = random.uniform(1.0, 20.0, 6)
+        problem, law = replace(several(), plant=plant), DirectMrac(gamma=gamma, gamma_r=4.0)
+        (run,) = simulate(problem, [law], at).values()
+        found = certify(problem, [law], at)[law.name]
+        k_x = (run.theta_hat.reshape(-1, 3, 2) - theta / omega) ** 2 / gamma.reshape(3, 2) * omega
+        k_r = (run.reported["k_r_hat"].reshape(-1, 2, 2) - K_0_2 / omega[:, None]) ** 2 / 4.0 * omega[:, None]
+        V = np.einsum("ki,ij,kj->k", run.e, P, run.e) + k_x.sum(axis=(1, 2)) + k_r.sum(axis=(1, 2))
+        assert (np.diff(V) <= 1e-9 * V[0]).all() and V[-1] < 0.99 * V[0]
+        assert "error_bound" in found.guaranteed
+        assert np.abs(run.e).max() <= found.values["error_bound"]
+        assert found.values["error_bound"] == pytest.approx(np.sqrt(V[0] / np.linalg.eigvalsh(P)[0]), rel=1e-9)
+        close = max(close, np.abs(run.e).max() / found.values["error_bound"])
+    assert close > 0.05
+
+
+@pytest.mark.parametrize("ball", [False, True])
+def test_the_sets_of_several_inputs_hold_the_ideal_gains(ball):
+    theta = THETA_2.reshape(-1)
+    known = ParameterBall(center=theta, radius=1.5) if ball else ParameterBox(lower=theta - 0.8, upper=theta + 0.9)
+    problem = several(uncertainty=known, input_gain=[(0.2, 1.0), (1.0, 4.0)])
+    gains = DirectMrac(gamma=200.0).bind(problem.known).gains
+    rng = np.random.default_rng(2)
+    for point in np.concatenate([known.drawn(rng, 200), known.extreme_points(rng, 60)]):
+        omega = np.array([rng.choice([0.2, 1.0, rng.uniform(0.2, 1.0)]), rng.choice([1.0, 4.0, rng.uniform(1.0, 4.0)])])
+        assert gains.box.contains((point.reshape(3, 2) / omega).reshape(-1) * (1 - 1e-12))
+        assert gains.interval.contains((K_0_2 / omega[:, None]).reshape(-1))
+    (run,) = simulate(problem, [DirectMrac(gamma=200.0)], Simulation(t_end=5.0, dt=1e-3)).values()
+    assert all(gains.box.contains(point) for point in run.theta_hat)
+    assert all(gains.interval.contains(point) for point in run.reported["k_r_hat"])
+
+
 def test_what_does_not_fit_is_refused(problems):
     plant, model = Plant(A_m=-np.eye(2), b=np.eye(2), theta=np.zeros(4)), ReferenceModel(k_0=[[1.0], [0.0]])
-    assert "one input" in refusal(lambda: DirectMrac(gamma=1.0).bind(Problem(plant=plant, reference_model=model).known))
+    known = Problem(plant=plant, reference_model=model).known
+    assert "k_r0 must have the shape of k_0, 2 x 1" in refusal(lambda: DirectMrac(gamma=1.0, k_r0=1.0).bind(known))
+    assert "number or a list" in refusal(lambda: DirectMrac(gamma=np.eye(4), gamma_r=1.0).bind(known))
+    assert "fit the 4 parameters" in refusal(lambda: DirectMrac(gamma=[1.0, 1.0], gamma_r=1.0).bind(known))
+    assert DirectMrac(gamma=1.0).bind(known).initial().k_r_hat.tolist() == [1.0, 0.0]
+    assert "mrac-direct takes several" in refusal(lambda: MitRule(gamma=1.0).bind(known))
+    two_commands = Problem(
+        plant=problems[1].plant, reference_model=ReferenceModel(k_0=[[1.0, 2.0]]), reference=several().reference
+    )
+    assert "one command" in refusal(lambda: DirectMrac(gamma=1.0).bind(two_commands.known))
     assert "gamma_r is missing" in refusal(lambda: DirectMrac(gamma=[1.0, 2.0]))
     known = replace(problems[1], input_gain=(0.5, 2.0)).known
     assert "k_r0 must lie" in refusal(lambda: DirectMrac(gamma=1.0, k_r0=7.0).bind(known))

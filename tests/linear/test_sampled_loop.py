@@ -8,6 +8,7 @@ from scipy.linalg import expm
 
 from barbalat.linear.margins import margins
 from barbalat.linear.sampled_loop import SampledLoop
+from barbalat.linear.sampled_margins import delay_margin, gain_margins
 from barbalat.linear.sampled_norms import SampledNorms
 from independent import refusal
 
@@ -21,7 +22,7 @@ def integrator(k: float, T: float) -> SampledLoop:
 def test_the_delay_margin_inside_the_first_sample(kT):
     """z^2 - (1 - k (T - d)) z + k d: stable while k d < 1, by Jury's conditions."""
     T = 0.01
-    assert integrator(kT / T, T).delay_margin(0.0) == pytest.approx(T / kT, rel=1e-6)
+    assert delay_margin(integrator(kT / T, T), 0.0) == pytest.approx(T / kT, rel=1e-6)
 
 
 @pytest.mark.parametrize("d", [0.0, 0.003, 0.0099, 0.01, 0.0234, 0.05])
@@ -56,9 +57,9 @@ def test_the_delay_margin_is_where_the_radius_passes_one(sample):
         J[2] = [-K[0], -K[1], random.uniform(0, 0.7)]  # u[k] = -K x[k] + c u[k-1]
         loop = SampledLoop(A, np.array([[0.0], [1.0], [0.0]]), J, np.array([[0.0, 0.0, 1.0]]), T)
         if loop.radius(0.0) >= 1:
-            assert "spectral radius" in refusal(lambda loop=loop: loop.delay_margin(0.0))
+            assert "spectral radius" in refusal(lambda loop=loop: delay_margin(loop, 0.0))
             continue
-        margin = loop.delay_margin(0.0)
+        margin = delay_margin(loop, 0.0)
         ends = 40 * T if np.isinf(margin) else margin
         assert max(loop.radius(d) for d in np.linspace(0, ends * (1 - 1e-5), 33)) < 1
         if np.isfinite(margin):
@@ -72,7 +73,7 @@ def test_a_loop_whose_gain_stays_just_below_one_bears_every_delay():
     A = np.array([[0.0, 1.0, 0.0], [-3.2281, -3.6519, 0.0], [0.0, 0.0, 0.0]])
     J = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [-1.4941, -2.048, 0.3927]])
     loop = SampledLoop(A, np.array([[0.0], [1.0], [0.0]]), J, np.array([[0.0, 0.0, 1.0]]), 0.16285)
-    assert np.isinf(loop.delay_margin(0.0))
+    assert np.isinf(delay_margin(loop, 0.0))
     assert 0.999 < loop.radius(60 * loop.T) < 1 and loop.radius(200 * loop.T) < 1
 
 
@@ -86,3 +87,74 @@ def test_sums_and_largest_values_are_bounds_that_are_close():
         assert (found >= exact).all()
         assert (found <= exact + 3e-3 * terms.sum(axis=0).max()).all()  # the tail's share
     assert "unstable" in refusal(lambda: SampledNorms(np.eye(2), np.eye(2)).summed(np.eye(2)))
+
+
+A_2, B_2 = np.array([[-0.4, 1.0, 0.3], [-0.7, -0.2, 0.0], [0.5, 0.0, -0.1]]), np.array([[0.4, 1.0], [1.0, -0.2], [0.3, 0.8]])
+K_2 = np.array([[0.9, 1.4, -0.5], [1.1, -1.3, 0.8]])
+T_2 = 0.2
+
+
+def two_inputs() -> SampledLoop:
+    """x' = A x + B v, u = -K x at the samples: X = (x, u)."""
+    A, E, J = np.zeros((5, 5)), np.zeros((5, 2)), np.eye(5)
+    A[:3, :3], E[:3], J[3:] = A_2, B_2, np.hstack([-K_2, np.zeros((2, 2))])
+    return SampledLoop(A, E, J, np.eye(5)[3:], T_2)
+
+
+def closed_by_hand(delays, gains=(1.0, 1.0)):
+    """x[k+1], and what each input was in the last samples, written down for u_i(t) = -g_i K_i x at t - d_i; the largest |z|."""
+    depth = 1 + int(max(delays) // T_2) + 1
+    M = np.zeros((3 + 2 * depth, 3 + 2 * depth))
+    M[:3, :3] = expm(A_2 * T_2)
+    of_x = np.zeros((2, 3 + 2 * depth))
+    of_x[:, :3] = -K_2
+    for i, d in enumerate(delays):
+        whole, part = int(d // T_2), d % T_2
+        held = lambda t, i=i: np.linalg.solve(A_2, (expm(A_2 * t) - np.eye(3)) @ B_2[:, i])  # noqa: E731
+        for age, effect in ((whole, held(T_2 - part)), (whole + 1, held(T_2) - held(T_2 - part))):
+            source = of_x[i] if age == 0 else np.eye(len(M))[3 + i * depth + age - 1]
+            M[:3] += gains[i] * np.outer(effect, source)
+        M[3 + i * depth] = of_x[i]
+        M[4 + i * depth : 3 + (i + 1) * depth, 3 + i * depth : 2 + (i + 1) * depth] = np.eye(depth - 1)
+    return np.abs(np.linalg.eigvals(M)).max()
+
+
+@pytest.mark.parametrize("at", [None, 0, 1])
+@pytest.mark.parametrize("own", [0.0, 0.05, 0.2])
+def test_the_delay_of_one_of_several_inputs_and_of_all(at, own):
+    """Stable on a grid of delays below, lost above by a millionth; ``own`` is the delay that all inputs have already."""
+    margin = delay_margin(two_inputs(), own, at)
+    moved = np.ones(2) if at is None else np.eye(2)[at]
+    assert max(closed_by_hand(own + late * moved) for late in np.linspace(0, margin * (1 - 1e-6), 40)) < 1
+    assert closed_by_hand(own + margin * (1 + 1e-6) * moved) > 1
+
+
+def test_the_gain_of_one_of_several_inputs_and_of_all():
+    """The first factor of a fine grid at which the loop written down by hand is lost; 1e-9 around the factor that is found."""
+    loop, delay = two_inputs(), 0.05
+    found = {None: gain_margins(loop, delay)}
+    for i in range(2):
+        alone = margins(loop.as_continuous(delay, i))
+        found[i] = alone.gain_down, alone.gain_up
+    for at, (down, up) in found.items():
+        moved = np.ones(2) if at is None else np.eye(2)[at]
+
+        def radius(k, moved=moved):
+            return closed_by_hand([delay, delay], 1 + (k - 1) * moved)
+
+        assert max(radius(k) for k in np.linspace(max(down, 1e-3) * (1 + 1e-9), up * (1 - 1e-9), 400)) < 1
+        assert radius(up * (1 + 1e-9)) > 1
+        assert down == 0 or radius(down * (1 - 1e-9)) > 1
+    assert found[None][1] < min(found[0][1], found[1][1])
+
+
+def test_an_unstable_plant_bears_no_factor_that_is_too_small():
+    """x' = a x + v, u = -3 f x of two such plants: |e^(aT) - 3 f (e^(aT) - 1)/a| < 1 between two factors f of each."""
+    T = 0.1
+    for a, b in ((0.5, 1.0), (1.5, 0.3)):
+        A, E, J = np.zeros((4, 4)), np.zeros((4, 2)), np.eye(4)
+        A[:2, :2], E[:2], J[2:] = np.diag([a, b]), np.eye(2), np.hstack([-3 * np.eye(2), np.zeros((2, 2))])
+        loop = SampledLoop(A, E, J, np.eye(4)[2:], T)
+        held = [np.expm1(one * T) / one for one in (a, b)]  # x[k+1] = e^(aT) x - 3 f held x
+        low, high = zip(*((one / 3, (np.exp(one * T) + 1) / (3 * h)) for one, h in zip((a, b), held, strict=True)), strict=True)
+        assert gain_margins(loop, 0.0) == pytest.approx((max(low), min(high)), rel=1e-9)

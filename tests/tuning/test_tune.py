@@ -7,11 +7,24 @@ import json
 import numpy as np
 import pytest
 
-from barbalat import Simulation, certify, load_case, simulate, sweep, trade_off, tune
+from barbalat import (
+    L1PiecewiseConstant,
+    Mrac,
+    Simulation,
+    certify,
+    input_filter,
+    load_case,
+    simulate,
+    sweep,
+    trade_off,
+    tune,
+)
 from barbalat.cases.load import CaseText, parse_case
 from barbalat.cli import main
+from barbalat.study.ideal_benchmark import known_width
 from barbalat.study.motion import ModelMotion
 from barbalat.tuning.aim import Aim
+from barbalat.tuning.quantity import TunedQuantity
 from barbalat.tuning.search import BROKEN_CONSTRAINT_SCORE, search
 from barbalat.tuning.tune import Tuner
 from independent import refusal
@@ -83,6 +96,67 @@ def test_the_best_of_a_fine_grid_is_not_better_and_its_case_file_gives_the_same_
     values, efforts = np.array([(p.value, next(iter(p.found.values()))) for p in front]).T
     assert len(front) > 3 and (np.diff(values) > 0).all() != (np.diff(values) < 0).all()
     assert all(not ((values < v) & (efforts < u)).any() for v, u in zip(values, efforts, strict=True))
+
+
+OUTPUT = """
+name = "Output"
+[plant]
+transfer_function = { num = [2.0], den = [1.0, 0.5, 1.0] }
+[reference_model]
+transfer_function = { num = [4.0], den = [1.0, 3.0, 4.0] }
+[reference]
+kind = "square"
+amplitude = 1.0
+frequency = 1.0
+[simulation]
+t_end = 6.0
+dt = 5e-3
+[[controller]]
+name = "L1"
+scheme = "l1-output-piecewise"
+sample_time = 0.025
+filter = { kappa = 0.2, order = 2 }
+"""
+NETWORK = (
+    DRIVE.split("[[controller]]", maxsplit=1)[0]
+    + """
+[[controller]]
+name = "Network"
+scheme = "mrac-network"
+gamma = 3.0
+modification = { sigma = 0.1 }
+"""
+)
+
+
+@pytest.mark.parametrize(("text", "knobs"), [(OUTPUT, ["filter.kappa"]), (NETWORK, ["gamma", "modification.sigma"])])
+def test_what_a_scheme_says_is_turned_needs_no_vary(tmp_path, text, knobs):
+    """Less of the error than by hand; the ends of the ranges are controllers too."""
+    (tmp_path / "case.toml").write_text(text)
+    found = tune(tmp_path / "case.toml", "rms_e", subject_to=["max_abs_u <= 30"], plants=1, trials=288)
+    (tuned,) = found.controllers.values()
+    assert [str(path) for path in tuned.chosen.tuning] == [f"controller[0].{knob}" for knob in knobs]
+    case = load_case(tmp_path / "case.toml")
+    (by_hand,) = simulate(case.problem, case.controllers, case.simulation).values()
+    assert tuned.chosen.meets and tuned.chosen.value < 0.8 * np.sqrt(sum(np.square(by_hand.figures["rms_e"])))
+
+
+def test_no_known_set_is_taken_for_a_networks_weights():
+    """Onset asks how far estimates move within the range in which they lie: theta's one is none of the weights'."""
+    case = parse_case(NETWORK)
+    assert np.isinf(known_width(case.problem, case.controllers[0])).all()
+    assert known_width(case.problem, Mrac(gamma=1.0)).tolist() == [6.0]
+
+
+def test_margins_of_each_input_count_by_the_worst():
+    """``delay_margin_each`` as a constraint is that of the input that bears least."""
+    case = load_case("lateral-aircraft")
+    law = L1PiecewiseConstant(sample_time=0.05, filter=input_filter(0.3))
+    certificate = certify(case.problem, [law], case.simulation)[law.name]
+    each = TunedQuantity("delay_margin_each", larger_is_worse=False)
+    assert each.of_certificate(certificate) == min(certificate.values["delay_margin_each"])
+    peaks = TunedQuantity("sensitivity_peak_each", larger_is_worse=True)
+    assert peaks.of_certificate(certificate) == max(certificate.values["sensitivity_peak_each"])
 
 
 @pytest.mark.full

@@ -10,7 +10,7 @@ from barbalat.adaptation.law import OutputErrorLaw
 from barbalat.adaptation.laws import Gradient
 from barbalat.cases.keys import Context, Differences, Given, Key, keys_of
 from barbalat.controllers import L1Adaptive, L1PiecewiseConstant, LinearFeedback, NormalizedMrac, Sampled
-from barbalat.controllers.output import L1Output, LinearOutput, MracOutput
+from barbalat.controllers.output import L1Output, L1OutputPiecewiseConstant, LinearOutput, MracOutput
 from barbalat.controllers.output.l1 import fast_limit, linear_equivalent
 from barbalat.controllers.sampled import DISCRETIZATIONS
 from barbalat.design import delay_weight, hinf_feedback, mixed_sensitivity, pi_controller, pi_feedback
@@ -30,16 +30,16 @@ def sampling_of(keys: Mapping[str, Key]) -> dict[str, Key]:
 
 @dataclass(frozen=True)
 class LowPass:
-    """filter = { kappa } or { num, den }."""
+    """filter = { kappa }, { kappa, order } or { num, den }."""
 
 
 def _low_pass(given: Given, _: Context) -> TransferFunction | None:
     """C(s); None for C = 1."""
     if "kappa" in given:
-        if len(given) > 1:
+        if given.keys() - {"kappa", "order"}:
             raise InputError("give either kappa or num and den")
-        return None if given["kappa"] == 0 else input_filter(given["kappa"])
-    if len(given) < 2:
+        return None if given["kappa"] == 0 else input_filter(**given)
+    if given.keys() != {"num", "den"}:
         raise InputError("give kappa, or both num and den")
     return TransferFunction(**given)
 
@@ -146,9 +146,17 @@ _DESIGN = {
 DIFFERENCES: dict[type, Differences] = {
     L1Adaptive: Differences(keys={"filter": Key(LowPass, "C(s): stable, strictly proper, C(0) = 1; starts at rest")}),
     L1PiecewiseConstant: Differences(keys={"filter": Key(LowPass, "C(s): as of `l1`, by the trapezoidal rule")}),
+    L1OutputPiecewiseConstant: Differences(
+        keys={
+            "filter": Key(
+                LowPass, "C(s): stable, C(0) = 1, of a relative degree that is not below the model's; by the trapezoidal rule"
+            )
+        }
+    ),
     LowPass: Differences(
         keys={
             "kappa": Key(float, "C(s) = 1/(kappa s + 1) [s]; 0 means C = 1", None),
+            "order": Key(int, "C(s) = 1/(kappa s + 1)^order; 1 by default", None),
             **{name: key._replace(default=None) for name, key in keys_of(TransferFunction, Differences()).items()},
         },
         make=_low_pass,

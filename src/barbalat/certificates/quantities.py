@@ -76,6 +76,15 @@ QUANTITIES = {
     "mu_frequency": Quantity("where it peaks", "rad/s"),
 }
 
+EACH_INPUT = {
+    key: f"{key}_each" for key in ("delay_margin", "phase_margin", "gain_margin", "gain_reduction_margin", "sensitivity_peak")
+}
+"""Of a plant with several inputs, by the keys of one."""
+QUANTITIES |= {
+    of_each: Quantity(f"by input, each alone: {QUANTITIES[key].meaning}", QUANTITIES[key].unit)
+    for key, of_each in EACH_INPUT.items()
+}
+
 ON_DAMPING = {
     "gamma_max": Quantity("gain to about which the frozen law's own damping outweighs what the step amplifies: |x| at its bound"),
     "step_max": Quantity("step to about which the frozen law's own damping outweighs what it amplifies: |x| at its bound", "s"),

@@ -26,7 +26,7 @@ class GainSettings(Adaptive, Protocol):
     def gamma_r(self) -> float | None: ...
 
     @property
-    def k_r0(self) -> float | None: ...
+    def k_r0(self) -> float | Array | None: ...
 
     @property
     def projection(self) -> bool | None: ...
@@ -41,7 +41,9 @@ def check_gains(settings: GainSettings) -> None:
     elif Gain(settings.gamma).dimensions:
         raise InputError("gamma_r is missing: give the feedforward's gain, a number, where gamma is a list or a matrix")
     if settings.k_r0 is not None:
-        validate.freeze(settings, k_r0=validate.number("k_r0", settings.k_r0))
+        matrix = validate.dimensions(settings.k_r0) == 2
+        given = validate.array("k_r0", settings.k_r0, (None, None)) if matrix else validate.number("k_r0", settings.k_r0)
+        object.__setattr__(settings, "k_r0", given)
 
 
 def feedforward_gain(settings: GainSettings) -> float:
@@ -51,43 +53,60 @@ def feedforward_gain(settings: GainSettings) -> float:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ControlGains:
-    """Both gains on a plant: where they start, what they are projected onto, and the control that they make."""
+    """Both gains on a plant: where they start, what they are projected onto, and the control that they make.
+
+    With m inputs and q commands k_x (p m,) and k_r (m q,) stand row by row, and each input has an omega of its own.
+    """
 
     uncertainty: Uncertainty
     gamma: Gain
     gamma_r: float
     theta_hat0: Array
-    k_r0: float
-    k_0: float
+    k_r0: Array
+    k_0: Array
     box: KnownSet | None  # of k_x
     interval: ParameterBox | None  # of k_r
 
     @classmethod
     def of(cls, scheme: str, settings: GainSettings, known: Known) -> ControlGains:
-        """InputError for several inputs, and where the settings don't fit the plant."""
-        if known.inputs > 1 or np.ndim(known.k_0):
-            raise InputError(
-                f"{scheme} takes plants with one input and one command, got {known.inputs} inputs; mrac takes several"
-            )
+        """InputError for several commands of one input, and where the settings don't fit the plant."""
+        if known.inputs == 1 and np.ndim(known.k_0):
+            raise InputError(f"{scheme} takes one command where the plant has one input; mrac takes several")
         projection_box(settings.projection, known)  # refuses what is no switch, and a projection onto nothing
         regressor, gamma = known.uncertainty.regressor, Gain(settings.gamma)
-        gamma.require_size("gamma", regressor.size(known.n))
+        gamma.require_size("gamma", regressor.size(known.n) * known.inputs)
+        if known.inputs > 1 and gamma.is_matrix:
+            raise InputError("gamma must be a number or a list with several inputs: V has an unknown factor for each of them")
         onto = settings.projection is None or settings.projection
         box, interval = sets_of_ideal_gains(known) if onto else (None, None)
-        single = replace(known, box=box, uncertainty=Uncertainty(regressor, inputs=1))
+        without = replace(known, box=box, uncertainty=Uncertainty(regressor, inputs=known.inputs))
         return cls(
-            uncertainty=single.uncertainty,
+            uncertainty=without.uncertainty,
             gamma=gamma,
             gamma_r=feedforward_gain(settings),
-            theta_hat0=initial_estimate(settings.theta_hat0, box, single),
-            k_r0=_initial_feedforward(settings.k_r0, float(known.k_0), interval),
-            k_0=float(known.k_0),
+            theta_hat0=initial_estimate(settings.theta_hat0, box, without),
+            k_r0=_initial_feedforward(settings.k_r0, known, interval),
+            k_0=_feedforward(known),
             box=box,
             interval=interval,
         )
 
+    @property
+    def inputs(self) -> int:
+        return self.uncertainty.inputs
+
     def control(self, k_x_hat: Value, k_r_hat: Value, x: Value, r: Value) -> Value:
-        return -self.uncertainty.phi(x).T @ k_x_hat + k_r_hat[0] * r
+        if self.inputs == 1:
+            return -self.uncertainty.phi(x).T @ k_x_hat + k_r_hat[0] * r
+        return -self.uncertainty.phi(x).T @ k_x_hat + k_r_hat.reshape(self.inputs, -1) @ r.reshape(-1)
+
+    def exciting(self, k_x_hat: Value, k_r_hat: Value, x: Value, u: Value) -> Value:
+        """What excites the gains: phi(x) and, with several inputs, K_r'K_r r, which is r but for its directions' lengths."""
+        if self.inputs == 1:
+            return self.with_input(x, u)
+        Phi, m = self.uncertainty.phi(x), self.inputs
+        of_r = k_r_hat.reshape(m, -1).T @ (u + Phi.T @ k_x_hat)
+        return np.concatenate([Phi, np.outer(of_r, np.eye(m).reshape(-1)).reshape(of_r.shape[0] * m, m)])
 
     def with_input(self, x: Value, u: Value) -> Value:
         """phi(x) and u: as long as k_r_hat is not zero they span what phi(x) and r do, which excites the gains."""
@@ -95,11 +114,11 @@ class ControlGains:
 
     def ideal(self, theta: Array, omega: Array) -> Array:
         """k_x, by the matching condition omega k_x = theta."""
-        return np.asarray(theta / omega)
+        return np.asarray(theta / np.tile(omega, len(theta) // self.inputs))
 
     def ideal_feedforward(self, omega: Array) -> dict[str, Array]:
         """k_r, by the other one, omega k_r = k_0."""
-        return {"k_r_hat": self.k_0 / omega}
+        return {"k_r_hat": self.k_0 / np.repeat(omega, len(self.k_0) // self.inputs)}
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -107,8 +126,11 @@ class ControlGains:
         return tuple(f"k_x,{i + 1}" for i in range(p)) if p > 1 else ("k_x",)
 
     def rates(self, error: Value, of_x: Value, of_r: Value, k_x_hat: Value, k_r_hat: Value) -> tuple[Value, Value]:
-        """proj(Gamma error of_x) and proj(-gamma_r error of_r)."""
-        k_x_dot, k_r_dot = self.gamma.scaled(error, of_x), (-self.gamma_r * error * of_r).reshape(1)
+        """proj(Gamma of_x error) and proj(-gamma_r error of_r'), row by row."""
+        if self.inputs == 1:
+            k_x_dot, k_r_dot = self.gamma.scaled(error, of_x), (-self.gamma_r * error * of_r).reshape(1)
+        else:
+            k_x_dot, k_r_dot = self.gamma.times(of_x @ error), (-self.gamma_r * np.outer(error, of_r)).reshape(-1)
         return project(k_x_dot, k_x_hat, self.box, self.gamma), project(k_r_dot, k_r_hat, self.interval)
 
     def limited(self, k_x_hat: Value, k_r_hat: Value) -> tuple[Value, Value]:
@@ -128,7 +150,7 @@ class GainEquations:
         return self.gains.control(state.theta_hat, state.k_r_hat, x, r)
 
     def regressor_at(self, state: Any, x: Value, u: Value) -> Value:
-        return self.gains.with_input(x, u)
+        return self.gains.exciting(state.theta_hat, state.k_r_hat, x, u)
 
     def reported(self, state: Any) -> dict[str, Value]:
         return {"k_r_hat": state.k_r_hat}
@@ -144,13 +166,22 @@ class GainEquations:
         return self.gains.names
 
 
-def _initial_feedforward(given: float | None, k_0: float, interval: ParameterBox | None) -> float:
-    wanted = k_0 if given is None else given
-    if interval is None or interval.contains(np.array([wanted])):
-        return wanted
+def _feedforward(known: Known) -> Array:
+    """k_0, (m q,)."""
+    return np.array(known.k_0, dtype=float).reshape(-1)
+
+
+def _initial_feedforward(given: float | Array | None, known: Known, interval: ParameterBox | None) -> Array:
+    k_0 = _feedforward(known)
     if given is None:
-        return float(interval.limit(np.array([k_0]))[0])
-    raise InputError(f"k_r0 must lie {interval}, which is k_0 over the interval of the input's gain, got {given:g}")
+        return k_0 if interval is None or interval.contains(k_0) else np.asarray(interval.limit(k_0))
+    if np.shape(given) != np.shape(known.k_0):
+        shape = " x ".join(map(str, np.shape(known.k_0))) or "a number"
+        raise InputError(f"k_r0 must have the shape of k_0, {shape}, got {validate.show(given)}")
+    wanted = np.array(given, dtype=float).reshape(-1)
+    if interval is None or interval.contains(wanted):
+        return wanted
+    raise InputError(f"k_r0 must lie {interval}, which is k_0 over the interval of the input's gain, got {validate.show(given)}")
 
 
 def sets_of_ideal_gains(known: Known) -> tuple[KnownSet | None, ParameterBox | None]:
@@ -158,5 +189,8 @@ def sets_of_ideal_gains(known: Known) -> tuple[KnownSet | None, ParameterBox | N
     theta, gains = known.theta_set, known.gains
     if gains is None:
         return theta, None
-    k_0 = np.array([float(known.k_0)])
-    return None if theta is None else theta.over(gains), ParameterBox(lower=k_0, upper=k_0).over(gains)
+    k_0, m = _feedforward(known), known.inputs
+    rows, columns = known.parameters // m - 1, len(k_0) // m
+    of_x = ParameterBox(lower=np.tile(gains.lower, rows), upper=np.tile(gains.upper, rows))
+    of_r = ParameterBox(lower=np.repeat(gains.lower, columns), upper=np.repeat(gains.upper, columns))
+    return None if theta is None else theta.over(of_x), ParameterBox(lower=k_0, upper=k_0).over(of_r)

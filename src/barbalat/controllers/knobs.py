@@ -9,6 +9,7 @@ from typing import Protocol, runtime_checkable
 
 import numpy as np
 
+from barbalat.problem.output_feedback import OutputKnown
 from barbalat.problem.regressors import Linear
 from barbalat.problem.state_feedback import Known
 from barbalat.protocols import Controller
@@ -41,6 +42,7 @@ class Reach:
     """How far knobs are turned for a case.
 
     highest_gain  that the step resolves
+    highest_square  that it resolves of a gain times the square of what it multiplies: what highest_gain is for another regressor
     times         time constants [s], from five steps to the model's slowest
     density       values of a knob beside another one
     known         what the designer knows
@@ -50,6 +52,7 @@ class Reach:
     """
 
     highest_gain: float
+    highest_square: float
     times: Array
     density: int
     known: Known
@@ -72,6 +75,31 @@ class Reach:
     def frequencies(self) -> Array:
         """The same as ``times`` [rad/s]."""
         return 1 / self.times[::-1]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class OutputReach:
+    """The same of a case whose output is fed back.
+
+    times        time constants [s], from five steps to the model's slowest
+    known        what the designer knows
+    sample_time  of a scheme that is sampled by nature [s]
+    saturated    whether schemes that have something against windup have it switched on
+    """
+
+    times: Array
+    known: OutputKnown
+    sample_time: float
+    saturated: bool = False
+
+
+@runtime_checkable
+class OutputTunable(Protocol):
+    """As ``Tunable``, of a scheme that feeds back the output."""
+
+    def output_knobs(self, reach: OutputReach) -> Knobs:
+        """Its settings that are varied, and how far."""
+        ...
 
 
 @runtime_checkable

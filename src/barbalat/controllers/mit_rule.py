@@ -12,7 +12,7 @@ from barbalat.controllers.control_gains import ControlGains, GainEquations, chec
 from barbalat.controllers.settings import Scheme
 from barbalat.problem.state_feedback import Known
 from barbalat.protocols import Value
-from barbalat.validate import Array, Vector
+from barbalat.validate import Array, InputError, Vector
 
 
 class State(NamedTuple):
@@ -32,18 +32,25 @@ class Equations(GainEquations):
     b: Array
     c: Array
     normalization: float | None
+    feedforward_only: bool
     gains: ControlGains
 
     def initial(self) -> State:
         n, p = len(self.b), len(self.gains.theta_hat0)
-        return State(self.gains.theta_hat0, np.stack([self.gains.k_r0]), np.zeros((n, p)), np.zeros(n))
+        return State(self.gains.theta_hat0, self.gains.k_r0, np.zeros((n, p)), np.zeros(n))
+
+    def regressor_at(self, state: State, x: Value, u: Value) -> Value:
+        if self.feedforward_only:  # k_r_hat r
+            return (u + self.gains.uncertainty.phi(x).T @ state.theta_hat).reshape(1)
+        return self.gains.with_input(x, u)
 
     def derivative(self, state: State, x: Value, x_m: Value, r: Value, u: Value) -> State:
         of_x, of_r, error = self.c @ state.Psi, self.c @ state.psi_r, self.c @ (x - x_m)
         if self.normalization is not None:
             error = error / (self.normalization + of_x @ of_x + of_r * of_r)
         k_x_dot, k_r_dot = self.gains.rates(error, of_x, of_r, state.theta_hat, state.k_r_hat)
-        Psi_dot = self.A_m @ state.Psi + np.outer(self.b, self.gains.uncertainty.phi(x))
+        phi = np.zeros(len(self.gains.theta_hat0)) if self.feedforward_only else self.gains.uncertainty.phi(x)
+        Psi_dot = self.A_m @ state.Psi + np.outer(self.b, phi)
         return State(k_x_dot, k_r_dot, Psi_dot, self.A_m @ state.psi_r + self.b * r)
 
     def limit(self, state: State) -> State:
@@ -63,11 +70,13 @@ class MitRule(Scheme):
     gamma_r     of the feedforward, > 0; by default gamma, where that is a number
     output      c, (n,): whose error is squared; the first state by default
     normalization  alpha > 0 of the normalised rule, which divides by alpha + |G[phi]|^2 + G[r]^2; by default not normalised
+    feedforward_only  k_x_hat stays at theta_hat0: of a plant k_p G(s), omega = k_p, with the model k_0 G(s) the rule is then the
+                 textbook's theta' = -gamma e y_m, for gamma_r = gamma k_0; off by default
     theta_hat0  k_x_hat(0), (p,), zero by default; inside the known set
     k_r0        k_r_hat(0), by default k_0, or the nearest that an interval of the input's gain allows
     projection  onto what the known set, divided by the input's gain, leaves possible; by default on where one is given
 
-    Source: Astrom and Wittenmark, Adaptive Control, second edition, sections 5.2 and 5.3.
+    Source: Astrom and Wittenmark, Adaptive Control, second edition, sections 5.2 and 5.3; the feedforward alone is example 5.1.
     """
 
     gamma: float | Array
@@ -75,6 +84,7 @@ class MitRule(Scheme):
     gamma_r: float | None = None
     output: Vector | None = None
     normalization: float | None = None
+    feedforward_only: bool = False
     theta_hat0: Vector | None = None
     k_r0: float | None = None
     projection: bool | None = None
@@ -84,14 +94,18 @@ class MitRule(Scheme):
         check_gains(self)
         if self.output is not None:
             validate.freeze(self, output=validate.vector("output", self.output))
+        validate.instance("feedforward_only", self.feedforward_only, bool)
         if self.normalization is not None:
             validate.freeze(self, normalization=validate.positive("normalization", self.normalization))
 
     def bind(self, known: Known) -> Equations:
+        if known.inputs > 1:
+            raise InputError(f"mit-rule takes plants with one input, got {known.inputs}; mrac-direct takes several")
         return Equations(
             A_m=known.A_m,
             b=known.b,
             c=np.eye(known.n)[0] if self.output is None else validate.vector("output", self.output, known.n),
             normalization=self.normalization,
+            feedforward_only=self.feedforward_only,
             gains=ControlGains.of("mit-rule", self, known),
         )

@@ -5,8 +5,6 @@ from __future__ import annotations
 from dataclasses import KW_ONLY, dataclass
 from typing import NamedTuple
 
-import numpy as np
-
 from barbalat.controllers.control_gains import ControlGains, GainEquations, check_gains
 from barbalat.controllers.knobs import Knobs, Reach
 from barbalat.controllers.settings import Scheme
@@ -31,7 +29,7 @@ class Equations(GainEquations):
     gains: ControlGains
 
     def initial(self) -> State:
-        return State(self.gains.theta_hat0, np.stack([self.gains.k_r0]))
+        return State(self.gains.theta_hat0, self.gains.k_r0)
 
     def derivative(self, state: State, x: Value, x_m: Value, r: Value, u: Value) -> State:
         e_P_b = (x - x_m) @ (self.P @ self.b)
@@ -46,12 +44,14 @@ class DirectMrac(Scheme):
     """u = -k_x_hat'phi(x) + k_r_hat r, k_x_hat' = proj(Gamma (e'P b) phi(x)), k_r_hat' = proj(-gamma_r (e'P b) r).
 
     The plant's input may have any effectiveness omega > 0: its sign is that of b, and nothing more need be known of it. The
-    estimates are of k_x = theta/omega, reported as theta_hat, and k_r = k_0/omega, reported as k_r_hat.
+    estimates are of k_x = theta/omega, reported as theta_hat, and k_r = k_0/omega, reported as k_r_hat. With several inputs each
+    has its own, so that the plant's input matrix is b diag(omega), known but for these factors: an unknown coupling is none.
 
-    gamma       adaptive gain Gamma > 0 of the feedback: a number, a diagonal (p,) or an s.p.d. matrix (p, p)
+    gamma       adaptive gain Gamma > 0 of the feedback: a number, a diagonal (p,) or an s.p.d. matrix (p, p); with m inputs a
+                number or a diagonal (p m,)
     gamma_r     of the feedforward, > 0; by default gamma, where that is a number
     theta_hat0  k_x_hat(0), (p,), zero by default; inside the known set
-    k_r0        k_r_hat(0), by default k_0, or the nearest that an interval of the input's gain allows
+    k_r0        k_r_hat(0), with m inputs (m, q); by default k_0, or the nearest that an interval of the input's gain allows
     projection  onto what the known set, divided by the input's gain, leaves possible; by default on where one is given
 
     Source: Ioannou and Sun, Robust Adaptive Control, section 6.2; Lavretsky and Wise, Robust and Adaptive Control, section 9.2;
@@ -62,7 +62,7 @@ class DirectMrac(Scheme):
     _: KW_ONLY
     gamma_r: float | None = None
     theta_hat0: Vector | None = None
-    k_r0: float | None = None
+    k_r0: float | Array | None = None
     projection: bool | None = None
     name: str = "Direct MRAC"
 

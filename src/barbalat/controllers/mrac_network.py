@@ -11,6 +11,7 @@ from barbalat import validate
 from barbalat.adaptation.modifications.epsilon_modification import EpsilonModification
 from barbalat.adaptation.modifications.fixed_sigma import FixedSigma
 from barbalat.adaptation.modifications.leakage import Leakage
+from barbalat.controllers.knobs import Knobs, Reach
 from barbalat.controllers.settings import Scheme, require_one_input
 from barbalat.problem.state_feedback import Known
 from barbalat.protocols import Value
@@ -18,6 +19,9 @@ from barbalat.validate import Array, InputError, Vector
 
 MOST_NEURONS = 1000
 """Each costs n + 2 states: beyond, compiling takes minutes."""
+DEFAULT_NEURONS = 10
+LEAKAGES = np.geomspace(1e-4, 1.0, 12)
+"""sigma that are tried: from one at which weights hardly fade to one at which they stay as small as e'P b."""
 DOUBLE_BITS = 53
 """Of a number in [0, 1): what a draw keeps of 64 random bits."""
 
@@ -150,6 +154,17 @@ class NetworkMrac(Scheme):
                     "V_hat0", f"must have {self.neurons} columns, one for each neuron, got {self.V_hat0.shape[1]}"
                 )
 
+    @classmethod
+    def knobs(cls, reach: Reach) -> Knobs:
+        highest = reach.highest_square / (1 + DEFAULT_NEURONS)  # what multiplies the outer weights is at most 1 in each entry
+        return Knobs(
+            scheme="MRAC, network",
+            values={"gamma": highest * np.geomspace(1e-8, 1.0, 8 * reach.density), "sigma": LEAKAGES},
+            make=lambda gamma, sigma: cls(gamma=gamma, leakage=FixedSigma(sigma)),
+            traded=False,
+            aims=("error_bound",),
+        )
+
     def bind(self, known: Known) -> Equations:
         require_one_input("mrac-network", known)
         assert self.leakage is not None  # the constructor has seen to it
@@ -168,4 +183,4 @@ class NetworkMrac(Scheme):
     def _inner_weights(self, n: int) -> Array:
         if self.V_hat0 is not None:
             return validate.array("V_hat0", self.V_hat0, (1 + n, None))
-        return initial_inner_weights(self.seed, self.spread, (1 + n, 10 if self.neurons is None else self.neurons))
+        return initial_inner_weights(self.seed, self.spread, (1 + n, DEFAULT_NEURONS if self.neurons is None else self.neurons))

@@ -208,10 +208,13 @@ def states_response(A: Array, b: Array, w: Array) -> Array:
         return solved(w * (1 + POLE_OFFSET_SHARE) + POLE_OFFSET_SHARE * float(np.abs(A).max(initial=0.0)))
 
 
-def input_filter(kappa: float) -> TransferFunction:
-    """C(s) = 1/(kappa s + 1), eq. (6); kappa > 0 in s."""
-    kappa = validate.positive("filter.kappa", kappa)
-    return TransferFunction(np.array([1.0]), np.array([kappa, 1.0]))
+def input_filter(kappa: float, order: int = 1) -> TransferFunction:
+    """C(s) = 1/(kappa s + 1)^order, eq. (6); kappa > 0 in s."""
+    kappa, order = validate.positive("filter.kappa", kappa), validate.whole("filter.order", order, least=1)
+    den = np.ones(1)
+    for _ in range(order):
+        den = np.convolve(den, [kappa, 1.0])
+    return TransferFunction(np.array([1.0]), den)
 
 
 def transfer_function(c: Array, A: Array, b: Array) -> TransferFunction:

@@ -54,6 +54,10 @@ class Step(Settings):
     def bound(self) -> float:
         return outward(max(abs(self.constant), abs(self.constant + self.amplitude)))
 
+    @property
+    def slope(self) -> float:
+        return 0.0
+
 
 @dataclass(frozen=True)
 class Steps(Settings):
@@ -89,6 +93,10 @@ class Steps(Settings):
     @property
     def bound(self) -> float:
         return float(np.abs(self._levels).max())
+
+    @property
+    def slope(self) -> float:
+        return 0.0
 
     @property
     def _levels(self) -> Array:
@@ -128,6 +136,10 @@ class Square(Swinging, Settings):
             return np.zeros(0)  # no number either: the value says so
         halves = np.floor(first) + np.arange(min(last - first + 3, MOST_BREAKS))
         return between(start, stop, (halves * np.pi - self.phase) / self.frequency)
+
+    @property
+    def slope(self) -> float:
+        return 0.0
 
     def _half_periods(self, t: Array) -> Array:
         """Half periods since phase zero; a jump that lies within rounding of t is taken to lie at t."""

@@ -127,6 +127,10 @@ class Recorded(Continuous, Settings):
     def bound(self) -> float:
         return outward(float(np.abs(self.values).max()))
 
+    @property
+    def slope(self) -> float:
+        return outward(float(np.abs(np.diff(self.values) / np.diff(self.times)).max(initial=0.0)))
+
 
 @dataclass(frozen=True)
 class MatFile(Settings):

@@ -69,6 +69,10 @@ class Constant(Continuous, Settings):
     def bound(self) -> float:
         return abs(float(self.amplitude))
 
+    @property
+    def slope(self) -> float:
+        return 0.0
+
 
 @dataclass(frozen=True)
 class Sine(Swinging, Continuous, Settings):
@@ -91,6 +95,10 @@ class Sine(Swinging, Continuous, Settings):
 
     def __call__(self, t: Array) -> Array:
         return self.constant + self.amplitude * np.sin(self.frequency * t + self.phase)
+
+    @property
+    def slope(self) -> float:
+        return outward(abs(self.amplitude) * self.frequency)
 
 
 @dataclass(frozen=True)
@@ -129,6 +137,11 @@ class Sines(Continuous, Settings):
     def bound(self) -> float:
         return outward(abs(self.constant) + sum(abs(amplitude) for amplitude in self.amplitudes), 2 + len(self.amplitudes))
 
+    @property
+    def slope(self) -> float:
+        each = (abs(amplitude) * w for amplitude, w in zip(self.amplitudes, self.frequencies, strict=True))
+        return outward(sum(each), 2 + len(self.amplitudes))
+
 
 @dataclass(frozen=True)
 class Chirp(Swinging, Continuous, Settings):
@@ -158,6 +171,10 @@ class Chirp(Swinging, Continuous, Settings):
         swept = np.minimum(t, self.duration)
         phase = self.frequency_start * swept + rate * swept**2 / 2 + self.frequency_end * (t - swept)
         return self.constant + self.amplitude * np.sin(phase)
+
+    @property
+    def slope(self) -> float:
+        return outward(abs(self.amplitude) * max(self.frequency_start, self.frequency_end))
 
     def breaks(self, start: float, stop: float) -> Array:
         bends = start < self.duration < stop and self.frequency_start != self.frequency_end

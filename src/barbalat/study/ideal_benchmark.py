@@ -102,12 +102,14 @@ class Benchmark:
 def known_width(problem: TrackingProblem, controller: Controller) -> Array:
     """(p,) of the known set in each estimate's direction; without one, of -|theta|_2 ... |theta|_2; infinite without theta."""
     loop = ClosedLoop.of(problem, controller)
-    sets = [part.box for part in (loop.continuous, problem.known) if isinstance(part, Projecting)]
+    theta = true_values(problem, loop)
+    of_theta = theta is not None and len(theta) == loop.parameters  # a network's weights, say, lie in no known set
+    knowing = (loop.continuous, problem.known) if of_theta else (loop.continuous,)
+    sets = [part.box for part in knowing if isinstance(part, Projecting)]
     known_set = next((known_set for known_set in sets if known_set is not None), None)
     if known_set is not None and known_set.bounds_theta:
         extents = [part.extent for part in (known_set.sphere, known_set.intervals) if part is not None]
         return np.concatenate([high - low for low, high in extents])[: loop.parameters]
-    theta = true_values(problem, loop)
     return np.full(loop.parameters, np.inf if theta is None else 2 * float(np.linalg.norm(theta)))
 
 

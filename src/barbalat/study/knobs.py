@@ -9,12 +9,13 @@ import numpy as np
 from barbalat.certificates.certify import certify
 from barbalat.certificates.step_limits.oscillator import Oscillator
 from barbalat.controllers import SCHEMES, Mrac
-from barbalat.controllers.knobs import Knobs, Reach, Tunable
+from barbalat.controllers.knobs import Knobs, OutputReach, Reach, Tunable
+from barbalat.problem.output_feedback import OutputProblem
 from barbalat.problem.state_feedback import Problem
 from barbalat.run.simulate import simulate
 from barbalat.solvers.simulation import Simulation
 from barbalat.study.ideal_benchmark import ideal
-from barbalat.validate import InputError
+from barbalat.validate import Array, InputError
 
 
 def default_knobs(problem: Problem, simulation: Simulation, *, density: int = 12) -> tuple[tuple[Knobs, ...], tuple[str, ...]]:
@@ -49,15 +50,31 @@ def all_knobs(reach: Reach) -> list[Knobs]:
 def reach_of(problem: Problem, simulation: Simulation, *, density: int = 12) -> tuple[Reach, str]:
     """How far knobs are turned on a case, and how the largest gain was found."""
     highest, how = largest_gain(problem, simulation)
-    slowest = 1 / float(np.abs(np.linalg.eigvals(problem.plant.A_m).real).min())
     reach = Reach(
         highest_gain=highest,
-        times=np.geomspace(SHORTEST_TIME_STEPS * simulation.dt, slowest, 3 * density),
+        highest_square=_oscillator(problem, simulation).largest_g(simulation.dt),
+        times=_times(np.linalg.eigvals(problem.plant.A_m), simulation, density),
         density=density,
         known=problem.known,
         sample_time=SHORTEST_TIME_STEPS * simulation.dt,
     )
     return reach, how
+
+
+def output_reach_of(problem: OutputProblem, simulation: Simulation, *, density: int = 12) -> OutputReach:
+    """The same where the output is fed back; no gain is among what is turned."""
+    return OutputReach(
+        times=_times(problem.known.W_m.poles, simulation, density),
+        known=problem.known,
+        sample_time=SHORTEST_TIME_STEPS * simulation.dt,
+        saturated=problem.known.saturation is not None,
+    )
+
+
+def _times(modes: Array, simulation: Simulation, density: int) -> Array:
+    """Time constants from the shortest to the slowest of the model's modes [s]."""
+    slowest = 1 / float(np.abs(modes.real).min())
+    return np.geomspace(SHORTEST_TIME_STEPS * simulation.dt, slowest, 3 * density)
 
 
 SHORTEST_TIME_STEPS = 5
@@ -89,9 +106,13 @@ def _largest_along_the_ideal_run(problem: Problem, simulation: Simulation) -> fl
     square = np.array([np.sum(problem.plant.regressor(x) ** 2) for x in run.x])
     if problem.input_gain is not None:
         square += np.max(run.u.reshape(len(run.t), -1) ** 2, axis=1)
-    dynamics = [path.dynamics for path in problem.plant.paths]
-    poles = np.concatenate([np.zeros(0), *(part.poles for part in dynamics if part is not None)])
     largest = float(square.max())
     if largest == 0:
         raise InputError("nothing moves the regressor phi(x): give a command, or an initial state")
-    return Oscillator(problem.known, simulation.solver, poles).largest_g(simulation.dt) / largest
+    return _oscillator(problem, simulation).largest_g(simulation.dt) / largest
+
+
+def _oscillator(problem: Problem, simulation: Simulation) -> Oscillator:
+    dynamics = [path.dynamics for path in problem.plant.paths]
+    poles = np.concatenate([np.zeros(0), *(part.poles for part in dynamics if part is not None)])
+    return Oscillator(problem.known, simulation.solver, poles)

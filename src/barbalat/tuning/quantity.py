@@ -12,6 +12,7 @@ import numpy as np
 
 from barbalat import validate
 from barbalat.certificates.certificate import Certificate
+from barbalat.certificates.quantities import EACH_INPUT
 from barbalat.problem.modelling_error import DelayError, GainError, ModellingError
 from barbalat.run.metrics import Metrics
 from barbalat.study.delay_search import Criterion
@@ -111,7 +112,7 @@ class TunedQuantity:
         return np.asarray(ordered[:, place])
 
     def of_certificate(self, certificate: Certificate) -> float | None:
-        """Where the certificate claims it on this case; of an enclosure the side that counts."""
+        """Where the certificate claims it on this case; of an enclosure the side that counts, of several inputs the worst."""
         key, part = self.key, self.name.partition(".")[2]
         values = certificate.values
         if key in values.get("unlimited", ()):
@@ -122,6 +123,8 @@ class TunedQuantity:
         if isinstance(found, dict):
             side = "upper" if self.larger_is_worse else "lower"
             found = found.get(side, found.get("value_upper") if self.larger_is_worse else None)
+        if key in EACH_INPUT.values() and isinstance(found, list):
+            found = (max if self.larger_is_worse else min)(inf if one is None else one for one in found)
         return float(found) if isinstance(found, (int, float)) and not isinstance(found, bool) else None
 
     def require_known(self, certificates: Mapping[str, Certificate]) -> None:

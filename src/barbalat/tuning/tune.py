@@ -14,12 +14,16 @@ from barbalat.cases.build import Case
 from barbalat.cases.load import CaseText
 from barbalat.certificates.certify import certify
 from barbalat.controllers import Sampled
-from barbalat.controllers.knobs import Tunable
+from barbalat.controllers.knobs import Knobs, OutputTunable, Tunable
 from barbalat.problem.modelling_error import DelayError
+from barbalat.problem.output_feedback import OutputProblem
 from barbalat.problem.state_feedback import Problem
+from barbalat.problem.tracking import TrackingProblem
+from barbalat.protocols import Controller
 from barbalat.run.progress import Progress, part_of
+from barbalat.solvers.simulation import Simulation
 from barbalat.study.ideal_benchmark import SHORTEST_DELAY_STEPS
-from barbalat.study.knobs import reach_of
+from barbalat.study.knobs import output_reach_of, reach_of
 from barbalat.sweeps.paths import FieldPath
 from barbalat.sweeps.varied import Varied, VariedObjects
 from barbalat.sweeps.varied_case import VariedCase
@@ -96,7 +100,8 @@ class Tuner:
         settings = self.case.controllers[controller]
         scheme = settings.controller if isinstance(settings, Sampled) else settings
         problem = self.case.problem
-        if self.text is None or not isinstance(scheme, Tunable) or not isinstance(problem, Problem):
+        knobs = None if self.text is None else _knobs_of(scheme, problem, self.case.simulation)
+        if self.text is None or knobs is None:
             raise InputError(
                 f"{settings.name}: nothing says which of its settings are tuned: give --vary controller[{controller}].KEY="
                 "START:STOP[:log]"
@@ -104,8 +109,7 @@ class Tuner:
         tables = self.text.data()["controller"]
         if controller >= len(tables):
             raise InputError(f"{settings.name} does not stand in the case file: its settings can't be tuned there")
-        reach, _ = reach_of(problem, self.case.simulation)
-        return of_knobs(scheme.knobs(reach), tables[controller], controller)
+        return of_knobs(knobs, tables[controller], controller)
 
     def tuned(self, controller: int, space: Space, progress: Progress | None) -> Tuned:
         """One controller."""
@@ -138,6 +142,15 @@ class Tuner:
         if any(not isinstance(one, (int, float)) for one in found):
             return None
         return np.array(found, dtype=float)
+
+
+def _knobs_of(scheme: Controller, problem: TrackingProblem, simulation: Simulation) -> Knobs | None:
+    """What the scheme says is tuned of it on such a problem; None where it says nothing."""
+    if isinstance(problem, OutputProblem) and isinstance(scheme, OutputTunable):
+        return scheme.output_knobs(output_reach_of(problem, simulation))
+    if isinstance(problem, Problem) and isinstance(scheme, Tunable):
+        return scheme.knobs(reach_of(problem, simulation)[0])
+    return None
 
 
 def tune_case(tuner: Tuner, space: Space | None, *, controller: str | None, progress: Progress | None) -> Tuning:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import ClassVar
 
+import control
 import numpy as np
 import pytest
 
@@ -18,6 +19,7 @@ from barbalat.linear.margins import margins
 from barbalat.linear.systems import StateSpace, TransferFunction, input_filter
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.problem.actuation import PlantInput
+from barbalat.problem.measurement import Sensor
 from barbalat.problem.output_feedback import OutputProblem
 from barbalat.problem.output_plant import OutputPlant, OutputReferenceModel
 from barbalat.problem.plant import Plant
@@ -189,3 +191,37 @@ def test_the_linear_loop_is_that_of_a_scheme_that_is_known(problems, controller)
     w = np.geomspace(1e-2, 1e2, 30)
     other = around_equilibrium(problem, controller, problem.commands[0].bound)
     np.testing.assert_allclose(rest.broken(frozen=False).response(w), other.response(w), rtol=1e-8)
+
+
+def test_the_margins_of_each_of_several_inputs():
+    """u = -Theta'x with actuators, a lag and the other input closed by hand, by python-control; 1e-6: its polynomials' roots."""
+    rng, T_a, lag = np.random.default_rng(4), (20.0, 35.0), 0.02
+    A_m, b, theta = (
+        np.array([[0.0, 1.0, 0.0], [-2.0, -2.0, 0.3], [0.4, 0.0, -1.5]]),
+        rng.normal(size=(3, 2)),
+        rng.normal(size=(3, 2)),
+    )
+    plant = Plant(
+        A_m=A_m, b=b, theta=theta.reshape(-1), input=[PlantInput(actuator=TransferFunction([w], [1.0, w])) for w in T_a]
+    )
+    commands = (Sine(amplitude=1.0, frequency=1.0), Sine(amplitude=1.0, frequency=0.7))
+    problem = Problem(plant=plant, reference_model=ReferenceModel(k_0=np.eye(2)), reference=commands, sensor=Sensor(lag=lag))
+    law = KnownParameters(theta=(theta + 4 * b).reshape(-1))
+    gains = law.theta.reshape(3, 2).T
+    A = np.zeros((8, 8))  # x, the sensor, what the actuators give
+    A[:3, :3], A[:3, 6:], A[3:6, :3], A[3:6, 3:6] = A_m + b @ theta.T, b, np.eye(3) / lag, -np.eye(3) / lag
+    A[6:, 3:6], A[6:, 6:] = -np.diag(T_a) @ gains, -np.diag(T_a)
+    found = certify(problem, [law], SIMULATION)[law.name].values
+    for i in range(2):
+        open_one, enters = A.copy(), np.zeros((8, 1))
+        enters[:3, 0], open_one[:3, 6 + i] = b[:, i], 0.0
+        loop = control.ss(open_one, enters, -np.eye(8)[[6 + i]], 0)
+        up, phases, _, _, crossovers, _ = control.stability_margins(loop, returnall=True)
+        assert found["gain_margin_each"][i] == pytest.approx(up[up > 1].min(), rel=1e-6)
+        lags = np.radians(phases % 360) / crossovers
+        assert found["delay_margin_each"][i] == (pytest.approx(lags.min(), rel=1e-6) if len(lags) else None)
+    assert any(found["delay_margin_each"])
+    assert (
+        "delay_margin_each"
+        not in certify(replace(problem, plant=replace(plant, input=PlantInput(delay=0.01))), [law], SIMULATION)[law.name].values
+    )

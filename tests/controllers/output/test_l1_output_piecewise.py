@@ -17,10 +17,11 @@ from barbalat.controllers.output.l1 import fast_limit
 from barbalat.controllers.output.l1_piecewise import observed_direction
 from barbalat.linear.systems import TransferFunction
 from barbalat.problem.actuation import PlantInput
+from barbalat.problem.measurement import Noise, Sensor
 from barbalat.problem.output_feedback import OutputProblem
 from barbalat.problem.output_plant import OutputPlant, OutputReferenceModel
 from barbalat.run.simulate import simulate
-from barbalat.signals import Constant, Sine, Step
+from barbalat.signals import Constant, Sine, Sines, Square, Step, Steps
 from barbalat.solvers.simulation import Simulation
 from independent import refusal
 
@@ -125,6 +126,115 @@ def test_what_constant_signals_leave_is_what_runs_show():
         (run,) = simulate(problem, [made], at).values()
         assert float(run.e[-1, 0]) == pytest.approx(expected, abs=1e-9)
     assert 0 < abs(left["d"]) < 0.1
+
+
+@pytest.mark.parametrize("name", MODELS)
+@pytest.mark.short(kept=lambda name: name == "order 2, a zero")
+def test_what_the_estimate_is_of_a_constant_disturbance_is_what_a_run_shows(name):
+    """On a plant that is the model, without a command: sigma_hat's first column, and of y what is left of it without u."""
+    (M, C), T, d = MODELS[name], 0.05, 0.7
+    made = L1OutputPiecewiseConstant(sample_time=T, filter=C)
+    problem = OutputProblem(plant=OutputPlant(M), reference_model=OutputReferenceModel(M), disturbance=Constant(d))
+    at = Simulation(t_end=60.0, dt=T)
+    values = certify(problem, [made], at)[made.name].values
+    (run,) = simulate(problem, [made], at).values()
+    found = np.array(run.figures["sigma_hat_final"])
+    np.testing.assert_allclose(found, np.array(values["sigma_hat_at_dc"])[:, 0] * d, rtol=1e-7)
+    model = M.realise()
+    to_y = -model.C @ np.linalg.solve(model.A, input_directions(model.B[:, None]))
+    assert 1 - to_y @ found / (to_y[0] * d) == pytest.approx(values["disturbance_left"], rel=1e-6)
+    if name == "order 1":
+        assert values["disturbance_left"] == pytest.approx(-np.expm1(-3.0 * T))
+
+
+@pytest.mark.parametrize("lag", [0.0, 0.03])
+@pytest.mark.short(kept=lambda lag: lag == 0)
+def test_noise_in_a_simulation_is_what_is_certified(lag):
+    """3 % and 5 %, as of the law that feeds back the state."""
+    T, s = 0.01, 0.02
+    made = L1OutputPiecewiseConstant(sample_time=T, filter=FILTER)
+    sensor = Sensor(noise=Noise(std=s, sample_time=T, seed=5), lag=lag)
+    problem = problem_of(reference=Constant(0.0), sensor=sensor)
+    values = certify(problem, [made], Simulation(t_end=1.0, dt=T))[made.name].values
+    run = simulate(problem, [made], Simulation(t_end=200.0, dt=T, record_points=20_000))[made.name]
+    np.testing.assert_allclose(run.reported["sigma_hat"].std(axis=0), s * np.array(values["noise_in_sigma_hat"]), rtol=0.03)
+    np.testing.assert_allclose(run.u.std(), s * values["noise_in_u"][0], rtol=0.05)
+
+
+def random_case(random, i):
+    """A plant that is off its model, a command that jumps on or off the samples, or not at all, and every other time a d."""
+    T = float(random.choice([0.02, 0.05]))
+    model = TF([4.0], np.poly(-random.uniform(1.0, 4.0, 1 + i % 2)))
+    model = TF(model.num * model.den[-1] / 4.0, model.den)
+    den = np.poly(-random.uniform(0.3, 4.0, len(model.den) - 1))
+    plant = OutputPlant(TF([random.uniform(0.7, 1.5) * den[-1]], den))
+    w = float(random.uniform(0.5, 3.0))
+    halves = float(np.pi / (T * random.integers(20, 60)))
+    signals = (Sine(1.3, w), Square(1.3, halves), Square(1.3, w, phase=0.3), Step(1.3, start=0.317), Sines((0.7, 0.6), (w, 4.0)))
+    d = (None, Sine(0.8, 5.0 * w), Step(0.8, start=1.003))[i % 3]
+    return T, OutputProblem(plant=plant, reference_model=OutputReferenceModel(model), reference=signals[i % 5], disturbance=d)
+
+
+def test_no_run_is_farther_from_its_model_than_is_guaranteed(sample):
+    """Against y_m under r, and, computed here from y, under the command as it is sampled."""
+    random, close = np.random.default_rng(8), 0.0
+    for i in range(sample(5, 40)):
+        T, problem = random_case(random, i)
+        made = L1OutputPiecewiseConstant(sample_time=T, filter=TF([400.0], [1.0, 40.0, 400.0]))
+        at = Simulation(t_end=12.0, dt=T / 4, record_points=round(48.0 / T))
+        found = certify(problem, [made], at)[made.name]
+        if found.values["spectral_radius"] >= 1:
+            assert "unstable" in found.entry("error_bound").why
+            continue
+        assert {"error_bound", "error_bound_held"} <= found.guaranteed
+        (run,) = simulate(problem, [made], at).values()
+        worst, bound = float(np.abs(run.e).max()), found.values["error_bound"]
+        assert worst <= bound
+        held = np.abs(run.y.reshape(-1) - held_model(problem.reference_model.transfer_function, run.r, T)).max()
+        assert held <= found.values["error_bound_held"] <= bound
+        close = max(close, worst / bound)
+    assert close > 0.25  # no wild guess: some command comes near to what any command of its size could do
+
+
+def held_model(M, r, T):
+    """At a quarter of a sample each, from the command at every fourth."""
+    model, x, found = M.realise(), np.zeros(M.realise().order), []
+    step = expm(T / 4 * np.block([[model.A, model.B[:, None]], [np.zeros((1, model.order + 1))]]))
+    for k in range(len(r)):
+        found.append(model.C @ x)
+        x = (step @ np.append(x, r[k - k % 4]))[:-1]
+    return np.array(found)
+
+
+def test_the_worst_command_comes_near_the_bound():
+    """r = sign of e's impulse response, backwards: without d the bound at the samples is attained but for what lies between."""
+    T, steps = 0.05, 400
+    made = L1OutputPiecewiseConstant(sample_time=T, filter=FILTER)
+    at = Simulation(t_end=steps * T, dt=T, record_points=steps)
+
+    def e_of(values):
+        r = Steps(times=tuple(T * np.arange(steps)), values=tuple(values))
+        problem = problem_of(reference=r)
+        (run,) = simulate(problem, [made], at).values()
+        return run.e[:, 0], certify(problem, [made], at)[made.name].values["error_bound_held"]
+
+    response = np.diff(e_of(np.ones(steps))[0])  # to a step, so that its differences are the answer to one sample's r
+    e, bound = e_of(np.where(response[::-1] >= 0, 1.0, -1.0))
+    assert 0.9 * bound < np.abs(e).max() <= bound
+
+
+def test_what_the_bound_does_not_cover_is_said():
+    made, at = L1OutputPiecewiseConstant(sample_time=0.01, filter=FILTER), Simulation(t_end=1.0, dt=0.01)
+
+    def why(problem):
+        found = certify(problem, [made], at)[made.name]
+        assert "error_bound" not in found.values
+        return found.entry("error_bound").why
+
+    assert "disturbance at the output" in why(problem_of(output_disturbance=Constant(0.1)))
+    assert "f(t, y)" in why(replace(problem_of(), plant=OutputPlant(PLANT, nonlinear="0.5*sin(y)")))
+    assert "delay" in why(problem_of(input=PlantInput(delay=0.01)))
+    assert "noise" in why(problem_of(sensor=Sensor(noise=Noise(std=0.1, sample_time=0.01, seed=1))))
 
 
 @pytest.mark.full

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
 from barbalat.certificates.entry import NotApplicable
+from barbalat.estimating import IdealReporting
 from barbalat.linear.systems import StateSpace
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.loop.linearization import jacobian_function
@@ -60,13 +63,36 @@ class Rest:
         rates = [ca.jacobian(slope, state_column), ca.jacobian(slope, input_column), ca.jacobian(u, state_column)]
         jacobians = ca.Function("jacobians", [state_column, input_column], rates)
         reaches = self.loop.undelayed_input(self.state, self.signals)
-        A, B, C = (np.array(part) for part in jacobians(rest, reaches))
-        marked = inner.unpack(np.arange(inner.size))
-        out = [*marked.x_m, *(marked.controller.theta_hat.reshape(-1) if frozen else [])]
-        kept = np.setdiff1d(np.arange(inner.size), np.array(out, dtype=int))
-        A, B, C = A[np.ix_(kept, kept)], B[kept], C[:, kept]
-        moving = _moved_by(np.hstack([A, B]))
-        return StateSpace(moving.T @ A @ moving, moving.T @ B[:, 0], -C[0] @ moving, 0.0)
+        return _reduced(inner, jacobians(rest, reaches), frozen)
+
+    def broken_at(self, i: int, *, frozen: bool) -> StateSpace:
+        """From what reaches the plant's input i to what would, with the sign of L; the others are closed, all dynamics in it."""
+        import casadi as ca
+
+        loop, alone = self.loop, np.arange(self.loop.inputs) == i
+        state_column, state = symbols("state", loop.size)
+        input_column, v = symbols("v", 1)
+        reaches = loop.undelayed_input(state, self.signals)
+        slope, _ = loop.derivative_given_input(state, self.signals, np.where(alone, v[0], reaches))
+        slope, out = column(slope), column(reaches[i].reshape(1))
+        rates = [ca.jacobian(slope, state_column), ca.jacobian(slope, input_column), ca.jacobian(out, state_column)]
+        jacobians = ca.Function("jacobians", [state_column, input_column], rates)
+        return _reduced(loop, jacobians(self.state, loop.undelayed_input(self.state, self.signals)[i]), frozen)
+
+
+def _reduced(loop: ClosedLoop, jacobians: Iterable[Any], frozen: bool) -> StateSpace:
+    """L of A, B and C of the flat state: without the model, frozen estimates, and what nothing moves."""
+    A, B, C = (np.array(part) for part in jacobians)
+    marked = loop.unpack(np.arange(loop.size))
+    out = [*marked.x_m]
+    if frozen:
+        out += [*marked.controller.theta_hat.reshape(-1)]
+        if isinstance(loop.continuous, IdealReporting):  # the gains that it adapts beside theta_hat
+            out += [row for part in loop.continuous.reported(marked.controller).values() for row in part.reshape(-1)]
+    kept = np.setdiff1d(np.arange(loop.size), np.array(out, dtype=int))
+    A, B, C = A[np.ix_(kept, kept)], B[kept], C[:, kept]
+    moving = _moved_by(np.hstack([A, B]))
+    return StateSpace(moving.T @ A @ moving, moving.T @ B[:, 0], -C[0] @ moving, 0.0)
 
 
 def _moved_by(rates: Array) -> Array:
@@ -95,8 +121,14 @@ def rest_of(problem: TrackingProblem, loop: ClosedLoop, *, frozen: bool) -> Rest
     bounds = [command.bound if isinstance(command, BoundedSignal) else 0.0 for command in problem.commands]
     level = np.array(bounds, dtype=float)
     signals = np.concatenate([level, np.zeros(loop.signal_count - len(level))])
-    held = np.arange(loop.size)[loop.theta_hat_rows] if frozen else np.zeros(0, dtype=int)
-    state = _solved(loop, signals, _start(problem, loop, signals), np.setdiff1d(np.arange(loop.size), held))
+    estimates = np.arange(loop.size)[loop.theta_hat_rows]
+    # where their rates are zero whatever the state, they are settings: other numbers than the plant's, which stay
+    start = loop.initial()
+    with np.errstate(all="ignore"):
+        rates = np.asarray(loop.derivative(start, signals))[estimates]
+    adapts = bool(rates.any() or np.asarray(jacobian_function(loop)(start, signals))[estimates].any())
+    held = estimates if frozen or not adapts else np.zeros(0, dtype=int)
+    state = _solved(loop, signals, _start(problem, loop, signals, adapts), np.setdiff1d(np.arange(loop.size), held))
     under = f"under the constant command {', '.join(f'{value:g}' for value in level)}"
     if state is None:
         return NotApplicable(f"no state was found at which the loop rests {under}")
@@ -105,7 +137,7 @@ def rest_of(problem: TrackingProblem, loop: ClosedLoop, *, frozen: bool) -> Rest
     return Rest(loop, state, signals, level)
 
 
-def _start(problem: TrackingProblem, loop: ClosedLoop, signals: Array) -> Array:
+def _start(problem: TrackingProblem, loop: ClosedLoop, signals: Array, adapts: bool) -> Array:
     """The initial state with the model at rest, the plant there too, and the estimates at the parameters, where these fit."""
     start = np.array(loop.initial(), dtype=float)
     places = loop.unpack(np.arange(loop.size))
@@ -118,7 +150,7 @@ def _start(problem: TrackingProblem, loop: ClosedLoop, signals: Array) -> Array:
     if loop.lag is not None:  # settled, so that nothing else has to move for its sake
         start[places.sensor] = loop.plant.output(start[places.x])
     parameters = true_values(problem, loop)
-    if parameters is not None and len(parameters) == loop.parameters:
+    if adapts and parameters is not None and len(parameters) == loop.parameters:
         start[loop.theta_hat_rows] = parameters
     return start
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,7 @@ from barbalat.certificates.certificate import Draft
 from barbalat.certificates.linear_loops.around_equilibrium import around_equilibrium
 from barbalat.certificates.needed import is_needed
 from barbalat.certificates.picture import MarginLoop
+from barbalat.certificates.quantities import EACH_INPUT
 from barbalat.controllers import L1Adaptive, Mrac
 from barbalat.linear.delayed_peaks import delayed_peaks
 from barbalat.linear.interconnections import complementary_sensitivity, sensitivity, series
@@ -48,12 +50,34 @@ def _add_margins(draft: Draft, problem: TrackingProblem, loop: StateSpace, which
     draft.advise({"margins_of": f"the linear loop {name}"})
 
 
+def add_margins_of_each(draft: Draft, problem: TrackingProblem, loops: Sequence[StateSpace], which: str) -> None:
+    """Of loops that are broken at one input each, with the dynamics of all inputs in them."""
+    if problem.delay > 0:
+        why = (
+            "beside a delay the loop that the other inputs close is not rational: a sampled controller's margins are known there"
+        )
+        draft.missing("delay_margin_each", why)
+        return
+    name = f"{which}, broken at one plant input, the others closed{_beside(problem)}"
+    with draft.part("delay_margin_each"):
+        try:
+            found = [margins(loop) for loop in loops]
+        except InputError as error:
+            draft.missing("delay_margin_each", f"linear loop {which}: {error}")
+            return
+        values = {EACH_INPUT[key]: [finite(getattr(one, field)) for one in found] for field, key in KEYS_OF_MARGINS.items()}
+        draft.exact(values, name, LINEAR_LOOP_ONLY)
+        peaks = [peak_gain(sensitivity(loop)).gain for loop in loops]
+        draft.exact({EACH_INPUT["sensitivity_peak"]: peaks}, name, LINEAR_LOOP_ONLY)
+        draft.loops.extend(MarginLoop(f"{which}, at input {i + 1}", loop) for i, loop in enumerate(loops))
+
+
 def _beside(problem: TrackingProblem) -> str:
     """What of the case is in the loop besides, and what is not."""
-    path, sensor = problem.plant.paths[0], problem.sensor
+    paths, sensor = problem.plant.paths, problem.sensor
     beside = f", beside its delay of {problem.delay:g} s" if problem.delay > 0 else ""
     lagged = f", with its sensor's lag of {sensor.lag:g} s" if sensor is not None and sensor.lag > 0 else ""
-    return beside + lagged + ("" if path.is_linear else ", without its limits")
+    return beside + lagged + ("" if all(path.is_linear for path in paths) else ", without its limits")
 
 
 def margins_of(problem: TrackingProblem, loop: StateSpace, which: str, notes: list[str]) -> dict[str, Any]:

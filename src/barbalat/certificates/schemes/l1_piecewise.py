@@ -14,12 +14,12 @@ from barbalat.certificates.bounds.piecewise_reference import distance
 from barbalat.certificates.cells import advice, estimate, margins_cell, nothing, statement
 from barbalat.certificates.certificate import Certificate, Draft
 from barbalat.certificates.entry import Assumption, Entry
-from barbalat.certificates.linear_loops.from_sample_to_sample import Linearised, linearised
+from barbalat.certificates.linear_loops.from_sample_to_sample import linearised
 from barbalat.certificates.linear_loops.ideal import fast_adaptation
 from barbalat.certificates.linear_loops.margin_values import finite
 from barbalat.certificates.quantities import Form, Quantity
 from barbalat.certificates.rounding import up
-from barbalat.certificates.schemes.sampled_loop import OF_SAMPLED_LOOPS, add_margins, name_of
+from barbalat.certificates.schemes.sampled_loop import OF_SAMPLED_LOOPS, add_margins, add_noise, name_of
 from barbalat.controllers import L1PiecewiseConstant
 from barbalat.controllers.l1_piecewise import Equations, realisation
 from barbalat.linear.margins import margins
@@ -33,10 +33,7 @@ OWN_QUANTITIES = OF_SAMPLED_LOOPS | {
     "controller_z": Quantity(
         "the controller's transfer functions to u in z, from each state and from r", form=Form.TRANSFER_FUNCTIONS
     ),
-    "sigma_hat_at_dc": Quantity("sigma_hat for a constant sigma at rest, row by row: not I", form=Form.MATRIX),
     "disturbance_left": Quantity("share of a constant sigma that sigma_hat leaves, for each of its entries"),
-    "noise_in_sigma_hat": Quantity("standard deviation of sigma_hat for one of 1 in every measured state, new at every sample"),
-    "noise_in_u": Quantity("the same of u"),
     "sample_time_ratio": Quantity("T as it is over T as the controller's numbers assume it"),
     "baseline_gain": Quantity("u over its baseline at slow frequencies of a state that still moves: 1/(1 - (1 - ratio) C(0))"),
     "delay_margin_reference": Quantity(
@@ -46,7 +43,6 @@ OWN_QUANTITIES = OF_SAMPLED_LOOPS | {
     "reference_distance_between": Quantity("the same at all times, r held between the samples in the reference system"),
 }
 LINEAR_CONTROLLER = "the controller is linear and time-invariant from sample to sample, phi(x) = x, and no limit acts"
-WHITE_NOISE = "noise of one sample is independent of that of all others"
 NO_LOOP = "margins and noise are known for phi(x) = x: not for this plant"
 
 
@@ -63,7 +59,7 @@ def certificate(problem: Problem, controller: L1PiecewiseConstant, _: Simulation
     draft.exact({"spectral_radius": radius}, name_of(problem), LINEAR_CONTROLLER)
     if radius < 1:
         add_margins(draft, problem, found, LINEAR_CONTROLLER)
-        _add_noise(draft, problem, found)
+        add_noise(draft, problem, found, np.eye(len(found.loop.A))[:, found.rows["measured"]], LINEAR_CONTROLLER)
     else:
         draft.missing("delay_margin", f"unstable from sample to sample: spectral radius {radius:.6g}")
     _add_reference(draft, problem, controller)
@@ -102,22 +98,6 @@ def _transfer_functions(equations: Equations) -> dict[str, dict[str, list[float]
         proper = transfer_function(C[0], A, B[:, i])
         found[name] = {"num": np.polyadd(proper.num, D[0, i] * proper.den).tolist(), "den": proper.den.tolist()}
     return found
-
-
-def _add_noise(draft: Draft, problem: Problem, found: Linearised) -> None:
-    """By the stationary covariance, just after a sample."""
-    from scipy.linalg import solve_discrete_lyapunov
-
-    loop, rows = found.loop, found.rows
-    closed, s = loop.closed(problem.delay), len(loop.A)
-    enters = loop.J[:, rows["measured"]].copy()
-    outside = np.concatenate([rows["u"], *(rows[name] for name in ("x_hat", "sigma_hat", "filter")), rows["held"]])
-    enters[np.setdiff1d(np.arange(s), outside)] = 0.0  # the plant and its sensor carry no noise
-    N = np.vstack([enters, np.zeros((len(closed) - s, enters.shape[1]))])
-    covariance = solve_discrete_lyapunov(closed, N @ N.T)
-    deviation = np.sqrt(np.maximum(np.diag(covariance), 0.0))
-    values = {"noise_in_sigma_hat": deviation[rows["sigma_hat"]].tolist(), "noise_in_u": deviation[rows["u"]].tolist()}
-    draft.exact(values, name_of(problem), LINEAR_CONTROLLER, WHITE_NOISE)
 
 
 def _add_reference(draft: Draft, problem: Problem, controller: L1PiecewiseConstant) -> None:

@@ -1,9 +1,10 @@
 """The certificate of the MIT rule: no proof is known, and its known limit is a number of the case.
 
 At a constant command r with e = 0 the law is linear: with q = omega (k_x_tilde'phi - k_r_tilde r), e = -(sI - A_m)^-1 b [q] and
-q' = kappa c'e, kappa = omega G(0) (phi'Gamma phi + gamma_r r^2), so that it is the loop kappa G(s)/s with G = c'(sI - A_m)^-1 b.
-Its gain grows with Gamma and with the square of the command: where G's phase falls below -90 degrees, each is too large from
-some value on. Source: Astrom and Wittenmark, Adaptive Control, section 5.3, for a feedforward gain alone.
+q' = kappa c'e, kappa = omega G(0) (phi'Gamma phi + gamma_r r^2), so that it is the loop kappa G(s)/s with G = c'(sI - A_m)^-1 b;
+of the feedforward alone kappa = omega G(0) gamma_r r^2. Its gain grows with Gamma and with the square of the command: where G's
+phase falls below -90 degrees, each is too large from some value on. Source: Astrom and Wittenmark, Adaptive Control, section 5.3,
+for a feedforward gain alone.
 """
 
 from __future__ import annotations
@@ -55,6 +56,9 @@ def _add_gain_margin(draft: Draft, problem: Problem, controller: MitRule) -> Non
         return
     known, equations = problem.known, controller.bind(problem.known)
     omega = float(problem.plant.paths[0].gain)
+    if equations.feedforward_only and not np.allclose(equations.gains.theta_hat0, problem.parameters / omega, rtol=1e-9, atol=0):
+        draft.missing(MARGIN, "the feedback's gains, which stay at theta_hat0, are not the ideal ones: e has no rest at zero")
+        return
     kappa, steady = _loop_gain(known, equations, level, omega)
     if kappa == 0:
         draft.missing(MARGIN, "G(0) = 0: at a constant command the rule stands still")
@@ -76,7 +80,7 @@ def _add_gain_margin(draft: Draft, problem: Problem, controller: MitRule) -> Non
 def _loop_gain(known: Known, equations: Equations, level: float, omega: float) -> tuple[float, float]:
     """kappa and G(0)."""
     gains, at_rest = equations.gains, np.linalg.solve(known.A_m, -known.b)
-    phi = np.asarray(gains.uncertainty.phi(at_rest * float(known.k_0) * level))
+    phi = np.asarray(gains.uncertainty.phi(at_rest * float(known.k_0) * level)) * (not equations.feedforward_only)
     steady = float(equations.c @ at_rest)
     g = float(phi @ gains.gamma.times(phi)) + gains.gamma_r * level**2
     if equations.normalization is not None:

@@ -2,8 +2,9 @@
 
 With k = (k_x, k_r), z = (-phi, r) and the input's gain omega > 0, e' = A_m e + b omega (k_hat - k)'z. The law makes
 V = e'P e + omega [k_x_tilde'Gamma^-1 k_x_tilde + k_r_tilde^2/gamma_r] fall by |e|^2, so lambda_min(P) |e|^2 <= V(0) at all times.
-V(0) is convex in (theta, omega), as a sum of squares of linear functions over omega: its largest value over a known set and an
-interval of omega is at one of the interval's ends.
+With several inputs, each with an omega_i > 0 of its own, e' = A_m e + b diag(omega) (K_hat - K)'z, and omega_i stands in V with
+what is adapted of the input i. V(0) is convex in (theta, omega), as a sum of squares of linear functions over omega: its largest
+value over a known set and an interval of omega is at one of the interval's ends.
 """
 
 from __future__ import annotations
@@ -27,6 +28,7 @@ from barbalat.certificates.needed import is_needed
 from barbalat.certificates.quantities import Quantity
 from barbalat.certificates.schemes.mrac import lyapunov_cells
 from barbalat.certificates.schemes.state_feedback import KNOWN_REGRESSOR, bounded_regressor
+from barbalat.certificates.schemes.stranger import add_linearised
 from barbalat.certificates.step_limits import frozen_laws
 from barbalat.certificates.step_limits.oscillator import Oscillator
 from barbalat.controllers.control_gains import ControlGains, feedforward_gain
@@ -54,6 +56,8 @@ def certificate(problem: Problem, controller: DirectMrac, simulation: Simulation
     """The bound of e, the limits of gain and step, the margins with the gains at rest on the ideal ones."""
     draft, gains = Draft(own=OWN_QUANTITIES), controller.bind(problem.known).gains
     require_lyapunov(problem.known)
+    if gains.inputs > 1:
+        return _of_several(draft, problem, controller, gains, simulation)
     theta, omega, k_0 = problem.plant.theta, _omega(problem), float(problem.model.k_0)
     draft.advise({"k_x": (theta / omega).tolist(), "k_r": k_0 / omega})
     bound = _error_level(problem, gains, _off(gains, theta, omega), omega)
@@ -70,8 +74,28 @@ def certificate(problem: Problem, controller: DirectMrac, simulation: Simulation
     return draft.finish()
 
 
+def _of_several(
+    draft: Draft, problem: Problem, controller: DirectMrac, gains: ControlGains, simulation: Simulation
+) -> Certificate:
+    """The bound of e, and what the linearised loop says."""
+    theta, omega = problem.plant.theta, _each_omega(problem)
+    k_x, k_r, m = gains.ideal(theta, omega), gains.ideal_feedforward(omega)["k_r_hat"], gains.inputs
+    draft.advise({"k_x": k_x.reshape(-1, m).tolist(), "k_r": k_r.reshape(m, -1).tolist()})
+    of_x = np.tile(omega, len(k_x) // m) * (gains.theta_hat0 - k_x) ** 2 / gains.gamma.value
+    of_r = np.repeat(omega, len(k_r) // m) * (gains.k_r0 - k_r) ** 2 / gains.gamma_r
+    V = math.fsum([*of_x.tolist(), *of_r.tolist()])
+    bound = math.sqrt(V / smallest_eigenvalue(problem.known.P)) * OUTWARD_FACTOR**2
+    draft.guarantee("error_bound", bound, *_rests_on(problem, gains, bound))
+    add_linearised(draft, problem, controller, simulation)
+    return draft.finish()
+
+
 def _omega(problem: Problem) -> float:
     return float(problem.plant.paths[0].gain)
+
+
+def _each_omega(problem: Problem) -> Array:
+    return np.array([path.gain for path in problem.plant.paths], dtype=float)
 
 
 def _off(gains: ControlGains, theta: Array, omega: float) -> float:
@@ -84,7 +108,7 @@ def _off(gains: ControlGains, theta: Array, omega: float) -> float:
 
 def _error_level(problem: Problem, gains: ControlGains, off: float, omega: float) -> float:
     """sqrt(V(0)/lambda_min(P)), rounded up, from the feedback's part ``off`` of V(0)."""
-    k_r_off = abs(gains.k_r0 - float(problem.model.k_0) / omega) / math.sqrt(gains.gamma_r) * OUTWARD_FACTOR
+    k_r_off = abs(float(gains.k_r0[0]) - float(problem.model.k_0) / omega) / math.sqrt(gains.gamma_r) * OUTWARD_FACTOR
     return math.sqrt(omega / smallest_eigenvalue(problem.known.P)) * math.hypot(off, k_r_off) * OUTWARD_FACTOR**2
 
 
@@ -107,11 +131,11 @@ def _rests_on(problem: Problem, gains: ControlGains, bound: float | None) -> tup
 
 
 def _reachable(problem: Problem, gains: ControlGains) -> Assumption:
-    omega, box, interval = _omega(problem), gains.box, gains.interval
+    omega, box, interval = _each_omega(problem), gains.box, gains.interval
     if box is None and interval is None:
         return Assumption("the ideal gains are theta/omega and k_0/omega")
-    inside = box is None or box.contains(problem.plant.theta / omega)
-    inside &= interval is None or interval.contains(np.array([float(problem.model.k_0) / omega]))
+    inside = box is None or box.contains(gains.ideal(problem.plant.theta, omega))
+    inside &= interval is None or interval.contains(gains.ideal_feedforward(omega)["k_r_hat"])
     return Assumption(
         "the ideal gains theta/omega and k_0/omega lie in the sets that the estimates are projected onto",
         "" if inside else "ideal gains outside what is projected onto",

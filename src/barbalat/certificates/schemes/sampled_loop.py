@@ -2,17 +2,28 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from barbalat.certificates.certificate import Draft
 from barbalat.certificates.linear_loops.from_sample_to_sample import Linearised
 from barbalat.certificates.linear_loops.margin_values import KEYS_OF_MARGINS, finite
-from barbalat.certificates.quantities import Quantity
+from barbalat.certificates.needed import is_needed
+from barbalat.certificates.quantities import EACH_INPUT, Form, Quantity
 from barbalat.linear.interconnections import complementary_sensitivity, sensitivity
 from barbalat.linear.margins import margins
 from barbalat.linear.peaks import peak_gain
+from barbalat.linear.sampled_loop import SampledLoop
+from barbalat.linear.sampled_margins import delay_margin, gain_margins
 from barbalat.problem.tracking import TrackingProblem
-from barbalat.validate import InputError
+from barbalat.validate import Array, InputError
 
-OF_SAMPLED_LOOPS = {"spectral_radius": Quantity("of the closed loop from sample to sample: stable below 1")}
+OF_SAMPLED_LOOPS = {
+    "spectral_radius": Quantity("of the closed loop from sample to sample: stable below 1"),
+    "noise_in_sigma_hat": Quantity("standard deviation of sigma_hat for one of 1 in all that is measured, new at every sample"),
+    "noise_in_u": Quantity("the same of u"),
+    "sigma_hat_at_dc": Quantity("sigma_hat for a constant sigma at rest, row by row: not I", form=Form.MATRIX),
+}
+WHITE_NOISE = "noise of one sample is independent of that of all others"
 OF_THE_LOOP = "from sample to sample with the true parameters, broken at the plant input"
 
 
@@ -28,21 +39,68 @@ def add_margins(draft: Draft, problem: TrackingProblem, found: Linearised, linea
     """Of the loop with its delay in it; the delay margin is what it bears beside. ``linear`` says what makes it a linear one."""
     loop, name = found.loop, name_of(problem)
     try:
-        delay = loop.delay_margin(problem.delay)
+        delay = delay_margin(loop, problem.delay)
     except InputError as error:
         draft.missing("delay_margin", str(error))
     else:
         draft.exact({"delay_margin": finite(delay)}, name, linear)
     draft.advise({"margins_of": f"the linear loop {name}"})
-    if len(problem.plant.paths) > 1:
-        draft.note("gain and phase margins are those of one input; the delay margin is of one delay in all inputs")
+    if loop.inputs > 1:
+        _add_of_several(draft, problem, loop, name, linear)
         return
-    L = loop.as_continuous(problem.delay)
     try:
-        of_L = margins(L)
+        values = _at_one_input(loop, problem.delay, 0)
     except InputError as error:
         draft.note(f"linear loop {name}: {error}")
         return
+    draft.exact(values, name, linear)
+
+
+def _at_one_input(loop: SampledLoop, delay: float, i: int) -> dict[str, float | None]:
+    """Gain and phase margins and the peaks where the loop is broken at one input, the others closed."""
+    L = loop.as_continuous(delay, i)
+    of_L = margins(L)
     values = {key: finite(getattr(of_L, one)) for one, key in KEYS_OF_MARGINS.items() if one != "delay"}
     peaks = {"sensitivity_peak": sensitivity, "complementary_sensitivity_peak": complementary_sensitivity}
-    draft.exact(values | {key: peak_gain(of(L)).gain for key, of in peaks.items()}, name, linear)
+    return values | {key: peak_gain(of(L)).gain for key, of in peaks.items()}
+
+
+def _add_of_several(draft: Draft, problem: TrackingProblem, loop: SampledLoop, name: str, linear: str) -> None:
+    """The same factor on all inputs, and each input alone."""
+    delay = problem.delay
+    draft.note(
+        "gain_margin, gain_reduction_margin, delay_margin: of one factor or delay in all inputs; _each: of one input alone"
+    )
+    down, up = gain_margins(loop, delay)
+    draft.exact({"gain_margin": finite(up), "gain_reduction_margin": down}, f"{name}, at all inputs alike", linear)
+    if not is_needed(*EACH_INPUT.values()):
+        return
+    alone = f"{name}, at one input alone"
+    try:
+        each = [_at_one_input(loop, delay, i) for i in range(loop.inputs)]
+    except InputError as error:
+        draft.note(f"linear loop {alone}: {error}")
+    else:
+        draft.exact({of_each: [one[key] for one in each] for key, of_each in EACH_INPUT.items() if key in each[0]}, alone, linear)
+    try:
+        delays = [finite(delay_margin(loop, delay, i)) for i in range(loop.inputs)]
+    except InputError as error:
+        draft.missing("delay_margin_each", str(error))
+    else:
+        draft.exact({"delay_margin_each": delays}, alone, linear)
+
+
+def add_noise(draft: Draft, problem: TrackingProblem, found: Linearised, measured: Array, linear: str) -> None:
+    """Of sigma_hat and u, by the stationary covariance, just after a sample; ``measured`` (s, q) are what is measured in X."""
+    from scipy.linalg import solve_discrete_lyapunov
+
+    loop, rows = found.loop, found.rows
+    closed, s = loop.closed(problem.delay), len(loop.A)
+    enters = loop.J @ measured
+    outside = np.concatenate([rows["u"], *(rows[name] for name in ("x_hat", "sigma_hat", "filter")), rows["held"]])
+    enters[np.setdiff1d(np.arange(s), outside)] = 0.0  # the plant and its sensor carry no noise
+    N = np.vstack([enters, np.zeros((len(closed) - s, enters.shape[1]))])
+    covariance = solve_discrete_lyapunov(closed, N @ N.T)
+    deviation = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    values = {"noise_in_sigma_hat": deviation[rows["sigma_hat"]].tolist(), "noise_in_u": deviation[rows["u"]].tolist()}
+    draft.exact(values, name_of(problem), linear, WHITE_NOISE)

@@ -10,7 +10,7 @@ from barbalat.certificates.cells import advice, estimate, limits_text, margins_c
 from barbalat.certificates.certificate import Certificate, Draft
 from barbalat.certificates.entry import Entry, NotApplicable
 from barbalat.certificates.linear_loops.at_rest import Rest, rest_of
-from barbalat.certificates.linear_loops.margin_values import add_delay_margin_adapting, add_margins
+from barbalat.certificates.linear_loops.margin_values import add_delay_margin_adapting, add_margins, add_margins_of_each
 from barbalat.certificates.step_limits.modes import largest_step
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.problem.tracking import TrackingProblem
@@ -62,14 +62,15 @@ def _add_step(draft: Draft, simulation: Simulation, moving: Rest | NotApplicable
 def _add_margins(
     draft: Draft, problem: TrackingProblem, loop: ClosedLoop, moving: Rest | NotApplicable, still: Rest | NotApplicable
 ) -> None:
-    if loop.inputs > 1:
-        draft.missing("delay_margin", "margins are those of one input")
-        return
     if isinstance(still, NotApplicable):
         draft.missing("delay_margin", still.why)
         return
-    frozen = "with its estimates frozen, " if loop.parameters else ""
-    add_margins(draft, problem, still.broken(frozen=True), f"{frozen}linearised {_at(still)}")
+    which = f"{'with its estimates frozen, ' if loop.parameters else ''}linearised {_at(still)}"
+    if loop.inputs > 1:
+        draft.missing("delay_margin", "of one delay in all inputs it is not known; delay_margin_each is of each alone")
+        add_margins_of_each(draft, problem, [still.broken_at(i, frozen=True) for i in range(loop.inputs)], which)
+        return
+    add_margins(draft, problem, still.broken(frozen=True), which)
     if not loop.parameters:
         return
     if isinstance(moving, NotApplicable):

@@ -13,12 +13,13 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 
 from barbalat import validate
+from barbalat.controllers.knobs import Knobs, OutputReach
 from barbalat.controllers.l1 import require_low_pass
 from barbalat.controllers.l1_piecewise import PATENT_NOTE, input_directions
 from barbalat.controllers.piecewise_filter import FilterStep, filter_step
 from barbalat.controllers.settings import Scheme
 from barbalat.controllers.windup import applied, limits_of_predictor
-from barbalat.linear.systems import StateSpace, TransferFunction
+from barbalat.linear.systems import StateSpace, TransferFunction, input_filter
 from barbalat.linear.zero_order_hold import HeldSystem
 from barbalat.problem.output_feedback import OutputKnown
 from barbalat.protocols import Sample, Value, kept
@@ -97,10 +98,22 @@ class L1OutputPiecewiseConstant(Scheme):
 
     def __post_init__(self) -> None:
         validate.label("name", self.name)
+        if self.filter is None:
+            raise InputError.of("filter", "must be a low pass of the model's relative degree or more: C = 1 (kappa = 0) is none")
         validate.freeze(
             self,
             sample_time=validate.positive("sample_time", self.sample_time),
             filter=require_low_pass(TransferFunction.accept("filter", self.filter)),
+        )
+
+    @classmethod
+    def output_knobs(cls, reach: OutputReach) -> Knobs:
+        T, order = reach.sample_time, reach.known.W_m.relative_degree
+        return Knobs(
+            scheme="L1 output, piecewise",
+            values={"kappa": reach.times[reach.times >= T]},
+            make=lambda kappa: cls(sample_time=T, filter=input_filter(kappa, order), saturated_predictor=reach.saturated),
+            aims=("error_bound",),
         )
 
     def bind(self, known: OutputKnown) -> Equations:

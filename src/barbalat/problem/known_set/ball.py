@@ -132,8 +132,8 @@ class ParameterBall(Settings):
         return self
 
     def over(self, gains: ParameterBox) -> ParameterBall:
-        """A ball that holds theta/omega for every theta in this one and every omega > 0 in the interval."""
-        (low,), (high,) = 1 / gains.upper, 1 / gains.lower  # of 1/omega
+        """A ball that holds theta/omega for every theta in this one and every omega > 0 in the intervals, whichever of them."""
+        low, high = (1 / gains.upper).min(), (1 / gains.lower).max()  # of 1/omega
         reach = self.radius * high + math.hypot(*self.center) * (high - low) / 2
         return ParameterBall(center=self.center * (low + high) / 2, radius=float(reach) * ROUNDED_UP)
 
