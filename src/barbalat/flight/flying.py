@@ -14,8 +14,9 @@ from barbalat.flight.axis import SAMPLE_TIME, Axis
 from barbalat.flight.dispersions import NOMINAL, Dispersion
 from barbalat.flight.equipment import Actuator, Sensors
 from barbalat.flight.failures import Failure
-from barbalat.flight.flight import ALPHA, BANK, BETA, N_Z, TIMING, Flight, Timing, columns_of
+from barbalat.flight.flight import ALPHA, BANK, BETA, N_Z, TIMING, Flight, columns_of
 from barbalat.flight.gusts import SEED, gusts_met
+from barbalat.flight.timing import Timing
 from barbalat.linear.largest import largest_whole
 from barbalat.linear.zero_order_hold import HeldSystem
 from barbalat.run.stepwise import Flyable, Step
@@ -90,6 +91,7 @@ class _Aircraft:
     effectiveness  of the axis's surface, what a dispersion and a failure leave of it
     surface        its deflection as the airframe's tables read it [rad]
     states         what sensors see, as deviations from trim
+    place, ground  how far north and east it is of where it was at first, and how fast it goes there [ft, ft/s]
     """
 
     axis: Axis
@@ -99,6 +101,8 @@ class _Aircraft:
     effectiveness: float
     surface: FGPropertyNode
     states: Callable[[], list[float]]
+    place: tuple[float, float]
+    ground: tuple[float, float]
 
     @classmethod
     def at_start(cls, axis: Axis, dispersion: Dispersion) -> _Aircraft:
@@ -124,6 +128,8 @@ class _Aircraft:
             effectiveness=dispersion.effectiveness,
             surface=airframe.surface(axis.surface),
             states=airframe.seeing(axis.followed.states, trimmed),
+            place=(0.0, 0.0),
+            ground=airframe.ground_velocity,
         )
 
     def fail(self, failure: Failure) -> None:
@@ -139,7 +145,7 @@ class _Aircraft:
         rate, alpha, beta = np.rad2deg([motion[self.axis.followed.places[self.axis.rate]], motion.alpha, motion.beta])
         return (
             rate, alpha, beta, self.airframe.load_factor, command, self.actuator.deflection,
-            *np.rad2deg([motion.theta, motion.phi]), self.airframe.altitude, motion.speed,
+            *np.rad2deg([motion.theta, motion.phi]), self.airframe.altitude, motion.speed, self.airframe.heading, *self.place,
         )  # fmt: skip
 
     def advance(self, command: float) -> None:
@@ -148,6 +154,9 @@ class _Aircraft:
             self.surface.set_double_value(self.effectiveness * self.actuator.advance(command) / DEGREES)
             self.airframe.fdm.run()
             self.sensors.advance(self.states())
+        before, self.ground = self.ground, self.airframe.ground_velocity
+        (north, east), half = self.place, SAMPLE_TIME / 2
+        self.place = north + half * (before[0] + self.ground[0]), east + half * (before[1] + self.ground[1])
 
 
 def _air(axis: Axis, failure: Failure, dispersion: Dispersion, samples: int, failing: int) -> list[tuple[float, float]]:
