@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from barbalat.claims import flown
-from barbalat.claims.flown import ADAPTIVE_SCHEMES, ERROR, LINEAR_SCHEMES, LOSS, STORED, Flights
+from barbalat.claims.flown import ADAPTIVE_SCHEMES, ERROR, LINEAR_SCHEMES, LOSS, Flights, stored
 
 PAGE = Path(__file__).parents[2] / "docs" / "guides" / "aircraft.md"
 LEAST_LOST = ("MRAC", "L1 piecewise, as flown", "Robust MRAC", "ADRC")
@@ -81,18 +81,18 @@ def test_a_failure_that_nobody_survives_says_nothing_of_who_is_better():
     assert Flights(document("L1")).failures == ("none", "gusts")
 
 
-@pytest.mark.parametrize("name", STORED)
+@pytest.mark.parametrize("name", stored())
 def test_the_stored_flights_are_all_there(name):
-    stored = Flights.stored(name).document
-    assert stored["flight"] == name
-    assert set(stored["lost"]) <= {*LINEAR_SCHEMES, *ADAPTIVE_SCHEMES}
-    for failure, found in stored["failures"].items():
-        assert set(found) == set(stored["lost"]), failure
+    kept = Flights.stored(name).document
+    assert kept["flight"] == name
+    assert set(kept["lost"]) <= {*LINEAR_SCHEMES, *ADAPTIVE_SCHEMES}
+    for failure, found in kept["failures"].items():
+        assert set(found) == set(kept["lost"]), failure
         for one in found.values():
-            assert one["lost"]["judged"] == stored["members"]
-            assert (one["rms_e"]["median"] is None) == (2 * one["lost"]["count"] > stored["members"])
-    total = {one: sum(found[one]["lost"]["count"] for found in stored["failures"].values()) for one in stored["lost"]}
-    assert total == {one: found["count"] for one, found in stored["lost"].items()}
+            assert one["lost"]["judged"] == kept["members"]
+            assert (one["rms_e"]["median"] is None) == (2 * one["lost"]["count"] > kept["members"])
+    total = {one: sum(found[one]["lost"]["count"] for found in kept["failures"].values()) for one in kept["lost"]}
+    assert total == {one: found["count"] for one, found in kept["lost"].items()}
     assert f"`barbalat fly {name} --dispersions {stored['members']} --json`" in flown.claim().how
 
 

@@ -72,7 +72,7 @@ def test_an_estimate_that_ends_at_its_bound_does_so_in_the_c(axis):
 
 @pytest.mark.parametrize("name", ["l1-piecewise", "robust-mrac"])
 def test_the_quadrotor_flies_the_same_flight_in_every_bit(name):
-    """With laws that are reset at the start, and with those that are not; the list goes on from what it has flown, the C can't."""
+    """With laws that are reset at the start, and with those that are not; the list goes on from what it flew, the C can't."""
     short = Timing(duration=3.0, fails_at=2.5)
     axes = Axes(hover=hovering(Quadrotor()))
     failures = [OF_QUADROTOR["none"], OF_QUADROTOR["no-reset"]]

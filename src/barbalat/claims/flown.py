@@ -16,12 +16,13 @@ from typing import Any
 from barbalat.claims.claim import Claim, Listing, Reading, Verdict, of_readings, verdict
 from barbalat.sweeps.evidence import Share, beyond_chance
 
-STORED = ("f16-pitch",)
 LINEAR_SCHEMES = ("LQR", "LQR with PI", "H-infinity", "Geometric", "Geometric, integral", "ADRC")
 ADAPTIVE_SCHEMES = ("MRAC", "Robust MRAC", "L1", "L1 piecewise", "L1 piecewise, as flown")
 """As their authors call them; L1 with the piecewise-constant law is a linear controller by the row ``l1-piecewise-is-lti``."""
 
 
+PREFIX, SUFFIX = "flown-", ".json"
+"""Of a document's name."""
 ERROR, LOSS = "less_error_than", "kept_where_lost"
 """Paired shares of the document: on how many draws the error was smaller, and on how many of those that one of both lost the
 other was lost."""
@@ -36,7 +37,7 @@ class Flights:
     @classmethod
     def stored(cls, name: str) -> Flights:
         """Of a flight's campaign."""
-        text = resources.files("barbalat.claims").joinpath(f"flown-{name}.json").read_text(encoding="utf-8")
+        text = resources.files("barbalat.claims").joinpath(f"{PREFIX}{name}{SUFFIX}").read_text(encoding="utf-8")
         return cls(json.loads(text))
 
     @property
@@ -102,13 +103,19 @@ class Flights:
                 yield failure
 
 
+def stored() -> tuple[str, ...]:
+    """Names of the flights whose campaigns are stored."""
+    files = (one.name for one in resources.files("barbalat.claims").iterdir())
+    return tuple(sorted(name[len(PREFIX) : -len(SUFFIX)] for name in files if name.startswith(PREFIX) and name.endswith(SUFFIX)))
+
+
 def claim() -> Claim:
     """The row, from the documents."""
-    every = [Flights.stored(name) for name in STORED]
+    every = [Flights.stored(name) for name in stored()]
     readings = (
         _sides(every, "the adaptation: an adaptive scheme loses the vehicle less often than every linear design", LOSS),
         _sides(every, "the adaptation: an adaptive scheme follows better than every linear design", ERROR),
-        _pair(
+        _beside(
             every, "the filter: L1 with its filter and fast adaptation follows better than MRAC, which has neither", "L1", "MRAC"
         ),
         _beside(
