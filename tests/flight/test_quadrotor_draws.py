@@ -7,6 +7,10 @@ import pytest
 
 pytest.importorskip("mujoco", reason="the extra flight is not installed: ./dev flight installs it")
 
+from benchmarks import flight_tuning, quadrotor_tuning
+from benchmarks.flight_tuning import PAGES
+from scipy.optimize import brentq
+
 from barbalat.flight.dispersed import fly_dispersed
 from barbalat.flight.quadrotor.air import GUSTS_SHARE, Air
 from barbalat.flight.quadrotor.axes import ATTITUDE_SAMPLE, Axes, Electronics
@@ -16,6 +20,7 @@ from barbalat.flight.quadrotor.dispersions import NOMINAL, Dispersion
 from barbalat.flight.quadrotor.failures import FAILURES
 from barbalat.flight.quadrotor.flying import flown, fly_all
 from barbalat.flight.quadrotor.hover import hovering
+from barbalat.flight.quadrotor.schemes import TUNED
 from barbalat.flight.quadrotor.sensing import Sensing
 from barbalat.flight.quadrotor.simulator import Motion
 from barbalat.flight.quadrotor.vehicle import SLOPE, STANDING, STEP, Quadrotor
@@ -120,3 +125,42 @@ def test_a_store_goes_on_where_it_was_left(tmp_path):
     assert again.resumed == 2
     for name in whole.rows.names:
         np.testing.assert_array_equal(again.rows.column(name), whole.rows.column(name))
+
+
+def numbers_of(cells):
+    """A row of the guide's table, as stored: of "bandwidth 0.3, adaptation 30*" the two numbers."""
+    pairs = [] if cells[2] == "none" else [one.rstrip("*").rsplit(" ", 1) for one in cells[2].split(", ")]
+    return {name: float(value) for name, value in pairs}
+
+
+def test_what_is_tuned_is_what_the_guide_s_table_says_and_it_meets_the_rule():
+    rows = [line.strip("| \n").split(" | ") for line in (PAGES / "tuned-quadrotor.txt").read_text().splitlines()[2:]]
+    assert {(axis, scheme.strip("`")) for axis, scheme, *_ in rows} == {(axis, one) for axis in TUNED for one in TUNED[axis]}
+    for axis, scheme, *cells in rows:
+        assert TUNED[axis][scheme.strip("`")] == numbers_of((axis, scheme, *cells))
+        _, _, _, slack, up, down = (float(one) if i else 0.0 for i, one in enumerate(cells))
+        assert (slack >= 1, min(up, down) >= quadrotor_tuning.GAIN_MARGIN) == (True, True)
+
+
+def test_the_rule_asks_for_half_of_what_the_feedback_bears(axes):
+    """By hand: the phase of L = (k_R + k_Omega s)/s^2, and of what lags, at its crossover."""
+    for axis in (axes.attitude[0], axes.attitude[2], axes.position[0]):
+        path = quadrotor_tuning.lagging(axes, axis)
+
+        def loop(w, axis=axis, path=path):
+            s = 1j * w
+            lag = np.polyval(path.actuator.num, s) / np.polyval(path.actuator.den, s)
+            return axis.gain @ [1, s] / s**2 * lag * np.exp(-s * (path.delay + axis.sample_time / 2))
+
+        crossover = brentq(lambda w, loop=loop: abs(loop(w)) - 1, 0.5 * axis.frequency, 4 * axis.frequency)
+        by_hand = (np.angle(loop(crossover)) + np.pi) / crossover
+        assert quadrotor_tuning.borne_alone(axes, axis) == pytest.approx(by_hand, rel=1e-6)
+        assert quadrotor_tuning.rule_of(axes, axis, 288).delay_margin == pytest.approx(by_hand / 2, rel=0.05)
+
+
+def test_the_rule_finds_the_numbers_that_fly_again(axes):
+    """One of them, to the three digits that are kept."""
+    roll = axes.attitude[0]
+    found = quadrotor_tuning.tuned(axes, roll, "adrc", quadrotor_tuning.rule_of(axes, roll, flight_tuning.RULE.trials))
+    assert found.meets
+    assert {knob: float(f"{value:.3g}") for knob, value in found.tuning.items()} == TUNED["roll"]["adrc"]

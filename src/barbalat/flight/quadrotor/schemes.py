@@ -129,17 +129,36 @@ SCHEMES: dict[str, Contestant] = {
 }
 """The registry, by the names of the command line."""
 TUNED: dict[str, dict[str, Numbers]] = {
-    like: {
+    "roll": {
         "geometric": {},
-        "geometric-integral": {"corner": 0.2},
-        "adrc": {"bandwidth": 0.5},
-        "mrac": {"adaptation": 0.5},
-        "robust-mrac": {"bandwidth": 0.5, "covariance": 1.0},
-        "l1": {"bandwidth": 0.5, "adaptation": 14.7},
-        "l1-piecewise": {"bandwidth": 0.5},
-        "l1-piecewise-flown": {"bandwidth": 0.5},
-    }
-    for like in ("roll", "yaw", "forward")
+        "geometric-integral": {"corner": 0.11},
+        "adrc": {"bandwidth": 0.316},
+        "mrac": {"adaptation": 0.806},
+        "robust-mrac": {"bandwidth": 0.316, "covariance": 0.00369},
+        "l1": {"bandwidth": 0.327, "adaptation": 30.0},
+        "l1-piecewise": {"bandwidth": 0.331},
+        "l1-piecewise-flown": {"bandwidth": 0.332},
+    },
+    "yaw": {
+        "geometric": {},
+        "geometric-integral": {"corner": 0.444},
+        "adrc": {"bandwidth": 0.13},
+        "mrac": {"adaptation": 1.24},
+        "robust-mrac": {"bandwidth": 0.13, "covariance": 100.0},
+        "l1": {"bandwidth": 0.13, "adaptation": 30.0},
+        "l1-piecewise": {"bandwidth": 2.1},
+        "l1-piecewise-flown": {"bandwidth": 3.03},
+    },
+    "forward": {
+        "geometric": {},
+        "geometric-integral": {"corner": 0.164},
+        "adrc": {"bandwidth": 0.0853},
+        "mrac": {"adaptation": 0.405},
+        "robust-mrac": {"bandwidth": 0.129, "covariance": 1.27},
+        "l1": {"bandwidth": 0.0752, "adaptation": 30.0},
+        "l1-piecewise": {"bandwidth": 0.0855},
+        "l1-piecewise-flown": {"bandwidth": 0.0861},
+    },
 }
 """By ``Axis.like`` and schemes, to three digits: what ``benchmarks/quadrotor_tuning.py`` finds on the vehicle at hover."""
 
