@@ -93,7 +93,7 @@ def test_the_stored_flights_are_all_there(name):
             assert (one["rms_e"]["median"] is None) == (2 * one["lost"]["count"] > kept["members"])
     total = {one: sum(found[one]["lost"]["count"] for found in kept["failures"].values()) for one in kept["lost"]}
     assert total == {one: found["count"] for one, found in kept["lost"].items()}
-    assert f"`barbalat fly {name} --dispersions {stored['members']} --json`" in flown.claim().how
+    assert f"`barbalat fly {name} --dispersions {kept['members']} --json`" in flown.claim().how
 
 
 @pytest.fixture(scope="module")

@@ -154,7 +154,7 @@ def test_the_rule_asks_for_half_of_what_the_feedback_bears(axes):
 
         crossover = brentq(lambda w, loop=loop: abs(loop(w)) - 1, 0.5 * axis.frequency, 4 * axis.frequency)
         by_hand = (np.angle(loop(crossover)) + np.pi) / crossover
-        assert quadrotor_tuning.borne_alone(axes, axis) == pytest.approx(by_hand, rel=1e-6)
+        assert quadrotor_tuning.borne_alone(axes, axis) == pytest.approx(by_hand, rel=1e-5)  # A is by differences, to 1e-5
         assert quadrotor_tuning.rule_of(axes, axis, 288).delay_margin == pytest.approx(by_hand / 2, rel=0.05)
 
 

@@ -9,6 +9,7 @@ import pytest
 pytest.importorskip("mujoco", reason="the extra flight is not installed: ./dev flight installs it")
 
 from benchmarks.quadrotor import PAGE, cell
+from scipy.signal import step
 
 from barbalat import InputError, Mrac, Sampled, SimulatorFailed, fly
 from barbalat.cli import main
@@ -19,7 +20,7 @@ from barbalat.flight.quadrotor.failures import FAILURES
 from barbalat.flight.quadrotor.flying import DELAY_STEP, delay_borne
 from barbalat.flight.quadrotor.flying import flown as through_failures
 from barbalat.flight.quadrotor.hover import hovering
-from barbalat.flight.quadrotor.schemes import SCHEMES, on_axis
+from barbalat.flight.quadrotor.schemes import SCHEMES, TUNED, on_axis
 from barbalat.flight.quadrotor.vehicle import Quadrotor
 from barbalat.flight.timing import Timing
 from barbalat.loop.closed_loop import ClosedLoop
@@ -69,7 +70,12 @@ def test_what_a_slung_mass_does_to_a_controller_without_memory_is_what_statics_s
     sunk = np.mean(late[:, 3] - late[:, 6])
     missing = 0.25 * 9.81  # m/s^2, of a vehicle that thinks that it weighs 1 kg
     assert sunk == pytest.approx(missing / axes.position[2].gain[0], rel=0.1)  # the path's own motion, and tilt
-    assert abs(np.mean(flown["l1-piecewise"]["slung-mass"].record[-150:, 6] - late[:, 3])) < 0.1 * sunk
+    # what the filter has not taken away yet: s/(s + bandwidth) of it, through the loop; from 1.5 to 3 s after the failure
+    up = axes.position[2]
+    left = [up.gain[0], 0.0], np.polymul([1.0, TUNED["forward"]["l1-piecewise"]["bandwidth"] / up.lag], [1.0, *up.gain[::-1]])
+    t, response = step(left, T=np.linspace(0, 3, 301))
+    found = np.mean(late[:, 3] - flown["l1-piecewise"]["slung-mass"].record[-150:, 6])
+    assert found == pytest.approx(missing / up.gain[0] * response[t > 1.5].mean(), rel=0.1)
 
 
 def test_who_is_lost_and_who_is_not(flown):
@@ -88,7 +94,7 @@ def test_an_integral_that_ran_on_the_ground_throws_the_vehicle_off_its_path(flow
     tried = ("geometric-integral", "l1-piecewise")
     largest, reset = ({name: np.max(flown[name][failure].error[200:600]) for name in tried} for failure in ("no-reset", "none"))
     assert largest["geometric-integral"] > 5 * reset["geometric-integral"]
-    assert largest["l1-piecewise"] < 0.06  # a lean of 5 deg takes that on its way to level; what it learnt it forgets sooner
+    assert largest["l1-piecewise"] < 0.5 * largest["geometric-integral"]  # what it learnt it forgets sooner
 
 
 @pytest.mark.parametrize("name", SCHEMES)
@@ -99,9 +105,9 @@ def test_what_flies_is_the_package_s_own_sampled_controller(name, axes, monkeypa
 
     def recording(loops, errors):
         found = asked(loops, errors)
-        axis, step = loops[0]
+        axis, flies = loops[0]
         if axis.name == "roll":
-            seen.append((errors[0].copy(), float(step.state[step.contents.u][0])))
+            seen.append((errors[0].copy(), float(flies.state[flies.contents.u][0])))
         return found
 
     monkeypatch.setattr(control, "_asked", recording)
