@@ -24,7 +24,7 @@ from barbalat.flight.quadrotor.axes import Axes
 from barbalat.flight.quadrotor.failures import FAILURES as OF_QUADROTOR
 from barbalat.flight.quadrotor.flying import flown as through_failures
 from barbalat.flight.quadrotor.hover import hovering
-from barbalat.flight.quadrotor.schemes import SCHEMES as QUADROTOR_SCHEMES
+from barbalat.flight.quadrotor.schemes import on_axis
 from barbalat.flight.quadrotor.vehicle import Quadrotor
 from barbalat.flight.schemes import SCHEMES, flying
 from barbalat.flight.timing import Timing
@@ -87,7 +87,7 @@ def test_the_quadrotor_flies_the_same_flight_in_every_bit(name):
 def test_what_an_axis_of_a_model_exports_has_test_vectors_that_move(axis):
     """Its problem has a command, or something that acts: of zeros every wrong controller would make the same zeros."""
     axes = Axes(hover=hovering(Quadrotor()))
-    pairs = [flying(axis, ["l1"])[0], *(QUADROTOR_SCHEMES["l1"](one) for one in (axes.attitude[0], axes.position[0]))]
+    pairs = [flying(axis, ["l1"])[0], *(on_axis("l1", one) for one in (axes.attitude[0], axes.position[0]))]
     for problem, controller in pairs:
         T = controller.sample_time
         states = recorded(problem, controller, Simulation(t_end=200 * T, dt=T), 200).states
@@ -95,14 +95,13 @@ def test_what_an_axis_of_a_model_exports_has_test_vectors_that_move(axis):
 
 
 def test_of_a_vehicle_that_flies_otherwise_the_axis_is_named(monkeypatch):
-    monkeypatch.setattr(flight, "DURATION", 1.0)
     axes = Axes(hover=hovering(Quadrotor()))
-    scheme = of_quadrotor._scheme("geometric-integral", axes)
+    scheme = of_quadrotor.scheme_on(axes, "geometric-integral")
     with monkeypatch.context() as patch:
         patch.setattr(exported_step, "source", with_another_bit(exported_step.source))
-        wrong = exported_c(*QUADROTOR_SCHEMES["geometric-integral"](axes.attitude[1]))
+        wrong = exported_c(*on_axis("geometric-integral", axes.attitude[1]))
     scheme = replace(scheme, attitude=(scheme.attitude[0], wrong, scheme.attitude[2]))
-    (found,) = flight.flown(axes, scheme, [OF_QUADROTOR["no-reset"]])
+    (found,) = through_failures(axes, scheme, [OF_QUADROTOR["no-reset"]], Timing(duration=1.0, fails_at=1.0))
     assert (found.agreement.flights, found.agreement.samples) == (1, 400)
     assert found.agreement.difference.startswith("pitch: held_u[0] differs from sample ")
 
