@@ -75,7 +75,7 @@ DRAWING = Drawing(
     moved=("rotors", "N/s"),
     beside=("Geometric, integral", "integral"),
     set_by="one rule for all (benchmarks/flight_tuning.py): on each linearised axis least RMS error with half of the delay "
-    "margin that the feedback has alone and a gain margin of 2",
+    "margin that the feedback has alone and a gain margin of 1.5",
     numbers=TUNED,
     prepare=_prepared,
     chunk=56,

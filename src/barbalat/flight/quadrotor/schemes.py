@@ -160,7 +160,7 @@ TUNED: dict[str, dict[str, Numbers]] = {
         "l1-piecewise-flown": {"bandwidth": 0.0861},
     },
 }
-"""By ``Axis.like`` and schemes, to three digits: what ``benchmarks/quadrotor_tuning.py`` finds on the vehicle at hover."""
+"""By ``Axis.like`` and schemes, to three digits: what ``benchmarks/flight_tuning.py`` finds on the vehicle at hover."""
 
 
 def on_axis(name: str, axis: Axis) -> OnAxis:
