@@ -33,8 +33,8 @@ from barbalat.tuning.trial import Plants
 from barbalat.validate import Array
 
 DELAY_SHARE, GAIN_MARGIN = 0.5, 1.5
-"""Of the delay that the feedback bears alone, what it bears with a scheme; and a factor, 3.5 dB, the contest's own: the position's
-feedback has 1.9 by itself."""
+"""Of the delay that the feedback bears alone, what it bears with a scheme; and a factor, 3.5 dB, the contest's own: that of the
+position has 1.9 by itself."""
 T_END, OFF_AT, STEPS_AT = 40.0, 16.0, (4.0, 10.0, 28.0, 34.0)
 """Over the axis' natural frequency: the command steps there and back, before the disturbance and where runs are judged."""
 DISTURBANCE = 0.25
