@@ -1,8 +1,11 @@
-"""Find the numbers of ``flight/schemes.py``: every scheme under the contest's rule, on the linearised nominal aircraft.
+"""Find the numbers of ``flight/schemes.py`` and ``flight/quadrotor/schemes.py``: every scheme under the contest's rule.
 
-    python -m benchmarks.flight_tuning [f16-pitch|f16-roll] [SCHEME ...]
+    python -m benchmarks.flight_tuning [f16-pitch|f16-roll|quadrotor] [SCHEME ...]
 
-The aircraft is the linear model of one axis at 10,013 ft and Mach 0.525 behind its actuator and a delay of its transport and its
+With no SCHEME all of them, and what comes out is left in docs/guides/tuned-NAME.txt. The quadrotor's part is in
+``quadrotor_tuning``.
+
+The F-16 is the linear model of one axis at 10,013 ft and Mach 0.525 behind its actuator and a delay of its transport and its
 sensors, following the flights' command; from ``OFF_AT`` on the trim of its surface is off by ``TRIM_OFF``, as after a failure.
 The rule: least RMS error with the delay margin and the gain margin at least as below, equal trials for all.
 """
@@ -10,7 +13,9 @@ The rule: least RMS error with the delay margin and the gain margin at least as 
 from __future__ import annotations
 
 import sys
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 
@@ -22,12 +27,15 @@ from barbalat.contests.tuned import Qualified, qualify
 from barbalat.controllers.knobs import Knobs
 from barbalat.flight.axis import Axis
 from barbalat.flight.comparison import axis_of
+from barbalat.flight.quadrotor.comparison import nominal_axes
+from barbalat.flight.quadrotor.schemes import SCHEMES as QUADROTOR_SCHEMES
 from barbalat.flight.schemes import SCHEMES
 from barbalat.problem.actuation import PlantInput
 from barbalat.problem.state_feedback import Problem
 from barbalat.protocols import Controller
 from barbalat.study.delay_search import Criterion
 from barbalat.tuning.trial import Plants
+from benchmarks import quadrotor_tuning
 
 DELAY_MARGIN, GAIN_MARGIN = 0.1, 2.0
 """[s], 45 deg of phase at a crossover of 8 rad/s; 6 dB: what MIL-F-9490D asks of flight control systems."""
@@ -65,19 +73,52 @@ def tuned(axis: Axis, scheme: str) -> Qualified:
     return qualify(entrant, RULE, plants, plants, SIMULATION)  # no sensor has noise, so that the silent plants are the same
 
 
-def show(scheme: str, found: Qualified) -> None:
-    """Print it."""
-    margins = found.margins[RULE.until]
-    numbers = ", ".join(f"{knob} {value:.3g}" for knob, value in found.tuning.items())
-    kept = "meets" if found.meets else "does not meet"
-    print(f"{scheme}: {numbers or 'nothing is set'}; {kept} the rule; RMS e {found.error:.4g};")
-    print(f"    delay borne {margins.delay:.3g} s, gain up {margins.gain_up:.3g}, down {margins.gain_down:.3g}", flush=True)
-    if found.at_edge:
-        print(f"    at the end of its range: {', '.join(found.at_edge)}", flush=True)
+PAGES = Path(__file__).parents[1] / "docs" / "guides"
+HEADS = ("scheme", "numbers", "RMS e", "delay borne [ms]", "over asked", "gain up", "gain down")
+
+
+def row(scheme: str, found: Qualified, rule: Rule) -> list[str]:
+    """Of the table: numbers to three digits, an asterisk at the end of a range; margins, and the delay over that asked for."""
+    margins = found.margins[rule.until]
+    numbers = [f"{knob} {value:.3g}{'*' * (knob in found.at_edge)}" for knob, value in found.tuning.items()]
+    kept = "" if found.meets else ", breaks the rule"
+    factors = (f"{one:.3g}" for one in (margins.delay / rule.delay_margin, margins.gain_up, margins.gain_down))
+    return [f"`{scheme}`", f"{', '.join(numbers) or 'none'}{kept}", f"{found.error:.3g}", f"{1e3 * margins.delay:.0f}", *factors]
+
+
+def table(rows: Iterable[Sequence[str]], heads: Sequence[str] = HEADS) -> str:
+    """In Markdown."""
+    return "".join(f"| {' | '.join(cells)} |\n" for cells in (heads, ["---"] * len(heads), *rows))
+
+
+def of_aircraft(name: str, chosen: Sequence[str]) -> Iterator[list[str]]:
+    """Rows of one axis of the F-16."""
+    nominal = axis_of(name, FlightCondition())
+    for scheme in chosen or SCHEMES:
+        yield row(scheme, tuned(nominal, scheme), RULE)
+
+
+def of_quadrotor(chosen: Sequence[str]) -> Iterator[list[str]]:
+    """Rows of the axes that differ, with the axis in front."""
+    axes = nominal_axes()
+    for axis in (axes.attitude[0], axes.attitude[2], axes.position[0]):
+        rule = quadrotor_tuning.rule_of(axes, axis, RULE.trials)
+        for scheme in chosen or QUADROTOR_SCHEMES:
+            yield [axis.like, *row(scheme, quadrotor_tuning.tuned(axes, axis, scheme, rule), rule)]
+
+
+def shown(rows: Iterable[list[str]]) -> list[list[str]]:
+    """The rows, each printed as it is found."""
+    found = []
+    for one in rows:
+        print(*one, sep="  ", flush=True)
+        found.append(one)
+    return found
 
 
 if __name__ == "__main__":
     name, *chosen = sys.argv[1:] or ["f16-pitch"]
-    nominal = axis_of(name, FlightCondition())
-    for one in chosen or SCHEMES:
-        show(one, tuned(nominal, one))
+    heads = ("axis", *HEADS) if name == "quadrotor" else HEADS
+    rows = shown(of_quadrotor(chosen) if name == "quadrotor" else of_aircraft(name, chosen))
+    if not chosen:
+        (PAGES / f"tuned-{name}.txt").write_text(table(rows, heads))

@@ -60,7 +60,7 @@ EXPECTED = {
     # sigma_hat(infinity) = e^(aT) sigma: an integral action for a = 0 alone (docs/piecewise.md)
     "l1-piecewise-is-lti": "confirmed with conditions",
     # what is stored says so: tests/claims/test_flown.py, tests/flight/test_dispersed.py
-    "adaptive-in-flight": "confirmed with conditions",
+    "adaptive-in-flight": "not confirmed",
     "rohrs": "confirmed with conditions",
     # V falls at every sample, whatever the gain (docs/sampled.md)
     "sampled-midpoint": "not confirmed",

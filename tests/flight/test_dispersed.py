@@ -16,9 +16,11 @@ from barbalat.flight import dispersed
 from barbalat.flight.airframe import Airframe
 from barbalat.flight.axis import PITCH, Axis
 from barbalat.flight.dispersed import fly_dispersed
-from barbalat.flight.dispersions import DRAWN, NOMINAL, Dispersion, drawn, plan_of
+from barbalat.flight.dispersions import NOMINAL, Dispersion
+from barbalat.flight.drawing import draws_of
 from barbalat.flight.failures import NONE
 from barbalat.flight.flying import fly_once
+from barbalat.flight.registry import FLIGHTS
 from barbalat.flight.schemes import TUNED, flying
 from barbalat.flight.trim import trimmed
 from barbalat.run.sampled_step import SampledList, SampledStep
@@ -69,13 +71,16 @@ def test_a_load_is_heavier_and_with_less_lift_it_sinks(axis):
     assert less[1] == pytest.approx(0.1 * 32.17 / axis.trim.speed, rel=0.15)  # alpha grows; the flaps' lift stays
 
 
-def test_draws_are_within_their_ranges_and_the_same_whoever_asks():
-    whole = list(drawn(plan_of(50), 0, 50))
-    assert list(drawn(plan_of(50), 7, 3)) == whole[7:10]
-    for name, spread in DRAWN.items():
-        values = [getattr(one, name) for one in whole]
+@pytest.mark.parametrize("name", FLIGHTS)
+def test_draws_are_within_their_ranges_and_the_same_whoever_asks(name):
+    drawing = FLIGHTS[name].drawing
+    whole = list(draws_of(drawing.plan(50), 0, 50))
+    assert list(draws_of(drawing.plan(50), 7, 3)) == whole[7:10]
+    assert set(drawing.units) <= set(drawing.drawn)
+    for quantity, spread in drawing.drawn.items():
+        values = [draw[quantity] for _, draw in whole]
         assert spread.low <= min(values) < max(values) <= spread.high
-    assert [one.number for one in whole] == list(range(50))
+    assert [number for number, _ in whole] == list(range(50))
 
 
 def test_the_nominal_draw_is_the_nominal_flight(axis):
@@ -108,7 +113,7 @@ def test_a_store_goes_on_where_it_was_left_in_the_same_bits(tmp_path, monkeypatc
 
 def test_the_stored_flights_of_the_ledger_are_flown_again():
     """Its first draw, by three schemes: to what another processor's rounding leaves alike in ten seconds."""
-    stored = json.loads(resources.files("barbalat.claims").joinpath("flown.json").read_text(encoding="utf-8"))
+    stored = json.loads(resources.files("barbalat.claims").joinpath("flown-f16-pitch.json").read_text(encoding="utf-8"))
     assert stored["numbers"] == TUNED["f16-pitch"]
     found = fly_dispersed(
         schemes=["linear", "adrc", "l1"], failures=["elevator-50", "reversed"], members=1, seed=stored["plan"]["seed"]

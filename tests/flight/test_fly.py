@@ -110,6 +110,37 @@ def test_a_small_roll_is_the_linear_loop():
     assert np.abs(found.column("p")[:1000] - p).max() < 0.02  # 2 % of the commanded rate, as in pitch
 
 
+def test_an_observer_leaves_what_the_model_s_own_row_makes_of_sideslip_and_an_integral_does_not():
+    """As docs/guides/aircraft.md says of lateral gusts: p' = A_m's row of what was measured, integrated here."""
+    axis = Axis(trim=trimmed(FlightCondition()), followed=ROLL)
+    gusts, row = next(one for one in OF_ROLL if one.name == "gusts"), axis.A_m[1]
+    assert (row[0], axis.model[0][1, 0]) == pytest.approx((-21, -27), abs=0.5)
+    error, share = {}, {}
+    for name in ("adrc", "linear"):
+        (flight,) = through_failures(axis, SampledList.of(*flying(axis, [name])[0]), [gusts])
+        made = [0.0]
+        for beta in flight.column("beta")[:-1]:
+            made.append(made[-1] + 0.01 * (row[1] * made[-1] + row[0] * beta))
+        e, made = (one[1000:] for one in (flight.column("p") - flight.column("p_m"), np.array(made)))
+        error[name], share[name] = flight.rms_error, float(np.corrcoef(e, made)[0, 1])
+    assert share["adrc"] > 0.9
+    assert share["linear"] < 0
+    assert (error["linear"], error["adrc"]) == pytest.approx((1.8, 3.5), abs=0.05)
+
+
+def test_a_rolling_aircraft_goes_where_its_lift_turns_it():
+    """By g n_z sin(bank)/speed; its nose is aside of that by no more than sideslip and, in a bank, the angle of attack."""
+    (found,) = fly("f16-roll", schemes=["linear"], failures=["none"]).flights
+    record = found[0]
+    bank, heading, speed, load = (record.column(name)[:-1] for name in ("bank", "heading", "speed", "n_z"))
+    turning = np.cumsum(0.01 * 32.17 * load * np.sin(np.deg2rad(bank)) / speed)
+    north, east, climb = (np.diff(record.column(name)) / 0.01 for name in ("north", "east", "altitude"))
+    course = np.arctan2(east, north)
+    assert np.abs(course - turning).max() < 0.04 * np.ptp(turning)
+    assert np.abs(np.rad2deg(course) - heading).max() < 2.2 * np.sin(np.deg2rad(bank)).max() + 0.2 + 0.1
+    assert np.hypot(north, east) == pytest.approx(np.sqrt(speed**2 - climb**2), rel=2e-3)
+
+
 def linear_growth(axis, contents, delay):
     """By how much the linear pitch rate is larger from 20 s to 25 s than during a pulse and 3 s after it."""
     whole = np.zeros((5, 5))

@@ -9,16 +9,20 @@ import pytest
 pytest.importorskip("mujoco", reason="the extra flight is not installed: ./dev flight installs it")
 
 from benchmarks.quadrotor import PAGE, cell
+from scipy.signal import step
 
 from barbalat import InputError, Mrac, Sampled, SimulatorFailed, fly
 from barbalat.cli import main
-from barbalat.flight.quadrotor import comparison, control, flight
+from barbalat.flight.quadrotor import comparison, control
 from barbalat.flight.quadrotor.axes import Axes
-from barbalat.flight.quadrotor.comparison import _scheme
+from barbalat.flight.quadrotor.comparison import scheme_on
 from barbalat.flight.quadrotor.failures import FAILURES
+from barbalat.flight.quadrotor.flying import DELAY_STEP, delay_borne
+from barbalat.flight.quadrotor.flying import flown as through_failures
 from barbalat.flight.quadrotor.hover import hovering
-from barbalat.flight.quadrotor.schemes import SCHEMES
+from barbalat.flight.quadrotor.schemes import SCHEMES, TUNED, on_axis
 from barbalat.flight.quadrotor.vehicle import Quadrotor
+from barbalat.flight.timing import Timing
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.run.sampled_part import initial_acting
 
@@ -30,7 +34,7 @@ def axes():
     return Axes(hover=hovering(Quadrotor()))
 
 
-SHORTER = 13.0
+SHORTER = Timing(duration=13.0, fails_at=10.0)
 CHOSEN = {
     "geometric": ["slung-mass", "half-propeller"],
     "geometric-integral": ["none", "no-reset"],
@@ -41,17 +45,15 @@ CHOSEN = {
 @pytest.fixture(scope="module")
 def flown(axes):
     found = {}
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(flight, "DURATION", SHORTER)
-        for scheme, names in CHOSEN.items():
-            several = flight.flown(axes, _scheme(scheme, axes), [FAILURES[name] for name in names])
-            found[scheme] = {one.failure.name: one for one in several}
+    for scheme, names in CHOSEN.items():
+        several = through_failures(axes, scheme_on(axes, scheme), [FAILURES[name] for name in names], SHORTER)
+        found[scheme] = {one.failure.name: one for one in several}
     return found
 
 
-def test_the_same_flight_twice_is_the_same_in_every_bit(axes, flown, monkeypatch):
-    monkeypatch.setattr(flight, "DURATION", SHORTER)
-    (again,) = flight.flown(axes, _scheme("l1-piecewise", axes), [FAILURES["slung-mass"]])  # and whatever flew before it
+def test_the_same_flight_twice_is_the_same_in_every_bit(axes, flown):
+    """And whatever flew before it, and from wherever it went on by itself."""
+    (again,) = through_failures(axes, scheme_on(axes, "l1-piecewise"), [FAILURES["slung-mass"]], SHORTER)
     np.testing.assert_array_equal(again.record, flown["l1-piecewise"]["slung-mass"].record)
 
 
@@ -68,7 +70,12 @@ def test_what_a_slung_mass_does_to_a_controller_without_memory_is_what_statics_s
     sunk = np.mean(late[:, 3] - late[:, 6])
     missing = 0.25 * 9.81  # m/s^2, of a vehicle that thinks that it weighs 1 kg
     assert sunk == pytest.approx(missing / axes.position[2].gain[0], rel=0.1)  # the path's own motion, and tilt
-    assert abs(np.mean(flown["l1-piecewise"]["slung-mass"].record[-150:, 6] - late[:, 3])) < 0.1 * sunk
+    # what the filter has not taken away yet: s/(s + bandwidth) of it, through the loop; from 1.5 to 3 s after the failure
+    up = axes.position[2]
+    left = [up.gain[0], 0.0], np.polymul([1.0, TUNED["forward"]["l1-piecewise"]["bandwidth"] / up.lag], [1.0, *up.gain[::-1]])
+    t, response = step(left, T=np.linspace(0, 3, 301))
+    found = np.mean(late[:, 3] - flown["l1-piecewise"]["slung-mass"].record[-150:, 6])
+    assert found == pytest.approx(missing / up.gain[0] * response[t > 1.5].mean(), rel=0.1)
 
 
 def test_who_is_lost_and_who_is_not(flown):
@@ -87,7 +94,7 @@ def test_an_integral_that_ran_on_the_ground_throws_the_vehicle_off_its_path(flow
     tried = ("geometric-integral", "l1-piecewise")
     largest, reset = ({name: np.max(flown[name][failure].error[200:600]) for name in tried} for failure in ("no-reset", "none"))
     assert largest["geometric-integral"] > 5 * reset["geometric-integral"]
-    assert largest["l1-piecewise"] < 0.06  # a lean of 5 deg takes that on its way to level; what it learnt it forgets sooner
+    assert largest["l1-piecewise"] < 0.5 * largest["geometric-integral"]  # what it learnt it forgets sooner
 
 
 @pytest.mark.parametrize("name", SCHEMES)
@@ -98,15 +105,15 @@ def test_what_flies_is_the_package_s_own_sampled_controller(name, axes, monkeypa
 
     def recording(loops, errors):
         found = asked(loops, errors)
-        axis, step = loops[0]
+        axis, flies = loops[0]
         if axis.name == "roll":
-            seen.append((errors[0].copy(), float(step.state[step.contents.u][0])))
+            seen.append((errors[0].copy(), float(flies.state[flies.contents.u][0])))
         return found
 
     monkeypatch.setattr(control, "_asked", recording)
-    monkeypatch.setattr(flight, "DURATION", 2.5)
-    flight.flown(axes, _scheme(name, axes), [replace(FAILURES["none"], stale=True)])
-    loop = ClosedLoop.of(*SCHEMES[name](axes.attitude[0]))
+    short = Timing(duration=2.5, fails_at=2.5)
+    through_failures(axes, scheme_on(axes, name), [replace(FAILURES["none"], stale=True)], short)
+    loop = ClosedLoop.of(*on_axis(name, axes.attitude[0]))
     acting = initial_acting(loop)
     assert len(seen) == 1000
     for x, u in seen:
@@ -114,11 +121,11 @@ def test_what_flies_is_the_package_s_own_sampled_controller(name, axes, monkeypa
         assert u == pytest.approx(float(np.reshape(acting.held.u, ())), rel=1e-9, abs=1e-9)  # sums in another order
 
 
-def test_a_command_beyond_the_limit_is_fed_to_the_predictor_as_what_is_left_of_it(axes, monkeypatch):
+def test_a_command_beyond_the_limit_is_fed_to_the_predictor_as_what_is_left_of_it(axes):
     """A roll that is off by 2 rad for a second: the estimate of what acts stays near nothing, where nothing acts."""
     for name in ("l1-piecewise", "l1-piecewise-flown"):
         axis = axes.attitude[0]
-        loop = ClosedLoop.of(*SCHEMES[name](axis))
+        loop = ClosedLoop.of(*on_axis(name, axis))
         acting, x, u = initial_acting(loop), np.array([2.0, 0.0]), 0.0
         for _ in range(200):
             acting = loop.computer.act(acting, x, np.zeros(()))
@@ -128,14 +135,12 @@ def test_a_command_beyond_the_limit_is_fed_to_the_predictor_as_what_is_left_of_i
         assert abs(acting.controller.sigma_hat[0]) < 0.05 * axis.limit
 
 
-def test_the_delay_borne_is_found_to_a_sample(axes, monkeypatch):
-    monkeypatch.setattr(flight, "FAILS_AT", 3.0)
-    monkeypatch.setattr(flight, "DURATION", 7.0)
-    scheme = _scheme("geometric", axes)
-    borne = flight.delay_borne(axes, scheme)
-    assert borne == pytest.approx(flight.DELAY_STEP * round(borne / flight.DELAY_STEP))
-    none = FAILURES["none"]
-    (kept, lost) = flight.flown(axes, scheme, [replace(none, delay=borne), replace(none, delay=borne + flight.DELAY_STEP)])
+def test_the_delay_borne_is_found_to_a_sample(axes):
+    scheme, early, none = scheme_on(axes, "geometric"), Timing(duration=7.0, fails_at=3.0), FAILURES["none"]
+    borne = delay_borne(axes, scheme, early)
+    assert borne == pytest.approx(DELAY_STEP * round(borne / DELAY_STEP))
+    more = [replace(none, delay=borne), replace(none, delay=borne + DELAY_STEP)]
+    (kept, lost) = through_failures(axes, scheme, more, early)
     assert (bool(kept.lost), bool(lost.lost)) == (False, True)
     roll = axes.attitude[0]
     crossover = 1.55 * roll.frequency

@@ -17,16 +17,17 @@ from barbalat.export import exported_step
 from barbalat.flight import comparison
 from barbalat.flight.axis import SAMPLE_TIME, Axis
 from barbalat.flight.failures import OF_PITCH
-from barbalat.flight.flying import Timing, fly_once
+from barbalat.flight.flying import fly_once
 from barbalat.flight.isolated import SimulatorFailed
 from barbalat.flight.quadrotor import comparison as of_quadrotor
-from barbalat.flight.quadrotor import flight
 from barbalat.flight.quadrotor.axes import Axes
 from barbalat.flight.quadrotor.failures import FAILURES as OF_QUADROTOR
+from barbalat.flight.quadrotor.flying import flown as through_failures
 from barbalat.flight.quadrotor.hover import hovering
-from barbalat.flight.quadrotor.schemes import SCHEMES as QUADROTOR_SCHEMES
+from barbalat.flight.quadrotor.schemes import on_axis
 from barbalat.flight.quadrotor.vehicle import Quadrotor
 from barbalat.flight.schemes import SCHEMES, flying
+from barbalat.flight.timing import Timing
 from barbalat.flight.trim import trimmed
 from barbalat.run.recording import recorded
 from barbalat.run.sampled_step import SampledList
@@ -70,13 +71,13 @@ def test_an_estimate_that_ends_at_its_bound_does_so_in_the_c(axis):
 
 
 @pytest.mark.parametrize("name", ["l1-piecewise", "robust-mrac"])
-def test_the_quadrotor_flies_the_same_flight_in_every_bit(name, monkeypatch):
-    """With laws that are reset at the start, and with those that are not."""
-    monkeypatch.setattr(flight, "DURATION", 3.0)
+def test_the_quadrotor_flies_the_same_flight_in_every_bit(name):
+    """With laws that are reset at the start, and with those that are not; the list goes on from what it flew, the C can't."""
+    short = Timing(duration=3.0, fails_at=2.5)
     axes = Axes(hover=hovering(Quadrotor()))
     failures = [OF_QUADROTOR["none"], OF_QUADROTOR["no-reset"]]
-    by_list = flight.flown(axes, of_quadrotor._scheme(name, axes), failures)
-    by_c = flight.flown(axes, of_quadrotor._scheme(name, axes, exported_c), failures)
+    by_list = through_failures(axes, of_quadrotor.scheme_on(axes, name), failures, short)
+    by_c = through_failures(axes, of_quadrotor.scheme_on(axes, name, exported_c), failures, short)
     for a, b in zip(by_list, by_c, strict=True):
         assert a.record.tobytes() == b.record.tobytes()
         assert b.agreement == Agreement(samples=3 * 1200 + 3 * 300)  # 400 Hz and 100 Hz
@@ -86,7 +87,7 @@ def test_the_quadrotor_flies_the_same_flight_in_every_bit(name, monkeypatch):
 def test_what_an_axis_of_a_model_exports_has_test_vectors_that_move(axis):
     """Its problem has a command, or something that acts: of zeros every wrong controller would make the same zeros."""
     axes = Axes(hover=hovering(Quadrotor()))
-    pairs = [flying(axis, ["l1"])[0], *(QUADROTOR_SCHEMES["l1"](one) for one in (axes.attitude[0], axes.position[0]))]
+    pairs = [flying(axis, ["l1"])[0], *(on_axis("l1", one) for one in (axes.attitude[0], axes.position[0]))]
     for problem, controller in pairs:
         T = controller.sample_time
         states = recorded(problem, controller, Simulation(t_end=200 * T, dt=T), 200).states
@@ -94,14 +95,13 @@ def test_what_an_axis_of_a_model_exports_has_test_vectors_that_move(axis):
 
 
 def test_of_a_vehicle_that_flies_otherwise_the_axis_is_named(monkeypatch):
-    monkeypatch.setattr(flight, "DURATION", 1.0)
     axes = Axes(hover=hovering(Quadrotor()))
-    scheme = of_quadrotor._scheme("geometric-integral", axes)
+    scheme = of_quadrotor.scheme_on(axes, "geometric-integral")
     with monkeypatch.context() as patch:
         patch.setattr(exported_step, "source", with_another_bit(exported_step.source))
-        wrong = exported_c(*QUADROTOR_SCHEMES["geometric-integral"](axes.attitude[1]))
+        wrong = exported_c(*on_axis("geometric-integral", axes.attitude[1]))
     scheme = replace(scheme, attitude=(scheme.attitude[0], wrong, scheme.attitude[2]))
-    (found,) = flight.flown(axes, scheme, [OF_QUADROTOR["no-reset"]])
+    (found,) = through_failures(axes, scheme, [OF_QUADROTOR["no-reset"]], Timing(duration=1.0, fails_at=1.0))
     assert (found.agreement.flights, found.agreement.samples) == (1, 400)
     assert found.agreement.difference.startswith("pitch: held_u[0] differs from sample ")
 

@@ -1,26 +1,28 @@
-"""What flights on JSBSim's F-16 came to: the one row that is read and not measured, for its simulator is not everybody's.
+"""What flights of drawn vehicles came to: the one row that is read and not measured, for the simulators are not everybody's.
 
-``flown.json`` is the document of ``barbalat fly f16-pitch --dispersions N --json``, its blanks left out.
+``flown-NAME.json`` is the document of ``barbalat fly NAME --dispersions N --json``, its blanks left out.
 """
 
 from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from importlib import resources
 from itertools import combinations, product
 from typing import Any
 
-from barbalat.claims.claim import Claim, Listing, Reading, of_readings, verdict
+from barbalat.claims.claim import Claim, Listing, Reading, Verdict, of_readings, verdict
 from barbalat.sweeps.evidence import Share, beyond_chance
 
-LINEAR_SCHEMES = ("LQR", "LQR with PI", "H-infinity", "ADRC")
+LINEAR_SCHEMES = ("LQR", "LQR with PI", "H-infinity", "Geometric", "Geometric, integral", "ADRC")
 ADAPTIVE_SCHEMES = ("MRAC", "Robust MRAC", "L1", "L1 piecewise", "L1 piecewise, as flown")
 """As their authors call them; L1 with the piecewise-constant law is a linear controller by the row ``l1-piecewise-is-lti``."""
 
 
+PREFIX, SUFFIX = "flown-", ".json"
+"""Of a document's name."""
 ERROR, LOSS = "less_error_than", "kept_where_lost"
 """Paired shares of the document: on how many draws the error was smaller, and on how many of those that one of both lost the
 other was lost."""
@@ -28,9 +30,32 @@ other was lost."""
 
 @dataclass(frozen=True)
 class Flights:
-    """The stored document, asked questions."""
+    """A stored document, asked questions."""
 
     document: dict[str, Any]
+
+    @classmethod
+    def stored(cls, name: str) -> Flights:
+        """Of a flight's campaign."""
+        text = resources.files("barbalat.claims").joinpath(f"{PREFIX}{name}{SUFFIX}").read_text(encoding="utf-8")
+        return cls(json.loads(text))
+
+    @property
+    def name(self) -> str:
+        return str(self.document["flight"])
+
+    @cached_property
+    def linear(self) -> tuple[str, ...]:
+        return tuple(one for one in LINEAR_SCHEMES if one in self.document["lost"])
+
+    @cached_property
+    def adaptive(self) -> tuple[str, ...]:
+        return tuple(one for one in ADAPTIVE_SCHEMES if one in self.document["lost"])
+
+    @property
+    def unit(self) -> str:
+        """Of the error."""
+        return str(self.document["units"]["rms_e"])
 
     @cached_property
     def members(self) -> int:
@@ -78,115 +103,121 @@ class Flights:
                 yield failure
 
 
+def stored() -> tuple[str, ...]:
+    """Names of the flights whose campaigns are stored."""
+    files = (one.name for one in resources.files("barbalat.claims").iterdir())
+    return tuple(sorted(name[len(PREFIX) : -len(SUFFIX)] for name in files if name.startswith(PREFIX) and name.endswith(SUFFIX)))
+
+
 def claim() -> Claim:
-    """The row, from the document."""
-    flights = Flights(json.loads(resources.files("barbalat.claims").joinpath("flown.json").read_text(encoding="utf-8")))
-    document = flights.document
-    linear, adaptive = (tuple(one for one in names if one in document["lost"]) for names in (LINEAR_SCHEMES, ADAPTIVE_SCHEMES))
+    """The row, from the documents."""
+    every = [Flights.stored(name) for name in stored()]
     readings = (
-        _losses(flights, linear, adaptive),
-        _better(flights, "the adaptation: an adaptive scheme follows better", linear, adaptive, ERROR),
-        _against(
-            flights,
-            "the filter: L1 with its filter and fast adaptation follows better than MRAC, which has neither",
-            "L1",
-            "MRAC",
+        _sides(every, "the adaptation: an adaptive scheme loses the vehicle less often than every linear design", LOSS),
+        _sides(every, "the adaptation: an adaptive scheme follows better than every linear design", ERROR),
+        _beside(
+            every, "the filter: L1 with its filter and fast adaptation follows better than MRAC, which has neither", "L1", "MRAC"
         ),
-        _against(
-            flights,
+        _beside(
+            every,
             "the speed: L1 with the piecewise-constant law, which estimates anew at each sample, follows better than robust MRAC",
             "L1 piecewise, as flown",
             "Robust MRAC",
         ),
     )
-    fewest = min(document["lost"].values(), key=lambda one: int(one["count"]))
-    flights_of_each = int(fewest["flights"])
     return Claim(
         id="adaptive-in-flight",
         where="not in the paper: Section IV, which says that the L1 controllers that were flown should have been compared with linear robust designs",
-        statement="On a flight model that others made, with what fails in flight, adaptive control does better than linear designs under the same margins",
+        statement="On flight models with what fails in flight, adaptive control does better than linear designs under the same margins",
         verdict=of_readings(readings),
         measured="; ".join(f"{one.says}: {one.measured}" for one in readings),
-        how=f"read, not measured by this command: stored by `barbalat fly {document['flight']} --dispersions {flights.members} --json` with JSBSim "
-        f"{document['versions']['jsbsim']}, barbalat {document['versions']['barbalat']}, seed {document['plan']['seed']}, equations {document['equations'][:12]}. "
-        "JSBSim's F-16 follows a pitch-rate command at 100 Hz through its actuator, limits, sensors and bus; draws of mass, balance, derivatives, start, gusts "
-        "and delay take turns at three conditions. All schemes were tuned by one rule on the linearised nominal aircraft: least RMS error with a delay margin of "
-        f"0.1 s and a gain margin of 2. Beyond chance is by the exact sign test on the same draws, at 95 % for all {len(flights.shares)} comparisons together (Holm). A test flies a draw again where JSBSim is installed",
-        listings=(_table(flights),),
-        number=_number(flights, linear, adaptive, flights_of_each),
+        how="read, not measured by this command: " + "; ".join(_provenance(one) for one in every) + ". JSBSim's F-16 follows a pitch-rate or a roll-rate command "
+        "at 100 Hz through its actuator, limits, sensors and bus; MuJoCo's quadrotor flies a figure of eight with motors that lag. Draws are of the vehicle, its start, "
+        "its sensors and the air. All schemes of a flight were tuned by one rule on the linearised nominal vehicle: least RMS error with the same delay and gain "
+        "margins. Beyond chance is by the exact sign test on the same draws, at 95 % for all comparisons of a flight together (Holm). A reading holds where it does "
+        "through more failures than its reverse. Tests fly draws again where the simulators are installed",
+        listings=tuple(_table(one) for one in every),
+        number=f"stored flights lost, the fewest of each side: {'; '.join(_fewest(one) for one in every)}",
         readings=readings,
-        condition=_condition(flights, linear, adaptive),
-        would_change="another aircraft, margin, command or rule; faults that were known when the linear designs were made",
+        condition="; ".join(f"{one.says}: {one.measured}" for one in readings if one.decides and one.verdict != "not confirmed"),
+        would_change="another vehicle, margin, command or rule; faults that were known when the linear designs were made",
     )  # fmt: skip
+
+
+def _provenance(flights: Flights) -> str:
+    document = flights.document
+    versions = ", ".join(
+        f"{name} {document['versions'][name]}" for name in ("jsbsim", "mujoco", "barbalat") if name in document["versions"]
+    )
+    return (
+        f"`barbalat fly {flights.name} --dispersions {flights.members} --json` with {versions}, seed {document['plan']['seed']}, "
+        f"equations {document['equations'][:12]}, {len(flights.shares)} comparisons"
+    )
+
+
+def _fewest(flights: Flights) -> str:
+    best = [min(names, key=lambda one: _sum(flights, one)) for names in (flights.adaptive, flights.linear)]
+    flown = flights.document["lost"][best[0]]["flights"]
+    differ = [failure for failure in flights.failures if flights.compared(best[0], best[1], failure, LOSS)]
+    beyond = f"through {', '.join(differ)} beyond chance" if differ else "nowhere beyond chance"
+    adaptive, linear = (f"{_sum(flights, one)} ({one})" for one in best)
+    return f"{flights.name}, of {flown}: adaptive {adaptive}, linear {linear}, which differ {beyond}"
 
 
 def _sum(flights: Flights, controller: str) -> int:
     return int(flights.document["lost"][controller]["count"])
 
 
-def _least(flights: Flights, names: Sequence[str]) -> tuple[str, int]:
-    best = min(names, key=lambda one: _sum(flights, one))
-    return best, _sum(flights, best)
+def _sides(every: Sequence[Flights], says: str, by: str) -> Reading:
+    """Beyond chance, than each of the other side: through which failures of which flight, and the reverse."""
+    ahead = [{one: list(flights.over_all(one, flights.linear, by)) for one in flights.adaptive} for flights in every]
+    behind = [{one: list(flights.over_all(one, flights.adaptive, by)) for one in flights.linear} for flights in every]
+    told = [
+        f"{flights.name}: {_who(flights, better, flights.linear, by)}; a linear design than every adaptive scheme: "
+        f"{_who(flights, worse, flights.adaptive, by)}"
+        for flights, better, worse in zip(every, ahead, behind, strict=True)
+    ]
+    return Reading(f"{says}, beyond chance", _prevails(every, _failures(ahead), _failures(behind)), ". ".join(told))
 
 
-def _number(flights: Flights, linear: Sequence[str], adaptive: Sequence[str], each: int) -> str:
-    (first, lost), (second, left) = _least(flights, adaptive), _least(flights, linear)
-    differ = [failure for failure in flights.failures if flights.compared(first, second, failure, LOSS)]
-    beyond = f"through {', '.join(differ)} beyond chance" if differ else "through no failure beyond chance"
-    return f"stored flights, fewest of {each} lost: adaptive {lost} ({first}), linear {left} ({second}); they differ {beyond}"
+def _beside(every: Sequence[Flights], says: str, one: str, other: str) -> Reading:
+    """Of two schemes of one side, which does not decide the sentence."""
+
+    def through(sign: int) -> list[list[str]]:
+        return [[failure for failure in flights.failures if flights.compared(one, other, failure) == sign] for flights in every]
+
+    better, worse = through(1), through(-1)
+    told = [
+        f"{flights.name}: less error through {_named(less)}, more through {_named(more)}"
+        for flights, less, more in zip(every, better, worse, strict=True)
+    ]
+    return Reading(says, _prevails(every, sum(map(len, better)), sum(map(len, worse))), ". ".join(told), decides=False)
 
 
-def _losses(flights: Flights, linear: Sequence[str], adaptive: Sequence[str]) -> Reading:
-    (first, lost), (second, left) = _least(flights, adaptive), _least(flights, linear)
-    reading = _better(flights, "the adaptation: an adaptive scheme loses the aircraft less often", linear, adaptive, LOSS)
-    return replace(reading, measured=f"{reading.measured}; in all {first} loses {lost}, {second} {left}")
+def _failures(found: Sequence[dict[str, list[str]]]) -> int:
+    """Of all flights, through which some scheme is ahead."""
+    return sum(len({failure for failures in by.values() for failure in failures}) for by in found)
 
 
-def _better(flights: Flights, says: str, linear: Sequence[str], adaptive: Sequence[str], by: str) -> Reading:
-    """Beyond chance, than each of the others; where nothing is lost nothing says it."""
-    better = {one: list(flights.over_all(one, linear, by)) for one in adaptive}
-    worse = {one: list(flights.over_all(one, adaptive, by)) for one in linear}
-    won = {failure for found in better.values() for failure in found}
-    return Reading(
-        f"{says} than every linear design, beyond chance",
-        verdict(holds=bool(won), conditional=len(won) < len(flights.failures)),
-        f"{_who(better)}; a linear design than every adaptive scheme: {_who(worse)}",
-    )
+def _prevails(every: Sequence[Flights], won: int, lost: int) -> Verdict:
+    """What holds through fewer failures than its reverse is not what the flights show."""
+    return verdict(holds=won > lost, conditional=won < sum(len(flights.failures) for flights in every))
 
 
-def _against(flights: Flights, says: str, one: str, other: str) -> Reading:
-    found = {sign: [failure for failure in flights.failures if flights.compared(one, other, failure) == sign] for sign in (1, -1)}
-    return Reading(
-        says,
-        verdict(holds=bool(found[1]), conditional=len(found[1]) < len(flights.failures)),
-        f"less error through {_named(found[1])}, more through {_named(found[-1])}",
-    )
-
-
-def _condition(flights: Flights, linear: Sequence[str], adaptive: Sequence[str]) -> str:
-    """By which criterion who wins, through what, and by how much; and who does on the other side."""
-    fewer, less = ({one: list(flights.over_all(one, linear, by)) for one in adaptive} for by in (LOSS, ERROR))
-    said = [f"by losses {_who(fewer) if any(fewer.values()) else 'nobody'}"]
-    said += [f"by the error {_sized(flights, one, failure, linear)}" for one, won in less.items() for failure in won]
-    reverse = {one: list(flights.over_all(one, adaptive, ERROR)) for one in linear}
-    return (
-        f"better than every linear design {', '.join(said)}. Of linear designs, better than every adaptive scheme by the error "
-        f"{_who(reverse)}. The filter and the speed pay through some failures alone"
-    )
+def _who(flights: Flights, found: dict[str, list[str]], others: Sequence[str], by: str) -> str:
+    """Who is ahead through what; by the error with the medians, as on most draws less is not yet less by much."""
+    said = [
+        f"{one} through {', '.join(f'{failure}{_sized(flights, one, failure, others) if by == ERROR else str()}' for failure in won)}"
+        for one, won in found.items()
+        if won
+    ]
+    return "; ".join(said) or "none"
 
 
 def _sized(flights: Flights, one: str, failure: str, others: Sequence[str]) -> str:
-    """With the medians: on most draws less is not yet less by much."""
     value = flights.error(one, failure)
-    medians = {other: error for other in others if (error := flights.error(other, failure)) is not None}
-    if value is None or not medians:
-        return f"{one} through {failure}"
-    best = min(medians, key=lambda other: medians[other])
-    return f"{one} through {failure}, on most draws, the median being {value:.2f} deg/s and that of {best} {medians[best]:.2f}"
-
-
-def _who(found: dict[str, list[str]]) -> str:
-    return "; ".join(f"{name} through {', '.join(failures)}" for name, failures in found.items() if failures) or "none"
+    medians = [error for other in others if other != one and (error := flights.error(other, failure)) is not None]
+    return f" ({value:.3g} for {min(medians):.3g} {flights.unit})" if value is not None and medians else ""
 
 
 def _named(failures: Sequence[str]) -> str:
@@ -198,10 +229,10 @@ def _table(flights: Flights) -> Listing:
 
     def cell(controller: str, failure: str) -> str:
         error = flights.error(controller, failure)
-        return f"{flights.lost(controller, failure)}; {'-' if error is None else f'{error:.2f}'}"
+        return f"{flights.lost(controller, failure)}; {'-' if error is None else f'{error:.3g}'}"
 
     return Listing(
-        f"Lost flights of {flights.members}; the median RMS error of the pitch rate [deg/s], where a lost flight's is infinite",
+        f"{flights.name}: lost flights of {flights.members}; the median RMS error [{flights.unit}], where a lost flight's is infinite",
         ("controller", *every),
         tuple((one, *(cell(one, failure) for failure in every)) for one in flights.document["lost"]),
     )

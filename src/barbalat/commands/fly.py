@@ -29,7 +29,7 @@ def add(commands: Commands) -> None:
         "--dispersions",
         type=int,
         metavar="N",
-        help="fly N aircraft that are drawn, at three conditions, instead; losses and errors with intervals",
+        help="fly N vehicles that are drawn instead, through all failures; losses and errors with intervals",
     )
     parser.add_argument("--seed", type=int, metavar="N", help="of the draws; default 2013")
     parser.add_argument("--store", metavar="DIR", help="keep every draw's row there; the same command resumes")
@@ -92,12 +92,12 @@ def _require_none(options: argparse.Namespace, names: Sequence[str], remedy: str
 
 def _execute_dispersed(options: argparse.Namespace) -> int:
     from barbalat.flight.dispersed import fly_dispersed
-    from barbalat.flight.dispersions import SEED
+    from barbalat.flight.drawing import SEED
     from barbalat.flight.isolated import SimulatorFailed
     from barbalat.report import dispersed, documents, page
     from barbalat.report.file_names import PAGE
 
-    remedy = "does not go with --dispersions, which flies the project's schemes at three conditions: leave it out"
+    remedy = "does not go with --dispersions, which flies the project's schemes on vehicles that are drawn: leave it out"
     _require_none(options, ("delays", "sil", "altitude", "mach", "controllers"), remedy)
     try:
         with folder_of(options.out, None if options.json else DEFAULT_FOLDER) as folder, work({"flying": 1200.0}) as running:

@@ -186,6 +186,16 @@ class Airframe:
         return float(self.fdm["position/h-sl-ft"])
 
     @property
+    def heading(self) -> float:
+        """[deg] from where it flew at first, to the right; from -180 to 180."""
+        return float(np.remainder(DEGREES * self.fdm["attitude/psi-rad"] + 180, 360) - 180)
+
+    @property
+    def ground_velocity(self) -> tuple[float, float]:
+        """North, which is where it flew at first, and east [ft/s]."""
+        return float(self.fdm["velocities/v-north-fps"]), float(self.fdm["velocities/v-east-fps"])
+
+    @property
     def rates(self) -> Array:
         """d/dt of the motion, (8,)."""
         fdm = self.fdm

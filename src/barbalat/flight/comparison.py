@@ -15,7 +15,7 @@ from barbalat.flight.f16_comparison import FlightComparison
 from barbalat.flight.failures import FAILURES, Failure
 from barbalat.flight.flight import Flight, columns_of
 from barbalat.flight.flying import delay_borne, flown
-from barbalat.flight.isolated import SimulatorFailed, isolated
+from barbalat.flight.isolated import SECONDS_PER_FLIGHT, STARTING_SECONDS, SimulatorFailed, isolated
 from barbalat.flight.request import Request
 from barbalat.flight.schemes import Flying, available, flying, require_known
 from barbalat.flight.trim import trimmed
@@ -23,9 +23,6 @@ from barbalat.protocols import Controller
 from barbalat.run.sampled_step import SampledList
 from barbalat.run.stepwise import Flyable, Maker
 from barbalat.validate import InputError, require_extra, show
-
-STARTING_SECONDS, SECONDS_PER_FLIGHT = 120.0, 60.0
-"""Time limits: JSBSim loads in one second and flies ``DURATION`` in half of one; a shared machine takes many times that."""
 
 
 def fly(request: Request) -> FlightComparison:

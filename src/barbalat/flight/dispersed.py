@@ -1,6 +1,7 @@
-"""Many flights: every controller through every failure on aircraft that are drawn, at three conditions, kept in a store.
+"""Many flights: every controller through every failure on vehicles that are drawn, kept in a store.
 
-A store is that of a sweep: Parquet, a row for each draw, resumed by the same call after whatever ended the last one.
+The frame is one for all flights; what differs among them is their ``Drawing``'s to say. A store is that of a sweep: Parquet, a
+row for each draw, resumed by the same call after whatever ended the last one.
 """
 
 from __future__ import annotations
@@ -19,18 +20,12 @@ from pathlib import Path
 import numpy as np
 
 from barbalat import validate
-from barbalat.flight.airframe import CONDITIONS
-from barbalat.flight.axis import Axis
-from barbalat.flight.comparison import SECONDS_PER_FLIGHT, STARTING_SECONDS, axis_of, chosen_failures, lists_of
-from barbalat.flight.dispersions import SEED, condition_of, drawn, plan_of
+from barbalat.flight.compared import Failing
+from barbalat.flight.drawing import KEPT, SEED, Drawing, Fleet, draws_of
 from barbalat.flight.evidence import Evidence, evidence_of
-from barbalat.flight.failures import Failure
-from barbalat.flight.flight import Timing
-from barbalat.flight.flying import fly_once
-from barbalat.flight.isolated import isolated
-from barbalat.flight.schemes import available, require_known
+from barbalat.flight.isolated import SECONDS_PER_FLIGHT, STARTING_SECONDS, isolated
+from barbalat.flight.registry import entry_of
 from barbalat.run.progress import Progress
-from barbalat.run.sampled_step import SampledList, SampledStep
 from barbalat.sweeps.chunks import Chunk, chunks_of
 from barbalat.sweeps.kept import Kept, in_order
 from barbalat.sweeps.plan import Plan
@@ -40,52 +35,50 @@ from barbalat.sweeps.stored import require_parquet
 from barbalat.sweeps.study import Columns
 from barbalat.validate import Array
 
-TIMING = Timing(duration=15.0, fails_at=5.0)
-"""Of such a flight [s]: what fails does so as the first command is reversed; another command follows."""
 MEMBERS, PROCESSES = 200, 2
 """Draws by default, and processes."""
-CHUNK_FLIGHTS, MOST_DRAWS = 256, 25
-"""Flights that a process flies before their rows are kept, half a minute's; and draws at most, so that all have some."""
-KEPT = ("lost_at", "rms_e", "max_abs_e", "travel")
-"""Figures of each flight."""
+MOST_DRAWS = 25
+"""Of one process at most, so that all have some."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Campaign:
-    """What is flown: axes and the controllers' operations at each of ``CONDITIONS``, through failures."""
+    """What is flown: schemes through failures on the draws of a plan."""
 
     name: str
-    axes: tuple[Axis, ...]
-    lists: tuple[tuple[SampledList, ...], ...]
-    failures: tuple[Failure, ...]
+    drawing: Drawing
+    fleet: Fleet
     plan: Plan
 
     @property
     def controllers(self) -> tuple[str, ...]:
-        return tuple(one.name for one in self.lists[0])
+        return self.fleet.controllers
+
+    @property
+    def failures(self) -> tuple[Failing, ...]:
+        return self.fleet.failures
 
     @property
     def chunk(self) -> int:
         """Draws that one process flies."""
-        return min(max(CHUNK_FLIGHTS // (len(self.controllers) * len(self.failures)), 1), MOST_DRAWS)
+        return min(max(self.drawing.chunk // (len(self.controllers) * len(self.failures)), 1), MOST_DRAWS)
 
     def identity(self) -> dict[str, object]:
         """What a store must have been made with to be gone on with."""
         case = {
             "flight": self.name,
-            "conditions": [str(axis.trim.condition) for axis in self.axes],
+            "conditions": list(self.fleet.conditions),
             "controllers": list(self.controllers),
-            "failures": [asdict(failure) for failure in self.failures],
-            "timing": asdict(TIMING),
+            "failures": self.fleet.described(),
+            "timing": asdict(self.drawing.timing),
         }
         return {"case": json.dumps(case), "plan": self.plan.as_json(), "equations": self._equations()}
 
     def _equations(self) -> str:
         """SHA-256 of the controllers' operations, the linear models, and the simulator's version."""
-        digest = hashlib.sha256(metadata.version("jsbsim").encode())
-        for axis, lists in zip(self.axes, self.lists, strict=True):
-            digest.update(repr([(one.name, one.program, one.initial.tolist()) for one in lists]).encode())
-            digest.update(axis.trim.A.tobytes() + axis.trim.B.tobytes())
+        digest = hashlib.sha256(metadata.version(self.drawing.simulator).encode())
+        for part in self.fleet.contents():
+            digest.update(part)
         return digest.hexdigest()
 
 
@@ -132,10 +125,10 @@ def fly_dispersed(
     processes: int = PROCESSES,
     progress: Progress | None = None,
 ) -> DispersedComparison:
-    """Fly schemes through failures on aircraft that are drawn; the extras ``flight`` and, for a store, ``study``.
+    """Fly schemes through failures on vehicles that are drawn; the extras ``flight`` and, for a store, ``study``.
 
     name, schemes, failures  as of ``fly``
-    members    draws, each flown by every scheme through every failure; the three conditions take turns
+    members    draws, each flown by every scheme through every failure; where there are several conditions they take turns
     seed       of the draws, and each draw's number of its gusts
     store      a folder that keeps every row and from which the same call goes on
     processes  that fly side by side
@@ -143,7 +136,11 @@ def fly_dispersed(
     Raises InputError for what can't be flown, SimulatorFailed where the simulator breaks; what was stored before stays.
     """
     validate.whole("processes", processes, least=1)
-    campaign = _campaign(name, schemes, failures, plan_of(members, seed), stored=store is not None)
+    drawing = entry_of(name).drawing
+    plan = drawing.plan(members, seed)
+    if store is not None:
+        require_parquet()
+    campaign = Campaign(name=name, drawing=drawing, fleet=drawing.prepare(schemes, failures), plan=plan)
     with _sink(campaign, store) as sink:
         resumed = done = sink.stored
         made = _made(campaign, sink.missing, processes)
@@ -153,18 +150,6 @@ def fly_dispersed(
             if progress is not None:
                 progress(done / members)
         return DispersedComparison(campaign=campaign, rows=sink.rows(), resumed=resumed)
-
-
-def _campaign(name: str, schemes: Sequence[str] | None, failures: Sequence[str] | None, plan: Plan, *, stored: bool) -> Campaign:
-    """What is asked for, trimmed and traced at each condition; what can't be flown or kept is refused before that."""
-    wanted = available() if schemes is None else list(schemes)
-    chosen = chosen_failures(name, failures)
-    require_known(wanted)
-    if stored:
-        require_parquet()
-    axes = tuple(axis_of(name, condition) for condition in CONDITIONS)
-    lists = tuple(tuple(lists_of(axis, wanted)) for axis in axes)
-    return Campaign(name=name, axes=axes, lists=lists, failures=chosen, plan=plan)
 
 
 @contextlib.contextmanager
@@ -190,23 +175,17 @@ def _made(campaign: Campaign, chunks: Sequence[Chunk], processes: int) -> Iterat
 
 def flown_members(campaign: Campaign, chunk: Chunk) -> Columns:
     """All columns of these draws, in this process."""
-    steps = [[SampledStep(one) for one in lists] for lists in campaign.lists]
+    fly, turns = campaign.fleet.flying(), len(campaign.fleet.conditions)
     found: Columns = {"member": np.arange(chunk.first, chunk.first + chunk.size)}
     values = campaign.plan.values(*chunk)
     found |= {str(path): values[:, i] for i, path in enumerate(campaign.plan.paths)}
-    found["condition"] = found["member"] % len(CONDITIONS)
+    found["condition"] = found["member"] % turns
     pairs = product(campaign.controllers, campaign.failures)
     names = [column_name(one, failure.name, figure) for one, failure in pairs for figure in KEPT]
     found |= {name: np.full(chunk.size, np.nan) for name in names}
-    for place, dispersion in enumerate(drawn(campaign.plan, *chunk)):
-        which = CONDITIONS.index(condition_of(dispersion.number))
-        axis = campaign.axes[which]
-        for step in steps[which]:
-            for failure in campaign.failures:
-                flight = fly_once(axis, step, failure, dispersion, TIMING)
-                figures = flight.figures | {"travel": flight.figures[f"{axis.followed.surface}_travel"]}
-                for figure in KEPT:
-                    value = figures[figure]
-                    name = column_name(flight.controller, failure.name, figure)
-                    found[name][place] = np.nan if value is None else value
+    for number, draw in draws_of(campaign.plan, *chunk):
+        for controller, failure, figures in fly(draw, number):
+            for figure in KEPT:
+                value = figures[figure]
+                found[column_name(controller, failure, figure)][number - chunk.first] = np.nan if value is None else value
     return found

@@ -2,13 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 
-from barbalat.flight.airframe import CONDITIONS, FlightCondition
 from barbalat.flight.f16 import SCALED
-from barbalat.sweeps.paths import FieldPath
-from barbalat.sweeps.plan import Design, Plan
 from barbalat.sweeps.spread import Uniform
 
 
@@ -65,24 +61,5 @@ DRAWN = {
     "delay": Uniform(0.0, 0.02),  # two samples of a busy bus
 }
 """From what each is drawn: what wind-tunnel data are commonly uncertain by, a tenth to a third."""
-UNITS = {"load": " lb", "ballast_aft": " in", "attitude": " deg", "gusts": " ft/s", "delay": " s"}
+UNITS = {"load": "lb", "ballast_aft": "in", "attitude": "deg", "gusts": "ft/s", "delay": "s"}
 """Of these; the others are factors of what is nominal."""
-SEED = 2013
-
-
-def plan_of(members: int, seed: int = SEED) -> Plan:
-    """Independent draws, so that the intervals of shares are exact."""
-    draws = {FieldPath(("dispersion", name)): one for name, one in DRAWN.items()}
-    return Plan(draws=draws, members=members, design=Design.RANDOM, seed=seed)
-
-
-def drawn(plan: Plan, first: int, count: int) -> Iterator[Dispersion]:
-    """Members from number ``first`` on."""
-    names = [str(path.keys[1]) for path in plan.paths]
-    for number, row in enumerate(plan.values(first, count).tolist(), start=first):
-        yield Dispersion(**dict(zip(names, row, strict=True)), number=number)
-
-
-def condition_of(member: int) -> FlightCondition:
-    """The conditions take turns."""
-    return CONDITIONS[member % len(CONDITIONS)]

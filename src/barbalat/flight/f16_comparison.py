@@ -130,8 +130,6 @@ class FlightComparison(Compared):
         return figure_of(found, narrow=narrow, shown=shown)
 
     def scene(self, failure: Failing, controllers: Sequence[str]) -> Scene | None:
-        if self.axis.followed.attitude != "theta":
-            return None  # a record has no heading, so that where a rolling aircraft went is not known
         chosen = [
             (i, flight)
             for i, several in enumerate(self.flights)
@@ -151,18 +149,17 @@ class FlightComparison(Compared):
 
 
 def _path(flight: Flight) -> Array:
-    """(K, 3): downrange, nothing aside, altitude [ft]; what is flown in a sample is the speed less the climb."""
-    altitude = flight.column("altitude")
-    climb = np.gradient(altitude, SAMPLE_TIME)
-    ahead = np.sqrt(np.maximum(flight.column("speed") ** 2 - climb**2, 0.0))
-    downrange = np.concatenate([[0.0], np.cumsum(SAMPLE_TIME * ahead[:-1])])
-    return np.column_stack([downrange, np.zeros(len(altitude)), altitude])
+    """(K, 3): north, west, altitude [ft]. Who pitches stays in one plane, but for what the earth's rotation turns him aside."""
+    aside = -flight.column("east") if flight.followed.attitude == "phi" else np.zeros(len(flight.record))
+    return np.column_stack([flight.column("north"), aside, flight.column("altitude")])
 
 
 def _attitude(flight: Flight) -> Array:
-    """The nose goes up about the axis to the right, which is the negative one of those here."""
+    """The nose goes up about the axis to the right and right about the axis down, the negative ones of those here."""
     pitch = flight.column("pitch")
-    return attitudes(np.zeros(len(pitch)), -pitch, np.zeros(len(pitch)))
+    if flight.followed.attitude == "theta":
+        return attitudes(np.zeros(len(pitch)), -pitch, np.zeros(len(pitch)))
+    return attitudes(flight.column("bank"), -pitch, -flight.column("heading"))
 
 
 def _mode(values: list[complex]) -> str:

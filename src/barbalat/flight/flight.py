@@ -8,19 +8,11 @@ import numpy as np
 
 from barbalat.flight.axis import SAMPLE_TIME, Followed
 from barbalat.flight.failures import FAILS_AT, Failure
+from barbalat.flight.timing import Timing
 from barbalat.run.stepwise import Agreement
 from barbalat.validate import Array
 
-
-@dataclass(frozen=True, kw_only=True)
-class Timing:
-    """How long a flight is, and when what fails does [s]."""
-
-    duration: float = 30.0
-    fails_at: float = FAILS_AT
-
-
-TIMING = Timing()
+TIMING = Timing(duration=30.0, fails_at=FAILS_AT)
 
 
 def columns_of(followed: Followed) -> dict[str, str]:
@@ -30,11 +22,12 @@ def columns_of(followed: Followed) -> dict[str, str]:
     surfaces, attitude = (f"{surface}_command", surface), ("pitch", "bank")
     return {
         "t": "s", **dict.fromkeys(rates, "deg/s"), **dict.fromkeys(angles, "deg"), "n_z": "g",
-        **dict.fromkeys((*surfaces, *attitude), "deg"), "altitude": "ft", "speed": "ft/s",
+        **dict.fromkeys((*surfaces, *attitude), "deg"), "altitude": "ft", "speed": "ft/s", "heading": "deg",
+        **dict.fromkeys(("north", "east"), "ft"),
     }  # fmt: skip
 
 
-T, COMMANDED, MODEL, RATE, ALPHA, BETA, N_Z, COMMAND, SURFACE, PITCH, BANK, ALTITUDE, SPEED = range(13)
+T, COMMANDED, MODEL, RATE, ALPHA, BETA, N_Z, COMMAND, SURFACE, PITCH, BANK, ALTITUDE, SPEED, HEADING, NORTH, EAST = range(16)
 """Places of these columns."""
 
 
@@ -57,7 +50,7 @@ def figures_of(followed: Followed) -> dict[str, str]:
 class Flight:
     """What was flown.
 
-    record     (K, 13), one row for each sample, see ``columns_of``; up to where control was lost
+    record     (K, 16), one row for each sample, see ``columns_of``; up to where control was lost
     lost       why control was lost, empty where it was not
     agreement  of the exported C that flew with the simulated list; None where that list flew
     """

@@ -10,12 +10,14 @@ import numpy as np
 
 from barbalat.flight import f16
 from barbalat.flight.airframe import DEGREES, STEP, Airframe
-from barbalat.flight.axis import SAMPLE_TIME, Axis
+from barbalat.flight.axis import PITCH, SAMPLE_TIME, Axis
 from barbalat.flight.dispersions import NOMINAL, Dispersion
 from barbalat.flight.equipment import Actuator, Sensors
 from barbalat.flight.failures import Failure
-from barbalat.flight.flight import ALPHA, BANK, BETA, N_Z, TIMING, Flight, Timing, columns_of
+from barbalat.flight.flight import ALPHA, BANK, BETA, N_Z, TIMING, Flight, columns_of
 from barbalat.flight.gusts import SEED, gusts_met
+from barbalat.flight.timing import Timing
+from barbalat.flight.trim import Trim
 from barbalat.linear.largest import largest_whole
 from barbalat.linear.zero_order_hold import HeldSystem
 from barbalat.run.stepwise import Flyable, Step
@@ -90,6 +92,8 @@ class _Aircraft:
     effectiveness  of the axis's surface, what a dispersion and a failure leave of it
     surface        its deflection as the airframe's tables read it [rad]
     states         what sensors see, as deviations from trim
+    hold           keeps the pitch axis where it is trimmed while another one is flown; None where pitch itself is
+    place, ground  how far north and east it is of where it was at first, and how fast it goes there [ft, ft/s]
     """
 
     axis: Axis
@@ -99,6 +103,9 @@ class _Aircraft:
     effectiveness: float
     surface: FGPropertyNode
     states: Callable[[], list[float]]
+    hold: _PitchHold | None
+    place: tuple[float, float]
+    ground: tuple[float, float]
 
     @classmethod
     def at_start(cls, axis: Axis, dispersion: Dispersion) -> _Aircraft:
@@ -124,6 +131,9 @@ class _Aircraft:
             effectiveness=dispersion.effectiveness,
             surface=airframe.surface(axis.surface),
             states=airframe.seeing(axis.followed.states, trimmed),
+            hold=None if axis.followed.surface == "elevator" else _PitchHold.of(airframe, trim),
+            place=(0.0, 0.0),
+            ground=airframe.ground_velocity,
         )
 
     def fail(self, failure: Failure) -> None:
@@ -139,15 +149,48 @@ class _Aircraft:
         rate, alpha, beta = np.rad2deg([motion[self.axis.followed.places[self.axis.rate]], motion.alpha, motion.beta])
         return (
             rate, alpha, beta, self.airframe.load_factor, command, self.actuator.deflection,
-            *np.rad2deg([motion.theta, motion.phi]), self.airframe.altitude, motion.speed,
+            *np.rad2deg([motion.theta, motion.phi]), self.airframe.altitude, motion.speed, self.airframe.heading, *self.place,
         )  # fmt: skip
 
     def advance(self, command: float) -> None:
         """By a sample."""
         for _ in SUBSTEPS:
             self.surface.set_double_value(self.effectiveness * self.actuator.advance(command) / DEGREES)
+            if self.hold is not None:
+                self.hold()
             self.airframe.fdm.run()
             self.sensors.advance(self.states())
+        before, self.ground = self.ground, self.airframe.ground_velocity
+        (north, east), half = self.place, SAMPLE_TIME / 2
+        self.place = north + half * (before[0] + self.ground[0]), east + half * (before[1] + self.ground[1])
+
+
+@dataclass(frozen=True, kw_only=True)
+class _PitchHold:
+    """The linear-quadratic feedback of the pitch axis, at once and without lag: the airframe may be unstable there by itself,
+    and what is compared is how somebody flies another axis."""
+
+    elevator: FGPropertyNode
+    states: Callable[[], list[float]]
+    gain: tuple[float, ...]
+    trimmed: float
+
+    @classmethod
+    def of(cls, airframe: Airframe, trim: Trim) -> _PitchHold:
+        pitch = Axis(trim=trim, followed=PITCH)
+        at = np.rad2deg(np.array(trim.motion)[list(PITCH.places)]).tolist()
+        return cls(
+            elevator=airframe.surface(pitch.surface),
+            states=airframe.seeing(PITCH.states, at),
+            gain=tuple(pitch.gain.tolist()),
+            trimmed=pitch.surface_trim,
+        )
+
+    def __call__(self) -> None:
+        limit, asked = PITCH.equipment.limit, self.trimmed
+        for gain, off in zip(self.gain, self.states(), strict=True):
+            asked -= gain * off
+        self.elevator.set_double_value(min(max(asked, -limit), limit) / DEGREES)
 
 
 def _air(axis: Axis, failure: Failure, dispersion: Dispersion, samples: int, failing: int) -> list[tuple[float, float]]:

@@ -5,13 +5,15 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from barbalat.flight import comparison
+from barbalat.flight import comparison, f16_fleet
 from barbalat.flight.airframe import FlightCondition
 from barbalat.flight.axis import AXES
 from barbalat.flight.compared import Compared
+from barbalat.flight.drawing import Drawing
 from barbalat.flight.equipment import Equipment
 from barbalat.flight.failures import FAILURES as F16_FAILURES
 from barbalat.flight.quadrotor import comparison as quadrotor
+from barbalat.flight.quadrotor import fleet as quadrotor_fleet
 from barbalat.flight.quadrotor.failures import FAILURES as QUADROTOR_FAILURES
 from barbalat.flight.request import Request
 from barbalat.protocols import Controller
@@ -27,25 +29,40 @@ class FlightEntry:
     meaning   what flies, in words
     fly       flies it
     failures  the names of what can fail
+    drawing   how a campaign draws its vehicles and flies them
     """
 
     meaning: str
     fly: Callable[[Request], Compared]
     failures: tuple[str, ...]
+    drawing: Drawing
 
 
 FLIGHTS = {
     **{
         name: FlightEntry(
-            meaning=axis.meaning, fly=comparison.fly, failures=tuple(failure.name for failure in F16_FAILURES[name])
+            meaning=axis.meaning,
+            fly=comparison.fly,
+            failures=tuple(failure.name for failure in F16_FAILURES[name]),
+            drawing=f16_fleet.drawing_of(name),
         )
         for name, axis in AXES.items()
     },
     "quadrotor": FlightEntry(
-        meaning="a quadrotor flies a figure of eight in MuJoCo", fly=quadrotor.fly, failures=tuple(QUADROTOR_FAILURES)
+        meaning="a quadrotor flies a figure of eight in MuJoCo",
+        fly=quadrotor.fly,
+        failures=tuple(QUADROTOR_FAILURES),
+        drawing=quadrotor_fleet.DRAWING,
     ),
 }
 """By the names of the command line."""
+
+
+def entry_of(name: str) -> FlightEntry:
+    """InputError for a name that is none."""
+    if name not in FLIGHTS:
+        raise InputError(f"NAME must be one of {', '.join(FLIGHTS)}, got {show(name)}")
+    return FLIGHTS[name]
 
 
 def fly(
@@ -77,8 +94,7 @@ def fly(
 
     Raises InputError for what can't be flown, SimulatorFailed where the simulator breaks before any flight.
     """
-    if name not in FLIGHTS:
-        raise InputError(f"NAME must be one of {', '.join(FLIGHTS)}, got {show(name)}")
+    entry = entry_of(name)
     if software_in_the_loop is not None and not callable(software_in_the_loop):
         raise InputError(
             f"software_in_the_loop must be what makes a controller fly, exported_c, got {show(software_in_the_loop)}"
@@ -94,4 +110,4 @@ def fly(
         software_in_the_loop=software_in_the_loop,
         progress=progress,
     )
-    return FLIGHTS[name].fly(request)
+    return entry.fly(request)

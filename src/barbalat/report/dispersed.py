@@ -4,31 +4,31 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
+from dataclasses import asdict
 from importlib import metadata
 from typing import Any
 
 import barbalat
-from barbalat.flight.dispersed import KEPT, TIMING, DispersedComparison
-from barbalat.flight.dispersions import DRAWN, UNITS
+from barbalat.flight.dispersed import DispersedComparison
+from barbalat.flight.drawing import KEPT
 from barbalat.flight.evidence import Flown, Median, Pairing
-from barbalat.flight.schemes import TUNED
 from barbalat.sweeps.evidence import CONFIDENCE_LEVEL, Share
+from barbalat.sweeps.spread import Uniform
 
 LARGE = 9.995
-BESIDE = "LQR with PI"
-"""What all are paired with, where it flies: the simplest of those that restore a trim."""
-RULE = (
-    "one rule for all (benchmarks/flight_tuning.py): least RMS error on the linearised aircraft with a delay margin of 0.1 s and "
-    "a gain margin of 2"
-)
-HEADINGS = ("controller", "lost", "of 100\nat 95 %", "median\nRMS e", "at 95 %", "less\nthan PI", "surface\n[deg/s]")
 NOTES = (
     "Lost: how many draws were lost, and the share of all draws that this is evidence of, by Clopper and Pearson's interval",
     "a lost flight counts as an infinite error in the median, whose interval is that of order statistics; fewer than six draws "
     "bound none",
-    f"less than PI: on how many of 100 draws the error is smaller than that of {BESIDE}, of those that not both lost; + and - "
-    "stand where that is beyond chance",
 )
+
+
+def headings(found: DispersedComparison) -> tuple[str, ...]:
+    """Of ``rows``."""
+    drawing = found.campaign.drawing
+    (moved, unit), (_, short) = drawing.moved, drawing.beside
+    error = f"RMS e\n[{drawing.error_unit}]"
+    return ("controller", "lost", "of 100\nat 95 %", error, "at 95 %", f"less\nthan {short}", f"{moved}\n[{unit}]")
 
 
 def notes(found: DispersedComparison) -> tuple[str, ...]:
@@ -38,7 +38,14 @@ def notes(found: DispersedComparison) -> tuple[str, ...]:
         f"each failure by error and by losses; of all {found.evidence.comparisons} such comparisons that some draw decides, none "
         f"is called so by chance with a probability of {100 * CONFIDENCE_LEVEL:.0f} %, by Holm's correction"
     )
-    return (*NOTES, chance) if found.evidence.comparisons else NOTES
+    name, short = found.campaign.drawing.beside
+    less = (
+        f"less than {short}: on how many of 100 draws the error is smaller than that of {name}, of those that not both lost; + "
+        "and - stand where that is beyond chance"
+    )
+    travel = f"RMS e, and under {found.campaign.drawing.moved[0]} what moves in a second, are medians of all draws"
+    told = (*NOTES, travel, less)
+    return (*told, chance) if found.evidence.comparisons else told
 
 
 def rows(found: DispersedComparison, failure: str) -> list[list[str]]:
@@ -50,15 +57,15 @@ def rows(found: DispersedComparison, failure: str) -> list[list[str]]:
             _interval(100 * end for end in one.lost.interval),
             _number(one.error.value),
             _bounds(one.error),
-            _paired(one),
+            _paired(one, found.campaign.drawing.beside[0]),
             _number(one.travel.value),
         ]
         for one in found.evidence.by_failure[failure]
     ]
 
 
-def _paired(one: Flown) -> str:
-    pairing = _against(one, BESIDE)
+def _paired(one: Flown, beside: str) -> str:
+    pairing = _against(one, beside)
     if pairing is None or pairing.better is None:
         return "-"
     return f"{100 * pairing.better.share:.0f}{ {1: ' +', 0: '', -1: ' -'}[pairing.follows] }"
@@ -99,7 +106,7 @@ def loss_headings(found: DispersedComparison) -> tuple[str, ...]:
 
 def verdicts(found: DispersedComparison) -> list[str]:
     """For each failure who loses least, and who is better and worse than the PI beyond chance, by losses and by error."""
-    said = []
+    said, beside = [], found.campaign.drawing.beside[0]
     for failure, several in found.evidence.by_failure.items():
         least = several[0].lost.count
         if least == found.members:
@@ -108,7 +115,7 @@ def verdicts(found: DispersedComparison) -> list[str]:
         fewest = [one.controller for one in several if one.lost.count == least]
         many = "all" if len(fewest) == len(several) else _listed(fewest)
         parts = [f"{failure}: fewest losses, {least} of {found.members}: {many}; least error: {_least(several)}"]
-        pairs = {one.controller: pair for one in several if (pair := _against(one, BESIDE)) is not None}
+        pairs = {one.controller: pair for one in several if (pair := _against(one, beside)) is not None}
         signs = {
             ("fewer losses", "more losses"): {name: pair.keeps for name, pair in pairs.items()},
             ("less error", "more error"): {name: pair.follows for name, pair in pairs.items()},
@@ -116,7 +123,7 @@ def verdicts(found: DispersedComparison) -> list[str]:
         for words, by in signs.items():
             for word, sign in zip(words, (1, -1), strict=True):
                 names = [name for name, one in by.items() if one == sign]
-                parts += [f"{word} than {BESIDE} beyond chance: {_listed(names)}"] if names else []
+                parts += [f"{word} than {beside} beyond chance: {_listed(names)}"] if names else []
         said.append("; ".join(parts))
     return said
 
@@ -135,29 +142,36 @@ def _least(several: tuple[Flown, ...]) -> str:
 
 def facts(found: DispersedComparison) -> list[tuple[str, str]]:
     """What was drawn, where it flies, how it was set."""
-    draws = ", ".join(f"{name.replace('_', ' ')} {one.low:g} to {one.high:g}{UNITS.get(name, '')}" for name, one in DRAWN.items())
-    conditions = "; ".join(str(axis.trim.condition) for axis in found.campaign.axes)
-    flown = f"{found.members} draws by seed {found.campaign.plan.seed}, taking turns at {conditions}"
+    drawing, conditions = found.campaign.drawing, found.campaign.fleet.conditions
+    draws = ", ".join(_range(name, one, drawing.units.get(name, "")) for name, one in drawing.drawn.items())
+    where = f"taking turns at {'; '.join(conditions)}" if len(conditions) > 1 else conditions[0]
+    timing = f"{drawing.timing.duration:g} s each, the failure at {drawing.timing.fails_at:g} s"
     return [
-        ("flown", f"{flown}; {TIMING.duration:g} s each, the failure at {TIMING.fails_at:g} s"),
+        ("flown", f"{found.members} draws by seed {found.campaign.plan.seed}, {where}; {timing}"),
         ("drawn", f"uniformly: {draws}"),
-        ("set by", RULE),
+        ("set by", drawing.set_by),
     ]
+
+
+def _range(name: str, one: Uniform, unit: str) -> str:
+    return f"{name.replace('_', ' ')} {one.low:g} to {one.high:g}{unit and ' '}{unit}"
 
 
 def as_document(found: DispersedComparison) -> dict[str, Any]:
     """The document of ``fly --dispersions --json``: all that the tables say, and what it follows from."""
-    identity = found.campaign.identity()
+    identity, drawing = found.campaign.identity(), found.campaign.drawing
+    packages = (drawing.simulator, "numpy", "scipy")
     return {
         "flight": found.campaign.name,
         "members": found.members,
         "resumed": found.resumed,
         "plan": identity["plan"],
         "equations": identity["equations"],
-        "conditions": [str(axis.trim.condition) for axis in found.campaign.axes],
-        "timing": vars(TIMING),
-        "numbers": TUNED[found.campaign.name],
-        "versions": {"barbalat": barbalat.__version__} | {name: metadata.version(name) for name in ("jsbsim", "numpy", "scipy")},
+        "conditions": list(found.campaign.fleet.conditions),
+        "timing": asdict(drawing.timing),
+        "numbers": drawing.numbers,
+        "versions": {"barbalat": barbalat.__version__} | {name: metadata.version(name) for name in packages},
+        "units": {"rms_e": drawing.error_unit, "max_abs_e": drawing.error_unit, "travel": drawing.moved[1]},
         "figures": list(KEPT),
         "first_draw": {name: value if math.isfinite(value) else None for name, value in found.rows.row(0).items()},
         "lost": {name: {"count": count, "flights": flights} for name, (count, flights) in found.evidence.lost.items()},

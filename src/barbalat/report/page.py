@@ -179,7 +179,7 @@ def dispersed_flights(found: DispersedComparison) -> str:
     values = {
         "facts": dispersed.facts(found),
         "notes": dispersed.notes(found),
-        "headings": tuple(heading.replace("\n", " ") for heading in dispersed.HEADINGS),
+        "headings": tuple(heading.replace("\n", " ") for heading in dispersed.headings(found)),
         "loss_headings": dispersed.loss_headings(found),
     }
     return _render("dispersed.html", found=found, **told, **values)

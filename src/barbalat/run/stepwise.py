@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller
@@ -57,6 +57,13 @@ class Step(Protocol):
 
     def agreement(self) -> Agreement | None:
         """Of the samples since it was last asked for; None where it is the simulated list itself that flies."""
+
+
+@runtime_checkable
+class Resumable(Step, Protocol):
+    """A step that goes on from wherever it is put: ``state``, (S,), is all that the next sample follows from."""
+
+    state: Array
 
 
 class Flyable(Protocol):

@@ -52,9 +52,11 @@ class Axis:
     lag          [s] between u and what it does, at low frequencies
     limit        of u, on both sides, and of the feedback
     size         of the errors that are met
+    like         the axis whose linear model this one has, on which settings are found: "roll", "yaw" or "forward"
     """
 
     name: str
+    like: str
     A: Array
     b: Array
     frequency: float
@@ -120,10 +122,12 @@ class Electronics:
     """Between the vehicle and its controllers.
 
     delay           [s] from a sample to the motors' command
+    rate_lag        [s] of the rate sensors, first order
     attitude_noise  [rad], and the others' [rad/s, m, m/s]: standard deviations of white noise at the samples
     """
 
     delay: float = 0.005
+    rate_lag: float = 0.0
     attitude_noise: float = 0.003
     rate_noise: float = 0.02
     position_noise: float = 0.005
@@ -144,11 +148,13 @@ class Axes:
         fast = PHASE / (CROSSOVER * lag)
         return tuple(
             Axis(
-                name=name, A=self._block(3 + i, 9 + i), b=(self.hover.B @ self.hover.mixer[:, 1 + i])[[3 + i, 9 + i]],
+                name=name, like=like, A=self._block(3 + i, 9 + i), b=(self.hover.B @ self.hover.mixer[:, 1 + i])[[3 + i, 9 + i]],
                 frequency=frequency, lag=lag, sample_time=ATTITUDE_SAMPLE, size=0.1,
                 limit=ADDED_SHARE * MOMENT_SHARE * self._moment(1 + i),
             )
-            for i, (name, frequency) in enumerate((("roll", fast), ("pitch", fast), ("yaw", YAW_SHARE * fast)))
+            for i, (name, like, frequency) in enumerate(
+                (("roll", "roll", fast), ("pitch", "roll", fast), ("yaw", "yaw", YAW_SHARE * fast))
+            )
         )  # fmt: skip
 
     @cached_property
@@ -160,7 +166,7 @@ class Axes:
         frequency = PHASE / (CROSSOVER * lag)
         return tuple(
             Axis(
-                name=name, A=self._block(i, 6 + i), b=np.array([0.0, 1.0]), frequency=frequency, lag=lag,
+                name=name, like="forward", A=self._block(i, 6 + i), b=np.array([0.0, 1.0]), frequency=frequency, lag=lag,
                 sample_time=POSITION_SAMPLE, size=0.3, limit=limit,
             )
             for i, name in enumerate(("forward", "left", "up"))

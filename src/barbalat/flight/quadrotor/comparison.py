@@ -10,22 +10,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from barbalat.flight.compared import Compared, Failing
-from barbalat.flight.isolated import SimulatorFailed, isolated
+from barbalat.flight.isolated import SECONDS_PER_FLIGHT, STARTING_SECONDS, SimulatorFailed, isolated
 from barbalat.flight.quadrotor.axes import ATTITUDE_SAMPLE, POSITION_SAMPLE, Axes
 from barbalat.flight.quadrotor.control import Scheme
-from barbalat.flight.quadrotor.failures import FAILS_AT, FAILURES, Failure
-from barbalat.flight.quadrotor.flight import (
-    COLUMNS,
-    DELAY_STEP,
-    DURATION,
-    FIGURES,
-    MOST,
-    QuadrotorFlight,
-    delay_borne,
-    flown,
-)
+from barbalat.flight.quadrotor.failures import FAILURES, Failure
+from barbalat.flight.quadrotor.flight import COLUMNS, FIGURES, TIMING, QuadrotorFlight
+from barbalat.flight.quadrotor.flying import DELAY_STEP, MOST, delay_borne, flown
 from barbalat.flight.quadrotor.hover import hovering
-from barbalat.flight.quadrotor.schemes import SCHEMES, OnAxis, require_known
+from barbalat.flight.quadrotor.schemes import SCHEMES, OnAxis, on_axis, require_known
 from barbalat.flight.quadrotor.trajectory import TAKES_OFF
 from barbalat.flight.quadrotor.vehicle import AIR_DENSITY, INTEGRATOR, PLACES, SLOPE, STEP, Quadrotor
 from barbalat.flight.request import Request
@@ -38,8 +30,6 @@ from barbalat.validate import InputError, require_extra, show
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-STARTING_SECONDS, SECONDS_PER_FLIGHT = 120.0, 60.0
-"""Limits: MuJoCo and six compiled controllers start in two seconds and fly in one and a half; a shared machine takes more."""
 AROUND = np.linspace(0, 2 * np.pi, 13)
 WIRE = (
     *(np.array([(x, y, 0.0), (-x, -y, 0.0)]) for x, y in PLACES[:2]),
@@ -91,10 +81,11 @@ class QuadrotorComparison(Compared):
     @property
     def notes(self) -> tuple[str, ...]:
         return (
-            f"From the failure on, which comes at {FAILS_AT:g} s and stays (no-reset: from the start at {TAKES_OFF:g} s); e is "
-            "the distance from where it should be, sinks how far it came below that, tilt its largest value, rotors how much a "
-            "thrust changes in a second, limited the share of the time in which some rotor is at an end of its range",
-            "each scheme has one setting, by a stated rule and not tuned: what is ranked is these settings",
+            f"From the failure on, which comes at {TIMING.fails_at:g} s and stays (no-reset: from the start at {TAKES_OFF:g} s); "
+            "e is the distance from where it should be, sinks how far it came below that, tilt its largest value, rotors how "
+            "much a thrust changes in a second, limited the share of the time in which some rotor is at an end of its range",
+            "each scheme has on each axis the setting that one rule gives on the linearised vehicle, and none is tuned on "
+            "flights: these are ranked",
         )
 
     def facts(self) -> list[tuple[str, str]]:
@@ -109,7 +100,7 @@ class QuadrotorComparison(Compared):
             (
                 "computed",
                 f"MuJoCo {self.mujoco}, {INTEGRATOR}, {1 / STEP:g} Hz; control at {1 / ATTITUDE_SAMPLE:g} Hz "
-                f"and {1 / POSITION_SAMPLE:g} Hz, {DURATION:g} s",
+                f"and {1 / POSITION_SAMPLE:g} Hz, {TIMING.duration:g} s",
             ),
         ]
 
@@ -128,7 +119,7 @@ class QuadrotorComparison(Compared):
             "electronics": asdict(self.axes.electronics),
             "simulation": {
                 "simulator": f"MuJoCo {self.mujoco}", "integrator": INTEGRATOR, "dt": STEP, "air_density": AIR_DENSITY,
-                "slope_deg": SLOPE, "t_end": DURATION, "fails_at": FAILS_AT, "takes_off": TAKES_OFF,
+                "slope_deg": SLOPE, "t_end": TIMING.duration, "fails_at": TIMING.fails_at, "takes_off": TAKES_OFF,
             },
         }  # fmt: skip
 
@@ -158,7 +149,7 @@ class QuadrotorComparison(Compared):
         ]
         return Scene(
             title=failure.meaning, unit="m", t=longest.column("t"), target=longest.record[:, 1:4], movers=tuple(movers),
-            wire=WIRE, fails=longest.failure.since,
+            wire=WIRE, fails=longest.since,
         )  # fmt: skip
 
     def _through(self, failure: Failing) -> list[QuadrotorFlight]:
@@ -169,12 +160,11 @@ def fly(request: Request) -> QuadrotorComparison:
     """The schemes on all axes; controllers of one's own on roll, pitch and yaw, bound to each one's ``adaptive_problem``."""
     wanted = list(SCHEMES if request.schemes is None else request.schemes)
     require_known(wanted)
-    chosen = _failures(request.failures)
+    chosen = chosen_failures(request.failures)
     if request.condition is not None or request.equipment is not None:
         raise InputError("condition and equipment, --altitude and --mach, are the F-16's: the quadrotor hovers near the ground")
-    require_extra("mujoco", "flight", "the quadrotor")
-    axes = Axes(hover=isolated(STARTING_SECONDS, hovering, Quadrotor()))
-    schemes, maker = _schemes(axes, wanted, request.controllers), request.software_in_the_loop
+    axes, maker = nominal_axes(), request.software_in_the_loop
+    schemes = _schemes(axes, wanted, request.controllers)
     _require_different([one.name for one in schemes])
     flying = schemes if maker is None else _schemes(axes, wanted, request.controllers, maker)
     flights, borne = [], {}
@@ -195,7 +185,14 @@ def fly(request: Request) -> QuadrotorComparison:
     )
 
 
-def _failures(names: Sequence[str] | None) -> tuple[Failure, ...]:
+def nominal_axes() -> Axes:
+    """Of the vehicle that the controllers are designed for; hover is found in a process of its own."""
+    require_extra("mujoco", "flight", "the quadrotor")
+    return Axes(hover=isolated(STARTING_SECONDS, hovering, Quadrotor()))
+
+
+def chosen_failures(names: Sequence[str] | None) -> tuple[Failure, ...]:
+    """All by default; InputError for what is none."""
     unknown = [one for one in names or () if one not in FAILURES]
     if unknown:
         raise InputError(f"--failure must be of {', '.join(FAILURES)}, got {show(unknown[0])}")
@@ -204,16 +201,18 @@ def _failures(names: Sequence[str] | None) -> tuple[Failure, ...]:
 
 def _schemes(axes: Axes, names: Sequence[str], controllers: Sequence[Controller], maker: Maker = SampledList.of) -> list[Scheme]:
     return [
-        *(_scheme(name, axes, maker) for name in dict.fromkeys(names)),
+        *(scheme_on(axes, name, maker) for name in dict.fromkeys(names)),
         *(_own(one, axes, maker) for one in controllers),
     ]
 
 
-def _scheme(name: str, axes: Axes, maker: Maker = SampledList.of) -> Scheme:
+def scheme_on(axes: Axes, name: str, maker: Maker = SampledList.of) -> Scheme:
+    """A scheme on all six, as what flies."""
+
     def on(several: Sequence[OnAxis]) -> tuple[Flyable, ...]:
         return tuple(maker(*one) for one in several)
 
-    attitude, position = ([SCHEMES[name](axis) for axis in several] for several in (axes.attitude, axes.position))
+    attitude, position = ([on_axis(name, axis) for axis in several] for several in (axes.attitude, axes.position))
     return Scheme(name=attitude[0].controller.name, attitude=on(attitude), position=on(position))
 
 
@@ -225,7 +224,7 @@ def _own(controller: Controller, axes: Axes, maker: Maker) -> Scheme:
             f"{controller.name} must have sample_time {ATTITUDE_SAMPLE:g} s, that of the attitude's computer, "
             f"got {lists[0].sample_time:g}"
         )
-    alone = _scheme("geometric", axes, maker)
+    alone = scheme_on(axes, "geometric", maker)
     return Scheme(name=controller.name, attitude=tuple(lists), position=alone.position)
 
 

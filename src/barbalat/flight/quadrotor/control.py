@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -20,7 +21,7 @@ from barbalat.flight.quadrotor.geometry import (
 )
 from barbalat.flight.quadrotor.simulator import Motion
 from barbalat.flight.quadrotor.trajectory import Path
-from barbalat.run.stepwise import Agreement, Flyable, Step
+from barbalat.run.stepwise import Agreement, Flyable, Resumable, Step
 from barbalat.validate import Array
 
 OUTER_EVERY = round(POSITION_SAMPLE / ATTITUDE_SAMPLE)
@@ -34,6 +35,15 @@ class Scheme:
     name: str
     attitude: tuple[Flyable, ...]
     position: tuple[Flyable, ...]
+
+
+class Memory(NamedTuple):
+    """Of a whole controller between two samples; nothing in it is changed in place."""
+
+    states: tuple[Array, ...]
+    wanted: Array
+    commanded: Array
+    model: AttitudeCommand
 
 
 class Control:
@@ -56,6 +66,27 @@ class Control:
             step.reset()
         self._wanted, self._commanded = wanted_thrust(np.zeros(3)), np.eye(3)
         self._model = AttitudeCommand(attitude, rates, np.zeros(3))
+
+    @property
+    def resumable(self) -> bool:
+        """Whether it can be put where another flight was; an exported step keeps its state to itself."""
+        return len(self._states) == len(self._attitude) + len(self._position)
+
+    @property
+    def _states(self) -> list[Array]:
+        steps = [step for _, step in (*self._attitude, *self._position)]
+        return [step.state for step in steps if isinstance(step, Resumable)]
+
+    @property
+    def memory(self) -> Memory:
+        """All that the next sample follows from beside what is measured, of one that is resumable."""
+        return Memory(tuple(state.copy() for state in self._states), self._wanted, self._commanded, self._model)
+
+    @memory.setter
+    def memory(self, memory: Memory) -> None:
+        for state, kept in zip(self._states, memory.states, strict=True):
+            state[:] = kept
+        _, self._wanted, self._commanded, self._model = memory
 
     def __call__(self, measured: Motion, planned: Path, k: int) -> Array:
         """Thrusts (4,) [N] at sample k."""

@@ -6,18 +6,12 @@ from dataclasses import dataclass
 
 from barbalat.flight.quadrotor.trajectory import TAKES_OFF
 from barbalat.flight.quadrotor.vehicle import SLOPE, SlungMass
-
-FAILS_AT = 10.0
-"""[s]; until then the flight is the nominal one."""
-GUSTS_SHARE = 0.1
-"""Standard deviation of gusts along the wind over its mean, near the ground: MIL-F-8785C, section 3.7.3."""
-GUST_LENGTH = 68.0
-"""[m]: their scale 10 m above the ground, from the same section."""
+from barbalat.flight.timing import Timing
 
 
 @dataclass(frozen=True, kw_only=True)
 class Failure:
-    """From ``since`` on.
+    """From the instant on at which a flight's ``Timing`` has what fails; what is stale is so from the start.
 
     slung          what is hooked on
     effectiveness  of the front left rotor: it gives so many times its thrust, and its torque
@@ -25,7 +19,6 @@ class Failure:
     motor_lag      [s], in the place of the vehicle's own
     delay          [s], added to the commands' way to the motors
     stale          whether the laws, which also run on the sloping ground, are not reset as control is handed to them
-    since          [s]
     """
 
     name: str
@@ -36,7 +29,10 @@ class Failure:
     motor_lag: float | None = None
     delay: float = 0.0
     stale: bool = False
-    since: float = FAILS_AT
+
+    def since(self, timing: Timing) -> float:
+        """When it begins [s]."""
+        return TAKES_OFF if self.stale else timing.fails_at
 
 
 FAILURES = {
@@ -56,7 +52,6 @@ FAILURES = {
             name="no-reset",
             meaning=f"the laws, which ran for {TAKES_OFF:g} s on ground that slopes by {SLOPE:g} deg, are not reset at the start",
             stale=True,
-            since=TAKES_OFF,
         ),
     )
 }

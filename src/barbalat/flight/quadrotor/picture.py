@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from barbalat.flight.picture import thinned
-from barbalat.flight.quadrotor.flight import DURATION, QuadrotorFlight
+from barbalat.flight.quadrotor.flight import TIMING, QuadrotorFlight
 from barbalat.pictures.panel_drawing import draw
 from barbalat.pictures.panels import Panel, Series, around, span_of, text_of
 from barbalat.pictures.theme import COLOURS
@@ -39,7 +39,7 @@ def figure_of(flights: Sequence[QuadrotorFlight], *, narrow: bool = False, shown
     """All schemes through one failure; what lost ones do stands as far as the others' ranges reach."""
     flying = [one for one in flights if len(one.record) > 1]
     panels = [_panel(one, flights, flying) for one in PANELS]
-    return draw(panels, DURATION, narrow=narrow, shown=shown)
+    return draw(panels, TIMING.duration, narrow=narrow, shown=shown)
 
 
 def _panel(of: Shown, flights: Sequence[QuadrotorFlight], flying: Sequence[QuadrotorFlight]) -> Panel:

@@ -1,8 +1,9 @@
-"""What the project's schemes add to a geometric controller, axis by axis: sampled, with settings by one rule each."""
+"""What the project's schemes add to a geometric controller, axis by axis: sampled, with numbers that one rule found for each."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -33,93 +34,138 @@ class OnAxis(NamedTuple):
     controller: Controller
 
 
-LAG_SHARE = 0.5
-"""Bandwidth of C(s) times the axis' lag: a loop of one integrator with this crossover keeps 60 deg of phase."""
-INTEGRAL_SHARE = 0.2
-"""Of the natural frequency, for the corner of the integral: it takes 7 deg of the phase at the crossover."""
-MRAC_SHARE = 0.5
-"""Of the natural frequency, for the estimate of a constant disturbance: the model stays the faster one."""
-SAMPLE_ANGLE = 0.3
-"""[rad] by which L1's fast estimate swings in a sample."""
+Numbers = Mapping[str, float]
+"""Of a scheme on an axis, by the names of its knobs; in units of the axis, so that one range is that of all axes."""
 
 
-def _low_pass(axis: Axis) -> TransferFunction:
-    return input_filter(kappa=axis.lag / LAG_SHARE)
+@dataclass(frozen=True)
+class Contestant:
+    """A scheme in the comparison.
+
+    make   from an axis and the scheme's numbers to what flies
+    knobs  the numbers that are tuned, each with the range in which it is sought
+    """
+
+    make: Callable[[Axis, Numbers], OnAxis]
+    knobs: Mapping[str, tuple[float, float]]
 
 
-def _gain(axis: Axis, frequency: float) -> Array:
+def _low_pass(axis: Axis, numbers: Numbers) -> TransferFunction:
+    return input_filter(kappa=axis.lag / numbers["bandwidth"])
+
+
+def _gain(axis: Axis, numbers: Numbers) -> Array:
     """Gamma, (3,), with which each component swings so fast against errors of the axis' size: Gamma_i phi_i^2 b'Pb."""
-    known = axis.adaptive_problem.known
+    known, frequency = axis.adaptive_problem.known, numbers["adaptation"] * axis.frequency
     sizes = np.array([1.0, axis.size, axis.size * axis.frequency])
     return np.asarray(frequency**2 / (known.b @ known.P @ known.b * sizes**2))
 
 
-def _geometric(axis: Axis) -> OnAxis:
+def _geometric(axis: Axis, _: Numbers) -> OnAxis:
     return OnAxis(
         axis.linear_problem,
         Sampled(KnownParameters(theta=np.zeros(2), name="Geometric"), axis.sample_time, discretization="euler"),
     )
 
 
-def _integral(axis: Axis) -> OnAxis:
+def _integral(axis: Axis, numbers: Numbers) -> OnAxis:
     """Goodarzi, Lee, Leok, Geometric nonlinear PID control of a quadrotor UAV on SE(3), ECC 2013."""
     zero = axis.gain[0] / axis.gain[1]
-    integral = TransferFunction([INTEGRAL_SHARE * axis.frequency * axis.gain[1]], [1.0, 0.0])
+    integral = TransferFunction([numbers["corner"] * axis.frequency * axis.gain[1]], [1.0, 0.0])
     linear = LinearFeedback(integral, output=[zero, 1.0], name="Geometric, integral")
     return OnAxis(axis.linear_problem, Sampled(linear, axis.sample_time))
 
 
-def _adrc(axis: Axis) -> OnAxis:
-    adrc = Adrc(bandwidth=LAG_SHARE / axis.lag, saturated_predictor=True)
+def _adrc(axis: Axis, numbers: Numbers) -> OnAxis:
+    adrc = Adrc(bandwidth=numbers["bandwidth"] / axis.lag, saturated_predictor=True)
     return OnAxis(axis.linear_problem, Sampled(adrc, axis.sample_time))
 
 
-def _mrac(axis: Axis) -> OnAxis:
-    mrac = Mrac(gamma=_gain(axis, MRAC_SHARE * axis.frequency))
-    return OnAxis(axis.adaptive_problem, Sampled(mrac, axis.sample_time))
+def _mrac(axis: Axis, numbers: Numbers) -> OnAxis:
+    return OnAxis(axis.adaptive_problem, Sampled(Mrac(gamma=_gain(axis, numbers)), axis.sample_time))
 
 
-def _robust(axis: Axis) -> OnAxis:
-    law = LeastSquares(covariance0=1.0)
-    robust = RobustMrac(tau=axis.lag / LAG_SHARE, law=law, saturated_predictor=True)
+def _robust(axis: Axis, numbers: Numbers) -> OnAxis:
+    law = LeastSquares(covariance0=numbers["covariance"])
+    robust = RobustMrac(tau=axis.lag / numbers["bandwidth"], law=law, saturated_predictor=True)
     return OnAxis(axis.adaptive_problem, Sampled(robust, axis.sample_time))
 
 
-def _l1(axis: Axis) -> OnAxis:
-    gamma = _gain(axis, SAMPLE_ANGLE / axis.sample_time)
-    l1 = L1Adaptive(gamma=gamma, filter=_low_pass(axis), saturated_predictor=True, name="L1")
+def _l1(axis: Axis, numbers: Numbers) -> OnAxis:
+    l1 = L1Adaptive(gamma=_gain(axis, numbers), filter=_low_pass(axis, numbers), saturated_predictor=True, name="L1")
     return OnAxis(axis.adaptive_problem, Sampled(l1, axis.sample_time))
 
 
-def _piecewise(axis: Axis) -> OnAxis:
-    exact = L1PiecewiseConstant(
-        sample_time=axis.sample_time, filter=_low_pass(axis), saturated_predictor=True, name="L1 piecewise"
-    )
-    return OnAxis(axis.linear_problem, exact)
-
-
-def _as_flown(axis: Axis) -> OnAxis:
-    flown = L1PiecewiseConstant(
+def _piecewise(axis: Axis, numbers: Numbers, *, flown: bool = False) -> OnAxis:
+    controller = L1PiecewiseConstant(
         sample_time=axis.sample_time,
-        filter=_low_pass(axis),
-        as_flown=AsFlown(),
+        filter=_low_pass(axis, numbers),
+        as_flown=AsFlown() if flown else None,
         saturated_predictor=True,
-        name="L1 piecewise, as flown",
+        name="L1 piecewise, as flown" if flown else "L1 piecewise",
     )
-    return OnAxis(axis.linear_problem, flown)
+    return OnAxis(axis.linear_problem, controller)
 
 
-SCHEMES: dict[str, Callable[[Axis], OnAxis]] = {
-    "geometric": _geometric,
-    "geometric-integral": _integral,
-    "adrc": _adrc,
-    "mrac": _mrac,
-    "robust-mrac": _robust,
-    "l1": _l1,
-    "l1-piecewise": _piecewise,
-    "l1-piecewise-flown": _as_flown,
+def _as_flown(axis: Axis, numbers: Numbers) -> OnAxis:
+    return _piecewise(axis, numbers, flown=True)
+
+
+BANDWIDTH = {"bandwidth": (0.02, 4.0)}
+"""Times the axis' lag: from what a flight hardly shows to four times what a loop of one integrator with that lag can bear."""
+CORNER = {"corner": (0.01, 2.0)}
+"""Over the axis' natural frequency."""
+ADAPTATION = {"adaptation": (0.03, 30.0)}
+"""Frequency with which estimates swing over the axis' natural one: up to half a radian in a sample and more."""
+SCHEMES: dict[str, Contestant] = {
+    "geometric": Contestant(_geometric, {}),
+    "geometric-integral": Contestant(_integral, CORNER),
+    "adrc": Contestant(_adrc, BANDWIDTH),
+    "mrac": Contestant(_mrac, ADAPTATION),
+    "robust-mrac": Contestant(_robust, {**BANDWIDTH, "covariance": (1e-3, 1e2)}),
+    "l1": Contestant(_l1, {**BANDWIDTH, **ADAPTATION}),
+    "l1-piecewise": Contestant(_piecewise, BANDWIDTH),
+    "l1-piecewise-flown": Contestant(_as_flown, BANDWIDTH),
 }
 """The registry, by the names of the command line."""
+TUNED: dict[str, dict[str, Numbers]] = {
+    "roll": {
+        "geometric": {},
+        "geometric-integral": {"corner": 0.11},
+        "adrc": {"bandwidth": 0.316},
+        "mrac": {"adaptation": 0.806},
+        "robust-mrac": {"bandwidth": 0.316, "covariance": 0.00369},
+        "l1": {"bandwidth": 0.327, "adaptation": 30.0},
+        "l1-piecewise": {"bandwidth": 0.331},
+        "l1-piecewise-flown": {"bandwidth": 0.332},
+    },
+    "yaw": {
+        "geometric": {},
+        "geometric-integral": {"corner": 0.444},
+        "adrc": {"bandwidth": 0.13},
+        "mrac": {"adaptation": 1.24},
+        "robust-mrac": {"bandwidth": 0.13, "covariance": 100.0},
+        "l1": {"bandwidth": 0.13, "adaptation": 30.0},
+        "l1-piecewise": {"bandwidth": 2.1},
+        "l1-piecewise-flown": {"bandwidth": 3.03},
+    },
+    "forward": {
+        "geometric": {},
+        "geometric-integral": {"corner": 0.164},
+        "adrc": {"bandwidth": 0.0853},
+        "mrac": {"adaptation": 0.405},
+        "robust-mrac": {"bandwidth": 0.129, "covariance": 1.27},
+        "l1": {"bandwidth": 0.0752, "adaptation": 30.0},
+        "l1-piecewise": {"bandwidth": 0.0855},
+        "l1-piecewise-flown": {"bandwidth": 0.0861},
+    },
+}
+"""By ``Axis.like`` and schemes, to three digits: what ``benchmarks/flight_tuning.py`` finds on the vehicle at hover."""
+
+
+def on_axis(name: str, axis: Axis) -> OnAxis:
+    """The scheme with the numbers found for the axis."""
+    return SCHEMES[name].make(axis, TUNED[axis.like][name])
 
 
 def require_known(names: Sequence[str]) -> None:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import copy
 from typing import NamedTuple
 
 import numpy as np
 
-from barbalat.flight.quadrotor.vehicle import INTEGRATOR, STEP, Quadrotor, SlungMass, mjcf
+from barbalat.flight.quadrotor.vehicle import INTEGRATOR, SLOPE, STEP, Quadrotor, SlungMass, mjcf
 from barbalat.validate import Array, require_extra
 
 ROTORS = 4
@@ -48,6 +49,20 @@ class Simulator:
         data.qvel[:3], data.qvel[3:6] = motion.velocity, motion.rates
         data.act[:] = data.ctrl[:] = thrusts
         self.mujoco.mj_forward(self.model, data)
+
+    def stand(self, forward: float, left: float, heading: float) -> None:
+        """At rest elsewhere on the ground, which rises to the left, turned about its normal [m, m, deg]."""
+        data, slope, turn = self.data, np.deg2rad(SLOPE), np.deg2rad(heading) / 2
+        data.qpos[:3] += forward, left, left * np.tan(slope)
+        upright = data.qpos[3:FREE].copy()
+        self.mujoco.mju_mulQuat(data.qpos[3:FREE], upright, np.array([np.cos(turn), 0.0, 0.0, np.sin(turn)]))
+        self.mujoco.mj_forward(self.model, data)
+
+    def copied(self) -> Simulator:
+        """Another one in the same state, which goes its own way."""
+        found = copy.copy(self)
+        found.model, found.data = copy.copy(self.model), copy.copy(self.data)
+        return found
 
     def advance(self, commands: Array, steps: int = 1) -> None:
         """So many steps on with these thrusts commanded, (4,) [N]; what a rotor can't give is cut off."""

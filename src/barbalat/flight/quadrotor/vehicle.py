@@ -37,6 +37,7 @@ class Quadrotor:
     thrust     [N], the most that a rotor gives; the least is zero
     torque     [m], its drag torque over its thrust
     motor_lag  [s] of thrust behind its command, first order. Identified ones are between 0.02 and 0.07 s
+    centre     [m], how far forward and left of the rotors' middle the centre of gravity is
     """
 
     mass: float = 1.0
@@ -45,6 +46,7 @@ class Quadrotor:
     thrust: float = 6.0
     torque: float = 0.016
     motor_lag: float = 0.035
+    centre: Vector = (0.0, 0.0)
 
     def __post_init__(self) -> None:
         for name in ("mass", "reach", "thrust", "torque", "motor_lag"):
@@ -52,7 +54,7 @@ class Quadrotor:
         inertia = validate.vector("inertia", self.inertia, 3)
         if not (inertia > 0).all() or 2 * inertia.max() > inertia.sum():
             raise InputError(f"inertia must be three numbers, none above the sum of the others, got {validate.show(inertia)}")
-        validate.freeze(self, inertia=inertia)
+        validate.freeze(self, inertia=inertia, centre=validate.vector("centre", self.centre, 2))
         if 4 * self.thrust <= self.mass * GRAVITY:
             raise InputError(f"thrust must lift {self.mass:g} kg with four rotors, got {self.thrust:g} N")
 
@@ -88,12 +90,14 @@ def mjcf(vehicle: Quadrotor, *, slung: SlungMass | None = None, step: float = ST
         f'dynprm="{vehicle.motor_lag!r}" ctrllimited="true" ctrlrange="0 {vehicle.thrust!r}"/>'
         for i, spin in enumerate(SPINS)
     )
+    hung = "" if slung is None else _hung(slung)
     inertia = " ".join(repr(float(one)) for one in vehicle.inertia)
+    centre = " ".join(repr(float(one)) for one in (*vehicle.centre, 0.0))
     return f"""<mujoco model="quadrotor">
 <option timestep="{step!r}" integrator="{integrator}" density="{AIR_DENSITY}" gravity="0 0 {-GRAVITY}"/>
 <worldbody><geom name="ground" type="plane" size="50 50 1" euler="{SLOPE} 0 0"/>
 <body name="vehicle" pos="0 0 {STANDING}" euler="{SLOPE} 0 0"><freejoint/>
-<inertial pos="0 0 0" mass="{vehicle.mass!r}" diaginertia="{inertia}"/>{sites}{feet}{"" if slung is None else _hung(slung)}</body>
+<inertial pos="{centre}" mass="{vehicle.mass!r}" diaginertia="{inertia}"/>{sites}{feet}{hung}</body>
 </worldbody>
 <actuator>{motors}</actuator>
 </mujoco>"""

@@ -9,7 +9,7 @@ from barbalat.report.terminal.layout import Screen
 
 def show(screen: Screen, found: DispersedComparison) -> None:
     """Losses first."""
-    screen.line(f"{found.campaign.name} on {found.members} aircraft that are drawn", "bold")
+    screen.line(f"{found.campaign.name} on {found.members} vehicles that are drawn", "bold")
     for label, text in dispersed.facts(found):
         screen.fact(label, text, 8)
     screen.line("")
@@ -21,7 +21,7 @@ def show(screen: Screen, found: DispersedComparison) -> None:
     for failure in found.campaign.failures:
         screen.title(f"{failure.name}: {failure.meaning}")
         body = [[screen.name(name), *cells] for name, *cells in dispersed.rows(found, failure.name)]
-        screen.table(dispersed.HEADINGS, body)
+        screen.table(dispersed.headings(found), body)
     screen.line("")
     for note in dispersed.notes(found):
         screen.line(f"Note: {note}.")
