@@ -122,11 +122,7 @@ def rest_of(problem: TrackingProblem, loop: ClosedLoop, *, frozen: bool) -> Rest
     level = np.array(bounds, dtype=float)
     signals = np.concatenate([level, np.zeros(loop.signal_count - len(level))])
     estimates = np.arange(loop.size)[loop.theta_hat_rows]
-    # where their rates are zero whatever the state, they are settings: other numbers than the plant's, which stay
-    start = loop.initial()
-    with np.errstate(all="ignore"):
-        rates = np.asarray(loop.derivative(start, signals))[estimates]
-    adapts = bool(rates.any() or np.asarray(jacobian_function(loop)(start, signals))[estimates].any())
+    adapts = _adapts(loop, signals)
     held = estimates if frozen or not adapts else np.zeros(0, dtype=int)
     state = _solved(loop, signals, _start(problem, loop, signals, adapts), np.setdiff1d(np.arange(loop.size), held))
     under = f"under the constant command {', '.join(f'{value:g}' for value in level)}"
@@ -135,6 +131,13 @@ def rest_of(problem: TrackingProblem, loop: ClosedLoop, *, frozen: bool) -> Rest
     if not np.allclose(loop.limit(state), state, rtol=REST_TOLERANCE, atol=0):
         return NotApplicable(f"where the loop would rest {under}, its own limit acts")
     return Rest(loop, state, signals, level)
+
+
+def _adapts(loop: ClosedLoop, signals: Array) -> bool:
+    """False where the estimates' rates are zero whatever the state: they are settings then, other numbers than the plant's."""
+    _, state = symbols("state", loop.size)
+    rates = column(loop.derivative(state, signals))[loop.theta_hat_rows]
+    return not rates.is_zero()
 
 
 def _start(problem: TrackingProblem, loop: ClosedLoop, signals: Array, adapts: bool) -> Array:
