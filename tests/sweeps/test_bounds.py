@@ -39,3 +39,10 @@ def test_no_member_has_a_bound_that_its_own_case_has_not(axes):
             assert np.isnan(found[name][k]) or (own is not None and found[name][k] >= own)
             seen.add((name, bool(np.isnan(found[name][k]))))
     assert seen == {("MRAC", False), ("MRAC", True)}
+
+
+@pytest.mark.parametrize(("count", "any_bound"), [(64, True), (65, False)])
+def test_whether_bounds_are_compared_is_known_from_the_plan_and_not_from_what_ran_first(count, any_bound):
+    plan = Plan({GAIN: Axis(1.0, 9.0, count), FIRST: Axis(-1.0, 1.0, 100)}, {}, 1)  # theta needs one certificate for all
+    study = Study(VariedCase(CaseText(TEXT), plan.paths), plan)
+    assert np.isfinite(Bounds(study).of(plan.values(0, 3))["MRAC"]).all() == any_bound

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
@@ -34,29 +36,34 @@ class _Certified:
 class Bounds:
     """Of each member the guaranteed ``error_bound``, over all of the known set where theta varies.
 
-    A member whose theta lies outside of its own known set has none, nor has any where more than MOST_CERTIFIED combinations of
-    other numbers would have to be certified.
+    A member whose theta lies outside of its own known set has none, nor has any where the plan has more than MOST_CERTIFIED
+    combinations of other numbers: that is known before anything runs, whoever runs what first.
     """
 
     study: Study
     thetas: list[int] = field(init=False)
     others: list[int] = field(init=False)
     found: dict[bytes, _Certified] = field(init=False, default_factory=dict)
-    given_up: bool = False
 
     def __post_init__(self) -> None:
         paths = self.study.plan.paths
         self.thetas = [i for i, path in enumerate(paths) if path.keys[:2] == ("plant", "theta")]
         self.others = [i for i in range(len(paths)) if i not in self.thetas]
 
+    @cached_property
+    def _too_many(self) -> bool:
+        """Draws count as different from each other."""
+        plan = self.study.plan
+        others = {plan.paths[i] for i in self.others}
+        points = math.prod(axis.count for path, axis in plan.axes.items() if path in others)
+        return points * (plan.draws_each if others & plan.draws.keys() else 1) > MOST_CERTIFIED
+
     def of(self, rows: Array) -> dict[str, Array]:
         """(M,) by controllers; rows (M, d)."""
         none = {name: np.full(len(rows), np.nan) for name in self.study.controllers}
-        unique, which = np.unique(rows[:, self.others], axis=0, return_inverse=True)
-        new = {one.tobytes() for one in unique} - self.found.keys()
-        self.given_up = self.given_up or len(self.found) + len(new) > MOST_CERTIFIED
-        if self.given_up:
+        if self._too_many:
             return none
+        unique, which = np.unique(rows[:, self.others], axis=0, return_inverse=True)
         for one in unique:
             if one.tobytes() not in self.found:
                 self.found[one.tobytes()] = self._certified(one)
