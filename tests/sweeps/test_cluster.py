@@ -12,6 +12,7 @@ import sys
 import time
 from dataclasses import replace
 from pathlib import Path
+from threading import Thread
 
 import numpy as np
 import pytest
@@ -85,6 +86,25 @@ def test_a_scheduler_that_does_not_answer(monkeypatch, capsys):
         sweep = ["sweep", "first-order", "--vary", "controller[0].gamma=1:2:2", "--no-bounds", "--scheduler", address]
         assert main(sweep) == 2
     assert "does not answer within 0.3 s" in capsys.readouterr().err
+
+
+def test_a_web_server_is_no_scheduler(capsys):
+    """Dask reads the first eight bytes of what it says as a length: 3 EB."""
+    pytest.importorskip("distributed")
+    with socket.create_server(("127.0.0.1", 0)) as server:
+
+        def answer() -> None:
+            connection, _ = server.accept()
+            with connection:
+                connection.sendall(b"HTTP/1.1 400 Bad Request\r\n\r\n")
+                connection.recv(4096)
+
+        Thread(target=answer, daemon=True).start()
+        address = f"tcp://127.0.0.1:{server.getsockname()[1]}"
+        sweep = ["sweep", "first-order", "--vary", "controller[0].gamma=1:2:2", "--no-bounds", "--scheduler", address]
+        assert main(sweep) == 2
+    found = capsys.readouterr().err
+    assert "does not answer" in found and "Traceback" not in found
 
 
 @pytest.mark.full
