@@ -1,5 +1,7 @@
 """A member follows from its number alone: its values, and every bit of its figures, whoever else is simulated with it."""
 
+import re
+
 import numpy as np
 import pytest
 from scipy.stats import kstest, norm
@@ -249,3 +251,18 @@ def test_a_known_set_is_drawn_from_whatever_the_case_gives():
 def test_what_has_no_known_set(case, path, message):
     with pytest.raises(InputError, match=message):
         sampled(CaseText.read(case), [(path, "known-set")])
+
+
+@pytest.mark.parametrize(
+    ("name", "path", "axis"),
+    [("quadrotor-pitch", "plant.A[1][1]", Axis(-0.55, -0.45, 7)), ("wing-rock", "plant.b[1]", Axis(0.9, 1.1, 23))],
+)
+def test_a_number_that_is_computed_anew_may_end_in_another_last_bit(name, path, axis):
+    """A_m of a plant given by A, P of that A_m: constant but for rounding, which the few values tried need not show."""
+    plan = Plan({FieldPath.parse(path): axis}, {}, 1)
+    made = study(re.sub(r"t_end = [\d.e+]+", "t_end = 1.0", CaseText.read(name).text), plan)
+    found = made.run(0, len(plan))
+    for member in (0, len(plan) - 2):
+        case = made.varied.at(plan.values(member, 1)[0])
+        for one, result in simulate(case.problem, case.controllers, case.simulation).items():
+            assert found[f"{one}/max_abs_e[0]"][member] == pytest.approx(result.figures.max_abs_e[0], rel=1e-9)

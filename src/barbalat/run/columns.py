@@ -111,17 +111,30 @@ class Columns:
         """(N,) all of the first member's."""
         return np.concatenate([*(leaf.ravel() for leaf in self._leaves), np.zeros(0)])
 
-    def chosen(self, which: Array) -> Array:
-        """(p, M) those of all numbers that ``which``, (N,) truth values, chooses; StructureError where others differ too."""
+    def chosen(self, which: Array, rounding: float = 0.0) -> Array:
+        """(p, M) those of all numbers that ``which``, (N,) truth values, chooses; StructureError where others differ too.
+
+        rounding  a difference of others that is let pass, as a part of their array's largest number
+        """
         ends = np.cumsum([leaf.size for leaf in self._leaves])
         rows = [np.zeros((0, self.count))]
         for i, (leaf, wanted) in enumerate(zip(self._leaves, np.split(which, ends[:-1]) if len(ends) else [], strict=True)):
             values = self._values(i)
-            if (values[~wanted] != leaf.reshape(-1, 1)[~wanted]).any():
+            if self._differs_beyond(rounding, leaf, values, ~wanted):
                 raise StructureError
             if wanted.any():
                 rows.append(np.broadcast_to(values[wanted], (int(wanted.sum()), self.count)))
         return np.concatenate(rows)
+
+    @staticmethod
+    def _differs_beyond(rounding: float, leaf: Array, values: Array, which: Array) -> bool:
+        """Whether some of its numbers differ from the first member's by more; NaN and the like by their bits."""
+        first, found = leaf.reshape(-1, 1)[which], values[which]
+        other = found != first
+        if rounding == 0.0 or not other.any():
+            return bool(other.any())
+        with np.errstate(invalid="ignore"):
+            return not bool((np.abs(found - first)[other] <= rounding * np.abs(leaf).max()).all())
 
     def _values(self, leaf: int) -> Array:
         """(entries, M), or (entries, 1) where all members have the same."""

@@ -22,6 +22,11 @@ from barbalat.validate import Array, InputError
 Member = tuple[TrackingProblem, Controller]
 
 
+ROUNDING = 1e-9
+"""Part of the largest number of an array. What did not change with any of the values tried and is off by no more in some member
+is the same number computed in other steps, as an A_m that follows from a varied A; every member has the first's."""
+
+
 @dataclass(frozen=True, eq=False)
 class Numbers:
     """What kernels of one structure are handed for M members; all arrays have the members' axis last.
@@ -79,9 +84,12 @@ class Family:
         try:
             for problem, controller in members:
                 reader.take(problem, controller)
-            parameters = reader.chosen(self.differs)[:, 1:]
+            parameters = reader.chosen(self.differs, ROUNDING)[:, 1:]
         except StructureError:
-            raise InputError("members must have the structure of the first one, and vary in no more than the examples") from None
+            raise InputError(
+                "members must have the structure of the first one, and vary in no more than the few that were tried before: "
+                "narrow the range, or sweep its parts one by one"
+            ) from None
         lags = np.array(reader.lags[1:]) if reader.loop.delayed else None
         return Numbers(
             parameters,

@@ -191,9 +191,9 @@ class Reader:
         """(N,) which of all numbers of a member the kernel is handed."""
         return argument_numbers(self.columns, opened=not self.simulation.fused)
 
-    def chosen(self, which: Array) -> Array:
-        """(p, M) what it is handed where those are ``which``; StructureError where members differ in others too."""
-        found = self.columns.chosen(which)
+    def chosen(self, which: Array, rounding: float = 0.0) -> Array:
+        """(p, M) what it is handed where those are ``which``; StructureError where members differ in others beyond rounding."""
+        found = self.columns.chosen(which, rounding)
         return with_grid(found, self.simulation.dt, self.weights) if self.adjustable else found
 
     def members(self, windows: int, *, many_delays: bool = False) -> Members:
