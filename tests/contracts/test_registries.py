@@ -26,7 +26,7 @@ from barbalat.certificates.schemes import scheme_file
 from barbalat.controllers import SCHEMES, Mrac, Sampled
 from barbalat.controllers.output import OUTPUT_SCHEMES
 from barbalat.problem.regressors import REGRESSORS, Linear, Regressor
-from barbalat.protocols import BoundedSignal, BreakingSignal
+from barbalat.protocols import BoundedSignal, BreakingSignal, SettlingSignal
 from barbalat.signals import SIGNALS
 from barbalat.signals.recorded import MatFile, Recorded
 from barbalat.signals.smooth import Clock, Continuous
@@ -211,6 +211,14 @@ def test_the_bound_of_a_signal_bounds_it(name, folder):
     signal = of_case_file("signal", name, folder)
     largest = np.abs(signal(np.linspace(0, 50, 20_001))).max()
     assert 0.6 * signal.bound <= largest <= signal.bound
+
+
+@pytest.mark.parametrize("name", SIGNALS)
+def test_a_signal_says_whether_it_settles(name, folder):
+    """After a thousand seconds, by which every example that settles has."""
+    signal = of_case_file("signal", name, folder)
+    assert isinstance(signal, SettlingSignal)
+    assert signal.settles == (np.ptp(signal(np.linspace(1000, 1100, 1001))) == 0)
 
 
 @dataclass(frozen=True)
