@@ -25,11 +25,12 @@ from barbalat.cases.table_models import Table
 from barbalat.certificates.schemes import scheme_file
 from barbalat.controllers import SCHEMES, Mrac, Sampled
 from barbalat.controllers.output import OUTPUT_SCHEMES
+from barbalat.explorer.commands import is_smooth
 from barbalat.problem.regressors import REGRESSORS, Linear, Regressor
 from barbalat.protocols import BoundedSignal, BreakingSignal, SettlingSignal
 from barbalat.signals import SIGNALS
 from barbalat.signals.recorded import MatFile, Recorded
-from barbalat.signals.smooth import Clock, Continuous
+from barbalat.signals.smooth import Clock, Constant, Continuous
 from barbalat.solvers import SOLVERS, Tableau
 from contracts import case_examples
 from independent import example_controllers, example_output_controllers, refusal
@@ -221,6 +222,16 @@ def test_a_signal_says_whether_it_settles(name, folder):
     assert signal.settles == (np.ptp(signal(np.linspace(1000, 1100, 1001))) == 0)
 
 
+@pytest.mark.parametrize("name", SIGNALS)
+def test_a_page_computes_a_signal_without_jumps(name, folder):
+    signal = of_case_file("signal", name, folder)
+    assert is_smooth(signal) == isinstance(signal, Continuous)
+
+
+def test_of_a_signal_that_is_no_formula_a_page_keeps_rows():
+    assert is_smooth(Constant(1.0)) and not is_smooth(Ramp(1.0)) and not is_smooth(Branching(1.0))
+
+
 @dataclass(frozen=True)
 class Ramp(Continuous):
     """slope t.
@@ -232,6 +243,11 @@ class Ramp(Continuous):
 
     def __call__(self, t):
         return self.slope * np.asarray(t)
+
+
+class Branching(Ramp):
+    def __call__(self, t):
+        return self.slope * t if t > 1 else t
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
