@@ -15,7 +15,7 @@ import pytest
 from scipy.io import savemat
 
 import barbalat
-from barbalat.adaptation.laws import OUTPUT_LAWS
+from barbalat.adaptation.laws import LAWS, OUTPUT_LAWS
 from barbalat.cases import key_tables
 from barbalat.cases.build import made
 from barbalat.cases.keys import Context, Differences, keys_of
@@ -51,6 +51,11 @@ def test_every_registered_name_has_an_example_and_a_row_of_the_docs(registry):
     lacking = [f"{name}: an example" for name in registered if name not in examples]
     lacking += [f"{name}: a row in docs/cases.md" for name in registered if f"\n| `{name}` |" not in PAGE]
     assert not lacking
+
+
+def test_every_law_has_a_row_of_the_page_on_laws():
+    page = (Path(__file__).parents[2] / "docs" / "laws.md").read_text(encoding="utf-8")
+    assert not [name for name in LAWS if f"\n| `{name}` |" not in page]
 
 
 def test_every_solver_has_its_name_in_the_docs():
