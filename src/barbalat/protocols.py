@@ -61,6 +61,16 @@ class SlopedSignal(Signal, Protocol):
         ...
 
 
+@runtime_checkable
+class SettlingSignal(Signal, Protocol):
+    """A signal that tells whether it is constant from some time on; of one that does not say so, nothing is known."""
+
+    @property
+    def settles(self) -> bool:
+        """Whether it keeps one value from some time on."""
+        ...
+
+
 class Dynamics(Protocol):
     """What a loop integrates of a plant or of a model."""
 

@@ -15,7 +15,7 @@ import pytest
 from scipy.io import savemat
 
 import barbalat
-from barbalat.adaptation.laws import OUTPUT_LAWS
+from barbalat.adaptation.laws import LAWS, OUTPUT_LAWS
 from barbalat.cases import key_tables
 from barbalat.cases.build import made
 from barbalat.cases.keys import Context, Differences, keys_of
@@ -25,11 +25,12 @@ from barbalat.cases.table_models import Table
 from barbalat.certificates.schemes import scheme_file
 from barbalat.controllers import SCHEMES, Mrac, Sampled
 from barbalat.controllers.output import OUTPUT_SCHEMES
+from barbalat.explorer.commands import is_smooth
 from barbalat.problem.regressors import REGRESSORS, Linear, Regressor
-from barbalat.protocols import BoundedSignal, BreakingSignal
+from barbalat.protocols import BoundedSignal, BreakingSignal, SettlingSignal
 from barbalat.signals import SIGNALS
 from barbalat.signals.recorded import MatFile, Recorded
-from barbalat.signals.smooth import Clock, Continuous
+from barbalat.signals.smooth import Clock, Constant, Continuous
 from barbalat.solvers import SOLVERS, Tableau
 from contracts import case_examples
 from independent import example_controllers, example_output_controllers, refusal
@@ -50,6 +51,11 @@ def test_every_registered_name_has_an_example_and_a_row_of_the_docs(registry):
     lacking = [f"{name}: an example" for name in registered if name not in examples]
     lacking += [f"{name}: a row in docs/cases.md" for name in registered if f"\n| `{name}` |" not in PAGE]
     assert not lacking
+
+
+def test_every_law_has_a_row_of_the_page_on_laws():
+    page = (Path(__file__).parents[2] / "docs" / "laws.md").read_text(encoding="utf-8")
+    assert not [name for name in LAWS if f"\n| `{name}` |" not in page]
 
 
 def test_every_solver_has_its_name_in_the_docs():
@@ -213,6 +219,24 @@ def test_the_bound_of_a_signal_bounds_it(name, folder):
     assert 0.6 * signal.bound <= largest <= signal.bound
 
 
+@pytest.mark.parametrize("name", SIGNALS)
+def test_a_signal_says_whether_it_settles(name, folder):
+    """After a thousand seconds, by which every example that settles has."""
+    signal = of_case_file("signal", name, folder)
+    assert isinstance(signal, SettlingSignal)
+    assert signal.settles == (np.ptp(signal(np.linspace(1000, 1100, 1001))) == 0)
+
+
+@pytest.mark.parametrize("name", SIGNALS)
+def test_a_page_computes_a_signal_without_jumps(name, folder):
+    signal = of_case_file("signal", name, folder)
+    assert is_smooth(signal) == isinstance(signal, Continuous)
+
+
+def test_of_a_signal_that_is_no_formula_a_page_keeps_rows():
+    assert is_smooth(Constant(1.0)) and not is_smooth(Ramp(1.0)) and not is_smooth(Branching(1.0))
+
+
 @dataclass(frozen=True)
 class Ramp(Continuous):
     """slope t.
@@ -224,6 +248,11 @@ class Ramp(Continuous):
 
     def __call__(self, t):
         return self.slope * np.asarray(t)
+
+
+class Branching(Ramp):
+    def __call__(self, t):
+        return self.slope * t if t > 1 else t
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

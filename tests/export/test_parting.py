@@ -10,7 +10,7 @@ import pytest
 
 from barbalat import KnownParameters, Mrac, Sampled, Simulation, simulate, simulate_export
 from barbalat.cli import main
-from barbalat.export.parting import PARTED, parting
+from barbalat.export.parting import VISIBLE_SHARE, parting
 from export.examples import STATE, T
 from export.targets import needs_gcc
 from independent import refusal
@@ -36,7 +36,7 @@ def test_euler_steps_part_at_a_gain() -> None:
     assert found.setting == "gamma" and found.at is not None
     below = max(gain for gain in found.apart if gain < found.at)
     assert found.at < 1.34 * below
-    assert difference(found.at) > PARTED > difference(below)
+    assert difference(found.at) > VISIBLE_SHARE > difference(below)
     assert found.apart[5.0] == pytest.approx(difference(5.0)) and found.apart[5.0] < 1e-5
     again = parting(STATE, mrac(found.at, "euler"), SHORT)  # from there on the search goes down
     assert again.at is not None and found.at / 3 < again.at <= found.at  # rounding errors are no smooth function of the gain

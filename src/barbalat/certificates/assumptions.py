@@ -8,8 +8,7 @@ from barbalat.problem.known_set import EstimateSet
 from barbalat.problem.measurement import Sensor
 from barbalat.problem.state_feedback import Problem
 from barbalat.problem.tracking import TrackingProblem
-from barbalat.protocols import BoundedSignal
-from barbalat.signals import Constant, Recorded, Step, Steps
+from barbalat.protocols import BoundedSignal, SettlingSignal
 
 FROZEN_LAW = "gamma_max and step_max freeze the state or the regressor in the plain adaptive law: estimates, no guarantee"
 LINEAR_LOOP_ONLY = "margins are exact for the linear loop named, not for the adaptive loop in motion"
@@ -24,8 +23,6 @@ ON_THE_BOX = "|phi(x)| is bounded where every |x_i| is at most the model's bound
 ERROR_ASSUMED = "there |e| <= nu_0/sqrt(Gamma) is assumed: it is not proven for this scheme"
 
 OUTSIDE_THE_SET = "theta outside the known set"
-SIGNALS_THAT_SETTLE = (Constant, Step, Steps, Recorded)
-"""Signals that are constant from some time on; recorded data hold their last value."""
 
 START_TOGETHER = Assumption("x_m(0) = x(0), and the predictor starts there too")
 """Holds by construction: the model and every predictor start at the plant's x0."""
@@ -79,8 +76,14 @@ def bounded_command(problem: TrackingProblem) -> Assumption:
 def constant_in_the_end(problem: TrackingProblem) -> Assumption:
     """What converges for constant signals only does so where the case's own command and disturbance come to rest."""
     acting = {"r": problem.commands, "d": () if problem.disturbance is None else (problem.disturbance,)}
-    varying = [name for name, signals in acting.items() if not all(isinstance(signal, SIGNALS_THAT_SETTLE) for signal in signals)]
-    return Assumption("r and d are constant from some time on", " and ".join(varying) + " varies for ever" if varying else "")
+    said = {
+        name: [one.settles if isinstance(one, SettlingSignal) else None for one in signals] for name, signals in acting.items()
+    }
+    varying = [f"{name} varies for ever" for name, settle in said.items() if False in settle]
+    unknown = [
+        f"{name} does not say whether it settles" for name, settle in said.items() if None in settle and False not in settle
+    ]
+    return Assumption("r and d are constant from some time on", " and ".join(varying + unknown))
 
 
 def projected_onto(problem: Problem, known_set: EstimateSet) -> Assumption:

@@ -180,7 +180,7 @@ class NormalizedMrac(Scheme):
     @classmethod
     def knobs(cls, reach: Reach) -> Knobs:
         # the normalised law turns at Gamma at most, whatever phi(x) is
-        slow = reach.frequencies / SLOWER
+        slow = reach.frequencies / SLOWNESS_RATIO
         return Knobs(
             scheme="Normalised MRAC",
             values={"gamma": np.concatenate([slow[:1], reach.frequencies])},
@@ -193,7 +193,7 @@ class NormalizedMrac(Scheme):
         return _several(self, known) if known.inputs > 1 else _equations(self, known, Q=None)
 
 
-SLOWER = 100.0
+SLOWNESS_RATIO = 100.0
 """Below the model's slowest rate: from there on a law adapts nothing within a run."""
 
 

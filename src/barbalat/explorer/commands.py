@@ -34,8 +34,14 @@ MOST_GRID_BYTES = 250_000
 
 
 def is_smooth(signal: Signal) -> bool:
-    """Whether a page computes it: for all others rows are kept."""
-    return isinstance(signal, Continuous)
+    """Whether a page computes it, which takes a formula of t without jumps; for all others rows are kept."""
+    if not isinstance(signal, Continuous):
+        return False
+    try:
+        _, t = symbols("t", 1)
+        return isinstance(signal(t), type(t))
+    except (TypeError, ValueError, RuntimeError):  # what turns t into numbers or branches on it is no formula
+        return False
 
 
 def breaks_anywhere(signals: Sequence[Signal]) -> bool:

@@ -19,7 +19,7 @@ from barbalat.run.simulate import simulate
 from barbalat.solvers.simulation import Simulation
 from barbalat.validate import InputError
 
-PARTED = 0.01
+VISIBLE_SHARE = 0.01
 """Of the largest |x|: what shows in a figure, and far above what rounding to 24 bits does by itself, 6e-8 of each number."""
 DECADES = 8
 """Above the case's gain, or below it where they have parted there: at most; more than 24 bits can tell apart."""
@@ -49,7 +49,7 @@ class Parting:
         own = self.apart.get(self.gain)
         here = "" if own is None else f"at {self.setting} = {self.gain:g} they are {own:.2g} of the largest |x| apart"
         if self.at is not None:
-            return f"{here}; they part, by {PARTED:g} of it, at {self.setting} = {self.at:.3g}".lstrip("; ")
+            return f"{here}; they part, by {VISIBLE_SHARE:g} of it, at {self.setting} = {self.at:.3g}".lstrip("; ")
         ends = "" if self.diverges is None else f"; at {self.diverges:.3g} the simulation in 64 bits diverges itself"
         return f"{here}; up to {self.setting} = {max(self.apart, default=self.gain):.3g} they do not part{ends}".lstrip("; ")
 
@@ -76,10 +76,10 @@ def parting(
         apart[value] = difference
         if progress is not None:
             progress(min(1.0, len(apart) / (DECADES + HALVINGS)))
-        return difference > PARTED
+        return difference > VISIBLE_SHARE
 
     steps = _upwards(gain) if not parts(gain) else _downwards(gain)
-    last, at = gain, gain if apart.get(gain, 0.0) > PARTED else None
+    last, at = gain, gain if apart.get(gain, 0.0) > VISIBLE_SHARE else None
     for value in steps:
         parted = parts(value)
         if value in diverges:

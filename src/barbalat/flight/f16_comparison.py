@@ -13,7 +13,7 @@ from barbalat.flight.axis import SAMPLE_TIME, Axis
 from barbalat.flight.compared import Compared, Failing
 from barbalat.flight.failures import FAILS_AT, Failure
 from barbalat.flight.flight import TIMING, Flight, columns_of, figures_of
-from barbalat.flight.flying import DELAY_STEP, MOST
+from barbalat.flight.flying import DELAY_STEP, MOST_DELAY_STEPS
 from barbalat.flight.scene import Mover, Scene, attitudes
 from barbalat.validate import Array
 
@@ -117,7 +117,7 @@ class FlightComparison(Compared):
 
     @property
     def longest_delay(self) -> float:
-        return MOST * DELAY_STEP
+        return MOST_DELAY_STEPS * DELAY_STEP
 
     @property
     def shown(self) -> str:

@@ -38,21 +38,22 @@ def flown(axis: Axis, contents: Flyable, failures: Sequence[Failure]) -> list[Fl
 
 DELAY_STEP = 0.01
 """[s] to which the largest delay is found: a sample."""
-COARSE, MOST = 5, 50
+TRIAL_STRIDE, MOST_DELAY_STEPS = 5, 50
 """DELAY_STEPs from one trial to the next until control is lost, and the last of them."""
 
 
 def delay_borne(axis: Axis, contents: Flyable) -> float:
     """The largest added delay [s] with which control is kept to the end, to DELAY_STEP: by trials upwards, then by bisection.
 
-    COARSE * DELAY_STEP at least, or 0.0, lie between it and a delay that lost control; MOST * DELAY_STEP where none did.
+    TRIAL_STRIDE * DELAY_STEP at least, or 0.0, lie between it and a delay that lost control;
+    MOST_DELAY_STEPS * DELAY_STEP where none did.
     """
     step = contents.step()
 
     def kept(delay: int) -> bool:
         return not fly_once(axis, step, Failure(name="delay", meaning="", delay=delay * DELAY_STEP)).lost
 
-    return largest_whole(kept, stride=COARSE, most=MOST) * DELAY_STEP
+    return largest_whole(kept, stride=TRIAL_STRIDE, most=MOST_DELAY_STEPS) * DELAY_STEP
 
 
 def fly_once(axis: Axis, controller: Step, failure: Failure, dispersion: Dispersion = NOMINAL, timing: Timing = TIMING) -> Flight:

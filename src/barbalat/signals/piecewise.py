@@ -58,6 +58,10 @@ class Step(Settings):
     def slope(self) -> float:
         return 0.0
 
+    @property
+    def settles(self) -> bool:
+        return True
+
 
 @dataclass(frozen=True)
 class Steps(Settings):
@@ -97,6 +101,10 @@ class Steps(Settings):
     @property
     def slope(self) -> float:
         return 0.0
+
+    @property
+    def settles(self) -> bool:
+        return True
 
     @property
     def _levels(self) -> Array:
@@ -140,6 +148,10 @@ class Square(Swinging, Settings):
     @property
     def slope(self) -> float:
         return 0.0
+
+    @property
+    def settles(self) -> bool:
+        return self.amplitude == 0
 
     def _half_periods(self, t: Array) -> Array:
         """Half periods since phase zero; a jump that lies within rounding of t is taken to lie at t."""

@@ -131,6 +131,10 @@ class Recorded(Continuous, Settings):
     def slope(self) -> float:
         return outward(float(np.abs(np.diff(self.values) / np.diff(self.times)).max(initial=0.0)))
 
+    @property
+    def settles(self) -> bool:
+        return True  # the last value is held
+
 
 @dataclass(frozen=True)
 class MatFile(Settings):

@@ -73,6 +73,10 @@ class Constant(Continuous, Settings):
     def slope(self) -> float:
         return 0.0
 
+    @property
+    def settles(self) -> bool:
+        return True
+
 
 @dataclass(frozen=True)
 class Sine(Swinging, Continuous, Settings):
@@ -99,6 +103,10 @@ class Sine(Swinging, Continuous, Settings):
     @property
     def slope(self) -> float:
         return outward(abs(self.amplitude) * self.frequency)
+
+    @property
+    def settles(self) -> bool:
+        return self.amplitude == 0
 
 
 @dataclass(frozen=True)
@@ -142,6 +150,10 @@ class Sines(Continuous, Settings):
         each = (abs(amplitude) * w for amplitude, w in zip(self.amplitudes, self.frequencies, strict=True))
         return outward(sum(each), 2 + len(self.amplitudes))
 
+    @property
+    def settles(self) -> bool:
+        return not any(self.amplitudes)
+
 
 @dataclass(frozen=True)
 class Chirp(Swinging, Continuous, Settings):
@@ -175,6 +187,10 @@ class Chirp(Swinging, Continuous, Settings):
     @property
     def slope(self) -> float:
         return outward(abs(self.amplitude) * max(self.frequency_start, self.frequency_end))
+
+    @property
+    def settles(self) -> bool:
+        return self.amplitude == 0 or self.frequency_end == 0
 
     def breaks(self, start: float, stop: float) -> Array:
         bends = start < self.duration < stop and self.frequency_start != self.frequency_end

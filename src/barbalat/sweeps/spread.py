@@ -143,13 +143,13 @@ class InBall:
         away = sum(((entry - c) ** 2 for entry, c in zip(entries, self.center, strict=False)), np.zeros(len(share)))
         left = np.sqrt(np.maximum(self.radius**2 - away, 0.0))
         shape = (len(self.center) - self.place + 1) / 2
-        return np.asarray(self.center[self.place] + WITHIN * left * (2 * betaincinv(shape, shape, share) - 1))
+        return np.asarray(self.center[self.place] + SHARE_OF_RADIUS * left * (2 * betaincinv(shape, shape, share) - 1))
 
     def __str__(self) -> str:
         return f"ball:{list(self.center)!r}:{self.radius!r}, entry {self.place + 1}"
 
 
-WITHIN = 1 - 2.0**-40
+SHARE_OF_RADIUS = 1 - 2.0**-40
 """Of a ball's radius: with all roundings every draw lies inside."""
 
 DISTRIBUTIONS: dict[str, type[Uniform] | type[LogUniform] | type[Normal]] = {

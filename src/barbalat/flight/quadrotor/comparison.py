@@ -15,7 +15,7 @@ from barbalat.flight.quadrotor.axes import ATTITUDE_SAMPLE, POSITION_SAMPLE, Axe
 from barbalat.flight.quadrotor.control import Scheme
 from barbalat.flight.quadrotor.failures import FAILURES, Failure
 from barbalat.flight.quadrotor.flight import COLUMNS, FIGURES, TIMING, QuadrotorFlight
-from barbalat.flight.quadrotor.flying import DELAY_STEP, MOST, delay_borne, flown
+from barbalat.flight.quadrotor.flying import DELAY_STEP, MOST_DELAY_STEPS, delay_borne, flown
 from barbalat.flight.quadrotor.hover import hovering
 from barbalat.flight.quadrotor.schemes import SCHEMES, OnAxis, on_axis, require_known
 from barbalat.flight.quadrotor.trajectory import TAKES_OFF
@@ -125,7 +125,7 @@ class QuadrotorComparison(Compared):
 
     @property
     def longest_delay(self) -> float:
-        return MOST * DELAY_STEP
+        return MOST_DELAY_STEPS * DELAY_STEP
 
     @property
     def shown(self) -> str:

@@ -21,7 +21,7 @@ from barbalat.flight.quadrotor.vehicle import STANDING, STEP
 from barbalat.flight.timing import Timing
 from barbalat.linear.largest import largest_whole
 
-FARTHEST, STEEPEST, LOWEST = 3.0, 85.0, STANDING + 0.02
+LARGEST_DISTANCE, LARGEST_TILT, LEAST_HEIGHT = 3.0, 85.0, STANDING + 0.02
 """[m] from its path, [deg] of tilt and [m] above the ground: beyond these the vehicle is lost."""
 
 
@@ -56,7 +56,7 @@ def fly_all(
 
 DELAY_STEP = 0.0025
 """[s] to which the largest delay is found: a sample of the attitude."""
-COARSE, MOST = 8, 64
+TRIAL_STRIDE, MOST_DELAY_STEPS = 8, 64
 """DELAY_STEPs from one trial to the next until the vehicle is lost, and the last of them."""
 
 
@@ -68,7 +68,7 @@ def delay_borne(axes: Axes, scheme: Scheme, timing: Timing = TIMING) -> float:
         (found,) = fly_all(axes, control, [Failure(name="delay", meaning="", delay=delay * DELAY_STEP)], timing=timing)
         return not found.lost
 
-    return largest_whole(kept, stride=COARSE, most=MOST) * DELAY_STEP
+    return largest_whole(kept, stride=TRIAL_STRIDE, most=MOST_DELAY_STEPS) * DELAY_STEP
 
 
 class _Vehicle:
@@ -165,10 +165,10 @@ def _lost(row: list[float], motion: Motion) -> str:
     """Where the vehicle strays, tips over, or comes down."""
     if not np.isfinite(row).all():
         return "the simulation's numbers are no longer finite"
-    if np.linalg.norm(np.subtract(row[4:7], row[1:4])) > FARTHEST:
-        return f"it was more than {FARTHEST:g} m from where it should be"
-    if motion.attitude[2, 2] < np.cos(np.deg2rad(STEEPEST)):
-        return f"it tilted by more than {STEEPEST:g} deg"
-    if row[0] > TAKES_OFF + CLIMBS and motion.position[2] < LOWEST:
+    if np.linalg.norm(np.subtract(row[4:7], row[1:4])) > LARGEST_DISTANCE:
+        return f"it was more than {LARGEST_DISTANCE:g} m from where it should be"
+    if motion.attitude[2, 2] < np.cos(np.deg2rad(LARGEST_TILT)):
+        return f"it tilted by more than {LARGEST_TILT:g} deg"
+    if row[0] > TAKES_OFF + CLIMBS and motion.position[2] < LEAST_HEIGHT:
         return "it came down to the ground"
     return ""

@@ -11,7 +11,7 @@ from barbalat.flight.quadrotor.vehicle import INTEGRATOR, SLOPE, STEP, Quadrotor
 from barbalat.validate import Array, require_extra
 
 ROTORS = 4
-FREE = 7
+BODY_COORDINATES = 7
 """Numbers of a free body's place: three of its position, four of its quaternion."""
 
 
@@ -45,7 +45,7 @@ class Simulator:
         """Into a state, with rotors that have settled at their thrusts (4,) [N]."""
         data, quaternion = self.data, np.empty(4)
         self.mujoco.mju_mat2Quat(quaternion, motion.attitude.reshape(-1))
-        data.qpos[:3], data.qpos[3:FREE] = motion.position, quaternion
+        data.qpos[:3], data.qpos[3:BODY_COORDINATES] = motion.position, quaternion
         data.qvel[:3], data.qvel[3:6] = motion.velocity, motion.rates
         data.act[:] = data.ctrl[:] = thrusts
         self.mujoco.mj_forward(self.model, data)
@@ -54,8 +54,8 @@ class Simulator:
         """At rest elsewhere on the ground, which rises to the left, turned about its normal [m, m, deg]."""
         data, slope, turn = self.data, np.deg2rad(SLOPE), np.deg2rad(heading) / 2
         data.qpos[:3] += forward, left, left * np.tan(slope)
-        upright = data.qpos[3:FREE].copy()
-        self.mujoco.mju_mulQuat(data.qpos[3:FREE], upright, np.array([np.cos(turn), 0.0, 0.0, np.sin(turn)]))
+        upright = data.qpos[3:BODY_COORDINATES].copy()
+        self.mujoco.mju_mulQuat(data.qpos[3:BODY_COORDINATES], upright, np.array([np.cos(turn), 0.0, 0.0, np.sin(turn)]))
         self.mujoco.mj_forward(self.model, data)
 
     def copied(self) -> Simulator:
@@ -75,11 +75,17 @@ class Simulator:
         wind = self.model.opt.wind.copy()
         self._load(slung)
         self.model.actuator_gainprm[:], self.model.actuator_dynprm[:], self.model.opt.wind[:] = effectiveness, lags, wind
-        self.data.qpos[:FREE], self.data.qvel[:6], self.data.act[:] = before.qpos[:FREE], before.qvel[:6], before.act
+        self.data.qpos[:BODY_COORDINATES], self.data.qvel[:6], self.data.act[:] = (
+            before.qpos[:BODY_COORDINATES],
+            before.qvel[:6],
+            before.act,
+        )
         self.data.time = before.time
-        self.mujoco.mju_negQuat(self.data.qpos[FREE:], before.qpos[3:FREE])  # the cable hangs down, however the vehicle leans
-        self.mujoco.mju_rotVecQuat(turning := np.empty(3), before.qvel[3:6], before.qpos[3:FREE])
-        self.mujoco.mju_rotVecQuat(self.data.qvel[6:9], -turning, before.qpos[3:FREE])  # and does not turn with it
+        self.mujoco.mju_negQuat(
+            self.data.qpos[BODY_COORDINATES:], before.qpos[3:BODY_COORDINATES]
+        )  # the cable hangs down, however the vehicle leans
+        self.mujoco.mju_rotVecQuat(turning := np.empty(3), before.qvel[3:6], before.qpos[3:BODY_COORDINATES])
+        self.mujoco.mju_rotVecQuat(self.data.qvel[6:9], -turning, before.qpos[3:BODY_COORDINATES])  # and does not turn with it
         self.mujoco.mj_forward(self.model, self.data)
 
     def weaken(self, rotor: int, effectiveness: float) -> None:
@@ -98,7 +104,7 @@ class Simulator:
     def motion(self) -> Motion:
         """Where it is now."""
         data, attitude = self.data, np.empty(9)
-        self.mujoco.mju_quat2Mat(attitude, data.qpos[3:FREE])
+        self.mujoco.mju_quat2Mat(attitude, data.qpos[3:BODY_COORDINATES])
         return Motion(data.qpos[:3].copy(), attitude.reshape(3, 3), data.qvel[:3].copy(), data.qvel[3:6].copy())
 
     @property

@@ -64,7 +64,7 @@ def _smooth(s: Any, ca: Any) -> Any:
 
 
 def _run_up(t: Any, ca: Any) -> Any:
-    """The integral of ``_smooth(t / WITHIN)``: a clock that comes up to speed."""
+    """The integral of ``_smooth(t / SPEED_UP_SECONDS)``: a clock that comes up to speed."""
     s = ca.fmin(ca.fmax(t / SPEED_UP_SECONDS, 0), 1)
     return SPEED_UP_SECONDS * s**5 * (7 - 14 * s + 10 * s**2 - 2.5 * s**3) + ca.fmax(t - SPEED_UP_SECONDS, 0)
 

@@ -26,8 +26,8 @@ def onto_the_cone(rate: Value, theta_hat: Value, box: ParameterBox, gain: Value,
     That is rate - Gamma g, g = sum of s_i lambda_i e_i over the faces that theta_hat is on, s_i their outward sides, lambda >= 0,
     and with M = S Gamma S and b = S rate on these faces M lambda >= b, lambda_i = 0 where that is strict, which makes it unique
     (Cottle, Pang and Stone, The Linear Complementarity Problem, 1992, section 3.1). Of up to ``EXACT_FACES`` faces the set with
-    lambda > 0 is found by trying all of them; of more, ``SWEEPS`` passes of Gauss and Seidel come near it with lambda >= 0, and
-    what still points outward is cut off by the limit, for which the decrease of V is not claimed.
+    lambda > 0 is found by trying all of them; of more, ``CONE_PASSES`` passes of Gauss and Seidel come near it with
+    lambda >= 0, and what still points outward is cut off by the limit, for which the decrease of V is not claimed.
     """
     if len(box.faces) <= 2:
         return _face_by_face(rate, theta_hat, box, gain, first)

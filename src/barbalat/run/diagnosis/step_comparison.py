@@ -73,8 +73,9 @@ class Seen:
 
 def compare(coarse: Seen, fine: Seen, t_end: float, *, whole: bool) -> FinerStep | None:
     """The verdict over [0, t_end], the whole run or a part; None where the finer run left the region too and says nothing."""
-    step = f"h = {fine.dt:g} s" if fine.sample_time is None else f"h = {fine.dt:g} s, sampled every {fine.sample_time:g} s,"
-    at = f"at {step}" if whole else f"at {step.removesuffix(',')}, up to t = {t_end:g} s,"
+    details = [] if fine.sample_time is None else [f"sampled every {fine.sample_time:g} s"]
+    details += [] if whole else [f"up to t = {t_end:g} s"]
+    at = "".join([f"at h = {fine.dt:g} s", *(f", {detail}" for detail in details), "," if details else ""])
     if coarse.diverged_at is None and fine.diverged_at is None:
         found = None if fine.unstable_from is not None else _figures(coarse, fine, at)
     else:
