@@ -70,7 +70,7 @@ def test_an_adaptive_scheme_must_beat_every_linear_one_through_more_than_the_rev
 
 
 def test_the_number_is_of_all_stored_flights_together(monkeypatch):
-    """Two documents of 60 flights and two failures that are survived. In one of them MRAC is beyond chance ahead through ``gusts``."""
+    """Of 60 flights each, with two failures that are survived: in one document MRAC is ahead through ``gusts``, beyond chance."""
     better = document("L1")
     better["lost"]["MRAC"]["count"] = 0
     kept = {"f16-pitch": document("MRAC"), "f16-roll": better}
