@@ -207,7 +207,8 @@ def _beside(every: Sequence[Flights], says: str, one: str, other: str) -> Readin
         f"{flights.name}: less error through {_named(less)}, more through {_named(more)}"
         for flights, less, more in zip(every, better, worse, strict=True)
     ]
-    return Reading(says, _prevails(every, sum(map(len, better)), sum(map(len, worse))), ". ".join(told), decides=False)
+    found = _prevails(every, sum(map(len, better)), sum(map(len, worse)))
+    return Reading(f"beside the sentence: {says}", found, ". ".join(told), decides=False)
 
 
 def _failures(found: Sequence[dict[str, list[str]]]) -> int:
