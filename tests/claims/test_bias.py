@@ -42,4 +42,4 @@ def test_the_error_is_at_most_proportional_to_tau_up_to_figure_2s():
     assert [reading.verdict for reading in claim.readings] == ["confirmed", "confirmed"]
     (shown,) = claim.listings
     assert shown.rows[0][0] == "0.5" and float(shown.rows[1][3]) == pytest.approx(0.915, abs=0.01)
-    assert "0.92 up to 0.5 s" in claim.number
+    assert "below 0.1 s" in claim.number and "0.915 up to 0.5 s" in claim.measured

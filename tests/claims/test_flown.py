@@ -69,6 +69,18 @@ def test_an_adaptive_scheme_must_beat_every_linear_one_through_more_than_the_rev
         assert "than every adaptive scheme: LQR with PI through gusts (0.1 for 0.5 deg/s)" in errors.measured
 
 
+def test_the_number_is_of_all_stored_flights_together(monkeypatch):
+    """Of 60 flights each, with two failures that are survived: in one document MRAC is ahead through ``gusts``, beyond chance."""
+    better = document("L1")
+    better["lost"]["MRAC"]["count"] = 0
+    kept = {"f16-pitch": document("MRAC"), "f16-roll": better}
+    monkeypatch.setattr(flown, "stored", lambda: tuple(kept))
+    monkeypatch.setattr(Flights, "stored", lambda name: Flights(kept[name]))
+    claim = flown.claim()
+    assert claim.number == "fewest flights lost of 120: adaptive 20, linear 40; apart beyond chance in 1 of 4 failures"
+    assert "of 60: adaptive 20 (MRAC), linear 20 (LQR with PI)" in claim.measured and "adaptive 0 (MRAC)" in claim.measured
+
+
 def test_all_comparisons_share_one_confidence():
     """17 of 20 is beyond chance by itself, P = 0.0026, and not as the best of the 40 that this document has."""
     flights = Flights(document("L1", wins=17))

@@ -1,5 +1,6 @@
 """Every claim is measured, and the verdicts are those that independent reasoning gives."""
 
+import io
 import json
 import re
 import sys
@@ -7,12 +8,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from rich.console import Console
 
 from barbalat.claims import figures, ledger, linear_design, section_v
 from barbalat.claims.claim import Claim, Reading, of_readings, verdict
 from barbalat.claims.rows import LEDGER, Measurement
 from barbalat.claims.variants import table
 from barbalat.cli import main
+from barbalat.report.terminal.layout import Screen
+from barbalat.report.terminal.ledger import overview
 
 
 @pytest.fixture(scope="module")
@@ -103,13 +107,20 @@ PLACE = re.compile(r"(Abstract|Sections? [IV]+|Theorem \d|Lemma \d|Table \d|Figu
 ELSEWHERE = re.compile(r"not in the paper: .*[A-Za-z]{4}")
 
 
+def lines_on_the_last_screen(claim: Claim) -> int:
+    """Of ``reproduce``'s, at 80 columns: the row's name and its number."""
+    said = io.StringIO()
+    overview(Screen(Console(file=said, width=80)), [], [claim])
+    return len(said.getvalue().splitlines()) - 2  # the verdict's heading, and the figures
+
+
 def check_row(claim: Claim) -> None:
     """What a referee asks of every row."""
     parts = claim.where.split("; ")
     assert ELSEWHERE.match(claim.where) or all(PLACE.match(part) for part in parts), (claim.id, claim.where)
     for text in (claim.measured, claim.number, *(reading.measured for reading in claim.readings)):
         assert re.search(r"\d", text), (claim.id, text)
-    assert len(claim.number) < 160, claim.id  # a few words
+    assert lines_on_the_last_screen(claim) <= (1 if claim.verdict.startswith("confirmed") else 2), (claim.id, claim.number)
     assert claim.how and claim.statement and claim.would_change, claim.id
     assert bool(claim.holds_if) == (claim.verdict == "confirmed with conditions"), claim.id  # a condition is named
     assert claim.readings and claim.as_json()["readings"], claim.id  # what was tested is said

@@ -38,7 +38,7 @@ def bias_is_proportional() -> Claim:
                 {"kappa [s]": kappas, "max |e_1|, tail": tail, "exponent": np.append(np.nan, exponents)},
             ),
         ),
-        number=f"exponent of kappa: {exponents[0]:.2f} at 0.04 s to {exponents[-1]:.2f} at 0.00125 s; beside a constant command {held:.0g} stays",
+        number=f"exponent of kappa: {exponents[0]:.2f}, to {exponents[-1]:.2f} as kappa falls",
         readings=readings,
         condition="the command varies, and kappa is small, well below Section V's",
         would_change="confirmed: an error that stays beside a constant command too, and exponents of one at Section V's kappas; not confirmed: an exponent that "

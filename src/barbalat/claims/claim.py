@@ -174,7 +174,8 @@ class Claim:
     where         the sentence's place in the paper, or "not in the paper: " and who says it
     measured      all that was measured, in a sentence
     how           the plant, the solver, the step, what was compared
-    number        the one number that decides the verdict, with its unit and what it is, in a few words
+    number        the one number that decides the verdict, with its unit and what it is: beside a confirmed row's name it fits a line of
+                  80 columns, beside another's two; what else was found stands in ``measured``
     readings      what was tested: each way to read the sentence, with a verdict of its own; the row's is ``of_readings``
     tested        instead of them, where there is one alone: what quantity over which settings decides; verdict and number are the row's
     condition     under which it is confirmed, where the verdict is "confirmed with conditions"; see ``holds_if``

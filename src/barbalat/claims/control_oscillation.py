@@ -104,7 +104,7 @@ def claim(*, full: bool = False) -> Claim:
         f"Section V, MRAC and L1-AC at the same Gamma, RK4, u at {RECORDED_INSTANTS} instants, second half of the run, Welch's method; h and Gamma as listed; a "
         f"difference below {EQUAL_FREQUENCY_SHARE:.0%} counts as none",
         listings=_listings(numerical, resolved),
-        number=f"mean frequency of the oscillations in u with C over that without, Figure 3's setting: {shown.frequency:.2f}",
+        number=f"Figure 3: frequency of u with C over without: {shown.frequency:.2f}",
         readings=readings,
         condition="well inside the numerically unstable region, of the mean frequency; of the equations' own ringing it is not so",
         would_change="confirmed: frequencies, mean and strongest, that fall at every setting, and a ringing that gets slower and smaller; not confirmed: none of it",

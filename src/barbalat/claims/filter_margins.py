@@ -84,7 +84,7 @@ def claim() -> Claim:
         "L1-AC has at 100",
         maps=effect.maps,
         listings=(_listing(found),),
-        number=f"gain margin {effect.gain_margins[0]:.4g} to {effect.gain_margins[1]:.4g}, delay margin {adapting[0]:.2g} to {adapting[1]:.2g} s at Gamma = 100",
+        number=f"margins: gain {_way(effect.gain_margins)} to {effect.gain_margins[1]:.4g}, delay {_way(adapting)} to {adapting[1]:.2g} s",
         readings=readings,
         condition=f"robustness is the {', '.join(effect.fall_at_every_gain) or 'margin'} with kappa <= {MODERATE_KAPPA:g} s (Theorem 1's condition admits half of that; the slower filters "
         "stand in the reading), of the loop that adapts the only margin that falls at every gain, or the delay margin with the estimates at rest on theta; at high gain "
@@ -146,7 +146,11 @@ def _shown(pair: Array) -> tuple[str, str, str]:
 
 def _change(pair: list[float]) -> str:
     without, with_filter = pair
-    return f"{without:.3g} to {with_filter:.3g} s ({'up' if with_filter > without else 'down'})"
+    return f"{without:.3g} to {with_filter:.3g} s ({_way(pair)})"
+
+
+def _way(pair: Sequence[float]) -> str:
+    return "up" if pair[1] > pair[0] else "down"
 
 
 def adapting_delay_margin(controller: Mrac | L1Adaptive, r: float) -> float:

@@ -130,14 +130,15 @@ def claim() -> Claim:
         where="not in the paper: Section IV, which says that the L1 controllers that were flown should have been compared with linear robust designs",
         statement="On flight models with what fails in flight, adaptive control does better than linear designs under the same margins",
         verdict=of_readings(readings),
-        measured="; ".join(f"{one.says}: {one.measured}" for one in readings),
+        measured=f"stored flights lost, the fewest of each side: {'; '.join(_told(one) for one in every)}; "
+        + "; ".join(f"{one.says}: {one.measured}" for one in readings),
         how="read, not measured by this command: " + "; ".join(_provenance(one) for one in every) + ". JSBSim's F-16 follows a pitch-rate or a roll-rate command "
         "at 100 Hz through its actuator, limits, sensors and bus; MuJoCo's quadrotor flies a figure of eight with motors that lag. Draws are of the vehicle, its start, "
         "its sensors and the air. All schemes of a flight were tuned by one rule on the linearised nominal vehicle: least RMS error with the same delay and gain "
         "margins. Beyond chance is by the exact sign test on the same draws, at 95 % for all comparisons of a flight together (Holm). A reading holds where it does "
         "through more failures than its reverse. Tests fly draws again where the simulators are installed",
         listings=tuple(_table(one) for one in every),
-        number=f"stored flights lost, the fewest of each side: {'; '.join(_fewest(one) for one in every)}",
+        number=_number(every),
         readings=readings,
         condition="; ".join(f"{one.says}: {one.measured}" for one in readings if one.decides and one.verdict != "not confirmed"),
         would_change="another vehicle, margin, command or rule; faults that were known when the linear designs were made",
@@ -155,17 +156,32 @@ def _provenance(flights: Flights) -> str:
     )
 
 
-def _fewest(flights: Flights) -> str:
-    best = [min(names, key=lambda one: _sum(flights, one)) for names in (flights.adaptive, flights.linear)]
-    flown = flights.document["lost"][best[0]]["flights"]
-    differ = [failure for failure in flights.failures if flights.compared(best[0], best[1], failure, LOSS)]
+def _fewest(flights: Flights) -> tuple[str, str, list[str]]:
+    """The adaptive and the linear scheme that lose the fewest flights; the failures through which these differ beyond chance."""
+    adaptive, linear = (min(names, key=lambda one: _sum(flights, one)) for names in (flights.adaptive, flights.linear))
+    return adaptive, linear, [failure for failure in flights.failures if flights.compared(adaptive, linear, failure, LOSS)]
+
+
+def _number(every: Sequence[Flights]) -> str:
+    """Of all flights together: two lines of the last screen, however many are stored."""
+    sides = [(one, *_fewest(one)) for one in every]
+    counts = [
+        (_sum(one, a, "flights"), _sum(one, a), _sum(one, b), len(differ), len(one.failures)) for one, a, b, differ in sides
+    ]
+    said = "fewest flights lost of {}: adaptive {}, linear {}; apart beyond chance in {} of {} failures"
+    return said.format(*map(sum, zip(*counts, strict=True)))
+
+
+def _told(flights: Flights) -> str:
+    adaptive, linear, differ = _fewest(flights)
     beyond = f"through {', '.join(differ)} beyond chance" if differ else "nowhere beyond chance"
-    adaptive, linear = (f"{_sum(flights, one)} ({one})" for one in best)
-    return f"{flights.name}, of {flown}: adaptive {adaptive}, linear {linear}, which differ {beyond}"
+    lost = f"adaptive {_sum(flights, adaptive)} ({adaptive}), linear {_sum(flights, linear)} ({linear})"
+    return f"{flights.name}, of {_sum(flights, adaptive, 'flights')}: {lost}, which differ {beyond}"
 
 
-def _sum(flights: Flights, controller: str) -> int:
-    return int(flights.document["lost"][controller]["count"])
+def _sum(flights: Flights, controller: str, what: str = "count") -> int:
+    """Over all failures: its lost flights, or all of its ``flights``."""
+    return int(flights.document["lost"][controller][what])
 
 
 def _sides(every: Sequence[Flights], says: str, by: str) -> Reading:
@@ -191,7 +207,8 @@ def _beside(every: Sequence[Flights], says: str, one: str, other: str) -> Readin
         f"{flights.name}: less error through {_named(less)}, more through {_named(more)}"
         for flights, less, more in zip(every, better, worse, strict=True)
     ]
-    return Reading(says, _prevails(every, sum(map(len, better)), sum(map(len, worse))), ". ".join(told), decides=False)
+    found = _prevails(every, sum(map(len, better)), sum(map(len, worse)))
+    return Reading(f"beside the sentence: {says}", found, ". ".join(told), decides=False)
 
 
 def _failures(found: Sequence[dict[str, list[str]]]) -> int:

@@ -49,7 +49,7 @@ def gain_reduces_margins() -> Claim:
         f"from {GAINS[back]:.2g} on it is at least {filtered[back:].min():.3g} s, and tends to {limit:.3g} s",
         METHOD,
         maps=(chart,),
-        number=f"delay margin of MRAC as Gamma^{slope:.2f}; of L1-AC {filtered[lowest]:.2g} s at its least, {limit:.3g} s in the limit",
+        number=f"delay margin of MRAC goes at last as Gamma^{slope:.2f}",
         readings=readings,
         condition=f"read of MRAC's {_listed(of_mrac)}; with the filter at every gain of the {_listed(of_l1)} alone, of the others up to a gain of their own at most",
         would_change="confirmed: margins of either scheme that all fall with the gain; not confirmed: an MRAC of which none does",

@@ -47,7 +47,7 @@ def claim(l1: Array, pi: Array) -> Claim:
         "; ".join(f"{reading.says}: {reading.measured}" for reading in readings) + ". In the limit of fast adaptation L1-AC is a linear loop with "
         f"S = 1 - C: one slope of rejection with (6), where the PI has two; two with C'(0) = 0, for which Theorem 1's condition has {condition:.2f} on its left",
         f"as adaptive-against-linear, without a delay; all with a delay margin of {1e3 * margin:.0f} ms at Section V's theta",
-        number=f"tail error over the PI's at size 1: {at_one(l1 / pi):.2g} with (6), {at_one(second / pi):.2g} with C'(0) = 0",
+        number=f"tail error over PI's: {at_one(l1 / pi):.2g} by (6), {at_one(second / pi):.2g} by C'(0) = 0",
         readings=readings,
         condition="1 - C has two slopes, C'(0) = 0; with the first-order filter (6), the paper's, the PI tracks better",
         would_change="another C, as the readings show; another design of the PI, another delay margin or command",
@@ -65,5 +65,5 @@ def _reading(says: str, l1: Array, pi: Array) -> Reading:
     return Reading(
         says,
         verdict(holds=bool((ratio < 1).any()), conditional=bool((ratio >= 1).any())),
-        f"its tail error is {ratio.min():.2g} to {ratio.max():.2g} times the PI's over the sizes that both bear",
+        f"its tail error is {ratio.min():.2g} to {ratio.max():.2g} times the PI's over the sizes that both bear, {at_one(l1 / pi):.2g} times at size 1",
     )

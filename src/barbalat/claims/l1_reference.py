@@ -117,7 +117,7 @@ def claim(*, full: bool = False) -> Claim:
         "certified L1 norms. Assumptions checked: the condition, theta in the known set, C and the "
         "predictor at rest, no modelling error, no disturbance",
         listings=_listings(found, bound, steps),
-        number=f"largest |x - x_ref| over gamma_1/sqrt(Gamma): {share.max():.2g}",
+        number=f"max |x - x_ref| over gamma_1/sqrt(Gamma): {share.max():.2g}",
         readings=readings,
         condition="the solver's step resolves the ringing",
         would_change="confirmed: a numerically unstable run that stays within the bound too; not confirmed: a resolved run that leaves it, or an assumption that fails",

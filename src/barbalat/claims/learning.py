@@ -43,7 +43,7 @@ def loss_of_learning(runs: Runs) -> Claim:
         f"h = 1e-5 s, {distances[2]:.2g} to {spread[2]:.2g} for the robust MRAC: the gain alone keeps the estimates from converging in 60 s, "
         "oscillation or not",
         "recorded instants of Figures 2, 3, 4",
-        number=f"largest |theta_hat - theta*| at the end: {spread[0]:.2g} at h = 1e-4 s, {spread[1]:.2g} at h = 1e-5 s",
+        number=f"|theta_hat - theta*|: {spread[0]:.2g} at h = 1e-4, {spread[1]:.2g} at 1e-5 s",
         readings=readings,
         condition="the step is Figure 3's, and lost learning is not laid at the instability alone: resolved, the gain keeps the estimates from converging too",
         would_change="estimates that converge in 60 s where the step resolves the gain, or at Figure 3's step",
@@ -81,7 +81,7 @@ def exponential() -> Claim:
         f"{TOLD_INSTANTS[-1]:g} s",
         "Section V with r = 10 sin 0.5t + 10 sin 1.7t, RK4, h = 1e-3 s, 480 s",
         listings=(_distances({name: values[at] for name, values in distance.items()}),),
-        number=f"pure least squares goes as t^{power:.2f}, the gradient law as exp(-{rate:.3f} t)",
+        number=f"least squares as t^{power:.2f}, gradient exp(-{rate:.3f} t)",
         readings=readings,
         condition="the covariance does not vanish: the gradient law, or least squares with forgetting or resetting, not (15) as printed",
         would_change="for (15): a covariance kept from zero, by forgetting or resetting; for the gradient law: too little excitation",

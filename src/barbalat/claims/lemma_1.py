@@ -51,7 +51,7 @@ def bounded(runs: dict[float, Along]) -> Claim:
         METHOD.format("Delta_m = -mu s/(0.001 s + 1)", "3000 instants; reading: none of the suprema grows in the second half"),
         listings=(_suprema(tuple(runs), halves),),
         tested="the suprema of the four signals in either half of the runs: none grows by more than a twentieth",
-        number=f"largest |epsilon m_s| in the second half over that in the first: {growth['error']:.2g}",
+        number=f"max |epsilon m_s|, second half over first: {growth['error']:.2g}",
         would_change="a supremum that keeps growing along a run; a finite run can show no more",
     )  # fmt: skip
 
@@ -119,8 +119,8 @@ def with_error(runs: dict[float, Along]) -> Claim:
             ),
             *scalar_lemma.listings(),
         ),
-        number=f"least nu for epsilon m_s: {by_definition['error'].max():.2g} along runs, "
-        f"{scalar_lemma.constants(scalar_lemma.ScalarLeastSquares()).max():.3g} for the worst signals tried",
+        number=f"nu of epsilon m_s: {by_definition['error'].max():.2g} along runs, "
+        f"{scalar_lemma.constants(scalar_lemma.ScalarLeastSquares()).max():.3g} at worst",
         readings=readings,
         condition="along the loop's own runs with these sizes of mu; not one nu for any signals of (13), with pure least squares",
         would_change="a law whose gain is kept from zero: with the gradient law both readings hold for any signals",

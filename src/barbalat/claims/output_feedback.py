@@ -60,7 +60,7 @@ def l1_is_linear() -> Claim:
         f"{late[0]:.2g} with the projection and {late[1]:.2g} without",
         how="plant 2/(s + 1) with 0.5 sin y, m = 3, C = 30/(s + 30), gamma = 1e4 (50 under saturation), RK4; the equivalent is "
         "multiplied out and integrated in a realisation of its own",
-        number=f"difference from the linear equivalent: {difference:.1g} of the largest |u|",
+        number=f"difference from LTI equivalent: {difference:.1g} of max |u|",
         readings=readings,
         would_change="an input for which the two differ while sigma is inside its bounds; other L1 controllers are not meant",
     )
@@ -102,7 +102,7 @@ def rohrs() -> Claim:
         "(3)-(4) and (5)-(8)",
         statement="Unmodelled dynamics destabilise an adaptive law without modifications; the robust laws bear them",
         verdict=of_readings(readings),
-        measured=f"the classical law {falls}; max |y| of the others over {case.simulation.t_end:g} s is {span(heights)}, without "
+        measured=f"the classical law {falls}, {len(bounded)} of {len(runs)} modified laws stay bounded; max |y| of the others over {case.simulation.t_end:g} s is {span(heights)}, without "
         "adapting at all "
         f"{resting.figures['max_abs_y']:.3g}. The dead zone bears it by not adapting: of {len(DEAD_ZONES)} more, g_0 = {span(DEAD_ZONES)}, "
         f"{len(lost)} diverge" + (f", those of {span(lost)}" if lost else ""),
@@ -114,7 +114,7 @@ def rohrs() -> Claim:
                 {"g_0": DEAD_ZONES, "diverges at [s]": ended},
             ),
         ),
-        number=f"the classical law {falls}; {len(bounded)} of {len(runs)} modified laws do not",
+        number=f"the classical law {falls}",
         readings=readings,
         condition="the dead zone is wider than the error that the initial estimates leave",
         would_change="a run of the classical law that stays bounded, or of sigma-modification, normalisation or the robust law that does not",

@@ -50,7 +50,7 @@ def is_linear() -> Claim:
                 {"a [1/s]": TRIED_POLES, "|e_1| [rad]": left},
             ),
         ),
-        number=f"difference from the realisation: {difference:.1g} of the largest |u|",
+        number=f"difference from LTI realisation: {difference:.1g} of max |u|",
         readings=readings,
         condition="the predictor's poles are at zero; the exact form and those of flight codes leave a part of what is constant",
         would_change="an input for which law and realisation differ by more than rounding, while no limit acts",

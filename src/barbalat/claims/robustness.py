@@ -34,7 +34,7 @@ def tau_and_error() -> Claim:
         "tau-error", "Theorem 2, eq. (17); Section III.B, after it", "Without modelling error the transient error of the robust MRAC is at most proportional to tau",
         of_readings(readings),
         f"max |e| goes from {peaks[0]:.3g} at tau = {taus[0]:g} s to {peaks[-1]:.3g} at {taus[-1]:g} s, with local exponents of "
-        f"{span(exponents)}: in proportion below {taus[1]:g} s, by less than that up to {taus[0]:g} s",
+        f"{span(below)} below {taus[1]:g} s, in proportion, and of {exponents[0]:.3g} up to {taus[0]:g} s, by less than that",
         "Section V, sign of (14) corrected, RK4, h = 1e-4 s, 60 s",
         listings=(
             table(
@@ -42,7 +42,7 @@ def tau_and_error() -> Claim:
                 {"tau [s]": taus, "max |e|": peaks, "max |e|/tau": nu, "exponent": np.append(np.nan, exponents)},
             ),
         ),
-        number=f"exponent of tau: {below.min():.2f} to {below.max():.2f} below {taus[1]:g} s, {exponents[0]:.2f} up to {taus[0]:g} s",
+        number=f"exponent of tau: {below.min():.2f} to {below.max():.2f} below {taus[1]:g} s",
         readings=readings,
         would_change=f"a max |e|/tau that goes on growing as tau falls below {taus[1]:g} s, at a step that resolves tau",
     )  # fmt: skip

@@ -42,7 +42,7 @@ def claim() -> Claim:
             ),
         ),
         tested="the variation of both estimates in the tail, MRAC and L1-AC by the midpoint step of this project: by more than a factor of two over Gamma = 1e2 to 1e8",
-        number=f"variation of the estimates over Gamma = {GAINS[0]:g} to {GAINS[-1]:g}: the largest {spread:.3f} times the least",
+        number=f"variation of estimates over Gamma, max/min: {spread:.3f}",
         would_change="estimates that chatter at some gain and sample time with this step, without a delay; with one see sampled-delay",
     )
 
@@ -102,7 +102,7 @@ def delays() -> Claim:
         how=f"T = {SAMPLE_TIME:g} s, h = T/2, RK4, 20 s, kappa = {section_v.KAPPA:g} s; quiet: a variation of the estimates of at most "
         f"{CHATTER_FACTOR:g} times that without delay",
         listings=(_listing(found, quiet),),
-        number=f"samples of delay borne: {borne:g} without filter, {borne_by_l1:g} with it",
+        number=f"samples of delay borne: {borne:g} unfiltered, {borne_by_l1:g} filtered",
         readings=readings,
         condition="robustness is that the estimates stay quiet; by the tracking error it depends on the delay",
         would_change="an unfiltered fast sampled law that stays quiet under two samples of delay, or a filter that does not help there",

@@ -79,8 +79,7 @@ def _claim(tried: StiffRuns, *more: Reading, listings: tuple[Listing, ...] = ())
         f"the estimate limited at the step's end. Automatic steps: with projection, exact Jacobian, last 0.1 s; up to {AUTOMATIC_END:g} s no estimate is "
         f"beyond {_highest():.1f} and the projection at rest; the phenomenon begins at {tried.explicit[0].free.reached:.1f} s",
         listings=(listing(shown, right, PAPER_SETTING.gamma), *neighbours, listing(tried.at_figure_5, FIGURE_5.right, FIGURE_5.gamma), *listings),
-        number=f"ringing over the converged one's, Figure 3: RK4 {cell(tried.explicit[0], 1, right)}, {best.name} {cell(best, 1, right)}, "
-        f"{tried.loose[0].name} at {LOOSE_TOLERANCES[0]:g} {cell(tried.loose[0], 1, right)}",
+        number=f"{best.name} over true ringing: {cell(best, 1, right)}",
         readings=readings,
         condition=_condition(tried),
         would_change="confirmed: implicit steps, and codes at tight tolerances, none of which follows the equations with the projection, and runs that are lost without "

@@ -89,7 +89,7 @@ class TauTradeOff:
         return Claim(
             f"tau-limit-{self.key}", where, statement,
             verdict(holds=bool((np.diff(taus) > 0).all()) and taus[-1] > 2 * taus[0]),
-            f"smallest tau borne: {taus[0]:.3g} s for {sizes[0]:.3g} s to {taus[-1]:.3g} s for {sizes[-1]:.3g} s, {(taus / sizes).min():.2f} to "
+            f"smallest tau borne: {taus[0]:.3g} s for {self.word} {sizes[0]:.3g} s to {taus[-1]:.3g} s for {sizes[-1]:.3g} s, {(taus / sizes).min():.2f} to "
             f"{(taus / sizes).max():.2f} times the {self.word}; no tau bears {self._nothing_borne()}. At these tau the linear loop with the "
             f"estimates frozen at theta loses stability at {linear.min():.3f} to {linear.max():.3f} times the {self.word}{_agree(linear, sizes)}; "
             f"the small-gain theorem shows it stable up to {gain.min():.2f} to {gain.max():.2f} of its limit. The tail's error grows along the "
@@ -99,7 +99,7 @@ class TauTradeOff:
             "Jacobians; it is no guarantee for the loop that adapts",
             maps=(self._map(), self._chart()),
             tested=f"the smallest tau whose run is not lost over {BOUNDARY_RUN_FACTOR * T_END:g} s: it rises with every size that has one, and by more than a factor of two in all",
-            number=f"smallest tau borne: {taus[0]:.3g} s for {self.word} {sizes[0]:.3g} s, {taus[-1]:.3g} s for {sizes[-1]:.3g} s",
+            number=f"smallest tau borne goes from {taus[0]:.3g} to {taus[-1]:.3g} s",
             would_change="a tau that bears every size, or a boundary that does not rise with it; the theorem's own Delta* is not computed",
         )  # fmt: skip
 

@@ -55,7 +55,7 @@ def filter_limits_theta() -> Claim:
         "certified norms; bisection on the exact eigenvalues of the fast-adaptation loop; RK4, h = 1e-4 s, Gamma = 100, r = 1, no projection, "
         "30 s (these keep h omega_a below 1 in what is stable)",
         (_map(),),
-        number=f"the limit loop is lost beyond theta = {exact:.2f} [4, -3], kappa = {section_v.KAPPA:g} s",
+        number=f"limit loop is lost beyond theta = {exact:.2f} [4, -3]",
         readings=readings,
         would_change="a filtered loop that bears any theta, or an unfiltered one that a large theta takes, without modelling error",
     )  # fmt: skip

@@ -116,7 +116,7 @@ def claim(*, full: bool = False) -> Claim:
         f"{DELAYS[-1]:g} s, RK4, h = {STEP / 4 if full else STEP:g} s, {T_END:g} s. Unbounded: diverged, or |e| in the last "
         f"quarter beyond {UNBOUNDED_RATIO:g} times the largest |x_m|; what is counted as bounded stays below {max(float(each.tail.max()) for each in found.values()):.2g} times",
         listings=(*_listings(found, ideal, gains), at_rohrs_plant),
-        number=f"smallest delay with unbounded growth that the loop with theta known bears: {firsts.min():g} s",
+        number=f"least delay lost, borne with theta known: {firsts.min():g} s",
         readings=readings,
         condition="the known set holds estimates that do not stabilise the plant",
         would_change="confirmed: unbounded runs with every filter; not confirmed: a bound on x beside Delta_m for Section V's known set, with (4) and (7) as they stand",
