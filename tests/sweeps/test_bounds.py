@@ -8,7 +8,7 @@ from barbalat.cases.load import CaseText
 from barbalat.sweeps.bounds import Bounds
 from barbalat.sweeps.paths import FieldPath
 from barbalat.sweeps.plan import Plan
-from barbalat.sweeps.spread import Axis
+from barbalat.sweeps.spread import Axis, Uniform
 from barbalat.sweeps.study import Study
 from barbalat.sweeps.varied_case import VariedCase
 
@@ -46,3 +46,13 @@ def test_whether_bounds_are_compared_is_known_from_the_plan_and_not_from_what_ra
     plan = Plan({GAIN: Axis(1.0, 9.0, count), FIRST: Axis(-1.0, 1.0, 100)}, {}, 1)  # theta needs one certificate for all
     study = Study(VariedCase(CaseText(TEXT), plan.paths), plan)
     assert np.isfinite(Bounds(study).of(plan.values(0, 3))["MRAC"]).all() == any_bound
+
+
+def test_what_varies_of_another_controller_takes_no_bound_away_and_what_is_not_compared_is_said():
+    text = TEXT.replace("gamma = 30.0 }]", 'gamma = 30.0 }, { name = "other", scheme = "mrac", gamma = 30.0 }]')
+    gamma = FieldPath.parse("controller[1].gamma")
+    plan = Plan({}, {gamma: Uniform(1.0, 9.0)}, 65)
+    bounds = Bounds(Study(VariedCase(CaseText(text), plan.paths), plan))
+    found = bounds.of(plan.values(0, 3))
+    assert np.isfinite(found["MRAC"]).all() and np.isnan(found["other"]).all()
+    assert len(bounds.notes) == 1 and bounds.notes[0].startswith("other: no bound is compared") and "65 comb" in bounds.notes[0]

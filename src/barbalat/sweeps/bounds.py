@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from functools import cached_property
 
 import numpy as np
 
 from barbalat.certificates.certify import certify
 from barbalat.problem.known_set import KnownSet
 from barbalat.problem.state_feedback import Problem
+from barbalat.sweeps.paths import FieldPath
 from barbalat.sweeps.study import Study
 from barbalat.validate import Array
 
@@ -22,9 +22,9 @@ ERROR_BOUND = "error_bound"
 
 @dataclass(frozen=True, eq=False)
 class _Certified:
-    """Of members that differ in theta alone: bounds by controllers, and where they hold."""
+    """Of one controller's members that differ in theta alone: the bound, NaN for none, and where it holds."""
 
-    bounds: dict[str, float]
+    bound: float
     known: KnownSet | None
     for_its_theta: bool  # theta is the same for all and was certified
 
@@ -37,57 +37,74 @@ class Bounds:
     """Of each member the guaranteed ``error_bound``, over all of the known set where theta varies.
 
     A member whose theta lies outside of its own known set has none, nor has any where the plan has more than MOST_CERTIFIED
-    combinations of other numbers: that is known before anything runs, whoever runs what first.
+    combinations of the other numbers that a controller depends on: that is known before anything runs, whoever runs what first.
     """
 
     study: Study
     thetas: list[int] = field(init=False)
-    others: list[int] = field(init=False)
-    found: dict[bytes, _Certified] = field(init=False, default_factory=dict)
+    found: dict[tuple[int, bytes], _Certified] = field(init=False, default_factory=dict)
 
     def __post_init__(self) -> None:
-        paths = self.study.plan.paths
-        self.thetas = [i for i, path in enumerate(paths) if path.keys[:2] == ("plant", "theta")]
-        self.others = [i for i in range(len(paths)) if i not in self.thetas]
-
-    @cached_property
-    def _too_many(self) -> bool:
-        """Draws count as different from each other."""
-        plan = self.study.plan
-        others = {plan.paths[i] for i in self.others}
-        points = math.prod(axis.count for path, axis in plan.axes.items() if path in others)
-        return points * (plan.draws_each if others & plan.draws.keys() else 1) > MOST_CERTIFIED
+        self.thetas = [i for i, path in enumerate(self.study.plan.paths) if path.keys[:2] == ("plant", "theta")]
 
     def of(self, rows: Array) -> dict[str, Array]:
         """(M,) by controllers; rows (M, d)."""
-        none = {name: np.full(len(rows), np.nan) for name in self.study.controllers}
-        if self._too_many:
-            return none
-        unique, which = np.unique(rows[:, self.others], axis=0, return_inverse=True)
-        for one in unique:
-            if one.tobytes() not in self.found:
-                self.found[one.tobytes()] = self._certified(one)
-        certified, which = [self.found[one.tobytes()] for one in unique], which.reshape(-1)
-        inside = np.array([certified[k].holds(theta) for k, theta in zip(which, self._thetas(rows), strict=True)], dtype=bool)
-        for name, values in none.items():
-            bound = np.array([one.bounds.get(name, np.nan) for one in certified])[which]
-            values[inside] = bound[inside]
-        return none
+        thetas = self._thetas(rows)
+        return {name: self._of(place, rows, thetas) for place, name in enumerate(self.study.controllers)}
 
-    def _certified(self, others: Array) -> _Certified:
+    @property
+    def notes(self) -> list[str]:
+        """Of controllers whose errors are compared with no bound since too many numbers vary."""
+        found = []
+        for place, name in enumerate(self.study.controllers):
+            count = self._combinations(self._others(place))
+            if count > MOST_CERTIFIED:
+                found.append(
+                    f"{name}: no bound is compared, since each of {count} combinations of numbers beside theta would need a "
+                    f"certificate of its own, and at most {MOST_CERTIFIED} are made"
+                )
+        return found
+
+    def _of(self, place: int, rows: Array, thetas: Array) -> Array:
+        bounds, others = np.full(len(rows), np.nan), self._others(place)
+        if self._combinations(others) > MOST_CERTIFIED:
+            return bounds
+        unique, which = np.unique(rows[:, others], axis=0, return_inverse=True)
+        certified = [self._known(place, others, one) for one in unique]
+        for member, (k, theta) in enumerate(zip(which.reshape(-1), thetas, strict=True)):
+            if certified[k].holds(theta):
+                bounds[member] = certified[k].bound
+        return bounds
+
+    def _others(self, place: int) -> list[int]:
+        """Columns beside theta that this controller's loop depends on: not those of the other controllers."""
+        paths = self.study.plan.paths
+        return [i for i in range(len(paths)) if i not in self.thetas and _concerns(paths[i], place)]
+
+    def _combinations(self, others: list[int]) -> int:
+        """Draws count as different from each other."""
+        plan = self.study.plan
+        varied = {plan.paths[i] for i in others}
+        points = math.prod(axis.count for path, axis in plan.axes.items() if path in varied)
+        return points * (plan.draws_each if varied & plan.draws.keys() else 1)
+
+    def _known(self, place: int, others: list[int], values: Array) -> _Certified:
+        key = place, values.tobytes()
+        if key not in self.found:
+            self.found[key] = self._certified(place, others, values)
+        return self.found[key]
+
+    def _certified(self, place: int, others: list[int], values: Array) -> _Certified:
         row = self.study.tried.middle.copy()
-        row[self.others] = others
+        row[others] = values
         case = self.study.varied.at(row)
-        key = "error_bound_worst" if self.thetas else "error_bound"
-        certificates = certify(case.problem, case.controllers, case.simulation)
-        found = {name: one.entry(key) for name, one in certificates.items()}
-        bounds = {
-            name: float(entry.value)
-            for name, entry in found.items()
-            if entry is not None and entry.kind == "guaranteed" and isinstance(entry.value, float)
-        }
+        (certificate,) = certify(case.problem, [case.controllers[place]], case.simulation).values()
+        entry = certificate.entry("error_bound_worst" if self.thetas else "error_bound")
         known = case.problem.uncertainty if isinstance(case.problem, Problem) else None
-        return _Certified(bounds, known, for_its_theta=not self.thetas)
+        bound = np.nan
+        if entry is not None and entry.kind == "guaranteed" and isinstance(entry.value, float):
+            bound = entry.value
+        return _Certified(bound, known, for_its_theta=not self.thetas)
 
     def _thetas(self, rows: Array) -> Array:
         """(M, n) each member's theta; n = 0 where none varies."""
@@ -99,3 +116,8 @@ class Bounds:
             place, *of_input = map(int, self.study.plan.paths[column].keys[2:])  # theta row by row, as the plant stores it
             thetas[:, place * problem.plant.inputs + of_input[0] if of_input else place] = rows[:, column]
         return thetas
+
+
+def _concerns(path: FieldPath, place: int) -> bool:
+    """Whether a controller's loop depends on what stands there."""
+    return path.keys[0] != "controller" or path.keys[1] == place

@@ -131,8 +131,10 @@ class Evidence:
     intervals: str
 
 
-def evidence(rows: Rows, controllers: Sequence[str], requirements: Sequence[Requirement], plan: Plan) -> Evidence:
-    """Read off the columns, one after another."""
+def evidence(
+    rows: Rows, controllers: Sequence[str], requirements: Sequence[Requirement], plan: Plan, notes: Sequence[str] = ()
+) -> Evidence:
+    """Read off the columns, one after another; ``notes`` are what is known beforehand to be missing."""
     shares: dict[str, dict[str, Share]] = {DIVERGED: {}, OSCILLATED: {}}
     metrics: dict[str, dict[str, Extremes]] = {}
     filled: dict[str, Extremes] = {}
@@ -155,10 +157,10 @@ def evidence(rows: Rows, controllers: Sequence[str], requirements: Sequence[Requ
             found = Extremes.of(rows.column(name), smallest=figure == "diverged_at")
             if found is not None:
                 metrics.setdefault(figure, {})[controller] = found
-    found_sensitivities, notes = sensitivities(rows, controllers, plan)
+    found_sensitivities, lacking = sensitivities(rows, controllers, plan)
     return Evidence(
         sensitivities=found_sensitivities,
-        notes=notes,
+        notes=[*notes, *lacking],
         shares={name: found for name, found in shares.items() if found or name == DIVERGED},
         metrics=metrics,
         filled=filled,

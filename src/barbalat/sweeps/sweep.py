@@ -120,7 +120,7 @@ def run_study(
         controllers=study.controllers,
         plan=study.plan,
         rows=rows,
-        evidence=evidence(rows, study.controllers, requirements, study.plan),
+        evidence=evidence(rows, study.controllers, requirements, study.plan, judged.notes if judged is not None else ()),
         resumed=resumed,
         seconds=time.perf_counter() - started,
         member_steps=float(study.steps) * (len(study) - resumed),
