@@ -11,7 +11,8 @@ def balance(A: Array) -> tuple[Array, Array]:
     """(S^-1 A S, s) with S = diag(s) of powers of two, so that nothing is rounded; time scales no longer skew the norm."""
     from scipy.linalg import matrix_balance
 
-    balanced, (scale, _) = matrix_balance(A, permute=False, separate=True)
+    with np.errstate(invalid="ignore"):  # SciPy makes whole numbers of all scales, for a permutation that nobody asked for
+        balanced, (scale, _) = matrix_balance(A, permute=False, separate=True)
     return np.asarray(balanced), np.asarray(scale)
 
 
