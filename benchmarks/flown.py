@@ -9,7 +9,7 @@ import json
 import sys
 from pathlib import Path
 
-from barbalat.claims.flown import PREFIX, SUFFIX
+from barbalat.claims.stored_flights import PREFIX, SUFFIX
 
 FOLDER = Path(__file__).parents[1] / "src" / "barbalat" / "claims"
 

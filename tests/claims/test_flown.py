@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from barbalat.claims import flown
-from barbalat.claims.flown import ADAPTIVE_SCHEMES, ERROR, LINEAR_SCHEMES, LOSS, Flights, stored
+from barbalat.claims.stored_flights import ADAPTIVE_SCHEMES, ERROR, LINEAR_SCHEMES, LOSS, Flights, stored
 
 PAGE = Path(__file__).parents[2] / "docs" / "guides" / "aircraft.md"
 LEAST_LOST = ("MRAC", "L1 piecewise, as flown", "Robust MRAC", "ADRC")
@@ -158,5 +158,30 @@ def test_the_numbers_of_the_guide_are_those_of_the_stored_flights(flights):
         f"Of {len(flights.shares)} comparisons that some draw decides, {singly} would be beyond chance singly, {together} are so",
         f"time ended it at {flights.document['resumed']}",
         f"flew the other {flights.members - flights.document['resumed']}",
+    ):
+        assert expected in said
+
+
+def test_what_the_guide_says_of_rolling_flights_is_what_is_stored():
+    flights = Flights.stored("f16-roll")
+    ahead = {
+        (one, by): set(flights.over_all(one, others, by))
+        for names, others in ((flights.linear, flights.adaptive), (flights.adaptive, flights.linear))
+        for one in names
+        for by in (ERROR, LOSS)
+    }
+    assert {key: found for key, found in ahead.items() if found} == {
+        ("LQR", LOSS): {"reversed"},
+        ("LQR", ERROR): {"delay-100", "reversed"},
+        ("LQR with PI", ERROR): {"aileron-50", "side-cg", "gusts"},
+    }
+    assert all(flights.compared("L1", "MRAC", failure) == -1 for failure in flights.failures if failure != "reversed")
+    lost = {one: found["count"] for one, found in flights.document["lost"].items()}
+    others = [count for one, count in lost.items() if one != "LQR"]
+    said = " ".join(PAGE.read_text(encoding="utf-8").split())
+    for expected in (
+        f"{min(others)} to {max(others)} of 1400",
+        f"loses {flights.lost('LQR', 'side-cg')} with the centre of gravity",
+        f"keeps {flights.members - flights.lost('LQR', 'reversed')} of {flights.members} with reversed ailerons",
     ):
         assert expected in said

@@ -111,16 +111,17 @@ def test_a_store_goes_on_where_it_was_left_in_the_same_bits(tmp_path, monkeypatc
         fly(tmp_path / "store", schemes=["lqr"])
 
 
-def test_the_stored_flights_of_the_ledger_are_flown_again():
-    """Its first draw, by three schemes: to what another processor's rounding leaves alike in ten seconds."""
-    stored = json.loads(resources.files("barbalat.claims").joinpath("flown-f16-pitch.json").read_text(encoding="utf-8"))
-    assert stored["numbers"] == TUNED["f16-pitch"]
+@pytest.mark.parametrize(("name", "failure"), [("f16-pitch", "elevator-50"), ("f16-roll", "aileron-50")])
+def test_the_stored_flights_of_the_ledger_are_flown_again(name, failure):
+    """The first draw, by three schemes: to what another processor's rounding leaves alike in ten seconds."""
+    stored = json.loads(resources.files("barbalat.claims").joinpath(f"flown-{name}.json").read_text(encoding="utf-8"))
+    assert stored["numbers"] == TUNED[name]
     found = fly_dispersed(
-        schemes=["linear", "adrc", "l1"], failures=["elevator-50", "reversed"], members=1, seed=stored["plan"]["seed"]
+        name, schemes=["linear", "adrc", "l1"], failures=[failure, "reversed"], members=1, seed=stored["plan"]["seed"]
     )
-    for name, value in found.rows.row(0).items():
-        expected = stored["first_draw"][name]
-        assert value == pytest.approx(float("nan") if expected is None else expected, rel=1e-6, nan_ok=True), name
+    for column, value in found.rows.row(0).items():
+        expected = stored["first_draw"][column]
+        assert value == pytest.approx(float("nan") if expected is None else expected, rel=1e-6, nan_ok=True), column
 
 
 def test_the_rule_finds_the_numbers_that_fly_again(axis):

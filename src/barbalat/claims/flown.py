@@ -1,112 +1,11 @@
-"""What flights of drawn vehicles came to: the one row that is read and not measured, for the simulators are not everybody's.
-
-``flown-NAME.json`` is the document of ``barbalat fly NAME --dispersions N --json``, its blanks left out.
-"""
+"""What flights of drawn vehicles came to: the one row that is read and not measured, for the simulators are not everybody's."""
 
 from __future__ import annotations
 
-import json
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
-from functools import cached_property
-from importlib import resources
-from itertools import combinations, product
-from typing import Any
+from collections.abc import Sequence
 
 from barbalat.claims.claim import Claim, Listing, Reading, Verdict, of_readings, verdict
-from barbalat.sweeps.evidence import Share, beyond_chance
-
-LINEAR_SCHEMES = ("LQR", "LQR with PI", "H-infinity", "Geometric", "Geometric, integral", "ADRC")
-ADAPTIVE_SCHEMES = ("MRAC", "Robust MRAC", "L1", "L1 piecewise", "L1 piecewise, as flown")
-"""As their authors call them; L1 with the piecewise-constant law is a linear controller by the row ``l1-piecewise-is-lti``."""
-
-
-PREFIX, SUFFIX = "flown-", ".json"
-"""Of a document's name."""
-ERROR, LOSS = "less_error_than", "kept_where_lost"
-"""Paired shares of the document: on how many draws the error was smaller, and on how many of those that one of both lost the
-other was lost."""
-
-
-@dataclass(frozen=True)
-class Flights:
-    """A stored document, asked questions."""
-
-    document: dict[str, Any]
-
-    @classmethod
-    def stored(cls, name: str) -> Flights:
-        """Of a flight's campaign."""
-        text = resources.files("barbalat.claims").joinpath(f"{PREFIX}{name}{SUFFIX}").read_text(encoding="utf-8")
-        return cls(json.loads(text))
-
-    @property
-    def name(self) -> str:
-        return str(self.document["flight"])
-
-    @cached_property
-    def linear(self) -> tuple[str, ...]:
-        return tuple(one for one in LINEAR_SCHEMES if one in self.document["lost"])
-
-    @cached_property
-    def adaptive(self) -> tuple[str, ...]:
-        return tuple(one for one in ADAPTIVE_SCHEMES if one in self.document["lost"])
-
-    @property
-    def unit(self) -> str:
-        """Of the error."""
-        return str(self.document["units"]["rms_e"])
-
-    @cached_property
-    def members(self) -> int:
-        return int(self.document["members"])
-
-    @cached_property
-    def failures(self) -> tuple[str, ...]:
-        """Those that somebody survives."""
-        every = self.document["failures"]
-        return tuple(
-            one for one, found in every.items() if any(flown["lost"]["count"] < self.members for flown in found.values())
-        )
-
-    def lost(self, controller: str, failure: str) -> int:
-        return int(self.document["failures"][failure][controller]["lost"]["count"])
-
-    def error(self, controller: str, failure: str) -> float | None:
-        value = self.document["failures"][failure][controller]["rms_e"]["median"]
-        return None if value is None else float(value)
-
-    @cached_property
-    def shares(self) -> dict[tuple[str, str, str, str], Share]:
-        """Of every two controllers through every failure by every criterion, where some draw decides."""
-        found = {}
-        for failure, by_controller in self.document["failures"].items():
-            for (one, other), by in product(combinations(by_controller, 2), (ERROR, LOSS)):
-                share = by_controller[one][by][other]
-                if share is not None:
-                    found[failure, one, other, by] = Share(count=share["count"], judged=share["judged"])
-        return found
-
-    @cached_property
-    def signs(self) -> dict[tuple[str, str, str, str], int]:
-        """Of these, beyond chance, all of them together."""
-        return beyond_chance(self.shares)
-
-    def compared(self, one: str, other: str, failure: str, by: str = ERROR) -> int:
-        """1 where ``one`` is better than ``other`` beyond chance on the same draws, -1 where it is worse."""
-        return self.signs.get((failure, one, other, by), 0) - self.signs.get((failure, other, one, by), 0)
-
-    def over_all(self, one: str, others: Sequence[str], by: str) -> Iterator[str]:
-        """The failures through which it is better than each of these, beyond chance, a lost flight having the largest error."""
-        for failure in self.failures:
-            if all(self.compared(one, other, failure, by) == 1 for other in others if other != one):
-                yield failure
-
-
-def stored() -> tuple[str, ...]:
-    """Names of the flights whose campaigns are stored."""
-    files = (one.name for one in resources.files("barbalat.claims").iterdir())
-    return tuple(sorted(name[len(PREFIX) : -len(SUFFIX)] for name in files if name.startswith(PREFIX) and name.endswith(SUFFIX)))
+from barbalat.claims.stored_flights import ERROR, LOSS, Flights, stored
 
 
 def claim() -> Claim:
@@ -204,7 +103,7 @@ def _beside(every: Sequence[Flights], says: str, one: str, other: str) -> Readin
 
     better, worse = through(1), through(-1)
     told = [
-        f"{flights.name}: less error through {_named(less)}, more through {_named(more)}"
+        f"{flights.name}: less error {_named(less)}, more {_named(more)}"
         for flights, less, more in zip(every, better, worse, strict=True)
     ]
     found = _prevails(every, sum(map(len, better)), sum(map(len, worse)))
@@ -224,11 +123,11 @@ def _prevails(every: Sequence[Flights], won: int, lost: int) -> Verdict:
 def _who(flights: Flights, found: dict[str, list[str]], others: Sequence[str], by: str) -> str:
     """Who is ahead through what; by the error with the medians, as on most draws less is not yet less by much."""
     said = [
-        f"{one} through {', '.join(f'{failure}{_sized(flights, one, failure, others) if by == ERROR else str()}' for failure in won)}"
+        f"{one} through {', '.join(f'{_through(failure)}{_sized(flights, one, failure, others) if by == ERROR else str()}' for failure in won)}"
         for one, won in found.items()
         if won
     ]
-    return "; ".join(said) or "none"
+    return "; ".join(said) or "nobody through any failure"
 
 
 def _sized(flights: Flights, one: str, failure: str, others: Sequence[str]) -> str:
@@ -238,7 +137,12 @@ def _sized(flights: Flights, one: str, failure: str, others: Sequence[str]) -> s
 
 
 def _named(failures: Sequence[str]) -> str:
-    return ", ".join(failures) or "none"
+    return f"through {', '.join(_through(failure) for failure in failures)}" if failures else "nowhere"
+
+
+def _through(failure: str) -> str:
+    """A failure's name in a sentence."""
+    return "nothing failing" if failure == "none" else failure
 
 
 def _table(flights: Flights) -> Listing:
