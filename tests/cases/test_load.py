@@ -257,6 +257,13 @@ def test_unmatched_difference_names_the_rest():
         parse_case(text.replace("k_0 = 4.0", "k_0 = 4.0\nA_m = [[0.0, 1.0], [-0.3, -1.0]]"))
 
 
+def test_a_mark_of_the_byte_order_is_no_part_of_the_text(tmp_path):
+    """Windows' editors and PowerShell write one before UTF-8."""
+    (tmp_path / "marked.toml").write_text(PAPER, encoding="utf-8-sig", newline="\r\n")
+    marked, plain = load_case(tmp_path / "marked.toml"), parse_case(PAPER)
+    assert (repr(marked.problem), repr(marked.controllers)) == (repr(plain.problem), repr(plain.controllers))
+
+
 def test_unreadable_files(tmp_path):
     with pytest.raises(InputError, match=r"neither a file nor a bundled case \(.*paper.*\)"):
         load_case(tmp_path / "none.toml")

@@ -6,7 +6,19 @@ import control
 import numpy as np
 import pytest
 
-from barbalat import InputError, L1Adaptive, Mrac, input_filter
+from barbalat import (
+    Constant,
+    InputError,
+    L1Adaptive,
+    Mrac,
+    ParameterBox,
+    Plant,
+    Problem,
+    ReferenceModel,
+    Simulation,
+    certify,
+    input_filter,
+)  # fmt: skip
 from barbalat.cases.load import load_case
 from barbalat.certificates.linear_loops.around_equilibrium import around_equilibrium, equilibrium
 from barbalat.certificates.linear_loops.ideal import fast_adaptation, known_parameters
@@ -247,3 +259,11 @@ def test_a_peak_that_is_flat_over_decades():
     L = loop.response(w) * np.exp(-1j * w * 3.4e-5)
     assert found.complementary == pytest.approx(np.abs(L / (1 + L)).max(), rel=2e-6)
     assert found.sensitivity == pytest.approx(np.abs(1 / (1 + L)).max(), rel=2e-6)
+
+
+def test_a_plant_that_integrates_has_a_margin_with_its_law_inside():
+    """A motor's angle: an eigenvalue of zero comes out as a rounding, below which no frequency is of interest."""
+    plant = Plant(A=[[0, 1], [0, -0.7]], b=[0, 12.5], A_m=[[0, 1], [-25, -7]])
+    given = Problem(plant, ReferenceModel(2.0), Constant(1.0), uncertainty=ParameterBox([-1, -1], [4, 4]))
+    certificate = certify(given, L1Adaptive(1e4, input_filter(0.01)), Simulation(1.0, 1e-3))["L1"]
+    assert 0 < certificate.values["delay_margin_adapting"] < certificate.values["delay_margin"]

@@ -19,6 +19,7 @@ from barbalat import (
     Simulation,
     Sine,
     Step,
+    Steps,
     certify,
     check_numerics,
     delay_margins,
@@ -143,6 +144,14 @@ def test_a_step_response_in_numbers():
     assert info["Peak"] == pytest.approx(2 * (1 + overshoot), rel=1e-4)
     assert info["Overshoot"] == pytest.approx(100 * overshoot, rel=1e-3)
     assert info["PeakTime"] == pytest.approx(np.pi / (2 * np.sqrt(1 - zeta**2)), abs=4e-3)  # two recorded instants
+
+
+def test_the_peak_of_a_step_downwards_is_a_level_that_was_reached():
+    """From 1 to -1, where the greatest distance is 2 and more; and from 0 downwards."""
+    plant = Plant([[0, 1], [-4, -2]], [0, 1], [0, 0])
+    for command in (Steps(times=[0.0, 8.0], values=[1.0, -1.0]), Constant(-1.0)):
+        result = simulate(Problem(plant, ReferenceModel(4.0), command), Mrac(1.0), Simulation(16.0, 1e-3))["MRAC"]
+        assert result.step_info()["Peak"] == pytest.approx(result.x[:, 0].min())
 
 
 def test_step_info_says_what_it_lacks():

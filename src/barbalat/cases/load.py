@@ -61,7 +61,7 @@ class CaseText:
         """A case file, or a bundled case by its name; InputError for one that can't be read."""
         path = bundled().get(str(case), Path(case))
         try:
-            text = path.read_bytes().decode("utf-8")
+            text = path.read_bytes().decode("utf-8-sig")
         except FileNotFoundError:
             names = ", ".join(bundled())
             near = get_close_matches(str(case), bundled(), n=1)

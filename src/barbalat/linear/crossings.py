@@ -64,7 +64,8 @@ _ROUNDING = 1e-15
 def frequency_grid(loop: StateSpace) -> Array:
     """Frequencies from far below to far above the poles, dense where a lightly damped one makes a narrow peak."""
     poles = np.linalg.eigvals(loop.A)
-    sizes = np.abs(poles[np.abs(poles) > 0])
+    sizes = np.abs(poles)
+    sizes = sizes[sizes > _ROUNDING * np.linalg.norm(loop.A)]  # an integrator's pole is zero up to rounding
     low, high = (sizes.min(), sizes.max()) if len(sizes) else (1.0, 1.0)
     gain = max(1.0, float(np.linalg.norm(loop.C) * np.linalg.norm(loop.B)) / low)
     wide = np.geomspace(low * 1e-4, high * 10 * gain, 500)

@@ -34,8 +34,9 @@ def step_info(result: Result, component: int = 1) -> dict[str, float]:
     if len(value) < 2 or value[-1] == value[0]:
         raise InputError(f"step_info needs a motion after the command's jump at t = {start:.4g} s, but there is none")
     found = control.step_info(value - value[0], T=result.t[first:] - result.t[first], yfinal=value[-1] - value[0])
-    levels = ("SettlingMin", "SettlingMax", "Peak", "SteadyStateValue")
-    return {name: float(number + value[0] if name in levels else number) for name, number in found.items()}
+    levels = ("SettlingMin", "SettlingMax", "SteadyStateValue")
+    info = {name: float(number + value[0] if name in levels else number) for name, number in found.items()}
+    return info | {"Peak": float(value[np.argmax(np.abs(value - value[0]))])}  # python-control's is a distance, without a sign
 
 
 def _last_jump(result: Result) -> float:
