@@ -77,4 +77,5 @@ def estimates_of(result: Result) -> list[Estimate]:
 def reported_names(key: str, count: int) -> list[str]:
     """Of the entries of what is reported as ``key``, without a hat."""
     name = key.removesuffix("_hat")
-    return [name] if count == 1 else [f"{name}_{i + 1}" for i in range(count)]
+    between = "," if "_" in name else "_"
+    return [name] if count == 1 else [f"{name}{between}{i + 1}" for i in range(count)]
