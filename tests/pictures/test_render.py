@@ -11,6 +11,7 @@ from matplotlib.colors import to_rgb
 from PIL import Image
 
 from barbalat.pictures.panel_drawing import draw
+from barbalat.pictures.panel_sizes import PAGE, PHONE, heading
 from barbalat.pictures.panels import Panel, Series, text_of
 from barbalat.pictures.render import on_dark, render
 from barbalat.pictures.symbols import in_symbols
@@ -96,3 +97,13 @@ def test_the_rows_of_a_png_are_not_sheared(narrow):
     figure = draw([Panel(title="x", series=[Series(t=t, value=t, label="x")])], 1.0, narrow=narrow)
     pixels = np.asarray(Image.open(io.BytesIO(render(figure, "png"))).convert("L"))
     assert (pixels < 100).sum(axis=0).max() > 0.4 * len(pixels)
+
+
+@pytest.mark.parametrize("length", range(5, 60, 3))
+def test_no_line_of_a_title_ends_within_a_formula(length):
+    panel = Panel(
+        title=f"{'n' * length}: tracking error $e = x - x_m$", series=[Series(t=np.arange(2.0), value=np.zeros(2), label="e_1")]
+    )
+    for sizes in (PAGE, PHONE):
+        lines = heading(panel, sizes).splitlines()
+        assert all(line.count("$") % 2 == 0 for line in lines) and any("$e = x - x_m$" in line for line in lines)

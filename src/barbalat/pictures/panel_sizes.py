@@ -36,6 +36,9 @@ class Sizes:
         return 1.42 * self.font * lines / 72 + 0.12
 
 
+HELD_BLANK = "\N{NO-BREAK SPACE}"
+"""A blank at which no line ends."""
+
 PAGE = Sizes(WIDE, left=0.84, right=0.22, axes=1.75, below=0.5, font=9.0, columns=2)
 PHONE = Sizes(NARROW, left=0.74, right=0.18, axes=1.8, below=0.48, font=8.0, columns=1)
 
@@ -43,7 +46,13 @@ PHONE = Sizes(NARROW, left=0.74, right=0.18, axes=1.8, below=0.48, font=8.0, col
 def heading(panel: Panel, sizes: Sizes) -> str:
     """Title and note, in lines that fit above the panel."""
     lines = [panel.title, *([panel.note] if panel.note else [])]
-    return "\n".join(textwrap.fill(line, sizes.characters(panel)) for line in lines)
+    return "\n".join(_filled(line, sizes.characters(panel)) for line in lines)
+
+
+def _filled(text: str, width: int) -> str:
+    """In lines that end at no blank within a formula: half of one is shown with its dollar."""
+    held = re.sub(r"\$[^$]*\$", lambda formula: formula[0].replace(" ", HELD_BLANK), text)
+    return textwrap.fill(held, width).replace(HELD_BLANK, " ")
 
 
 def entries(panel: Panel) -> list[tuple[str, int | str, int]]:
