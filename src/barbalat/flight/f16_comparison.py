@@ -78,8 +78,8 @@ class FlightComparison(Compared):
         return (
             f"After the failure, which comes at {FAILS_AT:g} s and stays; e is the followed rate less that "
             "of the model to follow, alpha its largest value, surface how far that moves in a second",
-            "each scheme has the setting that one rule gives on the linearised aircraft, and none is tuned on flights: these are "
-            "ranked",
+            "each of the project's schemes has the setting that one rule gives on the linearised aircraft, and none is tuned on "
+            "flights: these are ranked",
         )
 
     def facts(self) -> list[tuple[str, str]]:

@@ -84,8 +84,8 @@ class QuadrotorComparison(Compared):
             f"From the failure on, which comes at {TIMING.fails_at:g} s and stays (no-reset: from the start at {TAKES_OFF:g} s); "
             "e is the distance from where it should be, sinks how far it came below that, tilt its largest value, rotors how "
             "much a thrust changes in a second, limited the share of the time in which some rotor is at an end of its range",
-            "each scheme has on each axis the setting that one rule gives on the linearised vehicle, and none is tuned on "
-            "flights: these are ranked",
+            "each of the project's schemes has on each axis the setting that one rule gives on the linearised vehicle, and "
+            "none is tuned on flights: these are ranked",
         )
 
     def facts(self) -> list[tuple[str, str]]:
