@@ -30,7 +30,7 @@ def _contestant(case: Case, steps: int, *, fastmath: bool, parallel: bool) -> Co
     gains = case.parameters[0] if case.members > 1 else np.array([GAMMA])
 
     def run(steps: int) -> np.ndarray:
-        states = np.ascontiguousarray(case.states.T)
+        states = np.array(case.states.T, order="C")
         trajectories(states, gains, command_table()[:steps])
         return states.T[: WRITTEN[case.name].compared]
 
