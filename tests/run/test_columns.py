@@ -34,3 +34,28 @@ def test_other_shapes_and_kinds_are_another_structure():
         columns = Columns(Pair(1.0, np.zeros(2)))
         with pytest.raises(StructureError):
             columns.add(other)
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "same"),
+    [
+        ([0.0, 2.0], [1e-12, 2.0], True),
+        ([1.0, 2.0], [1.0, 2.0 + 1e-12], True),
+        ([1.0, 2.0], [1.0 + 1e-6, 2.0], False),
+        ([1.0, np.inf], [5.0, np.inf], False),
+        ([1.0, np.inf], [1.0, 3.0], False),
+        ([1.0, 2.0], [1.0, np.nan], False),
+        ([0.0, 0.0], [0.0, 1e-12], False),
+    ],
+)
+def test_a_rounding_is_one_beside_the_largest_finite_number_of_its_array(first, second, same):
+    columns = Columns(Pair(1.0, np.array(first)))
+    columns.add(Pair(1.0, np.array(second)))
+    none = np.zeros(3, dtype=bool)
+    with pytest.raises(StructureError):
+        columns.chosen(none)
+    if same:
+        assert columns.chosen(none, 1e-9).shape == (0, 2)
+    else:
+        with pytest.raises(StructureError):
+            columns.chosen(none, 1e-9)

@@ -114,7 +114,7 @@ class Columns:
     def chosen(self, which: Array, rounding: float = 0.0) -> Array:
         """(p, M) those of all numbers that ``which``, (N,) truth values, chooses; StructureError where others differ too.
 
-        rounding  a difference of others that is let pass, as a part of their array's largest number
+        rounding  a difference of others that is let pass, as a part of their array's largest finite number
         """
         ends = np.cumsum([leaf.size for leaf in self._leaves])
         rows = [np.zeros((0, self.count))]
@@ -133,8 +133,9 @@ class Columns:
         other = found != first
         if rounding == 0.0 or not other.any():
             return bool(other.any())
+        largest = np.abs(leaf[np.isfinite(leaf)]).max(initial=0.0)
         with np.errstate(invalid="ignore"):
-            return not bool((np.abs(found - first)[other] <= rounding * np.abs(leaf).max()).all())
+            return not bool((np.abs(found - first)[other] <= rounding * largest).all())
 
     def _values(self, leaf: int) -> Array:
         """(entries, M), or (entries, 1) where all members have the same."""

@@ -8,7 +8,7 @@ import numpy as np
 
 from barbalat import validate
 from barbalat.settings import Settings
-from barbalat.signals.smooth import Swinging, outward, store_numbers
+from barbalat.signals.smooth import Resting, Swinging, outward, store_numbers
 from barbalat.validate import Array, InputError
 
 MOST_BREAKS = 10_000_000
@@ -26,7 +26,7 @@ def rounding_of(t: Array) -> Array:
 
 
 @dataclass(frozen=True)
-class Step(Settings):
+class Step(Resting, Settings):
     """constant for t < start, constant + amplitude from then on.
 
     amplitude  height of the step
@@ -54,17 +54,9 @@ class Step(Settings):
     def bound(self) -> float:
         return outward(max(abs(self.constant), abs(self.constant + self.amplitude)))
 
-    @property
-    def slope(self) -> float:
-        return 0.0
-
-    @property
-    def settles(self) -> bool:
-        return True
-
 
 @dataclass(frozen=True)
-class Steps(Settings):
+class Steps(Resting, Settings):
     """values[i] from times[i] on, ``initial`` before times[0].
 
     times    [s], increasing
@@ -97,14 +89,6 @@ class Steps(Settings):
     @property
     def bound(self) -> float:
         return float(np.abs(self._levels).max())
-
-    @property
-    def slope(self) -> float:
-        return 0.0
-
-    @property
-    def settles(self) -> bool:
-        return True
 
     @property
     def _levels(self) -> Array:

@@ -45,6 +45,18 @@ class Swinging:
         return outward(abs(self.constant) + abs(self.amplitude))
 
 
+class Resting:
+    """What is constant but for its jumps, and for good after the last of them."""
+
+    @property
+    def slope(self) -> float:
+        return 0.0
+
+    @property
+    def settles(self) -> bool:
+        return True
+
+
 @dataclass(frozen=True)
 class Clock(Continuous):
     """t itself, for equations that contain it. It has no bound."""
@@ -54,7 +66,7 @@ class Clock(Continuous):
 
 
 @dataclass(frozen=True)
-class Constant(Continuous, Settings):
+class Constant(Resting, Continuous, Settings):
     """amplitude, at all times."""
 
     amplitude: float = 0.0
@@ -68,14 +80,6 @@ class Constant(Continuous, Settings):
     @property
     def bound(self) -> float:
         return abs(float(self.amplitude))
-
-    @property
-    def slope(self) -> float:
-        return 0.0
-
-    @property
-    def settles(self) -> bool:
-        return True
 
 
 @dataclass(frozen=True)
