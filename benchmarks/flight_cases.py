@@ -62,7 +62,7 @@ SEVERAL = Problem(
 )
 TERMS = replace(
     STATE,
-    plant=replace(STATE.plant, regressor=Terms(terms=["sin(3*x1)", "exp(-x2**2)"]), theta=[0.5, -0.4]),
+    plant=replace(STATE.plant, regressor=Terms(terms=("sin(3*x1)", "exp(-x2**2)")), theta=[0.5, -0.4]),
 )
 OUTPUT = OutputProblem(
     plant=OutputPlant(transfer_function=TransferFunction([2.0, 6.0], [1.0, 3.0, 1.0])),

@@ -74,10 +74,10 @@ def two_cores(members: int, *, quick: bool) -> Section:
     samples = np.array([(engine(1), engine(2)) for _ in range(3 if quick else 9)])
     one, two = samples[:, :, 0].T
     unit = 1e9 / simulation.steps / members
-    times = [
-        Time("2 threads" if i == 2 else "1 thread", s.min() * unit, np.median(s) / s.min() - 1) for i, s in ((2, two), (1, one))
-    ]
-    row = Row(f"engine, {members} members, all figures", *(f"{t.name}: {t}" for t in times), one.min() / two.min(), at_least=1.8)
+    ours, beside = (
+        f"{name}: {Time(name, s.min() * unit, np.median(s) / s.min() - 1)}" for name, s in (("2 threads", two), ("1 thread", one))
+    )
+    row = Row(f"engine, {members} members, all figures", ours, beside, one.min() / two.min(), at_least=1.8)
     cores = samples[:, 1, 1].max()
     return [row], [f"Two threads had {cores:.2f} cores at best; with others at work on this computer, fewer than 2."]
 

@@ -12,6 +12,7 @@ from barbalat.cases.load import load_case
 from barbalat.controllers import L1Adaptive, RobustMrac, Sampled
 from barbalat.linear.systems import TransferFunction, input_filter
 from barbalat.problem.actuation import PlantInput
+from barbalat.problem.state_feedback import Problem
 from barbalat.run.batch import Batch
 from barbalat.run.grid import signal_table
 from barbalat.solvers.simulation import Simulation
@@ -37,6 +38,8 @@ CONTROLLERS = {
 def per_state(members: int, *, quick: bool) -> tuple[list[Row], list[str]]:
     """One row for each controller and path: nanoseconds per step and state, as a ratio to the plain loop's."""
     given = load_case("paper").problem
+    if not isinstance(given, Problem):
+        raise TypeError("the paper's case measures the state")
     rows = []
     for name, controller in CONTROLLERS.items():
         runs, sizes = {}, {}

@@ -22,6 +22,7 @@ from barbalat import (
     Sine,
     input_filter,
 )
+from barbalat.controllers.l1 import Equations
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.loop.packing import symbols
 from barbalat.lowering.operations import Program, read
@@ -85,12 +86,15 @@ def l1(members: int = 1) -> Case:
     """9 states; an ensemble varies the adaptive gain, a parameter, between 5e3 and 2e4."""
     controller = L1Adaptive(gamma=1e4, filter=input_filter(0.02))
     loop = ClosedLoop.of(PROBLEM, controller)
+    equations = loop.equations
+    if not isinstance(equations, Equations):
+        raise TypeError("this loop's gain can't be varied")
     states = np.repeat(loop.initial()[:, None], members, axis=1)
     if members == 1:
         return Case("L1, 9 states", controller, states, np.zeros((0, 1)), lambda _: loop)
 
     def with_gain(values: Any) -> ClosedLoop:
-        return replace(loop, equations=replace(loop.equations, gamma=Gain(values[0])))
+        return replace(loop, equations=replace(equations, gamma=Gain(values[0])))
 
     return Case("L1, 9 states", controller, states, np.geomspace(5e3, 2e4, members)[None], with_gain)
 

@@ -7,9 +7,11 @@ from barbalat.adaptation.output_lyapunov import LyapunovLaw
 from barbalat.controllers import L1Adaptive, Mrac, RobustMrac
 from barbalat.controllers.output import L1Output, MracOutput
 from barbalat.linear.systems import TransferFunction, input_filter
+from barbalat.problem.known_set import ParameterBox
 from barbalat.problem.output_feedback import OutputProblem
 from barbalat.problem.output_plant import OutputPlant, OutputReferenceModel
-from barbalat.problem.state_feedback import ParameterBox, Plant, Problem
+from barbalat.problem.plant import Plant
+from barbalat.problem.state_feedback import Problem
 from barbalat.signals import Sine
 from benchmarks.inputs import STEPS, advance
 from benchmarks.race import Contestant, race
@@ -53,6 +55,6 @@ def per_state(members: int, *, quick: bool) -> tuple[list[Row], list[str]]:
         (ours, n_ours), (theirs, n_theirs) = (advance(problem, controller, members) for problem, controller in pair)
         times = race([Contestant("output", STEPS, ours), Contestant("state", STEPS, theirs)], members, 3 if quick else 9)
         each = [times["output"].best / n_ours, times["state"].best / n_theirs]
-        texts = [f"{times[which].best:.3g} ns, {states} states" for which, states in (("output", n_ours), ("state", n_theirs))]
-        rows.append(Row(f"{name}, {members} at once", *texts, each[0] / each[1], at_most=1.0))
+        output, state = (f"{times[which].best:.3g} ns, {n} states" for which, n in (("output", n_ours), ("state", n_theirs)))
+        rows.append(Row(f"{name}, {members} at once", output, state, each[0] / each[1], at_most=1.0))
     return rows, []

@@ -121,7 +121,7 @@ def as_linearised(axes: Axes, axis: Axis) -> Problem:
     return Problem(
         plant=Plant(A_m=axis.A_m, b=axis.b, theta=axis.gain, input=lagging(axes, axis)),
         reference_model=ReferenceModel(k_0=float(axis.frequency**2)),
-        reference=Steps(times=[_samples(axis, at) for at in STEPS_AT], values=[axis.size, 0.0, -axis.size, 0.0]),
+        reference=Steps(times=tuple(_samples(axis, at) for at in STEPS_AT), values=(axis.size, 0.0, -axis.size, 0.0)),
         disturbance=Step(amplitude=DISTURBANCE * axis.limit, start=_samples(axis, OFF_AT)),
         sensor=Sensor(noise=Noise(std=noise, sample_time=axis.sample_time)),
         name=f"Quadrotor, {axis.name}",

@@ -116,7 +116,7 @@ def scaling(*, quick: bool) -> Section:
     return rows, [f"beside that, once: {once}; once for each member: {1e6 * set_up:.1f} us"]
 
 
-def _against_the_first(costs: Mapping[float, Cost], what: str) -> list[Row]:
+def _against_the_first(costs: Mapping[int, Cost] | Mapping[float, Cost], what: str) -> list[Row]:
     """By how much each is off the first, whichever is dearer."""
     (least, base), *others = costs.items()
     beside = f"{what.format(least)}: {base}"
