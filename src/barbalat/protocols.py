@@ -145,7 +145,7 @@ class SampledEquations(Protocol):
 
     @property
     def sample_time(self) -> float:
-        """[s]."""
+        """The time between two samples [s]."""
         ...
 
     def initial(self) -> NamedTuple:

@@ -45,7 +45,7 @@ CORNERS = "nothing is guaranteed where the projection cuts corners"
 
 
 def nothing(why: str, *, leaks: bool = False) -> Guarantee:
-    """No guarantee."""
+    """What is said where a law guarantees nothing, and why it does not."""
     return Guarantee(bounded=False, error_to_zero=False, estimates=Estimates.UNKNOWN, leaks=leaks, why=why)
 
 

@@ -35,7 +35,7 @@ class Estimation(NamedTuple):
         return epsilon * epsilon * m_s_squared if self.phi.ndim == 1 else (epsilon @ epsilon) * m_s_squared
 
     def descent(self, gain: Gain) -> Value:
-        """Gamma phi epsilon."""
+        """The direction Gamma phi epsilon in which the squared estimation error falls fastest."""
         return gain.scaled(self.epsilon, self.phi) if self.phi.ndim == 1 else gain.times(self.phi @ self.epsilon)
 
 

@@ -174,7 +174,7 @@ class Draft:
         self._add(values, "estimate", assumptions)
 
     def advise(self, values: dict[str, Any], *assumptions: str) -> None:
-        """Facts for orientation."""
+        """Add facts for orientation, which guarantee nothing."""
         self._add(values, "advice", assumptions)
 
     def missing(self, key: str, why: str) -> None:
@@ -193,7 +193,7 @@ class Draft:
             self.note(f"{key}: {reason(error)}")
 
     def finish(self) -> Certificate:
-        """The certificate."""
+        """The certificate with all that was added so far."""
         return Certificate(tuple(self.entries.values()), tuple(self.notes), tuple(self.loops))
 
     def _add(self, values: dict[str, Any], kind: Kind, assumptions: tuple[str, ...], of: str = "") -> None:

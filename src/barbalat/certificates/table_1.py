@@ -24,7 +24,7 @@ class Table1:
     columns: tuple[Column, ...]
 
     def as_json(self) -> dict[str, Any]:
-        """The contract's block."""
+        """The block ``table_1`` of the documents that ``certify --json`` prints."""
         return {"properties": PROPERTIES, "columns": [column.as_json() for column in self.columns]}
 
 

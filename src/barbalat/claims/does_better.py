@@ -75,7 +75,7 @@ class Respect:
 
 
 def robust(tau: float = section_v.TAU) -> Controller:
-    """Figure 2's."""
+    """The robust MRAC of Figure 2, with the filter time tau in s."""
     return section_v.robust_mrac("robust", tau)
 
 
@@ -89,7 +89,7 @@ TAUS = {0: section_v.TAU, 2: EQUAL_TAU, 3: BETWEEN_TAU}
 
 
 def claim(*, full: bool = False) -> Claim:
-    """All respects."""
+    """The row on all respects in which one scheme may do better than another."""
     respects = [*_on_the_nominal_plant(), *_numerics(), *_robustness(60.0 if full else 30.0), *_disturbed(), *_in_the_control()]
     named = [respect for respect in respects if respect.named]
     lost = {tau: [r for r in respects if not r.beats_l1(r.values[which])] for which, tau in TAUS.items()}

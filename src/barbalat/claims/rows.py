@@ -64,7 +64,7 @@ class Measurement:
     shares: str = ""
 
     def rows(self, *runs: Runs, full: bool = False) -> list[Claim]:
-        """The rows."""
+        """The rows that this measurement fills, measured now."""
         measure = self.sharper if full and self.sharper else self.measure
         found = measure(*runs)
         return [found] if isinstance(found, Claim) else found

@@ -53,7 +53,7 @@ class Flights:
 
     @property
     def unit(self) -> str:
-        """Of the error."""
+        """The unit of the tracking error."""
         return str(self.document["units"]["rms_e"])
 
     @cached_property

@@ -99,12 +99,12 @@ def bound_10(size: int = MEMBERS) -> Claim:
 
 
 def bound_9_further() -> Claim:
-    """With more runs."""
+    """The row on the bound (9), with more random problems."""
     return bound_9(MORE_MEMBERS)
 
 
 def bound_10_further() -> Claim:
-    """With more runs."""
+    """The row on the bound (10), with more random problems."""
     return bound_10(MORE_MEMBERS)
 
 

@@ -42,7 +42,7 @@ def checked(results: Sequence[Result], running: Work) -> dict[str, dict[str, Any
 
 
 def show(found: Mapping[str, Mapping[str, Any]]) -> None:
-    """On the terminal."""
+    """Print what was found, a line for each controller."""
     from barbalat.report.terminal.layout import Screen
     from barbalat.validate import counted
 

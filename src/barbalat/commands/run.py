@@ -145,7 +145,7 @@ def with_page(
 
 
 def show(case: str, results: Sequence[Result], folder: Folder | None, *, plots: bool) -> None:
-    """On the terminal."""
+    """Print the figures of all controllers, and where the files lie."""
     from barbalat.report.file_names import PAGE
     from barbalat.report.terminal import runs
     from barbalat.report.terminal.layout import Screen

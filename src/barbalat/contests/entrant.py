@@ -42,7 +42,7 @@ class Entrant(Settings):
 
     @property
     def space(self) -> Space:
-        """Where is searched."""
+        """The ranges in which the entrant's numbers are searched."""
         found = {}
         for name, values in self.knobs.values.items():
             found[FieldPath((name,))] = Range(float(min(values)), float(max(values)), logarithmic=True)

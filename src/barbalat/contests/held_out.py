@@ -101,7 +101,7 @@ class HeldOut:
         return {name: Share(count=int(values.sum()), judged=len(values)) for name, values in found.items()}
 
     def as_json(self) -> dict[str, object]:
-        """Failures first."""
+        """Shares of failures first, then quantiles of the error."""
         return {
             "failures": {name: share.as_json() for name, share in self.failures.items()},
             "error": {name: finite(value) for name, value in self.quantiles.items()},

@@ -77,7 +77,7 @@ class Observer:
         return self.M.T @ wanted
 
     def derivative(self, xi: Value, x: Value, v: Value) -> Value:
-        """xi'."""
+        """The derivative of the observer's state xi."""
         return self.F @ xi + self.G @ x + self.H @ v
 
     def estimates(self, xi: Value, x: Value) -> tuple[Value, Value]:

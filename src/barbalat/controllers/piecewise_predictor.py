@@ -78,7 +78,7 @@ class AsFlown(Settings):
         return validate.vector("as_flown.predictor_poles", self.predictor_poles, n)
 
     def baseline(self, parameters: int) -> Array:
-        """theta_0, (p,)."""
+        """(p,) the parameters theta_0 that the predictor assumes; zeros where none are given."""
         if self.nominal is None:
             return np.zeros(parameters)
         return validate.vector("as_flown.nominal", self.nominal, parameters)

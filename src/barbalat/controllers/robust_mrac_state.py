@@ -47,7 +47,7 @@ class OnParametricModel(ABC):
 
     @abstractmethod
     def auxiliary_input_argument(self, state: State, x: Value) -> Value:
-        """What -Q(s) filters."""
+        """What -Q(s) filters to become the auxiliary input."""
 
     def initial(self) -> State:
         n, p = len(self.A_m), len(self.theta_hat0)

@@ -68,7 +68,7 @@ class Slider:
 
     @property
     def bytes(self) -> int:
-        """Of its tables."""
+        """The size of the slider's tables in the page."""
         tables = sum(effect.table.nbytes for effect in self.effects if effect.table is not None)
         return int(tables + sum(grid.bytes for grid in self.signals.grids or ()))
 

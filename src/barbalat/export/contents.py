@@ -92,7 +92,7 @@ class Contents:
 
     @property
     def sample_time(self) -> float:
-        """[s]."""
+        """The time between two calls of the exported step [s]."""
         assert self.loop.sample_time is not None
         return self.loop.sample_time
 

@@ -44,11 +44,11 @@ class ExportedList:
 
     @property
     def sample_time(self) -> float:
-        """[s]."""
+        """The time between two calls of the exported step [s]."""
         return self.simulated.sample_time
 
     def step(self) -> ExportedStep:
-        """It, loaded."""
+        """The compiled step, loaded and at its start."""
         return ExportedStep(self)
 
 

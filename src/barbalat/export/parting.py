@@ -45,7 +45,7 @@ class Parting:
 
     @property
     def sentence(self) -> str:
-        """For people."""
+        """How far the two runs part, in a sentence for people."""
         own = self.apart.get(self.gain)
         here = "" if own is None else f"at {self.setting} = {self.gain:g} they are {own:.2g} of the largest |x| apart"
         if self.at is not None:

@@ -182,7 +182,7 @@ class Airframe:
 
     @property
     def altitude(self) -> float:
-        """[ft]."""
+        """The altitude above mean sea level [ft]."""
         return float(self.fdm["position/h-sl-ft"])
 
     @property

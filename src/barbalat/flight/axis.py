@@ -138,7 +138,7 @@ class Axis:
 
     @property
     def surface_trim(self) -> float:
-        """[deg]."""
+        """The deflection of the axis' surface in trimmed flight [deg]."""
         return float(np.rad2deg(self.trim.surfaces[self.surface]))
 
     @cached_property

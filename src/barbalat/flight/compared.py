@@ -20,7 +20,7 @@ HELD_BLANK = "\0"
 
 
 class Failing(Protocol):
-    """What fails."""
+    """What fails in a flight, by its name."""
 
     @property
     def name(self) -> str: ...
@@ -128,7 +128,7 @@ class Compared(ABC):
 
     @property
     def controllers(self) -> tuple[str, ...]:
-        """Their names."""
+        """The names of the controllers, in the order of the flights."""
         return tuple(several[0].controller for several in self.flights)
 
     @cached_property

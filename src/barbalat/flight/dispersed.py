@@ -99,7 +99,7 @@ class DispersedComparison:
         return len(self.campaign.plan)
 
     def column(self, controller: str, failure: str, figure: str) -> Array:
-        """(members,)."""
+        """(members,) one figure of a controller's flights through a failure, a value for each draw."""
         return self.rows.column(column_name(controller, failure, figure))
 
     @cached_property
@@ -110,7 +110,7 @@ class DispersedComparison:
 
 
 def column_name(controller: str, failure: str, figure: str) -> str:
-    """In a store."""
+    """What the store calls the column of a controller, a failure and a figure."""
     return f"{controller}, {failure}/{figure}"
 
 

@@ -33,7 +33,7 @@ class Fleet(ABC):
     @property
     @abstractmethod
     def controllers(self) -> tuple[str, ...]:
-        """Their names."""
+        """The names of the controllers that fly."""
 
     @property
     @abstractmethod

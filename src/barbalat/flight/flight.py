@@ -74,7 +74,7 @@ class Flight:
 
     @property
     def lost_at(self) -> float | None:
-        """[s]."""
+        """When the aircraft was lost [s]; None where it was not."""
         return self.duration if self.lost else None
 
     @property

@@ -154,7 +154,7 @@ class _Aircraft:
         )  # fmt: skip
 
     def advance(self, command: float) -> None:
-        """By a sample."""
+        """Fly on for a sample under the surface's command."""
         for _ in SUBSTEPS:
             self.surface.set_double_value(self.effectiveness * self.actuator.advance(command) / DEGREES)
             if self.hold is not None:

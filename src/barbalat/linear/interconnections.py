@@ -9,7 +9,7 @@ from barbalat.validate import InputError
 
 
 def series(first: StateSpace, second: StateSpace) -> StateSpace:
-    """second(s) first(s)."""
+    """Two systems in a row: second(s) first(s)."""
     n, m = first.order, second.order
     A = np.block([[first.A, np.zeros((n, m))], [np.outer(second.B, first.C), second.A]])
     B = np.concatenate([first.B, second.B * first.D])

@@ -97,7 +97,7 @@ class SampledLoop:
 
     @cached_property
     def between(self) -> Array:
-        """J e^(A T)."""
+        """The map J e^(A T) from one sample to the next."""
         return np.asarray(self.J @ self.over(self.T)[0])
 
     def closed(self, delay: float | Array, factor: float = 1.0) -> Array:

@@ -102,7 +102,7 @@ class ClosedLoop:
 
     @cached_property
     def inputs(self) -> int:
-        """Entries of u."""
+        """The number of the control's entries."""
         return len(self.paths)
 
     @cached_property
@@ -120,7 +120,7 @@ class ClosedLoop:
 
     @cached_property
     def signal_count(self) -> int:
-        """Entries of ``signals``."""
+        """The number of values in ``signals``."""
         return self.signals.total
 
     @cached_property

@@ -16,7 +16,7 @@ States = tuple[Any, ...]
 
 
 def initial(paths: Paths) -> States:
-    """At rest."""
+    """The states of all paths at rest."""
     return tuple(() if path is None else path.initial() for path in paths)
 
 

@@ -67,7 +67,7 @@ class OutputDynamics:
         return self.system.derivative(x, v)
 
     def output(self, x: Value) -> Value:
-        """y, a scalar."""
+        """The output y, a scalar."""
         return self.system.C @ x
 
     def remedy(self, _: float) -> str:
@@ -111,7 +111,7 @@ class OutputPlant(Settings):
 
     @property
     def f(self) -> Nonlinearity | None:
-        """What ``nonlinear`` spells."""
+        """The nonlinearity that ``nonlinear`` spells; None without one."""
         return None if self.nonlinear is None else Nonlinearity(self.nonlinear)
 
     @property

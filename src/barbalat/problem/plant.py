@@ -106,12 +106,12 @@ class Plant(Settings):
 
     @property
     def n(self) -> int:
-        """State dimension."""
+        """The dimension of the state."""
         return len(self.b)
 
     @property
     def inputs(self) -> int:
-        """Entries of u."""
+        """The number of the control's entries."""
         return 1 if self.b.ndim == 1 else int(self.b.shape[1])
 
     @property
@@ -123,7 +123,7 @@ class Plant(Settings):
 
     @property
     def outputs(self) -> int:
-        """Measured quantities."""
+        """The number of measured quantities: all states."""
         return self.n
 
     @property

@@ -165,7 +165,7 @@ class Uncertainty:
     gain_unknown: bool = False
 
     def phi(self, x: Value) -> Value:
-        """Phi(x)."""
+        """The regressor Phi(x), with a block for each input where there are several."""
         phi = self.regressor(x)
         if self.inputs == 1:
             return phi

@@ -46,7 +46,7 @@ class MeasuredDynamics(Dynamics, Protocol):
 
     @property
     def outputs(self) -> int:
-        """Measured quantities."""
+        """The number of measured quantities."""
         ...
 
 
@@ -137,7 +137,7 @@ class TrackingProblem:
 
     @property
     def commands(self) -> tuple[Signal, ...]:
-        """The reference signals."""
+        """The reference signals, always as a tuple."""
         return self.reference if isinstance(self.reference, tuple) else (self.reference,)
 
     @property
@@ -159,7 +159,7 @@ class TrackingProblem:
 
     @property
     def noise(self) -> Noise | None:
-        """The measurement's noise."""
+        """The measurement's noise; None where it has none."""
         return None if self.sensor is None else self.sensor.noise
 
     @property

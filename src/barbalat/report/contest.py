@@ -85,7 +85,7 @@ def own(found: Contest) -> list[list[str]]:
 
 
 def tuning(one: Qualified) -> str:
-    """Its numbers."""
+    """The numbers that were chosen for an entrant, by name."""
     return ", ".join(f"{name} {value:.4g}" for name, value in one.tuning.items()) or "as it is"
 
 

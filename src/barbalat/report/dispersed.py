@@ -24,7 +24,7 @@ NOTES = (
 
 
 def headings(found: DispersedComparison) -> tuple[str, ...]:
-    """Of ``rows``."""
+    """The headings of the table of ``rows``."""
     drawing = found.campaign.drawing
     (moved, unit), (_, short) = drawing.moved, drawing.beside
     error = f"RMS e\n[{drawing.error_unit}]"
@@ -100,7 +100,7 @@ def losses(found: DispersedComparison) -> list[list[str]]:
 
 
 def loss_headings(found: DispersedComparison) -> tuple[str, ...]:
-    """Of ``losses``."""
+    """The headings of the table of ``losses``."""
     return ("controller", "all", *found.evidence.by_failure)
 
 

@@ -47,7 +47,7 @@ def losses(found: Compared) -> list[list[str]]:
 
 
 def loss_headings(found: Compared) -> tuple[str, ...]:
-    """Of ``losses``."""
+    """The headings of the table of ``losses``."""
     return ("controller", "flights lost", *([] if found.delays is None else ["added delay\nborne"]))
 
 

@@ -83,5 +83,5 @@ def in_symbols(text: str) -> str:
 
 
 def percent(share: float) -> str:
-    """Three digits."""
+    """A share in per cent, with three digits."""
     return f"{100 * share:.3g} %"

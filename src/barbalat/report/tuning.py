@@ -16,7 +16,7 @@ def points(found: Tuning) -> list[list[str]]:
 
 
 def columns(found: Tuning) -> tuple[str, ...]:
-    """Of ``points``."""
+    """The headings of the table of ``points``."""
     return ("controller", "tuning", found.aim.quantity.name, *(one.quantity.name for one in found.aim.constraints), "meets all")
 
 

@@ -136,7 +136,7 @@ class Batch:
 
     @property
     def final_states(self) -> Array:
-        """(size, M)."""
+        """(size, M) the states of all members at the end."""
         return np.concatenate([g.state[:, : g.columns.stop - g.columns.start] for g in self.groups], axis=1)
 
     @property

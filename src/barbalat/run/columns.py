@@ -104,7 +104,7 @@ class Columns:
 
     @property
     def leaves(self) -> tuple[Array, ...]:
-        """The first member's."""
+        """The arrays of the first member."""
         return tuple(self._leaves)
 
     def first_numbers(self) -> Array:

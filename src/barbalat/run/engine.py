@@ -25,7 +25,7 @@ class Tables(Protocol):
         ...
 
     def last(self) -> Array:
-        """That of t_end."""
+        """The values at t_end."""
         ...
 
 

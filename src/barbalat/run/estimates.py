@@ -43,7 +43,7 @@ class Estimate:
 
     @property
     def symbol(self) -> str:
-        """Without it."""
+        """The symbol without its hat."""
         symbol, _, index = self.name.partition("_")
         return f"{GREEK_NAMES.get(symbol, symbol)}_{{{index}}}" if index else GREEK_NAMES.get(symbol, symbol)
 

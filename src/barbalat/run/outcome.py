@@ -34,7 +34,7 @@ class Finished(Protocol):
 
 
 def outcome(run: Finished) -> str:
-    """On one line."""
+    """How a run ended, on one line."""
     if run.diverged_at is not None:
         return f"diverged at t = {run.diverged_at:.4g} s"
     shown = ("max_abs_e", "tail_max_abs_e", "max_abs_u")

@@ -55,7 +55,7 @@ class Lost(Settings):
         validate.freeze(self, share=validate.positive("share", self.share))
 
     def judge(self, metrics: Metrics, expected: Expected) -> Array:
-        """(M,) truth values."""
+        """(M,) which members have an error beyond what is expected of them."""
         tail = tail_error(metrics)
         return np.asarray(~(tail <= expected.error + self.share * expected.motion))  # NaN, a diverged run, is lost
 
@@ -81,7 +81,7 @@ class Onset(Settings):
         )
 
     def judge(self, metrics: Metrics, expected: Expected) -> Array:
-        """(M,) truth values."""
+        """(M,) which members have an error beyond the usual, or estimates that swing too fast."""
         usual = expected.error + expected.explained + self.share * expected.motion
         grown = ~(tail_error(metrics) <= usual)  # NaN, a diverged run, is lost
         limit = np.maximum(self.multiple * expected.rate, _crossing(expected))

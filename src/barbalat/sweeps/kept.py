@@ -67,7 +67,7 @@ class Kept:
         return found
 
     def add(self, chunk: Chunk, columns: Columns) -> None:
-        """The next members."""
+        """Add the rows of the next members."""
         self.names = list(columns)
         self.starts.append(self.members)
         self.members += len(columns["member"])

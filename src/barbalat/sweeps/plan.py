@@ -97,7 +97,7 @@ class Plan:
 
     @property
     def points(self) -> int:
-        """Of the grid."""
+        """The number of the grid's points."""
         count = 1
         for axis in self.axes.values():
             count *= axis.count
@@ -110,7 +110,7 @@ class Plan:
 
     @property
     def count(self) -> int:
-        """Of all members."""
+        """The number of all members."""
         return self.points * self.draws_each
 
     def __len__(self) -> int:

@@ -20,5 +20,5 @@ class Rows(Protocol):
         ...
 
     def row(self, member: int) -> dict[str, float]:
-        """Of one member."""
+        """The numbers of one member, by column."""
         ...

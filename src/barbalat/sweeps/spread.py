@@ -39,7 +39,7 @@ class Axis:
 
     @classmethod
     def parse(cls, text: str) -> Axis:
-        """START:STOP:COUNT[:log]."""
+        """An axis as START:STOP:COUNT[:log]; InputError for another text."""
         parts = text.split(":")
         if len(parts) not in (3, 4) or (len(parts) == 4 and parts[3] != "log"):
             raise InputError(f"a range must be START:STOP:COUNT or START:STOP:COUNT:log, got {validate.show(text)}")
@@ -106,7 +106,7 @@ class LogUniform:
 
 @dataclass(frozen=True)
 class Normal:
-    """Gaussian."""
+    """The normal distribution, by its mean and its standard deviation."""
 
     mean: float
     deviation: float

@@ -66,7 +66,7 @@ class Store:
 
     @property
     def stored(self) -> int:
-        """Members."""
+        """The number of members that are stored."""
         return sum(file["count"] for file in self.index.files.values())
 
     def add(self, chunk: Chunk, columns: Columns) -> None:

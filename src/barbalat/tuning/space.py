@@ -33,7 +33,7 @@ class Range:
 
     @classmethod
     def parse(cls, text: str) -> Range:
-        """START:STOP[:log]."""
+        """A range as START:STOP[:log]; InputError for another text."""
         parts = text.split(":")
         if len(parts) not in (2, 3) or (len(parts) == 3 and parts[2] != "log"):
             raise InputError(f"a range must be START:STOP or START:STOP:log, got {validate.show(text)}")

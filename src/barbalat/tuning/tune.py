@@ -112,7 +112,7 @@ class Tuner:
         return of_knobs(knobs, tables[controller], controller)
 
     def tuned(self, controller: int, space: Space, progress: Progress | None) -> Tuned:
-        """One controller."""
+        """Search the tuning of one controller."""
         least = least_trials(len(space))
         count = max(DEFAULT_TRIALS, least) if self.trials is None else validate.whole("trials", self.trials, least=least)
         trials, start = self._trials(controller, space), self._start(space)

@@ -43,7 +43,7 @@ class EpsilonModification(Settings):
 
     @property
     def per_error(self) -> float | None:
-        """nu."""
+        """The leakage nu for each unit of the error."""
         return self.nu
 
     @property

@@ -36,7 +36,7 @@ class FixedSigma(Settings):
 
     @property
     def largest(self) -> float:
-        """The largest w."""
+        """The largest leakage w: sigma, always."""
         return self.sigma
 
     @property

@@ -43,12 +43,12 @@ class SwitchingSigma(Settings):
 
     @property
     def largest(self) -> float:
-        """The largest w."""
+        """The largest leakage w: sigma, once the estimate is large."""
         return self.sigma
 
     @property
     def harmless_within(self) -> float | None:
-        """M_0."""
+        """The norm M_0 of the estimate below which nothing leaks."""
         return self.M_0
 
     def over_sample(self, theta_hat: Value, error: Value, solve: Callable[[Value], Value]) -> Value:

@@ -28,7 +28,7 @@ from barbalat.validate import Array
 
 
 def filter_norm(C: StateSpace) -> float:
-    """||C||_1, rounded up."""
+    """An upper bound of ||C||_1."""
     return l1_norm(C).upper
 
 

@@ -101,7 +101,7 @@ def nu_0(parameter_error: float, known: Known) -> float:
 
 
 def mrac_bound(nu: float, gamma: float) -> float:
-    """(9)."""
+    """The bound (9) on the tracking error of MRAC, rounded up."""
     return nu / math.sqrt(gamma) * OUTWARD_FACTOR
 
 

@@ -28,7 +28,7 @@ def loop_at(theta: Array, equations: linear_feedback.Equations, known: Known) ->
 
 
 def loop_of(problem: Problem, controller: LinearFeedback) -> FixedLoop:
-    """Around K(s)."""
+    """The loop around K(s), by which its margins are measured."""
     known = problem.known
     equations = controller.bind(known)
     return FixedLoop(

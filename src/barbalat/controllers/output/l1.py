@@ -108,7 +108,7 @@ class L1Output(Scheme):
 
     @property
     def G_m(self) -> TransferFunction:
-        """(19)."""
+        """The first-order reference model (19)."""
         return TransferFunction([self.m], [1.0, self.m])
 
 

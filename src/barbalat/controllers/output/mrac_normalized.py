@@ -74,7 +74,7 @@ class Equations:
         return Estimation(phi, m_s_squared, (z - state.theta_hat @ phi) / m_s_squared)
 
     def regressor_at(self, state: State, y: Value, u: Value) -> Value:
-        """phi_p/m."""
+        """The normalised regressor phi_p/m at this state."""
         estimation = self.estimation(state, y)
         return estimation.phi / np.sqrt(estimation.m_s_squared)
 

@@ -32,7 +32,7 @@ class Unit:
 
     @property
     def title(self) -> str:
-        """For people."""
+        """What the unit is called where people read it."""
         what = "controller" if self.made is None else "closed loop" if self.controller else "plant"
         return f"{self.printed.contents.controller.name}, {what}"
 

@@ -92,7 +92,7 @@ class Axis:
 
     @cached_property
     def linear_problem(self) -> Problem:
-        """phi(x) = x."""
+        """The axis as a tracking problem with phi(x) = x."""
         return self._problem(Plant(A_m=self.A_m, b=self.b, theta=np.zeros(2), input=self._input))
 
     @cached_property
@@ -143,7 +143,7 @@ class Axes:
 
     @cached_property
     def attitude(self) -> tuple[Axis, ...]:
-        """Roll, pitch, yaw."""
+        """The axes of roll, pitch and yaw, in this order."""
         lag = self.hover.vehicle.motor_lag + self.electronics.delay + ATTITUDE_SAMPLE / 2
         fast = PHASE / (CROSSOVER * lag)
         return tuple(
@@ -159,7 +159,7 @@ class Axes:
 
     @cached_property
     def position(self) -> tuple[Axis, ...]:
-        """Forward, left, up."""
+        """The axes of forward, left and up, in this order."""
         roll = self.attitude[0]
         lag = float(roll.gain[1] / roll.gain[0])  # of the attitude's closed loop, whatever its own lag is
         limit = ADDED_SHARE * GRAVITY * np.tan(TILT)

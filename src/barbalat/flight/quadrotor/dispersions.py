@@ -82,7 +82,7 @@ class Dispersion:
         return found
 
     def electronics(self, nominal: Electronics) -> Electronics:
-        """Sensors and delay."""
+        """Sensors and delay as they are drawn, around the nominal ones."""
         return replace(
             nominal,
             delay=nominal.delay + self.delay,

@@ -63,7 +63,7 @@ class QuadrotorFlight:
 
     @property
     def lost_at(self) -> float | None:
-        """[s]."""
+        """When the quadrotor was lost [s]; None where it was not."""
         return self.duration if self.lost else None
 
     @property

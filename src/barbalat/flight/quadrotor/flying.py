@@ -106,7 +106,7 @@ class _Vehicle:
         return found
 
     def fail(self, failure: Failure) -> None:
-        """From now on."""
+        """Let the failure act from now on."""
         if failure.slung is not None:
             self.simulator.hook_on(failure.slung)
         if failure.motor_lag is not None:

@@ -9,7 +9,7 @@ from enum import IntEnum
 
 
 class Type(IntEnum):
-    """Types of values."""
+    """The types of values that WebAssembly knows."""
 
     I32 = 0x7F
     I64 = 0x7E
@@ -69,7 +69,7 @@ _PAGE_BYTES = 65_536
 
 
 def unsigned(value: int) -> bytes:
-    """LEB128."""
+    """A whole number from 0 on, in unsigned LEB128."""
     out = bytearray()
     while value > 0x7F:
         out.append(value & 0x7F | 0x80)

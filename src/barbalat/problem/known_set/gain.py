@@ -42,7 +42,7 @@ class Gain:
         return float(np.linalg.eigvalsh(self.value)[-1]) if self.is_matrix else float(np.max(self.value))
 
     def times(self, vector: Value) -> Value:
-        """Gamma v."""
+        """The product Gamma v."""
         return self.value @ vector if self.is_matrix else self.value * vector
 
     def scaled(self, scalar: Value, vector: Value) -> Value:
@@ -50,7 +50,7 @@ class Gain:
         return self.value @ (scalar * vector) if self.is_matrix else self.value * scalar * vector
 
     def over(self, T: float) -> Gain:
-        """T Gamma."""
+        """The gain T Gamma of a step over T seconds."""
         return Gain(T * self.value)
 
     def of_first(self, n: int) -> Gain:
@@ -58,7 +58,7 @@ class Gain:
         return self if self.dimensions == 0 else Gain(self.value[:n])
 
     def as_matrix(self, n: int) -> Value:
-        """(n, n)."""
+        """(n, n) the gain as a matrix, whatever it was given as."""
         return self.value if self.is_matrix else self.value * np.eye(n)
 
     def implicit_step(self, theta: Value, phi: Value, coupling: Value, error: Value) -> Value:

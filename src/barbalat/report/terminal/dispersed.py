@@ -8,7 +8,7 @@ from barbalat.report.terminal.layout import Screen
 
 
 def show(screen: Screen, found: DispersedComparison) -> None:
-    """Losses first."""
+    """Print the campaign, losses first."""
     screen.line(f"{found.campaign.name} on {found.members} vehicles that are drawn", "bold")
     for label, text in dispersed.facts(found):
         screen.fact(label, text, 8)
