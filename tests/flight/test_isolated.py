@@ -1,6 +1,8 @@
 """A process of its own: what it returns, what it refuses, and what breaks in it."""
 
 import os
+import select
+import subprocess
 import sys
 import time
 
@@ -39,3 +41,29 @@ def test_a_crash_is_one_sentence(function, given, sentence):
 def test_what_does_not_end_is_stopped():
     with pytest.raises(SimulatorFailed, match=r"not done after 0.5 s"):
         isolated(0.5, time.sleep, 600)
+
+
+KILLED = """
+from barbalat.flight.isolated import isolated
+isolated(600, exec, "import time; told = open('told', 'w'); print(flush=True, file=told); time.sleep(600)")
+"""
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no named pipe tells here when a process ends")
+def test_it_ends_with_the_process_that_asked_and_leaves_no_folder(tmp_path):
+    own = tmp_path / "temporary"
+    own.mkdir()
+    environment = {**os.environ, "TMPDIR": str(own), "PYTHONPATH": os.pathsep.join(part for part in sys.path if part)}
+    told = tmp_path / "told"
+    os.mkfifo(told)
+    with (
+        subprocess.Popen([sys.executable, "-c", KILLED], cwd=tmp_path, env=environment) as parent,
+        told.open("rb", buffering=0) as said,  # once the child has opened it too
+    ):
+        assert said.read(1) == b"\n"
+        assert any(own.iterdir())
+        parent.kill()
+        ended, _, _ = select.select([said], [], [], 60.0)
+        assert ended, "the child runs on"
+        assert said.read(1) == b""
+    assert not any(own.iterdir())

@@ -8,10 +8,13 @@ from __future__ import annotations
 
 import os
 import pickle
+import shutil
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import ParamSpec, TypeVar
 
@@ -40,11 +43,9 @@ def isolated(seconds: float, function: Callable[Given, Answer], *given: Given.ar
         folder = Path(made)
         (folder / ASKED).write_bytes(pickle.dumps((function, given, named)))
         command = [sys.executable, "-m", "barbalat.flight.isolated", str(folder)]
-        environment = {**os.environ, "PYTHONPATH": os.pathsep.join(part for part in sys.path if part)}
         try:
-            done = subprocess.run(
-                command, capture_output=True, timeout=seconds, check=False, env=environment, stdin=subprocess.DEVNULL
-            )
+            with _held_open() as alive:
+                done = subprocess.run(command, capture_output=True, timeout=seconds, check=False, env=_environment(), stdin=alive)
         except subprocess.TimeoutExpired:
             raise SimulatorFailed(f"the simulator was not done after {seconds:g} s, and was stopped") from None
         if done.returncode:
@@ -56,14 +57,37 @@ def isolated(seconds: float, function: Callable[Given, Answer], *given: Given.ar
     return found
 
 
+@contextmanager
+def _held_open() -> Iterator[int]:
+    """A pipe's end to read from, which ends when this process does, however it ends."""
+    reading, writing = os.pipe()
+    try:
+        yield reading
+    finally:
+        os.close(reading)
+        os.close(writing)
+
+
+def _environment() -> dict[str, str]:
+    return {**os.environ, "PYTHONPATH": os.pathsep.join(part for part in sys.path if part)}
+
+
 def _crash(code: int, said: str) -> str:
     how = f"by signal {-code}" if code < 0 else f"with exit code {code}"
     last = [line.strip() for line in said.splitlines() if line.strip()][-1:]
     return f"the simulator's process ended {how}{f', saying: {last[0][:LONGEST_REASON]}' if last else ''}"
 
 
+def _end_with_parent(folder: Path) -> None:
+    """In the child, beside what it does: wait for the parent's end, where it was killed, clear up in its stead and go too."""
+    os.read(sys.stdin.fileno(), 1)
+    shutil.rmtree(folder, ignore_errors=True)
+    os._exit(1)
+
+
 def _answer(folder: Path) -> None:
     """In the child: call what was asked for, keep what it returns or refuses."""
+    threading.Thread(target=_end_with_parent, args=(folder,), daemon=True).start()
     function, given, named = pickle.loads((folder / ASKED).read_bytes())
     try:
         found = function(*given, **named)
