@@ -73,6 +73,22 @@ def test_three_findings_are_told_at_once_then_how_many_more():
     assert "\n" not in str(caught.value)
 
 
+@pytest.mark.parametrize(
+    ("given", "told"),
+    [
+        ("saturation = 3.0", ("plant.input.saturation must be a list, such as [-3.0, 3.0], got 3.0",)),
+        ("delay = 0.1", ()),  # spelt most like theta, which is a list
+        ('delay = "x"', ('plant.input.delay should be a valid number, got "x"',)),
+    ],
+)
+def test_what_belongs_further_in_is_looked_at_as_if_it_stood_there(given, told):
+    """Nothing is told of keys that nobody wrote, such as the one that is spelt most like it."""
+    with pytest.raises(InputError) as caught:
+        parse_case(edited(("theta = [1.0]", f"theta = [1.0], {given}")))
+    name = given.partition(" ")[0]
+    assert caught.value.sentences == (f"unknown key plant.{name}; did you mean 'plant.input.{name}'?", *told)
+
+
 def test_what_is_told_at_once_is_not_long():
     wrong = edited(("theta = [1.0]", f"theta = [1.0], {'x' * 400} = 1"), ("dt = 0.1", f"dt = 0.1, {'y' * 400} = 1"))
     with pytest.raises(InputError) as caught:

@@ -20,6 +20,7 @@ from barbalat.report.notation import mathematics
         ("eta^2/m_s^2", "<var>η</var><sup>2</sup>/<var>m</var><sub>s</sub><sup>2</sup>"),
         ("t^-1.04, e^(-0.05 s)", "t<sup>−1.04</sup>, e<sup>−0.05 s</sup>"),
         ("||W_b||_1 x", "‖<var>W</var><sub>b</sub>‖<sub>1</sub> x"),
+        ("1/||T||_inf", "1/‖<var>T</var>‖<sub>∞</sub>"),
         ("W_c0", "<var>W</var><sub>c0</sub>"),
         ("theta_hat0 = 0", "<var>θ̂</var><sub>0</sub> = 0"),
         ("metal, betas, h = 1e-4 s", "metal, betas, <var>h</var> = 10<sup>−4</sup>\u00a0s"),

@@ -67,19 +67,23 @@ def findings(root: type[Table], data: dict[str, Any], as_typed: dict[str, Any]) 
             unknown = [finding for finding in found if finding["type"] == "unknown_key"]
             told += [" ".join(_sentence(one, as_typed, root).split()) for one in unknown or found]  # a key may hold line breaks
             for finding in unknown:
+                place = _place((*finding["loc"], finding["ctx"]["key"]), as_typed)
                 for tree in (data, as_typed):
-                    _put_right(_value(finding["loc"], tree), finding["ctx"])
+                    _put_right(_value(finding["loc"], tree), finding["ctx"], _further_in(finding["ctx"], place, root))
             if unknown:
                 continue
         break
     return told
 
 
-def _put_right(table: dict[str, Any], context: dict[str, Any]) -> None:
-    """A misspelt key under the name that is meant; gone where none is, or where that is there too."""
+def _put_right(table: dict[str, Any], context: dict[str, Any], further_in: list[str]) -> None:
+    """An unknown key's value where it is meant to be; gone where no such place is, or where that is taken."""
     value = table.pop(context["key"])
-    for near in _near(context):
-        table.setdefault(near, value)
+    *outer, last = further_in[0].split(".") if further_in else _near(context) or [""]
+    for key in outer:
+        table = table.setdefault(key, {}) if isinstance(table, dict) else {}
+    if last and isinstance(table, dict):
+        table.setdefault(last, value)
 
 
 def _sentence(finding: Any, data: dict[str, Any], root: type[Table]) -> str:
@@ -127,12 +131,25 @@ def _known(context: dict[str, Any]) -> str:
 
 def _meant(context: dict[str, Any], place: str, root: type[Table]) -> str:
     """The key of that name in a table further in, else the nearest spelling here, else that name elsewhere."""
-    elsewhere = [".".join(path) for path in _paths(root) if path[-1] == context["key"]]
-    further_in = [path for path in elsewhere if path.startswith(place.rpartition(".")[0])]
-    near = _near(context)
-    if further_in or near or elsewhere:
-        return f"did you mean {[*further_in, *near, *elsewhere][0]!r}?"
-    return _known(context)
+    start = _start(place)
+    meant = [*(start + path for path in _further_in(context, place, root)), *_near(context), *_named(context["key"], root)]
+    return f"did you mean {meant[0]!r}?" if meant else _known(context)
+
+
+def _named(key: str, root: type[Table]) -> list[str]:
+    """The paths of all keys of a name."""
+    return [".".join(path) for path in _paths(root) if path[-1] == key]
+
+
+def _further_in(context: dict[str, Any], place: str, root: type[Table]) -> list[str]:
+    """The keys of that name in tables inside the one in which it is unknown, by their paths in there."""
+    start = _start(place)
+    return [path.removeprefix(start) for path in _named(context["key"], root) if path.startswith(start)]
+
+
+def _start(place: str) -> str:
+    """What comes before a place's own name."""
+    return place[: place.rfind(".") + 1]
 
 
 def _near(context: dict[str, Any]) -> list[str]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from html import escape
@@ -56,11 +56,11 @@ class Certificate:
     def _repr_html_(self) -> str:
         """For notebooks: every value with its kind and its meaning."""
         rows = "".join(
-            f"<tr><td>{escape(e.key)}</td><td>{escape(_short(e.value if e.applies else None))}</td><td>{escape(e.unit)}</td>"
+            f'<tr><th scope="row">{escape(e.key)}</th><td>{escape(_cell(e))}</td><td>{escape(e.unit)}</td>'
             f"<td>{escape(e.kind)}</td><td>{escape(e.meaning if e.applies else e.why)}</td></tr>"
             for e in self.entries
         )
-        head = "".join(f"<th>{text}</th>" for text in ("quantity", "value", "unit", "kind", "meaning"))
+        head = "".join(f'<th scope="col">{text}</th>' for text in ("quantity", "value", "unit", "kind", "meaning"))
         return f"<table><tr>{head}</tr>{rows}</table><small>{'<br>'.join(map(escape, self.findings))}</small>"
 
     def plot(self, *, narrow: bool = False) -> Figure:
@@ -113,13 +113,20 @@ class Certificate:
         return replace(self, entries=entries, notes=(*self.notes, *notes))
 
 
-def _short(value: Any) -> str:
-    """A value in a cell of a table."""
+def _cell(entry: Entry) -> str:
+    """A value in a cell of a table; of a bound digits that are a bound as well."""
+    if not entry.applies:
+        return "-"
+    return _short(entry.value, "{:.4g}".format if entry.kind != "guaranteed" else down if entry.quantity.below else up)
+
+
+def _short(value: Any, text: Callable[[float], str]) -> str:
     if isinstance(value, dict):
-        return ", ".join(f"{key} {_short(one)}" for key, one in value.items())
+        bounded_below = text is up and "upper" in value
+        return ", ".join(f"{key} {_short(one, down if bounded_below and key == 'lower' else text)}" for key, one in value.items())
     if isinstance(value, (list, tuple)):
-        return f"[{', '.join(map(_short, value))}]"
-    return "-" if value is None else f"{value:.4g}" if isinstance(value, float) else str(value)
+        return f"[{', '.join(_short(one, text) for one in value)}]"
+    return "-" if value is None else text(value) if isinstance(value, float) else str(value)
 
 
 NO_VALUE: dict[Kind, str] = {"exact": "unlimited: nothing exhausts it", "estimate": "none is known", "advice": "none"}

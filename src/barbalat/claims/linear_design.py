@@ -132,9 +132,9 @@ def _adaptive_against_linear(contestants: list[ComparedController], measured: di
         f"{_step_effect(contestants, measured):.1g} of themselves (size 1, with the delay). PI and H∞ are designed to L1-AC's delay margin, H∞ for 10 ms to that delay",
         (_chart("linear-design", contestants, measured, "plain"), _chart("linear-design-delay", contestants, measured, "delayed")),
         (_table(contestants, measured),),
-        number=f"tail error with a delay: adaptive {least:.2g}, linear {best:.2g}",
+        number=f"tail error with a delay: adaptive {least:.2g}, {'PI' if missing else 'linear'} {best:.2g}",
         readings=readings,
-        condition=_condition(readings),
+        condition=_condition(readings) + (", and linear is the PI controller alone, without the H∞ designs" if missing else ""),
         would_change="a linear design told more of the family, settings tuned to each size, another command or delay: all settings are fixed here",
     )  # fmt: skip
 

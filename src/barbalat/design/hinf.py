@@ -147,6 +147,7 @@ def _packages() -> tuple[Any, Any]:
         import slycot
     except ImportError as error:
         raise InputError(
-            f"the H-infinity design needs the packages control and slycot ({error.name} is missing): install barbalat[robust]"
+            "the H-infinity design needs the packages control and slycot "
+            f"({error.name} is missing): pip install 'barbalat[robust]'"
         ) from None
     return control, slycot

@@ -63,7 +63,7 @@ def _typeset(token: re.Match[str]) -> Markup:
         case "norm":
             bars = "‖" if token[0].startswith("||") else "|"
             below = token[0].lstrip("|").removeprefix("_")
-            return Markup("{}<sub>{}</sub>").format(bars, below) if below else Markup(bars)
+            return Markup("{}<sub>{}</sub>").format(bars, SIGNS.get(below, below)) if below else Markup(bars)
         case "root":
             return Markup("√(")
         case "number":

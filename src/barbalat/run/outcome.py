@@ -71,12 +71,14 @@ def table(runs: Iterable[Finished], labels: Labels | None = None) -> str:
 
     units = units_of(labels)
     said = (escape(f"{text} {units.get(name, '')}".rstrip()) for name, text in FIGURE_LABELS.items())
-    head = "".join(f"<th>{text}</th>" for text in ("controller", *said))
+    head = "".join(f'<th scope="col">{text}</th>' for text in ("controller", *said))
     return f"<table><tr>{head}</tr>{''.join(_row(escape(run.name), run) for run in runs)}</table>"
 
 
 def _row(name: str, run: Finished) -> str:
     if run.diverged_at is not None:
-        return f'<tr><td>{name}</td><td colspan="{len(FIGURE_LABELS)}">diverged at t = {run.diverged_at:.4g} s</td></tr>'
+        return (
+            f'<tr><th scope="row">{name}</th><td colspan="{len(FIGURE_LABELS)}">diverged at t = {run.diverged_at:.4g} s</td></tr>'
+        )
     cells = "".join(f"<td>{text_of(run.figures[key])}</td>" for key in FIGURE_LABELS)
-    return f"<tr><td>{name}</td>{cells}</tr>"
+    return f'<tr><th scope="row">{name}</th>{cells}</tr>'
