@@ -20,7 +20,7 @@ from barbalat.flight.quadrotor.failures import FAILURES
 from barbalat.flight.quadrotor.flying import DELAY_STEP, delay_borne
 from barbalat.flight.quadrotor.flying import flown as through_failures
 from barbalat.flight.quadrotor.hover import hovering
-from barbalat.flight.quadrotor.schemes import SCHEMES, TUNED, on_axis
+from barbalat.flight.quadrotor.schemes import TUNED, available, on_axis
 from barbalat.flight.quadrotor.vehicle import Quadrotor
 from barbalat.flight.timing import Timing
 from barbalat.loop.closed_loop import ClosedLoop
@@ -97,7 +97,7 @@ def test_an_integral_that_ran_on_the_ground_throws_the_vehicle_off_its_path(flow
     assert largest["l1-piecewise"] < 0.5 * largest["geometric-integral"]  # what it learnt it forgets sooner
 
 
-@pytest.mark.parametrize("name", SCHEMES)
+@pytest.mark.parametrize("name", available())
 def test_what_flies_is_the_package_s_own_sampled_controller(name, axes, monkeypatch):
     """Every sample of an axis, handed to the scheme's equations in NumPy, gives the u that was flown."""
     seen = []
