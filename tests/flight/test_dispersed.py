@@ -150,7 +150,7 @@ def test_the_command_says_losses_first_and_leaves_page_and_json(tmp_path, capsys
     [
         (["--store", "somewhere"], "--store goes with --dispersions"),
         (["--dispersions", "4", "--mach", "0.5"], "--mach does not go with --dispersions"),
-        (["--dispersions", "0"], "members must be"),
+        (["--dispersions", "0"], "--dispersions must be a whole number from 1"),
     ],
 )
 def test_bad_input_is_one_sentence(arguments, sentence, tmp_path, monkeypatch, capsys):

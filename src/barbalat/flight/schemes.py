@@ -23,11 +23,11 @@ from barbalat.controllers.piecewise_predictor import AsFlown
 from barbalat.controllers.windup import ModifiedError
 from barbalat.design import hinf_feedback, pi_feedback
 from barbalat.flight.axis import SAMPLE_TIME, Axis
-from barbalat.flight.designable import ROBUST, designable
+from barbalat.flight.offered import ROBUST, designable, require_offered
 from barbalat.linear.systems import StateSpace, input_filter
 from barbalat.problem.state_feedback import Problem
 from barbalat.protocols import Controller
-from barbalat.validate import Array, InputError, show
+from barbalat.validate import Array
 
 
 class Flying(NamedTuple):
@@ -180,10 +180,7 @@ def available() -> list[str]:
 
 def require_known(names: Sequence[str]) -> None:
     """InputError for a scheme that is none of these."""
-    unknown = [name for name in names if name not in SCHEMES]
-    if unknown:
-        fits = " (it does not fit this axis, or is none)" if unknown[0] else ""
-        raise InputError(f"--schemes must be of {', '.join(SCHEMES)}, got {show(unknown[0])}{fits}")
+    require_offered(names, SCHEMES)
 
 
 def flying(axis: Axis, names: Sequence[str]) -> list[Flying]:

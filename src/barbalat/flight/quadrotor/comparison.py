@@ -149,7 +149,7 @@ class QuadrotorComparison(Compared):
         ]
         return Scene(
             title=failure.meaning, unit="m", t=longest.column("t"), target=longest.record[:, 1:4], movers=tuple(movers),
-            wire=WIRE, fails=longest.since,
+            wire=WIRE, fails=longest.since, failing=failure != FAILURES["none"],
         )  # fmt: skip
 
     def _through(self, failure: Failing) -> list[QuadrotorFlight]:

@@ -21,12 +21,12 @@ from barbalat.controllers import (
 )
 from barbalat.controllers.piecewise_predictor import AsFlown
 from barbalat.design import hinf_feedback
-from barbalat.flight.designable import ROBUST, designable
+from barbalat.flight.offered import ROBUST, designable, require_offered
 from barbalat.flight.quadrotor.axes import CROSSOVER, Axis
 from barbalat.linear.systems import StateSpace, TransferFunction, input_filter
 from barbalat.problem.state_feedback import Problem
 from barbalat.protocols import Controller
-from barbalat.validate import Array, InputError, show
+from barbalat.validate import Array
 
 
 class OnAxis(NamedTuple):
@@ -197,6 +197,4 @@ def on_axis(name: str, axis: Axis) -> OnAxis:
 
 def require_known(names: Sequence[str]) -> None:
     """InputError for a scheme that is none of these."""
-    unknown = [name for name in names if name not in SCHEMES]
-    if unknown:
-        raise InputError(f"--schemes must be of {', '.join(SCHEMES)}, got {show(unknown[0])}")
+    require_offered(names, SCHEMES)
