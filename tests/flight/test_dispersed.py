@@ -9,6 +9,7 @@ import pytest
 pytest.importorskip("jsbsim", reason="the extra flight is not installed: ./dev flight installs it")
 
 from benchmarks import flight_tuning
+from benchmarks.flight_tuning import PAGES
 
 from barbalat import FlightCondition
 from barbalat.cli import main
@@ -122,6 +123,17 @@ def test_the_stored_flights_of_the_ledger_are_flown_again(name, failure):
     for column, value in found.rows.row(0).items():
         expected = stored["first_draw"][column]
         assert value == pytest.approx(float("nan") if expected is None else expected, rel=1e-6, nan_ok=True), column
+
+
+@pytest.mark.parametrize("name", TUNED)
+def test_what_is_tuned_is_what_the_guide_s_table_says_and_it_meets_the_rule(name):
+    rows = [line.strip("| \n").split(" | ") for line in (PAGES / f"tuned-{name}.txt").read_text().splitlines()[2:]]
+    told = {}
+    for scheme, numbers, _, _, slack, up, down in rows:
+        pairs = [] if numbers == "none" else [one.rstrip("*").rsplit(" ", 1) for one in numbers.split(", ")]
+        told[scheme.strip("`")] = {knob: float(value) for knob, value in pairs}
+        assert (float(slack) >= 1, min(float(up), float(down)) >= flight_tuning.GAIN_MARGIN) == (True, True)
+    assert told == TUNED[name]
 
 
 def test_the_rule_finds_the_numbers_that_fly_again(axis):
