@@ -9,6 +9,7 @@ import pytest
 pytest.importorskip("jsbsim", reason="the extra flight is not installed: ./dev flight installs it")
 
 from benchmarks import flight_tuning
+from benchmarks.flight_tuning import PAGES
 
 from barbalat import FlightCondition
 from barbalat.cli import main
@@ -124,6 +125,17 @@ def test_the_stored_flights_of_the_ledger_are_flown_again(name, failure):
         assert value == pytest.approx(float("nan") if expected is None else expected, rel=1e-6, nan_ok=True), column
 
 
+@pytest.mark.parametrize("name", TUNED)
+def test_what_is_tuned_is_what_the_guide_s_table_says_and_it_meets_the_rule(name):
+    rows = [line.strip("| \n").split(" | ") for line in (PAGES / f"tuned-{name}.txt").read_text().splitlines()[2:]]
+    told = {}
+    for scheme, numbers, _, _, slack, up, down in rows:
+        pairs = [] if numbers == "none" else [one.rstrip("*").rsplit(" ", 1) for one in numbers.split(", ")]
+        told[scheme.strip("`")] = {knob: float(value) for knob, value in pairs}
+        assert (float(slack) >= 1, min(float(up), float(down)) >= flight_tuning.GAIN_MARGIN) == (True, True)
+    assert told == TUNED[name]
+
+
 def test_the_rule_finds_the_numbers_that_fly_again(axis):
     """Two schemes, to the three digits that are kept; 8 s each."""
     for scheme in ("linear", "l1-piecewise"):
@@ -150,7 +162,7 @@ def test_the_command_says_losses_first_and_leaves_page_and_json(tmp_path, capsys
     [
         (["--store", "somewhere"], "--store goes with --dispersions"),
         (["--dispersions", "4", "--mach", "0.5"], "--mach does not go with --dispersions"),
-        (["--dispersions", "0"], "members must be"),
+        (["--dispersions", "0"], "--dispersions must be a whole number from 1"),
     ],
 )
 def test_bad_input_is_one_sentence(arguments, sentence, tmp_path, monkeypatch, capsys):

@@ -73,6 +73,15 @@ def test_a_film_begins_shortly_before_the_failure(monkeypatch):
     assert len(frames(film(scene(fails=2.0)))) == 15  # from 1.5 s on
 
 
+def test_the_counter_says_how_long_ago_the_failure_came_which_may_have_passed():
+    assert [films._told(scene(), k).split("\n")[0] for k in (18, 20, 50)] == [
+        "0.9 s",
+        "1.0 s, 0.0 s after the failure",
+        "2.5 s, 1.5 s after the failure",
+    ]
+    assert films._told(scene(failing=False), 50).startswith("2.5 s\n")
+
+
 def test_the_box_is_around_what_kept_control():
     low, high = scene().box
     path = scene().movers[1].path
@@ -109,4 +118,9 @@ def test_a_path_s_picture_is_drawn_for_a_page_and_for_a_phone():
     assert narrow.get_size_inches()[0] < 4.2 < wide.get_size_inches()[0]
     texts = [text.get_text() for text in wide.legends[0].get_texts()]
     assert texts == ["commanded path", "first, lost", "second"]
-    assert render(narrow, "png").startswith(b"\x89PNG")
+    for figure in (wide, narrow):
+        picture = np.asarray(Image.open(io.BytesIO(render(figure, "png"))).convert("L"))
+        drawn = np.flatnonzero((picture < 250).any(axis=1))
+        dots = len(picture) / figure.get_size_inches()[1]  # of an inch
+        assert np.diff(drawn).max() < 0.35 * dots  # no empty band below the legend, nor anywhere else
+        assert len(picture) - drawn[-1] < 0.25 * dots

@@ -17,7 +17,7 @@ from barbalat.flight.airframe import STEP
 from barbalat.flight.axis import PITCH, ROLL, Axis
 from barbalat.flight.equipment import Actuator, Equipment, Sensors
 from barbalat.flight.failures import OF_PITCH, OF_ROLL
-from barbalat.flight.flying import DELAY_STEP, delay_borne
+from barbalat.flight.flying import DELAY_STEP, delay_borne, fly_once
 from barbalat.flight.flying import flown as through_failures
 from barbalat.flight.schemes import flying
 from barbalat.flight.trim import trimmed
@@ -156,6 +156,26 @@ def linear_growth(axis, contents, delay):
             x = ahead @ np.append(x, np.deg2rad(elevator.advance(u)))
             sensors.advance(np.rad2deg(x[[1, 3]]))
     return max(q[2000:]) / max(q[:500])
+
+
+def test_a_controller_that_overflows_loses_its_aircraft_and_says_so():
+    axis = Axis(trim=trimmed(FlightCondition()))
+
+    class Overflowing:
+        name = "overflowing"
+
+        def reset(self):
+            self.k = 0
+
+        def __call__(self, y, r):
+            self.k += 1
+            return np.array([np.nan if self.k > 200 else 0.0])
+
+        def agreement(self):
+            return None
+
+    one = fly_once(axis, Overflowing(), OF_PITCH[0])
+    assert (one.lost, one.lost_at) == ("its controller gave a command that is no number", 2.0)
 
 
 def test_a_flight_that_breaks_is_lost_alone(monkeypatch):

@@ -97,6 +97,15 @@ def test_wind_comes_from_where_it_is_said_to_with_its_gusts():
     assert velocity[:, 1].std() == pytest.approx(GUSTS_SHARE * 4.0, rel=0.3)
 
 
+def test_gusts_along_the_wind_have_dryden_s_correlation():
+    """R(s) = deviation^2 e^(-s speed/L); of 4000 s about 470 values are independent at a wind of 16 m/s."""
+    gusts = Air.drawn(Dispersion(wind=16.0, wind_from=180.0, number=3), 1_600_000).velocity[:, 0] - 16.0
+    for seconds in (0.0, 1.0, 4.0, 8.0):
+        lag = round(seconds / ATTITUDE_SAMPLE)
+        found = float(np.mean(gusts[: len(gusts) - lag] * gusts[lag:]))
+        assert found == pytest.approx((GUSTS_SHARE * 16.0) ** 2 * np.exp(-seconds * 16.0 / 68.0), abs=0.2 * 1.6**2), seconds
+
+
 def test_the_nominal_draw_is_the_nominal_flight_and_another_is_none(axes):
     short, scheme = Timing(duration=3.5, fails_at=3.0), scheme_on(axes, "l1-piecewise")
     (first,) = flown(axes, scheme, [FAILURES["none"]], short)

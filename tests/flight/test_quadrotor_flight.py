@@ -14,13 +14,14 @@ from scipy.signal import step
 from barbalat import InputError, Mrac, Sampled, SimulatorFailed, fly
 from barbalat.cli import main
 from barbalat.flight.quadrotor import comparison, control
-from barbalat.flight.quadrotor.axes import Axes
+from barbalat.flight.quadrotor.axes import ATTITUDE_SAMPLE, Axes
 from barbalat.flight.quadrotor.comparison import scheme_on
 from barbalat.flight.quadrotor.failures import FAILURES
 from barbalat.flight.quadrotor.flying import DELAY_STEP, delay_borne
 from barbalat.flight.quadrotor.flying import flown as through_failures
 from barbalat.flight.quadrotor.hover import hovering
-from barbalat.flight.quadrotor.schemes import SCHEMES, TUNED, on_axis
+from barbalat.flight.quadrotor.schemes import TUNED, available, on_axis
+from barbalat.flight.quadrotor.trajectory import TAKES_OFF
 from barbalat.flight.quadrotor.vehicle import Quadrotor
 from barbalat.flight.timing import Timing
 from barbalat.loop.closed_loop import ClosedLoop
@@ -97,7 +98,7 @@ def test_an_integral_that_ran_on_the_ground_throws_the_vehicle_off_its_path(flow
     assert largest["l1-piecewise"] < 0.5 * largest["geometric-integral"]  # what it learnt it forgets sooner
 
 
-@pytest.mark.parametrize("name", SCHEMES)
+@pytest.mark.parametrize("name", available())
 def test_what_flies_is_the_package_s_own_sampled_controller(name, axes, monkeypatch):
     """Every sample of an axis, handed to the scheme's equations in NumPy, gives the u that was flown."""
     seen = []
@@ -146,6 +147,36 @@ def test_the_delay_borne_is_found_to_a_sample(axes):
     crossover = 1.55 * roll.frequency
     margin = np.deg2rad(65.5) / crossover - roll.lag
     assert margin < borne < 3 * margin  # the linear loop's, of small signals; what it grows into is slow
+
+
+class Overflowing:
+    """Adds nothing, until it has no number to add."""
+
+    name, overflows_at = "overflowing", 2.6
+
+    def step(self):
+        return Overflowing()
+
+    def reset(self):
+        self.k = 0
+
+    def __call__(self, y, r):
+        self.k += 1
+        return np.array([np.nan if self.k * ATTITUDE_SAMPLE > self.overflows_at - TAKES_OFF else 0.0])
+
+    def agreement(self):
+        return None
+
+
+def test_a_controller_that_overflows_loses_its_vehicle_and_says_so(axes, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    nominal = scheme_on(axes, "geometric")
+    scheme = replace(nominal, attitude=(Overflowing(), *nominal.attitude[1:]))
+    (one,) = through_failures(axes, scheme, [FAILURES["none"]], Timing(duration=4.0, fails_at=3.0))
+    assert one.lost == "its controller gave a command that is no number"
+    assert one.lost_at == pytest.approx(Overflowing.overflows_at, abs=0.011)
+    assert np.isfinite(one.record).all()
+    assert list(tmp_path.iterdir()) == []  # MuJoCo has nothing to warn of
 
 
 def test_a_flight_of_a_controller_of_ones_own_that_breaks_is_lost_alone(monkeypatch):

@@ -231,3 +231,13 @@ def test_one_that_is_too_heavy_for_one_rotor_can_t_hover():
     beside = SimpleNamespace(**dataclasses.asdict(VEHICLE) | {"thrust": 2.0})
     with pytest.raises(InputError, match="can't hover"):
         hovering(beside)
+
+
+def test_numbers_that_are_none_stay_so_and_leave_no_file(tmp_path, monkeypatch):
+    """MuJoCo's own answer is a vehicle that stands where it started, and MUJOCO_LOG.TXT in the user's folder."""
+    monkeypatch.chdir(tmp_path)
+    simulator = Simulator(Quadrotor())
+    simulator.data.qvel[2] = 1e11  # the drag, quadratic in it, overflows
+    simulator.advance(np.full(4, np.nan), 3)
+    assert np.isnan(simulator.motion.position).any()
+    assert list(tmp_path.iterdir()) == []

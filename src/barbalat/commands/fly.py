@@ -46,6 +46,16 @@ def add(commands: Commands) -> None:
     parser.set_defaults(execute=execute)
 
 
+MOST_DRAWS = 1_000_000
+"""A year of two cores, and more."""
+NOT_DRAWN = {
+    "delays": "it is raised in single flights; in a campaign leave --delays out, each draw has a delay of its own",
+    "sil": "the exported C is compared with the simulated list in single flights, and draws fly that list; leave --sil out",
+    "altitude": "the draws take turns at conditions of their own; leave it out",
+    "mach": "the draws take turns at conditions of their own; leave it out",
+    "controllers": "draws are flown by the project's schemes alone; leave it out",
+}
+"""Options that a campaign does not take, and why."""
 EXPECTED_SECONDS = {"flying": 40.0, "drawing": 10.0}
 """Until the first tells how far it is."""
 
@@ -91,14 +101,16 @@ def _require_none(options: argparse.Namespace, names: Sequence[str], remedy: str
 
 
 def _execute_dispersed(options: argparse.Namespace) -> int:
+    from barbalat import validate
     from barbalat.flight.dispersed import fly_dispersed
     from barbalat.flight.drawing import SEED
     from barbalat.flight.isolated import SimulatorFailed
     from barbalat.report import dispersed, documents, page
     from barbalat.report.file_names import PAGE
 
-    remedy = "does not go with --dispersions, which flies the project's schemes on vehicles that are drawn: leave it out"
-    _require_none(options, ("delays", "sil", "altitude", "mach", "controllers"), remedy)
+    validate.whole("--dispersions", options.dispersions, least=1, most=MOST_DRAWS)
+    for name, instead in NOT_DRAWN.items():
+        _require_none(options, (name,), f"does not go with --dispersions: {instead}")
     try:
         with folder_of(options.out, None if options.json else DEFAULT_FOLDER) as folder, work({"flying": 1200.0}) as running:
             with running.part("flying", here=False) as progress:

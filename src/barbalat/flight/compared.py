@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 
 HELD_BLANK = "\0"
 """In the place of a blank at which no line ends."""
+NO_NUMBER = "its controller gave a command that is no number"
+"""Why control was lost, where a flight's controller overflowed and its simulator did not."""
 
 
 class Failing(Protocol):

@@ -11,7 +11,7 @@ import numpy as np
 from barbalat.flight.airframe import INTEGRATOR, STEP
 from barbalat.flight.axis import SAMPLE_TIME, Axis
 from barbalat.flight.compared import Compared, Failing
-from barbalat.flight.failures import FAILS_AT, Failure
+from barbalat.flight.failures import FAILS_AT, NONE, Failure
 from barbalat.flight.flight import TIMING, Flight, columns_of, figures_of
 from barbalat.flight.flying import DELAY_STEP, MOST_DELAY_STEPS
 from barbalat.flight.scene import Mover, Scene, attitudes
@@ -144,8 +144,9 @@ class FlightComparison(Compared):
         ]
         t = max((one.column("t") for _, one in chosen), key=len)
         return Scene(
-            title=failure.meaning, unit="ft", t=t, target=None, movers=tuple(movers), wire=WIRE, fails=FAILS_AT, equal=False
-        )
+            title=failure.meaning, unit="ft", t=t, target=None, movers=tuple(movers), wire=WIRE, fails=FAILS_AT,
+            failing=failure != NONE, equal=False,
+        )  # fmt: skip
 
 
 def _path(flight: Flight) -> Array:

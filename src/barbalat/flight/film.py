@@ -133,7 +133,8 @@ def _clipped(scene: Scene, points: Array) -> Array:
 
 def _told(scene: Scene, k: int) -> str:
     """Time, and how far each vehicle is from where it should be."""
-    failed = " (failed)" if scene.t[k] >= scene.fails else ""
+    since = float(scene.t[k]) - scene.fails
+    failed = f", {since:.1f} s after the failure" if scene.failing and since >= 0 else ""
     lines = [f"{scene.t[k]:.1f} s{failed}"]
     for mover in scene.movers:
         if k >= len(mover.path) or (mover.lost and k == len(mover.path) - 1):

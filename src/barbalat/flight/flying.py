@@ -11,10 +11,11 @@ import numpy as np
 from barbalat.flight import f16
 from barbalat.flight.airframe import DEGREES, STEP, Airframe
 from barbalat.flight.axis import PITCH, SAMPLE_TIME, Axis
+from barbalat.flight.compared import NO_NUMBER
 from barbalat.flight.dispersions import NOMINAL, Dispersion
 from barbalat.flight.equipment import Actuator, Sensors
 from barbalat.flight.failures import Failure
-from barbalat.flight.flight import ALPHA, BANK, BETA, N_Z, TIMING, Flight, columns_of
+from barbalat.flight.flight import ALPHA, BANK, BETA, COMMAND, N_Z, TIMING, Flight, columns_of
 from barbalat.flight.gusts import SEED, gusts_met
 from barbalat.flight.timing import Timing
 from barbalat.flight.trim import Trim
@@ -213,6 +214,8 @@ MOST_BANK, MOST_BETA = 90.0, 30.0
 
 def _lost(row: Array) -> str:
     """Where the aircraft leaves what its tables cover, what its structure bears, or the attitude that it was to keep."""
+    if not np.isfinite(row[COMMAND]):
+        return NO_NUMBER
     if not np.isfinite(row).all():
         return "the simulation's numbers are no longer finite"
     (low, high), (least, most) = f16.REACHED_ALPHA, f16.LIMIT_LOADS

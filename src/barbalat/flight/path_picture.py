@@ -19,6 +19,8 @@ PATH_POINTS = 250
 """Of a drawn path: a pixel and a half of a phone's width from one to the next."""
 ELEVATION, AZIMUTH = 24.0, -58.0
 """[deg], from where it is seen."""
+PAD = 0.1
+"""[in] around a picture, and between its legend and its box."""
 WIRE_SHARE = 0.05
 """Of the box's longest side: the size of a vehicle's frame, which is larger than life."""
 
@@ -42,7 +44,41 @@ def figure_of(scene: Scene, *, narrow: bool = False, shown: bool = False) -> Fig
             axes.plot(*line.T, color=colour, linewidth=1.4)
     columns = 1 if narrow and len(scene.movers) > 6 else 2 if narrow else 3
     figure.legend(loc="upper center", ncols=columns, frameon=False, fontsize=7.5 if narrow else 8.5, columnspacing=1.2)
+    _fill(figure, axes, scene)
     return figure
+
+
+def _fill(figure: Figure, axes: Axes3D, scene: Scene) -> None:
+    """The box as large as there is room below the legend, and the figure no higher than both: a box's shape is its flight's."""
+    width, height = figure.get_size_inches()
+    (legend,) = figure.legends
+    top = height - legend.get_window_extent().y0 / figure.dpi
+    room = np.array([width - 2 * PAD, height - top - PAD])
+    side = height
+    for _ in range(3):  # numbers and labels keep their size
+        axes.set_position((0, 0, side / width, side / height))
+        low, high = _drawn(figure, axes, scene)
+        side *= float((room / (high - low)).min())
+    axes.set_position((0, 0, side / width, side / height))
+    low, high = _drawn(figure, axes, scene)
+    new = float(high[1] - low[1]) + top + PAD
+    left, bottom = (width - low[0] - high[0]) / 2, PAD - low[1]
+    figure.set_size_inches(width, new)
+    axes.set_position((left / width, bottom / new, side / width, side / new))
+
+
+def _drawn(figure: Figure, axes: Axes3D, scene: Scene) -> tuple[Array, Array]:
+    """[in] from the figure's lower left corner: the least and greatest coordinates of the box with its numbers and labels."""
+    from mpl_toolkits.mplot3d.proj3d import proj_transform
+
+    figure.draw_without_rendering()
+    low, high = scene.box
+    corners = np.array(np.meshgrid(*zip(low, high, strict=True))).reshape(3, -1)
+    x, y, _ = proj_transform(*corners, axes.get_proj())
+    told = [one.get_tightbbox() for one in (axes.xaxis, axes.yaxis, axes.zaxis)]
+    ends = [(one.min, one.max) for one in told if one is not None]
+    points = np.vstack([axes.transData.transform(np.column_stack([x, y])), *ends]) / figure.dpi
+    return points.min(axis=0), points.max(axis=0)
 
 
 def box_of(figure: Figure, scene: Scene, font: float) -> Axes3D:
@@ -55,7 +91,7 @@ def box_of(figure: Figure, scene: Scene, font: float) -> Axes3D:
     axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), zlim=(low[2], high[2]))
     axes.set_box_aspect(tuple(sides(scene)), zoom=0.93)
     for name, direction in zip("xyz", ("forward", "left", "height"), strict=True):
-        getattr(axes, f"set_{name}label")(f"{direction} [{scene.unit}]", fontsize=font, labelpad=4 if name == "z" else 1)
+        getattr(axes, f"set_{name}label")(f"{direction} [{scene.unit}]", fontsize=font, labelpad=4)
         axes.locator_params(axis=name, nbins=5)
         axes.tick_params(axis=name, labelsize=font, pad=3 if name == "z" else -1)
     if all(np.ptp(mover.path[:, 1]) == 0 for mover in scene.movers):  # a flight in one plane

@@ -37,6 +37,7 @@ class Scene:
     movers  the vehicles
     wire    lines (P, 3) in the body's axes, of size 1: the vehicle's frame
     fails   [s], when the failure comes
+    failing whether anything does then
     equal   whether a length is as long on all axes; of a flight of miles at one height it can't be
     """
 
@@ -47,6 +48,7 @@ class Scene:
     movers: tuple[Mover, ...]
     wire: tuple[Array, ...]
     fails: float
+    failing: bool = True
     equal: bool = True
 
     @property

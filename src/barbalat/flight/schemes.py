@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from importlib.util import find_spec
 from typing import NamedTuple
 
 import numpy as np
@@ -24,10 +23,11 @@ from barbalat.controllers.piecewise_predictor import AsFlown
 from barbalat.controllers.windup import ModifiedError
 from barbalat.design import hinf_feedback, pi_feedback
 from barbalat.flight.axis import SAMPLE_TIME, Axis
+from barbalat.flight.offered import ROBUST, designable, require_offered
 from barbalat.linear.systems import StateSpace, input_filter
 from barbalat.problem.state_feedback import Problem
 from barbalat.protocols import Controller
-from barbalat.validate import Array, InputError, show
+from barbalat.validate import Array
 
 
 class Flying(NamedTuple):
@@ -137,7 +137,7 @@ ADAPTATION_RANGE = {"adaptation": (0.3, 100.0)}
 SCHEMES: dict[str, Contestant] = {
     "lqr": Contestant(_lqr, {}, adapts=False),
     "linear": Contestant(_linear, BANDWIDTH_RANGE, adapts=False),
-    "hinf": Contestant(_hinf, BANDWIDTH_RANGE, adapts=False),
+    ROBUST: Contestant(_hinf, BANDWIDTH_RANGE, adapts=False),
     "adrc": Contestant(_adrc, BANDWIDTH_RANGE, adapts=False),
     "mrac": Contestant(_mrac, ADAPTATION_RANGE),
     "robust-mrac": Contestant(_robust, {**BANDWIDTH_RANGE, "covariance": (1e-3, 1e2)}),
@@ -171,21 +171,16 @@ TUNED: dict[str, dict[str, Numbers]] = {
     },
 }
 """By flights and schemes, to three digits: what ``benchmarks/flight_tuning.py`` finds at 10,013 ft and Mach 0.525."""
-NEEDS_ROBUST = "hinf"
-"""The one whose design takes packages of the extra ``robust``."""
 
 
 def available() -> list[str]:
     """All schemes but those whose design lacks its packages here."""
-    return [name for name in SCHEMES if name != NEEDS_ROBUST or find_spec("slycot") is not None]
+    return designable(SCHEMES)
 
 
 def require_known(names: Sequence[str]) -> None:
     """InputError for a scheme that is none of these."""
-    unknown = [name for name in names if name not in SCHEMES]
-    if unknown:
-        fits = " (it does not fit this axis, or is none)" if unknown[0] else ""
-        raise InputError(f"--schemes must be of {', '.join(SCHEMES)}, got {show(unknown[0])}{fits}")
+    require_offered(names, SCHEMES)
 
 
 def flying(axis: Axis, names: Sequence[str]) -> list[Flying]:

@@ -15,6 +15,18 @@ from barbalat.run.stepwise import Agreement
 CSV_EVERY = 10
 """Samples from one row of a CSV to the next: ten rows a second, so that a failure's flights are some 100 kB."""
 
+NAMED_FAILURES = 3
+"""That a title names: all of a flight's are two lines of it."""
+
+
+def title(found: Compared) -> str:
+    """What flew through what: few failures by their names, more by their number."""
+    names = [one.name for one in found.failures]
+    if len(names) <= NAMED_FAILURES:
+        return f"{found.name} through {', '.join(names)}"
+    failing = sum(one != "none" for one in names)
+    return f"{found.name} through {failing} failures{', and without one' if failing < len(names) else ''}"
+
 
 def rows(found: Compared, failure: Failing) -> list[list[str]]:
     """The controllers through one failure, the best first: name, then figures, or why control was lost."""

@@ -157,6 +157,7 @@ class Film:
 def flight(found: Compared, pictures: Mapping[str, ReportFigure], paths: Mapping[str, ReportFigure], film: Film | None) -> str:
     """The page of ``barbalat fly``; pictures over time and in space by the failures' names."""
     told = {
+        "title": flights.title,
         "facts": flights.facts,
         "rows": flights.rows,
         "reasons": flights.reasons,

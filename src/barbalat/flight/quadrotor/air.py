@@ -13,9 +13,10 @@ from barbalat.flight.quadrotor.sensing import SEED
 from barbalat.validate import Array
 
 GUSTS_SHARE = 0.1
-"""Standard deviation of gusts along the wind over its mean, near the ground: MIL-F-8785C, section 3.7.3."""
+"""Standard deviation of gusts along the wind over its mean: what MIL-F-8785C (3.7.3) has for vertical ones near the ground.
+Its ones along the wind are 1.9 times as large 10 m above it."""
 GUST_LENGTH = 68.0
-"""[m]: their scale 10 m above the ground, from the same section."""
+"""[m]: the scale of gusts along the wind 10 m above the ground, from the same section."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -17,7 +17,7 @@ from barbalat.flight.quadrotor.failures import FAILURES, Failure
 from barbalat.flight.quadrotor.flight import COLUMNS, FIGURES, TIMING, QuadrotorFlight
 from barbalat.flight.quadrotor.flying import DELAY_STEP, MOST_DELAY_STEPS, delay_borne, flown
 from barbalat.flight.quadrotor.hover import hovering
-from barbalat.flight.quadrotor.schemes import SCHEMES, OnAxis, on_axis, require_known
+from barbalat.flight.quadrotor.schemes import OnAxis, available, on_axis, require_known
 from barbalat.flight.quadrotor.trajectory import TAKES_OFF
 from barbalat.flight.quadrotor.vehicle import AIR_DENSITY, INTEGRATOR, PLACES, SLOPE, STEP, Quadrotor
 from barbalat.flight.request import Request
@@ -149,7 +149,7 @@ class QuadrotorComparison(Compared):
         ]
         return Scene(
             title=failure.meaning, unit="m", t=longest.column("t"), target=longest.record[:, 1:4], movers=tuple(movers),
-            wire=WIRE, fails=longest.since,
+            wire=WIRE, fails=longest.since, failing=failure != FAILURES["none"],
         )  # fmt: skip
 
     def _through(self, failure: Failing) -> list[QuadrotorFlight]:
@@ -158,7 +158,7 @@ class QuadrotorComparison(Compared):
 
 def fly(request: Request) -> QuadrotorComparison:
     """The schemes on all axes; controllers of one's own on roll, pitch and yaw, bound to each one's ``adaptive_problem``."""
-    wanted = list(SCHEMES if request.schemes is None else request.schemes)
+    wanted = available() if request.schemes is None else list(request.schemes)
     require_known(wanted)
     chosen = chosen_failures(request.failures)
     if request.condition is not None or request.equipment is not None:

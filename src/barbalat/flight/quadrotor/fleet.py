@@ -12,7 +12,7 @@ from barbalat.flight.quadrotor.control import Control, Scheme
 from barbalat.flight.quadrotor.dispersions import DRAWN, UNITS, Dispersion
 from barbalat.flight.quadrotor.failures import Failure
 from barbalat.flight.quadrotor.flying import fly_all
-from barbalat.flight.quadrotor.schemes import SCHEMES, TUNED, require_known
+from barbalat.flight.quadrotor.schemes import TUNED, available, require_known
 from barbalat.flight.timing import Timing
 from barbalat.run.sampled_step import SampledList
 
@@ -60,7 +60,7 @@ class QuadrotorFleet(Fleet):
 
 
 def _prepared(schemes: Sequence[str] | None, failures: Sequence[str] | None) -> QuadrotorFleet:
-    wanted = list(SCHEMES if schemes is None else schemes)
+    wanted = available() if schemes is None else list(schemes)
     require_known(wanted)
     chosen, axes = chosen_failures(failures), nominal_axes()
     return QuadrotorFleet(failures=chosen, axes=axes, schemes=tuple(scheme_on(axes, name) for name in dict.fromkeys(wanted)))

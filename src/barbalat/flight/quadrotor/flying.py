@@ -8,6 +8,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from barbalat.flight.compared import NO_NUMBER
 from barbalat.flight.quadrotor.air import Air
 from barbalat.flight.quadrotor.axes import ATTITUDE_SAMPLE, Axes
 from barbalat.flight.quadrotor.control import OUTER_EVERY, Control, Memory, Scheme
@@ -150,6 +151,9 @@ class _Vehicle:
             self.limited, self.lost = 0, _lost(row, motion)
             if self.lost:
                 return
+        if k >= starting and not np.isfinite(commands).all():
+            self.lost = NO_NUMBER
+            return
         self.simulator.advance(self.waiting.popleft(), round(ATTITUDE_SAMPLE / STEP))
 
     def _row(self, motion: Motion, limited: float) -> list[float]:

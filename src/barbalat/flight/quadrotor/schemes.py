@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -20,11 +20,13 @@ from barbalat.controllers import (
     Sampled,
 )
 from barbalat.controllers.piecewise_predictor import AsFlown
-from barbalat.flight.quadrotor.axes import Axis
-from barbalat.linear.systems import TransferFunction, input_filter
+from barbalat.design import hinf_feedback
+from barbalat.flight.offered import ROBUST, designable, require_offered
+from barbalat.flight.quadrotor.axes import CROSSOVER, Axis
+from barbalat.linear.systems import StateSpace, TransferFunction, input_filter
 from barbalat.problem.state_feedback import Problem
 from barbalat.protocols import Controller
-from barbalat.validate import Array, InputError, show
+from barbalat.validate import Array
 
 
 class OnAxis(NamedTuple):
@@ -70,10 +72,23 @@ def _geometric(axis: Axis, _: Numbers) -> OnAxis:
 
 def _integral(axis: Axis, numbers: Numbers) -> OnAxis:
     """Goodarzi, Lee, Leok, Geometric nonlinear PID control of a quadrotor UAV on SE(3), ECC 2013."""
-    zero = axis.gain[0] / axis.gain[1]
     integral = TransferFunction([numbers["corner"] * axis.frequency * axis.gain[1]], [1.0, 0.0])
-    linear = LinearFeedback(integral, output=[zero, 1.0], name="Geometric, integral")
+    linear = LinearFeedback(integral, output=axis.gain / axis.gain[1], name="Geometric, integral")
     return OnAxis(axis.linear_problem, Sampled(linear, axis.sample_time))
+
+
+def _hinf(axis: Axis, numbers: Numbers) -> OnAxis:
+    """On the integral's output, as the F-16's is on its PI's, and protected against windup alike."""
+    linear = hinf_feedback(
+        axis.linear_problem.known,
+        unmodelled_delay=axis.lag / (2 * numbers["bandwidth"]),
+        output=axis.gain / axis.gain[1],
+        nominal=np.zeros(2),
+        name="H-infinity",
+    )
+    K = StateSpace.accept("controller", linear.controller)
+    gain = float(abs(K.response(np.array([CROSSOVER * axis.frequency]))[0]))
+    return OnAxis(axis.linear_problem, Sampled(replace(linear, anti_windup=gain), axis.sample_time))
 
 
 def _adrc(axis: Axis, numbers: Numbers) -> OnAxis:
@@ -113,6 +128,9 @@ def _as_flown(axis: Axis, numbers: Numbers) -> OnAxis:
 
 BANDWIDTH = {"bandwidth": (0.02, 4.0)}
 """Times the axis' lag: from what a flight hardly shows to four times what a loop of one integrator with that lag can bear."""
+DESIGN_BANDWIDTH = {"bandwidth": (0.025, 4.0)}
+"""The same for H-infinity, from the slowest of which it finds a design for every axis: for a longer delay no controller meets the
+weights around the feedback's loop."""
 CORNER = {"corner": (0.01, 2.0)}
 """Over the axis' natural frequency."""
 ADAPTATION = {"adaptation": (0.03, 30.0)}
@@ -120,6 +138,7 @@ ADAPTATION = {"adaptation": (0.03, 30.0)}
 SCHEMES: dict[str, Contestant] = {
     "geometric": Contestant(_geometric, {}),
     "geometric-integral": Contestant(_integral, CORNER),
+    ROBUST: Contestant(_hinf, DESIGN_BANDWIDTH),
     "adrc": Contestant(_adrc, BANDWIDTH),
     "mrac": Contestant(_mrac, ADAPTATION),
     "robust-mrac": Contestant(_robust, {**BANDWIDTH, "covariance": (1e-3, 1e2)}),
@@ -132,6 +151,7 @@ TUNED: dict[str, dict[str, Numbers]] = {
     "roll": {
         "geometric": {},
         "geometric-integral": {"corner": 0.11},
+        ROBUST: {"bandwidth": 0.11},
         "adrc": {"bandwidth": 0.316},
         "mrac": {"adaptation": 0.806},
         "robust-mrac": {"bandwidth": 0.316, "covariance": 0.00369},
@@ -142,6 +162,7 @@ TUNED: dict[str, dict[str, Numbers]] = {
     "yaw": {
         "geometric": {},
         "geometric-integral": {"corner": 0.444},
+        ROBUST: {"bandwidth": 0.0913},
         "adrc": {"bandwidth": 0.13},
         "mrac": {"adaptation": 1.24},
         "robust-mrac": {"bandwidth": 0.13, "covariance": 100.0},
@@ -152,6 +173,7 @@ TUNED: dict[str, dict[str, Numbers]] = {
     "forward": {
         "geometric": {},
         "geometric-integral": {"corner": 0.164},
+        ROBUST: {"bandwidth": 0.0306},
         "adrc": {"bandwidth": 0.0853},
         "mrac": {"adaptation": 0.405},
         "robust-mrac": {"bandwidth": 0.129, "covariance": 1.27},
@@ -163,6 +185,11 @@ TUNED: dict[str, dict[str, Numbers]] = {
 """By ``Axis.like`` and schemes, to three digits: what ``benchmarks/flight_tuning.py`` finds on the vehicle at hover."""
 
 
+def available() -> list[str]:
+    """All schemes but those whose design lacks its packages here."""
+    return designable(SCHEMES)
+
+
 def on_axis(name: str, axis: Axis) -> OnAxis:
     """The scheme with the numbers found for the axis."""
     return SCHEMES[name].make(axis, TUNED[axis.like][name])
@@ -170,6 +197,4 @@ def on_axis(name: str, axis: Axis) -> OnAxis:
 
 def require_known(names: Sequence[str]) -> None:
     """InputError for a scheme that is none of these."""
-    unknown = [name for name in names if name not in SCHEMES]
-    if unknown:
-        raise InputError(f"--schemes must be of {', '.join(SCHEMES)}, got {show(unknown[0])}")
+    require_offered(names, SCHEMES)

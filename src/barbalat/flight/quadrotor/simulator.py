@@ -15,6 +15,10 @@ BODY_COORDINATES = 7
 """Numbers of a free body's place: three of its position, four of its quaternion."""
 
 
+def _unheard(_: str) -> None:
+    """MuJoCo's warnings are of numbers that are none, which a flight looks for itself; it would leave them in a file here."""
+
+
 class Motion(NamedTuple):
     """A rigid body's, all but its rates in axes that rest and point forward, left, up at the start."""
 
@@ -36,6 +40,7 @@ class Simulator:
         import mujoco
 
         self.mujoco = mujoco
+        mujoco.set_mju_user_warning(_unheard)
         text = mjcf(self.vehicle, slung=slung, step=self.step, integrator=self.integrator)
         self.model = mujoco.MjModel.from_xml_string(text)
         self.data = mujoco.MjData(self.model)

@@ -78,7 +78,10 @@ class SlungMass:
 
 
 def mjcf(vehicle: Quadrotor, *, slung: SlungMass | None = None, step: float = STEP, integrator: str = INTEGRATOR) -> str:
-    """The model as MuJoCo reads it; forward, left, up are its axes, and no part of it is anybody else's."""
+    """The model as MuJoCo reads it; forward, left, up are its axes, and no part of it is anybody else's.
+
+    Numbers that are none stay so: MuJoCo would put the vehicle back on the ground, as if nothing had been.
+    """
     places = [(vehicle.reach * forward, vehicle.reach * left) for forward, left in PLACES]
     sites = "".join(f'<site name="rotor-{i}" pos="{x!r} {y!r} 0"/>' for i, (x, y) in enumerate(places))
     feet = "".join(
@@ -94,7 +97,8 @@ def mjcf(vehicle: Quadrotor, *, slung: SlungMass | None = None, step: float = ST
     inertia = " ".join(repr(float(one)) for one in vehicle.inertia)
     centre = " ".join(repr(float(one)) for one in (*vehicle.centre, 0.0))
     return f"""<mujoco model="quadrotor">
-<option timestep="{step!r}" integrator="{integrator}" density="{AIR_DENSITY}" gravity="0 0 {-GRAVITY}"/>
+<option timestep="{step!r}" integrator="{integrator}" density="{AIR_DENSITY}" gravity="0 0 {-GRAVITY}">
+<flag autoreset="disable"/></option>
 <worldbody><geom name="ground" type="plane" size="50 50 1" euler="{SLOPE} 0 0"/>
 <body name="vehicle" pos="0 0 {STANDING}" euler="{SLOPE} 0 0"><freejoint/>
 <inertial pos="{centre}" mass="{vehicle.mass!r}" diaginertia="{inertia}"/>{sites}{feet}{hung}</body>

@@ -9,7 +9,7 @@ from barbalat.report.terminal.layout import Screen
 
 def show(screen: Screen, found: Compared) -> None:
     """Print the comparison, losses first."""
-    screen.line(f"{found.name} through {', '.join(failure.name for failure in found.failures)}", "bold")
+    screen.line(flights.title(found), "bold")
     for label, text in flights.facts(found):
         screen.fact(label, text, 8)
     screen.line("")
