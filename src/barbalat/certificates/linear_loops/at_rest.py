@@ -16,7 +16,7 @@ from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.loop.linearization import jacobian_function
 from barbalat.loop.packing import column, flatten, symbols
 from barbalat.loop.sampling import RESTING
-from barbalat.loop.true_values import true_values
+from barbalat.loop.true_values import ideal_reported, reporting, true_values
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import BoundedSignal
 from barbalat.validate import Array
@@ -156,6 +156,9 @@ def _start(problem: TrackingProblem, loop: ClosedLoop, signals: Array, adapts: b
     parameters = true_values(problem, loop)
     if adapts and parameters is not None and len(parameters) == loop.parameters:
         start[loop.theta_hat_rows] = parameters
+        for name, rows in (reporter.reported(places.controller) if (reporter := reporting(loop)) else {}).items():
+            if name in (ideal := ideal_reported(problem, loop)):
+                start[rows.reshape(-1)] = ideal[name]
     return start
 
 
