@@ -118,7 +118,7 @@ def two_inputs(**more):
 @pytest.mark.short(kept=lambda gamma: gamma != 3.0)
 def test_the_worst_of_several_inputs_is_at_a_vertex_of_all_their_sets(gamma):
     """16 vertices of theta's box and two intervals; 1e-9: roundings outward. A ball's bound is at least that of its points."""
-    intervals, controller = ((0.5, 2.0), (1.0, 3.0)), DirectMrac(gamma=gamma, gamma_r=0.7, theta_hat0=[0.3, -0.1, 0.2, 0.1])
+    intervals, controller = ((0.5, 2.0), (1.0, 3.0)), DirectMrac(gamma=gamma, gamma_r=0.7, theta_hat0=[0.3, -0.1, 0.0, -0.2])
     box = ParameterBox(lower=[-1.0, -2.0, 0.0, -0.5], upper=[1.0, 0.5, 0.0, -0.5])
 
     def at(theta, omega, known_set):
