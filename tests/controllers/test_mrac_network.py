@@ -61,21 +61,64 @@ def test_a_run_is_the_equations_neuron_by_neuron(leakage):
     assert run.true_values is None
 
 
+TWO_INPUTS = Problem(
+    plant=Plant(A_m=[[-1.0, 0.4], [0.0, -2.0]], b=[[1.0, 0.3], [0.0, 2.0]], theta=[[0.5, -1.0], [0.3, 0.2]], x0=[0.2, -0.1]),
+    reference_model=ReferenceModel(k_0=[[1.0, 0.0], [0.5, 1.0]]),
+    reference=[Sine(1.0, 0.7), Sine(0.5, 1.9)],
+)
+
+
+@pytest.mark.parametrize("leakage", LEAKAGES, ids=lambda one: type(one).__name__)
+@pytest.mark.short(kept=lambda leakage: leakage is LEAKAGES[1])
+def test_a_run_with_two_inputs_is_the_equations_weight_by_weight(leakage):
+    """As above, with the sum of |mu_j| in the e-modification: 1e-7, of corners where one of two changes its sign."""
+    controller = NetworkMrac(gamma=20.0, gamma_v=7.0, leakage=leakage, neurons=2, scale=[2.0, 0.5], seed=4)
+    V_0, plant, P = controller.bind(TWO_INPUTS.known).V_0, TWO_INPUTS.plant, TWO_INPUTS.known.P
+    assert np.abs(plant.A_m.T @ P + P @ plant.A_m + np.eye(2)).max() < 1e-12
+
+    def rates(t, state):
+        x, x_m, W, V = state[:2], state[2:4], state[4:10].reshape(3, 2), state[10:].reshape(3, 2)
+        r, e = np.array([np.sin(0.7 * t), 0.5 * np.sin(1.9 * t)]), x - x_m
+        mu = [sum(plant.b[i, j] * P[i, k] * e[k] for i in range(2) for k in range(2)) for j in range(2)]
+        w = 0.01 if leakage is LEAKAGES[0] else 0.1 * (abs(mu[0]) + abs(mu[1]))
+        x_bar, u = np.array([1.0, x[0] / 2.0, x[1] / 0.5]), [r[0] - W[0, 0], 0.5 * r[0] + r[1] - W[0, 1]]
+        W_dot, V_dot = np.zeros((3, 2)), np.zeros((3, 2))
+        for j in range(2):
+            W_dot[0, j] = 20.0 * (mu[j] - w * W[0, j])
+        for i in range(2):
+            z = V[:, i] @ x_bar
+            h, slope = np.tanh(z), 1 / np.cosh(z) ** 2
+            for j in range(2):
+                u[j] -= W[i + 1, j] * h
+                W_dot[i + 1, j] = 20.0 * (mu[j] * (h - slope * z) - w * W[i + 1, j])
+            V_dot[:, i] = 7.0 * ((mu[0] * W[i + 1, 0] + mu[1] * W[i + 1, 1]) * slope * x_bar - w * V[:, i])
+        f = [0.5 * x[0] + 0.3 * x[1], -1.0 * x[0] + 0.2 * x[1]]
+        x_m_dot = plant.A_m @ x_m + plant.b @ [r[0], 0.5 * r[0] + r[1]]
+        return [*(plant.A_m @ x + plant.b @ (np.array(f) + u)), *x_m_dot, *W_dot.ravel(), *V_dot.ravel()]
+
+    start = [0.2, -0.1, 0.2, -0.1, *np.zeros(6), *V_0.ravel()]
+    end = solve_ivp(rates, (0, 6.0), start, method="DOP853", rtol=1e-11, atol=1e-12, max_step=0.05).y[:, -1]
+    (run,) = simulate(TWO_INPUTS, [controller], Simulation(t_end=6.0, dt=1e-3)).values()
+    np.testing.assert_allclose(run.x[-1], end[:2], atol=1e-7)
+    np.testing.assert_allclose(run.theta_hat[-1], end[4:10], atol=1e-7)
+    np.testing.assert_allclose(run.reported["V_hat"][-1], end[10:], atol=1e-7)
+
+
 @pytest.mark.parametrize("leakage", LEAKAGES, ids=lambda one: type(one).__name__)
 def test_what_its_weights_gain_is_what_e_gives_up(leakage):
     """U' = 2 e'P b W_hat'h - 2 w (|W_hat|^2 + |V_hat|^2) at random states, to rounding: x enters by h alone."""
     controller, random = NetworkMrac(gamma=3.0, gamma_v=0.4, leakage=leakage, neurons=5), np.random.default_rng(1)
-    equations = controller.bind(SINE.known)
-    for _ in range(50):
+    for problem, r in [(SINE, np.array(0.3)), (TWO_INPUTS, np.array([0.3, -0.7]))] * 25:
+        equations, known = controller.bind(problem.known), problem.known
         x, x_m = 3 * random.normal(size=(2, 2))
-        state = equations.initial()._replace(theta_hat=random.normal(size=6), memory=random.normal(size=(3, 5)))
+        state = equations.initial()._replace(theta_hat=random.normal(size=6 * known.inputs), memory=random.normal(size=(3, 5)))
         W, V = state
-        rates = equations.derivative(state, x, x_m, np.array(0.3), np.array(0.0))
-        mu = (x - x_m) @ SINE.known.P @ B
-        w = leakage.coefficient(W, mu)
+        rates = equations.derivative(state, x, x_m, r, np.zeros(r.shape))
+        mu = (x - x_m) @ known.P @ known.b
+        w = 0.01 if leakage is LEAKAGES[0] else 0.1 * np.sum(np.abs(mu))
         found = 2 * W @ rates.theta_hat / 3.0 + 2 * np.sum(V * rates.memory) / 0.4
-        output = 0.3 - equations.control(state, x, x_m, np.array(0.3))
-        assert found == pytest.approx(2 * mu * output - 2 * w * (W @ W + np.sum(V * V)), rel=1e-10, abs=1e-10)
+        output = known.k_0 @ r - equations.control(state, x, x_m, r) if r.ndim else r - equations.control(state, x, x_m, r)
+        assert found == pytest.approx(2 * np.dot(mu, output) - 2 * w * (W @ W + np.sum(V * V)), rel=1e-10, abs=1e-10)
 
 
 @pytest.mark.full
@@ -118,8 +161,10 @@ def test_euler_s_steps_of_the_sampled_form():
 
 def test_what_does_not_fit_is_refused():
     plant = Plant(A_m=-np.eye(2), b=np.eye(2), theta=np.zeros(4))
-    several = Problem(plant=plant, reference_model=ReferenceModel(k_0=[[1.0], [0.0]]), reference=[Sine(1.0, 1.0)])
-    assert "one input" in refusal(lambda: NetworkMrac(gamma=1.0, leakage=LEAKAGES[0]).bind(several.known))
+    several = Problem(
+        plant=plant, reference_model=ReferenceModel(k_0=[[1.0], [0.0]]), reference=[Sine(1.0, 1.0)], input_gain=(0.5, 2.0)
+    )
+    assert "input gain" in refusal(lambda: NetworkMrac(gamma=1.0, leakage=LEAKAGES[0]).bind(several.known))
     assert "sigma" in refusal(lambda: NetworkMrac(gamma=1.0)) and "nu" in refusal(lambda: NetworkMrac(gamma=1.0))
     switching = SwitchingSigma(sigma=0.1, M_0=1.0)
     assert "EpsilonModification" in refusal(lambda: NetworkMrac(gamma=1.0, leakage=switching))

@@ -12,13 +12,13 @@ from barbalat.adaptation.modifications.epsilon_modification import EpsilonModifi
 from barbalat.adaptation.modifications.fixed_sigma import FixedSigma
 from barbalat.adaptation.modifications.leakage import Leakage
 from barbalat.controllers.knobs import Knobs, Reach
-from barbalat.controllers.settings import Scheme, require_one_input
+from barbalat.controllers.settings import Scheme, require_known_gain
 from barbalat.problem.state_feedback import Known
 from barbalat.protocols import Value
 from barbalat.validate import Array, InputError, Vector
 
 MOST_NEURONS = 1000
-"""Each costs n + 2 states: beyond, compiling takes minutes."""
+"""Each costs 1 + n + m states: beyond, compiling takes minutes."""
 DEFAULT_NEURONS = 10
 LEAKAGES = np.geomspace(1e-4, 1.0, 12)
 """sigma that are tried: from one at which weights hardly fade to one at which they stay as small as e'P b."""
@@ -29,7 +29,7 @@ DOUBLE_BITS = 53
 class State(NamedTuple):
     """What the controller integrates; the names are those of what a freeze keeps."""
 
-    theta_hat: Value  # (1 + N,) W_hat, the outer weights, that of the constant 1 first
+    theta_hat: Value  # ((1 + N) m,) W_hat, the outer weights row by row, those of the constant 1 first
     memory: Value  # (1 + n, N) V_hat, the inner weights, those of the constant 1 in the first row
 
 
@@ -49,9 +49,9 @@ def initial_inner_weights(seed: int, spread: float, shape: tuple[int, int]) -> A
 class Equations:
     """The gradient law of both layers, with the inner one's linear part taken from the outer one: then the pair is passive."""
 
-    b: Array
+    B: Array  # (n, m)
     P: Array
-    k_0: float
+    k_0: Array | float
     gamma: float
     gamma_v: float
     leakage: Leakage
@@ -59,26 +59,34 @@ class Equations:
     V_0: Array  # (1 + n, N)
 
     @property
+    def inputs(self) -> int:
+        return int(self.B.shape[1])
+
+    @property
     def neurons(self) -> int:
         return int(self.V_0.shape[1])
 
     @property
     def estimate_names(self) -> tuple[str, ...]:
-        return tuple(f"W_{i}" for i in range(1 + self.neurons))
+        columns = [f",{j + 1}" for j in range(self.inputs)] if self.inputs > 1 else [""]
+        return tuple(f"W_{i}{column}" for i in range(1 + self.neurons) for column in columns)
 
     def initial(self) -> State:
-        return State(np.zeros(1 + self.neurons), self.V_0)
+        return State(np.zeros((1 + self.neurons) * self.inputs), self.V_0)
 
     def layer_input(self, x: Value) -> Value:
         """x_bar = (1, x/scale)."""
         return np.concatenate([np.ones(1), x / self.scale])
 
     def control(self, state: State, x: Value, x_m: Value, r: Value) -> Value:
-        return -self.regressor_at(state, x, r) @ state.theta_hat + self.k_0 * r
+        return -self.regressor_at(state, x, r).T @ state.theta_hat + np.dot(self.k_0, r)
 
     def regressor_at(self, state: State, x: Value, u: Value) -> Value:
-        """What multiplies the outer weights."""
-        return np.concatenate([np.ones(1), np.tanh(state.memory.T @ self.layer_input(x))])
+        """What multiplies the outer weights: h, and with m inputs the matrix ((1 + N) m, m) that it makes."""
+        h = np.concatenate([np.ones(1), np.tanh(state.memory.T @ self.layer_input(x))])
+        if self.inputs == 1:
+            return h
+        return np.outer(h, np.eye(self.inputs).reshape(-1)).reshape(h.shape[0] * self.inputs, self.inputs)
 
     def reported(self, state: State) -> dict[str, Value]:
         return {"V_hat": state.memory.reshape(-1)}
@@ -87,13 +95,18 @@ class Equations:
         """No weights are known to be the ones."""
 
     def derivative(self, state: State, x: Value, x_m: Value, r: Value, u: Value) -> State:
-        W, V, x_bar, e_P_b = state.theta_hat, state.memory, self.layer_input(x), (x - x_m) @ (self.P @ self.b)
+        W, V, x_bar, mu = (
+            state.theta_hat.reshape(-1, self.inputs),
+            state.memory,
+            self.layer_input(x),
+            (x - x_m) @ (self.P @ self.B),
+        )
         z = V.T @ x_bar
-        h, w = np.tanh(z), self.leakage.coefficient(W, e_P_b)
+        h, w = np.tanh(z), self.leakage.coefficient(W, np.sum(np.abs(mu)))
         slope = 1 - h * h
-        W_dot = self.gamma * (e_P_b * np.concatenate([np.ones(1), h - slope * z]) - w * W)
-        V_dot = self.gamma_v * (np.outer(x_bar, e_P_b * (slope * W[1:])) - w * V)
-        return State(W_dot, V_dot)
+        W_dot = self.gamma * (np.outer(np.concatenate([np.ones(1), h - slope * z]), mu) - w * W)
+        V_dot = self.gamma_v * (np.outer(x_bar, slope * (W[1:] @ mu)) - w * V)
+        return State(W_dot.reshape(-1), V_dot)
 
     def limit(self, state: State) -> State:
         return state
@@ -103,8 +116,9 @@ class Equations:
 class NetworkMrac(Scheme):
     """u = -W_hat'h + k_0 r, h = (1, tanh(z)), z = V_hat'x_bar, x_bar = (1, x/scale): one hidden layer learns theta'phi(x).
 
-    With mu = e'P b, h' = (0, 1 - tanh^2(z)) and the leakage w, of each neuron W_i' = gamma (mu (h_i - h_i' z_i) - w W_i) and
-    V_i' = gamma_v (mu W_i h_i' x_bar - w V_i). phi(x) is not used: the network needs x alone. W_hat starts at zero.
+    With mu = b'P e, h' = (0, 1 - tanh^2(z)) and the leakage w, of each neuron W_i' = gamma (mu (h_i - h_i' z_i) - w W_i) and
+    V_i' = gamma_v (mu'W_i h_i' x_bar - w V_i), where W_i has a weight for each input: all inputs share the hidden layer. The
+    e-modification is w = nu |mu|_1. phi(x) is not used: the network needs x alone. W_hat starts at zero.
 
     gamma       adaptive gain > 0 of the outer weights
     leakage     FixedSigma (sigma-modification) or EpsilonModification (e-modification): keeps the weights bounded, and lets
@@ -166,13 +180,13 @@ class NetworkMrac(Scheme):
         )
 
     def bind(self, known: Known) -> Equations:
-        require_one_input("mrac-network", known)
+        require_known_gain("mrac-network", known)
         assert self.leakage is not None  # the constructor has seen to it
         n = known.n
         return Equations(
-            b=known.b,
+            B=known.b.reshape(n, -1),
             P=known.P,
-            k_0=float(known.k_0),
+            k_0=known.k_0,
             gamma=self.gamma,
             gamma_v=self.gamma if self.gamma_v is None else self.gamma_v,
             leakage=self.leakage,

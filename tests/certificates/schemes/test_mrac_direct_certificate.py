@@ -3,11 +3,26 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 import pytest
 
-from barbalat import DirectMrac, ParameterBall, ParameterBox, Plant, PlantInput, Sine, Terms, certify, load_case, simulate
+from barbalat import (
+    Constant,
+    DirectMrac,
+    ParameterBall,
+    ParameterBox,
+    Plant,
+    PlantInput,
+    Problem,
+    ReferenceModel,
+    Sine,
+    Terms,
+    certify,
+    load_case,
+    simulate,
+)
 from barbalat.certificates.table_1 import table_1
 from barbalat.solvers.simulation import Simulation
 
@@ -89,6 +104,60 @@ def test_the_worst_of_the_known_set_is_at_a_vertex(problems):
     worst = vertices[0]["error_bound_worst"]
     assert max(values["error_bound"] for values in vertices) == pytest.approx(worst, rel=1e-9)
     assert max(values["error_bound"] for values in inside) < worst
+
+
+def two_inputs(**more):
+    """With theta (2, 2), row by row."""
+    wanted = {"theta": [0.5, -1.0, 0.8, 0.2], "omega": (1.0, 2.0), "reference": [Sine(1.0, 1.0), Sine(1.0, 2.0)]} | more
+    inputs = [PlantInput(gain=one) for one in wanted.pop("omega")]
+    plant = Plant(A_m=[[-1.0, 0.3], [-0.5, -2.0]], b=[[1.0, 0.2], [0.0, 1.5]], theta=wanted.pop("theta"), input=inputs)
+    return Problem(plant=plant, reference_model=ReferenceModel(k_0=[[1.0, 0.0], [0.5, 2.0]]), **wanted)
+
+
+@pytest.mark.parametrize("gamma", [3.0, [1.0, 5.0, 0.5, 20.0]], ids=["number", "diagonal"])
+@pytest.mark.short(kept=lambda gamma: gamma != 3.0)
+def test_the_worst_of_several_inputs_is_at_a_vertex_of_all_their_sets(gamma):
+    """16 vertices of theta's box and two intervals; 1e-9: roundings outward. A ball's bound is at least that of its points."""
+    intervals, controller = ((0.5, 2.0), (1.0, 3.0)), DirectMrac(gamma=gamma, gamma_r=0.7, theta_hat0=[0.3, -0.1, 0.0, -0.2])
+    box = ParameterBox(lower=[-1.0, -2.0, 0.0, -0.5], upper=[1.0, 0.5, 0.0, -0.5])
+
+    def at(theta, omega, known_set):
+        problem = two_inputs(theta=theta, omega=omega, uncertainty=known_set, input_gain=intervals)
+        return certify(problem, [controller], SIMULATION)[controller.name].values
+
+    thetas = product(*zip(box.lower.tolist(), box.upper.tolist(), strict=True))
+    found = [at(theta, omega, box) for theta, omega in product(sorted(set(thetas)), product(*intervals))]
+    assert max(values["error_bound"] for values in found) == pytest.approx(found[0]["error_bound_worst"], rel=1e-9)
+    rng, ball = np.random.default_rng(0), ParameterBall(center=[0.1, -0.2, 0.3, 0.0], radius=1.5)
+    drawn = [at(theta, (0.5, 3.0), ball) for theta in ball.center + 0.999 * (ball.extreme_points(rng, 8) - ball.center)]
+    largest = max(values["error_bound"] for values in drawn)
+    assert largest <= drawn[0]["error_bound_worst"] <= 1.2 * largest
+
+
+def test_a_set_made_without_an_interval_bounds_no_other_theta_s_gains():
+    """theta/omega of the case is in the box, that of the box's corner is not, and its run keeps to no such bound."""
+    problem = two_inputs(
+        omega=(0.25, 1.0), theta=[0.1, 0.0, 0.0, 0.0], uncertainty=ParameterBox(lower=-np.ones(4), upper=np.ones(4))
+    )
+    found, _ = judged(problem, DirectMrac(gamma=2.0))
+    assert "error_bound" in found.guaranteed and "error_bound_worst" not in found.guaranteed
+    assert "without an interval" in found.entry("error_bound_worst").why
+    assert "error_bound_worst" in judged(problem, DirectMrac(gamma=2.0, projection=False))[0].guaranteed
+
+
+def test_margins_of_each_input_are_with_the_ideal_gains():
+    """omega k_x = theta: with a factor g on u_1 alone A_m + b_1 theta_1'(1 - g) is at the axis at the gain margin.
+
+    1e-6: of a search for the phase's crossing.
+    """
+    problem = two_inputs(theta=[3.0, -1.0, 1.0, 0.2], reference=[Constant(1.0), Constant(-0.5)])
+    found, _ = judged(problem, DirectMrac(gamma=5.0))
+    A_m, b, theta = problem.plant.A_m, problem.plant.b, problem.plant.theta.reshape(2, 2)
+    ends = found.values["gain_reduction_margin_each"]
+    assert ends[0] > 0.1
+    for i, g in enumerate(ends):
+        if g > 0:
+            assert np.linalg.eigvals(A_m + np.outer(b[:, i], theta[:, i]) * (1 - g)).real.max() == pytest.approx(0.0, abs=1e-6)
 
 
 def judged(problem, controller):

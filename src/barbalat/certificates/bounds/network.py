@@ -1,15 +1,16 @@
 """Bounds that the modification of a network's law gives: of its weights, and of e on the plant (1).
 
-With mu = e'P b, h = (1, tanh(z)), z = V_hat'x_bar, the law makes U = |W_hat|^2/gamma + |V_hat|^2/gamma_v change by
-U' = 2 mu W_hat'h - 2 w (|W_hat|^2 + |V_hat|^2): x_bar drops out. What the network adds to (e'P e)' is -2 mu W_hat'h, so that with
-e' = A e + b (f - W_hat'h), Q = -(P A + A'P) and L = e'P e + U
+With mu = b'P e, (m,), h = (1, tanh(z)), z = V_hat'x_bar, and |.| of a matrix the root of its entries' squares, the law makes
+U = |W_hat|^2/gamma + |V_hat|^2/gamma_v change by U' = 2 mu'W_hat'h - 2 w (|W_hat|^2 + |V_hat|^2): x_bar drops out. What the
+network adds to (e'P e)' is -2 mu'W_hat'h, so that with e' = A e + b (f - W_hat'h), Q = -(P A + A'P) and L = e'P e + U
 
-    L' = -e'Q e + 2 mu f - 2 w (|W_hat|^2 + |V_hat|^2):
+    L' = -e'Q e + 2 mu'f - 2 w (|W_hat|^2 + |V_hat|^2):
 
-whatever the network has learnt, it never makes L grow. With |f| <= F, lambda = lambda_min(Q) > 0, p = |P b| and s = |e|, L can
-grow only where lambda s^2 + 2 w omega^2 <= 2 |mu| F, omega^2 = |W_hat|^2 + |V_hat|^2, so that it stays below its largest value
-there, or where it starts. For w = nu |mu| the weights are bounded whatever the plant does: W_i' has the sign of
-mu c_i - nu |mu| W_i with c_i = h_i - h_i' z_i in [-1, 1].
+whatever the network has learnt, it never makes L grow. With |f_j| <= F_j, lambda = lambda_min(Q) > 0, p_j = |P b_j| and s = |e|,
+mu'f is at most p'F s, and L can grow only where lambda s^2 + 2 w omega^2 <= 2 mu'f, omega^2 = |W_hat|^2 + |V_hat|^2, so that it
+stays below its largest value there, or where it starts. For w = nu |mu|_1 the weights are bounded whatever the plant does: of
+a neuron's outer weights W_i, (m,), (|W_i|^2)' = 2 gamma (c_i mu'W_i - nu |mu|_1 |W_i|^2) with c_i = h_i - h_i' z_i in [-1, 1] is
+negative beyond |W_i| = 1/nu, since |mu| <= |mu|_1.
 """
 
 from __future__ import annotations
@@ -44,7 +45,7 @@ NO_BOUND = (
 
 @dataclass(frozen=True)
 class WeightBounds:
-    """Of every component of e, of every outer weight, of |V_hat| in the Frobenius norm; None where none is found, and why."""
+    """Of every component of e, of a neuron's outer weights together, of |V_hat|; None where none is found, and why."""
 
     error: float | None = None
     W_hat: float | None = None
@@ -58,7 +59,7 @@ class NetworkLaw:
 
     gamma: float
     gamma_v: float
-    outer_weights: int
+    rows: int  # of W_hat, 1 + N
     start: float  # |V_hat(0)|^2/gamma_v, which is L(0) and U(0), rounded up
     sigma: float | None  # of the sigma-modification
     nu: float | None  # of the e-modification
@@ -69,20 +70,22 @@ class NetworkLaw:
         return cls(
             gamma=equations.gamma,
             gamma_v=equations.gamma_v,
-            outer_weights=1 + equations.neurons,
+            rows=1 + equations.neurons,
             start=float(np.sum(equations.V_0**2)) / equations.gamma_v * OUTWARD_FACTOR,
             sigma=leakage.largest if leakage.per_error is None else None,
             nu=leakage.per_error,
         )
 
-    def highest_level(self, F: float, lowest: float, highest: float, p: float) -> float:
-        """At least sup L, from |f| <= F, lambda_min(Q) >= ``lowest``, lambda_max(P) <= ``highest``, |P b| <= p."""
-        least, farthest = min(self.gamma, self.gamma_v), 2 * p * F / lowest  # |e|, beyond which L falls
-        if self.nu is not None:  # omega^2 <= (F - lambda s/(2 p))/nu: convex in s, so largest at an end
-            found = max(highest * farthest**2, F / (self.nu * least))
-        else:  # omega^2 <= (2 p F s - lambda s^2)/(2 sigma)
+    def highest_level(self, F: Array, lowest: float, highest: float, p: Array) -> float:
+        """At least sup L, from |f_j| <= F_j, lambda_min(Q) >= ``lowest``, lambda_max(P) <= ``highest``, |P b_j| <= p_j."""
+        least, push, most = min(self.gamma, self.gamma_v), float(p @ F), float(F.max())
+        farthest = 2 * push / lowest  # |e|, beyond which L falls
+        if self.nu is not None:  # omega^2 <= (mu'f - lambda s^2/2)/(nu |mu|_1), mu'f <= most |mu|_1: convex in s, so at an end
+            left = max(0.0, most - push / float(p.sum()))  # for s = farthest
+            found = max(highest * farthest**2 + left / (self.nu * least), most / (self.nu * least))
+        else:  # omega^2 <= (2 push s - lambda s^2)/(2 sigma)
             assert self.sigma is not None
-            found = _largest(highest - lowest / (2 * self.sigma * least), p * F / (self.sigma * least), farthest)
+            found = _largest(highest - lowest / (2 * self.sigma * least), push / (self.sigma * least), farthest)
         return max(self.start, found) * OUTWARD_FACTOR
 
     @property
@@ -90,7 +93,7 @@ class NetworkLaw:
         """Of the weights alone, by the e-modification."""
         if self.nu is None:
             return None
-        far = math.sqrt(self.outer_weights) / self.nu  # U falls where omega^2 > far |W_hat|
+        far = math.sqrt(self.rows) / self.nu  # U falls where omega^2 > far |W_hat|
         level = max(self.start, _largest(1 / self.gamma - 1 / self.gamma_v, far / self.gamma_v, far))
         return WeightBounds(W_hat=OUTWARD_FACTOR / self.nu, V_hat=math.sqrt(self.gamma_v * level) * OUTWARD_FACTOR**2)
 
@@ -120,35 +123,42 @@ class ErrorBoundCase:
             bound = d.bound
         return cls(problem, NetworkLaw.of(equations), np.array(state_bounds(problem)), bound)
 
-    def uncertainty(self, reach: float) -> float:
-        """At least |theta'phi(x) + d|, every |x_i| at most the model's bound plus ``reach``."""
+    def uncertainty(self, reach: float) -> Array:
+        """At least |theta_j'phi(x) + d_j| for each input, (m,), every |x_i| at most the model's bound plus ``reach``."""
         plant, far = self.problem.plant, self.x_m + reach
+        theta = plant.theta.reshape(-1, plant.inputs)
         if plant.is_linear:
-            return (float(np.abs(plant.theta) @ far) + self.d) * OUTWARD_FACTOR
+            return np.asarray((far @ np.abs(theta) + self.d) * OUTWARD_FACTOR)
         square = largest_square(plant.regressor, -far, far)
-        return (float(np.linalg.norm(plant.theta)) * math.sqrt(square) + self.d) * OUTWARD_FACTOR
+        return np.asarray((np.linalg.norm(theta, axis=0) * math.sqrt(square) + self.d) * OUTWARD_FACTOR)
 
-    def level(self, A: Array, F: float) -> float:
-        """At least sup L with |f| <= F and e' = A e + b (f - W_hat'h)."""
+    @property
+    def columns(self) -> Array:
+        """b, (n, m)."""
+        return self.problem.known.b.reshape(self.problem.known.n, -1)
+
+    def level(self, A: Array, F: Array) -> float:
+        """At least sup L with |f_j| <= F_j and e' = A e + b (f - W_hat'h)."""
         known = self.problem.known
         P = known.P
         require_lyapunov(known)
         lowest = smallest_eigenvalue(-(P @ A + A.T @ P)) - ROUNDING * float(np.linalg.norm(P) * np.linalg.norm(A))
         if not lowest > 0:
             raise InputError("P A + A'P is not certainly negative definite")
-        highest, p = float(np.linalg.eigvalsh(P)[-1]) * OUTWARD_FACTOR, float(np.linalg.norm(P @ known.b)) * OUTWARD_FACTOR
-        return self.law.highest_level(F, lowest, highest, p)
+        highest = float(np.linalg.eigvalsh(P)[-1]) * OUTWARD_FACTOR
+        return self.law.highest_level(F, lowest, highest, np.linalg.norm(P @ self.columns, axis=0) * OUTWARD_FACTOR)
 
     def error_of(self, level: float) -> float:
         return math.sqrt(level / smallest_eigenvalue(self.problem.known.P)) * OUTWARD_FACTOR
 
-    def driven(self, A: Array, F: float) -> float:
-        """By ||(sI - A)^-1 b||_1, with the network's output as a bounded disturbance: the e-modification's alone."""
+    def driven(self, A: Array, F: Array) -> float:
+        """By ||(sI - A)^-1 b_j||_1, with the network's outputs as bounded disturbances: the e-modification's alone."""
         bound = self.law.whatever_acts
         if bound is None or bound.W_hat is None:
             return math.inf
-        b, n, largest = self.problem.known.b[:, None], self.problem.known.n, F + self.law.outer_weights * bound.W_hat
-        return l1_norm(A, b, np.eye(n), np.zeros((n, 1))).upper * largest * OUTWARD_FACTOR
+        n, largest = self.problem.known.n, F + self.law.rows * bound.W_hat
+        norms = [l1_norm(A, b[:, None], np.eye(n), np.zeros((n, 1))).upper for b in self.columns.T]
+        return float(np.dot(norms, largest)) * OUTWARD_FACTOR
 
     def globally(self) -> tuple[float, float | None] | None:
         """The bound of e, and of L where it follows from that, for phi(x) = x: the true A takes the place of A_m."""
@@ -169,7 +179,7 @@ class ErrorBoundCase:
         A, reach = self.problem.known.A_m, 0.0
         for _ in range(MOST_TRIALS):
             F = self.uncertainty(reach)
-            if not math.isfinite(F):
+            if not np.isfinite(F).all():
                 return None
             level = self.level(A, F)
             by_level, by_norm = self.error_of(level), self.driven(A, F)
@@ -198,7 +208,7 @@ def bounds(problem: Problem, equations: Equations) -> WeightBounds:
 
 
 def control_bound(problem: Problem, equations: Equations, W_hat: float) -> float:
-    """Of |u|, from that of every outer weight, or of all of them together by the sigma-modification."""
+    """Of every entry of |u|, from that of a neuron's outer weights, or of all of them together by the sigma-modification."""
     together = equations.leakage.per_error is None
     weights = math.sqrt(1 + equations.neurons) if together else 1 + equations.neurons
-    return (weights * W_hat + float(command_bounds(problem)[0])) * OUTWARD_FACTOR**2
+    return (weights * W_hat + float(command_bounds(problem).max())) * OUTWARD_FACTOR**2

@@ -15,7 +15,8 @@ from barbalat.linear.systems import StateSpace
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.loop.linearization import jacobian_function
 from barbalat.loop.packing import column, flatten, symbols
-from barbalat.loop.true_values import true_values
+from barbalat.loop.sampling import RESTING
+from barbalat.loop.true_values import ideal_reported, reporting, true_values
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import BoundedSignal
 from barbalat.validate import Array
@@ -46,7 +47,7 @@ class Rest:
         return np.linalg.eigvals(np.asarray(jacobian_function(self.loop)(self.state, self.signals)))
 
     def broken(self, *, frozen: bool) -> StateSpace:
-        """From the plant's input v to -u, with the estimates ``frozen`` or with their law; for one input.
+        """From the plant's input v to -u, with the estimates ``frozen``, as a freeze would, or with their law; for one input.
 
         Left out: the model, which v doesn't move, the dynamics at the plant's input, the sensor's lag, and combinations of
         the state that nothing moves, such as the estimates in directions in which the regressor has no part.
@@ -81,12 +82,12 @@ class Rest:
 
 
 def _reduced(loop: ClosedLoop, jacobians: Iterable[Any], frozen: bool) -> StateSpace:
-    """L of A, B and C of the flat state: without the model, frozen estimates, and what nothing moves."""
+    """L of A, B and C of the flat state: without the model, frozen estimates and what a freeze keeps, and what nothing moves."""
     A, B, C = (np.array(part) for part in jacobians)
     marked = loop.unpack(np.arange(loop.size))
-    out = [*marked.x_m]
+    out, no_rows = [*marked.x_m], np.zeros(0)
     if frozen:
-        out += [*marked.controller.theta_hat.reshape(-1)]
+        out += [row for name, part in marked.controller._asdict().items() if name in RESTING for row in flatten((part, no_rows))]
         if isinstance(loop.continuous, IdealReporting):  # the gains that it adapts beside theta_hat
             out += [row for part in loop.continuous.reported(marked.controller).values() for row in part.reshape(-1)]
     kept = np.setdiff1d(np.arange(loop.size), np.array(out, dtype=int))
@@ -155,6 +156,9 @@ def _start(problem: TrackingProblem, loop: ClosedLoop, signals: Array, adapts: b
     parameters = true_values(problem, loop)
     if adapts and parameters is not None and len(parameters) == loop.parameters:
         start[loop.theta_hat_rows] = parameters
+        for name, rows in (reporter.reported(places.controller) if (reporter := reporting(loop)) else {}).items():
+            if name in (ideal := ideal_reported(problem, loop)):
+                start[rows.reshape(-1)] = ideal[name]
     return start
 
 

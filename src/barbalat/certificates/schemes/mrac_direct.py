@@ -10,6 +10,7 @@ value over a known set and an interval of omega is at one of the interval's ends
 from __future__ import annotations
 
 import math
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -35,11 +36,13 @@ from barbalat.controllers.control_gains import ControlGains, feedforward_gain
 from barbalat.controllers.mrac_direct import DirectMrac
 from barbalat.linear.definite import smallest_eigenvalue
 from barbalat.linear.enclosure import OUTWARD_FACTOR
-from barbalat.problem.known_set import Gain
+from barbalat.problem.known_set import Gain, KnownSet
 from barbalat.problem.state_feedback import Problem
 from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array
 
+MOST_INTERVALS = 10
+"""V(0) is looked at where every input's gain is at an end of its interval: a thousand places."""
 OWN_QUANTITIES = {
     "k_x": Quantity("the feedback's ideal gains theta/omega", timeless=True),
     "k_r": Quantity("the feedforward's ideal gain k_0/omega", timeless=True),
@@ -63,9 +66,7 @@ def certificate(problem: Problem, controller: DirectMrac, simulation: Simulation
     bound = _error_level(problem, gains, _off(gains, theta, omega), omega)
     rests_on = _rests_on(problem, gains, bound)
     draft.guarantee("error_bound", bound, *rests_on)
-    worst = _worst(problem, gains)
-    if worst is not None:
-        draft.guarantee("error_bound_worst", worst, *rests_on, theta_in_the_set(problem), _gain_in_the_interval(problem))
+    _add_worst(draft, problem, gains, rests_on)
     _add_limits(draft, problem, controller, simulation, bound)
     if problem.plant.is_linear:
         add_margins(draft, problem, known_parameters(problem.plant, theta / omega), AT_REST)
@@ -82,10 +83,11 @@ def _of_several(
     k_x, k_r, m = gains.ideal(theta, omega), gains.ideal_feedforward(omega)["k_r_hat"], gains.inputs
     draft.advise({"k_x": k_x.reshape(-1, m).tolist(), "k_r": k_r.reshape(m, -1).tolist()})
     of_x = np.tile(omega, len(k_x) // m) * (gains.theta_hat0 - k_x) ** 2 / gains.gamma.value
-    of_r = np.repeat(omega, len(k_r) // m) * (gains.k_r0 - k_r) ** 2 / gains.gamma_r
-    V = math.fsum([*of_x.tolist(), *of_r.tolist()])
+    V = math.fsum(of_x.tolist()) + _feedforward_V(gains, omega)
     bound = math.sqrt(V / smallest_eigenvalue(problem.known.P)) * OUTWARD_FACTOR**2
-    draft.guarantee("error_bound", bound, *_rests_on(problem, gains, bound))
+    rests_on = _rests_on(problem, gains, bound)
+    draft.guarantee("error_bound", bound, *rests_on)
+    _add_worst(draft, problem, gains, rests_on)
     add_linearised(draft, problem, controller, simulation)
     return draft.finish()
 
@@ -112,15 +114,34 @@ def _error_level(problem: Problem, gains: ControlGains, off: float, omega: float
     return math.sqrt(omega / smallest_eigenvalue(problem.known.P)) * math.hypot(off, k_r_off) * OUTWARD_FACTOR**2
 
 
-def _worst(problem: Problem, gains: ControlGains) -> float | None:
-    """The largest bound over the known set, and over the interval of the input's gain where one is known."""
-    known_set, least = problem.uncertainty, laws.least_gain(gains.gamma.value)
+def _add_worst(draft: Draft, problem: Problem, gains: ControlGains, rests_on: tuple[Assumption, ...]) -> None:
+    """The largest bound over the known set, and over the intervals of the input's gains where they are known."""
+    known_set, interval = problem.uncertainty, problem.known.gains
     if known_set is None:
-        return None
-    interval = problem.known.gains
-    ends = [_omega(problem)] if interval is None else [*interval.lower.tolist(), *interval.upper.tolist()]
-    farthest = [known_set.farthest(omega * gains.theta_hat0) / omega / math.sqrt(least) * OUTWARD_FACTOR for omega in ends]
-    return max(_error_level(problem, gains, *each) for each in zip(farthest, ends, strict=True))
+        return
+    if interval is not None and gains.inputs > MOST_INTERVALS:
+        draft.missing("error_bound_worst", f"it is looked for at the ends of at most {MOST_INTERVALS} intervals of input gains")
+        return
+    corners = [tuple(_each_omega(problem))]
+    if interval is not None:
+        corners = list(product(*zip(interval.lower.tolist(), interval.upper.tolist(), strict=True)))
+    V = max(_largest_V(gains, known_set, np.array(omega)) for omega in corners)
+    bound = math.sqrt(V / smallest_eigenvalue(problem.known.P)) * OUTWARD_FACTOR**3
+    of_the_sets = theta_in_the_set(problem), _gain_in_the_interval(problem), _all_reachable(problem, gains)
+    draft.guarantee("error_bound_worst", bound, *rests_on, *of_the_sets)
+
+
+def _largest_V(gains: ControlGains, known_set: KnownSet, omega: Array) -> float:
+    """V(0) at these input gains for the worst theta of the set."""
+    of_theta = np.tile(omega, len(gains.theta_hat0) // gains.inputs)
+    Gamma = laws.least_gain(gains.gamma.value) if gains.gamma.is_matrix else gains.gamma.value
+    of_x = known_set.farthest(of_theta * gains.theta_hat0, 1 / (of_theta * Gamma))
+    return of_x**2 + _feedforward_V(gains, omega)
+
+
+def _feedforward_V(gains: ControlGains, omega: Array) -> float:
+    k_r = gains.ideal_feedforward(omega)["k_r_hat"]
+    return math.fsum((np.repeat(omega, len(k_r) // gains.inputs) * (gains.k_r0 - k_r) ** 2 / gains.gamma_r).tolist())
 
 
 def _rests_on(problem: Problem, gains: ControlGains, bound: float | None) -> tuple[Assumption, ...]:
@@ -142,11 +163,22 @@ def _reachable(problem: Problem, gains: ControlGains) -> Assumption:
     )
 
 
+def _all_reachable(problem: Problem, gains: ControlGains) -> Assumption:
+    """Of theta/omega for every theta of the known set: a set made without an interval of omega takes omega as 1."""
+    if gains.box is None or problem.known.gains is not None:
+        return NUMBERS_ALONE
+    apart = (_each_omega(problem) != 1).any()
+    return Assumption(
+        "theta/omega is in the set that is projected onto for every theta of the known set",
+        "an input's gain other than 1 without an interval that is known of it" if apart else "",
+    )
+
+
 def _gain_in_the_interval(problem: Problem) -> Assumption:
     gains = problem.known.gains
     if gains is None:
         return NUMBERS_ALONE
-    inside = gains.contains(np.array([_omega(problem)]))
+    inside = gains.contains(_each_omega(problem))
     return Assumption("omega lies in its interval", "" if inside else "omega outside its interval")
 
 

@@ -20,14 +20,17 @@ from barbalat.protocols import BoundedSignal
 from barbalat.solvers.simulation import Simulation
 
 OWN_QUANTITIES = {
-    "W_hat_bound": Quantity("of every outer weight, at all times"),
+    "W_hat_bound": Quantity("of every outer weight, and of the root of the sum of a neuron's squares, at all times"),
     "V_hat_bound": Quantity("of the root of the sum of all inner weights' squares, at all times"),
-    "control_bound": Quantity("of |u|, at all times"),
+    "control_bound": Quantity("of every entry of |u|, at all times"),
     "V_hat0": Quantity("the initial inner weights, those of the constant 1 first", form=Form.MATRIX, timeless=True),
 }
 NO_WEIGHTS = "with the sigma-modification the weights are bounded where e is, and no bound of e is found"
 STARTS_AT_ZERO = Assumption("W_hat(0) = 0")
 WHATEVER_ACTS = (STARTS_AT_ZERO, ACTS_CONTINUOUSLY)
+CORNER_AT_REST = (
+    "where e'P b = 0 it rests with many weights, and the e-modification's leakage has a corner: it has no linearisation there"
+)
 NOT_TO_ZERO = "its modification keeps the error from converging to zero: it stays in a set"
 
 
@@ -48,7 +51,9 @@ def certificate(problem: Problem, controller: NetworkMrac, simulation: Simulatio
         draft.guarantee("V_hat_bound", found.V_hat, *always)
         _add_control_bound(draft, problem, equations, found.W_hat, always)
     draft.advise({"V_hat0": equations.V_0.tolist()})
-    add_linearised(draft, problem, controller, simulation)
+    if _is_e_modified(controller):
+        draft.note("it rests with many weights: margins are with those nearest to the initial ones")
+    add_linearised(draft, problem, controller, simulation, bent=CORNER_AT_REST if _is_e_modified(controller) else "")
     return draft.finish()
 
 

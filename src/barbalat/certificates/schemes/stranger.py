@@ -29,12 +29,17 @@ def certificate(problem: TrackingProblem, controller: Controller, simulation: Si
     return draft.finish()
 
 
-def add_linearised(draft: Draft, problem: TrackingProblem, controller: Controller, simulation: Simulation) -> None:
-    """What follows from the equations alone: margins, and the step that the modes bear."""
+def add_linearised(
+    draft: Draft, problem: TrackingProblem, controller: Controller, simulation: Simulation, *, bent: str = ""
+) -> None:
+    """What follows from the equations alone: margins, and the step that the modes bear.
+
+    ``bent`` says why the law has no slope where the loop rests.
+    """
     loop = ClosedLoop.of(problem, controller)
     moving = rest_of(problem, loop, frozen=False)
     still = rest_of(problem, loop, frozen=True) if isinstance(moving, NotApplicable) and loop.parameters else moving
-    _add_margins(draft, problem, loop, moving, still)
+    _add_margins(draft, problem, loop, moving, still, bent)
     _add_step(draft, simulation, moving)
 
 
@@ -60,7 +65,7 @@ def _add_step(draft: Draft, simulation: Simulation, moving: Rest | NotApplicable
 
 
 def _add_margins(
-    draft: Draft, problem: TrackingProblem, loop: ClosedLoop, moving: Rest | NotApplicable, still: Rest | NotApplicable
+    draft: Draft, problem: TrackingProblem, loop: ClosedLoop, moving: Rest | NotApplicable, still: Rest | NotApplicable, bent: str
 ) -> None:
     if isinstance(still, NotApplicable):
         draft.missing("delay_margin", still.why)
@@ -73,8 +78,8 @@ def _add_margins(
     add_margins(draft, problem, still.broken(frozen=True), which)
     if not loop.parameters:
         return
-    if isinstance(moving, NotApplicable):
-        draft.missing("delay_margin_adapting", moving.why)
+    if isinstance(moving, NotApplicable) or bent:
+        draft.missing("delay_margin_adapting", moving.why if isinstance(moving, NotApplicable) else bent)
     elif moving.level.any():
         add_delay_margin_adapting(draft, problem, moving.broken(frozen=False), f"linearised {_at(moving)}")
 

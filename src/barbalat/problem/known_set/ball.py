@@ -99,9 +99,9 @@ class ParameterBall(Settings):
         """The largest 1-norm of the difference between ``theta`` and a point of the set."""
         return float(np.abs(self.center - theta).sum() + self.radius * math.sqrt(self.size))
 
-    def farthest(self, theta: Array) -> float:
-        """The largest Euclidean distance from ``theta`` to a point of the set."""
-        return math.hypot(*(theta - self.center)) + self.radius
+    def farthest(self, theta: Array, weights: Array | float = 1.0) -> float:
+        """The largest Euclidean distance from ``theta`` to a point of the set; with ``weights``, (p,), at least that."""
+        return math.hypot(*(np.sqrt(weights) * (theta - self.center))) + self.radius * math.sqrt(np.max(weights))
 
     def extreme_points(self, rng: np.random.Generator, most: int) -> Array:
         """The ends along the axes, and points of the surface drawn at random: ``most`` in all."""

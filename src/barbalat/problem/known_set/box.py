@@ -105,9 +105,9 @@ class ParameterBox(Settings):
         """The largest 1-norm of the difference between ``theta`` and a point of the set."""
         return float(np.maximum(np.abs(theta - self.lower), np.abs(self.upper - theta)).sum())
 
-    def farthest(self, theta: Array) -> float:
-        """The largest Euclidean distance from ``theta`` to a point of the set."""
-        return float(np.linalg.norm(np.maximum(np.abs(theta - self.lower), np.abs(self.upper - theta))))
+    def farthest(self, theta: Array, weights: Array | float = 1.0) -> float:
+        """The largest Euclidean distance from ``theta`` to a point of the set, the squares with ``weights``, (p,)."""
+        return float(np.linalg.norm(np.sqrt(weights) * np.maximum(np.abs(theta - self.lower), np.abs(self.upper - theta))))
 
     def extreme_points(self, rng: np.random.Generator, most: int) -> Array:
         """The vertices, or as many as ``most`` of them, drawn at random."""
