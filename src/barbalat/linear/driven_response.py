@@ -23,11 +23,12 @@ def driven_response(
     t = np.linspace(0.0, t_end, min(steps, MOST_INSTANTS) + 1)
     driven = np.stack([signal_values(signal, t) for signal in signals], axis=1)
     Phi, at_start, at_end = _over_an_interval(np.asarray(A), np.asarray(B), float(t[1] - t[0]))
-    x = np.empty((len(t), len(Phi)))
-    x[0] = x0
-    for k in range(1, len(t)):
-        x[k] = x[k - 1] @ Phi + driven[k - 1] @ at_start + driven[k] @ at_end
-    return t, x @ np.asarray(C).T
+    # Each row is multiplied alone, as the state is: no bit depends on how many there are.
+    forced_at_start, forced_at_end = ((driven[:, None] @ effect)[:, 0] for effect in (at_start, at_end))
+    x = [np.asarray(x0, dtype=float)]
+    for start, end in zip(forced_at_start, forced_at_end[1:], strict=False):
+        x.append(x[-1] @ Phi + start + end)
+    return t, np.array(x) @ np.asarray(C).T
 
 
 def _over_an_interval(A: Array, B: Array, dt: float) -> tuple[Array, Array, Array]:

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 def flatten(state: Any) -> Value:
     """All arrays of a nested NamedTuple, one after another, row by row."""
-    return np.concatenate([leaf.reshape(-1) for leaf in _leaves(state)])
+    return np.concatenate([leaf if leaf.ndim == 1 else leaf.reshape(-1) for leaf in _leaves(state)])
 
 
 def map_arrays(function: Any, state: Any) -> Any:
@@ -56,7 +56,8 @@ def unflatten(template: Any, flat: Value, start: int) -> tuple[Any, int]:
         return _like(template, parts), start
     shape = template.shape
     size = math.prod(shape)
-    return flat[start : start + size].reshape(shape), start + size
+    part = flat[start : start + size]
+    return part if len(shape) == 1 else part.reshape(shape), start + size
 
 
 def symbols(name: str, size: int) -> tuple[casadi.SX, Value]:

@@ -6,8 +6,8 @@ Everything that a target needs (LLVM, C) is printed from this list; this module 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, NamedTuple
 
 from barbalat import vocabulary
 
@@ -15,9 +15,11 @@ if TYPE_CHECKING:
     import casadi
 
 
-@dataclass(frozen=True, slots=True)
-class Operation:
-    """One scalar operation; ``operands`` are positions of earlier operations in the same list."""
+class Operation(NamedTuple):
+    """One scalar operation; ``operands`` are positions of earlier operations in the same list.
+
+    A tuple, for a step has thousands, which are made, compared and hashed several times on their way to machine code.
+    """
 
     name: str
     operands: tuple[int, ...] = ()
@@ -98,7 +100,7 @@ def following(first: tuple[Operation, ...], program: Program, inputs: Mapping[tu
         if op.name == "input" and op.source in inputs:
             place.append(inputs[op.source])
             continue
-        operations.append(replace(op, operands=tuple(place[j] for j in op.operands)))
+        operations.append(op._replace(operands=tuple([place[j] for j in op.operands])))
         place.append(len(operations) - 1)
     return Program(tuple(operations), tuple(tuple(place[i] for i in row) for row in program.outputs))
 
@@ -112,7 +114,7 @@ def sliced(program: Program, keep: Sequence[int]) -> Program:
             alive.update(program.operations[i].operands)
     place = {old: new for new, old in enumerate(sorted(alive))}
     kept = (program.operations[i] for i in sorted(alive))
-    operations = tuple(replace(op, operands=tuple(place[j] for j in op.operands)) for op in kept)
+    operations = tuple(op._replace(operands=tuple([place[j] for j in op.operands])) for op in kept)
     return Program(operations, (tuple(place[i] for i in row),))
 
 

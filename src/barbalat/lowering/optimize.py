@@ -40,12 +40,14 @@ def drop_dead(program: Program) -> Program:
     for i in range(len(program.operations) - 1, -1, -1):
         if i in alive:
             alive.update(program.operations[i].operands)
+    if len(alive) == len(program.operations):
+        return program
     place: dict[int, int] = {}
     kept: list[Operation] = []
     for i, op in enumerate(program.operations):
         if i in alive:
             place[i] = len(kept)
-            kept.append(Operation(op.name, tuple(place[j] for j in op.operands), op.value, op.source, op.table))
+            kept.append(Operation(op.name, tuple([place[j] for j in op.operands]), op.value, op.source, op.table))
     return Program(tuple(kept), tuple(tuple(place[i] for i in row) for row in program.outputs))
 
 
@@ -87,7 +89,7 @@ def _share_reciprocals(program: Program) -> Program:
     place: list[int] = []
     reciprocals: dict[int, int] = {}
     for op in program.operations:
-        operands = tuple(place[j] for j in op.operands)
+        operands = tuple([place[j] for j in op.operands])
         if op.name == "div":
             numerator, divisor = operands
             if divisor not in reciprocals:

@@ -6,7 +6,7 @@ exported C, which is the same list.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -119,5 +119,5 @@ def _as_step(program: Program, measured: int, commands: int) -> Program:
         argument, start = starts[source[0]]
         return argument, start + source[1]
 
-    operations = tuple(replace(op, source=placed(op.source)) if op.name == "input" else op for op in program.operations)
+    operations = tuple(op._replace(source=placed(op.source)) if op.name == "input" else op for op in program.operations)
     return Program(operations, (program.outputs[0], (), ()))

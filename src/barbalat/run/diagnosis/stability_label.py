@@ -19,7 +19,7 @@ from barbalat.problem.tracking import TrackingProblem
 from barbalat.run.batch import Batch, Group
 from barbalat.run.diagnosis.spectrum import Looks, Spectrum, Stiffness
 from barbalat.run.grid import CHUNK_STEPS, signal_table, window_of
-from barbalat.run.noise import standard_normal
+from barbalat.run.noise import standard_normal_at
 from barbalat.run.portable import at_instants, instants
 from barbalat.run.step import sampled_states
 from barbalat.solvers.simulation import Simulation
@@ -177,8 +177,8 @@ class Run:
         if problem.noise is not None and len(steps):
             rows = steps // self.batch.rhythm.noise_hold
             number = 0 if self.batch.numbers is None else int(self.batch.numbers[0])
-            drawn = [standard_normal(problem.noise.seed, number, int(row), 1, loop.signals.noise) for row in rows]
-            signals[loop.signals.timed : loop.signals.timed + loop.signals.noise] = np.concatenate(drawn).T
+            drawn = standard_normal_at(problem.noise.seed, number, rows, loop.signals.noise)
+            signals[loop.signals.timed : loop.signals.timed + loop.signals.noise] = drawn.T
         return signals
 
 
