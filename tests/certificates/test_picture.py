@@ -1,11 +1,14 @@
 """Pictures of the loops whose margins a certificate gives: the marks stand where the margins are."""
 
+import pickle
+
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from barbalat import TransferFunction, certify, load_case, margins
-from barbalat.certificates.picture import MarginLoop, Marked
+from barbalat import Certificate, TransferFunction, certify, load_case, margins
+from barbalat.certificates.picture import MarginLoop, Marked, figure_of
+from barbalat.certificates.rounding import up
 from independent import refusal
 
 
@@ -21,6 +24,30 @@ def test_the_marks_are_where_the_margins_are(delay):
     assert drawn.phase[at] == pytest.approx(-180 + np.degrees(found.phase), rel=1e-6)
     if delay == 0:  # Routh: 20/2
         assert found.gain_up == pytest.approx(10.0, rel=1e-9)
+
+
+def test_several_certificates_are_a_dictionary_that_shows_itself():
+    """On one line; five lines for each controller, and every loop, in a notebook; it behaves as the plain dictionary does."""
+    case = load_case("paper")
+    found = certify(case.problem, case.controllers, case.simulation)
+    assert isinstance(found, dict) and found == dict(found) and pickle.loads(pickle.dumps(found)) == found
+    text = repr(found)
+    assert "\n" not in text and all(f"{name!r} {one.in_brief}" in text for name, one in found.items())
+    html = found._repr_html_()
+    assert html.count("<tr>") == 6 * len(found) and html.count("<img") == 1
+    bound = up(found["L1"].values["error_bound"])
+    assert f"guaranteed: {bound}" in html.replace("\N{NO-BREAK SPACE}", " ")
+    assert isinstance(found.plot(), Figure)
+    assert "no linear loop" in refusal(found.with_changed(dict.fromkeys(found, Certificate())).plot)
+
+
+def test_many_loops_are_told_apart():
+    """Each by its colour and dash together; the legend has them, and the widths."""
+    case = load_case("paper")
+    loops = certify(case.problem, case.controllers, case.simulation)["MRAC"].loops
+    figure = figure_of([MarginLoop(f"loop {i}", loops[0].system, 0.001 * i) for i in range(9)], "", shown=False)
+    lines = figure.legends[0].legend_handles[:9]
+    assert len({(line.get_color(), line.get_linestyle()) for line in lines}) == 9
 
 
 def test_a_certificate_plots_the_loops_whose_margins_it_has():

@@ -9,7 +9,7 @@ from html import escape
 from typing import TYPE_CHECKING, Any
 
 from barbalat.certificates.entry import Assumption, Entry, Kind, NotApplicable, checked, of_finite_numbers
-from barbalat.certificates.picture import MarginLoop, figure_of
+from barbalat.certificates.picture import TITLE, MarginLoop, figure_of
 from barbalat.certificates.quantities import QUANTITIES, Quantity
 from barbalat.certificates.rounding import down, up
 from barbalat.validate import InputError
@@ -42,6 +42,11 @@ class Certificate:
         object.__setattr__(self, "entries", tuple(map(of_finite_numbers, self.entries)))
 
     def __repr__(self) -> str:
+        return f"<Certificate: {len(self.guaranteed)} of {len(self.entries)} values guaranteed, {self.in_brief}>"
+
+    @property
+    def in_brief(self) -> str:
+        """Whether the condition holds, and the first of the numbers, in a few words: one of several on a line."""
         condition = self.values.get("condition") or {}
         holds = [f"condition {'holds' if condition['holds'] else 'does not hold'}"] if "holds" in condition else []
         shown = {
@@ -51,24 +56,27 @@ class Certificate:
         }
         numbers = {key: self.values.get(key) for key in shown}
         said = [shown[key][0].format(shown[key][1](value)) for key, value in numbers.items() if isinstance(value, float)]
-        return f"<Certificate: {', '.join([f'{len(self.guaranteed)} of {len(self.entries)} values guaranteed', *holds, *said])}>"
+        return ", ".join([*holds, *said]) or (self.failure and "no certificate") or "nothing of these is known"
 
     def _repr_html_(self) -> str:
-        """For notebooks: every value with its kind and its meaning."""
+        """For notebooks: every value with its kind and its meaning, and the picture."""
+        from barbalat.pictures.notebook import image_of
+
         rows = "".join(
             f"<tr><td>{escape(e.key)}</td><td>{escape(_short(e.value if e.applies else None))}</td><td>{escape(e.unit)}</td>"
             f"<td>{escape(e.kind)}</td><td>{escape(e.meaning if e.applies else e.why)}</td></tr>"
             for e in self.entries
         )
         head = "".join(f"<th>{text}</th>" for text in ("quantity", "value", "unit", "kind", "meaning"))
-        return f"<table><tr>{head}</tr>{rows}</table><small>{'<br>'.join(map(escape, self.findings))}</small>"
+        table = f"<table><tr>{head}</tr>{rows}</table><small>{'<br>'.join(map(escape, self.findings))}</small>"
+        return table + (image_of(figure_of(self.loops, TITLE, shown=False), TITLE) if self.loops else "")
 
     def plot(self, *, narrow: bool = False) -> Figure:
         """Bode, Nyquist and sensitivity pictures of the loops whose margins are given, as a Matplotlib figure."""
         if not self.loops:
             why = f": {self.notes[0]}" if self.notes else "; its findings say why"
             raise InputError(f"this certificate has no linear loop with margins to plot{why}")
-        return figure_of(self.loops, "Loops broken at the plant's input", narrow=narrow)
+        return figure_of(self.loops, TITLE, narrow=narrow)
 
     def entry(self, key: str) -> Entry | None:
         """The entry of a key; None where the scheme has none."""
