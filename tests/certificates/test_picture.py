@@ -1,6 +1,7 @@
 """Pictures of the loops whose margins a certificate gives: the marks stand where the margins are."""
 
 import pickle
+import re
 
 import numpy as np
 import pytest
@@ -56,7 +57,11 @@ def test_a_certificate_plots_the_loops_whose_margins_it_has():
     for certificate in found.values():
         assert len(repr(certificate)) < 200 and "guaranteed" in repr(certificate)
         assert isinstance(certificate.plot(), Figure)
-        assert "<table>" in certificate._repr_html_()
+        html = certificate._repr_html_()
+        assert "<table>" in html and html.count("<img") == 1
+        for key in {"nu_0", "error_bound"} & certificate.guaranteed:  # rounded outward
+            printed = float(re.search(rf"<td>{key}</td><td>([^<]*)</td>", html)[1])
+            assert certificate.values[key] <= printed <= 1.001 * certificate.values[key]
     loop = found["MRAC"].loops[0]
     assert margins(loop.system, loop.delay).delay == pytest.approx(found["MRAC"].values["delay_margin"], rel=1e-12)
     assert "no linear loop" in refusal(type(found["MRAC"])().plot)

@@ -12,6 +12,7 @@ from barbalat.certificates.entry import Assumption, Entry, Kind, NotApplicable, 
 from barbalat.certificates.picture import TITLE, MarginLoop, figure_of
 from barbalat.certificates.quantities import QUANTITIES, Quantity
 from barbalat.certificates.rounding import down, up
+from barbalat.certificates.rows import CertificateRow, rows_of
 from barbalat.validate import InputError
 
 if TYPE_CHECKING:
@@ -62,12 +63,8 @@ class Certificate:
         """For notebooks: every value with its kind and its meaning, and the picture."""
         from barbalat.pictures.notebook import image_of
 
-        rows = "".join(
-            f"<tr><td>{escape(e.key)}</td><td>{escape(_short(e.value if e.applies else None))}</td><td>{escape(e.unit)}</td>"
-            f"<td>{escape(e.kind)}</td><td>{escape(e.meaning if e.applies else e.why)}</td></tr>"
-            for e in self.entries
-        )
-        head = "".join(f"<th>{text}</th>" for text in ("quantity", "value", "unit", "kind", "meaning"))
+        rows = "".join(f"<tr>{''.join(f'<td>{escape(cell)}</td>' for cell in row)}</tr>" for row in self.rows)
+        head = "".join(f"<th>{text}</th>" for text in ("quantity", "value", "meaning", "kind"))
         table = f"<table><tr>{head}</tr>{rows}</table><small>{'<br>'.join(map(escape, self.findings))}</small>"
         return table + (image_of(figure_of(self.loops, TITLE, shown=False), TITLE) if self.loops else "")
 
@@ -86,6 +83,11 @@ class Certificate:
     def values(self) -> dict[str, Any]:
         """The values that are claimed on this case, by the contract's keys."""
         return {entry.key: entry.value for entry in self.entries if entry.applies}
+
+    @property
+    def rows(self) -> list[CertificateRow]:
+        """All entries in order, as text."""
+        return [row for entry in self.entries for row in rows_of(entry)]
 
     @property
     def guaranteed(self) -> frozenset[str]:
@@ -119,15 +121,6 @@ class Certificate:
     def with_entries(self, entries: tuple[Entry, ...], *notes: str) -> Certificate:
         """The same with other entries and further notes."""
         return replace(self, entries=entries, notes=(*self.notes, *notes))
-
-
-def _short(value: Any) -> str:
-    """A value in a cell of a table."""
-    if isinstance(value, dict):
-        return ", ".join(f"{key} {_short(one)}" for key, one in value.items())
-    if isinstance(value, (list, tuple)):
-        return f"[{', '.join(map(_short, value))}]"
-    return "-" if value is None else f"{value:.4g}" if isinstance(value, float) else str(value)
 
 
 NO_VALUE: dict[Kind, str] = {"exact": "unlimited: nothing exhausts it", "estimate": "none is known", "advice": "none"}

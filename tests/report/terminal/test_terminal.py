@@ -21,8 +21,8 @@ from barbalat.certificates.table_1 import table_1
 from barbalat.claims.claim import Claim, Listing, Reading
 from barbalat.claims.paper_figure import Check, PaperFigure
 from barbalat.claims.rows import LEDGER
+from barbalat.pictures.numbers import number_text
 from barbalat.pictures.symbols import HELD_BLANK
-from barbalat.report.numbers import number_text
 from barbalat.report.terminal import certificates, ledger, runs
 from barbalat.report.terminal.layout import Screen, capitalized, fold
 from barbalat.run.simulate import simulate
