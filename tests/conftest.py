@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Iterator
 from contextlib import nullcontext
 from typing import TYPE_CHECKING
@@ -52,6 +53,15 @@ def _left_out(item: pytest.Item) -> bool:
 
 def _draws_samples(item: pytest.Item) -> bool:
     return "sample" in getattr(item, "fixturenames", ())
+
+
+@pytest.fixture(autouse=True)
+def _figures_closed() -> Iterator[None]:
+    """Where a test has imported pyplot, it holds every figure that is plotted, and warns of too many."""
+    yield
+    pyplot = sys.modules.get("matplotlib.pyplot")
+    if pyplot is not None:
+        pyplot.close("all")
 
 
 @pytest.fixture(scope="session", autouse=True)

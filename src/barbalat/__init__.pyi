@@ -17,6 +17,7 @@ from .adaptation.output_lyapunov import LyapunovLaw as LyapunovLaw
 from .cases.build import Case as Case
 from .cases.load import load_case as load_case
 from .certificates.certificate import Certificate as Certificate
+from .certificates.certificates import Certificates as Certificates
 from .certificates.certify import certify as certify
 from .contests.contest import compete as compete
 from .contests.contest import contest as contest

@@ -2,48 +2,70 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import MISSING, Field, fields, is_dataclass
 from functools import cache
+from inspect import Parameter, getattr_static, signature
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
-from barbalat.validate import MOST_SHOWN
+from barbalat.validate import MOST_SHOWN, counted
 
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
 
 
 class Settings:
-    """The base of what is made by keyword arguments: one that there is not is told with the one that is meant, as in case files.
+    """The base of what is made by keyword arguments, the first of them also by position; a call that can't be is told what can.
 
-    It is a TypeError, as of any call that can't be.
+    A keyword that there is not is told with the one that is meant, as in case files. It is a TypeError, as of any such call.
     """
 
     __slots__ = ()
 
-    def __new__(cls, *_: object, **given: object) -> Self:
+    def __new__(cls, *placed: object, **given: object) -> Self:
         kind: type = cls
-        known = _keywords(kind)
-        if known is None or given.keys() <= known.keys():
-            return super().__new__(cls)
-        from difflib import get_close_matches
-
-        unknown = next(name for name in given if name not in known)
-        near = get_close_matches(unknown, known, n=1) or get_close_matches(unknown.lower(), known, n=1)
-        meant = f"did you mean {near[0]!r}?" if near else f"known here: {', '.join(known)}"
-        raise TypeError(f"{cls.__name__} has no keyword {unknown!r}; {meant}")
+        known = _parameters(kind)
+        if known is not None and (placed or given):  # without any it is pickle's or copy's call, or Python's own sentence will do
+            _require_known(cls.__name__, given, known)
+            _require_places(cls.__name__, len(placed), given, known)
+        return super().__new__(cls)
 
 
 @cache
-def _keywords(kind: type) -> dict[str, None] | None:
-    """The names that a constructor takes, in its order; None of one, of somebody else's, that takes any."""
-    from inspect import Parameter, getattr_static, signature
-
+def _parameters(kind: type) -> dict[str, Parameter] | None:
+    """What a constructor takes, by name and in its order; None of one, of somebody else's, that takes any."""
     _, *parameters = signature(getattr_static(kind, "__init__")).parameters.values()  # the first is self
-    if any(one.kind is Parameter.VAR_KEYWORD for one in parameters):
+    if any(one.kind in (Parameter.VAR_KEYWORD, Parameter.VAR_POSITIONAL) for one in parameters):
         return None
-    return {one.name: None for one in parameters}
+    return {one.name: one for one in parameters}
+
+
+def _require_known(name: str, given: Mapping[str, object], known: Mapping[str, Parameter]) -> None:
+    unknown = next((one for one in given if one not in known), None)
+    if unknown is None:
+        return
+    from difflib import get_close_matches
+
+    near = get_close_matches(unknown, known, n=1) or get_close_matches(unknown.lower(), known, n=1)
+    meant = f"did you mean {near[0]!r}?" if near else f"known here: {', '.join(known)}"
+    raise TypeError(f"{name} has no keyword {unknown!r}; {meant}")
+
+
+def _require_places(name: str, count: int, given: Mapping[str, object], known: Mapping[str, Parameter]) -> None:
+    """As many by position as there are places, and nothing that is needed left out."""
+    places = [one.name for one in known.values() if one.kind is not Parameter.KEYWORD_ONLY]
+    keywords = ", ".join(f"{one}=..." for one in known if one not in places)
+    if count > len(places):
+        taken = f"{', '.join(places)} without a keyword" if places else "nothing without a keyword"
+        others = f"; give the others by theirs: {keywords}" if keywords else ""
+        raise TypeError(f"{name} takes {taken}, got {counted(count, 'value')}{others}")
+    told = {*places[:count], *given}
+    lacking = [one.name for one in known.values() if one.default is Parameter.empty and one.name not in told]
+    if lacking:
+        call = ", ".join(filter(None, (", ".join(places), keywords)))
+        raise TypeError(f"{name} needs {' and '.join(lacking)} too: {name}({call})")
 
 
 def one_line(shown: DataclassInstance) -> str:

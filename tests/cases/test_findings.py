@@ -48,10 +48,37 @@ def edited(*changes: tuple[str, str]) -> str:
         ("tau = 0.2", "tau = true", "controller 1.tau should be a valid number, got true"),
         ("dt = 0.1", 'dt = { of = [1.50, "x"] }', 'simulation.dt should be a valid number, got { of = [1.50, "x"] }'),
         ('name = "c"', "nmae = 3", "unknown key nmae; did you mean 'name'?"),
+        ('scheme = "robust-mrac"', 'Scheme = "robust-mrac"', "unknown key controller 1.Scheme; did you mean 'scheme'?"),
+        ('{ kind = "step"', '{ Kind = "step"', "unknown key reference.Kind; did you mean 'kind'?"),
+        ('{ kind = "gradient"', '{ kid = "gradient"', "law.kid; did you mean 'kind'?"),
+        ("tau = 0.2", 'tau = 0.2\nname = ""', 'controller 1.name should have at least 1 character, got ""'),
     ],
 )  # fmt: skip
 def test_the_nearest_thing_that_is_meant(old, new, meant):
     assert meant in refusal(lambda: parse_case(edited((old, new))))
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("dt = 0.1", "dt = 0", "simulation.dt must be positive, got 0"),
+        ("dt = 0.1", "dt = -1e-03", "simulation.dt must be positive, got -1e-03"),
+        ("t_end = 1.0", "t_end = -0.50", "simulation.t_end must be positive, got -0.50"),
+        ("tau = 0.2", "tau = -2", "controller 1 (robust-mrac): tau must be positive, got -2"),
+        ("gamma = 3.0", "gamma = -3", "controller 1 (robust-mrac): law.gamma must be positive, got -3"),
+        ("A_m = [[-1.0]]", "A_m = [[1]]", "plant.A_m must be Hurwitz, but its largest eigenvalue has real part 1: [[1]]"),
+        ("theta = [1.0]", "theta = [1, 2.50]", "plant.theta must have shape 1, got 2: [1, 2.50]"),
+        ("theta = [1.0]", "theta = [1.0], input = { delay = -1 }", "plant.input.delay must not be negative, got -1"),
+        ("theta = [1.0]", "theta = [1.0], input = { saturation = [3, -3.0] }", "lower < 0 < upper, got [3, -3.0]"),
+        ('"step", amplitude = 1.0', '"square", amplitude = 1.0, frequency = 0', "reference: frequency must be positive, got 0"),
+        ('"step", amplitude = 1.0', '"steps", times = [0, 0.0], values = [1, 2]', "must be increasing, got [0, 0.0]"),
+        ("tau = 0.2", "tau = 0.2\nsample_time = 0", "controller 1 (robust-mrac): sample_time must be positive, got 0"),
+    ],
+)  # fmt: skip
+def test_what_an_object_refuses_is_told_as_it_was_typed(old, new, said):
+    """Also where the object shows the number after it was converted, in lists and in tables inside of tables."""
+    found = refusal(lambda: parse_case(edited((old, new))))
+    assert found.endswith(said), found
 
 
 def test_three_findings_are_told_at_once_then_how_many_more():

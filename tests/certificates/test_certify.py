@@ -32,7 +32,6 @@ from barbalat.claims.variants import variant
 from barbalat.cli import main
 from barbalat.linear.interconnections import series
 from barbalat.linear.margins import margins
-from barbalat.report.certificates import rows
 from barbalat.solvers.simulation import Simulation
 from independent import refusal
 
@@ -198,7 +197,7 @@ def test_sampling_leaves_what_the_problem_alone_decides():
 def test_a_theta_outside_the_set_leaves_what_the_problem_alone_decides():
     found = certify(variant(theta=[40.0, -3.0]), (Mrac(gamma=1.0),), SIMULATION)["MRAC"]
     assert {"lambda_min", "theta_max", "bounds"} == set(found.guaranteed)
-    shown = {row.quantity: row for row in rows(found)}
+    shown = {row.quantity: row for row in found.rows}
     assert shown["sup |r|"].kind == "guaranteed" and shown["P"].kind == ""
     assert float(shown["lambda_min"].value) <= found.values["lambda_min"]
 

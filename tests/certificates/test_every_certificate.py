@@ -23,7 +23,6 @@ from barbalat.controllers import SCHEMES
 from barbalat.controllers.output import OUTPUT_SCHEMES
 from barbalat.loop.binding import bound
 from barbalat.problem.regressors import Terms
-from barbalat.report.certificates import rows
 from barbalat.solvers.simulation import Simulation
 from barbalat.validate import InputError
 from independent import example_controllers, example_output_controllers
@@ -53,7 +52,7 @@ def check(problem, controllers):
             assert entry.meaning, f"{column.name}: {entry.key} has no meaning"
             assert entry.assumptions or entry.kind != "guaranteed", f"{column.name}: {entry.key} rests on nothing"
             assert [one.sentence for one in entry.rests_on] == list(entry.assumptions) or entry.kind != "guaranteed"
-        assert rows(certificate) or not certificate.entries
+        assert certificate.rows or not certificate.entries
         assert exceeded(certificate, column, run) == []
 
 

@@ -1,13 +1,15 @@
 """Pictures of the loops whose margins a certificate gives: the marks stand where the margins are."""
 
+import pickle
 import re
 
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from barbalat import TransferFunction, certify, load_case, margins
-from barbalat.certificates.picture import MarginLoop, Marked
+from barbalat import Certificate, TransferFunction, certify, load_case, margins
+from barbalat.certificates.picture import MarginLoop, Marked, figure_of
+from barbalat.certificates.rounding import up
 from independent import refusal
 
 
@@ -25,22 +27,28 @@ def test_the_marks_are_where_the_margins_are(delay):
         assert found.gain_up == pytest.approx(10.0, rel=1e-9)
 
 
-def test_a_notebook_shows_of_a_bound_digits_that_are_one():
-    """Four digits: below the value where it is a bound from below, above it otherwise; of an enclosure each end outward."""
+def test_several_certificates_are_a_dictionary_that_shows_itself():
+    """On one line; five lines for each controller, and every loop, in a notebook; it behaves as the plain dictionary does."""
     case = load_case("paper")
-    for certificate in certify(case.problem, case.controllers, case.simulation).values():
-        shown = dict(re.findall(r'<tr><th scope="row">(.*?)</th><td>(.*?)</td>', certificate._repr_html_()))
-        for entry in (one for one in certificate.entries if one.kind == "guaranteed"):
-            if isinstance(entry.value, float):
-                assert float(shown[entry.key]) <= entry.value if entry.quantity.below else float(shown[entry.key]) >= entry.value
-            ends = dict(re.findall(r"(lower|upper|value_upper|r|x_m) ([\d.e+-]+)", shown[entry.key]))
-            if entry.key == "bounds":
-                assert all(float(ends[name]) >= bound for name, bound in entry.value.items())
-            if entry.key == "norms":
-                pairs = re.findall(r"lower ([\d.e+-]+), upper ([\d.e+-]+)", shown["norms"])
-                assert len(pairs) == len(entry.value)
-                for (lower, upper), norm in zip(pairs, entry.value.values(), strict=True):
-                    assert float(lower) <= norm["lower"] and float(upper) >= norm["upper"]
+    found = certify(case.problem, case.controllers, case.simulation)
+    assert isinstance(found, dict) and found == dict(found) and pickle.loads(pickle.dumps(found)) == found
+    text = repr(found)
+    assert "\n" not in text and all(f"{name!r} {one.in_brief}" in text for name, one in found.items())
+    html = found._repr_html_()
+    assert html.count("<tr>") == 6 * len(found) and html.count("<img") == 1
+    bound = up(found["L1"].values["error_bound"])
+    assert f"guaranteed: {bound}" in html.replace("\N{NO-BREAK SPACE}", " ")
+    assert isinstance(found.plot(), Figure)
+    assert "no linear loop" in refusal(found.with_changed(dict.fromkeys(found, Certificate())).plot)
+
+
+def test_many_loops_are_told_apart():
+    """Each by its colour and dash together; the legend has them, and the widths."""
+    case = load_case("paper")
+    loops = certify(case.problem, case.controllers, case.simulation)["MRAC"].loops
+    figure = figure_of([MarginLoop(f"loop {i}", loops[0].system, 0.001 * i) for i in range(9)], "", shown=False)
+    lines = figure.legends[0].legend_handles[:9]
+    assert len({(line.get_color(), line.get_linestyle()) for line in lines}) == 9
 
 
 def test_a_certificate_plots_the_loops_whose_margins_it_has():
@@ -49,7 +57,11 @@ def test_a_certificate_plots_the_loops_whose_margins_it_has():
     for certificate in found.values():
         assert len(repr(certificate)) < 200 and "guaranteed" in repr(certificate)
         assert isinstance(certificate.plot(), Figure)
-        assert "<table>" in certificate._repr_html_()
+        html = certificate._repr_html_()
+        assert "<table>" in html and html.count("<img") == 1
+        for key in {"nu_0", "error_bound"} & certificate.guaranteed:  # rounded outward
+            printed = float(re.search(rf"<th scope=.row.>{key}</th><td>([^<]*)</td>", html)[1])
+            assert certificate.values[key] <= printed <= 1.001 * certificate.values[key]
     loop = found["MRAC"].loops[0]
     assert margins(loop.system, loop.delay).delay == pytest.approx(found["MRAC"].values["delay_margin"], rel=1e-12)
     assert "no linear loop" in refusal(type(found["MRAC"])().plot)

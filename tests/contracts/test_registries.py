@@ -92,6 +92,37 @@ def test_a_misspelt_keyword_is_told_with_the_one_that_is_meant(name):
         kind(qqq=1.0)
 
 
+@pytest.mark.parametrize("name", [*(name for name, kind in PUBLIC.items() if isinstance(kind, type)), "Problem", "OutputProblem"])
+def test_a_value_too_many_by_position_is_told_which_are_keywords(name):
+    kind = getattr(barbalat, name)
+    places = [one.name for one in fields(kind) if one.init and not one.kw_only]
+    said = ", ".join(places) or "nothing"
+    with pytest.raises(TypeError, match=f"^{name} takes {said} without a keyword, got {len(places) + 1} value"):
+        kind(*range(len(places) + 1))
+
+
+@pytest.mark.parametrize(
+    ("made", "same"),
+    [
+        (lambda: barbalat.RobustMrac(0.5, barbalat.LeastSquares(500.0)), {"tau": 0.5}),
+        (lambda: barbalat.KnownParameters([1.0, 2.0]), {"theta": [1.0, 2.0]}),
+        (lambda: barbalat.Noise(0.1, 0.01), {"std": [0.1], "sample_time": 0.01}),
+        (lambda: barbalat.SwitchingSigma(0.2, 5.0), {"sigma": 0.2, "M_0": 5.0}),
+        (lambda: barbalat.LeastSquaresBounded(9.0, forgetting=1.0, covariance_bound=99.0), {"covariance0": 9.0}),
+        (lambda: barbalat.Polynomial(3), {"degree": 3}),
+    ],
+)
+def test_what_a_class_is_about_stands_first(made, same):
+    assert all(np.array_equal(getattr(made(), name), value) for name, value in same.items())
+
+
+def test_what_is_lacking_is_named_with_the_whole_call():
+    with pytest.raises(TypeError, match=r"^Square needs frequency too: Square\(amplitude, frequency, phase, constant\)$"):
+        barbalat.Square(1)
+    with pytest.raises(TypeError, match=r"^RobustMrac needs law too: RobustMrac\(tau, law, c_0=\.\.\."):
+        barbalat.RobustMrac(0.1)
+
+
 def test_a_class_of_somebody_else_may_take_any_keyword():
     class Own(Mrac):
         def __init__(self, **given):

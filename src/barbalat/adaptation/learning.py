@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -23,7 +23,7 @@ class Memory(NamedTuple):
     Q: Value  # (p,) int weight z phi/m^2
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False)
 class CompositeLearning(Settings):
     """theta_hat' = proj(Gamma (x e'P b + gamma_c (Q - R theta_hat))): the data seen so far pull the estimates to theta.
 
@@ -46,6 +46,7 @@ class CompositeLearning(Settings):
     """
 
     gamma_c: float
+    _: KW_ONLY
     time_constant: float
     forgetting: float = 0.0
     capacity: float | None = None

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 
 from barbalat import validate
 from barbalat.adaptation.guarantee import CORNERS, Estimates, Guarantee, nothing
@@ -16,7 +16,7 @@ from barbalat.validate import Array
 ON_THE_OUTPUT = "a dead zone on the output's error guarantees nothing: V is of the whole state's, and may grow inside"
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False)
 class LyapunovLaw(Settings):
     """theta_hat' = proj(-Gamma (e omega sgn(k_p/k_m) + w theta_hat)), e = y - y_m.
 
@@ -30,6 +30,7 @@ class LyapunovLaw(Settings):
     """
 
     gamma: float | Array
+    _: KW_ONLY
     leakage: leak.Leakage | None = None
     dead_zone: zone.DeadZone | None = None
 

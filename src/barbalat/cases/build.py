@@ -9,6 +9,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from barbalat.cases.echoes import in_the_files_words
 from barbalat.cases.findings import several
 from barbalat.cases.keys import Context, Given
 from barbalat.cases.scheme_keys import sampling_of
@@ -66,7 +67,8 @@ def build(case: Table, folder: Path, joining: Sequence[Controller] = ()) -> Case
     """
     given = _given(case, Context(folder), "")
     simulation = given.pop("simulation")
-    problem: TrackingProblem = case.recipe.make(given, Context(folder))
+    with in_the_files_words(given):
+        problem: TrackingProblem = case.recipe.make(given, Context(folder))
     tables: list[Table] = vars(case)["controller"]
 
     def others(settings: type) -> dict[str, Callable[[], Any]]:
@@ -98,7 +100,9 @@ def _name(table: Table) -> str:
 
 def made(table: Table, context: Context, place: str) -> Any:
     """The object of a table; ``place`` is where it stands, for messages."""
-    return table.recipe.make(_given(table, context, place), context)
+    given = _given(table, context, place)
+    with in_the_files_words(given):
+        return table.recipe.make(given, context)
 
 
 def _given(table: Table, context: Context, place: str) -> Given:
@@ -125,13 +129,14 @@ def _controller(table: Table, context: Context) -> Controller:
 
 def _bound(table: Table, context: Context, problem: TrackingProblem) -> Controller:
     """The controller, sampled if asked, after it was bound to the problem once to see that the two fit."""
-    controller = _controller(table, context)
-    sampling = {key: vars(table)[key] for key in sampling_of(table.recipe.keys) if key in table.model_fields_set}
-    if "sample_time" in sampling:
-        controller = Sampled(controller=controller, **sampling)
-    elif sampling:
-        raise InputError("discretization goes with sample_time, which is missing")
-    bound(problem, controller)
+    with in_the_files_words({key: vars(table)[key] for key in table.model_fields_set}):
+        controller = _controller(table, context)
+        sampling = {key: vars(table)[key] for key in sampling_of(table.recipe.keys) if key in table.model_fields_set}
+        if "sample_time" in sampling:
+            controller = Sampled(controller=controller, **sampling)
+        elif sampling:
+            raise InputError("discretization goes with sample_time, which is missing")
+        bound(problem, controller)
     return controller
 
 

@@ -99,7 +99,7 @@ def _sentence(finding: Any, data: dict[str, Any], root: type[Table]) -> str:
             place = _place((*location, context["key"]), data)
             return f"{place} has no meaning for {context['choice']}; {_known(context)}"
         case "union_tag_not_found":
-            return f"{_place(location, data)}.{context['discriminator'].strip(chr(39))} is missing"
+            return _choice_missing(_place(location, data), context["discriminator"].strip("'"), given)
         case "union_tag_invalid":
             key = context["discriminator"].strip("'")
             otherwise = "; a class of your own comes with --controllers FILE.py" if key == "scheme" else ""
@@ -121,8 +121,17 @@ def _sentence(finding: Any, data: dict[str, Any], root: type[Table]) -> str:
             return f"{_place(location, data)} must be a list, such as {meant}, got {number}"
         case "literal_error" if isinstance(given, str):
             return _one_of(_place(location, data), context["expected"], given)
-    message = finding["msg"].removeprefix("Input ")
+    message = finding["msg"].removeprefix("Input ").removeprefix("String ")
     return f"{_place(location, data)} {message[0].lower()}{message[1:]}, got {typed(given)}"
+
+
+def _choice_missing(place: str, key: str, given: Any) -> str:
+    """Of a table without its ``kind`` or ``scheme``: the key that is spelt most like it may be meant."""
+    near = difflib.get_close_matches(key, {str(one).lower(): one for one in given}, n=1) if isinstance(given, dict) else []
+    if near:
+        typed_key = next(one for one in given if one.lower() == near[0])
+        return f"unknown key {place}.{typed_key}; did you mean {key!r}?"
+    return f"{place}.{key} is missing"
 
 
 def _known(context: dict[str, Any]) -> str:

@@ -15,6 +15,7 @@ from pydantic import ValidationError
 
 from barbalat.cases import outside
 from barbalat.cases.build import Case, build
+from barbalat.cases.echoes import echo
 from barbalat.cases.findings import Typed, findings, several
 from barbalat.cases.outside import OwnFile
 from barbalat.cases.schema import CASES, case_table, problem_posed
@@ -102,7 +103,13 @@ class CaseText:
         except ValidationError:
             as_typed = copy.deepcopy(data) if changed else tomllib.loads(self.text, parse_float=Typed)
             raise several(findings(root, data, as_typed)) from None
-        return build(table, self.folder, joining)
+        try:
+            return build(table, self.folder, joining)
+        except InputError:
+            if changed:
+                raise
+            echo(table, tomllib.loads(self.text, parse_float=Typed))
+            return build(table, self.folder, joining)  # is refused once more, in the words of the file
 
 
 def load_case(case: str | Path, controllers: str | Path | None = None) -> Case:

@@ -90,7 +90,7 @@ def on_damping(certificate: Certificate) -> Certificate:
 def limits_text(certificate: Certificate) -> str:
     """The numerics' limits, as far as there are any."""
     parts, values = [], certificate.values
-    sure = {key: "" if _counts_on_damping(certificate, key) else " at least" for key in ON_DAMPING}
+    sure = {key: "" if counts_on_damping(certificate, key) else " at least" for key in ON_DAMPING}
     if values.get("gamma_max") is not None:
         beyond = values.get("gamma_max_at_model")
         text = f"the solver at its step bears Gamma up to {values['gamma_max']:.3g}{sure['gamma_max']}"
@@ -102,7 +102,8 @@ def limits_text(certificate: Certificate) -> str:
     return "; ".join(parts) or "no limit of the step is known"
 
 
-def _counts_on_damping(certificate: Certificate, key: str) -> bool:
+def counts_on_damping(certificate: Certificate, key: str) -> bool:
+    """Whether a limit is one of those of a method that amplifies every undamped oscillation."""
     entry = certificate.entry(key)
     return entry is not None and entry.quantity == ON_DAMPING[key]
 

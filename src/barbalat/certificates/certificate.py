@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from html import escape
 from typing import TYPE_CHECKING, Any
 
 from barbalat.certificates.entry import Assumption, Entry, Kind, NotApplicable, checked, of_finite_numbers
-from barbalat.certificates.picture import MarginLoop, figure_of
+from barbalat.certificates.picture import TITLE, MarginLoop, figure_of
 from barbalat.certificates.quantities import QUANTITIES, Quantity
 from barbalat.certificates.rounding import down, up
+from barbalat.certificates.rows import CertificateRow, rows_of
 from barbalat.validate import InputError
 
 if TYPE_CHECKING:
@@ -42,6 +43,11 @@ class Certificate:
         object.__setattr__(self, "entries", tuple(map(of_finite_numbers, self.entries)))
 
     def __repr__(self) -> str:
+        return f"<Certificate: {len(self.guaranteed)} of {len(self.entries)} values guaranteed, {self.in_brief}>"
+
+    @property
+    def in_brief(self) -> str:
+        """Whether the condition holds, and the first of the numbers, in a few words: one of several on a line."""
         condition = self.values.get("condition") or {}
         holds = [f"condition {'holds' if condition['holds'] else 'does not hold'}"] if "holds" in condition else []
         shown = {
@@ -51,24 +57,26 @@ class Certificate:
         }
         numbers = {key: self.values.get(key) for key in shown}
         said = [shown[key][0].format(shown[key][1](value)) for key, value in numbers.items() if isinstance(value, float)]
-        return f"<Certificate: {', '.join([f'{len(self.guaranteed)} of {len(self.entries)} values guaranteed', *holds, *said])}>"
+        return ", ".join([*holds, *said]) or (self.failure and "no certificate") or "nothing of these is known"
 
     def _repr_html_(self) -> str:
-        """For notebooks: every value with its kind and its meaning."""
+        """For notebooks: every value with its kind and its meaning, and the picture."""
+        from barbalat.pictures.notebook import image_of
+
         rows = "".join(
-            f'<tr><th scope="row">{escape(e.key)}</th><td>{escape(_cell(e))}</td><td>{escape(e.unit)}</td>'
-            f"<td>{escape(e.kind)}</td><td>{escape(e.meaning if e.applies else e.why)}</td></tr>"
-            for e in self.entries
+            f'<tr><th scope="row">{escape(name)}</th>{"".join(f"<td>{escape(cell)}</td>" for cell in cells)}</tr>'
+            for name, *cells in self.rows
         )
-        head = "".join(f'<th scope="col">{text}</th>' for text in ("quantity", "value", "unit", "kind", "meaning"))
-        return f"<table><tr>{head}</tr>{rows}</table><small>{'<br>'.join(map(escape, self.findings))}</small>"
+        head = "".join(f'<th scope="col">{text}</th>' for text in ("quantity", "value", "meaning", "kind"))
+        table = f"<table><tr>{head}</tr>{rows}</table><small>{'<br>'.join(map(escape, self.findings))}</small>"
+        return table + (image_of(figure_of(self.loops, TITLE, shown=False), TITLE) if self.loops else "")
 
     def plot(self, *, narrow: bool = False) -> Figure:
         """Bode, Nyquist and sensitivity pictures of the loops whose margins are given, as a Matplotlib figure."""
         if not self.loops:
             why = f": {self.notes[0]}" if self.notes else "; its findings say why"
             raise InputError(f"this certificate has no linear loop with margins to plot{why}")
-        return figure_of(self.loops, "Loops broken at the plant's input", narrow=narrow)
+        return figure_of(self.loops, TITLE, narrow=narrow)
 
     def entry(self, key: str) -> Entry | None:
         """The entry of a key; None where the scheme has none."""
@@ -78,6 +86,11 @@ class Certificate:
     def values(self) -> dict[str, Any]:
         """The values that are claimed on this case, by the contract's keys."""
         return {entry.key: entry.value for entry in self.entries if entry.applies}
+
+    @property
+    def rows(self) -> list[CertificateRow]:
+        """All entries in order, as text."""
+        return [row for entry in self.entries for row in rows_of(entry)]
 
     @property
     def guaranteed(self) -> frozenset[str]:
@@ -111,22 +124,6 @@ class Certificate:
     def with_entries(self, entries: tuple[Entry, ...], *notes: str) -> Certificate:
         """The same with other entries and further notes."""
         return replace(self, entries=entries, notes=(*self.notes, *notes))
-
-
-def _cell(entry: Entry) -> str:
-    """A value in a cell of a table; of a bound digits that are a bound as well."""
-    if not entry.applies:
-        return "-"
-    return _short(entry.value, "{:.4g}".format if entry.kind != "guaranteed" else down if entry.quantity.below else up)
-
-
-def _short(value: Any, text: Callable[[float], str]) -> str:
-    if isinstance(value, dict):
-        bounded_below = text is up and "upper" in value
-        return ", ".join(f"{key} {_short(one, down if bounded_below and key == 'lower' else text)}" for key, one in value.items())
-    if isinstance(value, (list, tuple)):
-        return f"[{', '.join(_short(one, text) for one in value)}]"
-    return "-" if value is None else text(value) if isinstance(value, float) else str(value)
 
 
 NO_VALUE: dict[Kind, str] = {"exact": "unlimited: nothing exhausts it", "estimate": "none is known", "advice": "none"}

@@ -7,6 +7,7 @@ from collections.abc import Callable, Collection, Iterable, Sequence
 from barbalat.certificates.beside_runs import beside_its_runs
 from barbalat.certificates.cells import on_damping
 from barbalat.certificates.certificate import Certificate, reason
+from barbalat.certificates.certificates import Certificates
 from barbalat.certificates.needed import needing
 from barbalat.certificates.schemes import scheme_file, stranger
 from barbalat.loop.binding import bound, is_sampled, numbered
@@ -24,8 +25,8 @@ def certify(
     *,
     keys: Collection[str] | None = None,
     progress: Callable[[float], None] | None = None,
-) -> dict[str, Certificate]:
-    """Certificates by the controllers' names; nothing is simulated, the solver and its step are what is judged.
+) -> Certificates:
+    """Certificates by the controllers' names, a dictionary; nothing is simulated, the solver and its step are what is judged.
 
     Of a class from outside the package what needs no proof is given; the rest is said to be unknown. A certificate whose
     computation fails on the case's numbers has that as its finding. Raises InputError, with its name, for a controller that
@@ -38,7 +39,7 @@ def certify(
             found[controller.name] = _computed(problem, controller, simulation)
         if progress is not None:
             progress(i / len(told))
-    return found
+    return Certificates(found, problem, told, simulation)
 
 
 def certify_where_possible(

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from barbalat.certificates.certificate import Certificate
     from barbalat.pictures.frequency import Response
 
+TITLE = "Loops broken at the plant's input"
 LONGEST_NAME = 60
 """Characters of a certificate's name in a caption."""
 POINTS = 1500
@@ -65,6 +66,13 @@ def distinct(certificates: Mapping[str, Certificate]) -> list[MarginLoop]:
         MarginLoop(f"{'; '.join(dict.fromkeys(names))}: {said}", system, delay)
         for (system, delay), (names, said) in owners.items()
     ]
+
+
+def grouped(loops: Sequence[MarginLoop]) -> list[Sequence[MarginLoop]]:
+    """So many in a picture as there are colours."""
+    from barbalat.pictures.theme import COLOURS
+
+    return [loops[i : i + len(COLOURS)] for i in range(0, len(loops), len(COLOURS))]
 
 
 @dataclass(frozen=True, eq=False)

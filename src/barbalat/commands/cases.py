@@ -52,7 +52,8 @@ def _row(name: str, path: Path) -> Row:
 
 
 def _show(rows: Sequence[Row]) -> None:
-    from barbalat.report.terminal.layout import Screen, held
+    from barbalat.pictures.symbols import held
+    from barbalat.report.terminal.layout import Screen
 
     screen = Screen()
     for row in rows:

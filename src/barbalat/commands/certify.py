@@ -12,7 +12,7 @@ from barbalat.commands.screen import Work, work
 
 if TYPE_CHECKING:
     from barbalat.cases.build import Case
-    from barbalat.certificates.certificate import Certificate
+    from barbalat.certificates.certificates import Certificates
     from barbalat.certificates.overview import Certified
     from barbalat.commands import Commands
 
@@ -41,7 +41,6 @@ def execute(options: argparse.Namespace) -> int:
     """Run the command; returns the exit code."""
     from barbalat.cases.load import load_case
     from barbalat.certificates.overview import Certified
-    from barbalat.certificates.table_1 import table_1
     from barbalat.report.documents import as_json
     from barbalat.validate import InputError
 
@@ -52,7 +51,7 @@ def execute(options: argparse.Namespace) -> int:
     case = load_case(options.case, options.controllers)
     with folder_of(options.out, None) as folder, work(_expected(case, options)) as running:
         certificates = _certified(case, options, running)
-        found = Certified(certificates, table_1(case.problem, case.controllers, certificates))
+        found = Certified(certificates, certificates.table)
         document = as_json(found.as_document(case.name))
         if folder is not None:
             with running.part("drawing"):
@@ -98,7 +97,7 @@ def _expected(case: Case, options: argparse.Namespace) -> dict[str, float]:
     return {"certifying": CERTIFYING_SECONDS * count} | simulating | drawing
 
 
-def _certified(case: Case, options: argparse.Namespace, running: Work) -> dict[str, Certificate]:
+def _certified(case: Case, options: argparse.Namespace, running: Work) -> Certificates:
     """All controllers' certificates, with simulated margins where those are asked for."""
     from barbalat.certificates.certify import certify
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -43,7 +43,7 @@ class Equations:
         return state
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False)
 class KnownParameters(Scheme):
     """u = k_0 r - theta'phi(x), over omega where the plant's input gain is unknown: what every estimate is to converge to.
 
@@ -56,6 +56,7 @@ class KnownParameters(Scheme):
     """
 
     theta: Array
+    _: KW_ONLY
     name: str = "Known parameters"
 
     def __post_init__(self) -> None:

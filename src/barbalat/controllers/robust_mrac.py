@@ -5,7 +5,7 @@ The same equations without the auxiliary input are the normalised MRAC that Sect
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import KW_ONLY, dataclass, field
 from typing import ClassVar
 
 import numpy as np
@@ -89,7 +89,7 @@ class Equations(OnParametricModel):
         return StateEstimator.of(self, T)
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False)
 class RobustMrac(Scheme):
     """u = -theta_hat'x + k_0 r + u_a with a law on the linear parametric model and the auxiliary input u_a.
 
@@ -116,6 +116,7 @@ class RobustMrac(Scheme):
 
     tau: float
     law: AdaptiveLaw
+    _: KW_ONLY
     c_0: Array | None = None
     normalization: Normalization = field(default_factory=Normalization)
     theta_hat0: Vector | None = None
@@ -150,7 +151,7 @@ class RobustMrac(Scheme):
         return _equations(self, known, Q)
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False)
 class NormalizedMrac(Scheme):
     """u = -theta_hat'x + k_0 r with a law driven by the normalised estimation error: RobustMrac without auxiliary input.
 
@@ -165,6 +166,7 @@ class NormalizedMrac(Scheme):
     """
 
     law: AdaptiveLaw
+    _: KW_ONLY
     c_0: Array | None = None
     normalization: Normalization = field(default_factory=Normalization)
     theta_hat0: Vector | None = None

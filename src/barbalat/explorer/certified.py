@@ -6,7 +6,7 @@ from html import escape
 
 from barbalat.cases.build import Case
 from barbalat.certificates.overview import certified_case
-from barbalat.report.certificates import CertificateRow, rows
+from barbalat.certificates.rows import CertificateRow
 
 TABLE_HEAD = "<tr>" + "".join(f'<th scope="col">{name}</th>' for name in ("quantity", "value", "kind", "meaning")) + "</tr>"
 
@@ -17,7 +17,7 @@ def section(case: Case) -> str:
     parts = [
         f'<details><summary>{escape(name)}</summary><div class="wide" tabindex="0" role="region" '
         f'aria-label="Certificates of {escape(name)}"><table class="figures"><thead>{TABLE_HEAD}</thead><tbody>'
-        f"{''.join(map(_row, rows(certificate)))}</tbody></table></div></details>"
+        f"{''.join(map(_row, certificate.rows))}</tbody></table></div></details>"
         for name, certificate in found.items()
     ]
     note = (

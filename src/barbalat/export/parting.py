@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from barbalat.certificates.certificate import Certificate, Draft
+from barbalat.certificates.certificates import Certificates
 from barbalat.export.compiler import require_compiler
 from barbalat.export.in_the_loop import simulate_export
 from barbalat.export.settings import gain_of
@@ -128,29 +129,30 @@ def _difference(problem: TrackingProblem, controller: Controller, simulation: Si
 
 
 def with_float32_gains(
-    certificates: dict[str, Certificate],
+    certificates: Certificates,
     problem: TrackingProblem,
     controllers: Sequence[Controller],
     simulation: Simulation,
     *,
     progress: Progress | None = None,
-) -> dict[str, Certificate]:
+) -> Certificates:
     """The certificates of the sampled controllers with ``gamma_float32``; InputError where there is no C compiler, or none."""
     require_compiler("a float32 export is to run here")
     sampled = [one for one in controllers if ClosedLoop.of(problem, one).sampled]
     if not sampled:
         raise InputError("--float32 takes sampled controllers, and this case has none: give one a sample_time")
-    result = dict(certificates)
+    result = {}
     for i, controller in enumerate(sampled):
+        certificate = certificates[controller.name]
         part = None if progress is None else _share(progress, i, len(sampled))
         try:
             found = parting(problem, controller, simulation, progress=part)
         except InputError as error:
-            old = result[controller.name]
-            result[controller.name] = old.with_entries(old.entries, f"float32 beside float64 was not measured: {error}")
+            unmeasured = certificate.with_entries(certificate.entries, f"float32 beside float64 was not measured: {error}")
+            result[controller.name] = unmeasured
             continue
-        result[controller.name] = _with(result[controller.name], found)
-    return result
+        result[controller.name] = _with(certificate, found)
+    return certificates.with_changed(result)
 
 
 def _share(progress: Progress, i: int, count: int) -> Progress:

@@ -24,7 +24,7 @@ STEP = 1 / 400
 """[s], four for each sample at 100 Hz."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class FlightCondition:
     """Where level flight is trimmed.
 

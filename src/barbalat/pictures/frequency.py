@@ -17,11 +17,13 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 from barbalat.pictures.log_ticks import power_of_ten
 from barbalat.pictures.panels import as_typed
 from barbalat.pictures.symbols import in_symbols
-from barbalat.pictures.theme import DASHES, NARROW, WIDE, Theme, new_figure
+from barbalat.pictures.theme import DASHES, NARROW, WIDE, Dash, Theme, new_figure
 from barbalat.validate import Array
 
 NYQUIST_WINDOW = (-3.2, 1.6, -2.4, 2.4)
 """Around -1: what decides on stability; loops with an integrator leave it for infinity."""
+DASHES_OF_LOOPS = (DASHES[0], DASHES[2], DASHES[3])
+"""Of loops of one colour; broken lines are |T|."""
 MOST_DECADES = 9
 """Marks of a logarithmic axis, so that their texts stay apart on a phone."""
 
@@ -69,11 +71,11 @@ def draw(responses: Sequence[Response], title: str, *, narrow: bool = False, sho
     _axes(peaks, "Sensitivity |S| (solid) and |T| (dashed)", "frequency [rad/s]", "", log="both")
     for k, response in enumerate(responses):
         colour = theme.colour(k)
-        width = 1.2 + 0.9 * (len(responses) - 1 - k)  # wider than those drawn after it, to be seen where they coincide
-        _bode(magnitude, phase, response, colour, width)
-        _nyquist(nyquist, response, colour, width)
+        width, dash = _width(k, len(responses)), _dash(k, theme)
+        _bode(magnitude, phase, response, colour, width, dash)
+        _nyquist(nyquist, response, colour, width, dash)
         with np.errstate(divide="ignore", invalid="ignore"):
-            peaks.plot(response.w, np.abs(1 / (1 + response.L)), color=colour, linewidth=width)
+            peaks.plot(response.w, np.abs(1 / (1 + response.L)), color=colour, linewidth=width, linestyle=dash)
             peaks.plot(response.w, np.abs(response.L / (1 + response.L)), color=colour, linewidth=width, linestyle=DASHES[1])
     for axes, level in ((magnitude, 1.0), (phase, -180.0), (peaks, 1.0)):
         axes.axhline(level, color=theme.quiet, linewidth=0.9, linestyle=DASHES[2])
@@ -87,13 +89,27 @@ def draw(responses: Sequence[Response], title: str, *, narrow: bool = False, sho
     return figure
 
 
+MOST_WIDTHS = 6
+"""As many as there are colours: with more, lines would hide each other."""
 MARKS = {"o": "where the phase margin is measured: |L| = 1", "s": "where the gain margin is measured: L real and negative"}
+
+
+def _width(k: int, count: int) -> float:
+    """Of the k-th line [points]: wider than those drawn after it, to be seen where they coincide, and without colours."""
+    return 1.2 + 0.9 * (min(count, MOST_WIDTHS) - 1 - k % MOST_WIDTHS)
+
+
+def _dash(k: int, theme: Theme) -> Dash:
+    return DASHES_OF_LOOPS[k // len(theme.colours) % len(DASHES_OF_LOOPS)]
 
 
 def _legend(figure: Figure, responses: Sequence[Response], theme: Theme, *, narrow: bool) -> None:
     width = 60 if narrow else 150
     captions = [as_typed(textwrap.fill(in_symbols(response.caption), width)) for response in responses]
-    lines = [Line2D([], [], color=theme.colour(k), label=caption) for k, caption in enumerate(captions)]
+    lines = [
+        Line2D([], [], color=theme.colour(k), label=caption, linewidth=_width(k, len(captions)), linestyle=_dash(k, theme))
+        for k, caption in enumerate(captions)
+    ]
     marks = [Line2D([], [], color=theme.quiet, marker=m, linestyle="", label=t) for m, t in MARKS.items()]
     small = 7.5 if narrow else 8.5
     figure.legend(handles=[*lines, *marks], loc="outside lower left", frameon=False, fontsize=small, alignment="left")
@@ -121,10 +137,10 @@ def _in_decades(axis: Axis) -> None:
     axis.set_major_formatter(FuncFormatter(lambda value, _: power_of_ten(value)))
 
 
-def _bode(magnitude: Axes, phase: Axes, response: Response, colour: str, width: float) -> None:
+def _bode(magnitude: Axes, phase: Axes, response: Response, colour: str, width: float, dash: Dash) -> None:
     size = np.abs(response.L)
-    magnitude.plot(response.w, size, color=colour, linewidth=width)
-    phase.plot(response.w, response.phase, color=colour, linewidth=width)
+    magnitude.plot(response.w, size, color=colour, linewidth=width, linestyle=dash)
+    phase.plot(response.w, response.phase, color=colour, linewidth=width, linestyle=dash)
     for mark, w in zip(MARKS, (response.at_phase, response.at_gain), strict=True):
         if w is None:
             continue
@@ -135,8 +151,8 @@ def _bode(magnitude: Axes, phase: Axes, response: Response, colour: str, width: 
             axes.plot([w, w], [values[at], turned], color=colour, linewidth=2.2, alpha=0.5)  # the margin itself
 
 
-def _nyquist(axes: Axes, response: Response, colour: str, width: float) -> None:
-    axes.plot(response.L.real, response.L.imag, color=colour, linewidth=width)
+def _nyquist(axes: Axes, response: Response, colour: str, width: float, dash: Dash) -> None:
+    axes.plot(response.L.real, response.L.imag, color=colour, linewidth=width, linestyle=dash)
     axes.plot(response.L.real, -response.L.imag, color=colour, linewidth=0.8, linestyle=DASHES[2])
     for mark, w in zip(MARKS, (response.at_phase, response.at_gain), strict=True):
         if w is not None:

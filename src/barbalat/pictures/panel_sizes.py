@@ -7,6 +7,7 @@ import textwrap
 from dataclasses import dataclass
 
 from barbalat.pictures.panels import Panel
+from barbalat.pictures.symbols import HELD_BLANK
 from barbalat.pictures.theme import NARROW, WIDE
 
 
@@ -35,9 +36,6 @@ class Sizes:
         lines = len(heading(panel, self).splitlines()) + -(-len(entries(panel)) // legend_columns(panel, self))
         return 1.42 * self.font * lines / 72 + 0.12
 
-
-HELD_BLANK = "\N{NO-BREAK SPACE}"
-"""A blank at which no line ends."""
 
 PAGE = Sizes(WIDE, left=0.84, right=0.22, axes=1.75, below=0.5, font=9.0, columns=2)
 PHONE = Sizes(NARROW, left=0.74, right=0.18, axes=1.8, below=0.48, font=8.0, columns=1)

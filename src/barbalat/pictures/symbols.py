@@ -1,9 +1,11 @@
-"""Symbols and powers of ten of names in pictures, as plain text: γ and 10⁶ for gamma 1e6."""
+"""Symbols and powers of ten of names in pictures, as plain text: γ and 10⁶ for gamma 1e6; text that stays on one line."""
 
 from __future__ import annotations
 
 import re
 
+HELD_BLANK = "\N{NO-BREAK SPACE}"
+"""A blank at which no line ends."""
 SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 GREEK = {
     "alpha": "α",
@@ -31,6 +33,11 @@ GREEK = {
 SUBSCRIPTS = str.maketrans("0123456789xr", "₀₁₂₃₄₅₆₇₈₉ₓᵣ", ",")
 HAT = "\N{COMBINING CIRCUMFLEX ACCENT}"
 _VALUE = re.compile(rf"\b({'|'.join(GREEK)})(?= (?:= )?[\d.])|(?<![\w.])(-?\d+(?:\.\d+)?)e([+-]?\d+)(?![\w.])")
+
+
+def held(text: str) -> str:
+    """The text as one word."""
+    return text.replace(" ", HELD_BLANK)
 
 
 def in_symbols(text: str) -> str:

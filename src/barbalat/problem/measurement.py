@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 
 import numpy as np
 
@@ -15,7 +15,7 @@ LARGEST_SEED = 2**64 - 1
 """A Philox counter's key has 64 bits for it."""
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False)
 class Noise(Settings):
     """Gaussian measurement noise: a new value for each measured quantity every ``sample_time``, held in between.
 
@@ -28,6 +28,7 @@ class Noise(Settings):
 
     std: float | Vector
     sample_time: float
+    _: KW_ONLY
     seed: int = 0
 
     def __post_init__(self) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 from itertools import combinations_with_replacement
 from typing import Protocol, runtime_checkable
 
@@ -40,7 +40,7 @@ class Linear:
         return x
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Polynomial(Settings):
     """All monomials of the states of degree 1 ... ``degree``, a leading 1 where ``constant``; by degree, then lexically.
 
@@ -49,6 +49,7 @@ class Polynomial(Settings):
     """
 
     degree: int
+    _: KW_ONLY
     constant: bool = False
 
     def __post_init__(self) -> None:
@@ -73,7 +74,7 @@ class Polynomial(Settings):
         return np.concatenate(terms)
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False)
 class GaussianRBF(Settings):
     """phi_i(x) = exp(-|x - c_i|^2/(2 width^2)).
 
@@ -106,7 +107,7 @@ class GaussianRBF(Settings):
 STATES = FormulaNames(r"x[1-9][0-9]*", "x1, x2, ...")
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False)
 class Terms(Settings):
     """Written terms: each a formula in x1 ... xn with + - * / **, and abs, exp, sin, cos, sqrt, tanh.
 

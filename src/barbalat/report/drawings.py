@@ -8,12 +8,11 @@ from dataclasses import dataclass
 from markupsafe import Markup
 from matplotlib.figure import Figure
 
-from barbalat.certificates.picture import MarginLoop, responses_of
+from barbalat.certificates.picture import MarginLoop, grouped, responses_of
 from barbalat.pictures.frequency import draw as draw_responses
 from barbalat.pictures.panel_drawing import draw as draw_panels
 from barbalat.pictures.panels import Panel
 from barbalat.pictures.render import render
-from barbalat.pictures.theme import COLOURS
 from barbalat.report.file_names import NARROW, loop_names
 
 
@@ -54,7 +53,7 @@ def narrow_panels(name: str, shown: Sequence[Panel], t_end: float) -> DrawnFile:
 
 def pictures_of_loops(found: Sequence[MarginLoop]) -> list[ReportFigure]:
     """So many loops in a picture as there are colours."""
-    groups = [found[i : i + len(COLOURS)] for i in range(0, len(found), len(COLOURS))]
+    groups = grouped(found)
     return [_loops(name, group) for name, group in zip(loop_names(len(groups)), groups, strict=True)]
 
 

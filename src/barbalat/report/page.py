@@ -24,15 +24,14 @@ from barbalat.claims.paper_figure import PaperFigure
 from barbalat.contests.result import Contest
 from barbalat.flight.compared import Compared
 from barbalat.flight.dispersed import DispersedComparison
+from barbalat.pictures.numbers import number_text
 from barbalat.report import contest as contest_rows
 from barbalat.report import dispersed, flights, tradeoff
 from barbalat.report import tuning as tuning_rows
-from barbalat.report.certificates import rows
 from barbalat.report.drawings import ReportFigure
 from barbalat.report.file_names import PAGE
 from barbalat.report.narrow import fits_a_phone
 from barbalat.report.notation import mathematics
-from barbalat.report.numbers import number_text
 from barbalat.report.sweep import WorstMember, extremes, in_symbols, shares, varied
 from barbalat.run.outcome import units_of
 from barbalat.run.result import Result
@@ -219,7 +218,6 @@ def _templates() -> Environment:
     )
     environment.filters |= {
         "number": number_text,
-        "rows": rows,
         "mathematics": mathematics,
         "linked": linked,
         "in_symbols": in_symbols,

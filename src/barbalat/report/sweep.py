@@ -6,7 +6,7 @@ import re
 from dataclasses import dataclass
 
 from barbalat import validate
-from barbalat.report.numbers import number_text
+from barbalat.pictures.numbers import number_text
 from barbalat.sweeps.evidence import FINDINGS
 from barbalat.sweeps.result import SweepResult
 from barbalat.sweeps.spread import InBall

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from barbalat.report.numbers import number_text
+from barbalat.pictures.numbers import number_text
 from barbalat.study.tradeoff import Cloud, TradeOff
 from barbalat.study.tradeoff_picture import TITLES, tuning_text
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from barbalat.report.numbers import number_text
+from barbalat.pictures.numbers import number_text
 from barbalat.tuning.result import Point, Tuned, Tuning
 
 

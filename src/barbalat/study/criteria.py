@@ -40,7 +40,7 @@ class Expected:
         return Expected(**values | {"explained": explained})
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Lost(Settings):
     """The loss of the motion: the run diverged, or its error grew by ``share`` of the model's own motion.
 
@@ -60,7 +60,7 @@ class Lost(Settings):
         return np.asarray(~(tail <= expected.error + self.share * expected.motion))  # NaN, a diverged run, is lost
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Onset(Settings):
     """The onset of oscillation: the run is no longer the undelayed motion with what a delay does to a loop that knows theta.
 

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from barbalat.certificates.certificate import Certificate, Draft
+from barbalat.certificates.certificates import Certificates
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller
 from barbalat.run.progress import Progress
@@ -17,20 +18,20 @@ from barbalat.study.motion import REST_SENTENCE, ModelMotion
 
 
 def with_simulated_margins(
-    certificates: dict[str, Certificate],
+    certificates: Certificates,
     problem: TrackingProblem,
     controllers: Sequence[Controller],
     simulation: Simulation,
     *,
     lost: Lost | None = None,
     progress: Progress | None = None,
-) -> dict[str, Certificate]:
+) -> Certificates:
     """The certificates with ``delay_onset_simulated`` and ``delay_margin_simulated`` [s], by ``Onset`` and by ``Lost``."""
-    result, criterion = dict(certificates), lost or Lost()
+    result, criterion = {}, lost or Lost()
     resting = (REST_SENTENCE,) if ModelMotion.of(problem, simulation).comes_to_rest else ()
     for name, found in delay_margins(problem, controllers, simulation, lost=criterion, progress=progress).items():
-        result[name] = _with(result[name], found, criterion, simulation, resting)
-    return result
+        result[name] = _with(certificates[name], found, criterion, simulation, resting)
+    return certificates.with_changed(result)
 
 
 def _with(

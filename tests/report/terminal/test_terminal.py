@@ -16,14 +16,17 @@ from barbalat.cases.load import bundled, load_case, parse_case
 from barbalat.certificates.certificate import Certificate
 from barbalat.certificates.certify import certify
 from barbalat.certificates.entry import Entry
+from barbalat.certificates.summary import five
 from barbalat.certificates.table_1 import table_1
 from barbalat.claims.claim import Claim, Listing, Reading
 from barbalat.claims.paper_figure import Check, PaperFigure
 from barbalat.claims.rows import LEDGER
-from barbalat.report.numbers import number_text
+from barbalat.pictures.numbers import number_text
+from barbalat.pictures.symbols import HELD_BLANK
 from barbalat.report.terminal import certificates, ledger, runs
-from barbalat.report.terminal.layout import HELD_BLANK, Screen, capitalized, fold
+from barbalat.report.terminal.layout import Screen, capitalized, fold
 from barbalat.run.simulate import simulate
+from barbalat.solvers import SOLVERS
 
 WIDE = 400
 WIDTHS = (60, 80, 120)
@@ -139,7 +142,7 @@ def test_the_five_lines_say_what_the_entries_say(name):
     made, table = certified(name)
     for column in table.columns:
         found = made[column.name]
-        condition, bound, margin, limits, assumed = certificates.five(column, found, 1e-3)
+        condition, bound, margin, limits, assumed = five(column, found, 1e-3)
         entry = found.entry("condition")
         if entry is not None and entry.value is not None:
             applies = column.cells["stability"].applies
@@ -167,7 +170,7 @@ def test_a_condition_that_is_met_is_not_enough_with_a_delay():
     late = parse_case(bundled()["paper"].read_text().replace("[plant]", "[plant]\ninput = { delay = 0.02 }", 1))
     made = certify(late.problem, late.controllers, late.simulation)
     table = table_1(late.problem, late.controllers, made)
-    lines = {column.name: certificates.five(column, made[column.name], 1e-3)[0] for column in table.columns}
+    lines = {column.name: five(column, made[column.name], 1e-3)[0] for column in table.columns}
     met = [line for name, line in lines.items() if (entry := made[name].entry("condition")) is not None and entry.value["holds"]]
     assert met and all("not enough: delay" in line.text and line.kind == "does not apply" for line in met)
 
@@ -187,7 +190,7 @@ def test_five_lines_are_all_there_and_whole(name, width):
         own = own[next(i for i, line in enumerate(own) if line.startswith("  condition")) :]  # a long heading folds
         assert [line[2:14].strip() for line in own if line[2] != " "] == LABELS
         said = " ".join(" ".join(own).split())
-        for line in certificates.five(column, made[column.name], 1e-3):
+        for line in five(column, made[column.name], 1e-3):
             assert " ".join(line.text.replace(HELD_BLANK, " ").split()) in said
 
 
@@ -197,8 +200,23 @@ def test_the_longest_limits_fit_80_columns():
     made = Certificate(tuple(Entry(key=key, value=value, kind="estimate") for key, value in values.items()))
     column = certified("paper")[1].columns[0]
     for dt, said in ((1e-5, "inside"), (5e-5, "between"), (1e-3, "too long")):
-        limits = certificates.five(column, made, dt)[3].text.replace(HELD_BLANK, " ")
+        limits = five(column, made, dt)[3].text.replace(HELD_BLANK, " ")
         assert limits == f"gain 1.23e+05 to 1.2e+06, step 1.23e-05 to 0.00012 s (dt {said})" and len(limits) <= 66
+
+
+@pytest.mark.parametrize(
+    ("solver", "of_one", "of_all"),
+    [("rk4", "at least,", "at least,"), ("heun", "about,", "at least, or about"), ("euler", "about,", "at least, or about")],
+)
+def test_the_legend_is_that_of_the_cases_solver(solver, of_one, of_all):
+    """A method without a piece of the imaginary axis bears a limit that counts on damping about, never at least."""
+    found = case("paper")
+    simulation = dataclasses.replace(found.simulation, solver=SOLVERS[solver])
+    (mrac,) = [one for one in found.controllers if one.name == "MRAC"]
+    for controllers, said in (([mrac], of_one), (found.controllers, of_all)):
+        made = certify(found.problem, controllers, simulation)
+        screen = shown(WIDE, lambda target, made=made: certificates.show(target, found.name, made, made.table, 1e-3))
+        assert f"the solver bears {said}" in screen
 
 
 def test_a_capital_begins_a_word_and_no_symbol():

@@ -16,7 +16,7 @@ from barbalat.protocols import Value
 from barbalat.settings import Settings
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False)
 class LeastSquaresBounded(BoundedCovarianceLaw, Settings):
     """theta_hat' = proj(P (epsilon phi - w theta_hat)), P' = beta P - P phi phi'P/m_s^2, but P' = 0 where |P|_F = R_0 would grow.
 

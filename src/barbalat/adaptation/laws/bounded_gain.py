@@ -14,7 +14,7 @@ from barbalat.protocols import Value
 from barbalat.settings import Settings
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False)
 class LeastSquaresBoundedGain(BoundedCovarianceLaw, Settings):
     """theta_hat' = proj(P epsilon phi), P' = beta(t) P - P phi phi'P/m_s^2, beta(t) = beta_0 (1 - |P|_F/k_0).
 

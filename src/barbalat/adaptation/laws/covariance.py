@@ -9,7 +9,7 @@ Source: Ioannou and Sun, section 4.3.6.
 from __future__ import annotations
 
 from abc import abstractmethod
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 from typing import ClassVar, NamedTuple
 
 import numpy as np
@@ -70,11 +70,12 @@ class CovarianceLaw(ModifiedLaw):
         return Moved(implicit.into(theta_next, known_set, Gain(P)), self.limit(Memory(P)))  # in the metric of the new P
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False)
 class BoundedCovarianceLaw(CovarianceLaw):
     """One that forgets, and keeps |P|_F below a bound."""
 
     covariance0: float | Array
+    _: KW_ONLY
     forgetting: float
     covariance_bound: float
     leakage: leak.Leakage | None = None

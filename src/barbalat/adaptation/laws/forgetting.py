@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import KW_ONLY, dataclass, replace
 
 import numpy as np
 
@@ -21,7 +21,7 @@ from barbalat.validate import Array, InputError
 UNEXCITED_REASON = "with unbounded forgetting nothing is guaranteed unless phi/m_s is persistently exciting"
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False)
 class LeastSquaresForgetting(CovarianceLaw, Settings):
     """theta_hat' = proj(P epsilon phi), P' = beta P - P phi phi'P/m_s^2.
 
@@ -36,6 +36,7 @@ class LeastSquaresForgetting(CovarianceLaw, Settings):
     """
 
     covariance0: float | Array
+    _: KW_ONLY
     forgetting: float
     leakage: leak.Leakage | None = None
     dead_zone: zone.DeadZone | None = None

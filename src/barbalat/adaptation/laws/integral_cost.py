@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -25,7 +25,7 @@ class Memory(NamedTuple):
     Q: Value  # (n,)
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False)
 class IntegralCost(Settings):
     """theta_hat' = proj(Gamma (Q - R theta_hat - w theta_hat)): steepest descent of the integral
     of e^{-beta(t-s)} (z(s) - theta_hat(t)'phi(s))^2/(2 m_s^2(s)).
@@ -46,6 +46,7 @@ class IntegralCost(Settings):
     """
 
     gamma: float | Array
+    _: KW_ONLY
     forgetting: float
     leakage: Leakage | None = None
 

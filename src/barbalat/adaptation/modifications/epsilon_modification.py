@@ -14,7 +14,7 @@ from barbalat.protocols import Value
 from barbalat.settings import Settings
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False)
 class EpsilonModification(Settings):
     """w = nu |error|, error = epsilon m_s, or e'P b for the Lyapunov laws: the leakage fades with the error, nu > 0.
 

@@ -13,7 +13,7 @@ from barbalat.protocols import Value
 from barbalat.settings import Settings
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False)
 class SwitchingSigma(Settings):
     """w = 0 for |theta_hat| <= M_0, sigma (|theta_hat|/M_0 - 1) up to 2 M_0, sigma beyond; Euclidean norm.
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 from typing import ClassVar, NamedTuple
 
 import numpy as np
@@ -56,7 +56,7 @@ class Equations:
         return Tustin(self, T, LinearStep.of(self.A, T))
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False)
 class LinearOutput(Scheme):
     """u = K(s)[y_m - y]; or u = F(s)[r] - K(s)[y] where a feedforward is given; both proper, from rest.
 
@@ -67,6 +67,7 @@ class LinearOutput(Scheme):
     """
 
     loop: TransferFunction
+    _: KW_ONLY
     feedforward: TransferFunction | None = None
     name: str = "Linear"
 

@@ -13,10 +13,8 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from barbalat.pictures.symbols import GREEK
+from barbalat.pictures.symbols import GREEK, HELD_BLANK, held
 
-HELD_BLANK = "\N{NO-BREAK SPACE}"
-"""A blank at which no line ends."""
 NARROWEST, FALLBACK = 40, 80
 """Columns: what any screen is taken to have, and what is assumed where nobody says (a file, a pipe)."""
 LONGEST_LINE = 100
@@ -30,11 +28,6 @@ COMPARED = re.compile(r"(?<=\S) (<=|>=|=|<|>|\*|/) (?=[-+\d\[(|])")
 """The blanks around a sign that belongs to the number behind it."""
 ENCLOSED = re.compile(r"(?<=\d) \.\.\. (?=[-+\d])")
 """The blanks between the two ends of an enclosure."""
-
-
-def held(text: str) -> str:
-    """The text as one word."""
-    return text.replace(" ", HELD_BLANK)
 
 
 def capitalized(text: str) -> str:

@@ -8,7 +8,8 @@ from typing import get_args
 from barbalat.claims.claim import Claim, Listing, Verdict
 from barbalat.claims.paper_figure import ADDED_FIGURE, PaperFigure
 from barbalat.claims.rows import RUNS_OF_SECTION_V, Measurement
-from barbalat.report.terminal.layout import Screen, capitalized, held
+from barbalat.pictures.symbols import held
+from barbalat.report.terminal.layout import Screen, capitalized
 
 STYLES = {"confirmed": "green", "confirmed with conditions": "yellow", "not confirmed": "red", "erratum": "red"}
 NAME_COLUMNS = 26

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from barbalat.pictures.numbers import number_text
 from barbalat.problem.labels import Labels, bracketed
-from barbalat.report.numbers import number_text
 from barbalat.report.terminal.layout import Screen, capitalized, grouped
 from barbalat.run.diagnosis.adapting import Adapting
 from barbalat.run.estimates import estimates_of

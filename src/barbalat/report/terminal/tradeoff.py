@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from barbalat.pictures.symbols import held
 from barbalat.report import tradeoff
-from barbalat.report.terminal.layout import Screen, held
+from barbalat.report.terminal.layout import Screen
 from barbalat.study.tradeoff import TradeOff
 
 

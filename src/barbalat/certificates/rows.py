@@ -5,11 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-from barbalat.certificates.certificate import Certificate
 from barbalat.certificates.entry import Entry
 from barbalat.certificates.quantities import QUANTITIES, Form
 from barbalat.certificates.rounding import down, up
-from barbalat.report.numbers import number_text
+from barbalat.pictures.numbers import number_text
 
 KINDS = {"exact": "linear loop", "advice": "", "does not apply": "does not apply"}
 """How a kind is printed, where not by its own name."""
@@ -27,13 +26,8 @@ class CertificateRow(NamedTuple):
     kind: str
 
 
-def rows(certificate: Certificate) -> list[CertificateRow]:
-    """All entries in order; guaranteed values rounded so that the print is a bound too."""
-    return [row for entry in certificate.entries for row in rows_of(entry)]
-
-
 def rows_of(entry: Entry) -> list[CertificateRow]:
-    """Those of one entry."""
+    """Those of one entry; a guaranteed value is rounded so that the print is a bound too."""
     kind = KINDS.get(entry.kind, entry.kind)
     if not entry.applies:
         return [CertificateRow(entry.key, "", entry.why, kind)]

@@ -7,7 +7,7 @@ import pytest
 from barbalat.certificates.certificate import Draft
 from barbalat.certificates.entry import NUMBERS_ALONE, NotApplicable
 from barbalat.certificates.quantities import Form, Quantity
-from barbalat.report.certificates import ROWS_BY_FORM, rows
+from barbalat.certificates.rows import ROWS_BY_FORM
 
 OWN_QUANTITIES = {
     "drift": Quantity("largest drift", "1/s"),
@@ -23,7 +23,7 @@ def test_a_schemes_own_keys_are_shown_by_their_form():
     draft.guarantee("reserve", 0.1234564, NUMBERS_ALONE)
     draft.estimate({"left": {"r": 0.25, "d": 1e-15}, "parts": ["one", "two"]})
     draft.guarantee("nu_0", 2.0, NUMBERS_ALONE)  # a shared one beside them
-    shown = {row.quantity: row for row in rows(draft.finish())}
+    shown = {row.quantity: row for row in draft.finish().rows}
     assert (shown["drift"].value, shown["drift"].meaning) == ("0.123457", "largest drift [1/s]")  # outward: up
     assert shown["reserve"].value == "0.123456"  # outward: down
     assert shown["left"].value == "0.25 r, 0 d"
@@ -34,7 +34,7 @@ def test_a_schemes_own_keys_are_shown_by_their_form():
 def test_a_value_that_does_not_apply_says_why():
     draft = Draft(own=OWN_QUANTITIES)
     draft.estimate({"drift": NotApplicable("nothing moves")})
-    (row,) = rows(draft.finish())
+    (row,) = draft.finish().rows
     assert (row.value, row.meaning, row.kind) == ("", "nothing moves", "does not apply")
     assert "drift" not in draft.finish().values
 

@@ -1,0 +1,122 @@
+"""A certificate in five lines: the condition, the bound, the margin, the largest gain and step, what is assumed and fails."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from barbalat.certificates.cells import Column
+from barbalat.certificates.certificate import Certificate
+from barbalat.certificates.entry import Entry
+from barbalat.certificates.rounding import up
+from barbalat.pictures.symbols import held
+
+
+class Line(NamedTuple):
+    """One of the five: what it is about, what is said, and how sure that is."""
+
+    label: str
+    text: str
+    kind: str
+
+
+def five(column: Column, certificate: Certificate, dt: float | None) -> tuple[Line, ...]:
+    """Does the condition hold; the bound; the margin; the largest gain and step; what is assumed, and what of it fails."""
+    if certificate.failure:
+        why = f"not known: {certificate.failure}"
+        rest = [Line(label, "not known", "does not apply") for label in ("bound of e", "margin", "gain, step", "assumed")]
+        return Line("condition", why, "does not apply"), *rest
+    return (
+        _condition(column.cells.get("stability"), certificate.entry("condition")),
+        _bound(certificate),
+        _margin(certificate),
+        _limits(certificate, dt),
+        _assumed(column, certificate),
+    )
+
+
+def _condition(stability: Entry | None, condition: Entry | None) -> Line:
+    if condition is not None and condition.value is not None:
+        value = condition.value
+        of = f"||{value.get('of', 'W_b (1 - C)')}||_1 {value.get('times', 'theta_max')}"
+        size = "is infinite" if value["value_upper"] is None else f"<= {up(value['value_upper'])}"
+        if value["holds"] and stability is not None and not stability.applies:
+            return Line("condition", f"{of} {size}; not enough: {stability.why}", "does not apply")
+        if value["holds"]:
+            return Line("condition", f"holds: {of} {size} < 1", condition.kind)
+        return Line("condition", f"not shown: {of} {size}, less than 1 needed", "does not apply")
+    if stability is None or not stability.applies:
+        return Line("condition", f"not shown: {'' if stability is None else stability.why}", "does not apply")
+    return Line("condition", f"none needed; bounded: {stability.text}", stability.kind)
+
+
+def _bound(certificate: Certificate) -> Line:
+    bound, worst = certificate.entry("error_bound"), certificate.entry("error_bound_worst")
+    if bound is None or not bound.applies or bound.value is None:
+        return Line("bound of e", f"none: {'not known for this scheme' if bound is None else bound.why}", "does not apply")
+    text = f"{held(bound.kind)}: {up(bound.value)}"
+    if worst is not None and worst.applies and worst.value is not None:
+        text += f"; {up(worst.value)} for any theta of the known set"
+    return Line("bound of e", text, bound.kind)
+
+
+def _margin(certificate: Certificate) -> Line:
+    margin, adapting = certificate.entry("delay_margin"), certificate.entry("delay_margin_adapting")
+    parts = []
+    searched = certificate.entry("margins_over_known_set")
+    loops = [] if searched is None or not searched.applies else searched.value
+    least = [loop["delay_margin"]["value"] for loop in loops if "delay_margin" in loop]
+    if any("unstable_at" in loop for loop in loops):
+        parts.append("unstable in the set")
+    elif least:
+        parts.append(f"{_delay(min(least))} in the set")
+    if adapting is not None and adapting.applies:
+        parts.append(f"{_delay(adapting.value)} adapting")
+    if margin is not None and margin.applies:  # alone it need not be told from others
+        parts.insert(0, f"{_delay(margin.value)} at theta" if parts else _delay(margin.value))
+    if not parts:
+        return Line("margin", "not known: no stable linear loop describes it", "does not apply")
+    text = ", ".join(parts)
+    if margin is not None and margin.unsampled:
+        text = f"unsampled: {text}"
+    return Line("margin", text, margin.kind if margin is not None and len(parts) == 1 else "estimate")
+
+
+def _delay(value: float | None) -> str:
+    return held("any delay" if value is None else f"{value:.3g} s")
+
+
+def _limits(certificate: Certificate, dt: float | None) -> Line:
+    gain, step = (_span(certificate, key) for key in ("gamma_max", "step_max"))
+    parts = [f"gain {_text_of(gain)}"] if gain else []
+    parts += [f"step {_text_of(step)} s"] if step else []
+    if not parts:
+        return Line("gain, step", "no limit is known", "does not apply")
+    judged = ""
+    if step and dt is not None:
+        word = "inside" if dt <= step[0] else "too long" if dt > step[-1] else "between"
+        judged = f" ({held(f'dt {word}')})"
+    return Line("gain, step", f"{', '.join(map(held, parts))}{judged}", "estimate")
+
+
+def _span(certificate: Certificate, key: str) -> list[float]:
+    """What is borne at least, and from where oscillations are due; as much of it as is known."""
+    values = (certificate.values.get(name) for name in (key, f"{key}_at_model"))
+    return [value for value in values if value is not None]
+
+
+def _text_of(span: list[float]) -> str:
+    """The second, from where oscillations are due, is a rougher number."""
+    return " to ".join(f"{value:.{digits}g}" for value, digits in zip(span, (3, 2), strict=False))
+
+
+def _assumed(column: Column, certificate: Certificate) -> Line:
+    """Of the values and of Table 1's cells: a scheme without a bound has its assumptions there."""
+    stated = [*certificate.entries, *column.cells.values()]
+    claimed = {sentence for entry in stated if entry.kind == "guaranteed" for sentence in entry.assumptions}
+    broken = ", ".join(dict.fromkeys(entry.why for entry in stated if not entry.applies and entry.assumptions))
+    if broken:
+        return Line("assumed", f"fails here: {broken}", "does not apply")
+    if not claimed:
+        return Line("assumed", "nothing: nothing is guaranteed", "")
+    kept = "one thing" if len(claimed) == 1 else f"{len(claimed)} things"
+    return Line("assumed", f"{kept}, checked on this case: none fails", "guaranteed")
