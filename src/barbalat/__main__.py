@@ -1,8 +1,19 @@
-"""``python -m barbalat``: the command line."""
+"""``barbalat`` and ``python -m barbalat``: the command line, whose own files take a moment to load."""
 
 import sys
 
-from barbalat.cli import main
+
+def main() -> int:
+    """Run one command; returns the exit code. Ctrl-C is answered from the first moment on."""
+    try:
+        from barbalat.cli import main as command_line
+
+        return command_line()
+    except KeyboardInterrupt:  # before the command has begun, or after its end
+        sys.stderr.write("interrupted\n")
+        exec("")  # see barbalat.cli
+        return 130
+
 
 if __name__ == "__main__":
     sys.exit(main())

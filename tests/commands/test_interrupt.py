@@ -9,6 +9,7 @@ import time
 
 import pytest
 
+from barbalat.__main__ import main as start
 from barbalat.commands.interrupt import RETRY_PERIOD, Terminated, interruptible
 from barbalat.run.processes import deaf_children, undisturbed
 
@@ -156,3 +157,14 @@ def test_an_interrupt_within_an_exec_ends_with_its_code_too(tmp_path):
     )
     done = subprocess.run([sys.executable, "-m", "within_an_exec"], check=False, cwd=tmp_path, capture_output=True, text=True)
     assert (done.returncode, done.stderr) == (130, "interrupted\n")
+
+
+def test_ctrl_c_while_the_command_line_is_loaded(monkeypatch, capsys):
+    class Loading:
+        @property
+        def main(self):
+            raise KeyboardInterrupt
+
+    monkeypatch.setitem(sys.modules, "barbalat.cli", Loading())
+    assert start() == 130
+    assert capsys.readouterr().err == "interrupted\n"

@@ -23,6 +23,9 @@ SEPARATOR = "\v"
         ("barbalat certify ", set(bundled())),
         ("barbalat run paper --js", {"--json"}),
         ("barbalat completion f", {"fish"}),
+        ("barbalat claims tau-l", {"tau-limit-delay", "tau-limit-mu"}),
+        ("barbalat fly f16-", {"f16-pitch", "f16-roll"}),
+        ("barbalat export quadrotor-pitch --controller AD", {"ADRC"}),
     ],
 )
 def test_what_a_shell_is_offered(line, offered, tmp_path):

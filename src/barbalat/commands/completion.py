@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -35,15 +36,38 @@ def answer(parser: argparse.ArgumentParser) -> None:
     import argcomplete
     from argcomplete.completers import BaseCompleter, FilesCompleter
 
-    from barbalat.cases.bundled import bundled
-
-    class CasesAndFiles(BaseCompleter):
-        """The bundled cases where a case is meant, and files."""
+    class NamesAndFiles(BaseCompleter):
+        """The names that are meant, and files but where a name alone is."""
 
         def __call__(
             self, *, prefix: str, action: argparse.Action, parser: argparse.ArgumentParser, parsed_args: argparse.Namespace
         ) -> list[str]:
-            names = [name for name in bundled() if name.startswith(prefix)] if action.metavar == "CASE" else []
-            return [*names, *FilesCompleter()(prefix)]
+            names = _names(parser.prog.split()[-1], action, parsed_args)
+            files = FilesCompleter()(prefix) if names is None or action.metavar == "CASE" else []
+            return [*(name for name in names or () if name.startswith(prefix)), *files]
 
-    argcomplete.autocomplete(parser, default_completer=CasesAndFiles())
+    argcomplete.autocomplete(parser, default_completer=NamesAndFiles())
+
+
+def _names(command: str, action: argparse.Action, options: argparse.Namespace) -> list[str] | None:
+    """What may stand there: bundled cases, rows of the ledger, flights, controllers of the case named; None: no names."""
+    match command, action.metavar, action.dest:
+        case _, "CASE", _:
+            from barbalat.cases.bundled import bundled
+
+            return list(bundled())
+        case "claims", "NAME", _:
+            from barbalat.claims.rows import LEDGER
+
+            return [name for part in LEDGER for name in part.names]
+        case "fly", "NAME", "name":
+            from barbalat.flight.registry import FLIGHTS
+
+            return list(FLIGHTS)
+        case "export", "NAME", "controller":
+            from barbalat.cases.load import load_case
+
+            with contextlib.suppress(ValueError, OSError):  # a case that can't be read has no names yet
+                return [controller.name for controller in load_case(options.case).controllers]
+            return []
+    return None
