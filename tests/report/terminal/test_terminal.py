@@ -133,7 +133,7 @@ def test_at_80_columns_a_controllers_component_has_one_line():
     assert [line.split()[:-4][-1] for line in (lines[first + k] for k in (0, 2, 4))] == ["e_1"] * 3
 
 
-@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize("name", (*CASES, "satellite-spin"))
 def test_the_five_lines_say_what_the_entries_say(name):
     """Each number of them is an entry's; the word guaranteed stands beside nothing else than a guarantee."""
     made, table = certified(name)
