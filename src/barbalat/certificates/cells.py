@@ -124,6 +124,11 @@ def margins_cell(certificate: Certificate) -> Entry:
             parts.append(f"over the known set {loop['delay_margin']['value']:.4g} s at the least found ({loop['loop']})")
     if adapting is not None and adapting.value is not None:
         parts.append(f"linearised with its law at the largest command {adapting.value:.3g} s")
+    each = certificate.entry("delay_margin_each")
+    if not parts and each is not None and each.applies:
+        delays = ", ".join("unlimited" if value is None else f"{value:.4g} s" for value in each.value)
+        text = f"delay margin of each input alone: {delays} ({each.of})"
+        return Entry(key="margins", value=text, kind=each.kind, quantity=Quantity(PROPERTIES["margins"]), of=each.of)
     if not parts:
         return nothing("margins", "no linear loop is known")
     only_exact = margin is not None and margin.kind == "exact" and len(parts) == 1

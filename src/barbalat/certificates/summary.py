@@ -73,6 +73,10 @@ def _margin(certificate: Certificate) -> Line:
         parts.append(f"{_delay(adapting.value)} adapting")
     if margin is not None and margin.applies:  # alone it need not be told from others
         parts.insert(0, f"{_delay(margin.value)} at theta" if parts else _delay(margin.value))
+    each = certificate.entry("delay_margin_each")
+    if not parts and each is not None and each.applies:
+        delays = ", ".join(_delay(value) for value in each.value)
+        return Line("margin", f"{'unsampled: ' * each.unsampled}{delays}: of each input, the others without delay", each.kind)
     if not parts:
         return Line("margin", "not known: no stable linear loop describes it", "does not apply")
     text = ", ".join(parts)

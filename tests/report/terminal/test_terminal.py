@@ -136,7 +136,7 @@ def test_at_80_columns_a_controllers_component_has_one_line():
     assert [line.split()[:-4][-1] for line in (lines[first + k] for k in (0, 2, 4))] == ["e_1"] * 3
 
 
-@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize("name", (*CASES, "satellite-spin"))
 def test_the_five_lines_say_what_the_entries_say(name):
     """Each number of them is an entry's; the word guaranteed stands beside nothing else than a guarantee."""
     made, table = certified(name)
@@ -157,6 +157,10 @@ def test_the_five_lines_say_what_the_entries_say(name):
         for text, key in ((margin.text, "delay_margin"), (margin.text, "delay_margin_adapting")):
             value = found.values.get(key)
             assert value is None or f"{value:.3g} s" in text.replace(HELD_BLANK, " ")
+        for value in found.values.get("delay_margin_each", []) if "delay_margin" not in found.values else []:
+            shown_as = "any delay" if value is None else f"{value:.3g} s"
+            assert shown_as in margin.text.replace(HELD_BLANK, " ") and margin.kind == found.entry("delay_margin_each").kind
+            assert value is None or f"{value:.4g} s" in column.cells["margins"].text
         gain, step = found.values.get("gamma_max"), found.values.get("step_max")
         assert gain is None or f"gain {gain:.3g}" in limits.text.replace(HELD_BLANK, " ")
         assert step is None or f"step {step:.3g} " in limits.text.replace(HELD_BLANK, " ")
