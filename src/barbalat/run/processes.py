@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import signal
 import sys
 from collections.abc import Callable, Iterator
@@ -27,13 +28,14 @@ class Here(Executor):
 
 @contextmanager
 def processes(count: int) -> Iterator[ProcessPoolExecutor]:
-    """So many processes; whatever they are at when this is left by an exception, nobody waits for.
+    """So many processes, which collect garbage as often as this one; whatever they are at when this is left by an exception,
+    nobody waits for.
 
     What is submitted first, and with it starts them, belongs into ``deaf_children``. The program that calls this must be one that
     a new process may import: started by ``if __name__ == "__main__"``.
     """
     others = active_children()
-    pool = ProcessPoolExecutor(count, mp_context=get_context("spawn"))
+    pool = ProcessPoolExecutor(count, mp_context=get_context("spawn"), initializer=gc.set_threshold, initargs=gc.get_threshold())
     try:
         yield pool
     except BaseException:
