@@ -94,20 +94,32 @@ def test_recorded_commands_in_every_form(tmp_path):
         "tab": "t\tr\n0\t1\n0,5\t-2,5\n1,25\t3\n",
         "semicolon": "t;r\n0;1\n0,5;-2,5\n1,25;3\n",
         "decimal commas": "0,0 1,0\n0,5 -2,5\n1,25 3,0\n",
+        "Latin-1, with units": "Zeit;größe 1\n[s];[°]\n0;1\n0,5;-2,5\n1,25;3\n",
+        "a spreadsheet's": 'sep=;\n"t_1";"r_1"\n"0";"1"\n"0,5";"-2,5"\n"1,25";"3"\n',
+        "another separator in the header": "t [s], at 1 kHz; r\n0;1\n0,5;-2,5\n1,25;3\n",
     }
     for name, text in texts.items():
         file = tmp_path / f"{name}.csv"
-        file.write_text(text)
+        file.write_bytes(text.encode("latin-1"))
         found = barbalat.Recorded.from_csv(file)
         assert found.times.tolist() == t.tolist() and found.values.tolist() == r.tolist(), name
     scipy.io.savemat(tmp_path / "r.mat", {"t": t, "r": r, "other": np.eye(2)})
     scipy.io.savemat(tmp_path / "pair.mat", {"data": np.column_stack([t, r])})
+    logged = {"time": t, "signals": {"values": r, "dimensions": 1.0, "label": "r"}}  # Simulink's structure with time
+    scipy.io.savemat(tmp_path / "logged.mat", {"yout": logged})
+    scipy.io.savemat(tmp_path / "named.mat", {"own": {"seconds": t, "speed": r, "other": 2 * r}})
     for found in (
         barbalat.Recorded.from_mat(tmp_path / "r.mat"),
         barbalat.Recorded.from_mat(tmp_path / "pair.mat", values="data"),
+        barbalat.Recorded.from_mat(tmp_path / "pair.mat"),
+        barbalat.Recorded.from_mat(tmp_path / "logged.mat"),
+        barbalat.Recorded.from_mat(tmp_path / "named.mat", times="own.seconds", values="own.speed"),
     ):
         assert found.times.tolist() == t.tolist() and found.values.tolist() == r.tolist()
-    assert "data" in refusal(lambda: barbalat.Recorded.from_mat(tmp_path / "pair.mat"))
+    scipy.io.savemat(tmp_path / "square.mat", {"data": np.eye(2)})
+    assert "data is 2 x 2" in refusal(lambda: barbalat.Recorded.from_mat(tmp_path / "square.mat"))
+    said = refusal(lambda: barbalat.Recorded.from_mat(tmp_path / "named.mat"))
+    assert "no variable 't' for the times; its variables are: own.other, own.seconds, own.speed" in said
     (tmp_path / "no.mat").write_bytes(b"nothing of MATLAB's")
     assert "no.mat" in refusal(lambda: barbalat.Recorded.from_mat(tmp_path / "no.mat"))
 

@@ -1,5 +1,6 @@
 """Case files: every key arrives where it should, and everything that can't be used is one clear sentence."""
 
+import re
 from operator import attrgetter
 
 import numpy as np
@@ -18,10 +19,11 @@ from barbalat.adaptation.laws import (
     LeastSquaresResetting,
 )
 from barbalat.cases.bundled import bundled
-from barbalat.cases.load import load_case, parse_case
+from barbalat.cases.load import load_case, parse_case, text_to_start_from
 from barbalat.controllers import SCHEMES
 from barbalat.controllers.output.l1 import fast_limit, linear_equivalent
-from barbalat.signals import Sines
+from barbalat.signals import SIGNALS, Sines
+from barbalat.solvers import SOLVERS
 from independent import as_toml, refusal
 
 PAPER = bundled()["paper"].read_text()
@@ -444,3 +446,13 @@ def test_a_second_spelling_is_understood():
     """``value`` for a constant's amplitude, ``path`` for a file."""
     constant = edited('kind = "sine"\namplitude = 50.0\nfrequency = 0.5', 'kind = "constant"\nvalue = 3')
     assert parse_case(constant).problem.reference(np.zeros(1)) == [3.0]
+
+
+def test_the_template_names_every_solver_and_every_kind_of_command():
+    lines = text_to_start_from().splitlines()
+    (solver,) = (line for line in lines if line.startswith("solver"))
+    assert solver.partition("# ")[2] == ", ".join(SOLVERS)
+    said = " ".join(
+        line.partition("#")[2] for line in lines[lines.index(next(x for x in lines if x.startswith("[reference] "))) :]
+    )
+    assert all(re.search(rf"\b{kind}\b", said) for kind in SIGNALS)

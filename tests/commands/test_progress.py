@@ -1,11 +1,13 @@
 """How much of the work is over, and how long it still takes: by a clock that the test turns."""
 
+import io
+import sys
 import time
 
 import pytest
 from rich.console import Console
 
-from barbalat.commands.screen import Work
+from barbalat.commands.screen import Work, say
 
 
 @pytest.fixture
@@ -80,3 +82,22 @@ def test_no_time_is_told_before_it_is_known_within_a_factor_of_two(clock):
     with work.part("drawing"):
         clock[0] += 6.0
         assert not work.known
+
+
+class Terminal(io.StringIO):
+    """Standard error of a person."""
+
+    def isatty(self):
+        return True
+
+
+def test_a_long_sentence_is_folded_on_a_terminal_and_one_line_elsewhere(monkeypatch):
+    """No line is longer, none ends between a number and its unit, and nothing else is changed."""
+    text = "barbalat: controller 1 (model reference adaptive): sample_time must be so many whole steps of 0.001 s, got 0.0105 s"
+    for stream, lines in ((Terminal(), 3), (io.StringIO(), 1)):
+        monkeypatch.setattr(sys, "stderr", stream)
+        monkeypatch.setenv("COLUMNS", "60")
+        say(text)
+        shown = stream.getvalue().splitlines()
+        assert len(shown) == lines and " ".join(" ".join(shown).split()) == text
+        assert lines == 1 or (max(map(len, shown)) <= 60 and "0.001 s," in stream.getvalue())

@@ -7,7 +7,9 @@ from dataclasses import fields, is_dataclass
 import numpy as np
 import pytest
 from scipy import linalg
+from scipy.integrate import solve_ivp
 
+from barbalat import Mrac, Simulation, simulate
 from barbalat.cases.load import load_case
 from barbalat.problem.state_feedback import Known, ParameterBox, Plant, Problem, ReferenceModel
 from barbalat.signals import Constant, Sine
@@ -127,3 +129,15 @@ def test_a_mask_is_not_ignored():
     assert "masked" in refusal(lambda: Plant(A_m=[[0.0, 1.0], [-0.3, -1.0]], b=[0.0, 1.0], theta=theta))
     theta.mask = False
     Plant(A_m=[[0.0, 1.0], [-0.3, -1.0]], b=[0.0, 1.0], theta=theta)
+
+
+def test_one_command_of_several_inputs_is_a_list_of_one():
+    """k_0 has a column for it: the model moves by B k_0 r, as SciPy integrates it."""
+    B, k_0 = np.array([[1.0, 0.0], [0.5, 1.0]]), np.array([[2.0], [-3.0]])
+    plant = Plant(A_m=[[-2.0, 0.0], [0.0, -3.0]], b=B, theta=[[1.0, 0.5], [0.2, 1.0]], x0=[0.0, 0.0])
+    problem = Problem(plant, ReferenceModel(k_0), Sine(1.0, 2.0))
+    found = simulate(problem, Mrac(5.0), Simulation(t_end=1.0, dt=1e-3))["MRAC"]
+    assert found.r.shape == (len(found.t), 1)
+    drive = lambda t, x_m: plant.A_m @ x_m + (B @ k_0)[:, 0] * np.sin(2 * t)  # noqa: E731
+    exact = solve_ivp(drive, (0.0, 1.0), [0.0, 0.0], rtol=1e-10, atol=1e-12).y[:, -1]
+    np.testing.assert_allclose(found.x_m[-1], exact, atol=1e-9)

@@ -9,7 +9,10 @@ from matplotlib.figure import Figure
 from barbalat import (
     EULER,
     Constant,
+    DirectMrac,
+    FixedSigma,
     Mrac,
+    NetworkMrac,
     ParameterBox,
     Plant,
     Problem,
@@ -29,6 +32,7 @@ from barbalat import (
     simulate_ensemble,
 )  # fmt: skip
 from barbalat.problem.command_gain import command_warning, gains_at_rest
+from barbalat.run.outcome import ends_of, text_of
 from barbalat.run.picture import panels
 from barbalat.study.tau_limit import TauLimits
 from independent import refusal
@@ -67,6 +71,17 @@ def test_a_result_on_one_line_and_in_a_notebook(results):
     assert "\n" not in text and len(text) < 250 and "max |e|" in text
     html = results["MRAC"]._repr_html_()
     assert "<table>" in html and "data:image/svg+xml;base64," in html
+
+
+def test_the_estimates_at_the_end_are_all_that_a_scheme_adapts():
+    """Direct MRAC's k_r beside its theta_hat; of a network's many weights the largest."""
+    network = NetworkMrac(5.0, gamma_v=1.0, neurons=6, leakage=FixedSigma(0.1))
+    direct, plain, net = simulate(problem(), [DirectMrac(10.0, gamma_r=5.0), Mrac(5.0), network], SHORT).values()
+    assert ends_of(direct) == f"{text_of(direct.theta_hat[-1].tolist())}; k_r {direct.reported['k_r_hat'][-1][0]:.4g}"
+    assert ends_of(plain) == text_of(plain.theta_hat[-1].tolist())
+    weights = np.abs(net.reported["V_hat"][-1])
+    assert ends_of(net).endswith(f"; V of {weights.size} entries, {weights.max():.4g} the largest")
+    assert f"<td>{ends_of(direct)}</td>" in direct._repr_html_()
 
 
 def test_several_results_are_a_dictionary_that_shows_itself(results):

@@ -132,9 +132,20 @@ def _duration(seconds: float) -> str:
 
 
 def say(text: str) -> None:
-    """One line on standard error."""
+    """One line on standard error; on a terminal that is narrower, as many as it takes, none of which ends inside a number."""
     if not text.isprintable():
         from barbalat.validate import printable
 
         text = printable(text)
+    if sys.stderr.isatty() and len(text) > NARROWEST:
+        from barbalat.report.terminal.layout import Screen, console
+
+        Screen(console(to_standard_error=True), longest=len(text)).line(text.strip(), "", INDENT, text[: -len(text.lstrip())])
+        return
     print(text, file=sys.stderr)  # noqa: T201
+
+
+NARROWEST = 40
+"""Columns that any terminal is taken to have."""
+INDENT = " " * len("barbalat: ")
+"""Of a sentence's further lines."""

@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from typing import Protocol
 
-from barbalat.problem.labels import Labels
+import numpy as np
 
+from barbalat.problem.labels import Labels
+from barbalat.run.estimates import MOST_REPORTED
+
+Figure = float | list[float] | None
+"""A figure, or its components; None where there is no finite value."""
 FIGURE_LABELS = {
     "max_abs_e": "max |e|",
     "rms_e": "RMS e",
@@ -58,6 +63,22 @@ def text_of(value: float | list[float] | None) -> str:
     return "-" if value is None else f"{value:.4g}"
 
 
+def ends_of(run: Finished, text: Callable[[Figure], str] | None = None) -> str:
+    """The estimates at the end: theta_hat's, then by name what the scheme adapts beside it; of many the largest."""
+    text = text or text_of
+    ends = {name.removesuffix("_hat_final"): value for name, value in run.figures.items() if name.endswith("_hat_final")}
+    theta = ends.pop("theta", None)
+    own = [text(theta)] if theta or not ends else []
+    return "; ".join([*own, *(f"{name} {_end(value, text)}" for name, value in ends.items())]).replace("[]", "-")
+
+
+def _end(value: Figure, text: Callable[[Figure], str]) -> str:
+    entries = np.ravel([] if value is None else value)
+    if len(entries) <= MOST_REPORTED:
+        return text(value)
+    return f"of {len(entries)} entries, {np.abs(entries).max():.4g} the largest"
+
+
 def units_of(labels: Labels | None) -> dict[str, str]:
     """The units of figures by their names, in brackets, where the case has told them."""
     if labels is None:
@@ -80,5 +101,6 @@ def _row(name: str, run: Finished) -> str:
         return (
             f'<tr><th scope="row">{name}</th><td colspan="{len(FIGURE_LABELS)}">diverged at t = {run.diverged_at:.4g} s</td></tr>'
         )
-    cells = "".join(f"<td>{text_of(run.figures[key])}</td>" for key in FIGURE_LABELS)
+    shown = (ends_of(run) if key == "theta_hat_final" else text_of(run.figures[key]) for key in FIGURE_LABELS)
+    cells = "".join(f"<td>{text}</td>" for text in shown)
     return f'<tr><th scope="row">{name}</th>{cells}</tr>'

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import re
-import struct
-import zlib
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -38,7 +36,7 @@ class Recorded(Continuous, Settings):
 
     @classmethod
     def from_csv(cls, file: str | Path, *, separator: str | None = None) -> Recorded:
-        """Read a column of times [s] and a column of values; one header line may stand on top.
+        """Read a column of times [s] and a column of values; a header may stand on top, with a line of units.
 
         separator  between the two: a comma, a semicolon, a tab or spaces, found out where it is not given. Beside any but the
                    comma, numbers may have a decimal comma
@@ -49,11 +47,14 @@ class Recorded(Continuous, Settings):
         if separator is not None:
             validate.instance("separator", separator, str)
         try:
-            lines = path.read_text(encoding="utf-8-sig").splitlines()
+            lines = _text(path.read_bytes()).splitlines()
         except (OSError, ValueError) as error:
             reason = getattr(error, "strerror", None) or "it is not a text file"
             raise InputError(f"the data file {validate.show(str(path))} cannot be read: {reason}") from None
-        between_cells = _separator(lines) if separator is None else separator
+        said = SEPARATOR_SAID.fullmatch(lines[0]) if lines else None
+        if said:
+            lines[0] = ""
+        between_cells = separator or (said and said[1]) or _separator(lines)
         rows: list[tuple[float, float]] = []
         for position, line in enumerate(lines, start=1):
             if not line.strip():
@@ -62,7 +63,8 @@ class Recorded(Continuous, Settings):
             try:
                 time, value = (float(cell) for cell in cells)
             except ValueError:
-                if position == 1 and not any(_is_number(cell) for cell in cells):
+                first = position == 1 or (said is not None and position == 2)
+                if not rows and (first or not any(map(str.isdigit, line))) and not any(_is_number(cell) for cell in cells):
                     continue  # the header
                 raise InputError(f"{path}, line {position}: expected a time and a value, got {validate.show(line)}") from None
             rows.append((time, value))
@@ -75,39 +77,19 @@ class Recorded(Continuous, Settings):
     def from_mat(cls, file: str | Path, *, times: str = "t", values: str | None = None) -> Recorded:
         """Read a MATLAB file (up to version 7.2): a vector of times [s] and one of values, by the variables' names.
 
-        values  the only other variable of as many numbers by default; of a matrix ``values`` with two columns or rows, named
-                alone, the first has the times
+        times   where there is none of this name, the only one that is called t, time, times or tout, in a structure too
+        values  the only other variable of as many numbers by default; of a matrix with two columns or rows, which is named here
+                or the only variable, the first has the times. A field of a structure is named with a point: "out.time"
 
         Raises InputError that names the file and the variables in it.
         """
-        from scipy.io import loadmat
-        from scipy.io.matlab import MatReadError
+        from barbalat.signals.matlab import times_and_values, variables
 
         path = _path(file)
         for name, given in (("times", times), ("values", values)):
             if given is not None:
                 validate.label(name, given)
-        try:
-            found = {k: np.squeeze(v) for k, v in loadmat(str(path), appendmat=False).items() if not k.startswith("__")}
-        except NotImplementedError:
-            raise InputError(f"{path} is a MATLAB file of version 7.3; save it with save(..., '-v7')") from None
-        except OSError as error:
-            reason = error.strerror or "it is no MATLAB file"
-            raise InputError(f"the data file {validate.show(str(path))} cannot be read: {reason}") from None
-        except (MatReadError, ValueError, TypeError, KeyError, IndexError, EOFError, zlib.error, struct.error):
-            raise InputError(f"the data file {validate.show(str(path))} cannot be read: it is no MATLAB file") from None
-        there = ", ".join(sorted(found)) or "none"
-        if values in found and times not in found and found[values].ndim == 2 and 2 in found[values].shape:
-            pair = found[values] if found[values].shape[0] == 2 else found[values].T
-            return cls._of_file(path, *pair)
-        if times not in found:
-            raise InputError(f"{path} has no variable {times!r} for the times; its variables are: {there}")
-        fitting = [k for k, v in found.items() if k != times and v.shape == found[times].shape]
-        chosen = fitting[0] if values is None and len(fitting) == 1 else values
-        if chosen not in found:
-            missing = "name one with values" if values is None else f"it has no variable {values!r}"
-            raise InputError(f"{path}: {missing}; its variables are: {there}")
-        return cls._of_file(path, found[times], found[chosen])
+        return cls._of_file(path, *times_and_values(path, variables(path), times, values))
 
     @classmethod
     def _of_file(cls, path: Path, times: Array, values: Array) -> Recorded:
@@ -156,9 +138,24 @@ def _path(file: str | Path) -> Path:
     return Path(file)
 
 
+SEPARATOR_SAID = re.compile(r"sep=([,;\t])", re.IGNORECASE)
+"""The line with which spreadsheets say their separator."""
+
+
+def _text(content: bytes) -> str:
+    """UTF-8, or else Latin-1: numbers are the same in both, and what headers say is not read."""
+    if b"\0" in content:
+        raise ValueError("not a text")
+    try:
+        return content.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        return content.decode("latin-1")
+
+
 def _separator(lines: list[str]) -> str:
-    """What stands between two numbers in the first line that has any: the surest sign first."""
-    first = next((line.strip() for line in lines if any(map(str.isdigit, line))), "")
+    """What stands between two numbers in the first line that begins with one, else has any: the surest sign first."""
+    numbers = [line.strip() for line in lines if re.match(r'[\s"]*[-+.]?\d', line)]
+    first = next((line.strip() for line in [*numbers, *lines] if any(map(str.isdigit, line))), "")
     for sign in ("\t", ";"):
         if sign in first:
             return sign
@@ -167,11 +164,11 @@ def _separator(lines: list[str]) -> str:
 
 
 def _cells(line: str, separator: str) -> list[str]:
-    """The line's parts, a decimal comma in them as a point."""
+    """The line's parts without quotes, a decimal comma in them as a point."""
     if separator == ",":
-        return line.split(",")
+        return [part.strip().strip('"') for part in line.split(",")]
     parts = line.split() if not separator.strip(" ") else line.split(separator)
-    return [part.replace(",", ".") for part in parts]
+    return [part.strip().strip('"').replace(",", ".") for part in parts]
 
 
 def _is_number(cell: str) -> bool:

@@ -91,6 +91,45 @@ SCREENS = {
     "reproduce": lambda screen: ledger.overview(screen, [FIGURE], [CLAIM, NUMBERED, PLAIN]),
     "while it reproduces": lambda screen: [ledger.streamed(screen, claim) for claim in (CLAIM, NUMBERED)],
 }
+LONG = (
+    "Model reference adaptive control with a large gain",
+    "適応制御の長い名前を持つ制御器であるところのもの二",
+    "Filtered_model_reference_adaptive_control_without_a_blank",
+)
+
+
+@cache
+def long_named():
+    """The paper's controllers, by names that leave a table no room."""
+    found = case("paper")
+    controllers = [dataclasses.replace(one, name=name) for one, name in zip(found.controllers, LONG, strict=True)]
+    made = certify(found.problem, controllers, found.simulation)
+    return list(simulate(found.problem, controllers, found.simulation).values()), made
+
+
+LONG_SCREENS = {
+    "run": lambda screen: runs.show(screen, "long", long_named()[0]),
+    "certify": lambda screen: certificates.show(screen, "long", long_named()[1], long_named()[1].table, 1e-3),
+    "certify --full": lambda screen: certificates.show_full(screen, "long", long_named()[1], long_named()[1].table, 1e-3),
+}
+
+
+@pytest.mark.parametrize("screen", LONG_SCREENS)
+@pytest.mark.parametrize("width", [60, 80, 100])
+def test_a_long_name_stands_on_one_line_above_its_numbers(width, screen):
+    lines = shown(width, LONG_SCREENS[screen]).splitlines()
+    assert max(map(cell_len, lines)) <= width
+    assert all(any(name in line for line in lines) for name in LONG)
+    if screen == "run" and width == 80:
+        assert all(lines.count(name) == 3 for name in LONG)  # of three tables
+        assert {"e_1", "theta_1"} < {line.split()[0] for k, line in enumerate(lines[1:]) if lines[k] in LONG}
+
+
+def test_a_name_that_no_line_holds_goes_on_below():
+    name = "a" * 70
+    assert fold(name, 60) == ["a" * 60, "a" * 10] and fold(f"{name} 1.5 s", 60)[-1] == f"{'a' * 10} 1.5{HELD_BLANK}s"
+
+
 NUMBER_WITH_UNIT = re.compile(r"\d[\d.e+-]*\]? (?:rad/s|s|%|rad)(?![\w/])")
 
 

@@ -8,8 +8,9 @@ from collections.abc import Sequence
 from itertools import groupby
 
 from rich import box
-from rich.cells import cell_len
+from rich.cells import cell_len, chop_cells
 from rich.console import Console
+from rich.segment import SegmentLines
 from rich.table import Table
 from rich.text import Text
 
@@ -19,8 +20,6 @@ NARROWEST, FALLBACK = 40, 80
 """Columns: what any screen is taken to have, and what is assumed where nobody says (a file, a pipe)."""
 LONGEST_LINE = 100
 """Columns of a paragraph: eyes lose a longer line; tables take what they need."""
-LONGEST_NAME = 28
-"""Columns of a controller's name in a table that is too wide with longer ones: they go on below."""
 UNITS = r"(?:1/s\^2|1/s|rad/s|rad|deg|s|ms|us|Hz|kHz|dB|%|kB|MB|times|rows|steps)"
 PAIR = re.compile(rf"(?<=[\d\]]) (?={UNITS}(?![\w/]))")
 """The blank between a number, or a list of numbers, and its unit."""
@@ -57,8 +56,9 @@ def _bound_to_units(text: str) -> str:
 
 
 def _released(word: str, width: int) -> list[str]:
-    """A word; the words that are held together in it, where together they are too wide for a line."""
-    return [word] if cell_len(word) <= width else word.split(HELD_BLANK)
+    """A word; the words that are held together in it, where together they are too wide for a line; else pieces of one."""
+    parts = [word] if cell_len(word) <= width else word.split(HELD_BLANK)
+    return [piece for part in parts for piece in ([part] if cell_len(part) <= width else chop_cells(part, width))]
 
 
 def console(*, to_standard_error: bool = False) -> Console:
@@ -98,7 +98,8 @@ class Screen:
         enclosed = ENCLOSED.sub("-...-", text)  # one word as wide as it is
         widest = max((cell_len(word) for word in enclosed.replace(HELD_BLANK, " ").split()), default=0)
         if cell_len(label) > room or self.width - len(hanging) < max(NARROWEST // 2, widest):
-            self._print(indent + label, style)
+            for line in fold(label, self.width, f"{indent}  ", indent):
+                self._print(line, style)
             hanging, start = indent + "    ", ""
         else:
             start = indent + label.replace(HELD_BLANK, " ") + " " * (room - cell_len(label) + 2)
@@ -108,21 +109,36 @@ class Screen:
             self.console.print(Text.assemble((before, style), line.replace(HELD_BLANK, " ")), soft_wrap=True)
 
     def table(self, headings: Sequence[str], rows: Sequence[Sequence[str]], leads: int = 1, left: Sequence[int] = ()) -> None:
-        """A line for each row where that fits, else a paragraph for each; nothing without rows.
+        """A line for each row where that fits, else with the first entries above their rows, else a paragraph for each.
 
         leads  how many columns say of what a row is: they are left-justified, as are those of the places ``left``; a row whose
-               first entry is empty belongs to the one above
+               first entry is empty belongs to the one above. Nothing is shown without rows
         """
         if not rows:
             return
         shown = [[self._shown(cell) for cell in row] for row in rows]
-        folded = [["\n".join(fold(first, LONGEST_NAME)), *others] for first, *others in shown]
-        for body in (shown, folded):
-            table = _table(headings, body, leads, left)
-            if self.console.measure(table, options=self.console.options.update(width=10_000)).maximum <= self.console.width:
-                self.console.print(table)
-                return
-        self._paragraphs([heading.replace("\n", " ") for heading in headings], shown, leads)
+        table = _table(headings, shown, leads, left)
+        if self._fits(table):
+            self.console.print(table)
+            return
+        table = _table(headings, [["", *others] for _, *others in shown], leads, left)
+        if self._fits(table):
+            self._below_names(table, [first for first, *_ in shown])
+        else:
+            self._paragraphs([heading.replace("\n", " ") for heading in headings], shown, leads)
+
+    def _fits(self, table: Table) -> bool:
+        return self.console.measure(table, options=self.console.options.update(width=10_000)).maximum <= self.console.width
+
+    def _below_names(self, table: Table, names: Sequence[str]) -> None:
+        """A table of lines, each name on a line of its own above those that are of it."""
+        lines = self.console.render_lines(table, pad=False)
+        before = len(lines) - len(names)
+        self.console.print(SegmentLines(lines[:before], new_lines=True))
+        for name, line in zip(names, lines[before:], strict=True):
+            if name:
+                self.line(name, indent="  ")
+            self.console.print(SegmentLines([line], new_lines=True))
 
     def _paragraphs(self, headings: Sequence[str], rows: Sequence[Sequence[str]], leads: int) -> None:
         for row in rows:

@@ -1,0 +1,68 @@
+"""MATLAB files: their variables, and which of them are times and values."""
+
+from __future__ import annotations
+
+import struct
+import zlib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from barbalat import validate
+from barbalat.validate import Array, InputError
+
+TIMES = ("t", "time", "times", "tout")
+"""What times are called in MATLAB files, Simulink's among them."""
+
+
+def variables(path: Path) -> dict[str, Array]:
+    """The numbers in a file by their names: a field of a structure as "name.field"; InputError for what is no such file."""
+    from scipy.io import loadmat
+    from scipy.io.matlab import MatReadError
+
+    try:
+        found = loadmat(str(path), appendmat=False)
+    except NotImplementedError:
+        raise InputError(f"{path} is a MATLAB file of version 7.3; save it with save(..., '-v7')") from None
+    except OSError as error:
+        reason = error.strerror or "it is no MATLAB file"
+        raise InputError(f"the data file {validate.show(str(path))} cannot be read: {reason}") from None
+    except (MatReadError, ValueError, TypeError, KeyError, IndexError, EOFError, zlib.error, struct.error):
+        raise InputError(f"the data file {validate.show(str(path))} cannot be read: it is no MATLAB file") from None
+    return {name: one for key, value in found.items() if not key.startswith("__") for name, one in _numbers(key, value)}
+
+
+def _numbers(name: str, value: Any) -> Iterator[tuple[str, Array]]:
+    if not isinstance(value, np.ndarray):
+        return
+    if value.dtype.names and value.size == 1:
+        for field in value.dtype.names:
+            yield from _numbers(f"{name}.{field}", value.reshape(-1)[0][field])
+    elif value.dtype.kind in "biuf":
+        yield name, np.squeeze(value)
+
+
+def times_and_values(path: Path, found: dict[str, Array], times: str, values: str | None) -> tuple[Array, Array]:
+    """Those that are named, or that can only be meant; InputError with the variables' names where that is none or several."""
+    there = f"its variables are: {', '.join(sorted(found)) or 'none'}"
+    if times not in found and times == TIMES[0]:
+        named = [name for name in found if name.rpartition(".")[2].lower() in TIMES]
+        times = named[0] if len(named) == 1 else times
+    pair = values if values is not None else next(iter(found)) if len(found) == 1 else None
+    if times not in found and pair in found and found[pair].ndim == 2 and 2 in found[pair].shape:
+        if found[pair].shape == (2, 2):
+            raise InputError(
+                f"{path}: {pair} is 2 x 2, so that its times may be a column or a row; save them as a vector of their own"
+            )
+        first, second = found[pair] if found[pair].shape[0] == 2 else found[pair].T
+        return first, second
+    if times not in found:
+        raise InputError(f"{path} has no variable {times!r} for the times; {there}")
+    fitting = [name for name, one in found.items() if name != times and one.shape == found[times].shape]
+    chosen = fitting[0] if values is None and len(fitting) == 1 else values
+    if chosen not in found:
+        missing = "name one with values" if values is None else f"it has no variable {values!r}"
+        raise InputError(f"{path}: {missing}; {there}")
+    return found[times], found[chosen]
