@@ -1,6 +1,7 @@
 """A process of its own: what it returns, what it refuses, and what breaks in it."""
 
 import os
+import subprocess
 import sys
 import time
 
@@ -39,3 +40,23 @@ def test_a_crash_is_one_sentence(function, given, sentence):
 def test_what_does_not_end_is_stopped():
     with pytest.raises(SimulatorFailed, match=r"not done after 0.5 s"):
         isolated(0.5, time.sleep, 600)
+
+
+def test_it_ends_with_the_process_that_asked(tmp_path):
+    """However that ends: nothing computes on for nobody, and nothing of it lies about."""
+    temporary = {"TMPDIR": str(tmp_path), "TEMP": str(tmp_path), "TMP": str(tmp_path)}
+    busy = f"import pathlib\npathlib.Path({str(tmp_path / 'busy')!r}).touch()\nwhile True: pass"
+    program = f"from barbalat.flight.isolated import isolated; isolated(60, exec, {busy!r})"
+    asking = subprocess.Popen([sys.executable, "-c", program], env={**os.environ, **temporary})
+    assert _comes((tmp_path / "busy").exists)
+    asking.kill()
+    asking.wait()
+    assert _comes(lambda: [one.name for one in tmp_path.iterdir()] == ["busy"])
+
+
+def _comes(holds, seconds=30.0):
+    """Whether it holds before so many seconds are over."""
+    end = time.monotonic() + seconds
+    while not (found := holds()) and time.monotonic() < end:
+        time.sleep(0.05)
+    return found

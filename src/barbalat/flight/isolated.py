@@ -8,9 +8,11 @@ from __future__ import annotations
 
 import os
 import pickle
+import shutil
 import subprocess
 import sys
 import tempfile
+import threading
 from collections.abc import Callable
 from pathlib import Path
 from typing import ParamSpec, TypeVar
@@ -41,12 +43,14 @@ def isolated(seconds: float, function: Callable[Given, Answer], *given: Given.ar
         (folder / ASKED).write_bytes(pickle.dumps((function, given, named)))
         command = [sys.executable, "-m", "barbalat.flight.isolated", str(folder)]
         environment = {**os.environ, "PYTHONPATH": os.pathsep.join(part for part in sys.path if part)}
+        watched, held = os.pipe()  # whatever ends this process closes it, and so ends the child
         try:
-            done = subprocess.run(
-                command, capture_output=True, timeout=seconds, check=False, env=environment, stdin=subprocess.DEVNULL
-            )
+            done = subprocess.run(command, capture_output=True, timeout=seconds, check=False, env=environment, stdin=watched)
         except subprocess.TimeoutExpired:
             raise SimulatorFailed(f"the simulator was not done after {seconds:g} s, and was stopped") from None
+        finally:
+            os.close(watched)
+            os.close(held)
         if done.returncode:
             raise SimulatorFailed(_crash(done.returncode, done.stderr.decode(errors="replace")))
         answer = pickle.loads((folder / ANSWERED).read_bytes())
@@ -62,6 +66,13 @@ def _crash(code: int, said: str) -> str:
     return f"the simulator's process ended {how}{f', saying: {last[0][:LONGEST_REASON]}' if last else ''}"
 
 
+def _end_with_who_asked(folder: Path) -> None:
+    """In the child, beside what it does: nobody reads the answer once standard input is at its end."""
+    os.read(sys.stdin.fileno(), 1)
+    shutil.rmtree(folder, ignore_errors=True)
+    os._exit(1)
+
+
 def _answer(folder: Path) -> None:
     """In the child: call what was asked for, keep what it returns or refuses."""
     function, given, named = pickle.loads((folder / ASKED).read_bytes())
@@ -73,4 +84,5 @@ def _answer(folder: Path) -> None:
 
 
 if __name__ == "__main__":
+    threading.Thread(target=_end_with_who_asked, args=[Path(sys.argv[1])], daemon=True).start()
     _answer(Path(sys.argv[1]))
