@@ -108,8 +108,10 @@ def test_a_store_goes_on_where_it_was_left_in_the_same_bits(tmp_path, monkeypatc
     for name in names:
         np.testing.assert_array_equal(again.rows.column(name), expected.rows.column(name))
     assert again.evidence.lost == {"LQR": (6, 6), "L1 piecewise": (6, 6)}
-    with pytest.raises(dispersed.validate.InputError, match="is of"):
+    with pytest.raises(dispersed.validate.InputError, match=r"of other --schemes or --failures: choose another folder"):
         fly(tmp_path / "store", schemes=["lqr"])
+    with pytest.raises(dispersed.validate.InputError, match=r"another number of --dispersions, or another --seed: choose"):
+        fly(tmp_path / "store", members=7)
 
 
 @pytest.mark.parametrize(("name", "failure"), [("f16-pitch", "elevator-50"), ("f16-roll", "aileron-50")])

@@ -15,7 +15,10 @@ def claim() -> Claim:
         _sides(every, "the adaptation: an adaptive scheme loses the vehicle less often than every linear design", LOSS),
         _sides(every, "the adaptation: an adaptive scheme follows better than every linear design", ERROR),
         _beside(
-            every, "the filter: L1 with its filter and fast adaptation follows better than MRAC, which has neither", "L1", "MRAC"
+            every,
+            "the filter: L1, with the filter and the adaptation that the rule gives it, follows better than MRAC, which has no filter",
+            "L1",
+            "MRAC",
         ),
         _beside(
             every,

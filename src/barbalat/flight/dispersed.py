@@ -39,6 +39,12 @@ MEMBERS, PROCESSES = 200, 2
 """Draws by default, and processes."""
 MOST_DRAWS = 25
 """Of one process at most, so that all have some."""
+DIFFERENCES = {
+    "case": "another flight, or of other --schemes or --failures",
+    "plan": "another number of --dispersions, or another --seed",
+    "equations": "other equations",
+}
+"""What another store was made with, by the keys of ``Campaign.identity``."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -157,7 +163,7 @@ def _sink(campaign: Campaign, store: str | Path | None) -> Iterator[Store | Kept
     if store is None:
         yield Kept(None, list(chunks_of(len(campaign.plan), campaign.chunk)))
         return
-    with opened(Path(store), campaign.identity(), len(campaign.plan), campaign.chunk) as found:
+    with opened(Path(store), campaign.identity(), len(campaign.plan), campaign.chunk, DIFFERENCES) as found:
         yield found
 
 

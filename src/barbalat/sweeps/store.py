@@ -13,7 +13,7 @@ import io
 import os
 import shutil
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -24,6 +24,7 @@ from barbalat.sweeps.chunks import Chunk, chunks_of
 from barbalat.sweeps.stored import (
     INDEX_FILE,
     INDEX_KEY,
+    NAMES_OF_DIFFERENCES,
     StoredRows,
     StoreIndex,
     checksum,
@@ -114,14 +115,20 @@ class Store:
 
 
 @contextlib.contextmanager
-def opened(folder: Path, identity: dict[str, Any], members: int, chunk: int) -> Iterator[Store]:
+def opened(
+    folder: Path,
+    identity: dict[str, Any],
+    members: int,
+    chunk: int,
+    differences: Mapping[str, str] = NAMES_OF_DIFFERENCES,
+) -> Iterator[Store]:
     """A new store, or one to go on with, of this process alone; of one that is complete nothing is written.
 
     InputError for a folder that can't be written, that another process writes, or that holds another sweep or other things.
     """
     whole = read_index(folder)
     if whole is not None and sum(file["count"] for file in whole.files.values()) == whole.members:
-        require_same(folder, whole, identity)
+        require_same(folder, whole, identity, differences)
         if not _damaged(folder, whole):
             yield Store(folder, whole)
             return
@@ -138,7 +145,7 @@ def opened(folder: Path, identity: dict[str, Any], members: int, chunk: int) -> 
                     )
                 yield Store(folder, StoreIndex.new(identity, members, chunk))
             else:
-                require_same(folder, index, identity)
+                require_same(folder, index, identity, differences)
                 damaged = _damaged(folder, index)
                 for name in damaged:
                     del index.files[name]

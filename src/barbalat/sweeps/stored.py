@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import sys
+from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib import metadata
 from pathlib import Path
@@ -101,9 +102,11 @@ def row_of(folder: Path, identity: dict[str, Any], member: int) -> dict[str, flo
     return StoredRows(folder, index).row(member)
 
 
-def require_same(folder: Path, index: StoreIndex, identity: dict[str, Any]) -> None:
+def require_same(
+    folder: Path, index: StoreIndex, identity: dict[str, Any], differences: Mapping[str, str] = NAMES_OF_DIFFERENCES
+) -> None:
     """InputError where the store is another sweep's, with what differs."""
-    for key, what in NAMES_OF_DIFFERENCES.items():
+    for key, what in differences.items():
         if key in identity.keys() & index.identity.keys() and index.identity[key] != identity[key]:
             by = f" (made by barbalat {index.versions.get('barbalat')})" if key == "equations" else ""
             raise InputError(f"the store {str(folder)!r} is of {what}{by}: choose another folder, or the command that made it")
