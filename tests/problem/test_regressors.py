@@ -227,7 +227,20 @@ def test_place():
     poles = np.linalg.eigvals(place(A, [0.0, 0.0, 1.0], [-4.0, [-1.0, 2.0]]))
     np.testing.assert_allclose(np.sort_complex(poles), [-4, -1 - 2j, -1 + 2j], atol=1e-9)
     assert "3 poles" in refusal(lambda: place(A, [0.0, 0.0, 1.0], [-1.0, -2.0]))
-    assert "poles" in refusal(lambda: place(A, [0.0, 0.0, 1.0], [-1.0, -1.0, -2.0]))
+    assert "got 4: -1, -2+1j, -2-1j, -2" in refusal(lambda: place(A, [0.0, 0.0, 1.0], [-1.0, [-2.0, 1.0], -2.0]))
+    assert "must lie in Re s < 0, got 0" in refusal(lambda: place(A, [0.0, 0.0, 1.0], [-1.0, 0.0, -2.0]))
+
+
+def test_place_of_poles_that_coincide():
+    """With one input as often as one likes (critical damping), by their polynomial; with m inputs m times."""
+    A, B = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 2.0, 3.0]]), np.eye(3)[:, 1:]
+    for poles in ([-1.0, -1.0, -2.0], [-3.0, -3.0, -3.0]):
+        found = place(A, [0.2, -0.1, 1.0], poles)
+        np.testing.assert_allclose(np.poly(found), np.poly(poles), rtol=1e-12)
+        np.testing.assert_allclose(np.linalg.matrix_rank(np.column_stack([found - A, [0.2, -0.1, 1.0]])), 1)  # b K
+    np.testing.assert_allclose(np.poly(place(A, B, [-1.0, -1.0, -2.0])), np.poly([-1.0, -1.0, -2.0]), rtol=1e-9)
+    assert "has -1 3 times, and 2 inputs" in refusal(lambda: place(A, B, [-1.0, -1.0, -1.0]))
+    assert "does not reach the mode at 5" in refusal(lambda: place(np.diag([1.0, 5.0]), [1.0, 0.0], [-1.0, -1.0]))
 
 
 @pytest.mark.parametrize(

@@ -185,7 +185,8 @@ def open_loop(field: str, system: Any) -> tuple[Array, Array]:
     if found is None:
         raise InputError.of(
             field,
-            f"must be a continuous state space, whose state is what is measured, or a pair (A, B), got {validate.show(system)}",
+            "must be a continuous state space, whose state is what is measured, or a pair (A, B); where an output is measured, "
+            f"OutputPlant(transfer_function=...) takes it; got {validate.show(system)}",
         )
     return found[0], found[1]
 

@@ -93,7 +93,10 @@ class Plant(Settings):
         cls, system: Any, *, A_m: Matrix | None = None, poles: Sequence[Any] | None = None, x0: Vector | None = None,
         input: PlantInput | Sequence[PlantInput] | None = None,
     ) -> Plant:  # fmt: skip
-        """The plant x' = A x + B u of a state space of python-control or SciPy, or of a pair (A, B); its state is measured."""
+        """The plant x' = A x + B u of a state space of python-control or SciPy, or of a pair (A, B).
+
+        Its state is measured: C and D have no part in it. A plant of which an output is measured is an ``OutputPlant``.
+        """
         A, B = open_loop("plant", system)
         return cls(A=A, b=B, A_m=A_m, poles=poles, x0=x0, input=input)
 
