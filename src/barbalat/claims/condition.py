@@ -5,8 +5,10 @@ from __future__ import annotations
 import math
 
 from barbalat.certificates.bounds import theorem_1
+from barbalat.certificates.rounding import down, up
 from barbalat.claims import section_v
-from barbalat.claims.claim import Claim, Reading, of_readings, verdict
+from barbalat.claims.claim import Claim, Listing, Reading, of_readings, verdict
+from barbalat.claims.variants import table
 from barbalat.linear.enclosure import OUTWARD_FACTOR
 from barbalat.linear.systems import input_filter
 from barbalat.problem.state_feedback import Known
@@ -17,6 +19,8 @@ PRINTED_KAPPA = 0.05
 """[s]: the paper's limit, with its two decimals."""
 BISECTION_WIDTH = 1e-6
 """Relative width of the bisection."""
+TOLD_KAPPAS = (0.01, 0.02, 0.03, 0.04, PRINTED_KAPPA)
+"""[s]: beside the limit itself."""
 PROOF_GAP = 1e-6
 """[s]: at most this between what is proved and what is refuted, so that both are told with six decimals."""
 
@@ -40,11 +44,25 @@ def condition() -> Claim:
         f"holds for every kappa up to {proved:.6f} s" + ("" if up_to_it else _refuted(known, least)),
         "certified enclosures of the norm, bisection to 1e-6; between the points N(k2)/k2 <= N(k1)/k1 and N(k1) <= (2 - k1/k2) N(k2) for "
         "k1 < k2, N(k) = ||W_b (C - 1)||_1, and N(k) <= k ||s W_b||_1 near zero",
+        listings=(_over_kappa(known, proved),),
         number=f"the condition flips at kappa = {proved:.6f} s",
         readings=readings,
         condition="0.05 is read with its two decimals, as a rounded limit",
         would_change="nothing that is simulated: the range is proved on both sides",
     )  # fmt: skip
+
+
+def _over_kappa(known: Known, proved: float) -> Listing:
+    kappas = sorted({*TOLD_KAPPAS, proved})
+    bounds = [_value(known, kappa) for kappa in kappas]
+    return table(
+        "||W_b (C - 1)||_1 theta_max over the filter's time constant, where less than 1 is asked for: guaranteed bounds",
+        {
+            "kappa [s]": [f"{kappa:.6g}" for kappa in kappas],
+            "at least": [down(lower, 6) for lower, _ in bounds],
+            "at most": [up(upper, 6) for _, upper in bounds],
+        },
+    )
 
 
 def _refuted(known: Known, least: float) -> str:

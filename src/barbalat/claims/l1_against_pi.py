@@ -7,8 +7,9 @@ import numpy as np
 from barbalat.certificates.bounds import theorem_1
 from barbalat.certificates.linear_loops.ideal import fast_adaptation
 from barbalat.claims import section_v
-from barbalat.claims.claim import Claim, Reading, of_readings, verdict
-from barbalat.claims.linear_family import at_one, over_sizes
+from barbalat.claims.claim import Claim, Listing, Reading, of_readings, verdict
+from barbalat.claims.linear_family import SIZES, at_one, over_sizes
+from barbalat.claims.variants import table
 from barbalat.controllers import L1Adaptive
 from barbalat.linear.margins import margins
 from barbalat.linear.systems import TransferFunction, input_filter
@@ -47,11 +48,25 @@ def claim(l1: Array, pi: Array) -> Claim:
         "; ".join(f"{reading.says}: {reading.measured}" for reading in readings) + ". In the limit of fast adaptation L1-AC is a linear loop with "
         f"S = 1 - C: one slope of rejection with (6), where the PI has two; two with C'(0) = 0, for which Theorem 1's condition has {condition:.2f} on its left",
         f"as adaptive-against-linear, without a delay; all with a delay margin of {1e3 * margin:.0f} ms at Section V's theta",
+        listings=(_over_sizes(l1, second, pi),),
         number=f"tail error over PI's: {at_one(l1 / pi):.2g} by (6), {at_one(second / pi):.2g} by C'(0) = 0",
         readings=readings,
         condition="1 - C has two slopes, C'(0) = 0; with the first-order filter (6), the paper's, the PI tracks better",
         would_change="another C, as the readings show; another design of the PI, another delay margin or command",
     )  # fmt: skip
+
+
+def _over_sizes(l1: Array, second: Array, pi: Array) -> Listing:
+    told = slice(None, None, 3)  # a factor of two from row to row
+    return table(
+        "Tail errors max |e| over the size of the uncertainty; a dash where a loop diverged",
+        {
+            "size": SIZES[told],
+            "L1-AC, C of first order": l1[told],
+            "L1-AC, C'(0) = 0": second[told],
+            "PI": pi[told],
+        },
+    )
 
 
 def _delay_margin(C: TransferFunction) -> float:

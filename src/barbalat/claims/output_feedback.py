@@ -60,10 +60,24 @@ def l1_is_linear() -> Claim:
         f"{late[0]:.2g} with the projection and {late[1]:.2g} without",
         how="plant 2/(s + 1) with 0.5 sin y, m = 3, C = 30/(s + 30), gamma = 1e4 (50 under saturation), RK4; the equivalent is "
         "multiplied out and integrated in a realisation of its own",
+        listings=(_beside_equivalent(runs[controller.name], runs["equivalent"]),),
         number=f"difference from LTI equivalent: {difference:.1g} of max |u|",
         readings=readings,
         would_change="an input for which the two differ while sigma is inside its bounds; other L1 controllers are not meant",
     )
+
+
+def _beside_equivalent(adaptive: Result, linear: Result) -> Listing:
+    at = np.searchsorted(adaptive.t, TOLD_INSTANTS)
+    u, difference = adaptive.u[at], adaptive.u[at] - linear.u[at]
+    return table(
+        "The control beside that of the linear equivalent",
+        {"t [s]": TOLD_INSTANTS, "u": u, "u - u of the equivalent": difference},
+    )
+
+
+TOLD_INSTANTS = (0.0, 1.0, 2.0, 5.0, 10.0, 20.0)
+"""[s]: of the comparison of both, which ends at 20 s."""
 
 
 def _after_saturation(problem: OutputProblem, controller: L1Output) -> tuple[float, float]:
