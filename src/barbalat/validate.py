@@ -133,11 +133,11 @@ def square_matrix(field: str, value: Any, size: int | None = None) -> Array:
     return result
 
 
-def instance(field: str, value: Any, kind: type | tuple[type, ...]) -> None:
-    """Refuse an object of another kind, with the kinds that would be right."""
+def instance(field: str, value: Any, kind: type | tuple[type, ...], such_as: str = "") -> None:
+    """Refuse an object of another kind, with the kinds that would be right and, where they are told, examples."""
     if not isinstance(value, kind) or isinstance(value, type):  # a class has the attributes that a protocol asks for
         names = " or ".join(k.__name__ for k in (kind if isinstance(kind, tuple) else (kind,)))
-        raise InputError.of(field, f"must be a {names}, got {show(value)}")
+        raise InputError.of(field, f"must be a {names}{such_as and f' such as {such_as}'}, got {show(value)}")
 
 
 UNSHOWABLE = ("Cc", "Cs", "Cn", "Zl", "Zp")

@@ -33,8 +33,13 @@ def text_to_start_from(name: str | None = None) -> str:
     if name is None:
         return (resources.files("barbalat.cases") / "template.toml").read_text("utf-8")
     if name not in bundled():
-        raise InputError(f"--from must be one of the bundled cases ({', '.join(bundled())}), got {name!r}")
+        raise InputError(f"--from must be one of the bundled cases ({', '.join(bundled())}), got {name!r}{_meant(name)}")
     return bundled()[name].read_text("utf-8")
+
+
+def _meant(name: str | Path) -> str:
+    near = get_close_matches(str(name), bundled(), n=1)
+    return f"; did you mean {near[0]!r}?" if near else ""
 
 
 DECIMAL_COMMA = re.compile(r"^\s*([\w.-]+)\s*=\s*([-+]?\d+),(\d+)\s*(?:#.*)?$", re.MULTILINE)
@@ -65,9 +70,7 @@ class CaseText:
             text = path.read_bytes().decode("utf-8-sig")
         except FileNotFoundError:
             names = ", ".join(bundled())
-            near = get_close_matches(str(case), bundled(), n=1)
-            meant = f"; did you mean {near[0]!r}?" if near else ""
-            raise InputError(f"the case {str(case)!r} is neither a file nor a bundled case ({names}){meant}") from None
+            raise InputError(f"the case {str(case)!r} is neither a file nor a bundled case ({names}){_meant(case)}") from None
         except (OSError, ValueError) as error:
             reason = (
                 "it is not UTF-8 text" if isinstance(error, UnicodeDecodeError) else getattr(error, "strerror", None) or error

@@ -8,7 +8,7 @@ import numpy as np
 
 from barbalat import validate
 from barbalat.settings import Settings, one_line
-from barbalat.solvers import RK4, Tableau
+from barbalat.solvers import RK4, SOLVERS, Tableau
 from barbalat.validate import Array, InputError
 
 MOST_RECORDED = 1_000_000
@@ -41,7 +41,7 @@ class Simulation(Settings):
     def __post_init__(self) -> None:
         t_end = validate.positive("simulation.t_end", self.t_end)
         dt = validate.positive("simulation.dt", self.dt)
-        validate.instance("simulation.solver", self.solver, Tableau)
+        validate.instance("simulation.solver", self.solver, Tableau, such_as=" or ".join(name.upper() for name in SOLVERS))
         if not isinstance(self.fused, (bool, np.bool_)):
             raise InputError.of("simulation.fused", f"must be true or false, got {validate.show(self.fused)}")
         record_points = validate.whole("simulation.record_points", self.record_points, least=2)
