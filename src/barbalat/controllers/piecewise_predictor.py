@@ -86,7 +86,8 @@ class AsFlown(Settings):
     def step(self, A_m: Array, B: Array, T: float) -> PredictorStep:
         """From sample to sample, by the assumed T [s]."""
         a = self.poles(len(A_m))
-        decay = -np.expm1(-a * T)  # a e^(aT)/(e^(aT) - 1) = a/(1 - e^(-aT)), which is 1/T for a = 0
+        with np.errstate(over="ignore"):  # of a T far beyond the loop's own: the factor tends to 0
+            decay = -np.expm1(-a * T)  # a e^(aT)/(e^(aT) - 1) = a/(1 - e^(-aT)), which is 1/T for a = 0
         factor = np.where(a == 0, 1 / T, a / np.where(a == 0, 1.0, decay))
         A_s = np.diag(a)
         return PredictorStep(np.eye(len(a)) + T * A_s, T * (A_m - A_s), T * B, np.linalg.solve(B, np.diag(factor)))

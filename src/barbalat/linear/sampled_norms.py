@@ -1,10 +1,13 @@
 """Bounds of what a stable system s[k+1] = M s[k] + N w[k], y[k] = C s[k] does at its samples: from above, by sums and tails.
 
-With P - M'PM = I, |M s|_P <= beta |s|_P, beta^2 = 1 - 1/lambda_max(P): what is not summed is at most a geometric series.
+With P - M'PM >= q I > 0, |M s|_P <= beta |s|_P, beta^2 = 1 - q/lambda_max(P): what is not summed is at most a geometric series.
+P is solved for q = 1, and q then taken from the P that was found, less its roundings.
 """
 
 from __future__ import annotations
 
+import math
+import warnings
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,6 +21,7 @@ MOST_SAMPLES = 4_000_000
 """Summed at most; a loop that forgets more slowly has no bound."""
 BLOCK_SAMPLES = 64
 """Samples that are summed at once."""
+TOO_CLOSE = "the loop is too close to losing stability from sample to sample, or its states are of too far sizes, for a bound"
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,14 +40,14 @@ class SampledNorms:
         return self._bounded(s, summed=False)
 
     def _bounded(self, s: Array, *, summed: bool) -> Array:
-        from scipy.linalg import cholesky, solve_discrete_lyapunov
+        from scipy.linalg import matrix_balance
 
-        M, C = self.M, self.C
+        M, (scale, _) = matrix_balance(self.M, permute=False, separate=True)  # by powers of two: exact
+        C, s = self.C * scale, (s.T / scale).T
         if not np.abs(np.linalg.eigvals(M)).max() < 1:
             raise InputError("the loop is unstable from sample to sample")
-        root = cholesky(solve_discrete_lyapunov(M.T, np.eye(len(M))))  # root'root = P
-        beta = np.sqrt(max(1 - 1 / float(np.linalg.norm(root, 2)) ** 2, 0.0))
-        reach = np.linalg.norm(np.linalg.solve(root.T, C.T), axis=0) / (1 - beta)
+        root, lost = _contraction(M)
+        reach = np.linalg.norm(np.linalg.solve(root.T, C.T), axis=0) / lost
         rows = [C]
         for _ in range(BLOCK_SAMPLES - 1):
             rows.append(rows[-1] @ M)
@@ -57,3 +61,22 @@ class SampledNorms:
             if (tail <= TAIL_SHARE * found.max(initial=0.0)).all():
                 return np.asarray((found + tail) * OUTWARD_FACTOR)
         raise InputError("the loop forgets too slowly for a bound")
+
+
+def _contraction(M: Array) -> tuple[Array, float]:
+    """Root with root'root = P, and at most 1 - beta; InputError where the P that was found shows none."""
+    from scipy.linalg import LinAlgError, LinAlgWarning, cholesky, solve_discrete_lyapunov
+
+    try:
+        with warnings.catch_warnings():  # of an ill-conditioned equation: its solution is judged here
+            warnings.simplefilter("ignore", LinAlgWarning)
+            root = cholesky(solve_discrete_lyapunov(M.T, np.eye(len(M))))
+    except LinAlgError as error:
+        raise InputError(TOO_CLOSE) from error
+    P = root.T @ root
+    roundings = 4 * len(M) * np.finfo(float).eps * (np.abs(root.T) @ np.abs(root) + np.abs(M.T) @ np.abs(P) @ np.abs(M))
+    q = float(np.linalg.eigvalsh(P - M.T @ P @ M)[0]) - float(np.linalg.norm(roundings))
+    if not q > 0:
+        raise InputError(TOO_CLOSE)
+    share = min(1.0, q / float(np.linalg.norm(root, 2)) ** 2)
+    return root, share / (1 + math.sqrt(1 - share))

@@ -66,12 +66,12 @@ class NetworkLaw:
 
     @classmethod
     def of(cls, equations: Equations) -> NetworkLaw:
-        leakage = equations.leakage
+        leakage, size = equations.leakage, math.hypot(*equations.V_0.reshape(-1).tolist())  # its square may be infinite
         return cls(
             gamma=equations.gamma,
             gamma_v=equations.gamma_v,
             rows=1 + equations.neurons,
-            start=float(np.sum(equations.V_0**2)) / equations.gamma_v * OUTWARD_FACTOR,
+            start=size * size / equations.gamma_v * OUTWARD_FACTOR,
             sigma=leakage.largest if leakage.per_error is None else None,
             nu=leakage.per_error,
         )

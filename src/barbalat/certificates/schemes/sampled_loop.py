@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import warnings
+
 import numpy as np
 
 from barbalat.certificates.certificate import Draft
@@ -92,7 +94,7 @@ def _add_of_several(draft: Draft, problem: TrackingProblem, loop: SampledLoop, n
 
 def add_noise(draft: Draft, problem: TrackingProblem, found: Linearised, measured: Array, linear: str) -> None:
     """Of sigma_hat and u, by the stationary covariance, just after a sample; ``measured`` (s, q) are what is measured in X."""
-    from scipy.linalg import solve_discrete_lyapunov
+    from scipy.linalg import LinAlgError, LinAlgWarning, solve_discrete_lyapunov
 
     loop, rows = found.loop, found.rows
     closed, s = loop.closed(problem.delay), len(loop.A)
@@ -100,7 +102,14 @@ def add_noise(draft: Draft, problem: TrackingProblem, found: Linearised, measure
     outside = np.concatenate([rows["u"], *(rows[name] for name in ("x_hat", "sigma_hat", "filter")), rows["held"]])
     enters[np.setdiff1d(np.arange(s), outside)] = 0.0  # the plant and its sensor carry no noise
     N = np.vstack([enters, np.zeros((len(closed) - s, enters.shape[1]))])
-    covariance = solve_discrete_lyapunov(closed, N @ N.T)
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", LinAlgWarning)
+            covariance = solve_discrete_lyapunov(closed, N @ N.T)
+    except (LinAlgError, LinAlgWarning):
+        for key in ("noise_in_sigma_hat", "noise_in_u"):
+            draft.missing(key, "the loop is too close to losing stability from sample to sample for its covariance")
+        return
     deviation = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     values = {"noise_in_sigma_hat": deviation[rows["sigma_hat"]].tolist(), "noise_in_u": deviation[rows["u"]].tolist()}
     draft.exact(values, name_of(problem), linear, WHITE_NOISE)

@@ -1,0 +1,42 @@
+"""Bounds from sample to sample: against sums in exact arithmetic, states of far sizes, loops that hardly forget."""
+
+from fractions import Fraction
+
+import numpy as np
+import pytest
+
+from barbalat.linear.sampled_norms import SampledNorms
+from independent import refusal
+
+
+def exact_sums(M, s, count):
+    """sum and max of |M^k s|, k < count, entry by entry, as fractions."""
+    state, rows = [Fraction(value) for value in s.tolist()], [[Fraction(v) for v in row] for row in M.tolist()]
+    total, largest = [Fraction(0)] * len(state), [Fraction(0)] * len(state)
+    for _ in range(count):
+        total = [a + abs(b) for a, b in zip(total, state, strict=True)]
+        largest = [max(a, abs(b)) for a, b in zip(largest, state, strict=True)]
+        state = [sum(a * b for a, b in zip(row, state, strict=True)) for row in rows]
+    return [np.array([float(value) for value in found]) for found in (total, largest)]
+
+
+@pytest.mark.parametrize("far", [0, 20], ids=["alike", "of far sizes"])
+@pytest.mark.parametrize("seed", range(4))
+def test_the_bounds_are_above_the_sums_and_near(seed, far):
+    """400 samples of a spectral radius of 0.9 are all but 1e-18; what is added beyond is 1e-3 of the largest entry at most."""
+    random, n = np.random.default_rng(seed), 3
+    M = random.normal(size=(n, n))
+    M *= 0.9 / np.abs(np.linalg.eigvals(M)).max()
+    scale = 2.0 ** random.integers(-far, far + 1, n)
+    M, s = np.round(M * 2**20) / 2**20 * scale[:, None] / scale, random.normal(size=n) * scale
+    total, largest = exact_sums(M, s, 400)
+    norms = SampledNorms(M, np.eye(n))
+    for found, expected in ((norms.summed(s), total), (norms.largest(s), largest)):
+        assert (found >= expected).all()
+        assert (found - expected <= 1.1e-3 * found.max()).all()
+
+
+def test_a_loop_that_hardly_forgets_has_no_bound_rather_than_a_wrong_one():
+    """Its Lyapunov equation is solved to no digit: SciPy warns, and a P that shows nothing is refused in one sentence."""
+    M = np.array([[1 - 1e-15, 1e3], [0.0, 1 - 1e-14]])
+    assert "too close to losing stability" in refusal(lambda: SampledNorms(M, np.eye(2)).summed(np.ones(2)))
