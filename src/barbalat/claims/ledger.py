@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from contextlib import contextmanager
 from dataclasses import dataclass
 from difflib import get_close_matches
-from typing import NamedTuple, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 from barbalat.certificates.overview import Certified
 from barbalat.claims import section_v
@@ -35,35 +35,57 @@ Told: TypeAlias = Callable[[Measured], None]
 
 @dataclass(frozen=True)
 class UnderWay:
-    """What other processes are at: rows by their places in ``LEDGER``, and the certificates of Section V.
+    """What other processes are at: rows by their places in ``LEDGER``, the certificates of Section V, and others by their names.
 
     pool  the processes: what is submitted to them comes after all that
     """
 
     rows: dict[tuple[int, ...], Future[list[Measured]]]
     certified: Future[Certified]
+    others: dict[str, Future[Any]]
     pool: ProcessPoolExecutor
 
 
-@contextmanager
-def under_way(processes: int, *, quick: bool = False, full: bool = False, told: Told | None = None) -> Iterator[UnderWay]:
-    """Measure what stands alone in so many processes of its own, the longest first; to be given to ``measure``.
+class Other(NamedTuple):
+    """What is to be made beside the rows, and how many seconds it takes, about."""
 
-    A quick row for each process comes before them all: somebody is looking. ``told`` is called of each as soon as it is
-    measured, from another thread. The program that calls this must be one that a new process may import: started by
+    make: Callable[[], Any]
+    seconds: float
+
+
+@contextmanager
+def under_way(
+    processes: int,
+    *,
+    quick: bool = False,
+    full: bool = False,
+    told: Told | None = None,
+    others: Mapping[str, Other] | None = None,
+) -> Iterator[UnderWay]:
+    """Measure what stands alone in so many processes of its own; to be given to ``measure``.
+
+    The longest is begun first, of ``others`` too, so that in the end no process is long at work while the rest have nothing to do.
+    A quick row for each process comes before them all: somebody is looking. ``told`` is called of each as soon as it is measured,
+    from another thread. The program that calls this must be one that a new process may import: started by
     ``if __name__ == "__main__"``.
     """
+    others = others or {}
     alone = [i for i in _chosen(quick) if not LEDGER[i].judges_runs]
     first = [i for i in alone if LEDGER[i].quick and LEDGER[i].duration(full=full) < 1][:processes]
+    jobs = _together([i for i in alone if i not in first])
+    waiting: list[tuple[float, tuple[int, ...] | str]] = [(other.seconds, name) for name, other in others.items()]
+    waiting += [(sum(LEDGER[i].duration(full=full) for i in job), job) for job in jobs]
     with own_processes(processes) as pool:
         with deaf_children():
             quick_ones: list[tuple[int, ...]] = [(i,) for i in first]
             ahead = {job: _submitted(pool, job, full, told) for job in quick_ones}
-            certified = pool.submit(certified_paper)
-            jobs = _together([i for i in alone if i not in first])
-            longest_first = sorted(jobs, key=lambda job: -sum(LEDGER[i].duration(full=full) for i in job))
-            ahead |= {job: _submitted(pool, job, full, told) for job in longest_first}
-        yield UnderWay(ahead, certified, pool)
+            certified, made = pool.submit(certified_paper), {}
+            for _, job in sorted(waiting, key=lambda one: -one[0]):
+                if isinstance(job, str):
+                    made[job] = pool.submit(others[job].make)
+                else:
+                    ahead[job] = _submitted(pool, job, full, told)
+        yield UnderWay(ahead, certified, made, pool)
 
 
 def _together(places: list[int]) -> list[tuple[int, ...]]:

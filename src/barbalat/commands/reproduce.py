@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import os
 import time
+from functools import partial
 from typing import TYPE_CHECKING
 
 from barbalat.commands.output import folder_of, print_json
@@ -36,6 +37,8 @@ ORDINARY_SECONDS, QUICK_SECONDS, FULL_SECONDS = 40.0, 9.0, 130.0
 """In all, until the ledger is there to say it."""
 START_SECONDS, RUNS_SECONDS, PICTURES_SECONDS, MAPS_SECONDS, PAGE_SECONDS = 1.0, 6.0, 9.0, 4.0, 2.0
 """Seconds of a core: until the first row is begun, and what is done beside the rows."""
+EXPLORER_SECONDS = 3.0
+"""Likewise of each page with sliders."""
 
 
 def execute(options: argparse.Namespace) -> int:
@@ -64,28 +67,31 @@ def _reproduced(
     from barbalat.claims.rows import LEDGER
     from barbalat.explorer import section_v as explorers
     from barbalat.report import documents, page, write
+    from barbalat.run.processes import answer_of
 
     processes = 1 if quick else os.cpu_count() or 1
     rows = sum(part.duration(full=full) for part in LEDGER if part.quick or not quick)
     pace = Pace(rows + (0.0 if quick else MAPS_SECONDS), progress, console)
     seconds, maps = {"start": time.perf_counter() - started}, {}
-    with ledger.under_way(processes, quick=quick, full=full, told=pace.told) as ahead:
+    explored = () if quick else explorers.PAGES
+    exploring = {file: ledger.Other(partial(explorers.contents, file), EXPLORER_SECONDS) for file in explored}
+    with ledger.under_way(processes, quick=quick, full=full, told=pace.told, others=exploring) as ahead:
         runs = section_v.run(pace.running_section_v)
         seconds["simulations"] = time.perf_counter() - started - sum(seconds.values())
         figures = paper.paper_figures(runs)
-        narrow = ahead.pool.submit(write.narrow_pictures, figures)
+        narrow = write.NarrowPictures(figures, ahead.pool)
         certified = ahead.certified.result()
-        exploring = {} if quick else {file: ahead.pool.submit(explorers.contents, file) for file in explorers.PAGES}
         drawing_loops = ahead.pool.submit(write.loop_pictures, certified.certificates)
         pictures = write.draw_reproduction(folder, figures, drawn=lambda share: pace.drawn(PICTURES_SECONDS * share))
+        pictures = narrow.joined(pictures)
+        loops = answer_of(drawing_loops, write.loop_pictures, certified.certificates)
         seconds["pictures"] = time.perf_counter() - started - sum(seconds.values())
         claims = ledger.measure(
             runs, quick=quick, full=full, ahead=ahead, told=pace.told,
             taken=lambda rows: maps.update(write.draw_maps(folder, rows)),
         )  # fmt: skip
-        pictures, loops = write.with_narrow(pictures, narrow.result()), drawing_loops.result()
         write.keep(folder, [*pictures.values(), *loops])
-        for file, contents in exploring.items():
+        for file, contents in ahead.others.items():
             folder.write(file, contents.result().page(claims))
         seconds["claims, maps, certificates, explorers"] = time.perf_counter() - started - sum(seconds.values())
     seconds["total"] = time.perf_counter() - started

@@ -24,12 +24,12 @@ from barbalat.flight.registry import FLIGHTS
 from barbalat.pictures.panel_drawing import draw as draw_panels
 from barbalat.pictures.render import render
 from barbalat.report import charts, diagrams, flights, maps, page
-from barbalat.report.drawings import DrawnFile, ReportFigure, narrow_panels, pictures_of_loops, svg_of
+from barbalat.report.drawings import ReportFigure, narrow_panels, pictures_of_loops, svg_of
 from barbalat.report.file_names import CERTIFICATES, NARROW, PAGE, PICTURE, TUNED_CASE, diagram_names
 from barbalat.report.files import Folder
 from barbalat.report.sweep import WorstMember
 from barbalat.run.picture import ends_at, figure_of, panels
-from barbalat.run.processes import Here
+from barbalat.run.processes import Here, answer_of
 from barbalat.run.result import Result
 from barbalat.study.tradeoff import TradeOff
 from barbalat.study.tradeoff_picture import draw as draw_trade_off
@@ -54,14 +54,17 @@ def draw_reproduction(folder: Folder, figures: Sequence[PaperFigure], drawn: Cal
     return pictures
 
 
-def narrow_pictures(figures: Sequence[PaperFigure]) -> dict[str, DrawnFile]:
-    """The figures for phones by their keys, which another process may draw meanwhile."""
-    return {figure.key: narrow_panels(f"figure-{figure.key}", panels(figure.shown), ends_at(figure.shown)) for figure in figures}
+class NarrowPictures:
+    """The figures for phones, which another process begins with the first while this one is at other work."""
 
+    def __init__(self, figures: Sequence[PaperFigure], beside: Executor) -> None:
+        self.given = {figure.key: (f"figure-{figure.key}", panels(figure.shown), ends_at(figure.shown)) for figure in figures}
+        self.asked = {key: beside.submit(narrow_panels, *given) for key, given in self.given.items()}
 
-def with_narrow(pictures: Mapping[str, ReportFigure], narrow: Mapping[str, DrawnFile]) -> dict[str, ReportFigure]:
-    """Both as one, by key."""
-    return {key: replace(picture, narrow=narrow[key]) for key, picture in pictures.items()}
+    def joined(self, pictures: Mapping[str, ReportFigure]) -> dict[str, ReportFigure]:
+        """With the others as one, by key; those that nobody has begun are drawn here, the last one first."""
+        found = {key: answer_of(self.asked[key], narrow_panels, *self.given[key]) for key in reversed(self.given)}
+        return {key: replace(picture, narrow=found[key]) for key, picture in pictures.items()}
 
 
 def keep(folder: Folder, pictures: Sequence[ReportFigure]) -> None:

@@ -26,6 +26,11 @@ class Here(Executor):
         return done
 
 
+def answer_of(asked: Future[Answer], function: Callable[Given, Answer], /, *given: Given.args, **named: Given.kwargs) -> Answer:
+    """What this call, which was submitted, answers; where no process has begun it, it is made here."""
+    return function(*given, **named) if asked.cancel() else asked.result()
+
+
 @contextmanager
 def processes(count: int) -> Iterator[ProcessPoolExecutor]:
     """So many processes, which collect garbage as often as this one; whatever they are at when this is left by an exception,
