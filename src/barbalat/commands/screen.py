@@ -20,13 +20,20 @@ SECONDS_EACH_STEP = 10e-9
 TOLD_FRACTION = 0.02
 """Of a part: from there on its own pace says how long it takes, and no longer what was expected."""
 
-KNOWN_FRACTION = 0.2
-"""Of a part: from there on its own pace is believed within a factor of two, and the time that is left is printed."""
+KNOWN_FRACTION, KNOWN_SECONDS, KNOWN_REPORTS = 0.02, 3.0, 3
+"""Of a part, how much is done in how many seconds since its first report, and in how many of these: from there on its pace may be
+believed within a factor of two, and the time that is left be printed."""
+RECENT_SHARE = 0.5
+"""Of what is done of a part: the pace is measured over so much of it too, without what is started once and what was long ago."""
+AGREEING = 2.0
+"""Both paces are believed where they differ by no more than this factor; the slower one is taken, as parts rarely get faster."""
 
 OVERDUE_SHARE = 0.5
 """Of the time since the last news: what should be over by now takes so much longer, as likely as not."""
 
 
+SHORTEST_SECONDS = 1e-9
+"""Between two readings of a clock that has not ticked."""
 CERTAIN_AFTER = 1.0
 """Seconds until what a process gets of a core is believed."""
 
@@ -42,6 +49,7 @@ class Work:
         self.started = self.begun = self.updated = time.perf_counter()
         self.computed, self.here = time.process_time(), True
         self.name, self.fraction, self.told, self.expected = "", 0.0, 0.0, 0.0
+        self.reports: list[tuple[float, float]] = []
 
     @contextlib.contextmanager
     def part(self, name: str, *, here: bool = True) -> Iterator[Progress]:
@@ -51,13 +59,14 @@ class Work:
         """
         self.expected, self.name, self.fraction = self.to_come.pop(name, 1.0), name, 0.0
         self.begun = self.updated = time.perf_counter()
-        self.here = here
+        self.here, self.reports = here, []
         yield self._advanced
         self.name = ""
 
     def _advanced(self, fraction: float) -> None:
         if fraction > self.fraction:
             self.fraction, self.updated = fraction, time.perf_counter()
+            self.reports.append((self.updated, fraction))
 
     @property
     def left(self) -> float:
@@ -66,7 +75,7 @@ class Work:
             return sum(self.to_come.values()) * self._stretch
         now, rest = time.perf_counter(), self.expected * self._stretch
         if self.fraction >= TOLD_FRACTION:
-            rest = (1 - self.fraction) / self.fraction * (self.updated - self.begun)
+            rest = (1 - self.fraction) / min(self._paces)
         behind = now - (self.updated if self.fraction >= TOLD_FRACTION else self.begun)
         return sum(self.to_come.values()) * self._stretch + max(rest - behind, OVERDUE_SHARE * behind)
 
@@ -76,8 +85,22 @@ class Work:
 
         What is expected may be wrong by a factor of three, which is a factor of two of a sum of which it is the smaller half.
         """
-        to_come = sum(self.to_come.values()) * self._stretch
-        return self.fraction >= KNOWN_FRACTION and to_come <= self.left / 2
+        if len(self.reports) < KNOWN_REPORTS:
+            return False
+        (first, told), to_come = self.reports[0], sum(self.to_come.values()) * self._stretch
+        seen = self.fraction - told >= KNOWN_FRACTION and self.updated - first >= KNOWN_SECONDS
+        slower, faster = sorted(self._paces)
+        return seen and faster <= AGREEING * slower and to_come <= self.left / 2
+
+    @property
+    def _paces(self) -> tuple[float, float]:
+        """Fractions of the part that are done in a second: in all, and lately."""
+        before = [one for one in self.reports[:-1] if one[1] <= (1 - RECENT_SHARE) * self.fraction] or self.reports[:1]
+        since, done = before[-1] if len(self.reports) > 1 else (self.begun, 0.0)
+        return (
+            self.fraction / max(self.updated - self.begun, SHORTEST_SECONDS),
+            (self.fraction - done) / max(self.updated - since, SHORTEST_SECONDS),
+        )
 
     @property
     def _stretch(self) -> float:
@@ -113,7 +136,7 @@ def work(expected: Mapping[str, float]) -> Iterator[Work]:
 
         def render(self, task: Task) -> Text:
             bars.update(task.id, completed=running.over, description=running.name)
-            said = f"{_duration(running.left)} left" if running.known else f"{_duration(running.gone)} so far"
+            said = f"about {_duration(running.left)} left" if running.known else f"{_duration(running.gone)} so far"
             return Text(f"{100 * running.told:3.0f} %, {said}")
 
     screen = console(to_standard_error=True)
