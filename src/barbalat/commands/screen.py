@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import math
 import sys
 import time
 from collections.abc import Iterator, Mapping
@@ -20,13 +21,15 @@ SECONDS_EACH_STEP = 10e-9
 TOLD_FRACTION = 0.02
 """Of a part: from there on its own pace says how long it takes, and no longer what was expected."""
 
-KNOWN_FRACTION, KNOWN_SECONDS, KNOWN_REPORTS = 0.02, 3.0, 3
-"""Of a part, how much is done in how many seconds since its first report, and in how many of these: from there on its pace may be
-believed within a factor of two, and the time that is left be printed."""
+KNOWN_AFTER = ((0.1, 2.0), (0.02, 30.0))
+"""How much of a part is done in how many seconds since its first report, one or the other, until its pace may be believed within a
+factor of two, and the time that is left be printed: measured on sweep, tune, tradeoff, reproduce, with other work beside."""
+FEWEST_REPORTS = 3
+"""Of a part, likewise."""
 RECENT_SHARE = 0.5
-"""Of what is done of a part: the pace is measured over so much of it too, without what is started once and what was long ago."""
+"""Of what is done of a part since its first report: over so much of it the pace is also measured, without what is long ago."""
 AGREEING = 2.0
-"""Both paces are believed where they differ by no more than this factor; the slower one is taken, as parts rarely get faster."""
+"""Both paces are believed where they differ by no more than this factor; the one between them is taken."""
 
 OVERDUE_SHARE = 0.5
 """Of the time since the last news: what should be over by now takes so much longer, as likely as not."""
@@ -75,7 +78,7 @@ class Work:
             return sum(self.to_come.values()) * self._stretch
         now, rest = time.perf_counter(), self.expected * self._stretch
         if self.fraction >= TOLD_FRACTION:
-            rest = (1 - self.fraction) / min(self._paces)
+            rest = (1 - self.fraction) / math.sqrt(math.prod(self._paces))
         behind = now - (self.updated if self.fraction >= TOLD_FRACTION else self.begun)
         return sum(self.to_come.values()) * self._stretch + max(rest - behind, OVERDUE_SHARE * behind)
 
@@ -85,22 +88,26 @@ class Work:
 
         What is expected may be wrong by a factor of three, which is a factor of two of a sum of which it is the smaller half.
         """
-        if len(self.reports) < KNOWN_REPORTS:
+        if len(self.reports) < FEWEST_REPORTS:
             return False
         (first, told), to_come = self.reports[0], sum(self.to_come.values()) * self._stretch
-        seen = self.fraction - told >= KNOWN_FRACTION and self.updated - first >= KNOWN_SECONDS
+        seen = any(self.fraction - told >= share and self.updated - first >= seconds for share, seconds in KNOWN_AFTER)
         slower, faster = sorted(self._paces)
         return seen and faster <= AGREEING * slower and to_come <= self.left / 2
 
     @property
     def _paces(self) -> tuple[float, float]:
-        """Fractions of the part that are done in a second: in all, and lately."""
-        before = [one for one in self.reports[:-1] if one[1] <= (1 - RECENT_SHARE) * self.fraction] or self.reports[:1]
-        since, done = before[-1] if len(self.reports) > 1 else (self.begun, 0.0)
-        return (
-            self.fraction / max(self.updated - self.begun, SHORTEST_SECONDS),
-            (self.fraction - done) / max(self.updated - since, SHORTEST_SECONDS),
-        )
+        """Fractions of the part that are done in a second, after what is started once: since the first report, and lately."""
+        if len(self.reports) < FEWEST_REPORTS:
+            in_all = self.fraction / max(self.updated - self.begun, SHORTEST_SECONDS)
+            return in_all, in_all
+        first = self.reports[0]
+        wanted = first[1] + (1 - RECENT_SHARE) * (self.fraction - first[1])
+        lately = [one for one in self.reports[:-1] if one[1] <= wanted][-1]
+        return self._since(*first), self._since(*lately)
+
+    def _since(self, instant: float, fraction: float) -> float:
+        return (self.fraction - fraction) / max(self.updated - instant, SHORTEST_SECONDS)
 
     @property
     def _stretch(self) -> float:
