@@ -22,8 +22,8 @@ TOLD_FRACTION = 0.02
 """Of a part: from there on its own pace says how long it takes, and no longer what was expected."""
 
 KNOWN_AFTER = ((0.1, 2.0), (0.02, 30.0))
-"""How much of a part is done in how many seconds since its first report, one or the other, until its pace may be believed within a
-factor of two, and the time that is left be printed: measured on sweep, tune, tradeoff, reproduce, with other work beside."""
+"""How much of a part is done in how many seconds since its first report, one or the other, until its pace may be believed within
+a factor of two, and the time that is left be printed: measured on sweep, tune, tradeoff, reproduce, with other work beside."""
 FEWEST_REPORTS = 3
 """Of a part, likewise."""
 RECENT_SHARE = 0.5
