@@ -78,10 +78,36 @@ def test_no_time_is_told_before_it_is_known_within_a_factor_of_two(clock):
                 known.append(k)
                 true = (40 - k) + 3 * 4.1
                 assert true / 2 <= work.left <= 2 * true
-    assert known == list(range(8, 36))
+    assert known == list(range(5, 36))
     with work.part("drawing"):
         clock[0] += 6.0
         assert not work.known
+
+
+def test_of_a_long_part_the_time_is_told_from_the_first_hundredths_on(clock):
+    work, known = Work({"all": 5.0}, Console()), []
+    with work.part("all") as progress:
+        for k in range(1, 301):
+            clock[0] += 1.0
+            progress(k / 300)
+            if work.known:
+                known.append(k)
+                assert (300 - k) / 2 <= work.left <= 2 * (300 - k)
+    assert known == list(range(31, 301))
+
+
+def test_what_is_started_once_is_no_pace(clock):
+    """Code is made for 20 s, then all is done in 10: by the pace in all 400 s would be left, then 200."""
+    work, known = Work({"all": 5.0}, Console()), []
+    with work.part("all") as progress:
+        clock[0] += 20.0
+        for k in range(1, 21):
+            clock[0] += 0.5
+            progress(k / 20)
+            if work.known:
+                known.append(k)
+                assert (20 - k) / 4 <= work.left <= 20 - k + 1e-9
+    assert known == list(range(5, 21))
 
 
 class Terminal(io.StringIO):

@@ -104,6 +104,14 @@ def test_the_first_panel_is_the_motion_with_model_and_command(results):
     np.testing.assert_array_equal(first.series[-1].value, results["MRAC"].r)
 
 
+def test_on_a_grey_print_the_legend_tells_lines_apart_by_their_widths(results):
+    """Of what is compared each has a width of its own, in the panel and in its legend."""
+    axes = next(axes for axes in plot(list(results.values())[:3]).axes if axes.get_legend())
+    shown = {line.get_label(): line.get_linewidth() for line in axes.get_legend().legend_handles}
+    widths = [shown[name] for name in list(results)[:3]]
+    assert len(set(widths)) == 3 and set(widths) <= {line.get_linewidth() for line in axes.get_lines()}
+
+
 def test_the_estimates_stand_with_the_true_values_and_fill_their_panel(results):
     *_, estimates = panels([results["MRAC"]])
     low, high = estimates.limits

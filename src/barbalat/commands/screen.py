@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import math
 import sys
 import time
 from collections.abc import Iterator, Mapping
@@ -20,13 +21,22 @@ SECONDS_EACH_STEP = 10e-9
 TOLD_FRACTION = 0.02
 """Of a part: from there on its own pace says how long it takes, and no longer what was expected."""
 
-KNOWN_FRACTION = 0.2
-"""Of a part: from there on its own pace is believed within a factor of two, and the time that is left is printed."""
+KNOWN_AFTER = ((0.1, 2.0), (0.02, 30.0))
+"""How much of a part is done in how many seconds since its first report, one or the other, until its pace may be believed within
+a factor of two, and the time that is left be printed: measured on sweep, tune, tradeoff, reproduce, with other work beside."""
+FEWEST_REPORTS = 3
+"""Of a part, likewise."""
+RECENT_SHARE = 0.5
+"""Of what is done of a part since its first report: over so much of it the pace is also measured, without what is long ago."""
+AGREEING = 2.0
+"""Both paces are believed where they differ by no more than this factor; the one between them is taken."""
 
 OVERDUE_SHARE = 0.5
 """Of the time since the last news: what should be over by now takes so much longer, as likely as not."""
 
 
+SHORTEST_SECONDS = 1e-9
+"""Between two readings of a clock that has not ticked."""
 CERTAIN_AFTER = 1.0
 """Seconds until what a process gets of a core is believed."""
 
@@ -42,6 +52,7 @@ class Work:
         self.started = self.begun = self.updated = time.perf_counter()
         self.computed, self.here = time.process_time(), True
         self.name, self.fraction, self.told, self.expected = "", 0.0, 0.0, 0.0
+        self.reports: list[tuple[float, float]] = []
 
     @contextlib.contextmanager
     def part(self, name: str, *, here: bool = True) -> Iterator[Progress]:
@@ -51,13 +62,14 @@ class Work:
         """
         self.expected, self.name, self.fraction = self.to_come.pop(name, 1.0), name, 0.0
         self.begun = self.updated = time.perf_counter()
-        self.here = here
+        self.here, self.reports = here, []
         yield self._advanced
         self.name = ""
 
     def _advanced(self, fraction: float) -> None:
         if fraction > self.fraction:
             self.fraction, self.updated = fraction, time.perf_counter()
+            self.reports.append((self.updated, fraction))
 
     @property
     def left(self) -> float:
@@ -66,7 +78,7 @@ class Work:
             return sum(self.to_come.values()) * self._stretch
         now, rest = time.perf_counter(), self.expected * self._stretch
         if self.fraction >= TOLD_FRACTION:
-            rest = (1 - self.fraction) / self.fraction * (self.updated - self.begun)
+            rest = (1 - self.fraction) / math.sqrt(math.prod(self._paces))
         behind = now - (self.updated if self.fraction >= TOLD_FRACTION else self.begun)
         return sum(self.to_come.values()) * self._stretch + max(rest - behind, OVERDUE_SHARE * behind)
 
@@ -76,8 +88,26 @@ class Work:
 
         What is expected may be wrong by a factor of three, which is a factor of two of a sum of which it is the smaller half.
         """
-        to_come = sum(self.to_come.values()) * self._stretch
-        return self.fraction >= KNOWN_FRACTION and to_come <= self.left / 2
+        if len(self.reports) < FEWEST_REPORTS:
+            return False
+        (first, told), to_come = self.reports[0], sum(self.to_come.values()) * self._stretch
+        seen = any(self.fraction - told >= share and self.updated - first >= seconds for share, seconds in KNOWN_AFTER)
+        slower, faster = sorted(self._paces)
+        return seen and faster <= AGREEING * slower and to_come <= self.left / 2
+
+    @property
+    def _paces(self) -> tuple[float, float]:
+        """Fractions of the part that are done in a second, after what is started once: since the first report, and lately."""
+        if len(self.reports) < FEWEST_REPORTS:
+            in_all = self.fraction / max(self.updated - self.begun, SHORTEST_SECONDS)
+            return in_all, in_all
+        first = self.reports[0]
+        wanted = first[1] + (1 - RECENT_SHARE) * (self.fraction - first[1])
+        lately = [one for one in self.reports[:-1] if one[1] <= wanted][-1]
+        return self._since(*first), self._since(*lately)
+
+    def _since(self, instant: float, fraction: float) -> float:
+        return (self.fraction - fraction) / max(self.updated - instant, SHORTEST_SECONDS)
 
     @property
     def _stretch(self) -> float:
@@ -113,7 +143,7 @@ def work(expected: Mapping[str, float]) -> Iterator[Work]:
 
         def render(self, task: Task) -> Text:
             bars.update(task.id, completed=running.over, description=running.name)
-            said = f"{_duration(running.left)} left" if running.known else f"{_duration(running.gone)} so far"
+            said = f"about {_duration(running.left)} left" if running.known else f"{_duration(running.gone)} so far"
             return Text(f"{100 * running.told:3.0f} %, {said}")
 
     screen = console(to_standard_error=True)

@@ -16,7 +16,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
-from barbalat.pictures.panel_sizes import PAGE, PHONE, Sizes, entries, heading, legend_columns
+from barbalat.pictures.panel_sizes import LEVEL_WIDTH, PAGE, PHONE, Sizes, entries, heading, legend_columns
 from barbalat.pictures.panels import Panel, Series
 from barbalat.pictures.series import Outline, outline
 from barbalat.pictures.theme import DASHES, Theme, new_figure
@@ -75,7 +75,7 @@ def _draw(axes: Axes, panel: Panel, outlines: Sequence[Outline], t_end: float, t
     for level in panel.levels:
         for i, one in enumerate(apart):
             if level.of is None or len(apart) == 1 or level.of == i:
-                one.axhline(level.value, **_style(theme, level.colour, level.dash), linewidth=0.9)
+                one.axhline(level.value, **_style(theme, level.colour, level.dash), linewidth=LEVEL_WIDTH)
     for one in apart:
         one.set_yscale(panel.scale, **({"linthresh": 1.0} if panel.scale == "symlog" else {}))
         if panel.limits is not None:
@@ -163,7 +163,8 @@ def _series(axes: Axes, series: Series, found: Outline, theme: Theme, *, among_o
 
 def _title_and_legend(axes: Axes, panel: Panel, theme: Theme, sizes: Sizes) -> None:
     """Both above the axes, at their left edge, where they cover nothing."""
-    handles = [Line2D([], [], label=text, **_style(theme, colour, dash)) for text, colour, dash in entries(panel)]
+    marks = entries(panel)
+    handles = [Line2D([], [], label=one.text, linewidth=one.width, **_style(theme, one.colour, one.dash)) for one in marks]
     legend = axes.legend(
         handles=handles, title=heading(panel, sizes), title_fontsize=sizes.font + 0.5, alignment="left", loc="lower left",
         bbox_to_anchor=(-0.01, 0.99), ncols=legend_columns(panel, sizes), frameon=False, fontsize=sizes.font, borderpad=0.1,

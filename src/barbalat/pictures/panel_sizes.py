@@ -5,10 +5,14 @@ from __future__ import annotations
 import re
 import textwrap
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from barbalat.pictures.panels import Panel
 from barbalat.pictures.symbols import HELD_BLANK
 from barbalat.pictures.theme import NARROW, WIDE
+
+LEVEL_WIDTH = 0.9
+"""Of a level's line [points]."""
 
 
 @dataclass(frozen=True)
@@ -53,15 +57,25 @@ def _filled(text: str, width: int) -> str:
     return textwrap.fill(held, width).replace(HELD_BLANK, " ")
 
 
-def entries(panel: Panel) -> list[tuple[str, int | str, int]]:
-    """Of the legend: text, colour, dash."""
+class Mark(NamedTuple):
+    """An entry of a legend: as its line is, so that on a grey print its width tells it apart."""
+
+    text: str
+    colour: int | str
+    dash: int
+    width: float
+
+
+def entries(panel: Panel) -> list[Mark]:
+    """Of the legend."""
     levels = {level.label: level.dash for level in panel.levels if level.label}
-    return [*((one.label, one.colour, one.dash) for one in panel.series), *((text, "quiet", k) for text, k in levels.items())]
+    lines = [Mark(one.label, one.colour, one.dash, one.width) for one in panel.series]
+    return [*lines, *(Mark(text, "quiet", dash, LEVEL_WIDTH) for text, dash in levels.items())]
 
 
 def legend_columns(panel: Panel, sizes: Sizes) -> int:
     """As many as fit above the panel."""
-    labels = [text for text, _, _ in entries(panel)]
+    labels = [one.text for one in entries(panel)]
     longest = max(map(_length, labels), default=1)
     return max(min(sizes.characters(panel) // (longest + 7), len(labels)), 1)  # 7: the line before it, the gap behind
 

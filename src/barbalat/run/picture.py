@@ -108,7 +108,7 @@ def _motion(result: Result, state: int, k: int, width: float) -> Series:
 
 
 def _width(k: int, count: int) -> float:
-    """Of the k-th line: wider than those that are drawn after it, to be seen where they coincide."""
+    """Of the k-th line: wider than those that are drawn after it, to be seen where they coincide, and on a grey print."""
     return 1.1 + 0.5 * min(count - 1 - k, 3)
 
 
@@ -184,7 +184,7 @@ def _error(result: Result, title: str) -> Panel:
     series = [
         Series(
             t=result.t, value=result.e[:, i], label=f"{'$e$' if n == 1 else f'$e_{i + 1}$'}{units[i]}", colour=i, dash=i // 6,
-            low=result.envelope.e_min[:, i], high=result.envelope.e_max[:, i],
+            low=result.envelope.e_min[:, i], high=result.envelope.e_max[:, i], width=_width(i, n),
         )
         for i in range(n)
     ]  # fmt: skip
