@@ -259,6 +259,38 @@ def test_no_run_is_farther_from_the_reference_system_than_is_guaranteed(sample):
     assert close > 0.3  # it is no wild guess: one of the commands comes near the worst
 
 
+@pytest.mark.full
+@pytest.mark.parametrize("form", ["exact", "as flown", "T assumed apart"])
+@pytest.mark.parametrize("seed", range(4))
+def test_the_distance_of_several_inputs_is_kept(seed, form):
+    """The reference system of two inputs by one exponential, as above; a T that is assumed a third too short among them."""
+    random, n, m, T = np.random.default_rng(seed), 3, 2, 2.0**-6
+    A_m = random.normal(size=(n, n))
+    A_m -= (np.linalg.eigvals(A_m).real.max() + 0.8) * np.eye(n)
+    b, theta, k_0, kappa = random.normal(size=(n, m)), random.uniform(-0.5, 0.5, (n, m)), random.normal(size=(m, 1)), 0.1
+    plant = Plant(A_m=A_m, b=b, theta=theta, x0=random.normal(size=n))
+    problem = Problem(plant=plant, reference_model=ReferenceModel(k_0=k_0), reference=[Square(1.3, random.uniform(0.5, 3.0))])
+    theta_0 = np.zeros((n, m)) if form == "exact" else random.uniform(-0.3, 0.3, (n, m))
+    assumed = 0.75 * T if form == "T assumed apart" else None
+    flown = AsFlown(nominal=theta_0.reshape(-1), assumed_sample_time=assumed)
+    law = L1PiecewiseConstant(sample_time=T, filter=input_filter(kappa), as_flown=None if form == "exact" else flown)
+    found = certified(problem, law)
+    assert {"reference_distance", "reference_distance_between"} <= found.guaranteed
+    A = np.zeros((n + m + 1, n + m + 1))  # x_ref, C's outputs, r
+    A[:n, :n], A[:n, n:-1] = A_m + b @ (theta - theta_0).T, b
+    A[n:-1, :n], A[n:-1, n:-1] = -(theta - theta_0).T / kappa, -np.eye(m) / kappa
+    A[(slice(n, -1) if form == "exact" else slice(n)), -1:] = k_0 / kappa if form == "exact" else b @ k_0
+    run = simulate(problem, [law], Simulation(t_end=10.0, dt=T / 2, record_points=10_000))[law.name]
+    step, state, away = expm(A * T / 2), np.concatenate([plant.x0, np.zeros(m + 1)]), []
+    for k, r in enumerate(run.r.reshape(-1)):
+        state[-1] = r if k % 2 == 0 else state[-1]
+        away.append(np.abs(run.x[k] - state[:n]).max())
+        state = step @ state
+    assert max(away[::2]) <= found.values["reference_distance"]
+    assert max(away) <= found.values["reference_distance_between"]
+    assert max(away[::2]) > 0.01 * found.values["reference_distance"]
+
+
 def test_the_entries_of_the_form_as_flown():
     plant = Plant(A_m=[[-1.0]], b=[1.0], theta=[1.0])
     law = L1PiecewiseConstant(
