@@ -11,7 +11,7 @@ import pytest
 from barbalat import InputError, sweep
 from barbalat.cases.load import CaseText
 from barbalat.sweeps.paths import FieldPath
-from barbalat.sweeps.plan import Plan
+from barbalat.sweeps.plan import Design, Plan
 from barbalat.sweeps.spread import Axis, Uniform
 from barbalat.sweeps.store import opened
 from barbalat.sweeps.stored import INDEX_FILE, INDEX_KEY, StoredRows, read_index, row_of
@@ -89,6 +89,24 @@ def test_another_sweeps_store_is_refused_by_name(other, what, tmp_path):
     with pytest.raises(InputError, match=f"is of {what}"):
         run(folder, other())
     assert {file.name: file.read_bytes() for file in folder.iterdir()} == before
+
+
+@pytest.mark.parametrize("design", [Design.RANDOM, Design.SOBOL])
+@pytest.mark.parametrize("interrupted", [False, True])
+def test_further_members_join_those_that_are_there(design, interrupted, tmp_path):
+    """20 in chunks of 6: of 33 three whole chunks are there, and the short last one is made again."""
+    folder = tmp_path / "store"
+    run(folder, study(20, design=design))
+    if interrupted:
+        (folder / "members-000000000006.parquet").unlink()
+    found, whole = run(folder, study(33, design=design)), run(tmp_path / "whole", study(33, design=design))
+    assert found.resumed == (12 if interrupted else 18)
+    assert found.as_json() | {"resumed": 0} == whole.as_json()
+    assert sorted(one.name for one in folder.iterdir()) == sorted(one.name for one in (tmp_path / "whole").iterdir())
+    with pytest.raises(InputError, match="is of other --vary, --sample, --members"):  # fewer are another sweep
+        run(folder, study(20, design=design))
+    with pytest.raises(InputError, match="is of other --vary, --sample, --members"):
+        run(folder, study(40, design=design, seed=1))
 
 
 def test_other_equations_are_refused(tmp_path, monkeypatch):

@@ -136,7 +136,7 @@ def fly_dispersed(
     name, schemes, failures  as of ``fly``
     members    draws, each flown by every scheme through every failure; where there are several conditions they take turns
     seed       of the draws, and each draw's number of its gusts
-    store      a folder that keeps every row and from which the same call goes on
+    store      a folder that keeps every row and from which the same call goes on, or one for more draws
     processes  that fly side by side
 
     Raises InputError for what can't be flown, SimulatorFailed where the simulator breaks; what was stored before stays.
@@ -163,7 +163,8 @@ def _sink(campaign: Campaign, store: str | Path | None) -> Iterator[Store | Kept
     if store is None:
         yield Kept(None, list(chunks_of(len(campaign.plan), campaign.chunk)))
         return
-    with opened(Path(store), campaign.identity(), len(campaign.plan), campaign.chunk, DIFFERENCES) as found:
+    plan = campaign.plan
+    with opened(Path(store), campaign.identity(), len(plan), campaign.chunk, DIFFERENCES, grows=plan.keeps_its_first) as found:
         yield found
 
 

@@ -116,6 +116,11 @@ class Plan:
     def __len__(self) -> int:
         return self.count
 
+    @property
+    def keeps_its_first(self) -> bool:
+        """Whether the first members stay what they are when further ones are asked for."""
+        return self.design in (Design.RANDOM, Design.SOBOL) and not self.axes
+
     def values(self, first: int, count: int) -> Array:
         """(count, paths) of the members from number ``first`` on."""
         numbers = np.arange(first, first + count)

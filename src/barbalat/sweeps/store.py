@@ -28,6 +28,7 @@ from barbalat.sweeps.stored import (
     StoredRows,
     StoreIndex,
     checksum,
+    grown,
     intact,
     name_of,
     read_index,
@@ -121,12 +122,21 @@ def opened(
     members: int,
     chunk: int,
     differences: Mapping[str, str] = NAMES_OF_DIFFERENCES,
+    *,
+    grows: bool = False,
 ) -> Iterator[Store]:
     """A new store, or one to go on with, of this process alone; of one that is complete nothing is written.
 
+    grows  it may have fewer members than are asked for now, the first ones of the same plan
+
     InputError for a folder that can't be written, that another process writes, or that holds another sweep or other things.
     """
-    whole = read_index(folder)
+
+    def found() -> StoreIndex | None:
+        index = read_index(folder)
+        return grown(index, identity, members) if index is not None and grows else index
+
+    whole = found()
     if whole is not None and sum(file["count"] for file in whole.files.values()) == whole.members:
         require_same(folder, whole, identity, differences)
         if not _damaged(folder, whole):
@@ -135,7 +145,7 @@ def opened(
     made = [one for one in (folder, *folder.parents) if not one.exists()]
     try:
         with _locked(folder):
-            index = read_index(folder)
+            index = found()
             if index is None:
                 if foreign := sorted(
                     one.name for one in folder.iterdir() if one.name not in (LOCK_FILE, WRITING_DIR) and not _ours(one)

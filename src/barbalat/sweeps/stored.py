@@ -6,7 +6,7 @@ import hashlib
 import json
 import sys
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib import metadata
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -15,7 +15,7 @@ import numpy as np
 
 import barbalat
 from barbalat import validate
-from barbalat.sweeps.chunks import Chunk
+from barbalat.sweeps.chunks import MOST_CHUNKS, Chunk
 from barbalat.validate import Array, InputError
 
 if TYPE_CHECKING:
@@ -110,6 +110,18 @@ def require_same(
         if key in identity.keys() & index.identity.keys() and index.identity[key] != identity[key]:
             by = f" (made by barbalat {index.versions.get('barbalat')})" if key == "equations" else ""
             raise InputError(f"the store {str(folder)!r} is of {what}{by}: choose another folder, or the command that made it")
+
+
+def grown(index: StoreIndex, identity: dict[str, Any], members: int) -> StoreIndex:
+    """The index for further members, of a plan that keeps its first; as it is where it is of another sweep or of as many.
+
+    A last chunk that was shorter than the others is made again.
+    """
+    plan = index.identity.get("plan", {}) | {"members": members}
+    if members <= index.members or -(-members // index.chunk) > MOST_CHUNKS or index.identity | {"plan": plan} != identity:
+        return index
+    whole = {name: file for name, file in index.files.items() if file["count"] == index.chunk}
+    return replace(index, identity=identity, members=members, files=whole)
 
 
 class StoredRows:

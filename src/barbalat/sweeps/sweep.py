@@ -133,8 +133,10 @@ def _sink(study: Study, store: Path | None, chunk: int | None, columns: Sequence
     if store is None:
         yield Kept.room_for(list(chunks_of(len(study), size)), len(columns))
         return
-    identity = study.identity() | {"bounds": any(name.endswith(f"/{ERROR_BOUND}") for name in columns)}
-    with opened(store, identity, len(study), size) as found:
+    bounded = any(name.endswith(f"/{ERROR_BOUND}") for name in columns)
+    # which bounds are computed depends on how many members there are
+    grows = study.plan.keeps_its_first and not bounded
+    with opened(store, study.identity() | {"bounds": bounded}, len(study), size, grows=grows) as found:
         yield found
 
 
