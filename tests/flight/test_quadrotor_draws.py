@@ -11,6 +11,7 @@ from benchmarks import flight_tuning, quadrotor_tuning
 from benchmarks.flight_tuning import PAGES
 from scipy.optimize import brentq
 
+from barbalat.claims.stored_flights import Flights
 from barbalat.flight.dispersed import fly_dispersed
 from barbalat.flight.quadrotor.air import GUSTS_SHARE, Air
 from barbalat.flight.quadrotor.axes import ATTITUDE_SAMPLE, Axes, Electronics
@@ -20,7 +21,7 @@ from barbalat.flight.quadrotor.dispersions import NOMINAL, Dispersion
 from barbalat.flight.quadrotor.failures import FAILURES
 from barbalat.flight.quadrotor.flying import flown, fly_all
 from barbalat.flight.quadrotor.hover import hovering
-from barbalat.flight.quadrotor.schemes import TUNED
+from barbalat.flight.quadrotor.schemes import TUNED, available
 from barbalat.flight.quadrotor.sensing import Sensing
 from barbalat.flight.quadrotor.simulator import Motion
 from barbalat.flight.quadrotor.vehicle import SLOPE, STANDING, STEP, Quadrotor
@@ -134,6 +135,19 @@ def test_a_store_goes_on_where_it_was_left(tmp_path):
     assert again.resumed == 2
     for name in whole.rows.names:
         np.testing.assert_array_equal(again.rows.column(name), whole.rows.column(name))
+
+
+def test_the_stored_flights_of_the_ledger_are_flown_again():
+    """The first draw, by three schemes: to what another processor's rounding leaves alike in thirteen seconds."""
+    stored = Flights.stored("quadrotor").document
+    assert stored["numbers"] == TUNED
+    schemes = [name for name in ("geometric", "hinf", "l1") if name in available()]
+    found = fly_dispersed(
+        "quadrotor", schemes=schemes, failures=["wind", "no-reset"], members=1, seed=stored["plan"]["seed"], processes=1
+    )
+    for column, value in found.rows.row(0).items():
+        expected = stored["first_draw"][column]
+        assert value == pytest.approx(float("nan") if expected is None else expected, rel=1e-6, nan_ok=True), column
 
 
 def numbers_of(cells):
