@@ -125,13 +125,10 @@ def _sentence(finding: Any, data: dict[str, Any], root: type[Table]) -> str:
     return f"{_place(location, data)} {message[0].lower()}{message[1:]}, got {typed(given)}"
 
 
-def _choice_missing(place: str, key: str, given: Any) -> str:
+def _choice_missing(place: str, key: str, given: dict[str, Any]) -> str:
     """Of a table without its ``kind`` or ``scheme``: the key that is spelt most like it may be meant."""
-    near = difflib.get_close_matches(key, {str(one).lower(): one for one in given}, n=1) if isinstance(given, dict) else []
-    if near:
-        typed_key = next(one for one in given if one.lower() == near[0])
-        return f"unknown key {place}.{typed_key}; did you mean {key!r}?"
-    return f"{place}.{key} is missing"
+    near = next((one for one in given if difflib.get_close_matches(key, [one.lower()])), None)
+    return f"{place}.{key} is missing" if near is None else f"unknown key {place}.{near}; did you mean {key!r}?"
 
 
 def _known(context: dict[str, Any]) -> str:

@@ -14,6 +14,11 @@ LONGEST_LABEL = 40
 """Characters of a name in a picture: a legend has room for no more."""
 
 
+def width_of(k: int, count: int) -> float:
+    """Of the k-th line: wider than those that are drawn after it, to be seen where they coincide, and on a grey print."""
+    return 1.1 + 0.5 * min(count - 1 - k, 3)
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Series:
     """A quantity over time.

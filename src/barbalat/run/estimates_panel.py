@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from barbalat.pictures.panels import Level, Panel, Series, around, span_of
+from barbalat.pictures.panels import Level, Panel, Series, around, span_of, width_of
 from barbalat.problem.known_set import UNREACHED_BOUND, EstimateSet, Projecting
 from barbalat.problem.state_feedback import Problem
 from barbalat.protocols import DiscretizedEquations
@@ -43,9 +43,12 @@ def _by_size(result: Result) -> tuple[list[int], list[int]]:
 def _panel(result: Result, title: str, chosen: Sequence[int]) -> Panel:
     estimates = [estimates_of(result)[i] for i in chosen]
     series = [
-        Series(t=result.t, value=one.value, label=one.label, colour=i, dash=i // 6, low=one.low, high=one.high)
-        for i, one in zip(chosen, estimates, strict=True)
-    ]
+        Series(
+            t=result.t, value=one.value, label=one.label, colour=i, dash=i // 6, low=one.low, high=one.high,
+            width=width_of(k, len(chosen)),
+        )
+        for k, (i, one) in enumerate(zip(chosen, estimates, strict=True))
+    ]  # fmt: skip
     levels = [
         Level(value=one.true, colour=i, dash=1, label="true values", of=k)
         for k, (i, one) in enumerate(zip(chosen, estimates, strict=True))

@@ -9,7 +9,7 @@ import numpy as np
 
 from barbalat.pictures.close_ups import close_ups
 from barbalat.pictures.panel_drawing import draw
-from barbalat.pictures.panels import Level, Panel, Series, around, as_typed, span_of, text_of
+from barbalat.pictures.panels import Level, Panel, Series, around, as_typed, span_of, text_of, width_of
 from barbalat.problem.command_gain import FOLLOWS_TO, commanded, gains_at_rest
 from barbalat.problem.labels import Labels
 from barbalat.problem.output_feedback import OutputProblem
@@ -63,7 +63,7 @@ def _tracking(results: Sequence[Result]) -> list[Panel]:
     for state, commands in commanded(problem):
         model = "y_m" if output else f"x_{{m,{state + 1}}}"
         longest = max(results, key=lambda result: len(result.t))
-        runs = [_motion(result, state, k, _width(k, len(results))) for k, result in enumerate(results)]
+        runs = [_motion(result, state, k, width_of(k, len(results))) for k, result in enumerate(results)]
         others = [Series(t=longest.t, value=_of_model(longest, state), label=f"model ${model}$", colour="ink", dash=1)]
         others += [_command(longest, k, float(gains[state, k])) for k in commands]
         note = _settles_at(gains, state, commands)
@@ -107,11 +107,6 @@ def _motion(result: Result, state: int, k: int, width: float) -> Series:
     return Series(t=result.t, value=value, label=text_of(result.name), colour=k, dash=k // 3, low=low, high=high, width=width)
 
 
-def _width(k: int, count: int) -> float:
-    """Of the k-th line: wider than those that are drawn after it, to be seen where they coincide, and on a grey print."""
-    return 1.1 + 0.5 * min(count - 1 - k, 3)
-
-
 def _of_model(result: Result, state: int) -> Array:
     return np.asarray(result.x_m[:, state] if result.y is None else result.y - result.e[:, 0])
 
@@ -128,7 +123,7 @@ def _largest_error(results: Sequence[Result]) -> Panel:
         starts = starts[starts < len(largest)]
         value = np.maximum(np.maximum.reduceat(largest, starts), np.finfo(float).tiny)
         name = text_of(result.name)
-        series.append(Series(t=result.t[starts], value=value, label=name, colour=k, dash=k // 3, width=_width(k, len(results))))
+        series.append(Series(t=result.t[starts], value=value, label=name, colour=k, dash=k // 3, width=width_of(k, len(results))))
     tops = [float(s.value.max()) for s, result in zip(series, results, strict=False) if result.diverged_at is None]
     bottom = min((float(np.quantile(s.value, 0.02)) for s in series), default=1.0)
     top = max(tops, default=0.0)
@@ -162,7 +157,9 @@ def _inputs(result: Result, k: int, count: int) -> list[Series]:
         label = symbol if count == 1 else f"{text_of(result.name)}, {symbol}" if several else text_of(result.name)
         ends, dash = (low[:, j], high[:, j]), j or k // 3
         found.append(
-            Series(t=result.t, value=u[:, j], label=label, colour=k, dash=dash, low=ends[0], high=ends[1], width=_width(k, count))
+            Series(
+                t=result.t, value=u[:, j], label=label, colour=k, dash=dash, low=ends[0], high=ends[1], width=width_of(k, count)
+            )
         )
     return found
 
@@ -184,7 +181,7 @@ def _error(result: Result, title: str) -> Panel:
     series = [
         Series(
             t=result.t, value=result.e[:, i], label=f"{'$e$' if n == 1 else f'$e_{i + 1}$'}{units[i]}", colour=i, dash=i // 6,
-            low=result.envelope.e_min[:, i], high=result.envelope.e_max[:, i], width=_width(i, n),
+            low=result.envelope.e_min[:, i], high=result.envelope.e_max[:, i], width=width_of(i, n),
         )
         for i in range(n)
     ]  # fmt: skip
