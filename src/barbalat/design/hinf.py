@@ -44,7 +44,7 @@ def mixed_sensitivity(model: TransferFunction, delay: float, bandwidth: float | 
 
     bandwidth  w_B of W_S [rad/s]; by default 0.9 times the largest one for which the norm stays at or below 1
 
-    Raises InputError without the packages control and slycot (extra ``robust``), for a model with poles on the imaginary
+    Raises InputError without the package slycot (extra ``robust``), for a model with poles on the imaginary
     axis, and where the weights cannot be met.
     """
     delay = validate.positive("unmodelled_delay", delay)
@@ -125,29 +125,39 @@ def _largest_bandwidth(scaled: TransferFunction) -> float:
 
 def _suboptimal(plant: tuple[Array, Array, Array, Array]) -> tuple[StateSpace, float] | None:
     """The central controller of norm below 1 and the norm it reaches; ``None`` where there is none."""
-    control, slycot = _packages()
+    slycot = _slycot()
     A, B, C, D = plant
     try:
         *K, _ = slycot.sb10fd(len(A), B.shape[1], C.shape[0], 1, 1, 1.0, A, B, C, D)
     except slycot.exceptions.SlycotArithmeticError:  # no admissible controller at this norm
         return None
-    controller = control.ss(*K)
-    closed = control.ss(A, B, C, D, remove_useless_states=False).lft(controller)
-    if closed.poles().real.max() >= 0:
+    controller = StateSpace(K[0], K[1][:, 0], K[2][0], K[3][0, 0])
+    closed = _closed(plant, controller)
+    if np.linalg.eigvals(closed[0]).real.max() >= 0:
         return None
-    norm = float(control.linfnorm(closed)[0])
-    if norm > 1:
-        return None
-    return StateSpace.accept("controller", controller), norm
+    states, outputs = closed[0].shape[0], closed[2].shape[0]
+    norm = float(slycot.ab13dd("C", "I", "S", "D", states, 1, outputs, closed[0], np.eye(states), *closed[1:])[0])
+    return None if norm > 1 else (controller, norm)
 
 
-def _packages() -> tuple[Any, Any]:
+def _closed(plant: tuple[Array, Array, Array, Array], K: StateSpace) -> tuple[Array, Array, Array, Array]:
+    """From w to what is weighted, with u = K v around the generalised plant, whose v doesn't hold u itself."""
+    A, B, C, D = plant
+    w, u = B[:, [0]], B[:, [1]]
+    weighted, v = C[:-1], C[[-1]]
+    of_u = D[:-1, [1]]
+    inner = np.block([
+        [A + K.D * u @ v, np.outer(u, K.C)],
+        [np.outer(K.B, v), K.A],
+    ])  # fmt: skip
+    driven = np.vstack([w + K.D * D[-1, 0] * u, K.B[:, None] * D[-1, 0]])
+    seen = np.hstack([weighted + K.D * of_u @ v, np.outer(of_u, K.C)])
+    return inner, driven, seen, D[:-1, [0]] + K.D * D[-1, 0] * of_u
+
+
+def _slycot() -> Any:
     try:
-        import control
         import slycot
-    except ImportError as error:
-        raise InputError(
-            "the H-infinity design needs the packages control and slycot "
-            f"({error.name} is missing): pip install 'barbalat[robust]'"
-        ) from None
-    return control, slycot
+    except ImportError:
+        raise InputError("the H-infinity design needs the package slycot: pip install 'barbalat[robust]'") from None
+    return slycot
