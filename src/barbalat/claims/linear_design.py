@@ -13,7 +13,7 @@ from barbalat.certificates.certify import certify
 from barbalat.claims import l1_against_pi, section_v
 from barbalat.claims.claim import Chart, ChartAxis, Claim, Curve, Listing, Reading, of_readings, verdict
 from barbalat.claims.linear_family import SIZES, STEP, T_END, at_one, given, over_sizes, tail
-from barbalat.claims.variants import variant
+from barbalat.claims.variants import short, variant
 from barbalat.controllers import LinearFeedback, Mrac
 from barbalat.design import hinf_feedback, pi_feedback
 from barbalat.problem.actuation import PlantInput
@@ -201,7 +201,7 @@ def _table(contestants: list[ComparedController], measured: dict[str, TailErrors
             c.name,
             *(_shown(v.get(key), factor) for key, factor in (("delay_margin", 1e3), ("sensitivity_peak", 1), ("complementary_sensitivity_peak", 1))),
             _shown(v.get("parameter_scale"), round_off=math.floor), _shown(v.get("error_bound"), round_off=math.ceil),
-            f"{1e3 * m.largest_delay:.2g}", f"{m.at_paper:.2g}", _lost_from(m.plain), _lost_from(m.delayed),
+            short(1e3 * m.largest_delay), f"{m.at_paper:.2g}", _lost_from(m.plain), _lost_from(m.delayed),
         ))  # fmt: skip
     return Listing(
         "Margins and peaks: exact, of the linear loop that the scheme is or becomes (MRAC and robust MRAC: estimates at rest on theta; L1-AC: "
