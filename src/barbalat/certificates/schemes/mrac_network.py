@@ -31,7 +31,7 @@ WHATEVER_ACTS = (STARTS_AT_ZERO, ACTS_CONTINUOUSLY)
 CORNER_AT_REST = (
     "where e'P b = 0 it rests with many weights, and the e-modification's leakage has a corner: it has no linearisation there"
 )
-NOT_TO_ZERO = "its modification keeps the error from converging to zero: it stays in a set"
+NOT_TO_ZERO = "its modification promises no convergence of the error to zero: it stays in a set"
 
 
 def certificate(problem: Problem, controller: NetworkMrac, simulation: Simulation) -> Certificate:
