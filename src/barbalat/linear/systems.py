@@ -183,11 +183,9 @@ def open_loop(field: str, system: Any) -> tuple[Array, Array]:
         return system[0], system[1]
     found = (system.A, system.B, system.C, system.D) if isinstance(system, StateSpace) else foreign_state_space(system)
     if found is None:
-        raise InputError.of(
-            field,
-            "must be a continuous state space, whose state is what is measured, or a pair (A, B); where an output is measured, "
-            f"OutputPlant(transfer_function=...) takes it; got {validate.show(system)}",
-        )
+        wanted = "a continuous state space, whose state is what is measured, or a pair (A, B)"
+        remedy = "where an output is measured, OutputPlant(transfer_function=...) takes it"
+        raise InputError.of(field, f"must be {wanted}; {remedy}; got {validate.show(system)}")
     return found[0], found[1]
 
 

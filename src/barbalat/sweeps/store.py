@@ -147,12 +147,7 @@ def opened(
         with _locked(folder):
             index = found()
             if index is None:
-                if foreign := sorted(
-                    one.name for one in folder.iterdir() if one.name not in (LOCK_FILE, WRITING_DIR) and not _ours(one)
-                ):
-                    raise InputError(
-                        f"the store {str(folder)!r} holds other files, such as {foreign[0]!r}: choose another folder"
-                    )
+                _require_empty(folder)
                 yield Store(folder, StoreIndex.new(identity, members, chunk))
             else:
                 require_same(folder, index, identity, differences)
@@ -164,6 +159,13 @@ def opened(
         for one in made:
             with contextlib.suppress(OSError):  # it is not empty
                 one.rmdir()
+
+
+def _require_empty(folder: Path) -> None:
+    """InputError where others' files lie there."""
+    ours = (LOCK_FILE, WRITING_DIR)
+    if foreign := sorted(one.name for one in folder.iterdir() if one.name not in ours and not _ours(one)):
+        raise InputError(f"the store {str(folder)!r} holds other files, such as {foreign[0]!r}: choose another folder")
 
 
 def _damaged(folder: Path, index: StoreIndex) -> tuple[str, ...]:
