@@ -41,7 +41,7 @@ MOST_DRAWS = 25
 """Of one process at most, so that all have some."""
 DIFFERENCES = {
     "case": "another flight, or of other --schemes or --failures",
-    "plan": "another number of --dispersions, or another --seed",
+    "plan": "more --dispersions, or another --seed",
     "equations": "other equations",
 }
 """What another store was made with, by the keys of ``Campaign.identity``."""
