@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import unicodedata
+from collections.abc import Iterable
 from dataclasses import is_dataclass
 from importlib.util import find_spec
 from typing import Annotated, Any, TypeAlias
@@ -159,6 +160,14 @@ def counted(count: int, one: str) -> str:
     """A number with its noun: "1 step", "2 steps", "3 entries"."""
     several = f"{one[:-1]}ies" if one.endswith("y") else f"{one}s"
     return f"{count} {one if count == 1 else several}"
+
+
+def hint(given: object, known: Iterable[str]) -> str:
+    """The end of a refusal: the one of the known names that is spelt most like what was given; empty where none is."""
+    from difflib import get_close_matches
+
+    near = get_close_matches(str(given), list(known), n=1)
+    return f"; did you mean {near[0]!r}?" if near else ""
 
 
 def printable(text: str) -> str:

@@ -6,7 +6,6 @@ import copy
 import re
 import tomllib
 from dataclasses import dataclass
-from difflib import get_close_matches
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -19,7 +18,7 @@ from barbalat.cases.echoes import echo
 from barbalat.cases.findings import Typed, findings, several
 from barbalat.cases.outside import OwnFile
 from barbalat.cases.schema import CASES, case_table, problem_posed
-from barbalat.validate import InputError
+from barbalat.validate import InputError, hint
 
 
 def bundled() -> dict[str, Path]:
@@ -33,13 +32,8 @@ def text_to_start_from(name: str | None = None) -> str:
     if name is None:
         return (resources.files("barbalat.cases") / "template.toml").read_text("utf-8")
     if name not in bundled():
-        raise InputError(f"--from must be one of the bundled cases ({', '.join(bundled())}), got {name!r}{_meant(name)}")
+        raise InputError(f"--from must be one of the bundled cases ({', '.join(bundled())}), got {name!r}{hint(name, bundled())}")
     return bundled()[name].read_text("utf-8")
-
-
-def _meant(name: str | Path) -> str:
-    near = get_close_matches(str(name), bundled(), n=1)
-    return f"; did you mean {near[0]!r}?" if near else ""
 
 
 DECIMAL_COMMA = re.compile(r"^\s*([\w.-]+)\s*=\s*([-+]?\d+),(\d+)\s*(?:#.*)?$", re.MULTILINE)
@@ -70,7 +64,9 @@ class CaseText:
             text = path.read_bytes().decode("utf-8-sig")
         except FileNotFoundError:
             names = ", ".join(bundled())
-            raise InputError(f"the case {str(case)!r} is neither a file nor a bundled case ({names}){_meant(case)}") from None
+            raise InputError(
+                f"the case {str(case)!r} is neither a file nor a bundled case ({names}){hint(case, bundled())}"
+            ) from None
         except (OSError, ValueError) as error:
             reason = (
                 "it is not UTF-8 text" if isinstance(error, UnicodeDecodeError) else getattr(error, "strerror", None) or error

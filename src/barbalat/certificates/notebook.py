@@ -19,9 +19,10 @@ def html_of(table: Table1, certificates: Mapping[str, Certificate], dt: float) -
     """Five lines for each controller, what was noted, the pictures of the loops."""
     rows = []
     for column in table.columns:
-        rows.append(f"<th>{escape(column.name)}</th><th>{escape(column.scheme)}</th>")
+        rows.append(f'<th scope="rowgroup">{escape(column.name)}</th><th scope="col">{escape(column.scheme)}</th>')
         rows += [
-            f"<td>{escape(one.label)}</td><td>{escape(one.text)}</td>" for one in five(column, certificates[column.name], dt)
+            f'<th scope="row">{escape(one.label)}</th><td>{escape(one.text)}</td>'
+            for one in five(column, certificates[column.name], dt)
         ]
     lines = "".join(f"<tr>{row}</tr>" for row in rows)
     notes = [f"{name}: {note}" for name, certificate in certificates.items() for note in certificate.notes]

@@ -7,7 +7,6 @@ from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from contextlib import contextmanager
 from dataclasses import dataclass
-from difflib import get_close_matches
 from typing import Any, NamedTuple, TypeAlias
 
 from barbalat.certificates.overview import Certified
@@ -19,7 +18,7 @@ from barbalat.claims.section_v import Runs
 from barbalat.run.processes import deaf_children
 from barbalat.run.processes import processes as own_processes
 from barbalat.run.progress import Progress
-from barbalat.validate import InputError
+from barbalat.validate import InputError, hint
 
 
 class Measured(NamedTuple):
@@ -167,9 +166,7 @@ def part_with(name: str) -> Measurement:
     """What measures a row. InputError for a name that is none."""
     names = {own: part for part in LEDGER for own in part.names}
     if name not in names:
-        near = get_close_matches(name, names, n=1)
-        meant = f"; did you mean {near[0]!r}?" if near else ""
-        raise InputError(f"no row of the ledger is called {name!r}{meant} (barbalat claims lists them)")
+        raise InputError(f"no row of the ledger is called {name!r}{hint(name, names)} (barbalat claims lists them)")
     return names[name]
 
 

@@ -11,7 +11,7 @@ from barbalat.adaptation.output_lyapunov import LyapunovLaw
 from barbalat.cases.build import Case
 from barbalat.cases.load import load_case
 from barbalat.claims.claim import Claim, Listing, Reading, of_readings, verdict
-from barbalat.claims.variants import span, table
+from barbalat.claims.variants import at_instants, span, table
 from barbalat.controllers.output.l1 import L1Output, linear_equivalent
 from barbalat.controllers.output.linear import LinearOutput
 from barbalat.controllers.output.mrac import MracOutput
@@ -68,7 +68,7 @@ def l1_is_linear() -> Claim:
 
 
 def _beside_equivalent(adaptive: Result, linear: Result) -> Listing:
-    at = np.searchsorted(adaptive.t, TOLD_INSTANTS)
+    at = at_instants(adaptive.t, TOLD_INSTANTS)
     u, difference = adaptive.u[at], adaptive.u[at] - linear.u[at]
     return table(
         "The control beside that of the linear equivalent",

@@ -68,6 +68,14 @@ def table(caption: str, columns: Mapping[str, Sequence[str] | Sequence[float] | 
     return Listing(caption, tuple(columns), tuple(zip(*entries, strict=True)))
 
 
+def at_instants(t: Array, instants: Sequence[float]) -> Array:
+    """The places of recorded instants, (k,) of (K,); ValueError for one that was not recorded."""
+    at = np.array([np.abs(t - instant).argmin() for instant in instants])
+    if not np.allclose(t[at], instants, rtol=1e-9, atol=1e-9):  # roundings of a time's own product
+        raise ValueError(f"not recorded: {instants}, nearest {t[at]}")
+    return at
+
+
 def by_component(caption: str, runs: Mapping[str, Metrics]) -> Listing:
     """For each scheme the tail's error and the variation of the estimates, by component; Section V has two of either."""
     errors = {f"|e_{i + 1}|, tail": [run.tail_max_abs_e[0, i] for run in runs.values()] for i in range(2)}

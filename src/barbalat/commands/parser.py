@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import re
 from collections.abc import Sequence
-from difflib import get_close_matches
 from typing import NoReturn
 
 from barbalat.commands.screen import say
@@ -29,15 +28,17 @@ class Parser(argparse.ArgumentParser):
         raise SystemExit(BAD_INPUT)
 
     def _sentence(self, message: str) -> str:
+        from barbalat.validate import hint
+
         if message.startswith(REQUIRED):
             return self._missing(message.removeprefix(REQUIRED).split(", "))
         if message.startswith(UNKNOWN):
             given = message.removeprefix(UNKNOWN)
-            meant = _meant(given.split()[0].partition("=")[0], re.findall(r"--[\w-]+", self.format_help()))
+            meant = hint(given.split()[0].partition("=")[0], re.findall(r"--[\w-]+", self.format_help()))
             return f"takes no {given!r}{meant or f'; {self.prog} --help lists what it takes'}"
         if found := CHOICE.match(message):
             known = re.findall(r"[\w.-]+", found["known"])
-            meant = _meant(found["given"].strip("'\""), known)
+            meant = hint(found["given"].strip("'\""), known)
             return f"{found['name']} must be one of {', '.join(known)}; got {found['given']}{meant}"
         if found := NUMBER.match(message):
             return f"{found['name']} must be {KINDS[found['kind']]}, got {found['given']}"
@@ -49,8 +50,3 @@ class Parser(argparse.ArgumentParser):
         action = next(one for one in self._actions if names[0] in (*one.option_strings, one.metavar, one.dest))
         what = f"one of {', '.join(action.choices)}" if action.choices else action.help
         return f"{names[0]} is missing{f': {what}' if what else ''}"
-
-
-def _meant(given: str, known: Sequence[str]) -> str:
-    near = get_close_matches(given, known, n=1)
-    return f"; did you mean {near[0]!r}?" if near else ""

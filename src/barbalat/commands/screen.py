@@ -6,6 +6,7 @@ import contextlib
 import math
 import sys
 import time
+from bisect import bisect_right
 from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING
 
@@ -103,7 +104,7 @@ class Work:
             return in_all, in_all
         first = self.reports[0]
         wanted = first[1] + (1 - RECENT_SHARE) * (self.fraction - first[1])
-        lately = [one for one in self.reports[:-1] if one[1] <= wanted][-1]
+        lately = self.reports[min(bisect_right(self.reports, wanted, key=lambda one: one[1]), len(self.reports) - 1) - 1]
         return self._since(*first), self._since(*lately)
 
     def _since(self, instant: float, fraction: float) -> float:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
-from difflib import get_close_matches
 from enum import Enum
 from math import inf
 
@@ -138,11 +137,9 @@ class TunedQuantity:
             )
         if lacking:
             known = (*FIGURE_NAMES, *PROBES, *(entry.key for one in certificates.values() for entry in one.entries))
-            near = get_close_matches(self.name, known, n=1)
-            meant = f"; did you mean {near[0]!r}?" if near else ""
             raise InputError(
                 f"{validate.show(self.name)} is neither a figure of run --json, such as rms_e, nor one of {', '.join(PROBES)}, "
-                f"nor a key of certify --json for {_listed(lacking)}{meant}"
+                f"nor a key of certify --json for {_listed(lacking)}{validate.hint(self.name, known)}"
             )
 
 
