@@ -1,0 +1,509 @@
+"""Plausible cases through every command: ``./dev fuzz [CASE]``; exit code 1 where one fails.
+
+A case is drawn from the schema (``plausible``), or is a bundled case, or the given one, with changed numbers and further keys.
+It is run and certified, and each other command takes a share of the cases. A command must end with exit code 0 and strict JSON,
+or with exit code 2 and one sentence, within its processor time. A guaranteed bound must hold for the figures of the run; where it
+does not, it is compared with runs at finer steps. A case that fails is reduced, key by key, and kept as a case file.
+
+  ./dev fuzz --cases 2000 --seed 7       the same cases each time; without --seed they differ every time, and the seed is printed
+  ./dev fuzz --quick                     what two minutes allow
+  ./dev fuzz my-plant.toml               variations of that case alone
+"""
+
+from __future__ import annotations
+
+import argparse
+import collections
+import contextlib
+import copy
+import io
+import json
+import multiprocessing
+import os
+import random
+import resource
+import secrets
+import shutil
+import signal
+import sys
+import tempfile
+import time
+import tomllib
+import traceback
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from multiprocessing.connection import Connection, wait
+from pathlib import Path
+from typing import Any
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+import plausible
+from barbalat.cases.load import bundled
+from barbalat.cli import main
+from independent import as_toml
+
+PROCESSOR_SECONDS = 90
+"""For a command on a small case; those that search have SEARCH_SECONDS. Processor time: other programs don't count."""
+SEARCH_SECONDS = 900
+WALL_SECONDS = 1800
+"""Until a worker that uses no processor time counts as hanging."""
+MEMORY = 8 << 30
+"""Bytes of address space for a worker: the package promises to refuse what takes more than half of it."""
+CASES_OF_A_WORKER = 40
+"""Compiled modules are never given back, so that a worker is replaced after so many cases."""
+LONGEST_SENTENCE = 600
+FINER = (1, 4, 16, 64)
+"""Steps at which a bound is compared: one that is broken at the case's step by the solver holds at a finer one."""
+REDUCTIONS = 60
+"""Attempts at leaving a key out of a failing case."""
+EARLY = 1500
+"""Solver steps of a bundled case."""
+
+
+class TooLong(BaseException):
+    """The processor time of a command is used up; no Exception, so that nothing catches it."""
+
+
+@dataclass(frozen=True)
+class Failure:
+    """What went wrong: the kind and place name it, whatever the numbers."""
+
+    kind: str
+    place: str
+    said: str
+    command: tuple[str, ...]
+
+    @property
+    def name(self) -> tuple[str, str, str]:
+        return self.command[0], self.kind, self.place
+
+
+@dataclass(frozen=True)
+class Said:
+    """What a command did."""
+
+    code: int
+    out: str
+    err: str
+
+
+@dataclass
+class Tally:
+    """What happened to the commands, and what failed, once for each kind and place."""
+
+    ended: collections.Counter[tuple[str, str]] = field(default_factory=collections.Counter)
+    cases: collections.Counter[str] = field(default_factory=collections.Counter)
+    bounds: int = 0
+    failures: dict[tuple[str, str, str], tuple[int, Failure, str]] = field(default_factory=dict)
+
+
+# One case
+
+
+def drawn(seed: int, given: dict[str, Any] | None, folder: Path) -> dict[str, Any]:
+    """The case of a number: half are new, half are changes of bundled ones; all are changes of a given one."""
+    rng = random.Random(seed)
+    if given is not None:
+        return plausible.changed(rng, given, folder)
+    if rng.random() < 0.7:
+        return plausible.Draw(rng, folder).case()
+    case = tomllib.loads(rng.choice(sorted(bundled().values())).read_text("utf-8"))
+    return plausible.changed(rng, early(case), folder)
+
+
+def early(case: dict[str, Any]) -> dict[str, Any]:
+    """The same for a few steps."""
+    simulation = case["simulation"]
+    simulation["t_end"] = min(simulation["t_end"], EARLY * simulation["dt"])
+    return case
+
+
+def text_of(case: dict[str, Any]) -> str:
+    """The case file."""
+    return "\n".join(f"{as_toml(key)} = {as_toml(value)}" for key, value in case.items())
+
+
+Make = Callable[[random.Random, dict[str, Any], Path], list[str] | None]
+
+
+def _sampled(rng: random.Random, case: dict[str, Any]) -> str | None:
+    names = [one.get("name") for one in case["controller"] if "sample_time" in one]
+    return rng.choice(names) if names else None
+
+
+def _export(rng: random.Random, case: dict[str, Any], folder: Path) -> list[str] | None:
+    name = _sampled(rng, case)
+    if name is None:
+        return None
+    target = rng.choice((["--target", "c99"], ["--target", "fmu2", "--sources-only"], ["--target", "fmu3", "--sources-only"]))
+    more = rng.choice(([], ["--float32"], ["--closed-loop"], []))
+    return ["export", "--controller", name, *target, *more, "--out", str(folder / "export")]
+
+
+def _sweep(rng: random.Random, case: dict[str, Any], folder: Path) -> list[str] | None:
+    numbers = [
+        path
+        for path in plausible.places(case)
+        if isinstance(plausible.at(case, path), float) and path[0] in ("plant", "controller", "reference", "sensor")
+    ]
+    if not numbers:
+        return None
+    path = rng.choice(numbers)
+    value, name = plausible.at(case, path), ""
+    for key in path:
+        name += f"[{key}]" if isinstance(key, int) else f".{key}" if name else key
+    low, high = sorted((0.9 * value, 1.1 * value + 1e-9))
+    vary = rng.choice((["--vary", f"{name}={low}:{high}:3"], ["--sample", f"{name}=uniform:{low}:{high}", "--members", "8"]))
+    store = ["--store", str(folder / "store")] if rng.random() < 0.2 else []
+    page = ["--out", str(folder / "sweep")] if rng.random() < 0.1 else []
+    return ["sweep", *vary, *store, *page]
+
+
+COMMANDS: tuple[tuple[float, int, Make], ...] = (
+    (1.0, PROCESSOR_SECONDS, lambda rng, case, folder: ["run", "--no-plots"]),
+    (1.0, PROCESSOR_SECONDS, lambda rng, case, folder: ["certify"]),
+    (0.6, PROCESSOR_SECONDS, _export),
+    (0.3, PROCESSOR_SECONDS, _sweep),
+    (0.15, PROCESSOR_SECONDS, lambda rng, case, folder: ["explore", "--no-open", "--out", str(folder / "page.html")]),
+    (0.05, PROCESSOR_SECONDS, lambda rng, case, folder: ["run", "--out", str(folder / "run")]),
+    (0.05, PROCESSOR_SECONDS, lambda rng, case, folder: ["certify", "--out", str(folder / "certify")]),
+    (0.03, SEARCH_SECONDS, lambda rng, case, folder: ["certify", "--simulate"]),
+    (0.02, PROCESSOR_SECONDS, lambda rng, case, folder: ["run", "--no-plots", "--sil"] if _sampled(rng, case) else None),
+    (0.01, SEARCH_SECONDS, lambda rng, case, folder: ["tradeoff", "--density", "2", "--plants", "1"]),
+    (0.01, SEARCH_SECONDS, lambda rng, case, folder: ["tune", "--for", "rms_e", "--trials", "288", "--plants", "1"]),
+    (
+        0.005,
+        SEARCH_SECONDS,
+        lambda rng, case, folder: ["contest", "--quick", "--trials", "288", "--members", "8", "--plants", "1"],
+    ),
+)
+"""Of each command the share of the cases that it takes, its processor time, and its words without the case."""
+
+
+@contextlib.contextmanager
+def processor_time(seconds: int) -> Iterator[None]:
+    """TooLong after that much of this process's processor time."""
+
+    def stop(*_: object) -> None:
+        raise TooLong
+
+    before = signal.signal(signal.SIGPROF, stop)
+    signal.setitimer(signal.ITIMER_PROF, seconds, 5)
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_PROF, 0)
+        signal.signal(signal.SIGPROF, before)
+
+
+def call(words: list[str], seconds: int) -> Said | Failure:
+    """One command in this process."""
+    out, err, command = io.StringIO(), io.StringIO(), tuple(words)
+    try:
+        with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err), processor_time(seconds):
+            code = main([*words, "--json"])
+    except TooLong as error:
+        return Failure("hang", _place(error), f"more than {seconds} s of processor time", command)
+    except SystemExit as error:  # of the parser: a refusal of the words, which this program chose wrongly
+        return Failure("exit", str(error.code), err.getvalue(), command)
+    except BaseException as error:  # noqa: BLE001  # also what no program should end by
+        return Failure(type(error).__name__, _place(error), traceback.format_exc(), command)
+    return Said(code, out.getvalue(), err.getvalue())
+
+
+def _place(error: BaseException) -> str:
+    """The last line of the package's own that the error passed."""
+    own = [frame for frame in traceback.extract_tb(error.__traceback__) if f"{os.sep}barbalat{os.sep}" in frame.filename]
+    return f"{Path(own[-1].filename).name}:{own[-1].name}" if own else "outside"
+
+
+def _refuse(constant: str) -> None:
+    raise ValueError(f"{constant} is no JSON")
+
+
+def judged(said: Said | Failure, words: list[str]) -> tuple[str, Any]:
+    """What a command's end is worth, "done", "refused" or "failed"; and its JSON, nothing, or the Failure."""
+    if isinstance(said, Failure):
+        return "failed", said
+    if said.code == 0:
+        try:
+            return "done", json.loads(said.out, parse_constant=_refuse)
+        except ValueError as error:
+            return "failed", Failure("JSON", "stdout", f"{error}\n{said.out[:2000]}", tuple(words))
+    lines = [line for line in said.err.splitlines() if line.startswith("barbalat: ")]
+    short = len(lines) == 1 and lines[0].isprintable() and len(lines[0]) < LONGEST_SENTENCE
+    if said.code == 2 and short and not said.out:
+        return "refused", None
+    return "failed", Failure("exit code", str(said.code), said.err[-3000:], tuple(words))
+
+
+def tried(seed: int, case: dict[str, Any], folder: Path, only: tuple[str, ...] = ()) -> Iterator[tuple[str, str, Any]]:
+    """(command, how it ended, what it gave) of each command that takes this case; ``only`` are those to repeat."""
+    file = folder / "case.toml"
+    file.write_text(text_of(case), encoding="utf-8")
+    found = {}
+    for place, (share, seconds, make) in enumerate(COMMANDS):
+        rng = random.Random(f"{seed}/{place}")
+        words = make(rng, case, folder) if rng.random() < share else None
+        if words is None or (only and words[0] not in only):
+            continue
+        words = [words[0], str(file), *words[1:]]
+        ended, given = judged(call(words, seconds), words)
+        found.setdefault(words[0], given if ended == "done" else None)
+        yield words[0], ended, given
+    if found.get("run") and found.get("certify"):
+        yield from broken_bounds(case, folder, found["run"], found["certify"])
+
+
+# Bounds against figures
+
+HELD = {"error_bound": "max_abs_e", "output_bound": "max_abs_y", "control_bound": "max_abs_u"}
+"""A certificate's guaranteed keys, and the figures of a run that they bound, in every component."""
+
+
+def broken_bounds(case: dict[str, Any], folder: Path, run: Any, certified: Any) -> Iterator[tuple[str, str, Any]]:
+    """ "held" for each guaranteed bound that was compared, "failed" for one that figures exceed at every step that was tried."""
+    for name, certificate in certified["controllers"].items():
+        for key in set(certificate.get("guaranteed", ())) & HELD.keys():
+            bound = certificate.get(key)
+            if not isinstance(bound, float) or name not in run["controllers"]:
+                continue
+            exceeded = [
+                figure for finer in FINER if (figure := _exceeding(case, folder, run, name, key, bound, finer)) is not None
+            ]
+            if len(exceeded) < len(FINER):
+                yield "bound", "held", None
+                continue
+            words = ("bound", key, name)
+            yield "bound", "failed", Failure("bound", key, f"{HELD[key]} = {exceeded[-1]} > {key} = {bound} of {name}", words)
+
+
+def _exceeding(case: dict[str, Any], folder: Path, run: Any, name: str, key: str, bound: float, finer: int) -> float | None:
+    """The largest figure beyond the bound at a step ``finer`` times smaller; None where none is."""
+    if finer > 1:
+        if not _exceeding(case, folder, run, name, key, bound, 1):
+            return None
+        again = copy.deepcopy(case)
+        again["simulation"]["dt"] /= finer
+        file = folder / "finer.toml"
+        file.write_text(text_of(again), encoding="utf-8")
+        ended, run = judged(call(["run", str(file), "--no-plots"], SEARCH_SECONDS), ["run"])
+        if ended != "done":
+            return None
+    figures = run["controllers"][name].get(HELD[key])
+    figures = figures if isinstance(figures, list) else [figures]
+    beyond = [figure for figure in figures if figure is not None and figure > bound]
+    return max(beyond, default=None)
+
+
+# Reduction
+
+
+def reduced(seed: int, case: dict[str, Any], failure: Failure, folder: Path) -> dict[str, Any]:
+    """The case with every key left out that the failure does not need."""
+    commands = ("run", "certify") if failure.kind == "bound" else (failure.command[0],)
+    attempts = 0
+    for path in sorted(plausible.places(case), key=len):
+        if attempts >= REDUCTIONS or failure.kind == "hang":
+            break
+        smaller = copy.deepcopy(case)
+        try:
+            del plausible.at(smaller, path[:-1])[path[-1]]
+        except (KeyError, IndexError):
+            continue
+        if path == ("simulation",) or not smaller.get("controller"):
+            continue
+        attempts += 1
+        kinds = [given.name for _, ended, given in tried(seed, smaller, folder, commands) if ended == "failed"]
+        if failure.name in kinds:
+            case = smaller
+    return case
+
+
+# Workers
+
+
+def work(pipe: Connection, given: dict[str, Any] | None) -> None:
+    """Tries the numbers that arrive; tells each command's end, and "next" after each case."""
+    resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
+    os.environ["BROWSER"] = "true"
+    while (seed := pipe.recv()) is not None:
+        folder = Path(tempfile.mkdtemp())
+        os.chdir(folder)
+        plausible.write_files(folder)
+        random.seed(seed)
+        try:
+            case = drawn(seed, given, folder)
+            pipe.send(("case", text_of(case), plausible.accepted(case, folder)))
+            for command, ended, what in tried(seed, case, folder):
+                if ended == "failed":
+                    least = reduced(seed, case, what, folder)
+                    pipe.send(("failed", command, what, text_of(least)))
+                else:
+                    pipe.send((ended, command))
+        except BaseException:  # noqa: BLE001  # of this program itself
+            pipe.send(("failed", "fuzz", Failure("fuzz", "itself", traceback.format_exc(), ("fuzz",)), ""))
+        finally:
+            os.chdir("/")
+            shutil.rmtree(folder, ignore_errors=True)
+        pipe.send(("next",))
+
+
+@dataclass
+class Worker:
+    """A process, the number of its case, and when it last said something."""
+
+    process: Any
+    pipe: Connection
+    seed: int = -1
+    text: str = ""
+    heard: float = 0.0
+    left: int = CASES_OF_A_WORKER
+
+    @classmethod
+    def start(cls, given: dict[str, Any] | None) -> Worker:
+        context = multiprocessing.get_context("spawn")
+        here, there = context.Pipe()
+        process = context.Process(target=work, args=(there, given), daemon=False)
+        process.start()
+        there.close()
+        return cls(process, here)
+
+    def stop(self) -> None:
+        with contextlib.suppress(OSError):
+            self.pipe.send(None)
+        self.process.join(5)
+        if self.process.is_alive():
+            self.process.kill()
+
+
+class Fuzz:
+    """Hands numbers of cases to workers, and counts what they say."""
+
+    def __init__(self, options: argparse.Namespace, given: dict[str, Any] | None) -> None:
+        self.options, self.given, self.tally = options, given, Tally()
+        self.stop_at = time.monotonic() + options.seconds if options.seconds else float("inf")
+        self.number = 0
+
+    def next_seed(self) -> int | None:
+        if self.number >= self.options.cases or time.monotonic() > self.stop_at:
+            return None
+        self.number += 1
+        return self.options.seed * 1_000_003 + self.number
+
+    def run(self) -> Tally:
+        workers = [Worker.start(self.given) for _ in range(self.options.jobs)]
+        for worker in workers:
+            self.feed(worker)
+        while workers:
+            for pipe in wait([worker.pipe for worker in workers], timeout=10):
+                worker = next(one for one in workers if one.pipe is pipe)
+                try:
+                    self.hear(worker, worker.pipe.recv())
+                except EOFError:
+                    self.lost(worker, "crash", f"a worker ended with code {worker.process.exitcode}")
+            for worker in workers:
+                if worker.seed >= 0 and time.monotonic() - worker.heard > WALL_SECONDS:
+                    self.lost(worker, "hang", f"nothing for {WALL_SECONDS} s")
+            workers = [going for worker in workers if (going := self.going(worker)) is not None]
+        return self.tally
+
+    def feed(self, worker: Worker) -> None:
+        """Give a worker the next case, or none where it has had its share."""
+        seed = self.next_seed() if worker.left else None
+        if seed is None:
+            worker.seed = -1
+        else:
+            self.give(worker, seed)
+
+    def going(self, worker: Worker) -> Worker | None:
+        """The worker while it has a case; then another one in its place, as long as there are cases."""
+        if worker.seed >= 0:
+            return worker
+        worker.stop()
+        seed = self.next_seed()
+        if seed is None:
+            return None
+        worker = Worker.start(self.given)
+        self.give(worker, seed)
+        return worker
+
+    def give(self, worker: Worker, seed: int) -> None:
+        worker.seed, worker.heard, worker.left = seed, time.monotonic(), worker.left - 1
+        worker.pipe.send(seed)
+
+    def hear(self, worker: Worker, said: tuple[Any, ...]) -> None:
+        worker.heard = time.monotonic()
+        kind, *rest = said
+        if kind == "next":
+            self.feed(worker)
+        elif kind == "case":
+            worker.text, made = rest
+            self.tally.cases["taken" if made else "refused"] += 1
+        elif kind == "failed":
+            command, failure, text = rest
+            self.failed(worker.seed, command, failure, text)
+        else:
+            self.tally.ended[rest[0], kind] += 1
+
+    def lost(self, worker: Worker, kind: str, said: str) -> None:
+        worker.process.kill()
+        worker.process.join()
+        self.failed(worker.seed, "worker", Failure(kind, "worker", said, ("worker",)), worker.text)
+        worker.seed = -1
+
+    def failed(self, seed: int, command: str, failure: Failure, text: str) -> None:
+        self.tally.ended[command, "failed"] += 1
+        if failure.name in self.tally.failures:
+            return
+        self.tally.failures[failure.name] = seed, failure, text
+        folder = self.options.keep
+        folder.mkdir(parents=True, exist_ok=True)
+        kept = folder / f"{len(self.tally.failures):03d}-{failure.command[0]}-{failure.kind}.toml"
+        words = " ".join("CASE" if word.endswith("case.toml") else word for word in failure.command)
+        head = f"{words} (seed {seed})\n{failure.said}"
+        kept.write_text("".join(f"# {line}\n" for line in head.splitlines()) + text + "\n", encoding="utf-8")
+        last = failure.said.strip().splitlines()[-1][:200] if failure.said.strip() else ""
+        print(f"{failure.command[0]}: {failure.kind} at {failure.place}: {last}  ->  {kept}", flush=True)  # noqa: T201
+
+
+def report(tally: Tally, seconds: float) -> None:
+    """The counts, by command."""
+    cases = tally.cases
+    print(f"{cases.total()} cases in {seconds:.0f} s, of which {cases['refused']} were refused as a whole")  # noqa: T201
+    for command in sorted({command for command, _ in tally.ended}):
+        counts = [
+            f"{tally.ended[command, how]} {how}" for how in ("done", "refused", "held", "failed") if tally.ended[command, how]
+        ]
+        print(f"  {command:9} {', '.join(counts)}")  # noqa: T201
+
+
+def main_program() -> int:
+    parser = argparse.ArgumentParser(prog="./dev fuzz", description=(__doc__ or "").partition("\n")[0])
+    parser.add_argument("case", nargs="?", metavar="CASE", help="changes of this case alone: a file or a bundled case's name")
+    parser.add_argument("--cases", type=int, default=2000)
+    parser.add_argument("--seconds", type=float, default=0.0, help="begin no further case after so long; no limit by default")
+    parser.add_argument("--seed", type=int, help="of the cases; another one every time by default")
+    parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1)
+    parser.add_argument("--keep", type=Path, default=Path("barbalat-fuzz"), help="the folder for what fails")
+    parser.add_argument("--quick", action="store_true", help="as many cases as begin within 75 s")
+    options = parser.parse_args()
+    if options.seed is None:
+        options.seed = secrets.randbelow(1_000_000)
+    if options.quick:
+        options.seconds = 75.0
+    given = None
+    if options.case:
+        path = bundled().get(options.case, Path(options.case))
+        given = early(tomllib.loads(path.read_text("utf-8")))
+    print(f"seed {options.seed}", flush=True)  # noqa: T201
+    began = time.monotonic()
+    tally = Fuzz(options, given).run()
+    report(tally, time.monotonic() - began)
+    return 1 if tally.failures else 0
+
+
+if __name__ == "__main__":
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    sys.exit(main_program())
