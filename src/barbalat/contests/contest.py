@@ -15,7 +15,7 @@ from barbalat.cases.build import Case
 from barbalat.cases.load import load_case
 from barbalat.contests.entrant import Entrant, entrants_of
 from barbalat.contests.held_out import Draws, HeldOut, measure, median
-from barbalat.contests.noise import DEFAULT_SHARE, quiet, with_noise
+from barbalat.contests.noise import DEFAULT_SHARE, with_noise
 from barbalat.contests.paired import paired
 from barbalat.contests.result import Contest
 from barbalat.contests.rule import DEFAULT_GAIN_MARGIN, DEFAULT_PLANTS, DEFAULT_TRIALS, Rule, default_delay_margin
@@ -26,6 +26,7 @@ from barbalat.problem.tracking import TrackingProblem
 from barbalat.run.progress import Progress, part_of
 from barbalat.solvers.simulation import Simulation
 from barbalat.study.delay_search import Criterion
+from barbalat.study.ideal_benchmark import quiet
 from barbalat.study.motion import REST_SENTENCE, ModelMotion
 from barbalat.study.tradeoff import plants_of
 from barbalat.tuning.trial import Plants

@@ -9,7 +9,6 @@ import numpy as np
 
 from barbalat.certificates.linear_loops.margin_values import finite
 from barbalat.contests.held_out_command import drawn, with_command
-from barbalat.contests.noise import quiet
 from barbalat.contests.rule import Rule
 from barbalat.contests.tuned import Qualified
 from barbalat.problem.modelling_error import DelayError, GainError, ModellingError
@@ -20,7 +19,7 @@ from barbalat.run.progress import Progress
 from barbalat.solvers.simulation import Simulation
 from barbalat.study.criteria import tail_error, tracks
 from barbalat.study.delay_borne import Question
-from barbalat.study.ideal_benchmark import Ideals, Member
+from barbalat.study.ideal_benchmark import Ideals, Member, quiet
 from barbalat.study.motion import ModelMotion
 from barbalat.study.tradeoff import plants_of
 from barbalat.sweeps.evidence import Share
@@ -186,7 +185,7 @@ def _measured(
     alone = simulate_ensemble(silent, simulation, numbers=streams, threads=threads).metrics
     borne = {}
     for name, (size, ideals) in asked.errors.items():
-        _find(ideals, silent, streams)
+        _find(ideals, silent)
         question = Question(silent, simulation, alone, size, asked.rule.until, streams, ideals, np.zeros(0), threads)
         borne[name] = question.bears(np.arange(len(members)), graded=False) >= size
     return HeldOut(
@@ -200,13 +199,11 @@ def _measured(
     )
 
 
-def _find(ideals: Ideals, members: Sequence[Member], streams: Array) -> None:
+def _find(ideals: Ideals, members: Sequence[Member]) -> None:
     """What the loop that knows theta does on problems that were not looked at yet, side by side."""
-    new = [
-        (problem, int(stream)) for (problem, _), stream in zip(members, streams, strict=True) if id(problem) not in ideals.known
-    ]
+    new = [problem for problem, _ in members if id(problem) not in ideals.known]
     if new:
-        ideals.find(*(list(part) for part in zip(*new, strict=True)))
+        ideals.find(new)
 
 
 def _relative(metrics: Metrics, motion: ModelMotion) -> Array:

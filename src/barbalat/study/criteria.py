@@ -91,6 +91,13 @@ class Onset(Settings):
         """(M,) whether estimates swing without a delay: ``multiple`` times as fast as the crossings of the range ask for."""
         return self._swings(metrics, expected, self.multiple * _crossing(expected))
 
+    def driven(self, expected: Expected) -> Array:
+        """(M,) whether an estimate moves so fast without a delay that ``multiple`` times its rate decides, and not the crossings.
+
+        An oscillation is then seen only where it is faster than what drives the loop already: the command, or a disturbance.
+        """
+        return np.asarray((expected.rate > _crossing(expected)).any(axis=1))
+
     def _swings(self, metrics: Metrics, expected: Expected, limit: Array) -> Array:
         span = metrics.theta_hat_tail_max - metrics.theta_hat_tail_min
         swinging = (metrics.theta_hat_variation_rate > limit) & (span > self.share * expected.width)

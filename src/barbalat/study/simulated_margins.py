@@ -46,12 +46,13 @@ def _with(
             f"the loop is taken to oscillate when it is lost, when an estimate moves in the tail over more than {onset.share:g} "
             "of its known range, as fast as if it crossed that more often than the model crosses its own and "
             f"{onset.multiple:g} times as fast as without the delay, or when the error "
-            f"has grown by {onset.share:g} of the largest |x_m| beyond what the delay adds where theta is known",
+            f"has grown by {onset.share:g} of the largest |x_m| beyond what the delay adds where theta is known"
+            f"{_noise(found)}{_begun(found)}{_driven(found, onset)}",
         ),
         "delay_margin_simulated": (
             found.loss,
             f"the loop is taken to be lost when the error in the tail has grown by {lost.share:g} times the largest |x_m| or it "
-            "diverged, so that a smaller oscillation is borne",
+            f"diverged, so that a smaller oscillation is borne{'; with the measurement noise' if found.noisy else ''}",
         ),
     }
     measured = Draft()
@@ -61,14 +62,39 @@ def _with(
     return certificate.with_entries((*certificate.entries, *measured.entries.values()))
 
 
+def _noise(found: DelayMargins) -> str:
+    """How noise enters the onset, which can't be told from it."""
+    if not found.noisy:
+        return ""
+    return (
+        ". That is looked for without the measurement noise, which moves estimates as fast as an oscillation does, and beside it "
+        "the loop must not be lost with the noise; a drift that the noise drives is no onset"
+    )
+
+
+def _begun(found: DelayMargins) -> str:
+    """Why the onset lies at no delay."""
+    if found.swings[0]:
+        return f"; its estimates oscillate without a delay already{', and without noise' if found.noisy else ''}"
+    return "" if found.quiet_tracks[0] else "; without the noise it does not follow its model even without a delay"
+
+
+def _driven(found: DelayMargins, onset: Onset) -> str:
+    """What moves the estimates without a delay."""
+    if not found.driven[0] or found.swings[0]:
+        return ""
+    return (
+        "; its estimates move fast without a delay already, by the command or a disturbance: an oscillation that is slower than "
+        f"{onset.multiple:g} times that is not seen in them"
+    )
+
+
 def _limit(bracket: Bracket, simulation: Simulation) -> str:
     """What the number alone does not say: that the search ended at its first or last delay."""
-    if bracket.loses[0] == 0:
-        return "; its estimates oscillate without a delay already"
     if np.isinf(bracket.loses[0]):
-        return "; it bears the longest delay that was tried"
-    if bracket.bears[0] == 0:
-        return f"; it bears not even the shortest delay that can be simulated, two steps, {2 * simulation.dt:g} s"
+        return "; it tolerates the longest delay that was tried"
+    if bracket.bears[0] == 0 and bracket.loses[0] > 0:
+        return f"; it does not tolerate even the shortest delay that can be simulated, two steps, {2 * simulation.dt:g} s"
     return ""
 
 

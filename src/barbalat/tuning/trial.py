@@ -60,7 +60,7 @@ class Plants:
         given, simulation, longest = aim.family(case) if problems is None else list(problems), case.simulation, aim.longest
         ideals = {error: _ideals(error, simulation, longest) for error in aim.errors}
         for one in ideals.values():
-            one.find(given, range(len(given)))
+            one.find(given)
         return cls(given, ideals, longest)
 
 
