@@ -30,12 +30,19 @@ def with_simulated_margins(
     result, criterion = {}, lost or Lost()
     resting = (REST_SENTENCE,) if ModelMotion.of(problem, simulation).comes_to_rest else ()
     for name, found in delay_margins(problem, controllers, simulation, lost=criterion, progress=progress).items():
-        result[name] = _with(certificates[name], found, criterion, simulation, resting)
+        disturbed = problem.disturbance is not None or bool(getattr(problem, "unmatched", ()))
+        result[name] = _with(certificates[name], found, criterion, simulation, resting, disturbed=disturbed)
     return certificates.with_changed(result)
 
 
 def _with(
-    certificate: Certificate, found: DelayMargins, lost: Lost, simulation: Simulation, resting: tuple[str, ...]
+    certificate: Certificate,
+    found: DelayMargins,
+    lost: Lost,
+    simulation: Simulation,
+    resting: tuple[str, ...],
+    *,
+    disturbed: bool,
 ) -> Certificate:
     if not found.tracks[0]:
         return certificate.with_entries(certificate.entries, _not_tracking(found))
@@ -47,7 +54,7 @@ def _with(
             "of its known range, as fast as if it crossed that more often than the model crosses its own and "
             f"{onset.multiple:g} times as fast as without the delay, or when the error "
             f"has grown by {onset.share:g} of the largest |x_m| beyond what the delay adds where theta is known"
-            f"{_noise(found)}{_begun(found)}{_driven(found, onset)}",
+            f"{_noise(found)}{_begun(found, disturbed=disturbed)}{_driven(found, onset)}",
         ),
         "delay_margin_simulated": (
             found.loss,
@@ -72,10 +79,11 @@ def _noise(found: DelayMargins) -> str:
     )
 
 
-def _begun(found: DelayMargins) -> str:
+def _begun(found: DelayMargins, *, disturbed: bool) -> str:
     """Why the onset lies at no delay."""
     if found.swings[0]:
-        return f"; its estimates oscillate without a delay already{', and without noise' if found.noisy else ''}"
+        driven = ", be it that the disturbance drives them" if disturbed else ""
+        return f"; its estimates oscillate without a delay already{', and without noise' if found.noisy else ''}{driven}"
     return "" if found.quiet_tracks[0] else "; without the noise it does not follow its model even without a delay"
 
 
