@@ -15,6 +15,12 @@ from barbalat.settings import Settings
 from barbalat.validate import Array
 
 
+NOISE_SENTENCE = (
+    "the onset of oscillation is looked for without the case's measurement noise, which moves estimates as fast as an oscillation "
+    "does; beside it the loop must not be lost with the noise, and a drift that the noise drives is no onset"
+)
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Expected:
     """What M runs are judged against; (M,) unless said otherwise.

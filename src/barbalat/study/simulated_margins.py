@@ -12,7 +12,7 @@ from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller
 from barbalat.run.progress import Progress
 from barbalat.solvers.simulation import Simulation
-from barbalat.study.criteria import Lost, Onset
+from barbalat.study.criteria import NOISE_SENTENCE, Lost, Onset
 from barbalat.study.delay_margin import Bracket, DelayMargins, delay_margins
 from barbalat.study.motion import REST_SENTENCE, ModelMotion
 
@@ -29,9 +29,10 @@ def with_simulated_margins(
     """The certificates with ``delay_onset_simulated`` and ``delay_margin_simulated`` [s], by ``Onset`` and by ``Lost``."""
     result, criterion = {}, lost or Lost()
     resting = (REST_SENTENCE,) if ModelMotion.of(problem, simulation).comes_to_rest else ()
+    noisy = () if problem.noise is None else (NOISE_SENTENCE,)
     for name, found in delay_margins(problem, controllers, simulation, lost=criterion, progress=progress).items():
         disturbed = problem.disturbance is not None or bool(getattr(problem, "unmatched", ()))
-        result[name] = _with(certificates[name], found, criterion, simulation, resting, disturbed=disturbed)
+        result[name] = _with(certificates[name], found, criterion, simulation, (*resting, *noisy), disturbed=disturbed)
     return certificates.with_changed(result)
 
 
@@ -40,7 +41,7 @@ def _with(
     found: DelayMargins,
     lost: Lost,
     simulation: Simulation,
-    resting: tuple[str, ...],
+    beside: tuple[str, ...],
     *,
     disturbed: bool,
 ) -> Certificate:
@@ -54,7 +55,7 @@ def _with(
             "of its known range, as fast as if it crossed that more often than the model crosses its own and "
             f"{onset.multiple:g} times as fast as without the delay, or when the error "
             f"has grown by {onset.share:g} of the largest |x_m| beyond what the delay adds where theta is known"
-            f"{_noise(found)}{_begun(found, disturbed=disturbed)}{_driven(found, onset)}",
+            f"{_begun(found, disturbed=disturbed)}{_driven(found, onset)}",
         ),
         "delay_margin_simulated": (
             found.loss,
@@ -65,18 +66,8 @@ def _with(
     measured = Draft()
     for key, (bracket, what) in meanings.items():
         rests_on = f"{key} was measured on the case's own run, no guarantee: {what}{_limit(bracket, simulation)}"
-        measured.estimate({key: float(bracket.bears[0])}, rests_on, *resting)
+        measured.estimate({key: float(bracket.bears[0])}, rests_on, *beside)
     return certificate.with_entries((*certificate.entries, *measured.entries.values()))
-
-
-def _noise(found: DelayMargins) -> str:
-    """How noise enters the onset, which can't be told from it."""
-    if not found.noisy:
-        return ""
-    return (
-        ". That is looked for without the measurement noise, which moves estimates as fast as an oscillation does, and beside it "
-        "the loop must not be lost with the noise; a drift that the noise drives is no onset"
-    )
 
 
 def _begun(found: DelayMargins, *, disturbed: bool) -> str:

@@ -18,7 +18,7 @@ from barbalat.problem.state_feedback import Problem
 from barbalat.protocols import Controller
 from barbalat.run.progress import Progress
 from barbalat.solvers.simulation import Simulation
-from barbalat.study.criteria import Lost, Onset
+from barbalat.study.criteria import NOISE_SENTENCE, Lost, Onset
 from barbalat.study.delay_margin import DelayMargins, delay_margins_ensemble
 from barbalat.study.forecast import Forecast
 from barbalat.study.ideal_benchmark import SHORTEST_DELAY_STEPS
@@ -148,16 +148,42 @@ def trade_off(
         with forecast.timed(k.scheme):
             group, part = members[k.scheme], _in_time(progress, forecast, k.scheme)
             found.append(_delay_margins(group, plants, simulation, longest=longest, criteria=criteria, progress=part))
+    clouds = tuple(_cloud(k, of_scheme, motion.rms, plants) for k, of_scheme in zip(chosen, found, strict=True))
+    _require_motion(clouds)
     return TradeOff(
         problem=problem,
         simulation=simulation,
         thetas=np.stack([p.plant.theta for p in family]),
-        clouds=tuple(_cloud(k, of_scheme, motion.rms, plants) for k, of_scheme in zip(chosen, found, strict=True)),
+        clouds=clouds,
         criteria=criteria,
-        notes=(*left_out, *([REST_SENTENCE] if motion.comes_to_rest else [])),
+        notes=(*left_out, *_notes(problem, clouds, motion)),
         runs=sum(of_scheme.runs for of_scheme in found),
         seconds=time.perf_counter() - started,
     )
+
+
+def _require_motion(clouds: tuple[Cloud, ...]) -> None:
+    """InputError where there is nothing to show."""
+    if not any(np.isfinite(cloud.error).any() for cloud in clouds):
+        tried = ", ".join(f"{len(cloud.tunings)} of {cloud.scheme}" for cloud in clouds)
+        raise InputError(
+            f"none of the tunings that were tried ({tried}) follows the model without a delay: in the last quarter |e| stays above "
+            "the largest |x_m|, or the run diverges"
+        )
+
+
+def _notes(problem: Problem, clouds: tuple[Cloud, ...], motion: ModelMotion) -> list[str]:
+    """Sentences on what the picture does not show."""
+    said = [
+        f"no tuning of {cloud.scheme} follows its model without a delay on the case's own plant"
+        for cloud in clouds
+        if not np.isfinite(cloud.error[:, 0]).any()
+    ]
+    if problem.noise is not None:
+        said.append(NOISE_SENTENCE)
+    if motion.comes_to_rest:
+        said.append(REST_SENTENCE)
+    return said
 
 
 def _delay_margins(
