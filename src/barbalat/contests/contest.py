@@ -20,6 +20,7 @@ from barbalat.contests.paired import paired
 from barbalat.contests.result import Contest
 from barbalat.contests.rule import DEFAULT_GAIN_MARGIN, DEFAULT_PLANTS, DEFAULT_TRIALS, Rule, default_delay_margin
 from barbalat.contests.tuned import Qualified, qualify
+from barbalat.loop.binding import bound
 from barbalat.loop.structure import comes_from_outside
 from barbalat.problem.state_feedback import Problem
 from barbalat.problem.tracking import TrackingProblem
@@ -192,6 +193,26 @@ def _notes(problem: Problem, simulation: Simulation, tuned: Sequence[Qualified])
     for one in tuned:
         if one.at_edge:
             said.append(f"{one.name}: {' and '.join(one.at_edge)} at the end of what was searched; beyond it may be better")
+    said += _starts(problem, tuned)
     if ModelMotion.of(problem, simulation).comes_to_rest:
         said.append(REST_SENTENCE)
+    return said
+
+
+def _starts(problem: Problem, tuned: Sequence[Qualified]) -> list[str]:
+    """Sentences on who does not start with the same knowledge as the others."""
+    said = []
+    for one in tuned:
+        read = one.entrant.reads(problem)
+        theta_set = read.known.theta_set
+        if theta_set is None:
+            continue
+        if one.start is None:
+            if theta_set.middle.any() and np.size(bound(read, one.controller).initial().theta_hat):
+                said.append(f"{one.name}: its estimates are not known to be theta's, and start where the scheme itself says")
+        elif not np.array_equal(one.start, theta_set.middle):
+            said.append(
+                f"{one.name} starts with estimates of {validate.show(one.start)}, and not in the middle of the known set, "
+                f"{validate.show(theta_set.middle)}: its class has no field theta_hat0 that is left to the contest"
+            )
     return said

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import MISSING, dataclass, fields, is_dataclass, replace
+
+import numpy as np
 
 from barbalat import validate
 from barbalat.cases.build import Case
@@ -52,6 +54,19 @@ class Entrant(Settings):
         """With these numbers for the knobs."""
         return self.knobs.make(**dict(zip(self.knobs.values, map(float, row), strict=True)))
 
+    def starting_at(self, theta_hat0: Array) -> Entrant:
+        """The same with its estimates at ``theta_hat0`` (p,) at the start, where its class has a field of that name.
+
+        What ``knobs`` has set to something else than the field's default stays.
+        """
+        make = self.knobs.make
+
+        def made(**tuning: float) -> Controller:
+            controller = make(**tuning)
+            return _with_start(controller, theta_hat0)
+
+        return replace(self, knobs=replace(self.knobs, make=made))
+
     def sampled(self, sample_time: float) -> Entrant:
         """The same as a flight computer runs it."""
         make = self.knobs.make
@@ -96,7 +111,8 @@ def entrants_of(
     sample_time  all run sampled [s]; by default what is continuous stays so
 
     All start from the same knowledge: estimates in the middle of the known set, which linear designs assume as well, and where
-    the input saturates each with what it has against windup.
+    the input saturates each with what it has against windup. One from outside starts there where its class has a field
+    ``theta_hat0``, or its ``knobs`` pass on ``reach.theta_hat0``; of another one ``start_of`` says where it starts.
     """
     if unknown := [name for name in schemes if name not in SCHEMES]:
         raise InputError(f"--schemes must be of {', '.join(SCHEMES)}, got {validate.show(unknown[0])}")
@@ -117,6 +133,8 @@ def entrants_of(
             left_out.append(f"{name} is left out: nothing says which of its settings are tuned")
             continue
         entrant = Entrant(knobs=one.knobs(reach))
+        if any(one is each for each in own) and reach.theta_hat0 is not None:
+            entrant = _from_the_middle(entrant, problem, reach.theta_hat0)
         try:
             found.append(_taking(entrant, problem, sample_time))
         except InputError as error:
@@ -124,8 +142,44 @@ def entrants_of(
     return found, left_out
 
 
+def _from_the_middle(entrant: Entrant, problem: Problem, middle: Array) -> Entrant:
+    """The entrant from outside with its estimates there, or as it is where its class means something else by ``theta_hat0``."""
+    moved = entrant.starting_at(middle)
+    try:
+        bound(problem, _first(moved))
+    except InputError:
+        return entrant  # it is refused for itself, or starts where it starts, which ``start_of`` tells
+    return moved
+
+
+def _with_start(controller: Controller, theta_hat0: Array) -> Controller:
+    """The controller with this field, if its class has it and its value is the default."""
+    if not is_dataclass(controller):
+        return controller
+    found = next((one for one in fields(controller) if one.name == "theta_hat0" and one.init), None)
+    if found is None:
+        return controller
+    default = found.default_factory() if found.default_factory is not MISSING else found.default
+    given = controller.theta_hat0  # type: ignore[attr-defined]
+    if default is not MISSING and (given is default or np.array_equal(given, default)):
+        return replace(controller, theta_hat0=theta_hat0)  # type: ignore[call-arg]
+    return controller
+
+
+def start_of(problem: Problem, controller: Controller) -> Array | None:
+    """(p,) where a controller's estimates of theta start; None where it has none, or none that are known to be theta's."""
+    equations = bound(problem, controller)
+    start = np.asarray(equations.initial().theta_hat, dtype=float).reshape(-1)
+    p, gains = len(problem.plant.theta), problem.known.inputs if problem.known.uncertainty.gain_unknown else 0
+    return start[:p] if len(start) in (p, p + gains) else None
+
+
+def _first(entrant: Entrant) -> Controller:
+    """With the least of each knob."""
+    return entrant.controller([values[0] for values in entrant.knobs.values.values()])
+
+
 def _taking(entrant: Entrant, problem: Problem, sample_time: float | None) -> Entrant:
     """The entrant, sampled where that is asked; InputError where it does not take the problem."""
-    first = entrant.controller([values[0] for values in entrant.knobs.values.values()])
-    by_nature = isinstance(bound(problem, first), SampledEquations)
+    by_nature = isinstance(bound(problem, _first(entrant)), SampledEquations)
     return entrant if by_nature or sample_time is None else entrant.sampled(sample_time)

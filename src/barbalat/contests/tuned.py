@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from barbalat.certificates.certify import certify
-from barbalat.contests.entrant import Entrant, VariedEntrant
+from barbalat.contests.entrant import Entrant, VariedEntrant, start_of
 from barbalat.contests.rule import Rule
 from barbalat.loop.binding import bound
 from barbalat.problem.state_feedback import Problem
@@ -60,6 +60,7 @@ class Qualified:
                  found nothing that meets the rule
     at_edge      knobs that lie at an end of their range
     sample_time  with which it runs [s]; None for a continuous one
+    start        (p,) of its estimates of theta; None where it has none, or none that are known to be theta's
     """
 
     entrant: Entrant
@@ -74,6 +75,7 @@ class Qualified:
     trials: int
     runs: int
     sample_time: float | None
+    start: Array | None
 
     @property
     def name(self) -> str:
@@ -86,6 +88,7 @@ class Qualified:
             "tuning": dict(self.tuning),
             "ranges": {name: str(one) for name, one in zip(self.tuning, self.entrant.space.ranges.values(), strict=True)},
             "sample_time": self.sample_time,
+            "theta_hat0": None if self.start is None else self.start.tolist(),
             "rms_e": self.error if np.isfinite(self.error) else None,
             "margins": {which.value: dict(vars(found)) for which, found in self.margins.items()},
             "slack": self.margins[rule.until].slack(rule),
@@ -132,6 +135,7 @@ def qualify(
         trials=len(trials.all),
         runs=trials.runs,
         sample_time=_sample_time(problem, controller),
+        start=start_of(problem, controller),
     )
 
 
