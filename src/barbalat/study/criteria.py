@@ -21,6 +21,16 @@ NOISE_SENTENCE = (
 )
 
 
+EXAMINED = (
+    "oscillation is judged in the last quarter of the run by the estimates and by the growth of |e| over the run without a delay: "
+    "a limit cycle that is there without a delay, leaves the estimates at rest and keeps |e| below the largest |x_m|, is not seen"
+)
+EXAMINED_WITHOUT_ESTIMATES = (
+    "this controller has no estimates: oscillation is judged in the last quarter of the run by the growth of |e| over the run "
+    "without a delay alone, and a limit cycle that is there without a delay and keeps |e| below the largest |x_m| is not seen"
+)
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Expected:
     """What M runs are judged against; (M,) unless said otherwise.

@@ -9,11 +9,13 @@ import numpy as np
 from barbalat.certificates.certificate import Certificate, Draft
 from barbalat.certificates.certificates import Certificates
 from barbalat.problem.tracking import TrackingProblem
+from barbalat.loop.binding import numbered
 from barbalat.protocols import Controller
 from barbalat.run.progress import Progress
 from barbalat.solvers.simulation import Simulation
-from barbalat.study.criteria import NOISE_SENTENCE, Lost, Onset
+from barbalat.study.criteria import EXAMINED, EXAMINED_WITHOUT_ESTIMATES, NOISE_SENTENCE, Lost, Onset
 from barbalat.study.delay_margin import Bracket, DelayMargins, delay_margins
+from barbalat.study.finer_step import PlainRun, delays_confirmed
 from barbalat.study.motion import REST_SENTENCE, ModelMotion
 
 
@@ -30,9 +32,12 @@ def with_simulated_margins(
     result, criterion = {}, lost or Lost()
     resting = (REST_SENTENCE,) if ModelMotion.of(problem, simulation).comes_to_rest else ()
     noisy = () if problem.noise is None else (NOISE_SENTENCE,)
+    by_name = {one.name: one for one in numbered(controllers)}
     for name, found in delay_margins(problem, controllers, simulation, lost=criterion, progress=progress).items():
+        controller = by_name[name]
+        looked = _looked_at(problem, controller, simulation, found, criterion) if found.tracks[0] else ()
         disturbed = problem.disturbance is not None or bool(getattr(problem, "unmatched", ()))
-        result[name] = _with(certificates[name], found, criterion, simulation, (*resting, *noisy), disturbed=disturbed)
+        result[name] = _with(certificates[name], found, criterion, simulation, (*resting, *noisy, *looked), disturbed=disturbed)
     return certificates.with_changed(result)
 
 
@@ -68,6 +73,17 @@ def _with(
         rests_on = f"{key} was measured on the case's own run, no guarantee: {what}{_limit(bracket, simulation)}"
         measured.estimate({key: float(bracket.bears[0])}, rests_on, *beside)
     return certificate.with_entries((*certificate.entries, *measured.entries.values()))
+
+
+def _looked_at(
+    problem: TrackingProblem, controller: Controller, simulation: Simulation, found: DelayMargins, lost: Lost
+) -> tuple[str, ...]:
+    """Sentences: what is examined, what the run without a delay shows, whether a finer step says the same."""
+    member = problem, controller
+    (confirmed,) = delays_confirmed([member], simulation, found, numbers=np.zeros(1, dtype=int), criteria=(Onset(), lost))
+    estimates = found.undelayed.theta_hat_final.shape[1] > 0
+    examined = EXAMINED if estimates else EXAMINED_WITHOUT_ESTIMATES
+    return (examined, *PlainRun.of(*member, simulation).sentences, *filter(None, [confirmed.sentence]))
 
 
 def _begun(found: DelayMargins, *, disturbed: bool) -> str:
