@@ -50,6 +50,8 @@ class PlainRun:
     label         *numerically unstable from ...*, or None
     damping       what the solver's own damping may hide, as a sentence, or None
     swinging      that its demand swings from limit to limit of the actuator, as a sentence, or None
+    settles       whether a step that is FINER_BY times smaller stays inside the solver's region of stability; only then does what
+                  it says count
     """
 
     h_lambda_max: float
@@ -57,13 +59,18 @@ class PlainRun:
     label: str | None
     damping: str | None
     swinging: str | None
+    settles: bool
 
     @classmethod
     def of(cls, problem: TrackingProblem, controller: Controller, simulation: Simulation) -> PlainRun:
         """Simulate it and look."""
         (run,) = simulate(quiet(problem), [controller], simulation).values()
-        solver = simulation.solver
+        solver, settles = simulation.solver, True
+        if run.label is not None:
+            (fine,) = simulate(quiet(problem), [controller], refined(simulation)).values()
+            settles = fine.label is None
         return cls(
+            settles=settles,
             h_lambda_max=run.stiffness.h_lambda_max,
             limits=(solver.imaginary_limit, solver.real_limit),
             label=run.label,
@@ -80,6 +87,7 @@ class PlainRun:
             said.append(
                 f"the run without a delay is {self.label}: h |lambda| reaches {self.h_lambda_max:.3g}, and the solver's limit is "
                 f"{imaginary:.3g} on the imaginary axis and {real:.3g} on the real one; what oscillates may be the solver"
+                f"{'' if self.settles else f'. A step {FINER_BY} times smaller leaves the region too and settles nothing'}"
             )
         return [*said, *filter(None, (self.damping, self.swinging))]
 
@@ -88,6 +96,7 @@ class PlainRun:
             "h_lambda_max": self.h_lambda_max,
             "limits": list(self.limits),
             "label": self.label,
+            "settles": self.settles,
             "swinging": self.swinging,
         }
 

@@ -83,7 +83,8 @@ def _looked_at(
     (confirmed,) = delays_confirmed([member], simulation, found, numbers=np.zeros(1, dtype=int), criteria=(Onset(), lost))
     estimates = found.undelayed.theta_hat_final.shape[1] > 0
     examined = EXAMINED if estimates else EXAMINED_WITHOUT_ESTIMATES
-    return (examined, *PlainRun.of(*member, simulation).sentences, *filter(None, [confirmed.sentence]))
+    plain = PlainRun.of(*member, simulation)
+    return (examined, *plain.sentences, *filter(None, [confirmed.sentence if plain.settles else None]))
 
 
 def _begun(found: DelayMargins, *, disturbed: bool) -> str:

@@ -9,8 +9,11 @@ import numpy as np
 
 from barbalat.cases.build import Case
 from barbalat.certificates.certify import certify
+from barbalat.problem.modelling_error import ModellingError
+from barbalat.run.diagnosis.step_comparison import EQUAL_FIGURES_SHARE
 from barbalat.run.ensemble import simulate_ensemble
 from barbalat.run.metrics import Metrics
+from barbalat.study.finer_step import PlainRun, different, refined
 from barbalat.study.ideal_benchmark import Member
 from barbalat.sweeps.kinds import Kind, Tried, kinds_of
 from barbalat.sweeps.varied import Varied
@@ -19,6 +22,7 @@ from barbalat.tuning.probing import Probing
 from barbalat.tuning.quantity import PROBES, Constraint, Origin, TunedQuantity
 from barbalat.tuning.search import BROKEN_CONSTRAINT_SCORE, Judged
 from barbalat.tuning.space import Space
+from barbalat.tuning.step_check import StepCheck
 from barbalat.tuning.trial import Plants, Trial
 from barbalat.validate import Array, InputError
 
@@ -122,6 +126,63 @@ class Trials:
         found = others._values(quantity, [trial], limit, Looking(each=True))[0]
         self.runs += others.runs
         return np.asarray(found)
+
+    def at_finer_step(self, trial: Trial) -> StepCheck:
+        """What a step FINER_BY times smaller says of a tuning that was looked at in full: of its figures, of what was asked.
+
+        Certificates simulate nothing and stay what they are.
+        """
+        given = _case(trial)
+        case = replace(given, simulation=refined(given.simulation))
+        asked = [(one.quantity, one, one.requirement.limit, SAME_SHARE) for one in self.aim.constraints]
+        goal = trial.value if trial.value is not None and np.isfinite(trial.value) else None
+        if self.aim.quantity.origin is Origin.PROBE and goal is not None and goal > PROBES[self.aim.quantity.name].none:
+            asked.append((self.aim.quantity, None, goal, EQUAL_FIGURES_SHARE))
+        sizes: dict[ModellingError, list[float]] = {error: [] for error in self.aim.errors}
+        for quantity, _, limit, less in asked:
+            for error in quantity.errors:
+                sizes[error].append((1 - less) * (limit - PROBES[quantity.name].none))
+        which = {error: np.unique(found) for error, found in sizes.items() if found}
+        aim = replace(self.aim, quantity=ANY_FIGURE) if self.aim.quantity.origin is Origin.PROBE and goal is None else self.aim
+        problems = self.shared.problems if self.shared else self.aim.family(given)
+        silent = None if self.quiet is None else Plants.of(case, aim, self.quiet.problems, which)
+        others = replace(self, aim=aim, shared=Plants.of(case, aim, problems, which), quiet=silent, all=[], runs=0)
+        found = others._again(Trial(trial.row, case), trial, asked)
+        self.runs += others.runs
+        plain = PlainRun.of(problems[0], given.controllers[self.controller], given.simulation)
+        return StepCheck(case.simulation.dt, found.value, tuple(found.broken), tuple(found.changed), plain)
+
+    def _again(
+        self, finer: Trial, trial: Trial, asked: Sequence[tuple[TunedQuantity, Constraint | None, float, float]]
+    ) -> _Again:
+        found = _Again(None, [], [])
+        self._run([finer], Origin.RUN)
+        if self.quiet:
+            self._run([finer], Origin.PROBE)
+        at = f"at h = {_case(finer).simulation.dt:g} s"
+        if self.aim.quantity.origin is Origin.RUN:
+            values = self._values(self.aim.quantity, [finer], None, Looking())
+            found.value = float(self.aim.quantity.over_plants(values, self.aim.quantile)[0])
+            if trial.value is not None and different(trial.value, found.value):
+                found.changed.append(f"{at} {self.aim.quantity.name} is {found.value:.4g} instead of {trial.value:.4g}")
+        for quantity, one, limit, less in asked:
+            if quantity.origin is Origin.CERTIFICATE:
+                continue
+            if quantity.origin is Origin.RUN:
+                values = self._values(quantity, [finer], limit, Looking())
+                value = float(quantity.over_plants(values, self.aim.quantile)[0])
+                if one is not None and not one.holds(value) and not abs(value - limit) <= SAME_SHARE * abs(limit):
+                    found.broken.append(f"{at} {quantity.name} is {value:.4g}, which breaks {one.requirement}")
+                continue
+            none = PROBES[quantity.name].none
+            size = none + (1 - less) * (limit - none)
+            values = self._values(quantity, [finer], size, Looking(graded=False, below=False))
+            if float(quantity.over_plants(values, self.aim.quantile)[0]) < size:
+                said = f"{at} {size:.4g} of {quantity.name} is not reached"
+                (found.changed if one is None else found.broken).append(
+                    said if one is None else f"{said}, which breaks {one.requirement}"
+                )
+        return found
 
     def _groups(self, trials: Sequence[Trial]) -> list[Sequence[Trial]]:
         """Those that run side by side."""
@@ -228,6 +289,20 @@ class Trials:
         if self.aim.quantity.origin is Origin.CERTIFICATE:
             found = self.aim.quantity.of_certificate(certificate)
             trial.value = self.aim.quantity.worst if found is None else found
+
+
+@dataclass
+class _Again:
+    """What came of a tuning's runs at a finer step: the aim's figure, and sentences on what is broken and on what is another one."""
+
+    value: float | None
+    broken: list[str]
+    changed: list[str]
+
+
+ANY_FIGURE = TunedQuantity("rms_e", larger_is_worse=True)
+SAME_SHARE = 0.02
+"""Of what a constraint asks: a finer step may fall short of it by so much, within which the search itself finds delays."""
 
 
 def _case(trial: Trial) -> Case:
