@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,17 +13,19 @@ from barbalat.contests.rule import Rule
 from barbalat.contests.tuned import Qualified
 from barbalat.problem.modelling_error import DelayError, GainError, ModellingError
 from barbalat.problem.state_feedback import Problem
+from barbalat.run.diagnosis.step_comparison import EQUAL_FIGURES_SHARE
 from barbalat.run.ensemble import simulate_ensemble
 from barbalat.run.metrics import Metrics
 from barbalat.run.progress import Progress
 from barbalat.solvers.simulation import Simulation
 from barbalat.study.criteria import tail_error, tracks
 from barbalat.study.delay_borne import Question
+from barbalat.study.finer_step import different, refined
 from barbalat.study.ideal_benchmark import Ideals, Member, quiet
 from barbalat.study.motion import ModelMotion
 from barbalat.study.tradeoff import plants_of
 from barbalat.sweeps.evidence import Share
-from barbalat.validate import Array
+from barbalat.validate import Array, counted
 
 HELD_OUT_COMMANDS = 8
 """Of which each is followed by an equal number of plants: enough to fill the kernel's lanes."""
@@ -126,6 +128,54 @@ def median(values: Array) -> float:
     ordered = np.sort(values)
     low, high = ordered[(len(ordered) - 1) // 2], ordered[len(ordered) // 2]
     return float(low if low == high or not np.isfinite(low + high) else (low + high) / 2)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Again:
+    """Some held-out runs of one entrant once more, with a step that is FINER_BY times smaller.
+
+    verdicts  runs of which another thing is said: lost, or not bearing what the rule asks
+    errors    runs whose error is another one
+    """
+
+    runs: int
+    verdicts: int
+    errors: int
+
+    def sentence(self, name: str, dt: float) -> str:
+        """The same for people."""
+        again = f"{name}: of {counted(self.runs, 'held-out run')} once more at h = {dt:g} s"
+        if not (self.verdicts or self.errors):
+            return f"{again} none has another verdict or another error"
+        return (
+            f"{again} another verdict is given on {self.verdicts}, and the error of {self.errors} differs by more than "
+            f"{EQUAL_FIGURES_SHARE:.0%}: part of what is counted is the solver's, make simulation.dt smaller"
+        )
+
+
+def measured_again(
+    entrants: Sequence[Qualified],
+    trials: Draws,
+    rule: Rule,
+    simulation: Simulation,
+    found: Mapping[str, HeldOut],
+    *,
+    threads: int | None = None,
+) -> dict[str, Again]:
+    """The first run of each command, by the entrants' names."""
+    fine, first = refined(simulation), [which[:1] for which in trials.groups]
+    changed = {one.name: [0, 0] for one in entrants}
+    for which in first:
+        asked, streams = _Asked.of(rule, fine), trials.streams[which]
+        for one in entrants:
+            members = [(one.entrant.reads(trials.problems[i]), one.controller) for i in which]
+            silent = [(one.entrant.reads(trials.silent[i]), one.controller) for i in which]
+            again, before = _measured(members, silent, streams, asked, fine, threads), found[one.name]
+            verdicts = [vars(again)[name] != vars(before)[name][which] for name in ("lost", "delay", "gain_up", "gain_down")]
+            changed[one.name][0] += int(np.any(verdicts, axis=0).sum())
+            pairs = zip(before.error[which], again.error, strict=True)
+            changed[one.name][1] += sum(np.isfinite(a + b) and different(float(a), float(b)) for a, b in pairs)
+    return {name: Again(runs=len(first), verdicts=verdicts, errors=int(errors)) for name, (verdicts, errors) in changed.items()}
 
 
 def measure(

@@ -22,6 +22,7 @@ from barbalat.tuning.probing import Probing
 from barbalat.tuning.quantity import PROBES
 from barbalat.tuning.search import least_trials, search
 from barbalat.tuning.space import Space
+from barbalat.tuning.step_check import StepCheck
 from barbalat.tuning.trial import Plants, Trial
 from barbalat.tuning.trials import Trials, in_one_kernel
 from barbalat.validate import Array
@@ -61,6 +62,8 @@ class Qualified:
     at_edge      knobs that lie at an end of their range
     sample_time  with which it runs [s]; None for a continuous one
     start        (p,) of its estimates of theta; None where it has none, or none that are known to be theta's
+    step         what a finer step says of the tuning; None where it does not meet the rule at the case's step either
+    refused      the same of better tunings, which meet the rule at the case's step alone
     """
 
     entrant: Entrant
@@ -76,6 +79,8 @@ class Qualified:
     runs: int
     sample_time: float | None
     start: Array | None
+    step: StepCheck | None
+    refused: tuple[StepCheck, ...]
 
     @property
     def name(self) -> str:
@@ -97,6 +102,8 @@ class Qualified:
             "at_edge": list(self.at_edge),
             "trials": self.trials,
             "runs": self.runs,
+            "finer_step": None if self.step is None else self.step.as_json(),
+            "refused_at_finer_step": [one.as_json() for one in self.refused],
         }
 
 
@@ -136,6 +143,8 @@ def qualify(
         runs=trials.runs,
         sample_time=_sample_time(problem, controller),
         start=start_of(problem, controller),
+        step=best.check,
+        refused=tuple(best.refused),
     )
 
 

@@ -71,6 +71,20 @@ class DelayMargins(Plotted):
     undelayed: Metrics
     runs: int
 
+    def of(self, chosen: Array) -> DelayMargins:
+        """The same of the members ``chosen``, (J,); ``runs`` stays that of all."""
+        return DelayMargins(
+            onset=Bracket(self.onset.bears[chosen], self.onset.loses[chosen]),
+            loss=Bracket(self.loss.bears[chosen], self.loss.loses[chosen]),
+            tracks=self.tracks[chosen],
+            swings=self.swings[chosen],
+            quiet_tracks=self.quiet_tracks[chosen],
+            driven=self.driven[chosen],
+            noisy=self.noisy,
+            undelayed=Metrics.together([self.undelayed.of(slice(i, i + 1)) for i in chosen]),
+            runs=self.runs,
+        )
+
     def __repr__(self) -> str:
         least = ", ".join(
             f"{name} from {found.bears.min():.4g} s" for name, found in (("onset", self.onset), ("loss", self.loss))
