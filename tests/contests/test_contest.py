@@ -249,11 +249,11 @@ class Fixed(Plain):
     name: str = "plain"
 
     def knobs(self, reach):
-        return Knobs(scheme=self.name, values={"gamma": np.array([1.0, 10.0])}, make=lambda gamma: Fixed(gamma))
+        return Knobs(scheme=self.name, values={"gamma": np.array([1.0, 10.0])}, make=Fixed)
 
 
 def test_a_law_from_outside_starts_where_the_others_do():
-    """Where its class has a field theta_hat0 that is left at its default; what its user has set stays, and a method can't be asked."""
+    """Where its class has a field theta_hat0 that is left at its default; what its user has set stays."""
     own = [Outside(), Chosen(), Fixed(1.0)]
     entrants, _ = entrants_of(APART, SIMULATION, schemes=["mrac"], own=own)
     starts = {one.name: start_of(APART, one.controller([2.0])).tolist() for one in entrants}

@@ -252,7 +252,7 @@ def _crossing_rate() -> float:
 
 
 def oscillation_by_hand(delay: float, gamma: float = GAMMA, steps_each: int = 2000) -> tuple[float, float]:
-    """The variation of both estimates [1/s] in the last quarter, with a delay and no noise: a Runge-Kutta method with its own history.
+    """The variation of both estimates [1/s] in the last quarter, with a delay and no noise, by a Runge-Kutta method of its own.
 
     Nothing is shared with the kernel: the projection clips the estimates' rate at the box, and the delayed u is interpolated
     linearly between steps of 0.5 ms.

@@ -1,4 +1,4 @@
-"""What a study reports, at a quarter of its step: delays against falsified ones, artefacts of the solver, limit cycles at limits."""
+"""What a study reports, at a quarter of its step: false delays, artefacts of the solver, limit cycles at the limits."""
 
 from __future__ import annotations
 
@@ -49,7 +49,9 @@ def test_true_delays_are_confirmed_and_false_ones_are_not(factors, said):
     found = delay_margins_ensemble(members, SIMULATION)
     assert 0 < 2 * found.onset.bears[0] < found.loss.bears[0] < 1.0  # the factors keep the two apart
     false = (Bracket(f * one.bears, f * one.loses) for f, one in zip(factors, (found.onset, found.loss), strict=True))
-    (confirmed,) = delays_confirmed(members, SIMULATION, replace(found, **dict(zip(("onset", "loss"), false, strict=True))), numbers=NUMBERS)
+    (confirmed,) = delays_confirmed(
+        members, SIMULATION, replace(found, **dict(zip(("onset", "loss"), false, strict=True))), numbers=NUMBERS
+    )
     assert confirmed.asked == 4 and confirmed.dt == 5e-4
     assert [any(text in change for change in confirmed.changes) for text in said] == [True] * len(said)
     assert len(confirmed.changes) == len(said)
@@ -107,7 +109,9 @@ def test_a_limit_cycle_at_the_actuators_limits_is_told():
 def test_a_command_that_asks_for_both_limits_is_no_limit_cycle():
     simulation = Simulation(t_end=8.0, dt=2e-3)
     asked = replace(
-        RELAY_LIKE, reference=Square(amplitude=5.0, frequency=8.0), plant=replace(RELAY_LIKE.plant, input=PlantInput(saturation=[-2.0, 2.0]))
+        RELAY_LIKE,
+        reference=Square(amplitude=5.0, frequency=8.0),
+        plant=replace(RELAY_LIKE.plant, input=PlantInput(saturation=[-2.0, 2.0])),
     )
     (run,) = simulate(asked, [Gain(0.0)], simulation).values()
     assert run.u.max() > 2 and run.u.min() < -2

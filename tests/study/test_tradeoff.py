@@ -161,7 +161,7 @@ def test_a_case_with_noise_is_timed_over_runs_that_hold_a_sample_of_it():
 
 @pytest.mark.parametrize("gain", [None, 2.0])
 def test_a_known_set_without_zero_starts_in_its_middle(gain):
-    """With an unknown input gain every scheme was left out and the page was empty; without one the study refused its own start."""
+    """With an unknown input gain every scheme was left out and the page was empty; without one its own start was refused."""
     plant = SMALL.plant if gain is None else replace(SMALL.plant, input=PlantInput(gain=gain))
     known = None if gain is None else (1.5, 3.0)
     apart = replace(SMALL, plant=plant, uncertainty=ParameterBox(lower=[0.5], upper=[2.5]), input_gain=known)

@@ -323,7 +323,9 @@ def test_a_tuning_that_the_step_alone_lets_meet_its_constraints_is_not_returned(
     rates = []
     for h in ("0.02", "0.001"):
         fine = parse_case(coarse.replace("dt = 0.02", f"dt = {h}").replace("gamma = 3.0", f"gamma = {gamma}"))
-        rates.append(float(simulate(fine.problem, fine.controllers[:1], fine.simulation)["MRAC"].metrics.theta_hat_variation_rate[0, 0]))
+        rates.append(
+            float(simulate(fine.problem, fine.controllers[:1], fine.simulation)["MRAC"].metrics.theta_hat_variation_rate[0, 0])
+        )
     assert rates[0] <= limit < 1.02 * limit < rates[1]  # seen independently of the check, at another step
     assert right.chosen is not None and right.step.holds and right.refused == ()
     assert right.step.value == pytest.approx(right.chosen.value, rel=0.01)  # 0.2 % as above
@@ -338,7 +340,9 @@ def test_a_requirement_on_a_linear_loop_says_that_it_is_one(tmp_path):
     case.write_text(DRIVE)
     found = tune(str(case), "rms_e", subject_to=["delay_margin_adapting >= 1e-3"], controller="MRAC", plants=1, trials=288)
     assert any(note.startswith("delay_margin_adapting is of a linear loop: it knows no limit") for note in found.notes)
-    assert not any("delay_onset_simulated asks" in note for note in tune(str(case), "rms_e", controller="MRAC", plants=1, trials=288).notes)
+    assert not any(
+        "delay_onset_simulated asks" in note for note in tune(str(case), "rms_e", controller="MRAC", plants=1, trials=288).notes
+    )
 
 
 def test_a_delay_that_is_asked_of_a_noisy_case_is_tolerated_without_the_noise(tmp_path):
@@ -347,7 +351,9 @@ def test_a_delay_that_is_asked_of_a_noisy_case_is_tolerated_without_the_noise(tm
     (tmp_path / "noisy.toml").write_text(DRIVE.replace("[reference_model]", f"{noise}[reference_model]"))
     asked, found = 0.1, {}
     vary = {"controller[0].gamma": "1:1e4:log"}
-    found = tune(str(tmp_path / "noisy.toml"), "rms_e", subject_to=[f"delay_onset_simulated >= {asked}"], vary=vary, plants=1, trials=288)
+    found = tune(
+        str(tmp_path / "noisy.toml"), "rms_e", subject_to=[f"delay_onset_simulated >= {asked}"], vary=vary, plants=1, trials=288
+    )
     chosen = found.controllers["MRAC"].chosen
     (gamma,) = chosen.tuning.values()
     still = parse_case(DRIVE)

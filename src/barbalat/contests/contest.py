@@ -13,14 +13,13 @@ import numpy as np
 from barbalat import validate
 from barbalat.cases.build import Case
 from barbalat.cases.load import load_case
-from barbalat.contests.entrant import Entrant, entrants_of
+from barbalat.contests.entrant import Entrant, entrants_of, initial_estimates
 from barbalat.contests.held_out import Again, Draws, HeldOut, measure, measured_again, median
 from barbalat.contests.noise import DEFAULT_SHARE, with_noise
 from barbalat.contests.paired import paired
 from barbalat.contests.result import Contest
 from barbalat.contests.rule import DEFAULT_GAIN_MARGIN, DEFAULT_PLANTS, DEFAULT_TRIALS, Rule, default_delay_margin
 from barbalat.contests.tuned import Qualified, qualify
-from barbalat.loop.binding import bound
 from barbalat.loop.structure import comes_from_outside
 from barbalat.problem.state_feedback import Problem
 from barbalat.problem.tracking import TrackingProblem
@@ -202,14 +201,14 @@ def _notes(
             said.append(f"{one.name}: none of {counted(one.trials, 'tuning')} meets the rule{also}")
         elif one.refused:
             said.append(
-                f"{one.name}: {counted(len(one.refused), 'tuning')} that would be better meets the rule at the step of the case alone: "
+                f"{one.name}: better tunings, {len(one.refused)} of them, meet the rule at the step of the case alone: "
                 f"{'; '.join(one.refused[0].broken)}"
             )
         said += [f"{one.name}: {sentence}" for sentence in ([] if one.step is None else one.step.sentences)]
     said += [one.sentence(name, refined(simulation).dt) for name, one in again.items()]
     if rule.until is Criterion.ONSET:
         said.append(EXAMINED)
-        without = [one.name for one in tuned if not np.size(bound(one.entrant.reads(problem), one.controller).initial().theta_hat)]
+        without = [one.name for one in tuned if not len(initial_estimates(one.entrant.reads(problem), one.controller))]
         if without:
             said.append(f"{', '.join(without)}: without estimates, so that oscillation is judged by |e| alone")
     for one in tuned:
@@ -230,7 +229,7 @@ def _starts(problem: Problem, tuned: Sequence[Qualified]) -> list[str]:
         if theta_set is None:
             continue
         if one.start is None:
-            if theta_set.middle.any() and np.size(bound(read, one.controller).initial().theta_hat):
+            if theta_set.middle.any() and len(initial_estimates(read, one.controller)):
                 said.append(f"{one.name}: its estimates are not known to be theta's, and start where the scheme itself says")
         elif not np.array_equal(one.start, theta_set.middle):
             said.append(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import MISSING, dataclass, fields, is_dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -62,8 +63,8 @@ class Entrant(Settings):
         make = self.knobs.make
 
         def made(**tuning: float) -> Controller:
-            controller = make(**tuning)
-            return _with_start(controller, theta_hat0)
+            controller: Controller = _with_start(make(**tuning), theta_hat0)
+            return controller
 
         return replace(self, knobs=replace(self.knobs, make=made))
 
@@ -127,13 +128,13 @@ def entrants_of(
     unresolved = f"gains above {reach.highest_gain:.3g}, which h = {simulation.dt:g} s does not resolve ({how}: an estimate)"
     left_out = [f"{unresolved}, are not tried"]
     candidates = [SCHEMES[name] for name in schemes or SCHEMES]
-    found = []
+    found, outside = [], {id(one) for one in own}
     for name, one in [*zip(schemes or SCHEMES, candidates, strict=True), *((one.name, one) for one in own)]:
         if not isinstance(one, Tunable):
             left_out.append(f"{name} is left out: nothing says which of its settings are tuned")
             continue
         entrant = Entrant(knobs=one.knobs(reach))
-        if any(one is each for each in own) and reach.theta_hat0 is not None:
+        if id(one) in outside and reach.theta_hat0 is not None:
             entrant = _from_the_middle(entrant, problem, reach.theta_hat0)
         try:
             found.append(_taking(entrant, problem, sample_time))
@@ -152,24 +153,28 @@ def _from_the_middle(entrant: Entrant, problem: Problem, middle: Array) -> Entra
     return moved
 
 
-def _with_start(controller: Controller, theta_hat0: Array) -> Controller:
+def _with_start(controller: Any, theta_hat0: Array) -> Any:
     """The controller with this field, if its class has it and its value is the default."""
-    if not is_dataclass(controller):
+    if not is_dataclass(controller) or isinstance(controller, type):
         return controller
     found = next((one for one in fields(controller) if one.name == "theta_hat0" and one.init), None)
     if found is None:
         return controller
     default = found.default_factory() if found.default_factory is not MISSING else found.default
-    given = controller.theta_hat0  # type: ignore[attr-defined]
-    if default is not MISSING and (given is default or np.array_equal(given, default)):
-        return replace(controller, theta_hat0=theta_hat0)  # type: ignore[call-arg]
-    return controller
+    given = getattr(controller, found.name)
+    left_alone = default is not MISSING and (given is default or np.array_equal(given, default))
+    return replace(controller, **{found.name: theta_hat0}) if left_alone else controller
+
+
+def initial_estimates(problem: Problem, controller: Controller) -> Array:
+    """theta_hat at t = 0, whatever it estimates; empty where the controller has no estimates."""
+    state: Any = bound(problem, controller).initial()
+    return np.asarray(state.theta_hat, dtype=float).reshape(-1)
 
 
 def start_of(problem: Problem, controller: Controller) -> Array | None:
     """(p,) where a controller's estimates of theta start; None where it has none, or none that are known to be theta's."""
-    equations = bound(problem, controller)
-    start = np.asarray(equations.initial().theta_hat, dtype=float).reshape(-1)
+    start = initial_estimates(problem, controller)
     p, gains = len(problem.plant.theta), problem.known.inputs if problem.known.uncertainty.gain_unknown else 0
     return start[:p] if len(start) in (p, p + gains) else None
 

@@ -14,16 +14,16 @@ from barbalat.run.metrics import Metrics
 from barbalat.settings import Settings
 from barbalat.validate import Array
 
-
 NOISE_SENTENCE = (
-    "the onset of oscillation is looked for without the case's measurement noise, which moves estimates as fast as an oscillation "
-    "does; beside it the loop must not be lost with the noise, and a drift that the noise drives is no onset"
+    "the onset of oscillation is looked for without the case's measurement noise, which moves estimates as fast as an "
+    "oscillation does; beside it the loop must not be lost with the noise, and a drift that the noise drives is no onset"
 )
 
 
 EXAMINED = (
-    "oscillation is judged in the last quarter of the run by the estimates and by the growth of |e| over the run without a delay: "
-    "a limit cycle that is there without a delay, leaves the estimates at rest and keeps |e| below the largest |x_m|, is not seen"
+    "oscillation is judged in the last quarter of the run by the estimates and by the growth of |e| over the run without a "
+    "delay: a limit cycle that is there without a delay, leaves the estimates at rest and keeps |e| below the largest |x_m|, is "
+    "not seen"
 )
 EXAMINED_WITHOUT_ESTIMATES = (
     "this controller has no estimates: oscillation is judged in the last quarter of the run by the growth of |e| over the run "

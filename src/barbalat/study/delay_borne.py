@@ -35,9 +35,7 @@ class Question:
     threads: int | None = None
 
     def __post_init__(self) -> None:
-        self.judged = JudgedRuns(
-            self.members, self.simulation, self.undelayed, self.numbers, self.ideals, threads=self.threads
-        )
+        self.judged = JudgedRuns(self.members, self.simulation, self.undelayed, self.numbers, self.ideals, threads=self.threads)
         self.smaller = [size for size in map(float, self.sizes) if size < self.limit]
 
     def bears(self, group: Array, *, graded: bool, below: bool = True, among: Array | None = None) -> Array:

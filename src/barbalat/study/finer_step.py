@@ -115,9 +115,9 @@ def swinging(run: Result) -> str | None:
         turns = _turns(run.problem, begin, run.simulation.t_end)
         if switches >= max(FEWEST_SWITCHES, SWITCHES_EACH_TURN * turns + 1):
             return (
-                f"without any delay added the demand goes from limit to limit of the actuator ({low:g} to {high:g}) {switches} times in "
-                f"the last quarter, where the command and the disturbances turn {turns} times: a limit cycle, which neither "
-                "criterion counts"
+                f"without any delay added the demand goes from limit to limit of the actuator ({low:g} to {high:g}) {switches} "
+                f"times in the last quarter, where the command and the disturbances turn {turns} times: a limit cycle, "
+                "which neither criterion counts"
             )
     return None
 
@@ -127,7 +127,7 @@ def _switches(up: Array, down: Array) -> int:
     found, last = 0, 0
     for k in np.flatnonzero(up | down):
         here = 0 if up[k] and down[k] else 1 if up[k] else -1
-        found += int(here == 0 or here == -last)
+        found += int(here in {0, -last})
         last = here
     return found
 
@@ -143,7 +143,12 @@ def _turns(problem: TrackingProblem, begin: float, end: float) -> int:
     return found
 
 
-VERDICTS = {(0, -1): "oscillates already", (0, 1): "does not oscillate yet", (1, -1): "is lost already", (1, 1): "is not lost yet"}
+VERDICTS = {
+    (0, -1): "oscillates already",
+    (0, 1): "does not oscillate yet",
+    (1, -1): "is lost already",
+    (1, 1): "is not lost yet",
+}
 """By the criterion and the side of the delay that was found, what the finer step says where it disagrees."""
 
 

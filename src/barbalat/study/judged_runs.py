@@ -1,4 +1,4 @@
-"""Runs with a modelling error, judged: the onset of oscillation without measurement noise, the loss with the noise that the case has."""
+"""Runs with a modelling error, judged: the onset of oscillation without measurement noise, the loss with it."""
 
 from __future__ import annotations
 
@@ -86,9 +86,7 @@ class JudgedRuns:
         """(M,) whether the motion without a modelling error hides slower oscillations from the onset: see ``Onset.driven``."""
         return self.criteria[0].driven(self.quiet_benchmark.without)
 
-    def lost(
-        self, chosen: Array, added: Array, *, onset: bool = True, progress: Progress | None = None
-    ) -> tuple[Array, Array]:
+    def lost(self, chosen: Array, added: Array, *, onset: bool = True, progress: Progress | None = None) -> tuple[Array, Array]:
         """(J,) by the onset and by the loss: which of the members ``chosen`` are lost with errors of the sizes ``added``.
 
         The onset is never later than the loss. With ``onset`` false the loss stands for both.

@@ -8,8 +8,8 @@ import numpy as np
 
 from barbalat.certificates.certificate import Certificate, Draft
 from barbalat.certificates.certificates import Certificates
-from barbalat.problem.tracking import TrackingProblem
 from barbalat.loop.binding import numbered
+from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller
 from barbalat.run.progress import Progress
 from barbalat.solvers.simulation import Simulation

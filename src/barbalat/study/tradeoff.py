@@ -70,8 +70,11 @@ class Cloud:
 
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)
 class TradeOff(Plotted):
-    """The clouds of all schemes on one problem; ``notes`` are sentences on what was left out and what was not seen, ``checks`` what a
-    finer step says of tunings on each scheme's fronts."""
+    """The clouds of all schemes on one problem.
+
+    notes   sentences on what was left out and what was not seen
+    checks  what a finer step says of some tunings on each scheme's fronts
+    """
 
     problem: Problem
     simulation: Simulation
@@ -199,12 +202,15 @@ class FrontCheck:
         said = f"{again} none comes out otherwise"
         if self.changed:
             first = next(iter(self.changed.values()))
-            count = len(self.changed)
-            said = f"{again} {count} {'comes' if count == 1 else 'come'} out otherwise (such as: {first[0]}); make simulation.dt smaller"
+            differing = len(self.changed)
+            comes = f"{differing} {'comes' if differing == 1 else 'come'} out otherwise"
+            said = f"{again} {comes} (such as: {first[0]}); make simulation.dt smaller"
         if self.unsettled:
             said += f"; of {len(self.unsettled)} the finer run leaves the solver's region of stability too, which settles nothing"
         if self.swinging:
-            said += f"; the demand of {len(self.swinging)} swings from limit to limit of the actuator without any delay, uncounted"
+            said += (
+                f"; the demand of {len(self.swinging)} swings from limit to limit of the actuator without any delay, uncounted"
+            )
         return said
 
     def as_json(self) -> dict[str, Any]:
@@ -259,7 +265,8 @@ def _spread_over_fronts(cloud: Cloud) -> list[int]:
     for criterion in ("onset", "loss"):
         front = cloud.front("plant", criterion)
         if len(front):
-            kept |= {int(front[i]) for i in np.linspace(0, len(front) - 1, min(FRONT_CHECKED, len(front))).round().astype(int)}
+            places = np.linspace(0, len(front) - 1, min(FRONT_CHECKED, len(front))).round().astype(int)
+            kept |= {int(front[i]) for i in places}
     return sorted(kept)
 
 
@@ -268,8 +275,8 @@ def _require_motion(clouds: tuple[Cloud, ...]) -> None:
     if not any(np.isfinite(cloud.error).any() for cloud in clouds):
         tried = ", ".join(f"{len(cloud.tunings)} of {cloud.scheme}" for cloud in clouds)
         raise InputError(
-            f"none of the tunings that were tried ({tried}) follows the model without a delay: in the last quarter |e| stays above "
-            "the largest |x_m|, or the run diverges"
+            f"none of the tunings that were tried ({tried}) follows the model without a delay: in the last quarter |e| stays "
+            "above the largest |x_m|, or the run diverges"
         )
 
 

@@ -45,12 +45,11 @@ PROBES = {
 
 
 OF_A_LINEAR_LOOP = frozenset(
-    ["delay_margin", "delay_margin_adapting", "phase_margin", "gain_margin", "gain_reduction_margin", "sensitivity_peak"]
-    + ["complementary_sensitivity_peak", "margins_over_known_set", *EACH_INPUT.values()]
+    [*EACH_INPUT, *EACH_INPUT.values(), "delay_margin_adapting", "complementary_sensitivity_peak", "margins_over_known_set"]
 )
 LINEAR_SENTENCE = (
-    "{key} is of a linear loop: it knows no limit, rate limit or quantisation of the input and no moving command, and a loop with "
-    "them may be in a limit cycle far below it; delay_onset_simulated asks the loop in motion"
+    "{key} is of a linear loop: it knows no limit, rate limit or quantisation of the input and no moving command, and a loop "
+    "with them may be in a limit cycle far below it; delay_onset_simulated asks the loop in motion"
 )
 
 

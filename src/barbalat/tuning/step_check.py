@@ -10,7 +10,7 @@ import numpy as np
 from barbalat.study.finer_step import FINER_BY, PlainRun
 
 
-@dataclass(frozen=True, kw_only=False)
+@dataclass(frozen=True, kw_only=True)
 class StepCheck:
     """One tuning at a step FINER_BY times smaller.
 

@@ -67,7 +67,7 @@ class Plants:
         if sizes is None:
             ideals = {error: _ideals(error, simulation, longest) for error in aim.errors}
         else:
-            ideals = {error: Ideals(simulation, sizes[error], error) for error in aim.errors}
+            ideals = {error: Ideals(simulation, found, error) for error, found in sizes.items()}
         for one in ideals.values():
             one.find(given)
         return cls(given, ideals, longest)

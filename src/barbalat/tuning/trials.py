@@ -133,56 +133,53 @@ class Trials:
         Certificates simulate nothing and stay what they are.
         """
         given = _case(trial)
-        case = replace(given, simulation=refined(given.simulation))
-        asked = [(one.quantity, one, one.requirement.limit, SAME_SHARE) for one in self.aim.constraints]
-        goal = trial.value if trial.value is not None and np.isfinite(trial.value) else None
-        if self.aim.quantity.origin is Origin.PROBE and goal is not None and goal > PROBES[self.aim.quantity.name].none:
-            asked.append((self.aim.quantity, None, goal, EQUAL_FIGURES_SHARE))
-        sizes: dict[ModellingError, list[float]] = {error: [] for error in self.aim.errors}
+        case, aim = replace(given, simulation=refined(given.simulation)), self.aim
+        asked: list[Asked] = [(one.quantity, one, one.requirement.limit, SAME_SHARE) for one in aim.constraints]
+        if aim.quantity.origin is Origin.PROBE and trial.value is not None and trial.value > PROBES[aim.quantity.name].none:
+            asked.append((aim.quantity, None, trial.value, EQUAL_FIGURES_SHARE))
+        sizes: dict[ModellingError, list[float]] = {}
         for quantity, _, limit, less in asked:
             for error in quantity.errors:
-                sizes[error].append((1 - less) * (limit - PROBES[quantity.name].none))
-        which = {error: np.unique(found) for error, found in sizes.items() if found}
-        aim = replace(self.aim, quantity=ANY_FIGURE) if self.aim.quantity.origin is Origin.PROBE and goal is None else self.aim
-        problems = self.shared.problems if self.shared else self.aim.family(given)
-        silent = None if self.quiet is None else Plants.of(case, aim, self.quiet.problems, which)
-        others = replace(self, aim=aim, shared=Plants.of(case, aim, problems, which), quiet=silent, all=[], runs=0)
+                sizes.setdefault(error, []).append((1 - less) * (limit - PROBES[quantity.name].none))
+        tried = {error: np.unique(found) for error, found in sizes.items()}
+        problems = self.shared.problems if self.shared else aim.family(given)
+        silent = None if self.quiet is None else Plants.of(case, aim, self.quiet.problems, tried)
+        others = replace(self, shared=Plants.of(case, aim, problems, tried), quiet=silent, all=[], runs=0)
         found = others._again(Trial(trial.row, case), trial, asked)
         self.runs += others.runs
         plain = PlainRun.of(problems[0], given.controllers[self.controller], given.simulation)
-        return StepCheck(case.simulation.dt, found.value, tuple(found.broken), tuple(found.changed), plain)
+        return StepCheck(
+            dt=case.simulation.dt, value=found.value, broken=tuple(found.broken), changed=tuple(found.changed), plain=plain
+        )
 
-    def _again(
-        self, finer: Trial, trial: Trial, asked: Sequence[tuple[TunedQuantity, Constraint | None, float, float]]
-    ) -> _Again:
-        found = _Again(None, [], [])
+    def _again(self, finer: Trial, trial: Trial, asked: Sequence[Asked]) -> _Again:
+        """The runs of ``finer``, a tuning at a finer step, and what they say of ``trial``."""
+        found, at = _Again(None, [], []), f"at h = {_case(finer).simulation.dt:g} s"
         self._run([finer], Origin.RUN)
         if self.quiet:
             self._run([finer], Origin.PROBE)
-        at = f"at h = {_case(finer).simulation.dt:g} s"
         if self.aim.quantity.origin is Origin.RUN:
-            values = self._values(self.aim.quantity, [finer], None, Looking())
-            found.value = float(self.aim.quantity.over_plants(values, self.aim.quantile)[0])
+            found.value = self._over_plants(self.aim.quantity, finer, None)
             if trial.value is not None and different(trial.value, found.value):
                 found.changed.append(f"{at} {self.aim.quantity.name} is {found.value:.4g} instead of {trial.value:.4g}")
         for quantity, one, limit, less in asked:
-            if quantity.origin is Origin.CERTIFICATE:
-                continue
             if quantity.origin is Origin.RUN:
-                values = self._values(quantity, [finer], limit, Looking())
-                value = float(quantity.over_plants(values, self.aim.quantile)[0])
-                if one is not None and not one.holds(value) and not abs(value - limit) <= SAME_SHARE * abs(limit):
+                value = self._over_plants(quantity, finer, limit)
+                if one is not None and not one.holds(value) and not abs(value - limit) <= less * abs(limit):
                     found.broken.append(f"{at} {quantity.name} is {value:.4g}, which breaks {one.requirement}")
-                continue
-            none = PROBES[quantity.name].none
-            size = none + (1 - less) * (limit - none)
-            values = self._values(quantity, [finer], size, Looking(graded=False, below=False))
-            if float(quantity.over_plants(values, self.aim.quantile)[0]) < size:
-                said = f"{at} {size:.4g} of {quantity.name} is not reached"
-                (found.changed if one is None else found.broken).append(
-                    said if one is None else f"{said}, which breaks {one.requirement}"
-                )
+            elif quantity.origin is Origin.PROBE:
+                none = PROBES[quantity.name].none
+                size = none + (1 - less) * (limit - none)
+                if self._over_plants(quantity, finer, size) < size:
+                    said = f"{at} {quantity.name} is less than {size:.4g}"
+                    found.changed += [said] if one is None else []
+                    found.broken += [] if one is None else [f"{said}, which breaks {one.requirement}"]
         return found
+
+    def _over_plants(self, quantity: TunedQuantity, trial: Trial, asked: float | None) -> float:
+        """A quantity of one tuning that runs tell; of a modelling error whether what is asked is tolerated, no more."""
+        values = self._values(quantity, [trial], asked, Looking(graded=False, below=False))
+        return float(quantity.over_plants(values, self.aim.quantile)[0])
 
     def _groups(self, trials: Sequence[Trial]) -> list[Sequence[Trial]]:
         """Those that run side by side."""
@@ -293,14 +290,15 @@ class Trials:
 
 @dataclass
 class _Again:
-    """What came of a tuning's runs at a finer step: the aim's figure, and sentences on what is broken and on what is another one."""
+    """What came of a tuning's runs at a finer step: the aim's figure, and sentences on what is broken and what is different."""
 
     value: float | None
     broken: list[str]
     changed: list[str]
 
 
-ANY_FIGURE = TunedQuantity("rms_e", larger_is_worse=True)
+Asked = tuple[TunedQuantity, Constraint | None, float, float]
+"""A quantity, its constraint, the value that was asked for or found, and the share by which a finer step may fall short."""
 SAME_SHARE = 0.02
 """Of what a constraint asks: a finer step may fall short of it by so much, within which the search itself finds delays."""
 

@@ -224,13 +224,13 @@ def _notes(tuner: Tuner, found: Mapping[str, Tuned]) -> tuple[str, ...]:
     for name, one in found.items():
         if one.chosen is None:
             said.append(
-                f"{name}: none of {validate.counted(one.trials, 'tuning')} meets every constraint{_at_the_finer_step(one)}; the case "
-                "file keeps its own"
+                f"{name}: none of {validate.counted(one.trials, 'tuning')} meets every constraint{_at_the_finer_step(one)}; "
+                "the case file keeps its own"
             )
         elif one.refused:
             said.append(
-                f"{name}: {validate.counted(len(one.refused), 'tuning')} that would be better meets every constraint at the step of "
-                f"the case alone: {'; '.join(one.refused[0].broken)}"
+                f"{name}: better tunings, {len(one.refused)} of them, meet every constraint at the step of the case alone: "
+                f"{'; '.join(one.refused[0].broken)}"
             )
         said += [f"{name}: {sentence}" for sentence in ([] if one.step is None else one.step.sentences)]
     aim = tuner.aim
