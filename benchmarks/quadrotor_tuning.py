@@ -17,7 +17,6 @@ import numpy as np
 from barbalat import Plant, Problem, ReferenceModel, Simulation, Step, Steps, TransferFunction
 from barbalat.cases.build import Case
 from barbalat.contests.entrant import Entrant
-from barbalat.contests.noise import quiet
 from barbalat.contests.rule import Rule
 from barbalat.contests.tuned import Qualified, qualify
 from barbalat.controllers.knobs import Knobs
@@ -29,6 +28,7 @@ from barbalat.problem.actuation import PlantInput
 from barbalat.problem.measurement import Noise, Sensor
 from barbalat.protocols import Controller, Sample, SampledEquations, Value
 from barbalat.study.delay_search import Criterion
+from barbalat.study.ideal_benchmark import quiet
 from barbalat.tuning.trial import Plants
 from barbalat.validate import Array
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
@@ -28,9 +28,11 @@ from barbalat import (
     compete,
     simulate,
 )
+from barbalat.contests.entrant import entrants_of, start_of
 from barbalat.contests.held_out import HeldOut, median
 from barbalat.contests.held_out_command import Paced
 from barbalat.contests.paired import interval_of_median, paired
+from foreign import Plain, PlainEquations, PlainState
 from independent import refusal
 
 SIMULATION = Simulation(t_end=4.0, dt=4e-3)
@@ -188,3 +190,85 @@ def test_bad_input_is_one_sentence():
     assert "trials" in refusal(lambda: Rule(delay_margin=0.1, trials=10))
     with pytest.raises(InputError):
         compete(replace(DRIVE, reference=Constant(0.0)), SIMULATION, [mrac()], RULE, members=2)
+
+
+APART = replace(DRIVE, uncertainty=ParameterBox(lower=[-1.0], upper=[3.0]))
+"""A known set whose middle, 1, is not where estimates start by default."""
+
+
+@dataclass(frozen=True, eq=False)
+class Outside:
+    """A law of a user's own whose estimates start where ``theta_hat0`` says."""
+
+    gamma: float = 1.0
+    theta_hat0: object = None
+    name: str = "outside"
+
+    def bind(self, known):
+        start = np.zeros(known.n) if self.theta_hat0 is None else np.asarray(self.theta_hat0, dtype=float)
+        return OutsideEquations(PlainEquations(self.gamma, known.P @ known.b, known.k_0, known.n), start)
+
+    def knobs(self, reach):
+        return Knobs(scheme=self.name, values={"gamma": np.array([1.0, 10.0])}, make=type(self))
+
+
+@dataclass(frozen=True, eq=False)
+class OutsideEquations:
+    plain: PlainEquations
+    start: np.ndarray
+
+    def initial(self):
+        return PlainState(self.start)
+
+    def control(self, state, x, x_m, r):
+        return self.plain.control(state, x, x_m, r)
+
+    def derivative(self, state, x, x_m, r, u):
+        return self.plain.derivative(state, x, x_m, r, u)
+
+    def limit(self, state):
+        return state
+
+
+@dataclass(frozen=True, eq=False)
+class Chosen(Outside):
+    """Its user has set where it starts."""
+
+    name: str = "chosen"
+
+    def knobs(self, reach):
+        return Knobs(
+            scheme=self.name, values={"gamma": np.array([1.0, 10.0])}, make=lambda gamma: Chosen(gamma, theta_hat0=(0.5,))
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Fixed(Plain):
+    """It has no field for that, and starts at zero."""
+
+    name: str = "plain"
+
+    def knobs(self, reach):
+        return Knobs(scheme=self.name, values={"gamma": np.array([1.0, 10.0])}, make=Fixed)
+
+
+def test_a_law_from_outside_starts_where_the_others_do():
+    """Where its class has a field theta_hat0 that is left at its default; what its user has set stays."""
+    own = [Outside(), Chosen(), Fixed(1.0)]
+    entrants, _ = entrants_of(APART, SIMULATION, schemes=["mrac"], own=own)
+    starts = {one.name: start_of(APART, one.controller([2.0])).tolist() for one in entrants}
+    assert starts == {"MRAC": [1.0], "outside": [1.0], "chosen": [0.5], "plain": [0.0]}
+
+
+def test_who_starts_elsewhere_is_said():
+    rule = replace(RULE, plants=1)
+    one, other = (
+        Entrant(knobs=Knobs(scheme=name, values={}, make=lambda start=start: Outside(20.0, start)))
+        for name, start in (("elsewhere", None), ("in the middle", (1.0,)))
+    )
+    found = compete(APART, SIMULATION, [one, other], rule, members=8)
+    (said,) = (note for note in found.notes if "starts with" in note)
+    assert said.startswith("elsewhere starts with estimates of [0.0], and not in the middle of the known set, [1.0]")
+    document = found.as_json()
+    assert document["entrants"]["elsewhere"]["theta_hat0"] == [0.0] and said in document["notes"]
+    assert document["entrants"]["in the middle"]["theta_hat0"] == [1.0]

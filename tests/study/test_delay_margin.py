@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.linalg import solve_continuous_lyapunov
 
 from barbalat.cases.load import load_case
 from barbalat.certificates.certify import certify
@@ -17,11 +19,12 @@ from barbalat.problem.actuation import PlantInput
 from barbalat.problem.measurement import Noise, Sensor
 from barbalat.problem.modelling_error import DelayError, GainError
 from barbalat.problem.plant import Plant
+from barbalat.problem.reference_model import ReferenceModel
 from barbalat.problem.state_feedback import ParameterBox, Problem
 from barbalat.run.ensemble import simulate_ensemble
 from barbalat.signals import Constant, Sine
 from barbalat.solvers.simulation import Simulation
-from barbalat.study.criteria import Lost, Onset
+from barbalat.study.criteria import NOISE_SENTENCE, Lost, Onset
 from barbalat.study.delay_margin import delay_margins_ensemble, margins_ensemble
 from barbalat.study.delay_search import gains_scanned
 from barbalat.study.ideal_benchmark import Ideals, with_error
@@ -196,6 +199,107 @@ def test_a_margin_under_noise_does_not_depend_on_the_neighbours(section_v):
     )
     assert beside == [alone, alone]
     assert other != alone  # another noise, or the seed would have no say
+
+
+NOISY = Problem(
+    plant=Plant(A_m=[[0.0, 1.0], [-2.0, -2.0]], b=[0.0, 1.0], theta=[0.6, -0.4]),
+    reference_model=ReferenceModel(k_0=2.0),
+    reference=Sine(amplitude=1.0, frequency=1.0),
+    uncertainty=ParameterBox(lower=[-1.0, -1.0], upper=[1.0, 1.0]),
+    sensor=Sensor(noise=Noise(std=[0.01, 0.02], sample_time=0.01)),
+)
+"""The noise moves the estimates of a fast law at some 4/s without any delay."""
+GAMMA, HORIZON = 1e3, 20.0
+
+
+def test_noise_does_not_hide_the_onset_of_oscillation():
+    """The onset is that of the same loop without noise; the loss is of the case as it stands, and comes no earlier."""
+    simulation, controller = Simulation(t_end=HORIZON, dt=1e-3), Mrac(gamma=GAMMA)
+    still = replace(NOISY, sensor=None)
+    with_noise, without = (delay_margins_ensemble([(p, controller)], simulation) for p in (NOISY, still))
+    assert with_noise.noisy and not without.noisy
+    assert with_noise.onset.bears == without.onset.bears > 0
+    assert with_noise.onset.loses == without.onset.loses
+    assert with_noise.loss.bears >= with_noise.onset.bears
+    onset, noisy = float(with_noise.onset.bears[0]), float(with_noise.undelayed.theta_hat_variation_rate.max())
+    least = _crossing_rate()
+    assert 2 * noisy > 5 * least  # beside the noise's own rate the oscillation would not have been seen
+    usual = oscillation_by_hand(0.0)
+    assert max(oscillation_by_hand(0.95 * onset)) < max(2 * max(usual), least)
+    assert max(oscillation_by_hand(1.05 * onset)) > max(2 * max(usual), least)
+
+
+def test_a_certificate_says_how_noise_enters_the_simulated_margins():
+    simulation, controller = Simulation(t_end=5.0, dt=1e-3), Mrac(gamma=GAMMA)
+    found = with_simulated_margins(certify(NOISY, controller, simulation), NOISY, [controller], simulation)["MRAC"]
+    (loss,) = (text for text in found.assumptions if text.startswith("delay_margin_simulated"))
+    assert NOISE_SENTENCE in found.assumptions
+    assert "with the measurement noise" in loss
+
+
+def test_a_disturbance_that_drives_the_estimates_is_named():
+    """It makes them swing without a delay: the onset is at none, and the sentence does not blame the loop alone."""
+    simulation, controller = Simulation(t_end=10.0, dt=1e-3), Mrac(gamma=GAMMA)
+    driven = replace(NOISY, sensor=None, disturbance=Sine(amplitude=1.0, frequency=20.0))
+    found = with_simulated_margins(certify(driven, controller, simulation), driven, [controller], simulation)["MRAC"]
+    assert found.values["delay_onset_simulated"] == 0
+    assert any("be it that the disturbance drives them" in text for text in found.assumptions)
+
+
+def _crossing_rate() -> float:
+    """[1/s] each estimate's range is 2 wide; |lambda|/pi of A_m is above what the command's sine does, 2/(2 pi)."""
+    return 2 * np.sqrt(2.0) / np.pi
+
+
+def oscillation_by_hand(delay: float, gamma: float = GAMMA, steps_each: int = 2000) -> tuple[float, float]:
+    """The variation of both estimates [1/s] in the last quarter, with a delay and no noise, by a Runge-Kutta method of its own.
+
+    Nothing is shared with the kernel: the projection clips the estimates' rate at the box, and the delayed u is interpolated
+    linearly between steps of 0.5 ms.
+    """
+    P = solve_continuous_lyapunov(np.array([[0.0, -2.0], [1.0, -2.0]]), -np.eye(2))
+    p_1, p_2 = float(P[0, 1]), float(P[1, 1])
+    h, steps = 1 / steps_each, round(HORIZON * steps_each)
+    late = delay / h
+    u = [0.0] * (steps + 2)  # from before t = 0 on there was none
+
+    def command(x, a, t):
+        return 2.0 * math.sin(t) - a[0] * x[0] - a[1] * x[1]
+
+    def held(k):
+        """u at step k, a fraction of one, ``delay`` ago."""
+        k -= late
+        if k < 0:
+            return 0.0
+        i = int(k)
+        return u[i] + (k - i) * (u[i + 1] - u[i])
+
+    def rate(s, t, acting):
+        x_1, x_2, m_1, m_2, a_1, a_2 = s
+        v = gamma * ((x_1 - m_1) * p_1 + (x_2 - m_2) * p_2)
+        d_1, d_2 = v * x_1, v * x_2
+        d_1 = 0.0 if (a_1 >= 1 and d_1 > 0) or (a_1 <= -1 and d_1 < 0) else d_1
+        d_2 = 0.0 if (a_2 >= 1 and d_2 > 0) or (a_2 <= -1 and d_2 < 0) else d_2
+        acting = command((x_1, x_2), (a_1, a_2), t) if acting is None else acting
+        r = 2.0 * math.sin(t)
+        return (x_2, -2 * x_1 - 2 * x_2 + 0.6 * x_1 - 0.4 * x_2 + acting, m_2, -2 * m_1 - 2 * m_2 + r, d_1, d_2)
+
+    s, moved = (0.0,) * 6, [0.0, 0.0]
+    for k in range(steps):
+        t = k * h
+        u[k] = command(s[:2], s[4:], t)
+        u[k + 1] = u[k] if k == 0 else 2 * u[k] - u[k - 1]  # read by delays below a step alone
+        now, half, then = (None,) * 3 if delay == 0 else (held(k), held(k + 0.5), held(k + 1))
+        k_1 = rate(s, t, now)
+        k_2 = rate([a + h / 2 * b for a, b in zip(s, k_1, strict=True)], t + h / 2, half)
+        k_3 = rate([a + h / 2 * b for a, b in zip(s, k_2, strict=True)], t + h / 2, half)
+        k_4 = rate([a + h * b for a, b in zip(s, k_3, strict=True)], t + h, then)
+        after = [a + h / 6 * (b + 2 * c + 2 * d + e) for a, b, c, d, e in zip(s, k_1, k_2, k_3, k_4, strict=True)]
+        after[4:] = [min(max(a, -1.0), 1.0) for a in after[4:]]
+        if k >= 0.75 * steps:
+            moved = [m + abs(after[4 + i] - s[4 + i]) for i, m in enumerate(moved)]
+        s = tuple(after)
+    return moved[0] / (HORIZON / 4), moved[1] / (HORIZON / 4)
 
 
 def test_motion_of_a_model_in_its_steady_state():

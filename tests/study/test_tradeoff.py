@@ -13,18 +13,25 @@ from matplotlib.figure import Figure
 from barbalat.cases.load import load_case
 from barbalat.certificates.certify import certify
 from barbalat.certificates.step_limits.oscillator import Oscillator
-from barbalat.controllers import SCHEMES, Mrac
+from barbalat.controllers import SCHEMES, Mrac, Sampled
 from barbalat.controllers.knobs import Knobs
+from barbalat.loop.binding import bound
 from barbalat.pictures.labels import LabelPlaces
-from barbalat.problem.state_feedback import Known
+from barbalat.problem.actuation import PlantInput
+from barbalat.problem.measurement import Noise, Sensor
+from barbalat.problem.plant import Plant
+from barbalat.problem.reference_model import ReferenceModel
+from barbalat.problem.state_feedback import Known, ParameterBox, Problem
 from barbalat.report import documents, tradeoff, write
 from barbalat.report.files import Folder
+from barbalat.signals import Sine
 from barbalat.solvers import RK4
 from barbalat.solvers.simulation import Simulation
 from barbalat.study import forecast, knobs
 from barbalat.study.criteria import Lost, Onset
 from barbalat.study.knobs import default_knobs
 from barbalat.study.tradeoff import Cloud, TradeOff, pareto_front, trade_off
+from barbalat.validate import InputError
 from independent import refusal
 
 STATE_FEEDBACK = ("f16-short-period", "first-order", "lateral-aircraft", "third-order", "wing-rock")
@@ -125,6 +132,70 @@ def test_refusals(section_v):
     still = replace(still, reference=section_v.reference.__class__(amplitude=0.0, frequency=1.0))
     still = replace(still, plant=replace(still.plant, x0=np.zeros(2)))
     assert "moves the regressor" in refusal(lambda: default_knobs(still, simulation))
+
+
+SMALL = Problem(
+    plant=Plant(A_m=[[-2.0]], b=[1.5], theta=[1.0]),
+    reference_model=ReferenceModel(k_0=1.3),
+    reference=Sine(amplitude=1.0, frequency=2.0),
+    uncertainty=ParameterBox(lower=[-3.0], upper=[3.0]),
+)
+BRIEF = Simulation(t_end=4.0, dt=4e-3)
+
+
+def _two_gains(make=lambda gamma: Mrac(gamma=gamma)):
+    return (Knobs(scheme="MRAC", values={"gamma": np.array([1.0, 10.0])}, make=make),)
+
+
+def test_a_case_with_noise_is_timed_over_runs_that_hold_a_sample_of_it():
+    """Noise of 0.1 s and samples of 0.2 s: 3 steps, 12 ms, would be too short a run for either. The error is with the noise."""
+    noisy = replace(SMALL, sensor=Sensor(noise=Noise(std=0.05, sample_time=0.1)))
+    (plain,) = trade_off(SMALL, BRIEF, knobs=_two_gains(), plants=2).clouds
+    found = trade_off(noisy, BRIEF, knobs=_two_gains(), plants=2)
+    np.testing.assert_array_equal(found.clouds[0].onset, plain.onset)
+    assert (found.clouds[0].error != plain.error).all()
+    assert any("without the case's measurement noise" in note for note in found.notes)
+    member = noisy, Sampled(Mrac(gamma=1.0), 0.2)
+    assert forecast.Cost.measured([member] * 100, BRIEF).seconds(100, 1, BRIEF.steps) >= 0  # it is made, and not refused
+
+
+@pytest.mark.parametrize("gain", [None, 2.0])
+def test_a_known_set_without_zero_starts_in_its_middle(gain):
+    """With an unknown input gain every scheme was left out and the page was empty; without one its own start was refused."""
+    plant = SMALL.plant if gain is None else replace(SMALL.plant, input=PlantInput(gain=gain))
+    known = None if gain is None else (1.5, 3.0)
+    apart = replace(SMALL, plant=plant, uncertainty=ParameterBox(lower=[0.5], upper=[2.5]), input_gain=known)
+    chosen, left_out = default_knobs(apart, BRIEF, density=2)
+    assert {"MRAC", "L1-AC"} <= {one.scheme for one in chosen}
+    assert any("estimates start in its middle, [1.5]" in sentence for sentence in left_out)
+    for one in chosen:
+        start = bound(apart, one.make(**next(one.tunings()))).initial().theta_hat
+        assert start[0] == 1.5
+    assert knobs.start_of(SMALL) is None  # elsewhere each scheme starts as it did
+
+
+def test_a_trade_off_without_a_scheme_or_without_a_motion_is_refused(monkeypatch):
+    """A page with nothing in it helps nobody."""
+
+    class Never:
+        @classmethod
+        def knobs(cls, reach):
+            return Knobs(scheme="never", values={"gamma": reach.gains(1e-4, 2)}, make=lambda gamma: Refusing())
+
+    class Refusing:
+        name = "never"
+
+        def bind(self, known):
+            raise InputError("never takes no plant")
+
+    monkeypatch.setattr(knobs, "SCHEMES", {"never": Never})
+    said = refusal(lambda: trade_off(SMALL, BRIEF))
+    assert "no scheme takes part in the trade-off: never is left out: never takes no plant" in said
+    still = replace(SMALL, plant=replace(SMALL.plant, theta=[3.0]))
+    idle = _two_gains(lambda gamma: Mrac(gamma=1e-9 * gamma))  # x' = (-2 + 4.5) x + ...: it adapts too slowly to hold that
+    assert "none of the tunings that were tried (2 of MRAC) follows the model" in refusal(
+        lambda: trade_off(still, BRIEF, knobs=idle, plants=1)
+    )
 
 
 def test_cost_is_told_apart_from_three_timings(section_v, monkeypatch):

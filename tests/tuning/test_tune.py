@@ -12,6 +12,7 @@ from barbalat import (
     Mrac,
     Simulation,
     certify,
+    delay_margins,
     input_filter,
     load_case,
     simulate,
@@ -297,3 +298,65 @@ def test_a_knob_that_nothing_bounds_is_searched_beyond_the_grid(drive):
 
 
 ROBUST = 'name = "MRAC"\nscheme = "robust-mrac"\ntau = 0.1\nlaw = { kind = "least-squares", covariance0 = 10.0 }'
+
+
+def test_a_tuning_that_the_step_alone_lets_meet_its_constraints_is_not_returned(tmp_path):
+    """At h = 0.02 s RK4 damps the fast law's ringing: estimates vary at 0.17/s at Gamma = 1e4, and at 0.41/s at a finer step."""
+    coarse = DRIVE.replace("dt = 1e-3", "dt = 0.02")
+    case = tmp_path / "coarse.toml"
+    case.write_text(coarse)
+    limit = 0.2
+    found = {
+        high: tune(
+            str(case), "rms_e", subject_to=[f"theta_hat_variation_rate <= {limit}"], plants=1, trials=288,
+            vary={"controller[0].gamma": f"{low}:{high}:log"},
+        )
+        for low, high in (("8e3", "1.2e4"), ("300", "1e3"))
+    }  # fmt: skip
+    wrong, right = (one.controllers["MRAC"] for one in found.values())
+    assert wrong.chosen is None and wrong.refused and not wrong.step.holds
+    (note,) = (one for one in found["1.2e4"].notes if "none of 288 tunings" in one)
+    assert "at a step 4 times smaller as well" in note
+    assert any("which breaks theta_hat_variation_rate <= 0.2" in one for one in found["1.2e4"].notes)
+    assert "gamma = 3.0" in found["1.2e4"].text  # the case file keeps its own
+    (gamma,) = wrong.nearest.tuning.values()
+    rates = []
+    for h in ("0.02", "0.001"):
+        fine = parse_case(coarse.replace("dt = 0.02", f"dt = {h}").replace("gamma = 3.0", f"gamma = {gamma}"))
+        rates.append(
+            float(simulate(fine.problem, fine.controllers[:1], fine.simulation)["MRAC"].metrics.theta_hat_variation_rate[0, 0])
+        )
+    assert rates[0] <= limit < 1.02 * limit < rates[1]  # seen independently of the check, at another step
+    assert right.chosen is not None and right.step.holds and right.refused == ()
+    assert right.step.value == pytest.approx(right.chosen.value, rel=0.01)  # 0.2 % as above
+    document = found["1e3"].as_json()["controllers"]["MRAC"]
+    assert document["finer_step"]["holds"] and document["finer_step"]["dt"] == 0.005
+    assert "MRAC: a step 4 times smaller confirms it" in found["1e3"].notes
+
+
+def test_a_requirement_on_a_linear_loop_says_that_it_is_one(tmp_path):
+    """Its margin knows neither the actuator's limits nor a moving command."""
+    case = tmp_path / "drive.toml"
+    case.write_text(DRIVE)
+    found = tune(str(case), "rms_e", subject_to=["delay_margin_adapting >= 1e-3"], controller="MRAC", plants=1, trials=288)
+    assert any(note.startswith("delay_margin_adapting is of a linear loop: it knows no limit") for note in found.notes)
+    assert not any(
+        "delay_onset_simulated asks" in note for note in tune(str(case), "rms_e", controller="MRAC", plants=1, trials=288).notes
+    )
+
+
+def test_a_delay_that_is_asked_of_a_noisy_case_is_tolerated_without_the_noise(tmp_path):
+    """With noise in the onset's runs a gain was returned whose estimates oscillate far below the delay that was asked for."""
+    noise = "[sensor.noise]\nstd = 0.05\nsample_time = 0.01\n"
+    (tmp_path / "noisy.toml").write_text(DRIVE.replace("[reference_model]", f"{noise}[reference_model]"))
+    asked, found = 0.1, {}
+    vary = {"controller[0].gamma": "1:1e4:log"}
+    found = tune(
+        str(tmp_path / "noisy.toml"), "rms_e", subject_to=[f"delay_onset_simulated >= {asked}"], vary=vary, plants=1, trials=288
+    )
+    chosen = found.controllers["MRAC"].chosen
+    (gamma,) = chosen.tuning.values()
+    still = parse_case(DRIVE)
+    (alone,) = delay_margins(still.problem, [Mrac(gamma=gamma)], still.simulation).values()
+    assert alone.onset.bears[0] >= 0.97 * asked  # bisection to 2 %
+    assert any("without the case's measurement noise" in note for note in found.notes)

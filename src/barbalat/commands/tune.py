@@ -29,7 +29,8 @@ def add(commands: Commands) -> None:
     parser.add_argument(
         "--subject-to", action="append", default=[], nargs="+", metavar="REQUIREMENT",
         help='such as "delay_onset_simulated >= 0.02", "delay_margin_adapting >= 0.02", "condition < 1" (L1), "max_abs_u < 9"; '
-        "delay_margin is of the loop with its estimates at rest, on which MRAC's gain has no influence",
+        "delay_margin is of the loop with its estimates at rest, on which MRAC's gain has no influence, and "
+        "delay_margin_adapting of the linear loop with its law: neither knows limits of the input or a moving command",
     )  # fmt: skip
     parser.add_argument(
         "--vary", action="append", default=[], metavar="PATH=START:STOP[:log]",

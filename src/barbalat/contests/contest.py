@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import combinations
 from pathlib import Path
@@ -13,9 +13,9 @@ import numpy as np
 from barbalat import validate
 from barbalat.cases.build import Case
 from barbalat.cases.load import load_case
-from barbalat.contests.entrant import Entrant, entrants_of
-from barbalat.contests.held_out import Draws, HeldOut, measure, median
-from barbalat.contests.noise import DEFAULT_SHARE, quiet, with_noise
+from barbalat.contests.entrant import Entrant, entrants_of, initial_estimates
+from barbalat.contests.held_out import Again, Draws, HeldOut, measure, measured_again, median
+from barbalat.contests.noise import DEFAULT_SHARE, with_noise
 from barbalat.contests.paired import paired
 from barbalat.contests.result import Contest
 from barbalat.contests.rule import DEFAULT_GAIN_MARGIN, DEFAULT_PLANTS, DEFAULT_TRIALS, Rule, default_delay_margin
@@ -25,7 +25,10 @@ from barbalat.problem.state_feedback import Problem
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.run.progress import Progress, part_of
 from barbalat.solvers.simulation import Simulation
+from barbalat.study.criteria import EXAMINED
 from barbalat.study.delay_search import Criterion
+from barbalat.study.finer_step import FINER_BY, refined
+from barbalat.study.ideal_benchmark import quiet
 from barbalat.study.motion import REST_SENTENCE, ModelMotion
 from barbalat.study.tradeoff import plants_of
 from barbalat.tuning.trial import Plants
@@ -129,6 +132,7 @@ def compete(
     draws = Draws.drawn(problem, members, rule)
     rest = part_of(progress, TUNING_SHARE, 1 - TUNING_SHARE)
     held = measure(qualified, draws, rule, simulation, threads=threads, progress=rest)
+    again = measured_again(qualified, draws, rule, simulation, held, threads=threads)
     ordered = sorted(tuned, key=lambda one: _rank(one, held))
     pairs = [paired((a.name, held[a.name]), (b.name, held[b.name])) for a, b in combinations(ordered, 2) if a.meets and b.meets]
     return Contest(
@@ -141,7 +145,8 @@ def compete(
         held_out=held,
         pairs=tuple(pairs),
         left_out=tuple(left_out),
-        notes=tuple(_notes(problem, simulation, tuned)),
+        notes=tuple(_notes(problem, simulation, tuned, again, rule)),
+        again=again,
         seconds=time.perf_counter() - started,
     )
 
@@ -185,12 +190,50 @@ def _rank(one: Qualified, held: dict[str, HeldOut]) -> tuple[bool, int, float]:
     return (False, int(held[one.name].lost.sum()), median(held[one.name].error))
 
 
-def _notes(problem: Problem, simulation: Simulation, tuned: Sequence[Qualified]) -> list[str]:
+def _notes(
+    problem: Problem, simulation: Simulation, tuned: Sequence[Qualified], again: Mapping[str, Again], rule: Rule
+) -> list[str]:
     """Sentences on what the result is not."""
-    said = [f"{one.name}: none of {counted(one.trials, 'tuning')} meets the rule" for one in tuned if not one.meets]
+    said = []
+    for one in tuned:
+        if not one.meets:
+            also = f" at a step {FINER_BY} times smaller as well" if one.refused else ""
+            said.append(f"{one.name}: none of {counted(one.trials, 'tuning')} meets the rule{also}")
+        elif one.refused:
+            said.append(
+                f"{one.name}: better tunings, {len(one.refused)} of them, meet the rule at the step of the case alone: "
+                f"{'; '.join(one.refused[0].broken)}"
+            )
+        said += [f"{one.name}: {sentence}" for sentence in ([] if one.step is None else one.step.sentences)]
+    said += [one.sentence(name, refined(simulation).dt) for name, one in again.items()]
+    if rule.until is Criterion.ONSET:
+        said.append(EXAMINED)
+        without = [one.name for one in tuned if not len(initial_estimates(one.entrant.reads(problem), one.controller))]
+        if without:
+            said.append(f"{', '.join(without)}: without estimates, so that oscillation is judged by |e| alone")
     for one in tuned:
         if one.at_edge:
             said.append(f"{one.name}: {' and '.join(one.at_edge)} at the end of what was searched; beyond it may be better")
+    said += _starts(problem, tuned)
     if ModelMotion.of(problem, simulation).comes_to_rest:
         said.append(REST_SENTENCE)
+    return said
+
+
+def _starts(problem: Problem, tuned: Sequence[Qualified]) -> list[str]:
+    """Sentences on who does not start with the same knowledge as the others."""
+    said = []
+    for one in tuned:
+        read = one.entrant.reads(problem)
+        theta_set = read.known.theta_set
+        if theta_set is None:
+            continue
+        if one.start is None:
+            if theta_set.middle.any() and len(initial_estimates(read, one.controller)):
+                said.append(f"{one.name}: its estimates are not known to be theta's, and start where the scheme itself says")
+        elif not np.array_equal(one.start, theta_set.middle):
+            said.append(
+                f"{one.name} starts with estimates of {validate.show(one.start)}, and not in the middle of the known set, "
+                f"{validate.show(theta_set.middle)}: its class has no field theta_hat0 that is left to the contest"
+            )
     return said

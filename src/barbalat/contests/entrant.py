@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import MISSING, dataclass, fields, is_dataclass, replace
+from typing import Any
+
+import numpy as np
 
 from barbalat import validate
 from barbalat.cases.build import Case
@@ -52,6 +55,19 @@ class Entrant(Settings):
         """With these numbers for the knobs."""
         return self.knobs.make(**dict(zip(self.knobs.values, map(float, row), strict=True)))
 
+    def starting_at(self, theta_hat0: Array) -> Entrant:
+        """The same with its estimates at ``theta_hat0`` (p,) at the start, where its class has a field of that name.
+
+        What ``knobs`` has set to something else than the field's default stays.
+        """
+        make = self.knobs.make
+
+        def made(**tuning: float) -> Controller:
+            controller: Controller = _with_start(make(**tuning), theta_hat0)
+            return controller
+
+        return replace(self, knobs=replace(self.knobs, make=made))
+
     def sampled(self, sample_time: float) -> Entrant:
         """The same as a flight computer runs it."""
         make = self.knobs.make
@@ -96,7 +112,8 @@ def entrants_of(
     sample_time  all run sampled [s]; by default what is continuous stays so
 
     All start from the same knowledge: estimates in the middle of the known set, which linear designs assume as well, and where
-    the input saturates each with what it has against windup.
+    the input saturates each with what it has against windup. One from outside starts there where its class has a field
+    ``theta_hat0``, or its ``knobs`` pass on ``reach.theta_hat0``; of another one ``start_of`` says where it starts.
     """
     if unknown := [name for name in schemes if name not in SCHEMES]:
         raise InputError(f"--schemes must be of {', '.join(SCHEMES)}, got {validate.show(unknown[0])}")
@@ -111,12 +128,14 @@ def entrants_of(
     unresolved = f"gains above {reach.highest_gain:.3g}, which h = {simulation.dt:g} s does not resolve ({how}: an estimate)"
     left_out = [f"{unresolved}, are not tried"]
     candidates = [SCHEMES[name] for name in schemes or SCHEMES]
-    found = []
+    found, outside = [], {id(one) for one in own}
     for name, one in [*zip(schemes or SCHEMES, candidates, strict=True), *((one.name, one) for one in own)]:
         if not isinstance(one, Tunable):
             left_out.append(f"{name} is left out: nothing says which of its settings are tuned")
             continue
         entrant = Entrant(knobs=one.knobs(reach))
+        if id(one) in outside and reach.theta_hat0 is not None:
+            entrant = _from_the_middle(entrant, problem, reach.theta_hat0)
         try:
             found.append(_taking(entrant, problem, sample_time))
         except InputError as error:
@@ -124,8 +143,48 @@ def entrants_of(
     return found, left_out
 
 
+def _from_the_middle(entrant: Entrant, problem: Problem, middle: Array) -> Entrant:
+    """The entrant from outside with its estimates there, or as it is where its class means something else by ``theta_hat0``."""
+    moved = entrant.starting_at(middle)
+    try:
+        bound(problem, _first(moved))
+    except InputError:
+        return entrant  # it is refused for itself, or starts where it starts, which ``start_of`` tells
+    return moved
+
+
+def _with_start(controller: Any, theta_hat0: Array) -> Any:
+    """The controller with this field, if its class has it and its value is the default."""
+    if not is_dataclass(controller) or isinstance(controller, type):
+        return controller
+    found = next((one for one in fields(controller) if one.name == "theta_hat0" and one.init), None)
+    if found is None:
+        return controller
+    default = found.default_factory() if found.default_factory is not MISSING else found.default
+    given = getattr(controller, found.name)
+    left_alone = default is not MISSING and (given is default or np.array_equal(given, default))
+    return replace(controller, **{found.name: theta_hat0}) if left_alone else controller
+
+
+def initial_estimates(problem: Problem, controller: Controller) -> Array:
+    """theta_hat at t = 0, whatever it estimates; empty where the controller has no estimates."""
+    state: Any = bound(problem, controller).initial()
+    return np.asarray(state.theta_hat, dtype=float).reshape(-1)
+
+
+def start_of(problem: Problem, controller: Controller) -> Array | None:
+    """(p,) where a controller's estimates of theta start; None where it has none, or none that are known to be theta's."""
+    start = initial_estimates(problem, controller)
+    p, gains = len(problem.plant.theta), problem.known.inputs if problem.known.uncertainty.gain_unknown else 0
+    return start[:p] if len(start) in (p, p + gains) else None
+
+
+def _first(entrant: Entrant) -> Controller:
+    """With the least of each knob."""
+    return entrant.controller([values[0] for values in entrant.knobs.values.values()])
+
+
 def _taking(entrant: Entrant, problem: Problem, sample_time: float | None) -> Entrant:
     """The entrant, sampled where that is asked; InputError where it does not take the problem."""
-    first = entrant.controller([values[0] for values in entrant.knobs.values.values()])
-    by_nature = isinstance(bound(problem, first), SampledEquations)
+    by_nature = isinstance(bound(problem, _first(entrant)), SampledEquations)
     return entrant if by_nature or sample_time is None else entrant.sampled(sample_time)

@@ -2,29 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from barbalat.certificates.linear_loops.margin_values import finite
 from barbalat.contests.held_out_command import drawn, with_command
-from barbalat.contests.noise import quiet
 from barbalat.contests.rule import Rule
 from barbalat.contests.tuned import Qualified
 from barbalat.problem.modelling_error import DelayError, GainError, ModellingError
 from barbalat.problem.state_feedback import Problem
+from barbalat.run.diagnosis.step_comparison import EQUAL_FIGURES_SHARE
 from barbalat.run.ensemble import simulate_ensemble
 from barbalat.run.metrics import Metrics
 from barbalat.run.progress import Progress
 from barbalat.solvers.simulation import Simulation
 from barbalat.study.criteria import tail_error, tracks
 from barbalat.study.delay_borne import Question
-from barbalat.study.ideal_benchmark import Ideals, Member
+from barbalat.study.finer_step import different, refined
+from barbalat.study.ideal_benchmark import Ideals, Member, quiet
 from barbalat.study.motion import ModelMotion
 from barbalat.study.tradeoff import plants_of
 from barbalat.sweeps.evidence import Share
-from barbalat.validate import Array
+from barbalat.validate import Array, counted
 
 HELD_OUT_COMMANDS = 8
 """Of which each is followed by an equal number of plants: enough to fill the kernel's lanes."""
@@ -129,6 +130,54 @@ def median(values: Array) -> float:
     return float(low if low == high or not np.isfinite(low + high) else (low + high) / 2)
 
 
+@dataclass(frozen=True, kw_only=True)
+class Again:
+    """Some held-out runs of one entrant once more, with a step that is FINER_BY times smaller.
+
+    verdicts  runs of which another thing is said: lost, or not bearing what the rule asks
+    errors    runs whose error is another one
+    """
+
+    runs: int
+    verdicts: int
+    errors: int
+
+    def sentence(self, name: str, dt: float) -> str:
+        """The same for people."""
+        again = f"{name}: of {counted(self.runs, 'held-out run')} once more at h = {dt:g} s"
+        if not (self.verdicts or self.errors):
+            return f"{again} none has another verdict or another error"
+        return (
+            f"{again} another verdict is given on {self.verdicts}, and the error of {self.errors} differs by more than "
+            f"{EQUAL_FIGURES_SHARE:.0%}: part of what is counted is the solver's, make simulation.dt smaller"
+        )
+
+
+def measured_again(
+    entrants: Sequence[Qualified],
+    trials: Draws,
+    rule: Rule,
+    simulation: Simulation,
+    found: Mapping[str, HeldOut],
+    *,
+    threads: int | None = None,
+) -> dict[str, Again]:
+    """The first run of each command, by the entrants' names."""
+    fine, first = refined(simulation), [which[:1] for which in trials.groups]
+    changed = {one.name: [0, 0] for one in entrants}
+    for which in first:
+        asked, streams = _Asked.of(rule, fine), trials.streams[which]
+        for one in entrants:
+            members = [(one.entrant.reads(trials.problems[i]), one.controller) for i in which]
+            silent = [(one.entrant.reads(trials.silent[i]), one.controller) for i in which]
+            again, before = _measured(members, silent, streams, asked, fine, threads), found[one.name]
+            verdicts = [vars(again)[name] != vars(before)[name][which] for name in ("lost", "delay", "gain_up", "gain_down")]
+            changed[one.name][0] += int(np.any(verdicts, axis=0).sum())
+            pairs = zip(before.error[which], again.error, strict=True)
+            changed[one.name][1] += sum(np.isfinite(a + b) and different(float(a), float(b)) for a, b in pairs)
+    return {name: Again(runs=len(first), verdicts=verdicts, errors=int(errors)) for name, (verdicts, errors) in changed.items()}
+
+
 def measure(
     entrants: Sequence[Qualified],
     trials: Draws,
@@ -186,7 +235,7 @@ def _measured(
     alone = simulate_ensemble(silent, simulation, numbers=streams, threads=threads).metrics
     borne = {}
     for name, (size, ideals) in asked.errors.items():
-        _find(ideals, silent, streams)
+        _find(ideals, silent)
         question = Question(silent, simulation, alone, size, asked.rule.until, streams, ideals, np.zeros(0), threads)
         borne[name] = question.bears(np.arange(len(members)), graded=False) >= size
     return HeldOut(
@@ -200,13 +249,11 @@ def _measured(
     )
 
 
-def _find(ideals: Ideals, members: Sequence[Member], streams: Array) -> None:
+def _find(ideals: Ideals, members: Sequence[Member]) -> None:
     """What the loop that knows theta does on problems that were not looked at yet, side by side."""
-    new = [
-        (problem, int(stream)) for (problem, _), stream in zip(members, streams, strict=True) if id(problem) not in ideals.known
-    ]
+    new = [problem for problem, _ in members if id(problem) not in ideals.known]
     if new:
-        ideals.find(*(list(part) for part in zip(*new, strict=True)))
+        ideals.find(new)
 
 
 def _relative(metrics: Metrics, motion: ModelMotion) -> Array:

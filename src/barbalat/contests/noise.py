@@ -14,11 +14,6 @@ DEFAULT_SHARE = 1e-3
 """Of the model's largest motion, in each state: about one bit of ten, as of a plain sensor."""
 
 
-def quiet(problem: Problem) -> Problem:
-    """The problem without its noise: margins are the loop's, and an oscillation of estimates can't be told from noise in them."""
-    return problem if problem.sensor is None else replace(problem, sensor=replace(problem.sensor, noise=None))
-
-
 def with_noise(problem: Problem, share: float, simulation: Simulation, sample_time: float, seed: int) -> Problem:
     """The problem, with Gaussian noise where it has none; ``share`` 0 leaves it without.
 

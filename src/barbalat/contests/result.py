@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from barbalat.contests.held_out import Draws, HeldOut, median
+from barbalat.contests.held_out import Again, Draws, HeldOut, median
 from barbalat.contests.paired import Paired
 from barbalat.contests.rule import Rule
 from barbalat.contests.tuned import Qualified
@@ -31,6 +31,7 @@ class Contest(Plotted):
     thetas    (P, p) of the tuning's plants
     held_out  by names; of those that meet the rule
     pairs     of these, each with every one that stands behind it
+    again     by names, some held-out runs once more at a finer step
     left_out  sentences on who does not take part and what was not tried
     """
 
@@ -44,6 +45,7 @@ class Contest(Plotted):
     pairs: tuple[Paired, ...]
     left_out: tuple[str, ...]
     notes: tuple[str, ...]
+    again: Mapping[str, Again]
     seconds: float
 
     def __repr__(self) -> str:
@@ -96,4 +98,5 @@ class Contest(Plotted):
         return {
             **one.as_json(self.rule),
             "held_out": None if held is None else held.as_json(),
+            "held_out_at_finer_step": None if held is None else dict(vars(self.again[one.name])),
         }

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from barbalat.certificates.certify import certify
-from barbalat.contests.entrant import Entrant, VariedEntrant
+from barbalat.contests.entrant import Entrant, VariedEntrant, start_of
 from barbalat.contests.rule import Rule
 from barbalat.loop.binding import bound
 from barbalat.problem.state_feedback import Problem
@@ -22,6 +22,7 @@ from barbalat.tuning.probing import Probing
 from barbalat.tuning.quantity import PROBES
 from barbalat.tuning.search import least_trials, search
 from barbalat.tuning.space import Space
+from barbalat.tuning.step_check import StepCheck
 from barbalat.tuning.trial import Plants, Trial
 from barbalat.tuning.trials import Trials, in_one_kernel
 from barbalat.validate import Array
@@ -60,6 +61,9 @@ class Qualified:
                  found nothing that meets the rule
     at_edge      knobs that lie at an end of their range
     sample_time  with which it runs [s]; None for a continuous one
+    start        (p,) of its estimates of theta; None where it has none, or none that are known to be theta's
+    step         what a finer step says of the tuning; None where it does not meet the rule at the case's step either
+    refused      the same of better tunings, which meet the rule at the case's step alone
     """
 
     entrant: Entrant
@@ -74,6 +78,9 @@ class Qualified:
     trials: int
     runs: int
     sample_time: float | None
+    start: Array | None
+    step: StepCheck | None
+    refused: tuple[StepCheck, ...]
 
     @property
     def name(self) -> str:
@@ -86,6 +93,7 @@ class Qualified:
             "tuning": dict(self.tuning),
             "ranges": {name: str(one) for name, one in zip(self.tuning, self.entrant.space.ranges.values(), strict=True)},
             "sample_time": self.sample_time,
+            "theta_hat0": None if self.start is None else self.start.tolist(),
             "rms_e": self.error if np.isfinite(self.error) else None,
             "margins": {which.value: dict(vars(found)) for which, found in self.margins.items()},
             "slack": self.margins[rule.until].slack(rule),
@@ -94,6 +102,8 @@ class Qualified:
             "at_edge": list(self.at_edge),
             "trials": self.trials,
             "runs": self.runs,
+            "finer_step": None if self.step is None else self.step.as_json(),
+            "refused_at_finer_step": [one.as_json() for one in self.refused],
         }
 
 
@@ -132,6 +142,9 @@ def qualify(
         trials=len(trials.all),
         runs=trials.runs,
         sample_time=_sample_time(problem, controller),
+        start=start_of(problem, controller),
+        step=best.check,
+        refused=tuple(best.refused),
     )
 
 

@@ -25,6 +25,7 @@ def as_document(found: TradeOff) -> dict[str, Any]:
         "notes": list(found.notes),
         "seconds": found.seconds,
         "criteria": {"onset": {"share": onset.share, "multiple": onset.multiple}, "loss": {"share": lost.share}},
+        "finer_step": {one.scheme: one.as_json() for one in found.checks},
         "schemes": {
             cloud.scheme: {
                 "tunings": list(cloud.tunings),

@@ -14,6 +14,22 @@ from barbalat.run.metrics import Metrics
 from barbalat.settings import Settings
 from barbalat.validate import Array
 
+NOISE_SENTENCE = (
+    "the onset of oscillation is looked for without the case's measurement noise, which moves estimates as fast as an "
+    "oscillation does; beside it the loop must not be lost with the noise, and a drift that the noise drives is no onset"
+)
+
+
+EXAMINED = (
+    "oscillation is judged in the last quarter of the run by the estimates and by the growth of |e| over the run without a "
+    "delay: a limit cycle that is there without a delay, leaves the estimates at rest and keeps |e| below the largest |x_m|, is "
+    "not seen"
+)
+EXAMINED_WITHOUT_ESTIMATES = (
+    "this controller has no estimates: oscillation is judged in the last quarter of the run by the growth of |e| over the run "
+    "without a delay alone, and a limit cycle that is there without a delay and keeps |e| below the largest |x_m| is not seen"
+)
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Expected:
@@ -90,6 +106,13 @@ class Onset(Settings):
     def undelayed(self, metrics: Metrics, expected: Expected) -> Array:
         """(M,) whether estimates swing without a delay: ``multiple`` times as fast as the crossings of the range ask for."""
         return self._swings(metrics, expected, self.multiple * _crossing(expected))
+
+    def driven(self, expected: Expected) -> Array:
+        """(M,) whether an estimate moves so fast without a delay that ``multiple`` times its rate decides, and not the crossings.
+
+        An oscillation is then seen only where it is faster than what drives the loop already: the command, or a disturbance.
+        """
+        return np.asarray((expected.rate > _crossing(expected)).any(axis=1))
 
     def _swings(self, metrics: Metrics, expected: Expected, limit: Array) -> Array:
         span = metrics.theta_hat_tail_max - metrics.theta_hat_tail_min

@@ -8,12 +8,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from barbalat.run.ensemble import simulate_ensemble
 from barbalat.run.metrics import Metrics
 from barbalat.solvers.simulation import Simulation
-from barbalat.study.criteria import Lost, Onset, tracks
 from barbalat.study.delay_search import Criterion
-from barbalat.study.ideal_benchmark import Benchmark, Ideals, Member, with_errors
+from barbalat.study.ideal_benchmark import Ideals, Member
+from barbalat.study.judged_runs import JudgedRuns
 from barbalat.validate import Array
 
 
@@ -34,10 +33,9 @@ class Question:
     ideals: Ideals
     sizes: Array
     threads: int | None = None
-    runs: int = 0
 
     def __post_init__(self) -> None:
-        self.benchmark = Benchmark.of(self.members, self.undelayed, self.numbers, self.ideals)
+        self.judged = JudgedRuns(self.members, self.simulation, self.undelayed, self.numbers, self.ideals, threads=self.threads)
         self.smaller = [size for size in map(float, self.sizes) if size < self.limit]
 
     def bears(self, group: Array, *, graded: bool, below: bool = True, among: Array | None = None) -> Array:
@@ -59,12 +57,16 @@ class Question:
             self._descend(usable[lost[usable]], found)
         return found
 
+    @property
+    def runs(self) -> int:
+        """Simulations made."""
+        return self.judged.runs
+
     def _usable(self) -> Array:
         """Those that follow their model without a delay, and don't swing where that is asked."""
-        without = self.benchmark.without
-        well = tracks(without.error, without.motion)
-        if self.criterion is Criterion.ONSET and self.members[0][0].noise is None:
-            well &= ~Onset().undelayed(self.undelayed, without)
+        well = self.judged.tracks
+        if self.criterion is Criterion.ONSET:
+            well = well & self.judged.quiet_tracks & ~self.judged.swings
         return np.flatnonzero(well)
 
     def _look_below(self, chosen: Array, found: Array) -> None:
@@ -84,9 +86,5 @@ class Question:
         """Truth values for these members, each run with an error of that size."""
         if not len(chosen):
             return np.zeros(0, dtype=bool)
-        changed = with_errors([self.members[i] for i in chosen], self.ideals.error, np.full(len(chosen), size))
-        metrics = simulate_ensemble(changed, self.simulation, numbers=self.numbers[chosen], threads=self.threads).metrics
-        self.runs += len(chosen)
-        expected = self.benchmark.at(chosen, np.full(len(chosen), size))
-        loss = Lost().judge(metrics, expected)
-        return loss if self.criterion is Criterion.LOSS else Onset().judge(metrics, expected) | loss
+        by_onset, by_loss = self.judged.lost(chosen, np.full(len(chosen), size), onset=self.criterion is Criterion.ONSET)
+        return by_loss if self.criterion is Criterion.LOSS else by_onset

@@ -18,7 +18,6 @@ from barbalat.linear.largest import halvings
 from barbalat.loop.binding import bound, numbered
 from barbalat.loop.blame import named
 from barbalat.pictures.plotted import Plotted
-from barbalat.problem.modelling_error import ModellingError
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller
 from barbalat.run.ensemble import simulate_ensemble
@@ -27,7 +26,8 @@ from barbalat.run.progress import Progress, part_of
 from barbalat.solvers.simulation import Simulation
 from barbalat.study.criteria import Lost, Onset
 from barbalat.study.delay_search import LONGEST_DELAY, SCANNED_DELAYS, DelaySearch, scanned
-from barbalat.study.ideal_benchmark import SHORTEST_DELAY_STEPS, Benchmark, Ideals, Member, with_errors
+from barbalat.study.ideal_benchmark import SHORTEST_DELAY_STEPS, Ideals, Member
+from barbalat.study.judged_runs import JudgedRuns
 from barbalat.validate import Array, InputError
 
 if TYPE_CHECKING:
@@ -52,9 +52,12 @@ class DelayMargins(Plotted):
 
     onset, loss  by the two criteria, ``Onset`` and ``Lost``; the onset is never later than the loss
     tracks       (M,) whether the loop follows its model without a delay; one that does not bears nothing: 0 and 0
-    swings       (M,) whether its estimates oscillate without a delay already; the onset of such a one is 0 and 0. Not judged
-                 where the measurement is noisy
-    undelayed    figures without an added delay
+    swings       (M,) whether its estimates oscillate without a delay and without measurement noise already; the onset of such a
+                 one is 0 and 0
+    quiet_tracks (M,) the same as ``tracks`` without measurement noise; where that is false, the onset is 0 and 0 too
+    driven       (M,) whether the estimates move so fast without a delay that slower oscillations are hidden: ``Onset.driven``
+    noisy        whether the members have measurement noise, which is left out of the runs that the onset is judged by
+    undelayed    figures without an added delay, with the noise
     runs         simulations made
     """
 
@@ -62,8 +65,25 @@ class DelayMargins(Plotted):
     loss: Bracket
     tracks: Array
     swings: Array
+    quiet_tracks: Array
+    driven: Array
+    noisy: bool
     undelayed: Metrics
     runs: int
+
+    def of(self, chosen: Array) -> DelayMargins:
+        """The same of the members ``chosen``, (J,); ``runs`` stays that of all."""
+        return DelayMargins(
+            onset=Bracket(self.onset.bears[chosen], self.onset.loses[chosen]),
+            loss=Bracket(self.loss.bears[chosen], self.loss.loses[chosen]),
+            tracks=self.tracks[chosen],
+            swings=self.swings[chosen],
+            quiet_tracks=self.quiet_tracks[chosen],
+            driven=self.driven[chosen],
+            noisy=self.noisy,
+            undelayed=Metrics.together([self.undelayed.of(slice(i, i + 1)) for i in chosen]),
+            runs=self.runs,
+        )
 
     def __repr__(self) -> str:
         least = ", ".join(
@@ -130,7 +150,8 @@ def delay_margins_ensemble(
     scan        delays tried first, geometrically from two solver steps (the shortest that can be simulated) to ``longest``:
                 a loop that is lost, saved and lost again as the delay grows is caught where the scan resolves it
     resolution  relative distance of ``bears`` and ``loses`` at which bisection ends
-    numbers     as for ``simulate_ensemble``: a member has one noise in all its runs, whoever runs beside it
+    numbers     as for ``simulate_ensemble``: a member has one noise in all its runs, whoever runs beside it. The onset is judged
+                without noise, the loss with it: see ``JudgedRuns``
 
     Members have one structure, as for ``simulate_ensemble``; they advance together, and every run is judged by both criteria.
     Raises InputError.
@@ -160,22 +181,21 @@ def margins_ensemble(
     resolution = validate.positive("resolution", resolution)
     streams = np.arange(len(members)) if numbers is None else np.asarray(numbers)
     undelayed = simulate_ensemble(members, simulation, numbers=streams, threads=threads).metrics
-    benchmark = Benchmark.of(members, undelayed, streams, ideals)
-    search = DelaySearch(
-        benchmark, criteria or (Onset(), Lost()), len(sizes), halvings(float((sizes[1:] / sizes[:-1]).max()), resolution)
-    )
-    if members[0][0].noise is None:  # noise moves the estimates too: then nothing is said of the undelayed run
-        search.find_swinging(undelayed)
-
-    _advance(search, members, simulation, sizes, ideals.error, streams, threads, progress)
+    judged = JudgedRuns(members, simulation, undelayed, streams, ideals, criteria or (Onset(), Lost()), threads)
+    begun = judged.swings | ~judged.quiet_tracks
+    search = DelaySearch(judged.tracks, begun, len(sizes), halvings(float((sizes[1:] / sizes[:-1]).max()), resolution))
+    _advance(search, judged, sizes, progress)
     brackets = [Bracket(search.bears[c], search.loses[c]) for c in range(2)]
     return DelayMargins(
         onset=brackets[0],
         loss=brackets[1],
-        tracks=search.tracks,
-        swings=search.swings,
+        tracks=judged.tracks,
+        swings=judged.swings,
+        quiet_tracks=judged.quiet_tracks,
+        driven=judged.driven,
+        noisy=judged.noisy,
         undelayed=undelayed,
-        runs=search.runs + len(members),
+        runs=judged.runs + len(members),
     )
 
 
@@ -183,31 +203,20 @@ RUNS_AT_ONCE = 64
 """Runs that are made at once rather than one size after the other: they fill the kernel's lanes."""
 
 
-def _advance(
-    search: DelaySearch,
-    members: Sequence[Member],
-    simulation: Simulation,
-    sizes: Array,
-    error: ModellingError,
-    streams: Array,
-    threads: int | None,
-    progress: Progress | None,
-) -> None:
+def _advance(search: DelaySearch, judged: JudgedRuns, sizes: Array, progress: Progress | None) -> None:
     """The scan over ``sizes`` and the halvings, round by round, every round one ensemble."""
 
     def run(chosen: Array, added: Array) -> None:
         """One round: these members with errors of these sizes."""
-        changed = with_errors([members[i] for i in chosen], error, added)
         before, total = search.runs, search.runs + search.to_come()
 
         def advanced(fraction: float) -> None:
             if progress is not None:
                 progress(min(1.0, (before + fraction * len(chosen)) / total))
 
-        found = simulate_ensemble(changed, simulation, numbers=streams[chosen], threads=threads, progress=advanced)
-        search.take(chosen, added, found.metrics)
+        search.take(chosen, added, judged.lost(chosen, added, progress=advanced))
 
-    at_once = len(sizes) if len(members) * len(sizes) <= RUNS_AT_ONCE else 1
+    at_once = len(sizes) if len(judged.members) * len(sizes) <= RUNS_AT_ONCE else 1
     for first in range(0, len(sizes), at_once):  # from small to large; a member that both criteria call lost is not run again
         chosen, some = search.open_members(), sizes[first : first + at_once]
         search.scans_left -= len(some)

@@ -6,10 +6,8 @@ from enum import Enum
 
 import numpy as np
 
-from barbalat.run.metrics import Metrics
 from barbalat.solvers.simulation import Simulation
-from barbalat.study.criteria import Lost, Onset, tracks
-from barbalat.study.ideal_benchmark import SHORTEST_DELAY_STEPS, Benchmark
+from barbalat.study.ideal_benchmark import SHORTEST_DELAY_STEPS
 from barbalat.validate import Array
 
 LONGEST_DELAY = 2.0
@@ -46,18 +44,12 @@ def scanned(simulation: Simulation, longest: float, count: int) -> Array:
 class DelaySearch:
     """The brackets of M members, (2, M): by the onset, by the loss."""
 
-    def __init__(self, benchmark: Benchmark, criteria: tuple[Onset, Lost], scan: int, halvings: int) -> None:
-        self.benchmark, self.criteria = benchmark, criteria
+    def __init__(self, tracks: Array, begun: Array, scan: int, halvings: int) -> None:
+        """tracks (M,) and begun (M,): who follows the model, and whose onset lies at no modelling error at all."""
         self.scans_left, self.halvings_left, self.runs = scan, halvings, 0
-        without = benchmark.without
-        self.tracks, self.swings = tracks(without.error, without.motion), np.zeros(len(without.error), dtype=bool)
-        self.bears = np.zeros((2, len(without.error)))
-        self.loses = np.tile(np.where(self.tracks, np.inf, 0.0), (2, 1))
-
-    def find_swinging(self, undelayed: Metrics) -> None:
-        """Those whose onset lies at no delay at all."""
-        self.swings = self.criteria[0].undelayed(undelayed, self.benchmark.without)
-        self.loses[0, self.swings] = 0.0
+        self.bears = np.zeros((2, len(tracks)))
+        self.loses = np.tile(np.where(tracks, np.inf, 0.0), (2, 1))
+        self.loses[0, begun] = 0.0
 
     def open_members(self) -> Array:
         """Those of which a criterion has not seen a losing delay yet."""
@@ -70,12 +62,10 @@ class DelaySearch:
         pairs = sorted(set(asked))
         return np.array([i for i, _ in pairs], dtype=int), np.array([size for _, size in pairs])
 
-    def take(self, chosen: Array, added: Array, metrics: Metrics) -> None:
-        """Judge runs of members ``chosen`` with errors of the sizes ``added`` and narrow what they lie within."""
-        expected = self.benchmark.at(chosen, added)
-        onset, loss = (criterion.judge(metrics, expected) for criterion in self.criteria)
+    def take(self, chosen: Array, added: Array, verdicts: tuple[Array, Array]) -> None:
+        """Narrow what members ``chosen`` lie within by their verdicts with errors of the sizes ``added``: onset, loss."""
         for size in np.unique(added):  # from short to long: a member may have been run with several
-            for c, lost in enumerate((onset | loss, loss)):
+            for c, lost in enumerate(verdicts):
                 within = (added == size) & (self.bears[c, chosen] < size) & (size < self.loses[c, chosen])
                 self.loses[c, chosen[within & lost]] = size
                 self.bears[c, chosen[within & ~lost]] = size

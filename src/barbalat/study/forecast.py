@@ -9,9 +9,11 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.problem.modelling_error import DelayError
 from barbalat.run.ensemble import simulate_ensemble
 from barbalat.run.grid import CHUNK_STEPS
+from barbalat.run.step import Rhythm
 from barbalat.solvers.simulation import Simulation
 from barbalat.study.ideal_benchmark import SIZES_TRIED, Member, with_error
 
@@ -35,12 +37,13 @@ class Cost:
     def measured(cls, members: Sequence[Member], simulation: Simulation) -> Cost:
         """From three ensembles: many members over two lengths, few over the shorter one."""
         many, few = (_spread(members, size) for size in TIMED_MEMBERS)
-        long = min(simulation.steps, 2 * CHUNK_STEPS)
-        short = max(long // 2, 3)
+        least = _fewest_steps(members[0], simulation)
+        long = min(simulation.steps, max(2 * CHUNK_STEPS, 2 * least))
+        short = max(long // 2, least)
         if long <= short or len(few) == len(many):  # too little of it to tell the parts apart
             whole = _timed(many, simulation, short)
             return cls(0.0, 0.0, whole / (len(many) * short))
-        _timed(many, simulation, 3)  # compiles
+        _timed(many, simulation, least)  # compiles
         at_short, at_long, of_few = (
             _timed(*run) for run in ((many, simulation, short), (many, simulation, long), (few, simulation, short))
         )
@@ -56,6 +59,13 @@ class Cost:
 
 def _spread(members: Sequence[Member], size: int) -> list[Member]:
     return list(members[:: max(len(members) // size, 1)][:size])
+
+
+def _fewest_steps(member: Member, simulation: Simulation) -> int:
+    """Of a run in which everything that happens at instants of its own, a controller's samples or new noise, happens once."""
+    problem, controller = member
+    rhythm = Rhythm.of(ClosedLoop.of(problem, controller), problem.noise, simulation)
+    return max(3, rhythm.sample_every, rhythm.noise_hold)
 
 
 def _timed(members: Sequence[Member], simulation: Simulation, steps: int) -> float:

@@ -61,18 +61,19 @@ class Ideals:
         """For delays from the shortest one on [s]."""
         return cls(simulation, np.geomspace(SHORTEST_DELAY_STEPS * simulation.dt, longest, SIZES_TRIED))
 
-    def of(self, problem: TrackingProblem, number: int) -> tuple[ModelMotion, Array]:
-        """The model's motion, and (K,) what the sizes explain; ``number`` is the stream of the noise."""
+    def of(self, problem: TrackingProblem) -> tuple[ModelMotion, Array]:
+        """The model's motion, and (K,) what the sizes explain, without measurement noise."""
         if id(problem) not in self.known:
-            self.find([problem], [number])
+            self.find([problem])
         return self.known[id(problem)][1:]
 
-    def find(self, problems: Sequence[TrackingProblem], numbers: Sequence[int]) -> None:
+    def find(self, problems: Sequence[TrackingProblem]) -> None:
         """The same for several problems of one structure, side by side."""
         motions = [ModelMotion.of(problem, self.simulation) for problem in problems]
         if isinstance(problems[0], Problem):
-            groups = [[problem, *(with_error(problem, self.error, float(s)) for s in self.sizes)] for problem in problems]
-            added = _added_errors(groups, self.simulation, motions, numbers)
+            silent = [quiet(problem) for problem in problems]
+            groups = [[problem, *(with_error(problem, self.error, float(s)) for s in self.sizes)] for problem in silent]
+            added = _added_errors(groups, self.simulation, motions)
         else:
             added = np.array([np.full(len(self.sizes), motion.largest) for motion in motions])
         self.known |= {id(one): (one, *found) for one, *found in zip(problems, motions, added, strict=True)}
@@ -87,9 +88,9 @@ class Benchmark:
     explained: Array
 
     @classmethod
-    def of(cls, members: Sequence[Member], undelayed: Metrics, numbers: Array, ideals: Ideals) -> Benchmark:
+    def of(cls, members: Sequence[Member], undelayed: Metrics, ideals: Ideals) -> Benchmark:
         """Members that share a problem share its motion and its ideal loop."""
-        found = [ideals.of(problem, int(number)) for (problem, _), number in zip(members, numbers, strict=True)]
+        found = [ideals.of(problem) for problem, _ in members]
         without = without_error(members, undelayed, [motion for motion, _ in found])
         return cls(without, ideals.sizes, np.stack([explained for _, explained in found]))
 
@@ -113,27 +114,25 @@ def known_width(problem: TrackingProblem, controller: Controller) -> Array:
     return np.full(loop.parameters, np.inf if theta is None else 2 * float(np.linalg.norm(theta)))
 
 
-def ideal_errors(problems: Sequence[Any], simulation: Simulation, motion: ModelMotion, number: int = 0) -> Array | None:
+def ideal_errors(problems: Sequence[Any], simulation: Simulation, motion: ModelMotion) -> Array | None:
     """(K,) what each problem's modelling error adds to the tail's error where the controller knows theta.
 
-    The first problem is the one without it; all others have one structure. At most the model's own motion: there is no more to
+    The first problem is the one without it; all others have one structure. Measurement noise, if any, is left out: see
+    ``quiet``. At most the model's own motion: there is no more to
     be explained. Nothing where the loop that knows theta is not stable itself, so that its own limit cycle explains nothing.
     ``None`` where the problem has no theta, as with output feedback.
     """
     if not isinstance(problems[0], Problem):
         return None
-    return _added_errors([problems], simulation, [motion], [number])[0]
+    return _added_errors([[quiet(problem) for problem in problems]], simulation, [motion])[0]
 
 
-def _added_errors(
-    groups: Sequence[Sequence[Any]], simulation: Simulation, motions: Sequence[ModelMotion], numbers: Sequence[int]
-) -> Array:
-    """(P, K) the same for P groups of as many problems, which all have one structure; each with its motion and its noise."""
+def _added_errors(groups: Sequence[Sequence[Any]], simulation: Simulation, motions: Sequence[ModelMotion]) -> Array:
+    """(P, K) the same for P groups of as many problems, which all have one structure and no noise; each with its motion."""
     first, others = [group[0] for group in groups], [problem for group in groups for problem in group[1:]]
-    streams = np.repeat(numbers, len(groups[0]) - 1)
-    without = tail_error(simulate_ensemble([ideal(problem) for problem in first], simulation, numbers=numbers).metrics)
+    without = tail_error(simulate_ensemble([ideal(problem) for problem in first], simulation).metrics)
     knowing = [KnownParameters(theta=group[0].parameters) for group in groups for _ in group[1:]]  # not the error
-    found = tail_error(simulate_ensemble(list(zip(others, knowing, strict=True)), simulation, numbers=streams).metrics)
+    found = tail_error(simulate_ensemble(list(zip(others, knowing, strict=True)), simulation).metrics)
     left_alone = [(_left_alone(problem), one) for problem, one in zip(others, knowing, strict=True)]
     alone = simulate_ensemble(left_alone, simulation).metrics
     decays = tail_error(alone) < DECAY_SHARE * alone.max_abs_e.max(axis=1)
@@ -165,12 +164,26 @@ def _left_alone(problem: Problem) -> Problem:
         reference=silent if isinstance(problem.reference, tuple) else silent[0],
         disturbance=None,
         unmatched=(),
-        sensor=None if problem.sensor is None else replace(problem.sensor, noise=None),
     )
 
 
 SMALL_DISTURBANCE = 1e-6
 """A disturbance [units of x] at which a nonlinear phi(x) is linear, to that part."""
+
+
+def quiet(problem: Any) -> Any:
+    """The problem without its measurement noise; itself where it has none.
+
+    Noise moves estimates as fast as an oscillation does: margins are looked for without it.
+    """
+    return problem if problem.noise is None else replace(problem, sensor=replace(problem.sensor, noise=None))
+
+
+def quiet_members(members: Sequence[Member]) -> list[Member]:
+    """Each member without noise; those that shared a problem still do."""
+    made = {id(problem): problem for problem, _ in members}
+    silent = {key: quiet(problem) for key, problem in made.items()}
+    return [(silent[id(problem)], controller) for problem, controller in members]
 
 
 def with_error(problem: Any, error: ModellingError, size: float) -> Any:

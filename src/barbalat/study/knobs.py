@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from barbalat import validate
 from barbalat.certificates.certify import certify
 from barbalat.certificates.step_limits.oscillator import Oscillator
 from barbalat.controllers import SCHEMES, Mrac
@@ -22,7 +23,7 @@ def default_knobs(problem: Problem, simulation: Simulation, *, density: int = 12
     """The knobs that the registered schemes say they have, with ``density`` values for each second one.
 
     Gains go up to the largest that this step resolves, time constants from five steps to the slowest one of the model. Also what
-    is left out, as sentences: tunings, and schemes that don't take the problem.
+    is left out, as sentences: tunings, and schemes that don't take the problem. InputError where no scheme takes it.
     """
     reach, how = reach_of(problem, simulation, density=density)
     highest = reach.highest_gain
@@ -31,15 +32,19 @@ def default_knobs(problem: Problem, simulation: Simulation, *, density: int = 12
         f"gains above {highest:.3g}, which h = {simulation.dt:g} s does not resolve ({how}: an estimate), are left out",
         f"time constants below five steps, {5 * simulation.dt:g} s, are left out",
     ]
-    kept = []
+    if reach.theta_hat0 is not None:
+        left_out.append(f"0 is not in the known set: estimates start in its middle, {validate.show(reach.theta_hat0)}")
+    kept, refused = [], []
     for knobs in candidates:
         try:
             knobs.make(**next(knobs.tunings())).bind(problem.known)
         except InputError as error:
-            left_out.append(f"{knobs.scheme} is left out: {error}")
+            refused.append(f"{knobs.scheme} is left out: {error}")
         else:
             kept.append(knobs)
-    return tuple(kept), tuple(left_out)
+    if not kept:
+        raise InputError(f"no scheme takes part in the trade-off: {'; '.join(refused)}")
+    return tuple(kept), (*left_out, *refused)
 
 
 def all_knobs(reach: Reach) -> list[Knobs]:
@@ -57,8 +62,15 @@ def reach_of(problem: Problem, simulation: Simulation, *, density: int = 12) -> 
         density=density,
         known=problem.known,
         sample_time=SHORTEST_TIME_STEPS * simulation.dt,
+        theta_hat0=start_of(problem),
     )
     return reach, how
+
+
+def start_of(problem: Problem) -> Array | None:
+    """(p,) the middle of a known set without 0, where estimates can't start as they do by default; else None."""
+    known_set = problem.known.theta_set
+    return None if known_set is None or known_set.contains(np.zeros(len(known_set.middle))) else known_set.middle
 
 
 def output_reach_of(problem: OutputProblem, simulation: Simulation, *, density: int = 12) -> OutputReach:
@@ -89,7 +101,8 @@ def largest_gain(problem: Problem, simulation: Simulation) -> tuple[float, str]:
     set allows and would leave out gains that cases use. Raises InputError where the step resolves none.
     """
     if problem.plant.inputs == 1 and problem.plant.is_linear and problem.input_gain is None:
-        found = certify(problem, (Mrac(gamma=1.0),), simulation)["MRAC"].values.get("gamma_max")
+        plain = Mrac(gamma=1.0, theta_hat0=start_of(problem))
+        found = certify(problem, (plain,), simulation)[plain.name].values.get("gamma_max")
         how = "gamma_max of certify"
     else:
         found, how = _largest_along_the_ideal_run(problem, simulation), "the oscillator of adaptation where theta is known"

@@ -8,12 +8,14 @@ import numpy as np
 
 from barbalat.certificates.certificate import Certificate, Draft
 from barbalat.certificates.certificates import Certificates
+from barbalat.loop.binding import numbered
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller
 from barbalat.run.progress import Progress
 from barbalat.solvers.simulation import Simulation
-from barbalat.study.criteria import Lost, Onset
+from barbalat.study.criteria import EXAMINED, EXAMINED_WITHOUT_ESTIMATES, NOISE_SENTENCE, Lost, Onset
 from barbalat.study.delay_margin import Bracket, DelayMargins, delay_margins
+from barbalat.study.finer_step import PlainRun, delays_confirmed
 from barbalat.study.motion import REST_SENTENCE, ModelMotion
 
 
@@ -29,13 +31,24 @@ def with_simulated_margins(
     """The certificates with ``delay_onset_simulated`` and ``delay_margin_simulated`` [s], by ``Onset`` and by ``Lost``."""
     result, criterion = {}, lost or Lost()
     resting = (REST_SENTENCE,) if ModelMotion.of(problem, simulation).comes_to_rest else ()
+    noisy = () if problem.noise is None else (NOISE_SENTENCE,)
+    by_name = {one.name: one for one in numbered(controllers)}
     for name, found in delay_margins(problem, controllers, simulation, lost=criterion, progress=progress).items():
-        result[name] = _with(certificates[name], found, criterion, simulation, resting)
+        controller = by_name[name]
+        looked = _looked_at(problem, controller, simulation, found, criterion) if found.tracks[0] else ()
+        disturbed = problem.disturbance is not None or bool(getattr(problem, "unmatched", ()))
+        result[name] = _with(certificates[name], found, criterion, simulation, (*resting, *noisy, *looked), disturbed=disturbed)
     return certificates.with_changed(result)
 
 
 def _with(
-    certificate: Certificate, found: DelayMargins, lost: Lost, simulation: Simulation, resting: tuple[str, ...]
+    certificate: Certificate,
+    found: DelayMargins,
+    lost: Lost,
+    simulation: Simulation,
+    beside: tuple[str, ...],
+    *,
+    disturbed: bool,
 ) -> Certificate:
     if not found.tracks[0]:
         return certificate.with_entries(certificate.entries, _not_tracking(found))
@@ -46,29 +59,58 @@ def _with(
             f"the loop is taken to oscillate when it is lost, when an estimate moves in the tail over more than {onset.share:g} "
             "of its known range, as fast as if it crossed that more often than the model crosses its own and "
             f"{onset.multiple:g} times as fast as without the delay, or when the error "
-            f"has grown by {onset.share:g} of the largest |x_m| beyond what the delay adds where theta is known",
+            f"has grown by {onset.share:g} of the largest |x_m| beyond what the delay adds where theta is known"
+            f"{_begun(found, disturbed=disturbed)}{_driven(found, onset)}",
         ),
         "delay_margin_simulated": (
             found.loss,
             f"the loop is taken to be lost when the error in the tail has grown by {lost.share:g} times the largest |x_m| or it "
-            "diverged, so that a smaller oscillation is borne",
+            f"diverged, so that a smaller oscillation is borne{'; with the measurement noise' if found.noisy else ''}",
         ),
     }
     measured = Draft()
     for key, (bracket, what) in meanings.items():
         rests_on = f"{key} was measured on the case's own run, no guarantee: {what}{_limit(bracket, simulation)}"
-        measured.estimate({key: float(bracket.bears[0])}, rests_on, *resting)
+        measured.estimate({key: float(bracket.bears[0])}, rests_on, *beside)
     return certificate.with_entries((*certificate.entries, *measured.entries.values()))
+
+
+def _looked_at(
+    problem: TrackingProblem, controller: Controller, simulation: Simulation, found: DelayMargins, lost: Lost
+) -> tuple[str, ...]:
+    """Sentences: what is examined, what the run without a delay shows, whether a finer step says the same."""
+    member = problem, controller
+    (confirmed,) = delays_confirmed([member], simulation, found, numbers=np.zeros(1, dtype=int), criteria=(Onset(), lost))
+    estimates = found.undelayed.theta_hat_final.shape[1] > 0
+    examined = EXAMINED if estimates else EXAMINED_WITHOUT_ESTIMATES
+    plain = PlainRun.of(*member, simulation)
+    return (examined, *plain.sentences, *filter(None, [confirmed.sentence if plain.settles else None]))
+
+
+def _begun(found: DelayMargins, *, disturbed: bool) -> str:
+    """Why the onset lies at no delay."""
+    if found.swings[0]:
+        driven = ", be it that the disturbance drives them" if disturbed else ""
+        return f"; its estimates oscillate without a delay already{', and without noise' if found.noisy else ''}{driven}"
+    return "" if found.quiet_tracks[0] else "; without the noise it does not follow its model even without a delay"
+
+
+def _driven(found: DelayMargins, onset: Onset) -> str:
+    """What moves the estimates without a delay."""
+    if not found.driven[0] or found.swings[0]:
+        return ""
+    return (
+        "; its estimates move fast without a delay already, by the command or a disturbance: an oscillation that is slower than "
+        f"{onset.multiple:g} times that is not seen in them"
+    )
 
 
 def _limit(bracket: Bracket, simulation: Simulation) -> str:
     """What the number alone does not say: that the search ended at its first or last delay."""
-    if bracket.loses[0] == 0:
-        return "; its estimates oscillate without a delay already"
     if np.isinf(bracket.loses[0]):
-        return "; it bears the longest delay that was tried"
-    if bracket.bears[0] == 0:
-        return f"; it bears not even the shortest delay that can be simulated, two steps, {2 * simulation.dt:g} s"
+        return "; it tolerates the longest delay that was tried"
+    if bracket.bears[0] == 0 and bracket.loses[0] > 0:
+        return f"; it does not tolerate even the shortest delay that can be simulated, two steps, {2 * simulation.dt:g} s"
     return ""
 
 

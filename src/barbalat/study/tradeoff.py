@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -18,8 +18,9 @@ from barbalat.problem.state_feedback import Problem
 from barbalat.protocols import Controller
 from barbalat.run.progress import Progress
 from barbalat.solvers.simulation import Simulation
-from barbalat.study.criteria import Lost, Onset
+from barbalat.study.criteria import EXAMINED, NOISE_SENTENCE, Lost, Onset
 from barbalat.study.delay_margin import DelayMargins, delay_margins_ensemble
+from barbalat.study.finer_step import PlainRun, delays_confirmed, refined
 from barbalat.study.forecast import Forecast
 from barbalat.study.ideal_benchmark import SHORTEST_DELAY_STEPS
 from barbalat.study.knobs import default_knobs
@@ -69,7 +70,11 @@ class Cloud:
 
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)
 class TradeOff(Plotted):
-    """The clouds of all schemes on one problem; ``notes`` are sentences on what was left out and what was not seen."""
+    """The clouds of all schemes on one problem.
+
+    notes   sentences on what was left out and what was not seen
+    checks  what a finer step says of some tunings on each scheme's fronts
+    """
 
     problem: Problem
     simulation: Simulation
@@ -79,6 +84,7 @@ class TradeOff(Plotted):
     notes: tuple[str, ...]
     runs: int
     seconds: float
+    checks: tuple[FrontCheck, ...] = ()
 
     @property
     def shortest(self) -> float:
@@ -148,16 +154,144 @@ def trade_off(
         with forecast.timed(k.scheme):
             group, part = members[k.scheme], _in_time(progress, forecast, k.scheme)
             found.append(_delay_margins(group, plants, simulation, longest=longest, criteria=criteria, progress=part))
+    clouds = tuple(_cloud(k, of_scheme, motion.rms, plants) for k, of_scheme in zip(chosen, found, strict=True))
+    _require_motion(clouds)
+    checks = _at_finer_step(chosen, clouds, found, problem, simulation, longest, criteria)
     return TradeOff(
         problem=problem,
         simulation=simulation,
         thetas=np.stack([p.plant.theta for p in family]),
-        clouds=tuple(_cloud(k, of_scheme, motion.rms, plants) for k, of_scheme in zip(chosen, found, strict=True)),
+        clouds=clouds,
         criteria=criteria,
-        notes=(*left_out, *([REST_SENTENCE] if motion.comes_to_rest else [])),
+        notes=(*left_out, *_notes(problem, clouds, motion), *(one.sentence for one in checks)),
+        checks=checks,
         runs=sum(of_scheme.runs for of_scheme in found),
         seconds=time.perf_counter() - started,
     )
+
+
+FRONT_CHECKED = 4
+"""Tunings of each front, evenly spread from its one end to the other, that are run again."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class FrontCheck:
+    """Some tunings on one scheme's fronts on the case's own plant, once more at a finer step.
+
+    dt         the finer step [s]
+    tunings    their indices in the cloud
+    changed    of them, those of which the finer step says something else, each with what
+    unsettled  of them, those that leave the solver's region of stability at the finer step too, which settles nothing
+    swinging   of them, those whose demand swings from limit to limit of the actuator without any delay
+    """
+
+    scheme: str
+    dt: float
+    tunings: tuple[int, ...]
+    changed: dict[int, tuple[str, ...]]
+    unsettled: tuple[int, ...]
+    swinging: tuple[int, ...]
+
+    @property
+    def sentence(self) -> str:
+        """The same for people."""
+        count = validate.counted(len(self.tunings), "tuning")
+        again = f"{self.scheme}: of {count} on the fronts of the case's own plant, run again at h = {self.dt:g} s,"
+        if not self.tunings:
+            return f"{self.scheme}: no tuning lies on a front of the case's own plant, and none was run again at a finer step"
+        said = f"{again} none comes out otherwise"
+        if self.changed:
+            first = next(iter(self.changed.values()))
+            differing = len(self.changed)
+            comes = f"{differing} {'comes' if differing == 1 else 'come'} out otherwise"
+            said = f"{again} {comes} (such as: {first[0]}); make simulation.dt smaller"
+        if self.unsettled:
+            said += f"; of {len(self.unsettled)} the finer run leaves the solver's region of stability too, which settles nothing"
+        if self.swinging:
+            said += (
+                f"; the demand of {len(self.swinging)} swings from limit to limit of the actuator without any delay, uncounted"
+            )
+        return said
+
+    def as_json(self) -> dict[str, Any]:
+        return {
+            "dt": self.dt,
+            "tunings": list(self.tunings),
+            "changed": {str(i): list(said) for i, said in self.changed.items()},
+            "unsettled": list(self.unsettled),
+            "swinging": list(self.swinging),
+            "sentence": self.sentence,
+        }
+
+
+def _at_finer_step(
+    chosen: tuple[Knobs, ...],
+    clouds: tuple[Cloud, ...],
+    found: list[DelayMargins],
+    problem: Problem,
+    simulation: Simulation,
+    longest: float,
+    criteria: tuple[Onset, Lost],
+) -> tuple[FrontCheck, ...]:
+    """A few tunings of each scheme's fronts: the delays that they tolerate, and what they do without a delay."""
+    checks = []
+    for k, cloud, of_scheme in zip(chosen, clouds, found, strict=True):
+        which = _spread_over_fronts(cloud)
+        members = [(problem, k.make(**cloud.tunings[i])) for i in which]
+        changed: dict[int, tuple[str, ...]] = {}
+        plain = [PlainRun.of(*member, simulation) for member in members]
+        if members:
+            plants = len(of_scheme.tracks) // len(cloud.tunings)
+            own = of_scheme.of(np.array(which) * plants)
+            numbers = np.zeros(len(members), dtype=int)
+            said = delays_confirmed(members, simulation, own, numbers=numbers, longest=longest, criteria=criteria)
+            changed = {i: one.changes for i, one, run in zip(which, said, plain, strict=True) if one.changes and run.settles}
+        checks.append(
+            FrontCheck(
+                scheme=cloud.scheme,
+                dt=refined(simulation).dt,
+                tunings=tuple(which),
+                changed=changed,
+                unsettled=tuple(i for i, run in zip(which, plain, strict=True) if not run.settles),
+                swinging=tuple(i for i, run in zip(which, plain, strict=True) if run.swinging is not None),
+            )
+        )
+    return tuple(checks)
+
+
+def _spread_over_fronts(cloud: Cloud) -> list[int]:
+    """Indices of a few tunings of both fronts on the case's own plant."""
+    kept: set[int] = set()
+    for criterion in ("onset", "loss"):
+        front = cloud.front("plant", criterion)
+        if len(front):
+            places = np.linspace(0, len(front) - 1, min(FRONT_CHECKED, len(front))).round().astype(int)
+            kept |= {int(front[i]) for i in places}
+    return sorted(kept)
+
+
+def _require_motion(clouds: tuple[Cloud, ...]) -> None:
+    """InputError where there is nothing to show."""
+    if not any(np.isfinite(cloud.error).any() for cloud in clouds):
+        tried = ", ".join(f"{len(cloud.tunings)} of {cloud.scheme}" for cloud in clouds)
+        raise InputError(
+            f"none of the tunings that were tried ({tried}) follows the model without a delay: in the last quarter |e| stays "
+            "above the largest |x_m|, or the run diverges"
+        )
+
+
+def _notes(problem: Problem, clouds: tuple[Cloud, ...], motion: ModelMotion) -> list[str]:
+    """Sentences on what the picture does not show."""
+    said = [
+        f"no tuning of {cloud.scheme} follows its model without a delay on the case's own plant"
+        for cloud in clouds
+        if not np.isfinite(cloud.error[:, 0]).any()
+    ]
+    if problem.noise is not None:
+        said.append(NOISE_SENTENCE)
+    if motion.comes_to_rest:
+        said.append(REST_SENTENCE)
+    return [*said, EXAMINED]
 
 
 def _delay_margins(

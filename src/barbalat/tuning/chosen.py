@@ -17,6 +17,7 @@ from barbalat.study.tradeoff import pareto_front, plants_of
 from barbalat.tuning.quantity import Constraint, Origin
 from barbalat.tuning.result import Point, Tuned, UnseenPlants
 from barbalat.tuning.space import Space
+from barbalat.tuning.step_check import StepCheck
 from barbalat.tuning.trial import Plants, Trial
 from barbalat.tuning.trials import Trials
 from barbalat.validate import Array
@@ -51,29 +52,47 @@ def choose(trials: Trials, space: Space, own: Trial, progress: Progress | None) 
         certificate=None if made is None else _certificate(trials, made),
         trials=len(trials.all),
         runs=trials.runs,
+        step=best.check,
+        refused=tuple(best.refused),
     )
     _tell(progress, 1.0)
     return found
 
 
 class Best(NamedTuple):
-    """The best tuning that meets every constraint, where one does; the nearest to that; all that were looked at in full."""
+    """The best tuning that meets every constraint, at a finer step too, where one does; the nearest to that; all that were looked
+    at in full.
+
+    check    what the finer step says of the nearest, which is the chosen one where there is one
+    refused  of better ones, that meet every constraint at the step of the case alone
+    """
 
     chosen: Trial | None
     nearest: Trial
     wholes: list[Trial]
+    check: StepCheck | None
+    refused: list[StepCheck]
 
 
 def best_of(trials: Trials) -> Best:
     """Of those that were tried."""
     ordered = sorted((trial for trial in trials.all if trial.case is not None), key=lambda trial: trial.score)
-    wholes = []
+    wholes: list[Trial] = []
+    refused: list[tuple[Trial, StepCheck]] = []
     for trial in [one for one in ordered if one.meets(trials.aim)][:CANDIDATES_CHECKED]:
         whole = trials.whole(trial.row)
-        wholes.append(whole)
-        if whole.meets(trials.aim):
-            return Best(whole, whole, wholes)
-    return Best(None, trials.whole(ordered[0].row if ordered else trials.all[0].row), wholes)
+        if not whole.meets(trials.aim):
+            wholes.append(whole)
+            continue
+        check = trials.at_finer_step(whole)
+        if check.holds:
+            return Best(whole, whole, [*wholes, whole], check, [one for _, one in refused])
+        refused.append((whole, check))
+    if refused:
+        nearest, check = refused[0]
+        return Best(None, nearest, wholes, check, [one for _, one in refused])
+    nearest = trials.whole(ordered[0].row if ordered else trials.all[0].row)
+    return Best(None, nearest, wholes, None, [])
 
 
 def _front(trials: Trials, wholes: Sequence[Trial]) -> list[Trial]:

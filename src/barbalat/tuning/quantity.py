@@ -44,6 +44,15 @@ PROBES = {
 """Delays [s] by the keys of ``certify --simulate``; factors by which the input's effectiveness may be multiplied and divided."""
 
 
+OF_A_LINEAR_LOOP = frozenset(
+    [*EACH_INPUT, *EACH_INPUT.values(), "delay_margin_adapting", "complementary_sensitivity_peak", "margins_over_known_set"]
+)
+LINEAR_SENTENCE = (
+    "{key} is of a linear loop: it knows no limit, rate limit or quantisation of the input and no moving command, and a loop "
+    "with them may be in a limit cycle far below it; delay_onset_simulated asks the loop in motion"
+)
+
+
 class Origin(Enum):
     """How a value is found, from what costs least to what costs most."""
 

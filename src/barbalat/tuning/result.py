@@ -15,6 +15,7 @@ from barbalat.sweeps.paths import FieldPath
 from barbalat.tuning.aim import Aim
 from barbalat.tuning.quantity import Constraint
 from barbalat.tuning.space import Space
+from barbalat.tuning.step_check import StepCheck
 from barbalat.validate import Array
 
 if TYPE_CHECKING:
@@ -72,6 +73,8 @@ class Tuned:
     start    the case's own tuning
     front    the tried ones that no other beats both in the quantity and in the first constraint's quantity
     trials, runs  tunings that were tried, simulations that were made
+    step     what a finer step says of the chosen tuning; of the nearest one where that is all that keeps it from being chosen
+    refused  the same of better ones, which meet every constraint at the step of the case alone
     """
 
     controller: str
@@ -84,6 +87,8 @@ class Tuned:
     certificate: Certificate | None
     trials: int
     runs: int
+    step: StepCheck | None
+    refused: tuple[StepCheck, ...]
 
     def as_json(self) -> dict[str, Any]:
         return {
@@ -95,6 +100,8 @@ class Tuned:
             "certificate": None if self.certificate is None else self.certificate.as_json(),
             "trials": self.trials,
             "runs": self.runs,
+            "finer_step": None if self.step is None else self.step.as_json(),
+            "refused_at_finer_step": [one.as_json() for one in self.refused],
         }
 
     @property

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -55,12 +55,21 @@ class Plants:
     longest: float
 
     @classmethod
-    def of(cls, case: Case, aim: Aim, problems: Sequence[TrackingProblem] | None = None) -> Plants:
-        """Those of the aim, or others."""
+    def of(
+        cls,
+        case: Case,
+        aim: Aim,
+        problems: Sequence[TrackingProblem] | None = None,
+        sizes: Mapping[ModellingError, Array] | None = None,
+    ) -> Plants:
+        """Those of the aim, or others; for modelling errors of any size, or of these ``sizes`` alone."""
         given, simulation, longest = aim.family(case) if problems is None else list(problems), case.simulation, aim.longest
-        ideals = {error: _ideals(error, simulation, longest) for error in aim.errors}
+        if sizes is None:
+            ideals = {error: _ideals(error, simulation, longest) for error in aim.errors}
+        else:
+            ideals = {error: Ideals(simulation, found, error) for error, found in sizes.items()}
         for one in ideals.values():
-            one.find(given, range(len(given)))
+            one.find(given)
         return cls(given, ideals, longest)
 
 

@@ -9,8 +9,11 @@ import numpy as np
 
 from barbalat.cases.build import Case
 from barbalat.certificates.certify import certify
+from barbalat.problem.modelling_error import ModellingError
+from barbalat.run.diagnosis.step_comparison import EQUAL_FIGURES_SHARE
 from barbalat.run.ensemble import simulate_ensemble
 from barbalat.run.metrics import Metrics
+from barbalat.study.finer_step import PlainRun, different, refined
 from barbalat.study.ideal_benchmark import Member
 from barbalat.sweeps.kinds import Kind, Tried, kinds_of
 from barbalat.sweeps.varied import Varied
@@ -19,6 +22,7 @@ from barbalat.tuning.probing import Probing
 from barbalat.tuning.quantity import PROBES, Constraint, Origin, TunedQuantity
 from barbalat.tuning.search import BROKEN_CONSTRAINT_SCORE, Judged
 from barbalat.tuning.space import Space
+from barbalat.tuning.step_check import StepCheck
 from barbalat.tuning.trial import Plants, Trial
 from barbalat.validate import Array, InputError
 
@@ -122,6 +126,60 @@ class Trials:
         found = others._values(quantity, [trial], limit, Looking(each=True))[0]
         self.runs += others.runs
         return np.asarray(found)
+
+    def at_finer_step(self, trial: Trial) -> StepCheck:
+        """What a step FINER_BY times smaller says of a tuning that was looked at in full: of its figures, of what was asked.
+
+        Certificates simulate nothing and stay what they are.
+        """
+        given = _case(trial)
+        case, aim = replace(given, simulation=refined(given.simulation)), self.aim
+        asked: list[Asked] = [(one.quantity, one, one.requirement.limit, SAME_SHARE) for one in aim.constraints]
+        if aim.quantity.origin is Origin.PROBE and trial.value is not None and trial.value > PROBES[aim.quantity.name].none:
+            asked.append((aim.quantity, None, trial.value, EQUAL_FIGURES_SHARE))
+        sizes: dict[ModellingError, list[float]] = {}
+        for quantity, _, limit, less in asked:
+            for error in quantity.errors:
+                sizes.setdefault(error, []).append((1 - less) * (limit - PROBES[quantity.name].none))
+        tried = {error: np.unique(found) for error, found in sizes.items()}
+        problems = self.shared.problems if self.shared else aim.family(given)
+        silent = None if self.quiet is None else Plants.of(case, aim, self.quiet.problems, tried)
+        others = replace(self, shared=Plants.of(case, aim, problems, tried), quiet=silent, all=[], runs=0)
+        found = others._again(Trial(trial.row, case), trial, asked)
+        self.runs += others.runs
+        plain = PlainRun.of(problems[0], given.controllers[self.controller], given.simulation)
+        return StepCheck(
+            dt=case.simulation.dt, value=found.value, broken=tuple(found.broken), changed=tuple(found.changed), plain=plain
+        )
+
+    def _again(self, finer: Trial, trial: Trial, asked: Sequence[Asked]) -> _Again:
+        """The runs of ``finer``, a tuning at a finer step, and what they say of ``trial``."""
+        found, at = _Again(None, [], []), f"at h = {_case(finer).simulation.dt:g} s"
+        self._run([finer], Origin.RUN)
+        if self.quiet:
+            self._run([finer], Origin.PROBE)
+        if self.aim.quantity.origin is Origin.RUN:
+            found.value = self._over_plants(self.aim.quantity, finer, None)
+            if trial.value is not None and different(trial.value, found.value):
+                found.changed.append(f"{at} {self.aim.quantity.name} is {found.value:.4g} instead of {trial.value:.4g}")
+        for quantity, one, limit, less in asked:
+            if quantity.origin is Origin.RUN:
+                value = self._over_plants(quantity, finer, limit)
+                if one is not None and not one.holds(value) and not abs(value - limit) <= less * abs(limit):
+                    found.broken.append(f"{at} {quantity.name} is {value:.4g}, which breaks {one.requirement}")
+            elif quantity.origin is Origin.PROBE:
+                none = PROBES[quantity.name].none
+                size = none + (1 - less) * (limit - none)
+                if self._over_plants(quantity, finer, size) < size:
+                    said = f"{at} {quantity.name} is less than {size:.4g}"
+                    found.changed += [said] if one is None else []
+                    found.broken += [] if one is None else [f"{said}, which breaks {one.requirement}"]
+        return found
+
+    def _over_plants(self, quantity: TunedQuantity, trial: Trial, asked: float | None) -> float:
+        """A quantity of one tuning that runs tell; of a modelling error whether what is asked is tolerated, no more."""
+        values = self._values(quantity, [trial], asked, Looking(graded=False, below=False))
+        return float(quantity.over_plants(values, self.aim.quantile)[0])
 
     def _groups(self, trials: Sequence[Trial]) -> list[Sequence[Trial]]:
         """Those that run side by side."""
@@ -228,6 +286,21 @@ class Trials:
         if self.aim.quantity.origin is Origin.CERTIFICATE:
             found = self.aim.quantity.of_certificate(certificate)
             trial.value = self.aim.quantity.worst if found is None else found
+
+
+@dataclass
+class _Again:
+    """What came of a tuning's runs at a finer step: the aim's figure, and sentences on what is broken and what is different."""
+
+    value: float | None
+    broken: list[str]
+    changed: list[str]
+
+
+Asked = tuple[TunedQuantity, Constraint | None, float, float]
+"""A quantity, its constraint, the value that was asked for or found, and the share by which a finer step may fall short."""
+SAME_SHARE = 0.02
+"""Of what a constraint asks: a finer step may fall short of it by so much, within which the search itself finds delays."""
 
 
 def _case(trial: Trial) -> Case:

@@ -22,6 +22,8 @@ from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller
 from barbalat.run.progress import Progress, part_of
 from barbalat.solvers.simulation import Simulation
+from barbalat.study.criteria import EXAMINED, NOISE_SENTENCE
+from barbalat.study.finer_step import FINER_BY
 from barbalat.study.ideal_benchmark import SHORTEST_DELAY_STEPS
 from barbalat.study.knobs import output_reach_of, reach_of
 from barbalat.sweeps.paths import FieldPath
@@ -29,7 +31,7 @@ from barbalat.sweeps.varied import Varied, VariedObjects
 from barbalat.sweeps.varied_case import VariedCase
 from barbalat.tuning.aim import DEFAULT_PLANTS, Aim
 from barbalat.tuning.chosen import choose
-from barbalat.tuning.quantity import Origin
+from barbalat.tuning.quantity import LINEAR_SENTENCE, OF_A_LINEAR_LOOP, Origin
 from barbalat.tuning.result import Tuned, Tuning
 from barbalat.tuning.search import least_trials, search
 from barbalat.tuning.space import Range, Space, of_knobs
@@ -222,6 +224,23 @@ def _notes(tuner: Tuner, found: Mapping[str, Tuned]) -> tuple[str, ...]:
     for name, one in found.items():
         if one.chosen is None:
             said.append(
-                f"{name}: none of {validate.counted(one.trials, 'tuning')} meets every constraint; the case file keeps its own"
+                f"{name}: none of {validate.counted(one.trials, 'tuning')} meets every constraint{_at_the_finer_step(one)}; "
+                "the case file keeps its own"
             )
+        elif one.refused:
+            said.append(
+                f"{name}: better tunings, {len(one.refused)} of them, meet every constraint at the step of the case alone: "
+                f"{'; '.join(one.refused[0].broken)}"
+            )
+        said += [f"{name}: {sentence}" for sentence in ([] if one.step is None else one.step.sentences)]
+    aim = tuner.aim
+    if aim.asks(Origin.PROBE):
+        said.append(EXAMINED)
+        if tuner.case.problem.noise is not None:
+            said.append(NOISE_SENTENCE)
+    said += [LINEAR_SENTENCE.format(key=one.name) for one in aim.quantities if one.key in OF_A_LINEAR_LOOP]
     return tuple(said)
+
+
+def _at_the_finer_step(one: Tuned) -> str:
+    return f" at a step {FINER_BY} times smaller as well" if one.refused else ""

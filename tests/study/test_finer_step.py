@@ -1,0 +1,141 @@
+"""What a study reports, at a quarter of its step: false delays, artefacts of the solver, limit cycles at the limits."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from barbalat.certificates.certify import certify
+from barbalat.controllers import Adrc, L1Adaptive, Mrac
+from barbalat.linear.systems import input_filter
+from barbalat.problem.actuation import PlantInput
+from barbalat.problem.plant import Plant
+from barbalat.problem.reference_model import ReferenceModel
+from barbalat.problem.state_feedback import ParameterBox, Problem
+from barbalat.run.simulate import simulate
+from barbalat.signals import Constant, Sine, Square
+from barbalat.solvers.simulation import Simulation
+from barbalat.study.criteria import EXAMINED, EXAMINED_WITHOUT_ESTIMATES
+from barbalat.study.delay_margin import Bracket, delay_margins_ensemble
+from barbalat.study.finer_step import PlainRun, delays_confirmed
+from barbalat.study.simulated_margins import with_simulated_margins
+from foreign import PlainState
+
+DRIVE = Problem(
+    plant=Plant(A_m=[[-2.0]], b=[1.5], theta=[1.0], x0=[0.3]),
+    reference_model=ReferenceModel(k_0=1.3),
+    reference=Sine(amplitude=1.0, frequency=2.0),
+    uncertainty=ParameterBox(lower=[-3.0], upper=[3.0]),
+)
+SIMULATION = Simulation(t_end=10.0, dt=2e-3)
+NUMBERS = np.zeros(1, dtype=int)
+
+
+@pytest.mark.parametrize(
+    ("factors", "said"),
+    [
+        ((1.0, 1.0), []),
+        ((2.0, 1.0), ["oscillates already"]),
+        ((0.5, 1.0), ["does not oscillate yet"]),
+        ((1.0, 2.0), ["is lost already"]),
+        ((1.0, 0.7), ["is not lost yet"]),
+    ],
+)
+def test_true_delays_are_confirmed_and_false_ones_are_not(factors, said):
+    """Delays that were never found, by these factors: the finer step says on which side the true one lies."""
+    members = [(DRIVE, Mrac(gamma=1000.0))]
+    found = delay_margins_ensemble(members, SIMULATION)
+    assert 0 < 2 * found.onset.bears[0] < found.loss.bears[0] < 1.0  # the factors keep the two apart
+    false = (Bracket(f * one.bears, f * one.loses) for f, one in zip(factors, (found.onset, found.loss), strict=True))
+    (confirmed,) = delays_confirmed(
+        members, SIMULATION, replace(found, **dict(zip(("onset", "loss"), false, strict=True))), numbers=NUMBERS
+    )
+    assert confirmed.asked == 4 and confirmed.dt == 5e-4
+    assert [any(text in change for change in confirmed.changes) for text in said] == [True] * len(said)
+    assert len(confirmed.changes) == len(said)
+    assert ("the step decides" in confirmed.sentence) == bool(said)
+
+
+def test_an_oscillation_that_is_the_solvers_is_told(section_v):
+    """L1 at h |lambda| = 22: its estimates ring without a delay. A quarter of the step leaves the region of stability as well."""
+    controller = L1Adaptive(gamma=1e3, filter=input_filter(0.02))
+    simulation = Simulation(t_end=10.0, dt=1e-3)
+    plain = PlainRun.of(section_v, controller, simulation)
+    assert plain.h_lambda_max > 7 * max(plain.limits)
+    assert plain.label.startswith("numerically unstable from") and not plain.settles
+    found = with_simulated_margins(certify(section_v, controller, simulation), section_v, [controller], simulation)
+    said = found[controller.name].assumptions
+    assert found[controller.name].values["delay_onset_simulated"] == 0
+    assert any("numerically unstable" in text and "settles nothing" in text for text in said)
+    assert not any("same verdicts" in text for text in said)  # what is unstable itself confirms nothing
+
+
+def test_what_is_examined_is_said_of_each_controller():
+    controllers = Mrac(gamma=10.0), Adrc(bandwidth=10.0)
+    found = with_simulated_margins(certify(DRIVE, controllers, SIMULATION), DRIVE, controllers, SIMULATION)
+    said = {name: one.assumptions for name, one in found.items()}
+    assert EXAMINED in said["MRAC"] and EXAMINED_WITHOUT_ESTIMATES in said["ADRC"]
+    assert all(any("a step of 0.0005 s gives the same verdicts" in text for text in one) for one in said.values())
+
+
+RELAY_LIKE = Problem(
+    plant=Plant(A_m=[[-1.0]], b=[1.0], theta=[0.0], input=PlantInput(saturation=[-2.0, 2.0], delay=0.1)),
+    reference_model=ReferenceModel(k_0=1.0),
+    reference=Constant(0.5),
+)
+"""x' = -x + u(t - 0.1): a feedback of gain k > 16 is unstable there, and limits keep its oscillation small."""
+
+
+def test_a_limit_cycle_at_the_actuators_limits_is_told():
+    """With a gain that the delay does not admit the demand goes from rail to rail for ever; with a smaller one it settles.
+
+    The switches are counted by hand from a run with every step recorded.
+    """
+    simulation = Simulation(t_end=8.0, dt=2e-3)
+    wild, tame = PlainRun.of(RELAY_LIKE, Gain(60.0), simulation), PlainRun.of(RELAY_LIKE, Gain(2.0), simulation)
+    assert tame.swinging is None
+    (run,) = simulate(RELAY_LIKE, [Gain(60.0)], replace(simulation, record_points=simulation.steps)).values()
+    u = run.u[run.t >= 6.0]
+    sides = np.where(u >= 2.0, 1, np.where(u <= -2.0, -1, 0))
+    sides = sides[sides != 0]
+    switches = int((np.diff(sides) != 0).sum())
+    assert switches > 8
+    assert f"from limit to limit of the actuator (-2 to 2) {switches} times" in wild.swinging
+    assert "turn 0 times" in wild.swinging
+
+
+def test_a_command_that_asks_for_both_limits_is_no_limit_cycle():
+    simulation = Simulation(t_end=8.0, dt=2e-3)
+    asked = replace(
+        RELAY_LIKE,
+        reference=Square(amplitude=5.0, frequency=8.0),
+        plant=replace(RELAY_LIKE.plant, input=PlantInput(saturation=[-2.0, 2.0])),
+    )
+    (run,) = simulate(asked, [Gain(0.0)], simulation).values()
+    assert run.u.max() > 2 and run.u.min() < -2
+    assert PlainRun.of(asked, Gain(0.0), simulation).swinging is None
+
+
+class Gain:
+    """u = k_0 r - k x, of a user's own."""
+
+    def __init__(self, k: float) -> None:
+        self.k, self.name = k, f"gain {k:g}"
+
+    def bind(self, known):
+        self.k_0 = known.k_0
+        return self
+
+    def initial(self):
+        return PlainState(np.zeros(0))
+
+    def control(self, state, x, x_m, r):
+        return self.k_0 * r - self.k * x[0]
+
+    def derivative(self, state, x, x_m, r, u):
+        return state
+
+    def limit(self, state):
+        return state
