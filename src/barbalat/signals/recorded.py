@@ -101,6 +101,11 @@ class Recorded(Continuous, Settings):
     def __call__(self, t: Array) -> Array:
         return np.interp(t, self.times, self.values)
 
+    @property
+    def interpolation_points(self) -> tuple[Array, Array]:
+        """The times [s] and the values."""
+        return self.times, self.values
+
     def breaks(self, start: float, stop: float) -> Array:
         slopes = np.diff(self.values) / np.diff(self.times)
         return between(start, stop, self.times[np.diff(slopes, prepend=0.0, append=0.0) != 0])
