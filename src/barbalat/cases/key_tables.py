@@ -22,6 +22,7 @@ from barbalat.cases.scheme_keys import SAMPLING, LowPass, sampling_of
 from barbalat.controllers import SCHEMES
 from barbalat.controllers.output import OUTPUT_SCHEMES
 from barbalat.controllers.piecewise_predictor import AsFlown
+from barbalat.controllers.settings import PLANT_FEATURES
 from barbalat.controllers.windup import ModifiedError
 from barbalat.linear.systems import TransferFunction
 from barbalat.problem.output_feedback import OutputProblem
@@ -29,6 +30,7 @@ from barbalat.problem.regressors import REGRESSORS, Regressor
 from barbalat.problem.state_feedback import Problem
 from barbalat.protocols import Signal
 from barbalat.signals import SIGNALS
+from barbalat.targets import IN_PAGES, TARGETS, in_pages, is_tunable
 from barbalat.validate import Array, Matrix, Vector
 
 WORDS: dict[Any, str] = {
@@ -71,6 +73,9 @@ def tables() -> dict[str, str]:
         "output problem": _markdown("key", "type", "default", "meaning", rows=_rows(case_table(OutputProblem).recipe.keys)),
         "output schemes": _registry(OUTPUT_SCHEMES, "scheme"),
         "output laws": _registry(only_output, "kind"),
+        "plants of schemes": _plants_of_schemes(),
+        "signals of pages": _signals_of_pages(),
+        "targets": _targets(),
     }
 
 
@@ -118,6 +123,37 @@ def _registry(registry: Mapping[str, type], choice: str) -> str:
         which = " but ".join(["all", *(f"`{name}`" for name in besides[key])])
         rows.append((which, f"`{key}`", *_described(given._replace(default=None) if differs else given)))
     return _markdown(choice, "key", "type", "default", "meaning", rows=rows)
+
+
+def _plants_of_schemes() -> str:
+    """By schemes, which plants they take and whether something says what is tuned of them: as they declare it."""
+    rows = [
+        (f"`{name}`", *(_mark(feature not in scheme.beyond) for feature in PLANT_FEATURES), _mark(is_tunable(scheme)))
+        for name, scheme in SCHEMES.items()
+    ]
+    none = ("-",) * len(PLANT_FEATURES)
+    rows += [(f"`{name}`, of the output", *none, _mark(is_tunable(scheme))) for name, scheme in OUTPUT_SCHEMES.items()]
+    return _markdown("scheme", *PLANT_FEATURES, "says what is tuned", rows=rows)
+
+
+def _signals_of_pages() -> str:
+    rows = []
+    for name, kind in SIGNALS.items():
+        breaks = hasattr(getattr(kind, "makes", kind), "breaks")
+        rows.append((f"`{name}`", IN_PAGES[in_pages(kind)], _mark(breaks)))
+    return _markdown("kind", "in a page of `explore`", "jumps or bends", rows=rows)
+
+
+def _targets() -> str:
+    rows = []
+    for target in TARGETS:
+        controllers = ["act at samples"] * target.sampled + ["say what is tuned of them"] * target.tunable
+        rows.append((f"`{target.command}`", ", ".join(need.words for need in target.problem), ", ".join(controllers)))
+    return _markdown("command", "asks of the problem", "asks of controllers", rows=rows)
+
+
+def _mark(taken: bool) -> str:
+    return "yes" if taken else "no"
 
 
 def _described(key: Key) -> tuple[str, str, str]:

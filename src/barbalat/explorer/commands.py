@@ -63,7 +63,7 @@ def points_of(signal: Signal, longest: float) -> dict[str, str] | None:
     kept = min(len(times), int(np.searchsorted(times, longest)) + 1)
     if kept > MOST_POINTS:
         raise InputError(
-            f"the command or a disturbance is recorded at {kept} instants within a page's horizons, and a page holds {MOST_POINTS}: "
+            f"the command or a disturbance is recorded at {kept} instants within a page's horizons, and it holds {MOST_POINTS}: "
             "record fewer, or simulate with barbalat run"
         )
     return {"times": doubles(times[:kept]), "values": doubles(values[:kept])}

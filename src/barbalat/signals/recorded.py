@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 from pathlib import Path
+from typing import ClassVar
 
 import numpy as np
 
@@ -131,6 +132,8 @@ class MatFile(Settings):
     times   the variable with the times [s]
     values  the variable with the values; the only other one of as many numbers by default
     """
+
+    makes: ClassVar[type] = Recorded
 
     file: str
     times: str = "t"
