@@ -10,6 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from barbalat.controllers.knobs import OutputTunable, Tunable
+from barbalat.controllers.settings import beyond_of
 from barbalat.problem.state_feedback import Problem
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import InterpolatedSignal
@@ -116,7 +117,7 @@ def in_pages(signal: object) -> str:
 
 def left_out(scheme: type) -> str:
     """What a scheme does not take, and which targets do not take it, in sentences; empty where there is neither."""
-    beyond: tuple[str, ...] = getattr(scheme, "beyond", ())
+    beyond = beyond_of(scheme)
     said = [f"Takes no plant with {' or '.join(beyond)}."] if beyond else []
     of_output = getattr(scheme, "feedback", "state") == "output"
     closed = [one for one in TARGETS if (one.tunable and not is_tunable(scheme)) or (of_output and MEASURED_STATE in one.problem)]

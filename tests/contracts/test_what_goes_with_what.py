@@ -284,7 +284,7 @@ def test_a_scheme_takes_a_plant_or_declares_that_it_does_not(scheme, feature):
         controller.bind(problem.known)
         return
     said = refusal(lambda: controller.bind(problem.known))
-    assert said.startswith(f"{scheme} {PLANT_FEATURES[feature].refusal}; ")
+    assert said.startswith(f"{scheme} {PLANT_FEATURES[feature].refusal.format(inputs=2)}; ")
     others = said[said.index(";") + 1 : said.index(PLANT_FEATURES[feature].others)].replace(" and ", ", ").strip().split(", ")
     assert others == [name for name in SCHEMES if feature not in SCHEMES[name].beyond]
 

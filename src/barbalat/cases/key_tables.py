@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import re
 import sys
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import is_dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal, get_args, get_origin
@@ -22,7 +22,7 @@ from barbalat.cases.scheme_keys import SAMPLING, LowPass, sampling_of
 from barbalat.controllers import SCHEMES
 from barbalat.controllers.output import OUTPUT_SCHEMES
 from barbalat.controllers.piecewise_predictor import AsFlown
-from barbalat.controllers.settings import PLANT_FEATURES
+from barbalat.controllers.settings import PLANT_FEATURES, beyond_of
 from barbalat.controllers.windup import ModifiedError
 from barbalat.linear.systems import TransferFunction
 from barbalat.problem.output_feedback import OutputProblem
@@ -128,7 +128,7 @@ def _registry(registry: Mapping[str, type], choice: str) -> str:
 def _plants_of_schemes() -> str:
     """By schemes, which plants they take and whether something says what is tuned of them: as they declare it."""
     rows = [
-        (f"`{name}`", *(_mark(feature not in scheme.beyond) for feature in PLANT_FEATURES), _mark(is_tunable(scheme)))
+        (f"`{name}`", *(_mark(feature not in beyond_of(scheme)) for feature in PLANT_FEATURES), _mark(is_tunable(scheme)))
         for name, scheme in SCHEMES.items()
     ]
     none = ("-",) * len(PLANT_FEATURES)
@@ -195,7 +195,7 @@ def _cell(text: str) -> str:
     return text.replace("|", r"\|").replace("*", r"\*")
 
 
-def _markdown(*head: str, rows: list[tuple[str, ...]]) -> str:
+def _markdown(*head: str, rows: Sequence[tuple[str, ...]]) -> str:
     return "".join(f"| {' | '.join(row)} |\n" for row in (head, ("---",) * len(head), *rows))
 
 

@@ -74,7 +74,7 @@ class PlantFeature:
     """What a plant may have and not every scheme takes.
 
     found    whether it is there, of what is known of the plant
-    refusal  what is said behind the name of a scheme that does not take it
+    refusal  what is said behind the name of a scheme that does not take it; {inputs} is their number
     others   what is said behind the names of those that do
     """
 
@@ -84,7 +84,7 @@ class PlantFeature:
 
 
 PLANT_FEATURES = {
-    "several inputs": PlantFeature(lambda known: known.inputs > 1, "takes plants with one input", "take several"),
+    "several inputs": PlantFeature(lambda known: known.inputs > 1, "takes plants with one input, got {inputs}", "take several"),
     "an unknown input gain": PlantFeature(
         lambda known: known.uncertainty.gain_unknown, "takes the input gain as known", "take uncertainty.input_gain"
     ),
@@ -105,8 +105,15 @@ def require_taken(scheme: type[Scheme], known: Known) -> None:
         feature = PLANT_FEATURES[name]
         if feature.found(known):
             own = next((key for key, kind in SCHEMES.items() if issubclass(scheme, kind)), scheme.__name__)
-            *taking, last = (key for key, kind in SCHEMES.items() if name not in kind.beyond)
-            raise InputError(f"{own} {feature.refusal}; {', '.join(taking)} and {last} {feature.others}")
+            *taking, last = (key for key, kind in SCHEMES.items() if name not in beyond_of(kind))
+            refusal = feature.refusal.format(inputs=known.inputs)
+            raise InputError(f"{own} {refusal}; {', '.join(taking)} and {last} {feature.others}")
+
+
+def beyond_of(scheme: type) -> tuple[str, ...]:
+    """What of plants a scheme declares that it does not take; of one from outside nothing is known before it is bound."""
+    beyond: tuple[str, ...] = getattr(scheme, "beyond", ())
+    return beyond
 
 
 def projection_box(projection: bool | None, known: Known) -> EstimateSet | None:
