@@ -71,6 +71,16 @@ class SettlingSignal(Signal, Protocol):
         ...
 
 
+@runtime_checkable
+class InterpolatedSignal(Signal, Protocol):
+    """A signal that is linear between points and constant outside them: pages keep the points instead of its equations."""
+
+    @property
+    def interpolation_points(self) -> tuple[Array, Array]:
+        """The times [s], increasing, and the values there, both (K,)."""
+        ...
+
+
 class Dynamics(Protocol):
     """What a loop integrates of a plant or of a model."""
 

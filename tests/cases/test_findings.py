@@ -147,3 +147,19 @@ def test_editors_refuse_what_the_program_refuses(old, new):
     assert list(Draft202012Validator(schema).iter_errors(tomllib.loads(edited((old, new)))))
     assert not list(Draft202012Validator(schema).iter_errors(tomllib.loads(CASE)))
     assert json.loads(json.dumps(schema)) == schema
+
+
+@pytest.mark.parametrize(
+    ("keys", "said"),
+    [
+        ('terms = ["x1"], width = 1', "plant.regressor.width has no meaning for terms"),
+        ('terms = ["x1"], widht = 1', "unknown key plant.regressor.widht"),
+        ("terms = { a = 1 }", "plant.regressor.terms must be a list"),
+        ('terms = ["x1", 3]', "plant.regressor.terms 2 should be a valid string, got 3"),
+    ],
+)
+def test_a_kind_may_be_called_as_one_of_its_keys(keys, said):
+    """pydantic's place of a finding has the kind behind the table, which here is the name of a key as well."""
+    assert said in refusal(
+        lambda: parse_case(edited(("theta = [1.0]", f'theta = [1.0], regressor = {{ kind = "terms", {keys} }}')))
+    )

@@ -25,7 +25,7 @@ from barbalat.cases.table_models import Table
 from barbalat.certificates.schemes import scheme_file
 from barbalat.controllers import SCHEMES, Mrac, Sampled
 from barbalat.controllers.output import OUTPUT_SCHEMES
-from barbalat.explorer.commands import is_smooth
+from barbalat.explorer.commands import is_computed, is_formula
 from barbalat.problem.regressors import REGRESSORS, Linear, Regressor
 from barbalat.protocols import BoundedSignal, BreakingSignal, SettlingSignal
 from barbalat.signals import SIGNALS
@@ -261,11 +261,11 @@ def test_a_signal_says_whether_it_settles(name, folder):
 @pytest.mark.parametrize("name", SIGNALS)
 def test_a_page_computes_a_signal_without_jumps(name, folder):
     signal = of_case_file("signal", name, folder)
-    assert is_smooth(signal) == isinstance(signal, Continuous)
+    assert is_computed(signal) == isinstance(signal, Continuous)
 
 
 def test_of_a_signal_that_is_no_formula_a_page_keeps_rows():
-    assert is_smooth(Constant(1.0)) and not is_smooth(Ramp(1.0)) and not is_smooth(Branching(1.0))
+    assert is_formula(Constant(1.0)) and not is_computed(Ramp(1.0)) and not is_computed(Branching(1.0))
 
 
 @dataclass(frozen=True)

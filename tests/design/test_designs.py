@@ -4,14 +4,16 @@ import math
 import re
 import sys
 import warnings
+from dataclasses import fields
 
 import control
 import numpy as np
 import pytest
 
-from barbalat.cases.load import load_case
+from barbalat.cases.load import load_case, parse_case
 from barbalat.certificates.linear_loops.robustness import robustness
 from barbalat.certificates.schemes import linear_feedback
+from barbalat.controllers import LinearFeedback
 from barbalat.design import (
     default_delay,
     delay_weight,
@@ -192,3 +194,23 @@ def test_hinf_bears_more_than_pi_for_the_same_delay(section_v):
     assert not findings
     assert scale[hinf_feedback] > 1.5 * scale[pi_feedback]
     assert math.isfinite(scale[hinf_feedback])
+
+
+@pytest.mark.parametrize("design", ["pi", "hinf"])
+def test_every_key_of_a_linear_controller_goes_with_a_design(design):
+    """Case files hand a design all keys of the scheme but the controller that it makes; here with a value for each."""
+    if design == "hinf":
+        pytest.importorskip("slycot", reason="needs the extra robust")
+    case = """
+        name = "c"
+        plant = { A_m = [[-1.0]], b = [1.0], theta = [0.5], input = { saturation = [-5, 5] } }
+        reference_model = { k_0 = 1.0 }
+        reference = { kind = "step", amplitude = 1.0 }
+        simulation = { t_end = 1.0, dt = 1e-3 }
+        controller = [{ scheme = "linear", design = "DESIGN", unmodelled_delay = 0.02, KEYS }]
+    """
+    given = {"output": "[1.0]", "nominal": "[0.25]", "anti_windup": "1.5", "name": '"own"'}
+    assert {one.name for one in fields(LinearFeedback) if one.init} == {"controller", "unmodelled", *given}
+    keys = ", ".join(f"{key} = {value}" for key, value in given.items())
+    (made,) = parse_case(case.replace("DESIGN", design).replace("KEYS", keys)).controllers
+    assert (made.output, made.nominal, made.anti_windup, made.name) == (1.0, 0.25, 1.5, "own")

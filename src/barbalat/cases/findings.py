@@ -210,41 +210,58 @@ def _as_toml(value: Any, depth: int) -> str:
     return str(value)  # a date or a time
 
 
-def _value(location: tuple[int | str, ...], data: Any) -> Any:
-    """What stands at a place; the tags that pydantic puts between are passed over."""
-    here = data
+def _keys(location: tuple[int | str, ...], data: Any) -> list[int | str]:
+    """A place without the tags that pydantic puts in it: a form's name, and a table's own kind or scheme behind the table.
+
+    A key of that table may have the same name as the tag, which is why the tag is looked for once, right behind its table.
+    """
+    here, entered, found = data, False, list[int | str]()
     for key in location:
-        if isinstance(here, dict):
-            here = here.get(key, here)
-        elif isinstance(here, list) and isinstance(key, int):
-            here = here[key]
+        if key in TAGS:
+            continue
+        if isinstance(here, dict) and entered and key in (here.get("kind"), here.get("scheme")):
+            entered = False
+            continue
+        found.append(key)
+        here, entered = _inside(here, key), True
+    return found
+
+
+def _inside(here: Any, key: int | str) -> Any:
+    """What stands under a key of a table or at a place of a list; None where nothing does."""
+    if isinstance(here, dict):
+        return here.get(key)
+    return here[key] if isinstance(here, list) and isinstance(key, int) and key < len(here) else None
+
+
+def _value(location: tuple[int | str, ...], data: Any) -> Any:
+    """What stands at a place; of what is missing, the table that should have it."""
+    here = data
+    for key in _keys(location, data):
+        here = here.get(key, here) if isinstance(here, dict) else _inside(here, key) if isinstance(here, list) else here
     return here
 
 
 def _position(location: tuple[int | str, ...], data: Any) -> list[int]:
     """Where a place stands in the file, to be compared with others'; what is missing stands at the end of its table."""
     found: list[int] = []
-    for key in location:
-        if isinstance(data, dict) and key not in TAGS:
+    for key in _keys(location, data):
+        if isinstance(data, dict):
             found.append(list(data).index(key) if key in data else len(data))
-            data = data.get(key)
         elif isinstance(data, list) and isinstance(key, int):
             found.append(key)
-            data = data[key] if key < len(data) else None
+        data = _inside(data, key)
     return found
 
 
 def _place(location: tuple[int | str, ...], data: Any) -> str:
-    """The dotted name of a place, without the tags that pydantic puts between for a kind or a scheme."""
+    """The dotted name of a place."""
     parts: list[str] = []
     here = data
-    location = tuple(key for key in location if key not in TAGS)
-    for position, key in enumerate(location):
-        is_last = position == len(location) - 1
-        if isinstance(here, dict) and (key in here or is_last):
+    for key in _keys(location, data):
+        if isinstance(here, dict):
             parts.append(str(key) if str(key).isprintable() else repr(key))  # a key in quotes may hold anything
-            here = here.get(key)
         elif isinstance(here, list) and isinstance(key, int):
             parts[-1] += f" {key + 1}"
-            here = here[key] if key < len(here) else None
+        here = _inside(here, key)
     return ".".join(parts)

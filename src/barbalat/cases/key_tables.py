@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import re
 import sys
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import is_dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal, get_args, get_origin
@@ -22,6 +22,7 @@ from barbalat.cases.scheme_keys import SAMPLING, LowPass, sampling_of
 from barbalat.controllers import SCHEMES
 from barbalat.controllers.output import OUTPUT_SCHEMES
 from barbalat.controllers.piecewise_predictor import AsFlown
+from barbalat.controllers.settings import PLANT_FEATURES, beyond_of
 from barbalat.controllers.windup import ModifiedError
 from barbalat.linear.systems import TransferFunction
 from barbalat.problem.output_feedback import OutputProblem
@@ -29,6 +30,7 @@ from barbalat.problem.regressors import REGRESSORS, Regressor
 from barbalat.problem.state_feedback import Problem
 from barbalat.protocols import Signal
 from barbalat.signals import SIGNALS
+from barbalat.targets import IN_PAGES, TARGETS, in_pages, is_tunable
 from barbalat.validate import Array, Matrix, Vector
 
 WORDS: dict[Any, str] = {
@@ -71,6 +73,9 @@ def tables() -> dict[str, str]:
         "output problem": _markdown("key", "type", "default", "meaning", rows=_rows(case_table(OutputProblem).recipe.keys)),
         "output schemes": _registry(OUTPUT_SCHEMES, "scheme"),
         "output laws": _registry(only_output, "kind"),
+        "plants of schemes": _plants_of_schemes(),
+        "signals of pages": _signals_of_pages(),
+        "targets": _targets(),
     }
 
 
@@ -120,6 +125,37 @@ def _registry(registry: Mapping[str, type], choice: str) -> str:
     return _markdown(choice, "key", "type", "default", "meaning", rows=rows)
 
 
+def _plants_of_schemes() -> str:
+    """By schemes, which plants they take and whether something says what is tuned of them: as they declare it."""
+    rows = [
+        (f"`{name}`", *(_mark(feature not in beyond_of(scheme)) for feature in PLANT_FEATURES), _mark(is_tunable(scheme)))
+        for name, scheme in SCHEMES.items()
+    ]
+    none = ("-",) * len(PLANT_FEATURES)
+    rows += [(f"`{name}`, of the output", *none, _mark(is_tunable(scheme))) for name, scheme in OUTPUT_SCHEMES.items()]
+    return _markdown("scheme", *PLANT_FEATURES, "says what is tuned", rows=rows)
+
+
+def _signals_of_pages() -> str:
+    rows = []
+    for name, kind in SIGNALS.items():
+        breaks = hasattr(getattr(kind, "makes", kind), "breaks")
+        rows.append((f"`{name}`", IN_PAGES[in_pages(kind)], _mark(breaks)))
+    return _markdown("kind", "in a page of `explore`", "jumps or bends", rows=rows)
+
+
+def _targets() -> str:
+    rows = []
+    for target in TARGETS:
+        controllers = ["act at samples"] * target.sampled + ["say what is tuned of them"] * target.tunable
+        rows.append((f"`{target.command}`", ", ".join(need.words for need in target.problem), ", ".join(controllers)))
+    return _markdown("command", "asks of the problem", "asks of controllers", rows=rows)
+
+
+def _mark(taken: bool) -> str:
+    return "yes" if taken else "no"
+
+
 def _described(key: Key) -> tuple[str, str, str]:
     default = "required" if key.default is REQUIRED else "" if key.default in (None, ()) else _plain(key.default)
     return words(key.type), default, _cell(key.meaning)
@@ -159,7 +195,7 @@ def _cell(text: str) -> str:
     return text.replace("|", r"\|").replace("*", r"\*")
 
 
-def _markdown(*head: str, rows: list[tuple[str, ...]]) -> str:
+def _markdown(*head: str, rows: Sequence[tuple[str, ...]]) -> str:
     return "".join(f"| {' | '.join(row)} |\n" for row in (head, ("---",) * len(head), *rows))
 
 

@@ -27,6 +27,7 @@ from barbalat.problem.state_feedback import Problem
 from barbalat.protocols import Signal
 from barbalat.signals import SIGNALS
 from barbalat.solvers import SOLVERS, Tableau
+from barbalat.targets import IN_PAGES, in_pages, left_out
 from barbalat.validate import Array, Matrix, Vector
 
 REGISTRY_OF_TYPE: dict[Any, Mapping[str, type]] = {
@@ -85,8 +86,16 @@ def case_table(problem: type, further: tuple[tuple[str, type], ...] = (), *, alo
 @cache
 def table_of(settings: type, key: str = "", choice: str = "") -> type[Table]:
     """The table that makes an object of a class; it may be one of several, of which ``key`` = "``choice``" chooses it."""
-    more = {key: (Literal[choice], Field(description=" ".join(summary(settings).split())))} if key else {}
+    more = {key: (Literal[choice], Field(description=_about(settings, key)))} if key else {}
     return _model(_recipe(settings, choice, is_scheme=key == "scheme"), **more)
+
+
+def _about(settings: type, key: str) -> str:
+    """What a kind or a scheme is, and with what it does not go."""
+    further = left_out(settings) if key == "scheme" else ""
+    if settings in SIGNALS.values():
+        further = f"A page of explore keeps {IN_PAGES[in_pages(settings)]}."
+    return " ".join([*summary(settings).split(), *further.split()])
 
 
 def _recipe(settings: type, choice: str = "", *, is_scheme: bool = False) -> Recipe:

@@ -75,14 +75,13 @@ EXPECTED_SECONDS = {"simulating": 60.0, "drawing": 3.0}
 
 
 def _found(case: Case, options: argparse.Namespace, running: Work) -> TradeOff:
-    from barbalat import validate
     from barbalat.problem.state_feedback import Problem
     from barbalat.study.criteria import Lost
     from barbalat.study.tradeoff import trade_off
+    from barbalat.targets import TRADE_OFF
 
-    if not isinstance(case.problem, Problem):
-        raise validate.InputError("the trade-off compares the state-feedback schemes; this case measures the output")
-
+    TRADE_OFF.require(case.problem)
+    assert isinstance(case.problem, Problem)
     with running.part("simulating") as progress:
         return trade_off(
             case.problem,

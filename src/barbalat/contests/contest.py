@@ -31,6 +31,7 @@ from barbalat.study.finer_step import FINER_BY, refined
 from barbalat.study.ideal_benchmark import quiet
 from barbalat.study.motion import REST_SENTENCE, ModelMotion
 from barbalat.study.tradeoff import plants_of
+from barbalat.targets import CONTEST
 from barbalat.tuning.trial import Plants
 from barbalat.validate import InputError, counted
 
@@ -86,10 +87,8 @@ def contest(
 
 def posed(problem: TrackingProblem) -> Problem:
     """InputError for what no contest can be held on."""
-    if not isinstance(problem, Problem):
-        raise InputError("a contest needs a plant whose state is measured, and this case measures an output")
-    if problem.uncertainty is None:
-        raise InputError("a contest needs the known set: give uncertainty.lower and .upper, or .center and .radius")
+    CONTEST.require(problem)
+    assert isinstance(problem, Problem)
     return problem
 
 

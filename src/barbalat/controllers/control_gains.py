@@ -68,10 +68,8 @@ class ControlGains:
     interval: ParameterBox | None  # of k_r
 
     @classmethod
-    def of(cls, scheme: str, settings: GainSettings, known: Known) -> ControlGains:
-        """InputError for several commands of one input, and where the settings don't fit the plant."""
-        if known.inputs == 1 and np.ndim(known.k_0):
-            raise InputError(f"{scheme} takes one command where the plant has one input; mrac takes several")
+    def of(cls, settings: GainSettings, known: Known) -> ControlGains:
+        """InputError where the settings don't fit the plant."""
         projection_box(settings.projection, known)  # refuses what is no switch, and a projection onto nothing
         regressor, gamma = known.uncertainty.regressor, Gain(settings.gamma)
         gamma.require_size("gamma", regressor.size(known.n) * known.inputs)

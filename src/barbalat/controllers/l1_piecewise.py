@@ -16,7 +16,7 @@ from barbalat.controllers.knobs import Knobs, Reach
 from barbalat.controllers.l1 import require_low_pass
 from barbalat.controllers.piecewise_filter import FilterStep, filter_step
 from barbalat.controllers.piecewise_predictor import AsFlown, PredictorStep
-from barbalat.controllers.settings import Scheme
+from barbalat.controllers.settings import Scheme, require_taken
 from barbalat.controllers.windup import applied, limits_of_predictor
 from barbalat.linear.systems import TransferFunction, input_filter
 from barbalat.problem.regressors import Uncertainty
@@ -115,6 +115,8 @@ class L1PiecewiseConstant(Scheme):
     saturated_predictor: bool = False
     name: str = "L1, piecewise constant"
 
+    beyond: ClassVar[tuple[str, ...]] = ("an unknown input gain",)
+
     patent: ClassVar[str] = PATENT_NOTE
 
     def __post_init__(self) -> None:
@@ -148,8 +150,7 @@ class L1PiecewiseConstant(Scheme):
         return self.sample_time if assumed is None else assumed
 
     def bind(self, known: Known) -> Equations:
-        if known.uncertainty.gain_unknown:
-            raise InputError("l1-piecewise takes the input gain as known; mrac and l1 estimate it (uncertainty.input_gain)")
+        require_taken(L1PiecewiseConstant, known)
         B, T, flown = input_directions(known.b), self.assumed_sample_time, self.as_flown
         return Equations(
             sample_time=self.sample_time,

@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import KW_ONLY, dataclass
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 
 from barbalat import validate
 from barbalat.controllers.knobs import Knobs, Reach
-from barbalat.controllers.settings import Scheme, require_one_input
+from barbalat.controllers.settings import Scheme, require_taken
 from barbalat.controllers.steps import LinearStep
 from barbalat.controllers.tustin import Tustin
 from barbalat.controllers.windup import applied, limits_of_predictor
 from barbalat.linear.systems import StateSpace, TransferFunction
-from barbalat.problem.regressors import Linear as LinearRegressor
 from barbalat.problem.state_feedback import Known
 from barbalat.protocols import Value
 from barbalat.validate import Array, InputError, Vector, freeze
@@ -79,6 +78,8 @@ class LinearFeedback(Scheme):
     anti_windup: float | None = None
     name: str = "Linear"
 
+    beyond: ClassVar[tuple[str, ...]] = ("several inputs", "an unknown input gain", "another regressor than x")
+
     def __post_init__(self) -> None:
         validate.label("name", self.name)
         freeze(self, controller=StateSpace.accept("controller", self.controller))
@@ -139,7 +140,5 @@ def _learning(K: StateSpace, noise: float) -> Array:
 
 
 def require_linear_plant(known: Known) -> None:
-    """InputError for several inputs, an unknown input gain, a regressor other than x."""
-    require_one_input("linear", known)
-    if not isinstance(known.uncertainty.regressor, LinearRegressor):
-        raise InputError("linear takes plants with the regressor phi(x) = x")
+    """InputError for a plant with what is beyond linear feedback."""
+    require_taken(LinearFeedback, known)

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import KW_ONLY, dataclass
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 
 from barbalat import validate
 from barbalat.controllers.control_gains import ControlGains, GainEquations, check_gains
-from barbalat.controllers.settings import Scheme
+from barbalat.controllers.settings import Scheme, require_taken
 from barbalat.problem.state_feedback import Known
 from barbalat.protocols import Value
-from barbalat.validate import Array, InputError, Vector
+from barbalat.validate import Array, Vector
 
 
 class State(NamedTuple):
@@ -90,6 +90,8 @@ class MitRule(Scheme):
     projection: bool | None = None
     name: str = "MIT rule"
 
+    beyond: ClassVar[tuple[str, ...]] = ("several inputs",)
+
     def __post_init__(self) -> None:
         check_gains(self)
         if self.output is not None:
@@ -99,13 +101,12 @@ class MitRule(Scheme):
             validate.freeze(self, normalization=validate.positive("normalization", self.normalization))
 
     def bind(self, known: Known) -> Equations:
-        if known.inputs > 1:
-            raise InputError(f"mit-rule takes plants with one input, got {known.inputs}; mrac-direct takes several")
+        require_taken(MitRule, known)
         return Equations(
             A_m=known.A_m,
             b=known.b,
             c=np.eye(known.n)[0] if self.output is None else validate.vector("output", self.output, known.n),
             normalization=self.normalization,
             feedforward_only=self.feedforward_only,
-            gains=ControlGains.of("mit-rule", self, known),
+            gains=ControlGains.of(self, known),
         )

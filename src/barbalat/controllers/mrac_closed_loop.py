@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import KW_ONLY, dataclass, replace
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 
 from barbalat import validate
 from barbalat.controllers.knobs import Knobs, Reach
-from barbalat.controllers.settings import Scheme, check_common, initial_estimate, projection_box, require_one_input
+from barbalat.controllers.settings import Scheme, check_common, initial_estimate, projection_box, require_taken
 from barbalat.linear.conditions import require_hurwitz
 from barbalat.problem.known_set import EstimateSet, Gain, gain, limit, project
 from barbalat.problem.state_feedback import Known
@@ -75,6 +75,8 @@ class MracClosedLoop(Scheme):
     projection: bool | None = None
     name: str = "MRAC, closed-loop model"
 
+    beyond: ClassVar[tuple[str, ...]] = ("several inputs", "an unknown input gain")
+
     def __post_init__(self) -> None:
         check_common(self)
         object.__setattr__(self, "gamma", gain.accept("gamma", self.gamma))
@@ -91,7 +93,7 @@ class MracClosedLoop(Scheme):
         )
 
     def bind(self, known: Known) -> Equations:
-        require_one_input("mrac-closed-loop", known)
+        require_taken(MracClosedLoop, known)
         gamma, L = Gain(self.gamma), validate.array("model_feedback", self.model_feedback, known.A_m.shape)
         gamma.require_size("gamma", known.parameters)
         closed, box = replace(known, A_m=known.A_m + L), projection_box(self.projection, known)

@@ -80,4 +80,4 @@ class DirectMrac(Scheme):
         )
 
     def bind(self, known: Known) -> Equations:
-        return Equations(b=known.b, P=known.P, gains=ControlGains.of("mrac-direct", self, known))
+        return Equations(b=known.b, P=known.P, gains=ControlGains.of(self, known))

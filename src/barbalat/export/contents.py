@@ -22,6 +22,7 @@ from barbalat.protocols import Controller, DiscretizedEquations, SampledEquation
 from barbalat.run.recording import Recording, recorded
 from barbalat.run.sampled_part import COMMAND, FREEZE, MEASURED, PARAMETER, STATE, controller_program, initial_acting
 from barbalat.solvers.simulation import Simulation
+from barbalat.targets import require_sampled
 from barbalat.validate import Array, InputError
 
 VECTORS = 1000
@@ -59,11 +60,7 @@ class Contents:
     ) -> Contents:
         """InputError for a continuous controller, and for one that diverges before the vectors end."""
         loop = ClosedLoop.of(problem, controller)
-        if not loop.sampled:
-            raise InputError(
-                f"{controller.name} is continuous, and a flight computer runs from sample to sample: give it a sample_time in "
-                "the case file, or wrap it as Sampled(controller=..., sample_time=...)"
-            )
+        require_sampled(controller.name, sampled=loop.sampled)
         program = controller_program(loop) if opened is None else controller_program(opened.template.loop, opened.template.column)
         vectors = recorded(problem, controller, simulation, VECTORS)
         if not all(np.isfinite(part).all() for part in (vectors.measured, vectors.commands, vectors.states)):

@@ -14,7 +14,7 @@ from barbalat.loop.packing import flatten
 from barbalat.lowering.operations import Program, sliced, sources
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.run.sampled_part import STATE
-from barbalat.validate import InputError
+from barbalat.targets import EXPORTED_LOOP
 
 PARAMETER, SIGNAL, PAST, NOISE = 2, 3, 4, 5
 """Arguments of a step's list, beside the state; see ``run.step.step_function``."""
@@ -35,8 +35,7 @@ class PlantContents:
     @classmethod
     def of(cls, problem: TrackingProblem, opened: Opened) -> PlantContents:
         """InputError for a plant whose equations contain t."""
-        if problem.depends_on_time:
-            raise InputError("a plant is exported without a clock of its own, and this one's equations contain t")
+        EXPORTED_LOOP.require(problem)
         loop = opened.members.loop
         at = loop.unpack(np.arange(loop.size))
         own = flatten((at.x, at.input, at.sensor))

@@ -148,15 +148,16 @@ class Problem(TrackingProblem, Settings):
     def _check_commands(self) -> None:
         given = self.reference
         commands = tuple(given) if isinstance(given, (list, tuple)) else (given,)
-        several = isinstance(given, (list, tuple))
         for command in commands:
             require_signal("reference", command)
+        if self.plant.inputs == 1 and len(commands) != 1:
+            raise InputError.of("reference", f"must be one command where the plant has one input, got {len(commands)}")
         shape = np.shape(self.reference_model.k_0)
-        wanted = (self.plant.inputs, len(commands)) if several or self.plant.inputs > 1 else ()
+        wanted = (self.plant.inputs, len(commands)) if self.plant.inputs > 1 else ()
         if shape != wanted:
             asked = f"a matrix {wanted[0]} x {wanted[1]} (inputs x commands)" if wanted else "a number"
             raise InputError.of("reference_model.k_0", f"must be {asked}, got {validate.show(self.reference_model.k_0)}")
-        freeze(self, reference=commands if wanted else self.reference)  # one command of several inputs is a list of one
+        freeze(self, reference=commands if wanted else commands[0])  # one command of several inputs is a list of one
 
     @property
     def in_brief(self) -> str:

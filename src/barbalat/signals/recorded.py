@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 from pathlib import Path
+from typing import ClassVar
 
 import numpy as np
 
@@ -101,6 +102,11 @@ class Recorded(Continuous, Settings):
     def __call__(self, t: Array) -> Array:
         return np.interp(t, self.times, self.values)
 
+    @property
+    def interpolation_points(self) -> tuple[Array, Array]:
+        """The times [s] and the values."""
+        return self.times, self.values
+
     def breaks(self, start: float, stop: float) -> Array:
         slopes = np.diff(self.values) / np.diff(self.times)
         return between(start, stop, self.times[np.diff(slopes, prepend=0.0, append=0.0) != 0])
@@ -126,6 +132,8 @@ class MatFile(Settings):
     times   the variable with the times [s]
     values  the variable with the values; the only other one of as many numbers by default
     """
+
+    makes: ClassVar[type] = Recorded
 
     file: str
     times: str = "t"

@@ -25,7 +25,8 @@ from barbalat.study.forecast import Forecast
 from barbalat.study.ideal_benchmark import SHORTEST_DELAY_STEPS
 from barbalat.study.knobs import default_knobs
 from barbalat.study.motion import REST_SENTENCE, ModelMotion
-from barbalat.validate import Array, InputError
+from barbalat.targets import TRADE_OFF
+from barbalat.validate import Array
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -139,8 +140,8 @@ def trade_off(
     Raises InputError for a problem without a known set.
     """
     started = time.perf_counter()
-    if problem.uncertainty is None:
-        raise InputError("the trade-off needs the known set: give uncertainty.lower and .upper, or .center and .radius")
+    TRADE_OFF.require(problem)
+    assert problem.uncertainty is not None
     validate.whole("plants", plants, least=1)
     chosen, left_out = default_knobs(problem, simulation, density=density) if knobs is None else (knobs, ())
     family = plants_of(problem, problem.uncertainty, plants, seed)

@@ -91,7 +91,7 @@ class L1OutputPiecewiseConstant(Scheme):
     filter: TransferFunction
     _: KW_ONLY
     saturated_predictor: bool = False
-    name: str = "L1 output, piecewise constant"
+    name: str = "L1 output, piecewise"
 
     feedback: ClassVar[str] = "output"
     patent: ClassVar[str] = PATENT_NOTE

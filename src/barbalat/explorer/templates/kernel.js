@@ -49,7 +49,35 @@ export function ringRows(lag) {
   return 2 ** Math.ceil(Math.log2(lag + TAPS)) - 1 + TAPS;
 }
 
-// The smooth signals' values at times, a row for each.
+// Linear between the points of a record, as NumPy's interp has it, and constant outside; times increase.
+export function interpolated({ times, values }, at) {
+  const last = times.length - 1;
+  const found = new Float64Array(at.length);
+  let j = 0;
+  at.forEach((t, i) => {
+    while (j < last && times[j + 1] <= t) j++;
+    const between = t > times[j] && j < last;
+    found[i] = between ? ((values[j + 1] - values[j]) / (times[j + 1] - times[j])) * (t - times[j]) + values[j] : values[j];
+  });
+  return found;
+}
+
+// The computed signals' values at times, a row for each: those of formulas, and those of records.
+export function computedValues(kernel, signals, times) {
+  const computed = signals.points.filter((_, i) => signals.smooth[i]);
+  const formulas = computed.filter((points) => !points).length;
+  const byFormula = formulas ? smoothValues(kernel, signals.parameters, formulas, times) : [];
+  if (formulas === computed.length) return byFormula;
+  const found = new Float64Array(times.length * computed.length);
+  let formula = 0;
+  computed.forEach((points, j) => {
+    const [values, every, first] = points ? [interpolated(points, times), 1, 0] : [byFormula, formulas, formula++];
+    for (let i = 0; i < times.length; i++) found[i * computed.length + j] = values[i * every + first];
+  });
+  return found;
+}
+
+// The formulas' values at times, a row for each.
 export function smoothValues(kernel, parameters, channels, times) {
   const most = 65536;
   const found = new Float64Array(times.length * channels);

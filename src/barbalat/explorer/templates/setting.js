@@ -9,6 +9,9 @@ export function readData(text) {
   for (const number of data.numbers) number.values = doublesOf(number.values);
   const grids = [...(data.signals.grids ?? []), ...data.numbers.flatMap((number) => number.grids ?? [])];
   data.signals.parameters = doublesOf(data.signals.parameters);
+  for (const points of data.signals.points) {
+    if (points) Object.assign(points, { times: doublesOf(points.times), values: doublesOf(points.values) });
+  }
   for (const grid of grids) {
     for (const key of ["cuts", "values", "last"]) grid[key] = doublesOf(grid[key]);
   }
@@ -147,9 +150,9 @@ function scaledGrid(data, setting, grid) {
 function jumpRefusal(data, values) {
   const { t_end: tEnd, dt } = data.simulation;
   const moved = data.numbers.find((number, i) => number.grids && values[i] !== number.value);
-  if (moved) return `Where the command jumps is known for the case's step and horizon only: put ${moved.label} back to ${moved.value} first.`;
+  if (moved) return `Where the command jumps or bends is known for the case's step and horizon only: put ${moved.label} back to ${moved.value} first.`;
   const of = (key, other) => data.signals.grids.filter((grid) => grid[other] === data.simulation[other]).map((grid) => grid[key]).sort((a, b) => a - b);
-  return `The command jumps, and where is known for h = ${of("dt", "t_end").join(", ")} s with the horizon ${tEnd} s, and for horizons of `
+  return `The command jumps or bends, and where is known for h = ${of("dt", "t_end").join(", ")} s with the horizon ${tEnd} s, and for horizons of `
     + `${of("t_end", "dt").join(", ")} s with h = ${dt} s.`;
 }
 

@@ -2,7 +2,7 @@
 
 import { bytesOf } from "./bytes.js";
 import { segmentsOf, Table } from "./grid.js";
-import { Kernel, ringRows, smoothValues } from "./kernel.js";
+import { computedValues, Kernel, ringRows } from "./kernel.js";
 import { Noise } from "./noise.js";
 import { Totals } from "./figures.js";
 import { conditionOf } from "./impulse.js";
@@ -24,8 +24,7 @@ function tableFor(task) {
   const key = `${task.tableKey} ${task.nodes} ${Array.from(signals.parameters)}`;
   if (table === null || table.key !== key) {
     const kernel = kernelOf("signals", signals.module);
-    const channels = signals.smooth.filter(Boolean).length;
-    const smooth = (times) => smoothValues(kernel, signals.parameters, channels, times);
+    const smooth = (times) => computedValues(kernel, signals, times);
     table = new Table(grid, smooth, signals, task.nodes, task.shape.pieces);
     table.key = key;
   }

@@ -1,0 +1,127 @@
+"""What commands ask of a case beyond what every simulation takes: declared here, asked by them, shown by docs and schema.
+
+A scheme declares itself which plants it does not take (``Scheme.beyond``), and by its ``knobs`` what is tuned of it; a signal
+says by its protocols how a page has it. Classes from outside are asked the same questions.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from barbalat.controllers.knobs import OutputTunable, Tunable
+from barbalat.controllers.settings import beyond_of
+from barbalat.problem.state_feedback import Problem
+from barbalat.problem.tracking import TrackingProblem
+from barbalat.protocols import InterpolatedSignal
+from barbalat.signals.smooth import Continuous
+from barbalat.validate import InputError
+
+
+@dataclass(frozen=True)
+class Need:
+    """What a target asks of a problem.
+
+    words      in a table
+    met        whether the problem has it
+    otherwise  what the target is said to need where it has not
+    """
+
+    words: str
+    met: Callable[[TrackingProblem], bool]
+    otherwise: str
+
+
+MEASURED_STATE = Need(
+    "a measured state",
+    lambda problem: isinstance(problem, Problem),
+    "a plant whose state is measured, and this case measures an output",
+)
+KNOWN_SET = Need(
+    "a known set",
+    lambda problem: isinstance(problem, Problem) and problem.uncertainty is not None,
+    "the known set: give uncertainty.lower and .upper, or .center and .radius",
+)
+NO_CLOCK = Need(
+    "a plant without t in its terms",
+    lambda problem: not problem.depends_on_time,
+    "a plant without t in its equations: an exported one has no clock of its own",
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Target:
+    """A command, or one of its options, that does not take every case.
+
+    command  as it is typed
+    called   in sentences
+    problem  what it asks of the problem
+    sampled  whether controllers must act at samples: by nature, or with a sample_time
+    tunable  whether a scheme must say what is tuned of it; one that does not is left out, which is said
+    """
+
+    command: str
+    called: str
+    problem: tuple[Need, ...] = ()
+    sampled: bool = False
+    tunable: bool = False
+
+    def require(self, problem: TrackingProblem) -> None:
+        """InputError for a problem that it does not take."""
+        for need in self.problem:
+            if not need.met(problem):
+                raise InputError(f"{self.called} needs {need.otherwise}")
+
+
+EXPORT = Target(command="export", called="an export", sampled=True)
+EXPORTED_LOOP = Target(command="export --closed-loop", called="an exported loop", problem=(NO_CLOCK,), sampled=True)
+IN_THE_LOOP = Target(command="run --sil", called="software in the loop", sampled=True)
+CONTEST = Target(command="contest", called="a contest", problem=(MEASURED_STATE, KNOWN_SET), tunable=True)
+TRADE_OFF = Target(command="tradeoff", called="the trade-off", problem=(MEASURED_STATE, KNOWN_SET), tunable=True)
+TUNE = Target(command="tune without --vary", called="a search of a scheme's own settings", tunable=True)
+
+TARGETS = (EXPORT, EXPORTED_LOOP, IN_THE_LOOP, CONTEST, TRADE_OFF, TUNE)
+"""All that do not take every case; ``run``, ``certify``, ``sweep``, ``explore`` and ``tune`` with --vary do."""
+
+
+def require_sampled(name: str, *, sampled: bool) -> None:
+    """InputError for a controller that does not act at samples, where a target asks for that."""
+    if not sampled:
+        raise InputError(
+            f"{name} is continuous, and a flight computer runs from sample to sample: give it a sample_time in "
+            "the case file, or wrap it as Sampled(controller=..., sample_time=...)"
+        )
+
+
+def is_tunable(scheme: object) -> bool:
+    """Whether a scheme, or its class, says which of its settings are tuned."""
+    return isinstance(scheme, (Tunable, OutputTunable))
+
+
+IN_PAGES = {
+    "formula": "its formula; its numbers have sliders",
+    "points": "its points, up to 20,000",
+    "rows": "its values, of which up to 20,000 may differ from the one before",
+}
+"""What a page keeps of a signal."""
+
+
+def in_pages(signal: object) -> str:
+    """How a page of ``explore`` has a signal, or one of a class: by its formula, its points, or the rows of its values."""
+    kind = signal if isinstance(signal, type) else type(signal)
+    kind = getattr(kind, "makes", kind)  # of a file that is another way to write a signal
+    if hasattr(kind, "interpolation_points") or isinstance(signal, InterpolatedSignal):
+        return "points"
+    return "formula" if issubclass(kind, Continuous) else "rows"
+
+
+def left_out(scheme: type) -> str:
+    """What a scheme does not take, and which targets do not take it, in sentences; empty where there is neither."""
+    beyond = beyond_of(scheme)
+    said = [f"Takes no plant with {' or '.join(beyond)}."] if beyond else []
+    of_output = getattr(scheme, "feedback", "state") == "output"
+    closed = [one for one in TARGETS if (one.tunable and not is_tunable(scheme)) or (of_output and MEASURED_STATE in one.problem)]
+    if closed:
+        *first, last = (one.command for one in closed)
+        said.append(f"Not for {', '.join(first)}{' and ' if first else ''}{last}.")
+    return " ".join(said)
