@@ -55,7 +55,9 @@ def add_sampled(draft: Draft, problem: Problem, found: Linearised) -> None:
     if known_set is None or not is_needed(MARGINS_KEY):
         return
     with draft.part(MARGINS_KEY):
-        worst = sampled_worst_case(lambda theta: found.beside(plant.b, theta - plant.theta), problem.delay, known_set, plant.theta)
+        worst = sampled_worst_case(
+            lambda theta: found.beside(plant.b, theta - plant.theta), problem.delay, known_set, plant.theta
+        )
         _add(draft, [("from sample to sample with a fixed controller", worst)])
 
 

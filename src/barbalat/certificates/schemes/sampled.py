@@ -101,9 +101,7 @@ def _of_linear(problem: TrackingProblem, controller: Sampled, continuous: Certif
 def _unstable(step_max: float, file: SchemeFile | None) -> str:
     """Of a scheme the limit is of what it integrates itself; of a class from outside it is of the plant as well."""
     if file is not None:
-        return (
-            f"where |x| is as large as its bound the law is numerically unstable: it tolerates samples up to about {step_max:.3g} s"
-        )
+        return f"where |x| is as large as its bound the law is numerically unstable: it tolerates samples up to about {step_max:.3g} s"
     return (
         f"Euler's method is stable on the whole loop, plant included, where it rests, up to steps of about {step_max:.3g} s: the "
         "sampled controller, beside which the plant moves on exactly, may be unstable"
