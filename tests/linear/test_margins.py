@@ -267,3 +267,23 @@ def test_a_plant_that_integrates_has_a_margin_with_its_law_inside():
     given = Problem(plant, ReferenceModel(2.0), Constant(1.0), uncertainty=ParameterBox([-1, -1], [4, 4]))
     certificate = certify(given, L1Adaptive(1e4, input_filter(0.01)), Simulation(1.0, 1e-3))["L1"]
     assert 0 < certificate.values["delay_margin_adapting"] < certificate.values["delay_margin"]
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.01])
+@pytest.mark.parametrize("share", [0.5, 2.0, 1e38])
+def test_a_loop_that_is_as_good_as_open_has_no_gain_margin(share, delay):
+    """K/(s + 1)^3 alone bears K = 8; with K = 8/(share 1e6) the factor is share 1e6, which beyond 1e6 is no margin."""
+    loop = TransferFunction([8.0 / (share * 1e6)], [1.0, 3.0, 3.0, 1.0]).realise()
+    found = margins(loop, delay).gain_up
+    assert found == (pytest.approx(share * 1e6, rel=0.05) if share < 1 else math.inf)  # the delay takes 1 or 2 %
+
+
+def test_a_theta_as_good_as_zero_has_no_margin_of_1e44():
+    problem = Problem(
+        plant=Plant(A_m=[[0.0, 1.0], [-2.0, -2.0]], b=[0.0, 1.0], theta=[-2.6e-45, 0.0]),
+        reference_model=ReferenceModel(k_0=2.0),
+        reference=Constant(1.0),
+    )
+    (found,) = certify(problem, [Mrac(gamma=1.0)], Simulation(t_end=1.0, dt=1e-2)).values()
+    assert "gain_margin" in found.values["unlimited"]
+    assert "1e6" in found.entry("unlimited").meaning

@@ -126,7 +126,11 @@ class Certificate:
         return replace(self, entries=entries, notes=(*self.notes, *notes))
 
 
-NO_VALUE: dict[Kind, str] = {"exact": "unlimited: nothing exhausts it", "estimate": "none is known", "advice": "none"}
+NO_VALUE: dict[Kind, str] = {
+    "exact": "unlimited: nothing exhausts it; of a gain, no factor up to 1e6",
+    "estimate": "none is known",
+    "advice": "none",
+}
 """Why there is no value, by kind."""
 
 

@@ -11,6 +11,7 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 
 _NEEDED: ContextVar[frozenset[str] | None] = ContextVar("needed", default=None)
+_LEFT_OUT: ContextVar[frozenset[str]] = ContextVar("left_out", default=frozenset())
 
 
 @contextmanager
@@ -23,7 +24,22 @@ def needing(keys: Collection[str] | None) -> Iterator[None]:
         _NEEDED.reset(token)
 
 
+@contextmanager
+def leaving_out(*keys: str) -> Iterator[None]:
+    """Inside, certificates lack these keys: what takes their place is computed elsewhere."""
+    token = _LEFT_OUT.set(_LEFT_OUT.get() | frozenset(keys))
+    try:
+        yield
+    finally:
+        _LEFT_OUT.reset(token)
+
+
 def is_needed(*keys: str) -> bool:
     """Whether one of these keys is."""
-    needed = _NEEDED.get()
-    return needed is None or not needed.isdisjoint(keys)
+    needed, wanted = _NEEDED.get(), frozenset(keys) - _LEFT_OUT.get()
+    return bool(wanted) if needed is None else not needed.isdisjoint(wanted)
+
+
+def is_left_out(key: str) -> bool:
+    """Whether certificates lack this key."""
+    return key in _LEFT_OUT.get()

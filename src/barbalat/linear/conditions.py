@@ -16,6 +16,13 @@ def balance(A: Array) -> tuple[Array, Array]:
     return np.asarray(balanced), np.asarray(scale)
 
 
+def scaled(matrix: Array) -> tuple[Array, float]:
+    """The matrix over a power of two near its largest entry, exactly, and that power: neither norms nor roots overflow then."""
+    exponent = int(np.frexp(np.abs(matrix).max(initial=0.0))[1])
+    with np.errstate(under="ignore"):
+        return np.ldexp(matrix, -exponent), float(np.ldexp(1.0, exponent - 1))
+
+
 def rounding(A: Array) -> float:
     """What a few roundings amount to in an eigenvalue of the balanced A: below this, zero and not zero look the same."""
     return 10 * len(A) * float(np.finfo(float).eps * np.linalg.norm(A, 2))
@@ -23,16 +30,19 @@ def rounding(A: Array) -> float:
 
 def require_hurwitz(field: str, A: Array) -> None:
     """InputError unless every eigenvalue has a negative real part, by more than rounding."""
-    balanced, _ = balance(A)
+    unit, half = scaled(A)
+    balanced, _ = balance(unit)
     largest = float(np.linalg.eigvals(balanced).real.max())
     if not largest < -rounding(balanced):
+        largest = largest * half * 2
         raise InputError.of(field, f"must be Hurwitz, but its largest eigenvalue has real part {largest:.6g}: {show(A)}")
 
 
 def require_controllable(fields: str, A: Array, b: Array) -> None:
     """InputError unless [lambda I - A, b] has full rank at every eigenvalue (Popov, Belevitch, Hautus)."""
-    balanced, scale = balance(A)
-    column = b / (scale if b.ndim == 1 else scale[:, None])
+    unit, half = scaled(A)
+    balanced, scale = balance(unit)
+    column = scaled(b)[0] / (scale if b.ndim == 1 else scale[:, None])
     size = float(np.abs(column).max())
     n = len(b)
     norm = float(np.linalg.norm(balanced, 2))
@@ -40,4 +50,6 @@ def require_controllable(fields: str, A: Array, b: Array) -> None:
         pencil = np.column_stack([(eigenvalue * np.eye(n) - balanced) / norm, column / size if size else column])
         # 100: the eigenvalue itself carries a few roundings
         if np.linalg.svd(pencil, compute_uv=False)[-1] <= 100 * n * np.finfo(float).eps:
-            raise InputError.of(fields, f"must be controllable, but b = {show(b)} does not reach the mode at {eigenvalue:.6g}")
+            raise InputError.of(
+                fields, f"must be controllable, but b = {show(b)} does not reach the mode at {eigenvalue * half * 2:.6g}"
+            )

@@ -17,12 +17,17 @@ from barbalat.linear.rotation import phase_crossings
 from barbalat.linear.systems import StateSpace
 from barbalat.validate import Array, InputError
 
+LARGEST_FACTOR = 1e6
+"""On the gain, up or down: a loop that is as good as open, or bears that, has no margin. A crossing beyond it hangs on the last
+bits of what cancels in L, or on a theta that is as good as zero, and no actuator's gain varies that far."""
+
 
 @dataclass(frozen=True)
 class Margins:
     """Of the loop L e^(-s d) with u = -L v around it; infinite where nothing of that kind destabilises.
 
-    gain_up, gain_down  factors > 1 and < 1 at which the loop loses stability
+    gain_up, gain_down  factors > 1 and < 1 at which the loop loses stability; infinite and 0 where none up to ``LARGEST_FACTOR``,
+                        or down to its inverse, does
     phase               the smallest phase lag or lead [rad] that does, over all crossovers
     delay               the smallest delay [s] that does, over all crossovers; beside d
     crossovers          (K,) frequencies [rad/s] with |L| = 1
@@ -70,12 +75,12 @@ def _to_minus_one(L: Array) -> Array:
 
 
 def _gain_factors(loop: StateSpace, delay: float, at: Array) -> tuple[float, float]:
-    """The factors next to 1, above and below, that bring L e^(-s d) to -1 at some w of ``at``, at zero or at infinity."""
+    """The factors next to 1, up to ``LARGEST_FACTOR``, that bring L e^(-s d) to -1 at some w of ``at``, at zero or at infinity."""
     values = (loop.response(at) * np.exp(-1j * at * delay)).real.tolist()
     if loop.order == 0 or np.linalg.cond(loop.A) < 1 / np.finfo(float).eps:
         values.append(float(loop.response(np.zeros(1))[0].real))
     values.append(-abs(loop.D) if delay > 0 else loop.D)  # beside a delay, L(infinity) turns through all phases
-    factors = [-1 / value for value in values if value < 0]
+    factors = [-1 / value for value in values if 1 / LARGEST_FACTOR <= -value <= LARGEST_FACTOR]
     up = min((k for k in factors if k > 1), default=np.inf)
     down = max((k for k in factors if k < 1), default=0.0)
     return float(up), float(down)

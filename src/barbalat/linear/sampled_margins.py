@@ -15,6 +15,7 @@ from functools import cached_property
 
 import numpy as np
 
+from barbalat.linear.margins import LARGEST_FACTOR
 from barbalat.linear.sampled_loop import Effects, SampledLoop
 from barbalat.validate import Array, InputError
 
@@ -36,8 +37,6 @@ LARGEST_TURN = 0.05
 """By how much e^(A t) may turn between the instants within a sample at which it is evaluated."""
 SHARE_OF_ROOM = 0.9
 """Of the factor's distance from a loss that is made at a time: it does not end on the loss itself."""
-LARGEST_FACTOR = 1e6
-"""On the inputs' gain, up or down: beyond it no loss is sought. A loop that is as good as open, or bears that, has no margin."""
 
 
 def delay_margin(loop: SampledLoop, delay: float, at: int | None = None) -> float:

@@ -37,7 +37,7 @@ def commanded(problem: TrackingProblem) -> list[tuple[int, list[int]]]:
 def command_warning(problem: TrackingProblem) -> str | None:
     """A sentence where no state, or not the output, settles at the command; ``None`` too for several commands."""
     gains = gains_at_rest(problem)
-    if gains.shape[1] > 1 or (np.abs(gains - 1) <= FOLLOWS_TO).any():
+    if gains.shape[1] > 1 or not np.isfinite(gains).all() or (np.abs(gains - 1) <= FOLLOWS_TO).any():
         return None
     state = commanded(problem)[0][0]
     gain, moved = float(gains[state, 0]), "y_m" if problem.feedback == "output" else f"x_{state + 1}"

@@ -90,3 +90,18 @@ def test_the_time_of_the_label_does_not_depend_on_the_record(part):
     assert times[0] is not None
     assert times[0] > 10 * dt
     assert times == [times[0]] * 3
+
+
+@pytest.mark.parametrize("discretization", ["euler", "midpoint"])
+def test_a_flow_that_overflows_between_samples_is_a_finding(discretization):
+    """theta of 1e42: e^(A T) is beyond a double where the Jacobian is not, and the map from sample to sample has no numbers."""
+    problem = Problem(
+        plant=Plant(A_m=[[0.0, 1.0], [-2.0, -2.0]], b=[0.0, 1.0], theta=[4.5e42, 0.1], x0=[1.0, 0.0]),
+        reference_model=ReferenceModel(k_0=2.0),
+        reference=Constant(1.0),
+    )
+    controller = Sampled(Mrac(gamma=1.0), 0.01, discretization=discretization)
+    (result,) = simulate(problem, [controller], Simulation(t_end=0.2, dt=1e-3)).values()
+    assert result.diverged_at is not None
+    assert result.label
+    assert "inf" not in result.numerics

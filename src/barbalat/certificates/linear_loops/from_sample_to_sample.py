@@ -9,6 +9,7 @@ import numpy as np
 from barbalat.linear.sampled_loop import SampledLoop
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.loop.linearization import jacobian_function, sampled_jacobian_function
+from barbalat.problem.output_feedback import OutputProblem
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller
 from barbalat.validate import Array
@@ -16,7 +17,7 @@ from barbalat.validate import Array
 
 @dataclass(frozen=True, eq=False)
 class Linearised:
-    """The loop at rest at zero, without limits and quantisation at the plant's input, its delay apart.
+    """The loop at rest at zero, without limits and quantisation at the plant's input and without f(t, y), its delay apart.
 
     rows  where in X stand the controller's own parts by their names, u, x, what is measured and what was, held
     """
@@ -24,9 +25,17 @@ class Linearised:
     loop: SampledLoop
     rows: dict[str, Array]
 
+    def beside(self, b: Array, change: Array) -> SampledLoop:
+        """The loop on the plant whose theta differs by ``change`` (n,), for phi(x) = x and one input with the column b."""
+        A, x = self.loop.A.copy(), self.rows["x"]
+        A[np.ix_(x, x)] += np.outer(b, change)
+        return replace(self.loop, A=A)
+
 
 def linearised(problem: TrackingProblem, controller: Controller) -> Linearised:
     """Exact for a linear plant and a linear controller; what v does not move, the models and the command, is left out."""
+    if isinstance(problem, OutputProblem) and problem.plant.nonlinear is not None:
+        problem = replace(problem, plant=replace(problem.plant, nonlinear=None))
     loop = ClosedLoop.of(problem, controller)
     loop = replace(loop, delayed=False, paths=tuple(path and path.linear for path in loop.paths))
     assert loop.sample_time is not None

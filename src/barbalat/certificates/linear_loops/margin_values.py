@@ -11,7 +11,7 @@ from barbalat.certificates.assumptions import LINEAR_LOOP_ONLY
 from barbalat.certificates.bounds.laws import is_modified
 from barbalat.certificates.certificate import Draft
 from barbalat.certificates.linear_loops.around_equilibrium import around_equilibrium
-from barbalat.certificates.needed import is_needed
+from barbalat.certificates.needed import is_left_out, is_needed
 from barbalat.certificates.picture import MarginLoop
 from barbalat.certificates.quantities import EACH_INPUT
 from barbalat.controllers import L1Adaptive, Mrac
@@ -36,6 +36,8 @@ KEYS_OF_MARGINS = {
 
 def add_margins(draft: Draft, problem: TrackingProblem, loop: StateSpace, which: str, assumed: str = LINEAR_LOOP_ONLY) -> None:
     """Margins and peaks of the loop, with the plant's input dynamics and delay in it, and which loop that is."""
+    if is_left_out("delay_margin"):
+        return
     with draft.part("delay_margin"):
         _add_margins(draft, problem, loop, which, assumed)
 
@@ -52,6 +54,8 @@ def _add_margins(draft: Draft, problem: TrackingProblem, loop: StateSpace, which
 
 def add_margins_of_each(draft: Draft, problem: TrackingProblem, loops: Sequence[StateSpace], which: str) -> None:
     """Of loops that are broken at one input each, with the dynamics of all inputs in them."""
+    if is_left_out("delay_margin_each"):
+        return
     if problem.delay > 0:
         why = (
             "beside a delay the loop that the other inputs close is not rational: a sampled controller's margins are known there"

@@ -9,8 +9,10 @@ import numpy as np
 
 from barbalat.certificates.assumptions import LINEAR_LOOP_ONLY
 from barbalat.certificates.certificate import Draft
+from barbalat.certificates.linear_loops.from_sample_to_sample import Linearised
 from barbalat.certificates.linear_loops.ideal import fast_adaptation, known_parameters
 from barbalat.certificates.linear_loops.margin_values import KEYS_OF_MARGINS
+from barbalat.certificates.linear_loops.sampled_over_known_set import sampled_worst_case
 from barbalat.certificates.linear_loops.worst_case import LoopsOverTheta, WorstCase, worst_case
 from barbalat.certificates.needed import is_needed
 from barbalat.linear.systems import StateSpace
@@ -45,6 +47,18 @@ def add_fixed(draft: Draft, problem: Problem, family: LoopsOverTheta) -> None:
     if known_set is not None and is_needed(MARGINS_KEY):
         with draft.part(MARGINS_KEY):
             _add(draft, [("with a fixed controller", worst_case(family, known_set))])
+
+
+def add_sampled(draft: Draft, problem: Problem, found: Linearised) -> None:
+    """Of a linear controller's loop from sample to sample, for one input with phi(x) = x."""
+    known_set, plant = problem.uncertainty, problem.plant
+    if known_set is None or not is_needed(MARGINS_KEY):
+        return
+    with draft.part(MARGINS_KEY):
+        worst = sampled_worst_case(
+            lambda theta: found.beside(plant.b, theta - plant.theta), problem.delay, known_set, plant.theta
+        )
+        _add(draft, [("from sample to sample with a fixed controller", worst)])
 
 
 @lru_cache(maxsize=16)

@@ -38,6 +38,15 @@ class HeldFile(SchemeFile, Protocol):
         ...
 
 
+@runtime_checkable
+class LinearFile(SchemeFile, Protocol):
+    """The file of a scheme that may be linear and time-invariant: sampled, its loop is known exactly from sample to sample."""
+
+    def linear_when(self, problem: TrackingProblem, controller: Controller) -> str | None:
+        """What makes the continuous controller linear on this plant, as a sentence; None where it is not."""
+        ...
+
+
 def scheme_file(controller: Controller) -> SchemeFile | None:
     """The certificate's file of a controller's scheme; None for one of which none is known: see ``stranger``.
 

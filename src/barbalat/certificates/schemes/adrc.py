@@ -13,6 +13,7 @@ from barbalat.certificates.certificate import Certificate, Draft
 from barbalat.certificates.entry import Assumption, Entry
 from barbalat.certificates.linear_loops.margin_values import with_dynamics
 from barbalat.certificates.schemes.fixed_loop import FixedLoop, add_loop, cells
+from barbalat.certificates.schemes.sampled_loop import LINEAR_CONTROLLER
 from barbalat.certificates.schemes.stranger import add_linearised
 from barbalat.certificates.step_limits.modes import largest_step
 from barbalat.controllers.adrc import Adrc, Equations
@@ -68,6 +69,11 @@ def certificate(problem: Problem, controller: Adrc, simulation: Simulation) -> C
     modes = np.linalg.eigvals(sensitivity(with_dynamics(problem, loop.at(problem.plant.theta))).A)
     draft.estimate({"step_max": largest_step(simulation, modes)}, STEP)
     return draft.finish()
+
+
+def linear_when(problem: Problem, _: Adrc) -> str | None:
+    """On every plant with phi(x) = x, with several inputs too."""
+    return LINEAR_CONTROLLER if problem.plant.is_linear else None
 
 
 def column(problem: Problem, controller: Adrc, certificate: Certificate) -> tuple[str, dict[str, Entry]]:

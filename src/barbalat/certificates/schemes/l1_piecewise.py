@@ -19,7 +19,7 @@ from barbalat.certificates.linear_loops.ideal import fast_adaptation
 from barbalat.certificates.linear_loops.margin_values import finite
 from barbalat.certificates.quantities import Form, Quantity
 from barbalat.certificates.rounding import up
-from barbalat.certificates.schemes.sampled_loop import OF_SAMPLED_LOOPS, add_margins, add_noise, name_of
+from barbalat.certificates.schemes.sampled_loop import LINEAR_CONTROLLER, OF_SAMPLED_LOOPS, add_loop, add_noise, unstable
 from barbalat.controllers import L1PiecewiseConstant
 from barbalat.controllers.l1_piecewise import Equations, realisation
 from barbalat.linear.margins import margins
@@ -42,7 +42,6 @@ OWN_QUANTITIES = OF_SAMPLED_LOOPS | {
     "reference_distance": Quantity("of every component of x - x_ref at the samples, x_ref of the theory's reference system"),
     "reference_distance_between": Quantity("the same at all times, r held between the samples in the reference system"),
 }
-LINEAR_CONTROLLER = "the controller is linear and time-invariant from sample to sample, phi(x) = x, and no limit acts"
 NO_LOOP = "margins and noise are known for phi(x) = x: not for this plant"
 
 
@@ -55,13 +54,8 @@ def certificate(problem: Problem, controller: L1PiecewiseConstant, _: Simulation
             draft.missing(key, NO_LOOP)
         return draft.finish()
     found = linearised(problem, controller)
-    radius = found.loop.radius(problem.delay)
-    draft.exact({"spectral_radius": radius}, name_of(problem), LINEAR_CONTROLLER)
-    if radius < 1:
-        add_margins(draft, problem, found, LINEAR_CONTROLLER)
+    if add_loop(draft, problem, found, LINEAR_CONTROLLER):
         add_noise(draft, problem, found, np.eye(len(found.loop.A))[:, found.rows["measured"]], LINEAR_CONTROLLER)
-    else:
-        draft.missing("delay_margin", f"unstable from sample to sample: spectral radius {radius:.6g}")
     _add_reference(draft, problem, controller)
     return draft.finish()
 
@@ -134,7 +128,7 @@ def column(problem: Problem, controller: L1PiecewiseConstant, certificate: Certi
     values = certificate.values
     radius, away = values.get("spectral_radius"), certificate.entry("reference_distance_between")
     if radius is None or radius >= 1:
-        why = NO_LOOP if radius is None else f"unstable from sample to sample: spectral radius {radius:.6g}"
+        why = NO_LOOP if radius is None else unstable(radius)
         stability = nothing("stability", why)
     else:
         text = f"for every bounded r: a linear loop, spectral radius {radius:.6g} from sample to sample at the case's theta"

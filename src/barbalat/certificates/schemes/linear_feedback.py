@@ -11,6 +11,7 @@ from barbalat.certificates.assumptions import BEYOND_ONE_LINEAR_INPUT, beyond_th
 from barbalat.certificates.certificate import Certificate, Draft
 from barbalat.certificates.entry import Assumption, Entry
 from barbalat.certificates.schemes.fixed_loop import FixedLoop, add_loop, cells
+from barbalat.certificates.schemes.sampled_loop import LINEAR_CONTROLLER
 from barbalat.certificates.schemes.stranger import add_step_of_modes
 from barbalat.controllers import LinearFeedback, linear_feedback
 from barbalat.linear.systems import StateSpace
@@ -50,6 +51,11 @@ def certificate(problem: Problem, controller: LinearFeedback, simulation: Simula
         add_loop(draft, problem, loop)
         add_step_of_modes(draft, problem, controller, simulation)
     return draft.finish()
+
+
+def linear_when(problem: Problem, _: LinearFeedback) -> str | None:
+    """On every plant that it takes."""
+    return LINEAR_CONTROLLER if problem.plant.is_linear else None
 
 
 def column(problem: Problem, controller: LinearFeedback, certificate: Certificate) -> tuple[str, dict[str, Entry]]:

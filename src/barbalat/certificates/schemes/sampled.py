@@ -1,4 +1,8 @@
-"""What sampling takes away from a continuous controller's certificate, and the limits of a law that takes Euler steps."""
+"""What sampling takes away from a continuous controller's certificate, and the limits of a law that takes Euler steps.
+
+A controller that is linear and time-invariant stays so from sample to sample: its own loop takes the continuous one's place, with
+exact margins. Of any other the margins of the continuous loop are given as what they are: estimates, of another controller.
+"""
 
 from __future__ import annotations
 
@@ -6,14 +10,22 @@ import math
 from dataclasses import replace
 
 from barbalat.certificates.assumptions import ACTS_CONTINUOUSLY, CONTINUOUS_ONLY
-from barbalat.certificates.cells import on_damping, statement
+from barbalat.certificates.cells import nothing, on_damping, statement
 from barbalat.certificates.certificate import Certificate, Draft
 from barbalat.certificates.entry import Entry
-from barbalat.certificates.schemes import HeldFile, scheme_file, stranger
+from barbalat.certificates.linear_loops import over_known_set, robustness
+from barbalat.certificates.linear_loops.from_sample_to_sample import linearised
+from barbalat.certificates.linear_loops.margin_values import KEYS_OF_MARGINS
+from barbalat.certificates.needed import leaving_out
+from barbalat.certificates.quantities import EACH_INPUT
+from barbalat.certificates.schemes import HeldFile, LinearFile, SchemeFile, scheme_file, stranger
 from barbalat.certificates.schemes.midpoint import MidpointFile
+from barbalat.certificates.schemes.sampled_loop import OF_SAMPLED_LOOPS, add_loop
 from barbalat.controllers import Sampled
 from barbalat.loop.closed_loop import ClosedLoop
+from barbalat.problem.state_feedback import Problem
 from barbalat.problem.tracking import TrackingProblem
+from barbalat.protocols import Controller
 from barbalat.solvers import EULER
 from barbalat.solvers.simulation import Simulation
 
@@ -23,6 +35,12 @@ HELD_LIMITS = "gamma_max and step_max are of the frozen law from sample to sampl
 LIMIT_KEYS_AT_MODEL = {"gamma_max_at_model", "step_max_at_model"}
 """Of the continuous law; a sampled one has its own, where they are known."""
 ERROR_BOUND_KEYS = {"error_bound", "error_bound_worst"}
+OF_THE_CONTINUOUS_LOOP = frozenset(
+    {*KEYS_OF_MARGINS.values(), *EACH_INPUT.values(), *robustness.KEYS, over_known_set.MARGINS_KEY, "delay_margin_adapting"}
+)
+"""Keys that say what the closed loop tolerates."""
+OF_THE_CONTINUOUS_ONE = ", of the continuous controller"
+LIMIT_KEYS = {"gamma_max", "step_max"}
 
 
 def judged_at(controller: Sampled, simulation: Simulation) -> Simulation:
@@ -38,9 +56,13 @@ def certificate(problem: TrackingProblem, controller: Sampled, simulation: Simul
     controller.bind(problem.known)  # refuses what has no sampled form
     scheme, T, judged = controller.controller, controller.sample_time, judged_at(controller, simulation)
     file = scheme_file(scheme)
-    continuous = (file or stranger).certificate(problem, scheme, judged)
+    linear = _linear_when(problem, scheme, file)
+    with leaving_out(*(OF_THE_CONTINUOUS_LOOP if linear else ())):
+        continuous = (file or stranger).certificate(problem, scheme, judged)
     entries = [_sampled(entry, controller) for entry in continuous.entries if entry.key not in LIMIT_KEYS_AT_MODEL]
     notes = [f"the controller runs sampled every {T:g} s ({controller.discretization})"]
+    if linear:
+        return _of_linear(problem, controller, continuous.with_entries(tuple(entries), *notes), linear)
     if controller.discretization == "midpoint":
         entries = [entry for entry in entries if entry.key not in ("gamma_max", "step_max")]
         if ClosedLoop.of(problem, scheme).parameters > 0:
@@ -56,20 +78,48 @@ def certificate(problem: TrackingProblem, controller: Sampled, simulation: Simul
         draft.estimate(limits, EULER_LIMITS)
     step_max = limits.get("step_max")
     if step_max is not None and step_max < T:
-        where = "where it rests the loop" if file is None else "where |x| is as large as its bound the law"
-        unstable = f"{where} is numerically unstable: it bears samples up to about {step_max:.3g} s"
+        unstable = _unstable(step_max, file)
         for key in ERROR_BOUND_KEYS & draft.entries.keys():
             draft.entries[key] = replace(draft.entries[key], why=f"{draft.entries[key].why}; {unstable}")
         draft.note(unstable)
     return on_damping(continuous.with_entries(tuple(draft.entries.values()), *draft.notes))
 
 
+def _linear_when(problem: TrackingProblem, scheme: Controller, file: SchemeFile | None) -> str | None:
+    return file.linear_when(problem, scheme) if isinstance(file, LinearFile) else None
+
+
+def _of_linear(problem: TrackingProblem, controller: Sampled, continuous: Certificate, linear: str) -> Certificate:
+    """With the sampled loop's own stability and margins; a solver's or a law's step then decides nothing."""
+    left = {entry.key: entry for entry in continuous.entries if entry.key not in LIMIT_KEYS}
+    draft, found = Draft(left, list(continuous.notes), own=OF_SAMPLED_LOOPS), linearised(problem, controller)
+    if add_loop(draft, problem, found, linear) and isinstance(problem, Problem) and problem.plant.inputs == 1:
+        over_known_set.add_sampled(draft, problem, found)
+    return draft.finish()
+
+
+def _unstable(step_max: float, file: SchemeFile | None) -> str:
+    """Of a scheme the limit is of what it integrates itself; of a class from outside it is of the plant as well."""
+    if file is not None:
+        return f"where |x| is as large as its bound the law is numerically unstable: it tolerates samples up to about {step_max:.3g} s"
+    return (
+        f"Euler's method is stable on the whole loop, plant included, where it rests, up to steps of about {step_max:.3g} s: the "
+        "sampled controller, beside which the plant moves on exactly, may be unstable"
+    )
+
+
 def _sampled(entry: Entry, controller: Sampled) -> Entry:
     """What is left of a continuous controller's value when the controller acts at samples only."""
     if entry.kind == "guaranteed" and not entry.quantity.timeless:
         return replace(entry, kind="does not apply", why=f"sampled every {controller.sample_time:g} s")
-    if entry.kind == "exact":
-        return replace(entry, kind="estimate", assumptions=(*entry.assumptions, CONTINUOUS_ONLY), unsampled=True)
+    if entry.kind == "exact" or (entry.kind == "estimate" and entry.key in OF_THE_CONTINUOUS_LOOP):
+        quantity = entry.quantity._replace(meaning=f"{entry.quantity.meaning}{OF_THE_CONTINUOUS_ONE}")
+        assumptions, value = (*entry.assumptions, CONTINUOUS_ONLY), entry.value
+        if entry.key == over_known_set.MARGINS_KEY:
+            value = [loop | {"loop": f"{loop['loop']}{OF_THE_CONTINUOUS_ONE}"} for loop in value]
+        return replace(entry, value=value, kind="estimate", quantity=quantity, assumptions=assumptions, unsampled=True)
+    if entry.key == "margins_of":
+        return replace(entry, value=f"{entry.value}{OF_THE_CONTINUOUS_ONE}")
     return entry
 
 
@@ -81,6 +131,11 @@ def column(problem: TrackingProblem, controller: Sampled, certificate: Certifica
         key: replace(cell, value=None, kind="does not apply", why=why) if cell.kind == "guaranteed" else cell
         for key, cell in continuous.items()
     }
+    radius = certificate.entry("spectral_radius")
+    if radius is not None:
+        verdict = "stable" if radius.value < 1 else "unstable"
+        about = f"{why}; from sample to sample {verdict} at the case's theta, spectral radius {radius.value:.4g}"
+        cells["stability"] = nothing("stability", about)
     if controller.discretization == "midpoint":
         cells["estimates"] = _estimates(problem, continuous["estimates"], controller, cells["estimates"])
     return f"{name}, sampled ({controller.discretization})", cells

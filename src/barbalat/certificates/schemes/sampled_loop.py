@@ -25,6 +25,7 @@ OF_SAMPLED_LOOPS = {
     "noise_in_u": Quantity("the same of u"),
     "sigma_hat_at_dc": Quantity("sigma_hat for a constant sigma at rest, row by row: not I", form=Form.MATRIX),
 }
+LINEAR_CONTROLLER = "the controller is linear and time-invariant from sample to sample, phi(x) = x, and no limit acts"
 WHITE_NOISE = "noise of one sample is independent of that of all others"
 OF_THE_LOOP = "from sample to sample with the true parameters, broken at the plant input"
 
@@ -37,8 +38,24 @@ def name_of(problem: TrackingProblem) -> str:
     return OF_THE_LOOP + beside + lagged + ("" if all(path.is_linear for path in problem.plant.paths) else ", without its limits")
 
 
+def add_loop(draft: Draft, problem: TrackingProblem, found: Linearised, linear: str) -> bool:
+    """Its spectral radius and, where it is stable, its margins; whether it is. ``linear`` says what makes it a linear one."""
+    radius = found.loop.radius(problem.delay)
+    draft.exact({"spectral_radius": radius}, name_of(problem), linear)
+    if radius < 1:
+        add_margins(draft, problem, found, linear)
+    else:
+        draft.missing("delay_margin", unstable(radius))
+    return radius < 1
+
+
+def unstable(radius: float) -> str:
+    """Why such a loop has no margins."""
+    return f"unstable from sample to sample: spectral radius {radius:.6g}"
+
+
 def add_margins(draft: Draft, problem: TrackingProblem, found: Linearised, linear: str) -> None:
-    """Of the loop with its delay in it; the delay margin is what it bears beside. ``linear`` says what makes it a linear one."""
+    """Of the loop with its delay in it; the delay margin is what it tolerates beside."""
     loop, name = found.loop, name_of(problem)
     try:
         delay = delay_margin(loop, problem.delay)

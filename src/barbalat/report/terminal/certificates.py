@@ -32,6 +32,7 @@ LEGEND = (
     "step: what the solver bears {}, with everything at its largest, to where oscillations are due; estimates. dt: the "
     "case's step."
 )
+UNSAMPLED = " unsampled: of the continuous controller; the sampled one may tolerate more or less."
 LONGEST_KEY, LONGEST_VALUE = 30, 14
 
 
@@ -41,7 +42,8 @@ def show(screen: Screen, case: str, certificates: Mapping[str, Certificate], tab
     for column in table.columns:
         _controller(screen, column, certificates[column.name], dt)
     _notes(screen, certificates)
-    screen.title(LEGEND.format(_how_sure(certificates)), "dim")
+    unsampled = any(entry.unsampled for certificate in certificates.values() for entry in certificate.entries)
+    screen.title(LEGEND.format(_how_sure(certificates)) + UNSAMPLED * unsampled, "dim")
 
 
 def _how_sure(certificates: Mapping[str, Certificate]) -> str:

@@ -42,7 +42,7 @@ class Looks(NamedTuple):
 
     h_lambda: Array  # the largest h |eigenvalue|; infinite where the Jacobian is not finite
     outside: Array  # whether a mode is amplified that the equations don't amplify
-    radius: Array | None  # of the map from sample to sample
+    radius: Array | None  # of the map from sample to sample; infinite where that is not finite
     damping: SolverDamping | None  # the worst of all
 
     def stiffness(self, unstable_from: float | None) -> Stiffness:
@@ -51,9 +51,14 @@ class Looks(NamedTuple):
             h_lambda_max=float(self.h_lambda[np.isfinite(self.h_lambda)].max(initial=0.0)),
             unstable_from=unstable_from,
             looks=len(self.h_lambda),
-            radius_max=None if self.radius is None else float(self.radius.max(initial=0.0)),
+            radius_max=None if self.radius is None else _largest_finite(self.radius),
             damping=self.damping,
         )
+
+
+def _largest_finite(values: Array) -> float | None:
+    finite = values[np.isfinite(values)]
+    return float(finite.max()) if len(finite) else None
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,7 +94,8 @@ class Spectrum:
         damping = worst_damping(self.simulation.solver, z)
         if self.law is None:
             return Looks(h_lambda, outside, None, damping)
-        radius, amplified = self.law.at(states[finite], signals[finite], matrices[finite])
+        radius = np.full(len(states), np.inf)
+        radius[finite], amplified = self.law.at(states[finite], signals[finite], matrices[finite])
         outside[finite] |= amplified
         return Looks(h_lambda, outside, radius, damping)
 
@@ -131,11 +137,16 @@ class FrozenSampledLaw:
 
         different, which = np.unique(flow, axis=0, return_inverse=True)  # of a linear plant there is one
         T, size = self.sample_time, self.twin.size1_out(0)
-        maps = evaluated(self.sample, states, signals) @ expm(T * different)[which.reshape(-1)]
-        radius = np.abs(np.linalg.eigvals(maps)).max(axis=1, initial=0.0)
-        growth = np.linalg.eigvals(evaluated(self.twin, states[:, :size], signals)).real.max(axis=1, initial=0.0)
+        with np.errstate(all="ignore"):  # e^(T A) may overflow
+            maps = evaluated(self.sample, states, signals) @ expm(T * different)[which.reshape(-1)]
+        twins = evaluated(self.twin, states[:, :size], signals)
+        finite = np.isfinite(maps).all(axis=(1, 2)) & np.isfinite(twins).all(axis=(1, 2))  # what overflows amplifies too much
+        radius, amplified = np.full(len(states), np.inf), ~finite
+        radius[finite] = np.abs(np.linalg.eigvals(maps[finite])).max(axis=1, initial=0.0)
+        growth = np.linalg.eigvals(twins[finite]).real.max(axis=1, initial=0.0)
         with np.errstate(divide="ignore"):
-            return radius, (np.log(radius) - T * growth) * self.samples > 1
+            amplified[finite] = (np.log(radius[finite]) - T * growth) * self.samples > 1
+        return radius, amplified
 
 
 def evaluated(function: ca.Function, states: Array, signals: Array) -> Array:

@@ -174,6 +174,11 @@ def _bears(solver: Tableau, h: float, m: float, gamma: float) -> bool:
     return bool((np.abs(solver.amplification(h * poles)) <= 1).all())
 
 
+def linear_when(_problem: OutputProblem, _controller: L1Output) -> str | None:
+    """Inside the bounds of sigma, as in continuous time."""
+    return f"{LINEAR_LOOP}; sigma is inside its bounds"
+
+
 def column(problem: OutputProblem, controller: L1Output, certificate: Certificate) -> tuple[str, dict[str, Entry]]:
     """The scheme's name in Table 1 and its cells."""
     values = certificate.values

@@ -24,7 +24,7 @@ from barbalat.certificates.linear_loops.margin_values import margins_of
 from barbalat.certificates.quantities import Form, Quantity
 from barbalat.certificates.rounding import up
 from barbalat.certificates.schemes.output_feedback import LINEAR_LOOP, OF_LINEAR_LOOPS, START_AT_REST
-from barbalat.certificates.schemes.sampled_loop import OF_SAMPLED_LOOPS, add_margins, add_noise, name_of
+from barbalat.certificates.schemes.sampled_loop import OF_SAMPLED_LOOPS, add_loop, add_noise, unstable
 from barbalat.controllers.output.l1_piecewise import Equations, L1OutputPiecewiseConstant
 from barbalat.linear.systems import TransferFunction
 from barbalat.problem.output_feedback import OutputProblem
@@ -60,14 +60,9 @@ def certificate(problem: OutputProblem, controller: L1OutputPiecewiseConstant, s
     _add_error_bound(draft, problem, equations, simulation.t_end)
     _add_at_dc(draft, equations)
     found = linearised(problem, controller)
-    radius = found.loop.radius(problem.delay)
-    draft.exact({"spectral_radius": radius}, name_of(problem), LINEAR_LOOP)
-    if radius < 1:
-        add_margins(draft, problem, found, LINEAR_LOOP)
+    if add_loop(draft, problem, found, LINEAR_LOOP):
         add_noise(draft, problem, found, _measured(problem, found), LINEAR_LOOP)
         draft.exact({"steady_error": steady_error(problem, equations)}, "without f", LINEAR_LOOP)
-    else:
-        draft.missing("delay_margin", f"unstable from sample to sample: spectral radius {radius:.6g}")
     feedforward, feedback = fast_limit(controller, problem.known.W_m)
     shown = {"feedforward": feedforward, "feedback": feedback}
     coefficients = {name: {"num": system.num.tolist(), "den": system.den.tolist()} for name, system in shown.items()}
@@ -149,8 +144,7 @@ def column(problem: OutputProblem, _: L1OutputPiecewiseConstant, certificate: Ce
     """The scheme's name in Table 1 and its cells."""
     values = certificate.values
     radius, left = values["spectral_radius"], values.get("steady_error")
-    unstable = f"unstable from sample to sample: spectral radius {radius:.6g}"
-    stability, tracking = nothing("stability", unstable), nothing("tracking", unstable)
+    stability, tracking = nothing("stability", unstable(radius)), nothing("tracking", unstable(radius))
     if radius < 1:
         text = f"for every bounded r: a linear loop, spectral radius {radius:.6g} from sample to sample"
         stability = statement("stability", text, *_rests_on(problem))

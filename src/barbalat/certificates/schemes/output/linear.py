@@ -31,6 +31,11 @@ def certificate(problem: OutputProblem, controller: LinearOutput, simulation: Si
     return draft.finish()
 
 
+def linear_when(_problem: OutputProblem, _controller: LinearOutput) -> str | None:
+    """Always; f(t, y) is left out of its margins, as in continuous time."""
+    return LINEAR_LOOP
+
+
 def column(problem: OutputProblem, _: LinearOutput, certificate: Certificate) -> tuple[str, dict[str, Entry]]:
     """The scheme's name in Table 1 and its cells."""
     return "linear output feedback", {
