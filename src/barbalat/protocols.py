@@ -89,7 +89,10 @@ class Dynamics(Protocol):
 
 
 class Equations(Protocol):
-    """A scheme bound to a plant's known part. The state is a NamedTuple of arrays that has a field ``theta_hat``, (n,)."""
+    """A scheme bound to a plant's known part. The state is a NamedTuple of arrays that has a field ``theta_hat``, (p,).
+
+    Its p estimates need not be the problem's parameters: a network's weights stand there too, and where nothing is estimated, (0,).
+    """
 
     def initial(self) -> NamedTuple:
         """The state at t = 0, in numbers."""

@@ -10,7 +10,7 @@ import numpy as np
 
 from barbalat import validate
 from barbalat.loop.closed_loop import ClosedLoop
-from barbalat.loop.true_values import reporting, true_values
+from barbalat.loop.true_values import not_the_parameters, reporting, true_values
 from barbalat.problem.command_gain import command_warning
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller
@@ -108,7 +108,7 @@ class Result:
 
     @property
     def true_values(self) -> Array | None:
-        """(p,) what the estimates are to become: the parameters, or the ideal gains; None where the problem knows none."""
+        """(p,) what the estimates are to become: the parameters, or the ideal gains; None where no such values are known."""
         return true_values(self.problem, self.loop)
 
     @property
@@ -156,7 +156,11 @@ class Result:
     @property
     def warnings(self) -> tuple[str, ...]:
         """What of the problem and of this run deserves a second look, as sentences."""
-        found = (command_warning(self.problem), self.problem.outside_known_set)
+        found = (
+            command_warning(self.problem),
+            self.problem.outside_known_set,
+            not_the_parameters(self.problem, self.loop),
+        )
         return (*filter(None, found), *(() if self.adapting is None else self.adapting.warnings))
 
     def __repr__(self) -> str:
