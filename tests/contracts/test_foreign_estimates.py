@@ -166,7 +166,9 @@ def test_every_command_takes_them(folder, capsys):
         assert main([arguments[0], "case.toml", "--controllers", str(LAWS), *arguments[1:]]) == 0, capsys.readouterr().err
         return capsys.readouterr().out
 
-    assert list(json.loads(told("run", "--json"))["controllers"]) == NAMES
+    runs = json.loads(told("run", "--json"))["controllers"]
+    assert list(runs) == NAMES
+    assert "16 estimates and the problem 2 parameters" in runs["weighing"]["adapting"]["warnings"][0]
     assert "16 estimates and the problem 2 parameters" in " ".join(told("run", "--out", "out", "--no-plots").split())
     assert list(json.loads(told("certify", "--json"))["controllers"]) == NAMES
     found = json.loads(told("sweep", "--sample", "plant.theta=known-set", "--members", "4", "--json"))
@@ -179,7 +181,7 @@ def test_every_command_takes_them(folder, capsys):
 def test_the_page_of_a_run(folder):
     assert main(["run", "case.toml", "--controllers", str(LAWS), "--out", "out"]) == 0
     page = (folder / "out" / "report.html").read_text()
-    assert "16 estimates" in page and all(name in page for name in NAMES)
+    assert "16 estimates and the problem 2 parameters" in page and all(name in page for name in NAMES)
 
 
 @pytest.mark.full

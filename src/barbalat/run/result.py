@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -151,16 +151,14 @@ class Result:
         envelope, loop = self.envelope, self.loop
         extrema = envelope.theta_hat_min, envelope.theta_hat_max
         phi = regressor_along(loop, self.states, self.x if self.y is None else self.y, self.u)
-        return adapting(loop, self.t, self.theta_hat, extrema, envelope.theta_hat_path, phi, self.true_values)
+        found = adapting(loop, self.t, self.theta_hat, extrema, envelope.theta_hat_path, phi, self.true_values)
+        others = not_the_parameters(self.problem, loop)
+        return found if others is None else replace(found, warnings=(others, *found.warnings))
 
     @property
     def warnings(self) -> tuple[str, ...]:
         """What of the problem and of this run deserves a second look, as sentences."""
-        found = (
-            command_warning(self.problem),
-            self.problem.outside_known_set,
-            not_the_parameters(self.problem, self.loop),
-        )
+        found = (command_warning(self.problem), self.problem.outside_known_set)
         return (*filter(None, found), *(() if self.adapting is None else self.adapting.warnings))
 
     def __repr__(self) -> str:
