@@ -99,7 +99,10 @@ class Dynamics(Protocol):
 
 
 class Equations(Protocol):
-    """A scheme bound to a plant's known part. The state is a NamedTuple of arrays that has a field ``theta_hat``, (n,)."""
+    """A scheme bound to a plant's known part. The state is a NamedTuple of arrays that has a field ``theta_hat``, (p,).
+
+    Its p estimates need not be the problem's parameters: they may be a network's weights, or (0,) where nothing is estimated.
+    """
 
     def initial(self) -> NamedTuple:
         """The state at t = 0, in numbers."""

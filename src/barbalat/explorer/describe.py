@@ -16,7 +16,7 @@ from barbalat.explorer.numbers import DELAY_PATH, GRID_KEYS, Number
 from barbalat.explorer.outputs import delay_weights, numbers_handed, outputs
 from barbalat.explorer.sliders import Slider, Sliders, Variant
 from barbalat.explorer.source import Source
-from barbalat.explorer.spectrum import spectrum_of
+from barbalat.explorer.spectrum import WATCHING, judged, spectrum_of
 from barbalat.lowering.wasm.loop import loop as module_of
 from barbalat.lowering.wasm.normal import normal_module
 from barbalat.solvers import SOLVERS
@@ -94,7 +94,7 @@ class Described:
             ],
             "controllers": [self._controller(i) for i in range(len(self.case.controllers))],
             "case_file": self.source.case_file(self.slots(), self.toggles),
-            "toggles": list(self.toggles),
+            "toggles": list(self.toggles), "watching": WATCHING,
         }  # fmt: skip
 
     def slots(self) -> list[FieldPath]:
@@ -162,10 +162,11 @@ def _module(target: Target, solver: str) -> str:
     reader = target.family.reader
     simulation = replace(reader.simulation, solver=SOLVERS[solver])
     alone = Case(reader.problem, (reader.controller,), simulation)
-    program = Target.of(alone, 0, simulation).family.members.program
+    made = Target.of(alone, 0, simulation)
+    program = made.family.reader.members(WATCHING["windows"] if judged(made) else 0).program
     assert program.accumulators is not None
-    made = module_of(program.program, program.shape, program.accumulators.resets, program.sample, program.watch)
-    return base64.b64encode(made).decode()
+    module = module_of(program.program, program.shape, program.accumulators.resets, program.sample, program.watch)
+    return base64.b64encode(module).decode()
 
 
 def _switches(source: Source, case: Case, i: int) -> bool:

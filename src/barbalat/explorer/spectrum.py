@@ -1,4 +1,8 @@
-"""A module that gives out a loop's exact Jacobian at instants of a run: a page takes its spectrum, and judges the step by it."""
+"""A module that gives out a loop's exact Jacobian at instants of a run: a page judges the step by its spectrum, as ``run`` does.
+
+The kernel of the page watches what ``run.coupling`` is, and ``templates/stability.js`` looks at the windows, and at the steps of
+one with an exit, by the rules of ``run.diagnosis.stability_label``.
+"""
 
 from __future__ import annotations
 
@@ -10,26 +14,37 @@ import numpy as np
 from barbalat.explorer.effects import Target
 from barbalat.loop.packing import column, symbols
 from barbalat.lowering.operations import read
-from barbalat.lowering.shape import LoopShape
+from barbalat.lowering.shape import WATCH_EVERY, LoopShape
 from barbalat.lowering.wasm.loop import loop as module_of
 from barbalat.protocols import DiscretizedEquations
+from barbalat.run.diagnosis.stability_label import MOST_LOOKS, MOST_WINDOWS, WINDOW_PIECES
 from barbalat.run.template import Template
 
 MOST_STATES = 40
 """Of a loop whose spectrum is taken after every run: some dozens of them cost less than drawing."""
 
 
-def spectrum_of(target: Target) -> dict[str, Any] | None:
-    """Its rows are a state, signals and noise there, its parameters the run's; None where the step is judged by other means.
+WATCHING = {"windows": MOST_WINDOWS, "looks": MOST_LOOKS, "pieces": WINDOW_PIECES, "every": WATCH_EVERY}
+"""How the windows of a run are cut and looked at: see ``run.diagnosis.stability_label``."""
 
-    Those are large loops, and laws that take explicit steps from sample to sample: ``barbalat run`` judges them.
+
+def judged(target: Target) -> bool:
+    """Whether a page judges the step.
+
+    ``barbalat run`` judges large loops, and laws that take explicit steps from sample to sample.
     """
-    import casadi as ca
-
     reader = target.family.reader
     equations = reader.loop.equations
-    if reader.loop.size > MOST_STATES or (isinstance(equations, DiscretizedEquations) and equations.explicit):
+    return reader.loop.size <= MOST_STATES and not (isinstance(equations, DiscretizedEquations) and equations.explicit)
+
+
+def spectrum_of(target: Target) -> dict[str, Any] | None:
+    """Its rows are a state, signals and noise there, its parameters the run's; None where the page does not judge the step."""
+    import casadi as ca
+
+    if not judged(target):
         return None
+    reader = target.family.reader
     template = Template.of(reader.columns, opened=True).adjustable(reader.simulation.dt, None)
     loop = template.loop.following_within(template.dt)
     state_column, state = symbols("state", loop.size)

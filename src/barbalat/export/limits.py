@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from barbalat.loop.closed_loop import ClosedLoop
-from barbalat.problem.known_set import UNREACHED_BOUND, Projecting
+from barbalat.loop.true_values import estimate_set
+from barbalat.problem.known_set import UNREACHED_BOUND
 from barbalat.validate import Array
 
 
 def estimate_limits(loop: ClosedLoop) -> tuple[Array, Array] | None:
     """The least and the largest value of each estimate in the set that it is projected onto; infinite where it has none."""
-    equations = loop.continuous
-    box = equations.box if isinstance(equations, Projecting) else None
+    box = estimate_set(loop)
     if box is None:
         return None
     low, high = np.full((2, loop.parameters), np.inf) * [[-1.0], [1.0]]

@@ -14,10 +14,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from barbalat import vocabulary
+from barbalat.estimating import NamingEstimates
 from barbalat.loop.blame import Subject, blamed, require_array, require_like, require_state
 from barbalat.loop.packing import column, flatten, map_arrays, symbols, unflatten
 from barbalat.protocols import DiscretizedEquations, Dynamics, Equations, Sample, SampledEquations
-from barbalat.validate import Array
+from barbalat.validate import Array, counted, show
 
 POINTS_TRIED = 4
 """States at which the equations are evaluated: the initial one, and others drawn around it."""
@@ -61,9 +62,21 @@ def check_equations(equations: Equations | SampledEquations, ports: Ports, whose
     with blamed(whose.part(".initial")):
         initial = equations.initial()
     require_state(initial, whose.part(".initial"))
+    _require_names(equations, initial, whose)
     numbers = TrialCall(whose, equations, Arguments(initial, ports, ports))
     for equation in numbers.equations:
         numbers.compare(equation, numbers.equations[equation])
+
+
+def _require_names(equations: Any, initial: Any, whose: Subject) -> None:
+    """InputError for estimates that are called by more names, or fewer, than there are of them."""
+    if not isinstance(equations, NamingEstimates):
+        return
+    names, count = equations.estimate_names, int(np.size(initial.theta_hat))
+    if not isinstance(names, tuple) or len(names) != count or not all(isinstance(name, str) for name in names):
+        raise whose.error(
+            f".estimate_names must be a tuple of {counted(count, 'text')}, one for each estimate, got {show(names)}"
+        )
 
 
 def check_varied(numbers: Any, varied: Any, ports: Ports, values: tuple[Any, Array]) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -37,6 +38,9 @@ class ClosedLoop:
     clocked: bool = False
     delayed: bool = False
     discrete_model: HeldSystem | None = None  # of a sampled controller
+    begins: Any = (
+        None  # the equations' state at t = 0, in numbers, where the equations themselves have symbols among their numbers
+    )
 
     @classmethod
     def of(cls, problem: TrackingProblem, controller: Controller, *, bind: Bind = bound) -> ClosedLoop:
@@ -68,13 +72,14 @@ class ClosedLoop:
     @cached_property
     def _initial(self) -> LoopState:
         y = self.plant.output(self.plant.x0)
-        acting = None if self.computer is None else self.computer.initial(y)
+        controller: Any = self.equations.initial() if self.begins is None else self.begins
+        acting = None if self.computer is None else self.computer.initial(controller, y)
         return LoopState(
             x=self.plant.x0,
             x_m=self.model.x0,
             input=input_paths.initial(self.paths),
             sensor=np.zeros(0) if self.lag is None else y,
-            controller=self.equations.initial() if acting is None else acting.controller,
+            controller=controller,
             held=() if acting is None else acting.held,
         )
 

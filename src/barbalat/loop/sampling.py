@@ -50,9 +50,8 @@ class SampledController:
     inputs: int
     commands: int | None
 
-    def initial(self, y: Array) -> Acting:
-        """At t = 0, before the first sample; ``y`` has the shape of what is measured."""
-        controller: Any = self.equations.initial()
+    def initial(self, controller: Any, y: Array) -> Acting:
+        """At t = 0, before the first sample, from the equations' own state; ``y`` has the shape of what is measured."""
         held = Held(
             u=np.zeros(() if self.inputs == 1 else self.inputs),
             measured=0 * y,
@@ -74,7 +73,7 @@ class SampledController:
         before, now = Sample(held.measured, self.model.output(held.x_m), held.r), Sample(y, self.model.output(x_m), r)
         advanced = self._advance(controller, before, held.u, now, freeze)
         chosen = np.where(started, flatten(advanced), flatten(controller))
-        following, _ = unflatten(self.equations.initial(), chosen, 0)
+        following, _ = unflatten(controller, chosen, 0)
         u = as_array(self.equations.control(following, *now))
         return Acting(following, Held(u, y, x_m, r, 0 * held.started + 1, controller.theta_hat))
 

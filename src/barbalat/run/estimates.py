@@ -54,10 +54,9 @@ GREEK_NAMES = {name: rf"\{name}" for name in ("theta", "sigma", "omega")}
 def estimates_of(result: Result) -> list[Estimate]:
     """First theta_hat's; of what is reported beside it what is no more than ``MOST_REPORTED``."""
     true, envelope = result.true_values, result.envelope
-    known = true if true is not None and len(true) == result.theta_hat.shape[1] else None
     found = [
         Estimate(
-            name=name, value=result.theta_hat[:, i], true=None if known is None else float(known[i]), number=i,
+            name=name, value=result.theta_hat[:, i], true=None if true is None else float(true[i]), number=i,
             low=envelope.theta_hat_min[:, i], high=envelope.theta_hat_max[:, i],
         )
         for i, name in enumerate(estimate_names(result.loop))

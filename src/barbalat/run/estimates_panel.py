@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from barbalat.loop.true_values import estimate_set
 from barbalat.pictures.panels import Level, Panel, Series, around, span_of, width_of
-from barbalat.problem.known_set import UNREACHED_BOUND, EstimateSet, Projecting
+from barbalat.problem.known_set import UNREACHED_BOUND, EstimateSet
 from barbalat.problem.state_feedback import Problem
-from barbalat.protocols import DiscretizedEquations
 from barbalat.run.estimates import estimates_of
 
 if TYPE_CHECKING:
@@ -109,11 +109,9 @@ def _bounds(result: Result, p: int) -> list[tuple[float, float]]:
 
 def _set_of(result: Result) -> EstimateSet | None:
     """What the scheme projects onto, else what is known."""
-    equations = result.loop.equations
-    if isinstance(equations, DiscretizedEquations):
-        equations = equations.continuous
-    if isinstance(equations, Projecting) and equations.box is not None:
-        return equations.box
+    kept = estimate_set(result.loop)
+    if kept is not None:
+        return kept
     return result.problem.known.box if isinstance(result.problem, Problem) else None
 
 

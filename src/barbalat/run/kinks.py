@@ -13,8 +13,8 @@ import numpy as np
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.loop.linearization import right_hand_side
 from barbalat.loop.structure import comes_from_outside
+from barbalat.loop.true_values import estimate_set
 from barbalat.problem.actuation import InputPath
-from barbalat.problem.known_set import Projecting
 from barbalat.protocols import Bending, Jumping
 from barbalat.run.breaks import BEND_ORDER, LostOrder
 from barbalat.solvers.simulation import Simulation
@@ -79,7 +79,7 @@ def _passed(loop: ClosedLoop, estimates: Array | None) -> Iterator[tuple[int, st
                 yield JUMP_ORDER, JUMPED.format(part.jump)
     if loop.sampled:
         return
-    kept = loop.equations.box if isinstance(loop.equations, Projecting) else None
+    kept = estimate_set(loop)
     if kept is not None and (estimates is None or kept.reached_by(estimates)):
         yield JUMP_ORDER, PROJECTED
     if comes_from_outside(loop.equations):

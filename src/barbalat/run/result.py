@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -10,7 +10,7 @@ import numpy as np
 
 from barbalat import validate
 from barbalat.loop.closed_loop import ClosedLoop
-from barbalat.loop.true_values import reporting, true_values
+from barbalat.loop.true_values import not_the_parameters, reporting, true_values
 from barbalat.problem.command_gain import command_warning
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller
@@ -108,7 +108,7 @@ class Result:
 
     @property
     def true_values(self) -> Array | None:
-        """(p,) what the estimates are to become: the parameters, or the ideal gains; None where the problem knows none."""
+        """(p,) what the estimates are to become: the parameters, or the ideal gains; None where no such values are known."""
         return true_values(self.problem, self.loop)
 
     @property
@@ -151,7 +151,9 @@ class Result:
         envelope, loop = self.envelope, self.loop
         extrema = envelope.theta_hat_min, envelope.theta_hat_max
         phi = regressor_along(loop, self.states, self.x if self.y is None else self.y, self.u)
-        return adapting(loop, self.t, self.theta_hat, extrema, envelope.theta_hat_path, phi, self.true_values)
+        found = adapting(loop, self.t, self.theta_hat, extrema, envelope.theta_hat_path, phi, self.true_values)
+        others = not_the_parameters(self.problem, loop)
+        return found if others is None else replace(found, warnings=(others, *found.warnings))
 
     @property
     def warnings(self) -> tuple[str, ...]:

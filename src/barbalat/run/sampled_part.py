@@ -45,7 +45,7 @@ def controller_program(loop: ClosedLoop, parameters: ca.SX | None = None) -> Pro
 def initial_acting(loop: ClosedLoop) -> Acting:
     """The controller's state before the first sample."""
     assert loop.computer is not None
-    return loop.computer.initial(loop.plant.output(loop.plant.x0))
+    return Acting(loop._initial.controller, loop._initial.held)
 
 
 def sample_program(loop: ClosedLoop, step: ca.Function, parameters: ca.SX | None = None) -> Program:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -50,11 +50,12 @@ class Template:
         column, parameters = symbols("parameters", len(values))
         places = np.cumsum(which) - 1
         found = with_symbols(first, iter([parameters[int(place)] if d else None for place, d in zip(places, which, strict=True)]))
-        if comes_from_outside(first.loop.equations):
-            loop = first.loop
+        loop = first.loop
+        if comes_from_outside(loop.equations):
             ports = Ports.of(loop.plant, loop.model, loop.commands, loop.inputs)
             check_varied(loop.equations, found.loop.equations, ports, (column, values[:, 0]))
-        return cls(found.loop, found.delay_weights, values, column)
+        begun = replace(found.loop, begins=loop.equations.initial())  # initial() is written for numbers alone
+        return cls(begun, found.delay_weights, values, column)
 
     def adjustable(self, dt: float, weights: Columns | None) -> Template:
         """With symbols for the step, which is ``dt`` [s], and for all the delay's weights, read apart from the members."""

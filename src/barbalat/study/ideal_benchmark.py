@@ -10,7 +10,7 @@ import numpy as np
 
 from barbalat.controllers import KnownParameters
 from barbalat.loop.closed_loop import ClosedLoop
-from barbalat.loop.true_values import true_values
+from barbalat.loop.true_values import estimate_set, true_values
 from barbalat.problem.known_set import Projecting
 from barbalat.problem.modelling_error import DelayError, ModellingError
 from barbalat.problem.state_feedback import Problem
@@ -103,11 +103,9 @@ class Benchmark:
 def known_width(problem: TrackingProblem, controller: Controller) -> Array:
     """(p,) of the known set in each estimate's direction; without one, of -|theta|_2 ... |theta|_2; infinite without theta."""
     loop = ClosedLoop.of(problem, controller)
-    theta = true_values(problem, loop)
-    of_theta = theta is not None and len(theta) == loop.parameters  # a network's weights, say, lie in no known set
-    knowing = (loop.continuous, problem.known) if of_theta else (loop.continuous,)
-    sets = [part.box for part in knowing if isinstance(part, Projecting)]
-    known_set = next((known_set for known_set in sets if known_set is not None), None)
+    theta, known_set = true_values(problem, loop), estimate_set(loop)
+    if known_set is None and theta is not None and isinstance(problem.known, Projecting):
+        known_set = problem.known.box  # a network's weights, say, lie in no known set
     if known_set is not None and known_set.bounds_theta:
         extents = [part.extent for part in (known_set.sphere, known_set.intervals) if part is not None]
         return np.concatenate([high - low for low, high in extents])[: loop.parameters]

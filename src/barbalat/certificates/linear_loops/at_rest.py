@@ -154,7 +154,7 @@ def _start(problem: TrackingProblem, loop: ClosedLoop, signals: Array, adapts: b
     if loop.lag is not None:  # settled, so that nothing else has to move for its sake
         start[places.sensor] = loop.plant.output(start[places.x])
     parameters = true_values(problem, loop)
-    if adapts and parameters is not None and len(parameters) == loop.parameters:
+    if adapts and parameters is not None:
         start[loop.theta_hat_rows] = parameters
         for name, rows in (reporter.reported(places.controller) if (reporter := reporting(loop)) else {}).items():
             if name in (ideal := ideal_reported(problem, loop)):

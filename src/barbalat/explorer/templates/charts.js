@@ -55,10 +55,50 @@ function sameTimes(one, two) {
   return one.length === two.length && one[one.length - 1] === two[two.length - 1] && one.every((t, i) => t === two[i]);
 }
 
+const BESIDE = 0.25; // of what the bounded runs need, above and below it, where another one diverges
+const LARGEST_SHOWN = 20; // times their largest value, on a logarithmic axis
+
+// A panel's scale: of the runs that stay bounded, as in barbalat run's pictures; of none that does, logarithmic beyond 1.
+function scaleOf(panel) {
+  const columns = panel.series.flatMap((one) => (one.high ? [one.gone, one.gone] : [one.gone]));
+  const runs = panel.series.filter(({ gone }) => gone !== undefined);
+  const lost = runs.filter(({ gone }) => gone);
+  if (!lost.length) return panel.log ? { distr: 3 } : {};
+  if (lost.length === runs.length) return panel.log ? { distr: 3 } : { distr: 4 };
+  return { distr: panel.log ? 3 : 1, range: (plot) => rangeOf(plot, columns, panel.log) };
+}
+
+// Of the columns that belong to no run that diverges, over the interval that is shown.
+function rangeOf(plot, columns, log) {
+  const [from, to] = plot.series[0].idxs ?? [0, plot.data[0].length - 1];
+  let [low, high] = [Infinity, -Infinity];
+  columns.forEach((gone, k) => {
+    if (gone) return;
+    for (let i = from; i <= to; i++) {
+      const value = plot.data[k + 1][i];
+      if (value === null || value === undefined || (log && value <= Number.MIN_VALUE)) continue;
+      [low, high] = [Math.min(low, value), Math.max(high, value)];
+    }
+  });
+  if (!(high >= low)) return log ? [1e-3, 1] : [-1, 1];
+  if (log) return [low / 2, LARGEST_SHOWN * high];
+  const room = BESIDE * (high - low) || 0.1 * Math.max(Math.abs(high), 1e-3);
+  return [low - room, high + room];
+}
+
 // What a panel looks like but for its numbers.
 function lookOf(panel, theme) {
-  const series = panel.series.map((one) => [one.label, one.colour, one.dash, Boolean(one.high)]);
+  const series = panel.series.map((one) => [one.label, one.colour, one.dash, Boolean(one.high), one.gone]);
   return JSON.stringify([panel.title, panel.log, series, theme]);
+}
+
+// Which of the runs in a panel diverge, in words.
+function goneFrom(panel) {
+  const runs = panel.series.filter(({ gone }) => gone !== undefined);
+  const lost = runs.filter(({ gone }) => gone);
+  if (!lost.length) return "";
+  if (lost.length === runs.length) return panel.log ? "" : "diverges: logarithmic beyond 1";
+  return `diverges, beyond the edge: ${[...new Set(lost.map(({ label, name }) => name ?? label))].join(", ")}`;
 }
 
 export class Charts {
@@ -94,6 +134,8 @@ export class Charts {
     const figure = document.createElement("figure");
     const title = document.createElement("figcaption");
     title.textContent = panel.title;
+    const beyond = goneFrom(panel);
+    if (beyond) title.append(Object.assign(document.createElement("small"), { textContent: beyond }));
     const box = document.createElement("div");
     box.className = "panel";
     box.tabIndex = 0;
@@ -120,7 +162,7 @@ export class Charts {
     const byDecades = { splits: decades, filter: (_, at) => at, values: (_, at) => at.map((v) => v.toExponential(0)) };
     return new uPlot({
       width: Math.max(box.clientWidth, 200), height: HEIGHT, legend: { show: false },
-      scales: { x: { time: false }, y: panel.log ? { distr: 3 } : {} },
+      scales: { x: { time: false }, y: scaleOf(panel) },
       axes: [axis, { ...axis, size: 64, ...(panel.log ? byDecades : {}) }], cursor: { drag: { x: true, y: false } }, series, bands,
       hooks: { setScale: [(self, key) => key === "x" && this.zoomed(self)] },
     }, columnsOf(panel), box);
@@ -136,7 +178,7 @@ export class Charts {
   // What all panels show, within the run.
   zoom(min, max) {
     const whole = this.plots[0]?.data[0];
-    if (!whole || !(max > min)) return;
+    if (!whole?.length || !(max > min)) return;
     const [first, last] = [whole[0], whole[whole.length - 1]];
     const [low, high] = [Math.max(min, first), Math.min(max, last)];
     if (!(high > low)) return;
@@ -149,18 +191,19 @@ export class Charts {
 
   told(plot) {
     const whole = plot.data[0];
+    if (!whole.length) return; // a run that diverges within its first interval has no instants to show
     this.onZoom(whole[0], whole[whole.length - 1]);
   }
 
   // The interval that is shown.
   shown() {
-    const whole = this.plots[0]?.data[0] ?? [0, 1];
-    return this.window ?? [whole[0], whole[whole.length - 1]];
+    const whole = this.plots[0]?.data[0] ?? [];
+    return this.window ?? [whole[0] ?? 0, whole[whole.length - 1] ?? 1];
   }
 
   whole() {
     const all = this.plots[0]?.data[0];
-    if (all) this.zoom(all[0], all[all.length - 1]);
+    if (all?.length) this.zoom(all[0], all[all.length - 1]);
   }
 
   resized() {

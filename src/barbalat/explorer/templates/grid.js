@@ -1,6 +1,6 @@
 // A run's steps, cut into calls of the kernel as the simulator cuts them, and the table of commands on them.
 
-const CHUNK_STEPS = 32768;
+export const CHUNK_STEPS = 32768;
 const MOST_KEPT = 8e6; // numbers of the table that a worker keeps for the next run: 64 MB
 
 function roundHalfEven(value) {
@@ -136,6 +136,21 @@ export class Table {
         keptAt.forEach((at, j) => { table[i * width + n * this.count + at] = grid.values[(run * 3 + place) * keptAt.length + j]; });
       });
     }
+  }
+
+  // The signals at steps, a row for each.
+  at(steps) {
+    const { grid, count, smoothAt, keptAt } = this;
+    const found = new Float64Array(steps.length * count);
+    const values = smoothAt.length ? this.smooth(Float64Array.from(steps, (k) => (k * grid.tEnd) / grid.steps)) : [];
+    steps.forEach((k, i) => {
+      smoothAt.forEach((at, j) => { found[i * count + at] = values[i * smoothAt.length + j]; });
+      if (!keptAt.length) return;
+      const before = this.rowsBefore(k);
+      const run = firstOf(grid.starts.length, (row) => grid.starts[row] > before) - 1;
+      keptAt.forEach((at, j) => { found[i * count + at] = grid.values[run * 3 * keptAt.length + j]; });
+    });
+    return found;
   }
 
   final() {

@@ -38,8 +38,8 @@ export class Kernel {
   call(blocks, steps, at, start, sampleEvery, mask = 0n) {
     const big = BigInt;
     this.exports.barbalat_loop(
-      big(blocks), big(steps), at.state, at.parameters, at.signals, at.out, big(start), at.lags || 0, at.ring || 0, mask, at.noise || 0, 0,
-      big(0), big(1), big(sampleEvery), big(at.hold || 1),
+      big(blocks), big(steps), at.state, at.parameters, at.signals, at.out, big(start), at.lags || 0, at.ring || 0, mask, at.noise || 0, at.watched || 0,
+      big(at.watchFirst || 0), big(at.watchWindow || 1), big(sampleEvery), big(at.hold || 1),
     );
   }
 }

@@ -99,7 +99,11 @@ function show() {
 }
 
 function labelled(of, dash, after) {
-  return of.flatMap((run, i) => (run && setting.shown[i] ? [{ run, colour: i, dash, label: `${data.controllers[i].name}${after}` }] : []));
+  return of.flatMap((run, i) => {
+    if (!run || !setting.shown[i]) return [];
+    const name = `${data.controllers[i].name}${after}`;
+    return [{ run, colour: i, dash, label: name, name, gone: run.figures.diverged_at !== null }];
+  });
 }
 
 function draw() {

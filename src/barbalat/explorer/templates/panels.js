@@ -1,6 +1,7 @@
 // Panels as in barbalat run: motion with model and command, error, control, estimates.
 
-// The panels' series, from the runs that are shown; each is {t, label, low, high?, colour, dash}.
+// The panels' series, from the runs that are shown; each is {t, label, low, high?, colour, dash}, a run's with
+// its name and whether it has gone, that is diverged.
 export function panelsOf(data, shown, moved) {
   const errors = shown.map((part) => ({ ...part, t: part.run.t, low: largestError(data, part.run) }));
   return [
@@ -22,7 +23,9 @@ function motion(data, shown, moved, panel) {
   });
   const { output } = data.controllers[0];
   const title = output ? "Output y, model and command" : `State x${panel.state + 1}, model and command`;
-  const first = shown.find(({ dash }) => !dash) || shown[0];
+  const live = shown.filter(({ dash }) => !dash);
+  const end = ({ run }) => run.starts[run.starts.length - 1] ?? -1;
+  const first = (live.length ? live : shown).reduce((best, one) => (best && end(best) >= end(one) ? best : one), null); // the longest
   if (!first) return { title, series };
   const { run } = first;
   const at = data.controllers[run.index];
@@ -44,9 +47,9 @@ function motion(data, shown, moved, panel) {
 function estimates(data, own, moved, controller) {
   const names = controller.estimates;
   const { beside } = controller;
-  const series = own.flatMap(({ run, dash }) => [
-    ...envelopes(data, { run, dash, colour: null, label: null }, "theta_hat", (j) => names[j]),
-    ...beside.map(({ label, row }, k) => ({ t: run.t, low: rows(run, row), colour: names.length + k, dash, label })),
+  const series = own.flatMap(({ run, dash, name, gone }) => [
+    ...envelopes(data, { run, dash, name, gone, colour: null, label: null }, "theta_hat", (j) => names[j]),
+    ...beside.map(({ label, row }, k) => ({ t: run.t, low: rows(run, row), colour: names.length + k, dash, label, name, gone })),
   ]);
   const known = controller.true && controller.true.length === names.length ? controller.true : names.map(() => null);
   const { t } = own[0].run;
@@ -96,11 +99,11 @@ function middle(run, at, quantity, j) {
   return low.map((v, i) => (v + high[i]) / 2);
 }
 
-function envelopes(data, { run, colour, dash, label }, quantity, nameOf) {
+function envelopes(data, { run, colour, dash, label, name, gone }, quantity, nameOf) {
   const at = data.controllers[run.index];
   const [low, high] = ["min", "max"].map((side) => entries(run, at, quantity, side));
   return low.map((values, j) => ({
-    t: run.t, low: values, high: high[j], colour: colour ?? j, dash,
+    t: run.t, low: values, high: high[j], colour: colour ?? j, dash, name, gone,
     label: low.length > 1 || label === null ? `${label ? `${label}, ` : ""}${nameOf(j)}` : label,
   }));
 }

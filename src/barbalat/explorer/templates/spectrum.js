@@ -1,6 +1,4 @@
-// Whether a solver's step carries a run: eigenvalues of the exact Jacobian at some of the recorded instants.
-
-const MOST_LOOKS = 40; // half at the stiffest recorded instants, half spread over the run
+// Whether a solver's step carries a run at an instant of it: eigenvalues of the exact Jacobian there.
 
 // Eigenvalues of a real matrix (size * size, row by row) as {re, im}; null where the iteration does not end.
 export function eigenvalues(matrix, size) {
@@ -128,9 +126,10 @@ function spurious(polynomial, z) {
 }
 
 // Of a matrix's eigenvalues: the largest h |lambda|, and whether the method amplifies a mode that the equations don't.
-function look(matrix, size, task) {
-  const found = matrix.every(Number.isFinite) ? eigenvalues(matrix, size) : null;
-  if (found === null) return { largest: 0, outside: true };
+export function look(matrix, size, task) {
+  if (!matrix.every(Number.isFinite)) return { largest: 0, outside: true }; // what overflows is far outside
+  const found = eigenvalues(matrix, size);
+  if (found === null) return { largest: 0, outside: false }; // nothing is claimed of it
   let [largest, outside] = [0, false];
   for (let i = 0; i < size; i++) {
     const z = [found.re[i] * task.dt, found.im[i] * task.dt];
@@ -138,44 +137,4 @@ function look(matrix, size, task) {
     outside ||= spurious(task.polynomial, z) * task.grid.steps > 1;
   }
   return { largest, outside };
-}
-
-// Of count Jacobians, by their entries: the largest h |lambda| that was seen, and the first one seen outside, null for none.
-export function stiffness(spectrum, entries, count, size, task) {
-  const nonzeros = spectrum.rows.length;
-  const matrices = Array.from({ length: count }, (_, k) => {
-    const matrix = new Float64Array(size * size);
-    for (let e = 0; e < nonzeros; e++) matrix[spectrum.rows[e] * size + spectrum.columns[e]] = entries[k * nonzeros + e];
-    return matrix;
-  });
-  let [largest, from] = [0, null];
-  for (const k of lookedAt(matrices, size)) {
-    const found = look(matrices[k], size, task);
-    largest = Math.max(largest, found.largest);
-    if (found.outside) from = from === null ? k : Math.min(from, k);
-  }
-  for (let inside = -1; from !== null && from - inside > 1;) {
-    const middle = (from + inside) >> 1;
-    if (look(matrices[middle], size, task).outside) from = middle;
-    else inside = middle;
-  }
-  return { largest, from };
-}
-
-// Where tr J^2 is largest, and evenly between.
-function lookedAt(matrices, size) {
-  const coupling = matrices.map((matrix) => {
-    let [own, crossed] = [0, 0];
-    for (let i = 0; i < size; i++) {
-      own += matrix[i * size + i] ** 2;
-      for (let j = 0; j < size; j++) if (j !== i) crossed += matrix[i * size + j] * matrix[j * size + i];
-    }
-    const sum = own + Math.abs(crossed);
-    return Number.isNaN(sum) ? Infinity : sum;
-  });
-  const order = matrices.map((_, k) => k).sort((a, b) => coupling[b] - coupling[a]);
-  const half = Math.min(MOST_LOOKS / 2, matrices.length);
-  const chosen = new Set(order.slice(0, half));
-  for (let i = 0; i < half; i++) chosen.add(Math.round((i * (matrices.length - 1)) / Math.max(half - 1, 1)));
-  return chosen;
 }

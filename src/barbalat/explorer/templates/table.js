@@ -11,11 +11,14 @@ function brief(value) {
   return value === 0 ? "0" : String(Number(value.toPrecision(4)));
 }
 
-// What the step makes of the run: the largest h |eigenvalue| that was seen, and whether the method bears it.
-function carried(numerics) {
+// What the step makes of the run: the largest h |eigenvalue| that was seen, and whether it stays in the method's region of stability.
+function carried(numerics, diverged) {
   if (!numerics) return "barbalat run judges it";
-  const said = numerics.unstable === null ? "inside" : `numerically unstable from about ${brief(numerics.unstable)} s`;
-  return `${brief(numerics.hLambda)}: ${said}`;
+  const { hLambda, unstable } = numerics;
+  if (unstable === null) return `${brief(hLambda)}: inside`;
+  // a true finite escape leaves every step's region just before it
+  const said = diverged ? `outside the region of stability from ${brief(unstable)} s; whose the divergence is, barbalat run says` : `numerically unstable from ${brief(unstable)} s`;
+  return `${brief(hLambda)}: ${said}`;
 }
 
 export class Figures {
@@ -39,7 +42,7 @@ export class Figures {
     }
     if (diverged) row.cells[1].textContent = `diverged at t = ${brief(figures.diverged_at)} s`;
     else Object.keys(NAMES).forEach((key, j) => { row.cells[j + 1].textContent = brief(figures[key]); });
-    row.cells[row.cells.length - 1].textContent = carried(numerics);
+    row.cells[row.cells.length - 1].textContent = carried(numerics, diverged);
     row.dataset.numerics = JSON.stringify(numerics);
     row.dataset.figures = JSON.stringify(figures);
   }

@@ -1,14 +1,13 @@
 // Simulates one setting of one controller after another; kernels and the table of commands are kept.
 
 import { bytesOf } from "./bytes.js";
-import { segmentsOf, Table } from "./grid.js";
+import { CHUNK_STEPS, segmentsOf, Table } from "./grid.js";
 import { computedValues, Kernel, ringRows } from "./kernel.js";
 import { Noise } from "./noise.js";
 import { Totals } from "./figures.js";
 import { conditionOf } from "./impulse.js";
-import { stiffness } from "./spectrum.js";
+import { stabilityOf, Watch } from "./stability.js";
 
-const MOST_INSTANTS = 600; // at which the Jacobian is evaluated: its largest entries say where the spectrum is looked at
 const kernels = new Map();
 const conditions = new Map(); // by controller, the last one
 let table = null;
@@ -51,18 +50,18 @@ function weightsOf({ between, parameters }) {
 }
 
 // Arrays in the kernel's memory, filled with what a run begins from.
-function begun(kernel, task, longest, most, noisy) {
+function begun(kernel, task, longest, most, noisy, windows) {
   const { shape, lag } = task;
   const remembered = lag ? ringRows(lag) * shape.delayed : 0;
   const size = shape.states + shape.accumulators;
-  const sizes = [shape.states, task.parameters.length, lag ? 1 : 0, remembered, longest, most * size, noisy];
-  const [state, parameters, lags, ring, signals, out, noise] = kernel.laidOut(sizes);
-  const at = { state, parameters, lags, ring, signals, out, noise, hold: task.noise ? task.noise.hold : 1 };
+  const sizes = [shape.states, task.parameters.length, lag ? 1 : 0, remembered, longest, most * size, noisy, windows];
+  const [state, parameters, lags, ring, signals, out, noise, watched] = kernel.laidOut(sizes);
+  const at = { state, parameters, lags, ring, signals, out, noise, watched, hold: task.noise ? task.noise.hold : 1 };
   kernel.view(state, shape.states).set(task.states);
   kernel.view(parameters, task.parameters.length).set(task.parameters);
   if (task.between) kernel.view(parameters, task.parameters.length).set(weightsOf(task), task.between.first);
   const history = lag ? task.past.flatMap((value) => Array(shape.delayed / task.past.length).fill(value)) : [];
-  return { at, mask: lag ? kernel.remember(lag, at, history) : 0n };
+  return { at, mask: lag ? kernel.remember(lag, at, history) : 0n, ringAt: remembered };
 }
 
 // What a scheme reports of its state at the end, after a sampled controller has acted there: by a step of no length.
@@ -75,28 +74,82 @@ function reportedAtEnd(kernel, task, at, mask, finalState) {
   return Object.fromEntries(Object.entries(task.reported).map(([name, rows]) => [`${name}_final`, rows.map((row) => state[row])]));
 }
 
-// Of the loop along the run, from the states at recorded instants and the signals there.
-function stiffnessAlong(task, recorded, signals, starts, size) {
-  if (!task.spectrum) return null;
-  const { states } = task.shape;
-  const [kept, channels] = [starts.length, task.noise ? task.noise.channels : 0];
-  const count = Math.min(kept, MOST_INSTANTS);
-  const timed = signals.length / (kept || 1);
-  const [width, nonzeros] = [states + timed + channels, task.spectrum.rows.length];
-  const which = Array.from({ length: count }, (_, i) => (count < 2 ? 0 : Math.round((i * (kept - 1)) / (count - 1))));
-  const drawn = channels ? which.map((k) => noiseFor(task).rows(starts[k], 1)) : [];
-  const kernel = kernelOf(`spectrum ${task.module.replace(/ [^ ]*$/, "")}`, task.spectrum.module);
-  const [parameters, rows, out] = kernel.laidOut([task.parameters.length, count * width, count * nonzeros]);
+// The loop's Jacobians at steps of the run with these states, a matrix for each.
+function matricesAt(task, commands, steps, states) {
+  const { spectrum } = task;
+  const [size, timed, nonzeros] = [task.shape.states, commands.count, spectrum.rows.length];
+  const channels = task.noise ? task.noise.channels : 0;
+  const signals = commands.at(steps);
+  const drawn = channels ? steps.map((step) => noiseFor(task).rows(step, 1)) : [];
+  const width = size + timed + channels;
+  const kernel = kernelOf(`spectrum ${task.module.replace(/ [^ ]*$/, "")}`, spectrum.module);
+  const [parameters, rows, out] = kernel.laidOut([task.parameters.length, steps.length * width, steps.length * nonzeros]);
   kernel.view(parameters, task.parameters.length).set(task.parameters);
-  const view = kernel.view(rows, count * width);
-  which.forEach((k, i) => {
-    view.set(recorded.subarray(k * size, k * size + states), i * width);
-    view.set(signals.subarray(k * timed, (k + 1) * timed), i * width + states);
-    if (channels) view.set(drawn[i], i * width + states + timed);
+  const view = kernel.view(rows, steps.length * width);
+  steps.forEach((_, i) => {
+    view.set(states[i], i * width);
+    view.set(signals.subarray(i * timed, (i + 1) * timed), i * width + size);
+    if (channels) view.set(drawn[i], i * width + size + timed);
   });
-  kernel.call(count, 1, { state: parameters, parameters, signals: rows, out }, 0, 0);
-  const { largest, from } = stiffness(task.spectrum, kernel.view(out, count * nonzeros), count, states, task);
-  return { largest, from: from === null ? null : which[from] };
+  if (steps.length) kernel.call(steps.length, 1, { state: parameters, parameters, signals: rows, out }, 0, 0);
+  const entries = kernel.view(out, steps.length * nonzeros);
+  return steps.map((_, k) => {
+    const matrix = new Float64Array(size * size);
+    for (let e = 0; e < nonzeros; e++) matrix[spectrum.rows[e] * size + spectrum.columns[e]] = entries[k * nonzeros + e];
+    return matrix;
+  });
+}
+
+// Parts of a run simulated again, bit by bit the same: from a recorded step, or from t = 0 with a delay, of which no record holds
+// what is on its way. A place is {step, state, ring}.
+class Replay {
+  constructor(task, kernel, commands, starts, recorded, size) {
+    Object.assign(this, { task, kernel, commands, starts, recorded, size });
+  }
+
+  known(step) {
+    const { starts, recorded, size, task } = this;
+    let k = 0;
+    if (!task.lag) while (k + 1 < starts.length && starts[k + 1] <= step) k++;
+    return this.advance({ step: starts[k], state: recorded.slice(k * size, k * size + task.shape.states), ring: null }, step);
+  }
+
+  advance(place, stop, watch = new Watch(this.task.shape.states, place.step, Math.max(stop, place.step + 1), CHUNK_STEPS)) {
+    const { task, kernel, commands } = this;
+    let { step, state, ring } = place;
+    while (step < stop) {
+      const count = Math.min(CHUNK_STEPS, stop - step);
+      const rows = commands.made(step, step + count);
+      const drawn = task.noise ? noiseFor(task).rows(step, count) : [];
+      const { at, mask, ringAt } = begun(kernel, task, rows.length, 1, drawn.length, watch.rows.length);
+      kernel.view(at.state, state.length).set(state);
+      if (ring) kernel.view(at.ring, ringAt).set(ring);
+      kernel.view(at.signals, rows.length).set(rows);
+      kernel.view(at.noise, drawn.length).set(drawn);
+      watched(kernel, at, watch);
+      kernel.call(1, count, at, step, task.sampleEvery, mask);
+      state = kernel.view(at.state, state.length).slice();
+      ring = task.lag ? kernel.view(at.ring, ringAt).slice() : null;
+      watch.rows.set(kernel.view(at.watched, watch.rows.length));
+      step += count;
+    }
+    return { step, state, ring };
+  }
+
+  // All steps from begin to stop - 1, before a sampled controller acts there: no held control enters the Jacobian.
+  every(known, begin, stop) {
+    const found = { steps: [], states: [] };
+    for (let place = this.advance(known, begin); place.step < stop; place = this.advance(place, place.step + 1)) {
+      found.steps.push(place.step);
+      found.states.push(place.state);
+    }
+    return found;
+  }
+}
+
+function watched(kernel, at, watch) {
+  Object.assign(at, { watchFirst: watch.first, watchWindow: watch.window });
+  kernel.view(at.watched, watch.rows.length).set(watch.rows);
 }
 
 // Most sliders leave it as it is.
@@ -118,7 +171,10 @@ export function simulated(task) {
   const steps = (one) => one.blocks * one.length;
   const drawn = task.noise ? noiseFor(task) : null;
   const noisy = drawn ? (2 + Math.ceil(Math.max(...segments.map(steps)) / drawn.hold)) * drawn.channels : 0;
-  const { at, mask } = begun(kernel, task, longest * commands.width, Math.max(...segments.map((one) => one.blocks)), noisy);
+  const watch = task.spectrum ? Watch.ofRun(task) : null;
+  const windows = watch ? watch.rows.length : 0;
+  const { at, mask } = begun(kernel, task, longest * commands.width, Math.max(...segments.map((one) => one.blocks)), noisy, windows);
+  if (watch) watched(kernel, at, watch);
   const disturb = (start, count) => {
     if (!drawn) return;
     const values = drawn.rows(start, count);
@@ -155,21 +211,41 @@ export function simulated(task) {
   }
   const finalState = kernel.view(at.state, shape.states).slice();
   let reported = {};
+  const keep = () => watch?.rows.set(kernel.view(at.watched, windows));
   if (bounded) {
     kernel.view(at.signals, commands.width).set(commands.final());
     disturb(grid.steps, 1);
     kernel.call(1, 1, at, grid.steps, task.sampleEvery, mask);
     totals.mergeFinal(kernel.view(at.out, size), shape.states);
+    keep();
     reported = reportedAtEnd(kernel, task, at, mask, finalState);
   }
-  const found = stiffnessAlong(task, recorded, signals.subarray(0, kept * timed), starts.subarray(0, kept), size);
-  const unstable = found && found.from !== null ? (starts[found.from] * grid.tEnd) / grid.steps : null;
+  if (!bounded) keep();
+  const stop = totals.divergedStep ?? Infinity;
+  const shown = keptBefore(stop, starts.subarray(0, kept), segments);
+  const found = { recorded: recorded.subarray(0, shown * size).slice(), starts: starts.slice(0, shown), r: signals.slice(0, shown * timed) };
   return {
-    condition: task.condition && conditionFor(task), numerics: found && { hLambda: found.largest, unstable }, timed,
-    figures: { ...totals.figures(grid, finalState.subarray(...task.thetaHat)), ...reported }, size, stepping,
-    recorded: recorded.subarray(0, kept * size).slice(), starts: starts.slice(0, kept), r: signals.slice(0, kept * timed),
+    condition: task.condition && conditionFor(task), numerics: watch && judged(task, kernel, commands, watch, stop, recorded.subarray(0, kept * size), starts.subarray(0, kept)),
+    timed, figures: { ...totals.figures(grid, finalState.subarray(...task.thetaHat)), ...reported }, size, stepping, ...found,
     milliseconds: performance.now() - began,
   };
+}
+
+// How many of the recorded blocks end before the divergence; the first one where none does.
+function keptBefore(stop, starts, segments) {
+  if (stop === Infinity) return starts.length;
+  let [count, at] = [0, 0];
+  for (const { blocks, length } of segments) {
+    for (let i = 0; i < blocks && at < starts.length; i++, at++) if (starts[at] + length < stop) count = at + 1;
+  }
+  return count;
+}
+
+// What the step makes of the run: the largest h |lambda|, and when [s] the method first amplified what the equations don't.
+function judged(task, kernel, commands, watch, stop, recorded, starts) {
+  const again = new Replay(task, kernel, commands, starts, recorded, task.shape.states + task.shape.accumulators);
+  const { largest, from } = stabilityOf(task, watch, stop, (steps, states) => matricesAt(task, commands, steps, states), again);
+  return { hLambda: largest, unstable: from === null ? null : (from * task.grid.tEnd) / task.grid.steps };
 }
 
 if (typeof document === "undefined") {

@@ -15,7 +15,8 @@ import numpy as np
 from barbalat.estimating import Estimating
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.loop.packing import column, symbols
-from barbalat.problem.known_set import EstimateSet, ParameterBox, Projecting
+from barbalat.loop.true_values import estimate_set
+from barbalat.problem.known_set import EstimateSet, ParameterBox
 from barbalat.run.diagnosis.excitation import Excitation, excitation
 from barbalat.validate import Array
 
@@ -104,7 +105,7 @@ def adapting(
 
     phi (K, p, m) as of ``regressor_along``, theta (p,) the true parameters, None where there are none to speak of.
     """
-    known_set = loop.continuous.box if isinstance(loop.continuous, Projecting) else None
+    known_set = estimate_set(loop)
     tail = t[:-1] >= t[-1] - (t[-1] - t[0]) / 4 if len(t) > 1 else np.zeros(0, bool)
     path = moved.sum(axis=0)
     bounds, sphere = _at_the_edge(known_set, t, theta_hat, extrema)
