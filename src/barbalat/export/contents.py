@@ -81,12 +81,6 @@ class Contents:
         """All that is kept, one sample later: a slice of the list that is simulated."""
         return sliced(self.program, self.layout.rows)
 
-    @cached_property
-    def model(self) -> Program | None:
-        """The reference model alone, one sample later; None where nothing depends on it."""
-        part = self.layout.part("held.x_m")
-        return None if part is None else sliced(self.program, list(part.rows))
-
     @property
     def sample_time(self) -> float:
         """The time between two calls of the exported step [s]."""
@@ -135,7 +129,7 @@ class Contents:
         """Those that this controller depends on."""
         if self.opened is None:
             return ()
-        read = {at for part in (self.step, self.model) if part is not None for kind, at in sources(part) if kind == PARAMETER}
+        read = {at for kind, at in sources(self.step) if kind == PARAMETER}
         used = {self.opened.feeds[at] for at in read} | set(self._all_starts.values())
         return tuple(
             one for k, one in enumerate(self.opened.parameters) if k in used or (one.limit and self.saturation is not None)
@@ -160,10 +154,11 @@ class Contents:
 
     @property
     def saturation(self) -> Array | None:
-        """(2, m) lower and upper limits of the actuators; None where one of them has none."""
+        """(2, m) lower and upper limits of the actuators, infinite for an actuator without limits; None where no actuator has any."""
         given = [path.saturation for path in self.problem.plant.paths]
-        limits = [limit for limit in given if limit is not None]
-        return np.array(limits).T if len(limits) == len(given) else None
+        if all(limits is None for limits in given):
+            return None
+        return np.array([(-np.inf, np.inf) if limits is None else limits for limits in given]).T
 
     @cached_property
     def learnt(self) -> frozenset[int]:
@@ -197,19 +192,22 @@ class Contents:
         there = replace(self.problem, plant=replace(self.problem.plant, x0=x0))
         return np.asarray(flatten(initial_acting(ClosedLoop.of(there, self.controller))), dtype=float)
 
+    def evaluated(self, state: Array, y: Array, r: Array, freeze: bool = False) -> Array:
+        """The flat state one sample later, (S,), computed operation by operation in the target's numbers; zero where it is not kept."""
+        numbers, rows = self.real.numbers, self.layout.rows
+        given = {(STATE, row): numbers(state[row]) for row in rows} | {(MEASURED, i): numbers(value) for i, value in enumerate(y)}
+        given |= {(COMMAND, i): numbers(value) for i, value in enumerate(r)} | {(FREEZE, 0): numbers(freeze)}
+        if self.opened is not None:
+            given |= {(PARAMETER, i): numbers(value) for i, value in enumerate(self.opened.values)}
+        after = np.zeros_like(self.initial)
+        after[rows] = evaluate(self.step, given, self.real)
+        return after
+
     def _rounded(self) -> Recording:
         """The vectors of a target with other numbers: its own run on what the simulation measured."""
-        numbers, rows = self.real.numbers, self.layout.rows
-        state = {(STATE, row): numbers(self.initial[row]) for row in rows}
-        states = np.zeros_like(self.vectors.states)
+        state, states = self.initial, np.zeros_like(self.vectors.states)
         for k, (y, r) in enumerate(zip(self.vectors.measured, self.vectors.commands, strict=True)):
-            given = {(MEASURED, i): numbers(value) for i, value in enumerate(y)} | {(FREEZE, 0): numbers(0)}
-            given |= {(COMMAND, i): numbers(value) for i, value in enumerate(r)}
-            if self.opened is not None:
-                given |= {(PARAMETER, i): numbers(value) for i, value in enumerate(self.opened.values)}
-            after = evaluate(self.step, state | given, self.real)
-            state = {(STATE, row): value for row, value in zip(rows, after, strict=True)}
-            states[k, rows] = after
+            state = states[k] = self.evaluated(state, y, r)
         if not np.isfinite(states).all():
             raise InputError(f"{self.controller.name} leaves the numbers of float32 on this case; export it in float64")
         return replace(self.vectors, states=states)

@@ -6,6 +6,7 @@ import numpy as np
 
 from barbalat.export.meanings import meaning
 from barbalat.export.texts import Printed, filled, indented
+from barbalat.validate import Array
 
 
 def header(printed: Printed) -> str:
@@ -56,10 +57,13 @@ def _limits(printed: Printed) -> str:
     contents, lines = printed.contents, []
     if contents.limits is not None and contents.sizes[3]:
         for side, values in zip(("LOWER", "UPPER"), contents.limits, strict=True):
-            bounds = ", ".join(printed.number(b if np.isfinite(b) else np.copysign(contents.range, b)) for b in values)
-            lines.append(f"#define {printed.macro}_THETA_HAT_{side} {{ {bounds} }} /* the known set, component by component */\n")
+            lines.append(f"#define {printed.macro}_THETA_HAT_{side} {{ {_bounds(printed, values)} }} /* the known set */\n")
     if contents.saturation is not None:
         for side, values in zip(("LOWER", "UPPER"), contents.saturation, strict=True):
-            bounds = ", ".join(printed.number(b) for b in values)
-            lines.append(f"#define {printed.macro}_U_{side} {{ {bounds} }} /* the actuator's limits */\n")
+            lines.append(f"#define {printed.macro}_U_{side} {{ {_bounds(printed, values)} }} /* the actuator's limits */\n")
     return "".join(lines)
+
+
+def _bounds(printed: Printed, values: Array) -> str:
+    """Component by component; where there is none, what no number may exceed."""
+    return ", ".join(printed.number(b if np.isfinite(b) else np.copysign(printed.contents.range, b)) for b in values)

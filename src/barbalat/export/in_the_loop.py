@@ -101,7 +101,6 @@ def _adapter(printed: Printed) -> str:
         real=printed.real,
         measured=printed.measured,
         u=printed.contents.layout.u.name,
-        started=printed.contents.layout.started.name,
         load=indented(f"{text} = ({printed.real})kept[{i}];" for i, text in enumerate(entries)),
         store=indented(f"kept[{i}] = (double){text};" for i, text in enumerate(entries)),
     )

@@ -1,4 +1,7 @@
-"""What of a sampled controller's state an exported one keeps: the arrays that its control or its estimates depend on."""
+"""What of a sampled controller's state an exported one keeps: the arrays that its control or its estimates depend on.
+
+The last good measurement and command are among them, whatever the law: they stand in for those that are lost.
+"""
 
 from __future__ import annotations
 
@@ -45,27 +48,36 @@ class StatePart:
 
 @dataclass(frozen=True, eq=False)
 class Layout:
-    """The arrays that are kept, and among them the control, the estimates, and what tells the first sample from the others."""
+    """The arrays that are kept, and among them those that the surroundings of the arithmetic name.
+
+    u          the control
+    theta_hat  the estimates
+    started    tells the first sample from the others
+    measured   the last good measurement
+    r          the last good command
+    """
 
     parts: tuple[StatePart, ...]
     u: StatePart
     theta_hat: StatePart
     started: StatePart
+    measured: StatePart
+    r: StatePart
 
     @classmethod
     def of(cls, program: Program, initial: Acting) -> Layout:
         """``program`` is the controller's whole list; what nothing depends on is left out."""
         every = tuple(_parts(initial))
-        paths = ("held.u", "controller.theta_hat", "held.started")
-        u, theta_hat, started = (next(part for part in every if part.path == path) for path in paths)
-        needed = {part.path: part for part in (u, theta_hat, started)}
+        paths = ("held.u", "controller.theta_hat", "held.started", "held.measured", "held.r")
+        named = [next(part for part in every if part.path == path) for path in paths]
+        needed = {part.path: part for part in named}
         while True:
             rows = [row for part in needed.values() for row in part.rows]
             read = {row for argument, row in sources(sliced(program, rows)) if argument == STATE}
             found = {part.path: part for part in every if not read.isdisjoint(part.rows)}
             if found.keys() <= needed.keys():
                 kept = tuple(part for part in every if part.path in needed and part.size)
-                return cls(kept, u, theta_hat, started)
+                return cls(kept, *named)
             needed |= found
 
     @property

@@ -4,25 +4,33 @@ from __future__ import annotations
 
 import numpy as np
 
+from barbalat.export.contents import FEWEST_VECTORS, Contents
 from barbalat.export.texts import Printed, filled, indented
 from barbalat.lowering import c99
 from barbalat.validate import Array
 
+MEASUREMENT_LOST, COMMAND_LOST, FROZEN = 1, 2, 4
+"""What is wrong with a sample of the run with losses, or asked for."""
+LOSSES = (1, 3, 2, 0, 0, 1, 0, 2, 0, 1, 1, 1, 0, 1, 0, 1, 0, 3, 0, 4, 4, 1, 5, 0)
+"""Losses before the first good sample, single ones, several in a row, every second sample, of either signal and of both."""
+FADE = 4
+"""Samples over which a start fades out in the self-test: a power of two, whose parts of a bump are exact."""
+
 
 def selftest(printed: Printed) -> str:
     """The text of selftest.c."""
-    contents = printed.contents
-    vectors, layout = contents.vectors, contents.layout
-    state = contents.measures_state
+    contents, layout, macro = printed.contents, printed.contents.layout, printed.macro
+    vectors, state = contents.vectors, contents.measures_state
     estimates = vectors.states[:, list(layout.theta_hat.rows)]
-    table = f"static const {printed.real} estimates[SAMPLES][{printed.macro}_ESTIMATES] = {{\n{_rows(printed, estimates)}}};\n"
-    differ = f"\n            || !same(out.theta_hat, estimates[k], {printed.macro}_ESTIMATES)"
+    lossy = with_losses(contents)
+    table = f"static const {printed.real} estimates[SAMPLES][{macro}_ESTIMATES] = {{\n{_rows(printed, estimates)}}};\n"
+    differ = f"\n            || !same(out.theta_hat, estimates[k], {macro}_ESTIMATES)"
     return filled(
         "selftest.c",
         origin=printed.origin,
         guard=printed.guard,
         name=printed.name,
-        macro=printed.macro,
+        macro=macro,
         real=printed.real,
         samples=len(vectors.states),
         measured=printed.measured,
@@ -31,19 +39,44 @@ def selftest(printed: Printed) -> str:
         control_rows=_rows(printed, vectors.states[:, list(layout.u.rows)]),
         estimate_table=table if contents.sizes[3] else "",
         estimates_differ=differ if contents.sizes[3] else "",
-        state_tests=indented(_final_state(printed)),
-        refused_tests=indented(_refused(printed)),
-        frozen_tests=indented(_frozen(printed), 8),
+        limit_rows=_limit_rows(printed),
+        losses=", ".join(map(str, LOSSES[: len(lossy)])),
+        lossy_rows=_rows(printed, lossy[:, list(layout.u.rows)]),
+        same_state=_same_state(printed),
+        state_tests=indented(_state_is(printed, vectors.states[-1])),
+        lossy_tests=indented(_state_is(printed, lossy[-1])),
+        frozen_tests=indented(_resting(printed, "frozen, and"), 8),
         limit_tests=indented(_limits(printed)),
+        start_tests=indented(_started_at(printed)),
+        kept_tests=indented(_resting(printed, "estimates are to be kept, and")),
         fresh_tests=indented(_fresh(printed)),
-        saturated=_saturated(printed),
+        fade_from=_where_u_is_large(contents),
+        fade=FADE,
         started=layout.started.name,
         u=layout.u.name,
         start_argument=f"in.{printed.measured}, " if state else "",
         fixed_start="measured[0], " if state else "",
-        tiny=c99.constant(1e-3, contents.real),
+        other_start="measured[1], " if state else "",
+        small=c99.constant(1e-4, contents.real),
         zero=f"0.0{contents.real.suffix}",
     )
+
+
+def with_losses(contents: Contents) -> Array:
+    """(K, S) the flat state after each sample of ``LOSSES``, evaluated from the list, by what ``controller.h`` says of a lost one."""
+    u, started = (list(part.rows) for part in (contents.layout.u, contents.layout.started))
+    last_y, last_r = (list(part.rows) for part in (contents.layout.measured, contents.layout.r))
+    state, states = contents.initial, []
+    for y, r, loss in zip(contents.vectors.measured, contents.vectors.commands, LOSSES, strict=False):
+        lost = bool(loss & MEASUREMENT_LOST)
+        if state[started] > 0 or not loss & (MEASUREMENT_LOST | COMMAND_LOST):
+            command = state[last_r] if loss & COMMAND_LOST else r
+            after = contents.evaluated(state, state[last_y] if lost else y, command, freeze=lost or bool(loss & FROZEN))
+            if lost:
+                after[u] = state[u]
+            state = after
+        states.append(state)
+    return np.array(states)
 
 
 def _rows(printed: Printed, values: Array) -> str:
@@ -51,57 +84,51 @@ def _rows(printed: Printed, values: Array) -> str:
     return indented(f"{{ {', '.join(c99.constant(value, real) for value in row)} }}," for row in values)
 
 
-def _final_state(printed: Printed) -> list[str]:
-    """After the last vector every number of the state is the simulation's."""
+def _limit_rows(printed: Printed) -> str:
+    """For each input the actuator's limits; those of one without are never reached."""
+    contents = printed.contents
+    beyond = 4 * contents.range
+    limits = contents.saturation
+    found = np.full((2, contents.sizes[2]), np.inf) * [[-1.0], [1.0]] if limits is None else limits
+    return _rows(printed, np.clip(found, -beyond, beyond).T)
+
+
+def _same_state(printed: Printed) -> str:
+    tests = [f"same(a->{part.name}, b->{part.name}, {part.size})" for part in printed.contents.layout.parts]
+    tests += [f"same(a->{name}, b->{name}, {printed.macro}_INPUTS)" for name in ("last_u", "bump")]
+    tests += [f"a->{name} == b->{name}" for name in ("fade", "fade_left", "matching")]
+    return "\n        && ".join(tests)
+
+
+def _state_is(printed: Printed, state: Array) -> list[str]:
+    """Every number that is kept is this one's, in every bit."""
     contents, lines = printed.contents, []
-    last = contents.vectors.states[-1]
     for part in contents.layout.parts:
-        values = ", ".join(c99.constant(last[row], contents.real) for row in part.rows)
+        values = ", ".join(c99.constant(state[row], contents.real) for row in part.rows)
         lines.append(f"{{ const {printed.real} expected[{part.size}] = {{ {values} }};")
         lines.append(f'  require(same(c.{part.name}, expected, {part.size}), "the state differs: {part.name}"); }}')
     return lines
 
 
-def _refused(printed: Printed) -> list[str]:
-    """Meanwhile what is learnt stands still, and the model goes on as it would have."""
-    contents = printed.contents
-    lines = ['require(c.waiting == 1, "a refused sample is not remembered");']
-    if contents.sizes[3]:
-        name = contents.layout.theta_hat.name
-        lines.append(f'require(same(c.{name}, before.{name}, {printed.macro}_ESTIMATES), "a refused sample was learnt from");')
-    part = contents.layout.part("held.x_m")
-    if part is not None:
-        Phi, Gamma = _discrete_model(printed)
-        lines += ["for (i = 0; i < 2; ++i) {", f"    {printed.real} next[{part.size}];"]
-        held = contents.layout.part("held.r")
-        for i in range(part.size):
-            terms = [f"{c99.constant(Phi[i, j], contents.real)} * before.{part.name}[{j}]" for j in range(part.size)]
-            terms += [] if held is None else [
-                f"{c99.constant(Gamma[i, j], contents.real)} * before.{held.name}[{j}]" for j in range(Gamma.shape[1])
-            ]  # fmt: skip
-            lines.append(f"    next[{i}] = {' + '.join(terms)};")
-        lines += [f"    memcpy(before.{part.name}, next, sizeof next);", "}"]
-        for i in range(part.size):
-            found, expected = f"c.{part.name}[{i}]", f"before.{part.name}[{i}]"
-            lines.append(
-                f"require({found} - {expected} <= {c99.constant(1e-4, contents.real)} && {expected} - {found} <= "
-                f'{c99.constant(1e-4, contents.real)}, "the model does not go on while samples are refused");'
-            )
+def _started_at(printed: Printed) -> list[str]:
+    """Started at the second vector's measurement with nothing kept, every number is what the case has there, but for rounding."""
+    contents, lines = printed.contents, []
+    rest, of_x = contents.at_start
+    there = rest + of_x @ contents.vectors.measured[1]
+    for part in contents.layout.parts:
+        values = ", ".join(c99.constant(there[row], contents.real) for row in part.rows)
+        lines.append(f"{{ const {printed.real} expected[{part.size}] = {{ {values} }};")
+        lines.append(f'  require(close_to(c.{part.name}, expected, {part.size}), "not started where it is: {part.name}"); }}')
     return lines
 
 
-def _discrete_model(printed: Printed) -> tuple[Array, Array]:
-    discrete = printed.contents.loop.discrete_model
-    assert discrete is not None
-    return discrete.Phi, discrete.Gamma.reshape(len(discrete.Phi), -1)
-
-
-def _frozen(printed: Printed) -> list[str]:
+def _resting(printed: Printed, when: str) -> list[str]:
+    """What was learnt is as before."""
     contents, lines = printed.contents, []
     for part in contents.layout.parts:
         for i in (row - part.start for row in part.rows if row in contents.learnt):
             both = f"&c.{part.name}[{i}], &before.{part.name}[{i}]"
-            lines.append(f'require(same({both}, 1), "frozen, and {part.name} moves");')
+            lines.append(f'require(same({both}, 1), "{when} {part.name} moves");')
     return lines
 
 
@@ -122,7 +149,7 @@ def _fresh(printed: Printed) -> list[str]:
 
 
 def _limits(printed: Printed) -> list[str]:
-    """An estimate outside the known set is refused as a state; the actuator's limits are kept."""
+    """An estimate outside the known set is refused as a state."""
     contents = printed.contents
     if contents.limits is None or not contents.sizes[3]:
         return []
@@ -141,11 +168,10 @@ def _limits(printed: Printed) -> list[str]:
     return lines
 
 
-def _saturated(printed: Printed) -> str:
-    if printed.contents.saturation is None:
-        return "same(&out.u_limited[i], &out.u[i], 1)"
-    tests = []
-    for i, (low, high) in enumerate(printed.contents.saturation.T):
-        a, b, u = printed.number(low), printed.number(high), f"out.u[{i}]"
-        tests.append(f"(i != {i} || out.u_limited[{i}] == ({u} < {a} ? {a} : {u} > {b} ? {b} : {u}))")
-    return " && ".join(tests)
+def _where_u_is_large(contents: Contents) -> int:
+    """A sample, neither the first nor one of the last, at which no input is near zero, if there is one."""
+    u = np.abs(contents.vectors.states[:, list(contents.layout.u.rows)]).min(axis=1)
+    return 1 + int(np.argmax(u[1 : len(u) - FADE - 1]))
+
+
+assert FEWEST_VECTORS >= FADE + 4

@@ -4,24 +4,20 @@ from __future__ import annotations
 
 import numpy as np
 
-from barbalat.export.layout import StatePart
 from barbalat.export.meanings import meaning
 from barbalat.export.texts import Printed, filled, indented
 from barbalat.lowering import c99
-from barbalat.lowering.operations import Program, sources
+from barbalat.lowering.operations import sources
 from barbalat.run.sampled_part import COMMAND, FREEZE, MEASURED, PARAMETER, STATE
 
-CLOCK_TOLERANCE = 1e-6
-"""By how much, relatively, a sample time or an estimate may be off: above a float's rounding, below any clock's error."""
+CLOCK_TOLERANCE = 1e-3
+"""By how much, relatively, a measured sample time may differ from the one that the export was made for.
 
-_MODEL = """\
-/* The reference model (2) alone, exact for a held r: slice of the same operations. */
-static void advance_model({name}_controller *c)
-{{
-{body}}}
-
+A crystal is off by 100 ppm at most, and a clock that counts microseconds reads 1 ms to within 0.1 %. What so small a difference does
+to the law is no more than what 0.1 % of its plant's parameters does; a wrong rate is off by far more.
 """
-
+ESTIMATE_TOLERANCE = 1e-6
+"""By how much, relatively, an estimate may lie outside the known set: above the rounding of a number of 32 bits."""
 
 BITS_HEADERS = ("stdint", "string")
 """What the project's own sin, exp, ... take of the library: the bits of a number, by memcpy."""
@@ -29,14 +25,9 @@ BITS_HEADERS = ("stdint", "string")
 
 def source(printed: Printed) -> str:
     """The text of controller.c."""
-    contents = printed.contents
-    x_m, started = contents.layout.part("held.x_m"), contents.layout.started
-    whole = (contents.step, *([] if contents.model is None else [contents.model]))
-    state, functions = contents.measures_state, c99.definitions(whole, contents.real)
-    needs_math = any(c99.calls_functions(program, contents.real) for program in whole)
-    model = "" if contents.model is None or x_m is None else _MODEL.format(
-        name=printed.name, body=_operations(printed, contents.model, [x_m], {started.start: c99.constant(1.0, contents.real)})
-    )  # fmt: skip
+    contents, layout = printed.contents, printed.contents.layout
+    state, functions = contents.measures_state, c99.definitions((contents.step,), contents.real)
+    needs_math = c99.calls_functions(contents.step, contents.real)
     return filled(
         "controller.c",
         origin=printed.origin,
@@ -51,19 +42,18 @@ def source(printed: Printed) -> str:
         zero=f"0.0{contents.real.suffix}",
         clock=c99.constant(CLOCK_TOLERANCE * contents.sample_time, contents.real),
         measured=printed.measured,
-        u=contents.layout.u.name,
-        started=started.name,
+        u=layout.u.name,
+        started=layout.started.name,
+        last_measured=layout.measured.name,
+        last_r=layout.r.name,
         usable=_usable(printed),
-        model=model,
-        advance=_operations(printed, contents.step, list(contents.layout.parts), {}),
-        miss=indented([f"if (c->waiting != 0 || c->{started.name}[0] > 0) {{", "    advance_model(c);", "}"]) if model else "",
-        resume=indented(["if (next.waiting != 0) {", "    advance_model(&next);", "}"]) if model else "",
+        advance=_operations(printed),
         give=indented(_given(printed)),
         defaults=indented(
             f"c->parameter[{k}] = {printed.number(one.value)}; /* {one.name} */" for k, one in enumerate(contents.parameters)
         ),
         reset=indented(
-            f"{text} = {_initial(printed, row, contents.initial[row])};" for row, text in contents.layout.entries().items()
+            f"{text} = {_initial(printed, row, contents.initial[row])};" for row, text in layout.entries().items()
         ),
         start=_start(printed),
         start_argument=f"const {printed.real} x[{printed.macro}_MEASURED], " if state else "",
@@ -76,11 +66,11 @@ def _initial(printed: Printed, row: int, value: float) -> str:
     return printed.parameter(starts[row]) if row in starts else printed.number(value)
 
 
-def _operations(printed: Printed, program: Program, parts: list[StatePart], fixed: dict[int, str]) -> str:
-    """One constant for each operation, then the assignments; ``fixed`` has C text in the place of entries of the state."""
-    contents = printed.contents
+def _operations(printed: Printed) -> str:
+    """One constant for each operation, then the assignments."""
+    contents, program = printed.contents, printed.contents.step
     y, q, _, _ = contents.sizes
-    inputs = {(STATE, row): text for row, text in (contents.layout.entries() | fixed).items()}
+    inputs = {(STATE, row): text for row, text in contents.layout.entries().items()}
     inputs |= {(MEASURED, i): f"in->{printed.measured}[{i}]" for i in range(y)} | {(COMMAND, i): f"in->r[{i}]" for i in range(q)}
     one, zero = (c99.constant(value, contents.real) for value in (1.0, 0.0))
     read = sorted(at for kind, at in sources(program) if kind == PARAMETER)
@@ -89,7 +79,7 @@ def _operations(printed: Printed, program: Program, parts: list[StatePart], fixe
     printer = c99.Printer(program, contents.real)
     lines = c99.statements(program, inputs, contents.real)
     results = iter(program.outputs[0])
-    for part in parts:
+    for part in contents.layout.parts:
         lines.append(f"/* {meaning(part.path)} */")
         lines += [f"{part.entry(row)} = {printer.number(next(results))};" for row in part.rows]
     return indented(lines)
@@ -106,7 +96,7 @@ def _usable(printed: Printed) -> str:
             text = contents.layout.theta_hat.entry(contents.layout.theta_hat.start + i)
             for bound, sign, relation in ((low, -1.0, ">="), (high, 1.0, "<=")):
                 if np.isfinite(bound):
-                    limit = bound + sign * CLOCK_TOLERANCE * (1 + abs(bound))
+                    limit = bound + sign * ESTIMATE_TOLERANCE * (1 + abs(bound))
                     tests.append(f"{text} {relation} {c99.constant(limit, contents.real)}")
     return "\n        && ".join(tests)
 
@@ -118,7 +108,7 @@ def _given(printed: Printed) -> list[str]:
     lines += [f"for (i = 0; i < {printed.macro}_INPUTS; ++i) {{", f"    out->u[i] = held != 0 ? c->last_u[i] : {zero};"]
     lines += ["    out->u_limited[i] = out->u[i];", "}"]
     if contents.saturation is not None:
-        for i in range(contents.saturation.shape[1]):
+        for i in np.flatnonzero(np.isfinite(contents.saturation).all(axis=0)).tolist():
             for side, relation in ((0, "<"), (1, ">")):
                 text = printed.limit(i, side)
                 lines += [f"if (out->u[{i}] {relation} {text}) {{", f"    out->u_limited[{i}] = {text};", "}"]

@@ -17,7 +17,7 @@ void barbalat_sample(double *numbers, int64_t step)
 ${load}    for (i = 0; i < ${macro}_INPUTS; ++i) {
         c.last_u[i] = c.${u}[i];
     }
-    c.waiting = step > 0 && !(c.${started}[0] > 0);
+    (void)step;
     in.sample_time = ${macro}_SAMPLE_TIME;
     in.freeze = 0;
     for (i = 0; i < ${macro}_MEASURED; ++i) {

@@ -22,7 +22,7 @@ static int state_is_usable(const ${name}_controller *c)
     return ${usable};
 }
 
-${model}/* One sample of the whole controller: the operations of the simulation, in their order. */
+/* One sample of the whole controller: the operations of the simulation, in their order. */
 static void advance(${name}_controller *c, const ${name}_input *in)
 {
 ${advance}}
@@ -45,11 +45,51 @@ static void fade(${name}_controller *c)
     }
 }
 
-/* A sample that is missed: time goes by for the model alone. */
-static void miss(${name}_controller *c)
+/* The control of a sample without a measurement: it stays, and time goes on for what fades out of it. */
+static void hold(${name}_controller *c)
 {
-${miss}    c->${started}[0] = ${zero};
-    c->waiting = 1;
+    int i;
+    for (i = 0; i < ${macro}_INPUTS; ++i) {
+        c->${u}[i] = c->last_u[i];
+    }
+    if (c->fade_left > 0L) {
+        --c->fade_left;
+    }
+}
+
+/* From the last sample to this one, measured or lost; where that leads out of range nothing has changed, and it says 0. */
+static int go_on(${name}_controller *c, const ${name}_input *in, int measured)
+{
+    int i;
+    ${name}_controller next = *c;
+    advance(&next, in);
+    if (measured != 0) {
+        fade(&next);
+    } else {
+        hold(&next);
+    }
+    if (!state_is_usable(&next)) {
+        return 0;
+    }
+    *c = next;
+    for (i = 0; i < ${macro}_INPUTS; ++i) {
+        c->last_u[i] = c->${u}[i];
+    }
+    return 1;
+}
+
+/* A sample without a measurement is the last good one once more, from which nothing is learnt; there is none before the first. */
+static int miss(${name}_controller *c, ${name}_input *in)
+{
+    int i;
+    if (!(c->${started}[0] > 0)) {
+        return 1;
+    }
+    for (i = 0; i < ${macro}_MEASURED; ++i) {
+        in->${measured}[i] = c->${last_measured}[i];
+    }
+    in->freeze = 1;
+    return go_on(c, in, 0);
 }
 
 static void give(const ${name}_controller *c, ${name}_output *out, unsigned status)
@@ -69,7 +109,6 @@ ${reset}    c->sample_time = ${macro}_SAMPLE_TIME;
     c->fade = 0L;
     c->fade_left = 0L;
     c->matching = 0;
-    c->waiting = 0;
 }
 
 void ${name}_init(${name}_controller *c)
@@ -93,14 +132,15 @@ ${start}    c->sample_time = ${macro}_SAMPLE_TIME;
     c->fade = samples > 0L ? samples : 0L;
     c->fade_left = c->fade;
     c->matching = 1;
-    c->waiting = 0;
 }
 
 unsigned ${name}_step(${name}_controller *c, const ${name}_input *in, ${name}_output *out)
 {
+    const int commanded = in_range(in->r, ${macro}_COMMANDS);
+    const int measured = in_range(in->${measured}, ${macro}_MEASURED);
+    ${name}_input taken = *in;
     unsigned status = ${macro}_OK;
     int i;
-    ${name}_controller next;
     if (!(in->sample_time <= c->sample_time + ${clock} && in->sample_time >= c->sample_time - ${clock})) {
         status |= ${macro}_WRONG_SAMPLE_TIME;
     }
@@ -108,23 +148,21 @@ unsigned ${name}_step(${name}_controller *c, const ${name}_input *in, ${name}_ou
         give(c, out, status | ${macro}_STATE_REFUSED);
         return out->status;
     }
-    if (!(in_range(in->${measured}, ${macro}_MEASURED) && in_range(in->r, ${macro}_COMMANDS))) {
-        miss(c);
-        give(c, out, status | ${macro}_INPUT_REFUSED);
-        return out->status;
+    if (measured == 0 || commanded == 0) {
+        status |= ${macro}_INPUT_REFUSED;
     }
-    next = *c;
-${resume}    next.waiting = 0;
-    advance(&next, in);
-    fade(&next);
-    if (!state_is_usable(&next)) {
-        miss(c);
-        give(c, out, status | ${macro}_RESULT_REFUSED);
-        return out->status;
+    for (i = 0; i < ${macro}_COMMANDS && commanded == 0; ++i) {
+        taken.r[i] = c->${last_r}[i];
     }
-    *c = next;
-    for (i = 0; i < ${macro}_INPUTS; ++i) {
-        c->last_u[i] = c->${u}[i];
+    if (measured != 0 && (commanded != 0 || c->${started}[0] > 0)) {
+        if (go_on(c, &taken, 1) != 0) {
+            give(c, out, status);
+            return out->status;
+        }
+        status |= ${macro}_RESULT_REFUSED;
+    }
+    if (miss(c, &taken) == 0) {
+        status |= ${macro}_RESULT_REFUSED;
     }
     give(c, out, status);
     return out->status;

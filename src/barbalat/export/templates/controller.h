@@ -13,10 +13,10 @@
 ${sizes}${limits}
 /* Status of a step, of which several may hold. */
 #define ${macro}_OK 0u
-#define ${macro}_WRONG_SAMPLE_TIME 1u /* called with another sample time; the step was made as if with the right one */
-#define ${macro}_INPUT_REFUSED 2u /* a measurement or command is no number or out of range: last good u held */
-#define ${macro}_STATE_REFUSED 4u /* the state is no number or out of range: last good u held until reset or start */
-#define ${macro}_RESULT_REFUSED 8u /* the step would have led out of range: last good u held, as for an input */
+#define ${macro}_WRONG_SAMPLE_TIME 1u /* called after another time, by more than 0.1 %; the step was made as if after the right one */
+#define ${macro}_INPUT_REFUSED 2u /* the measurement or the command is no number or out of range: see ${name}_step */
+#define ${macro}_STATE_REFUSED 4u /* the state is no number or out of range: last u held, nothing goes on until reset or start */
+#define ${macro}_RESULT_REFUSED 8u /* the step would have led out of range: the measurement is taken as lost */
 
 #ifdef __cplusplus
 extern "C" {
@@ -25,16 +25,15 @@ extern "C" {
 /* Everything that the controller keeps. Matrices stand row by row. */
 typedef struct {
 ${members}    ${real} sample_time; /* [s] for which this state was made */
-    ${real} last_u[${macro}_INPUTS]; /* the last good control: what is held */
+    ${real} last_u[${macro}_INPUTS]; /* what was put out last: what is held */
     ${real} bump[${macro}_INPUTS]; /* of a bumpless start: what fades out of u */
     long fade; /* samples over which it does */
     long fade_left; /* of them still to come */
     int matching; /* 1 until the first sample after a start */
-    int waiting; /* 1 after a sample that was refused: the next good one does not advance from what it missed */
 } ${name}_controller;
 
 typedef struct {
-    ${real} sample_time; /* [s] since the last call; ${macro}_SAMPLE_TIME */
+    ${real} sample_time; /* [s] since the last call, as a timer has it or ${macro}_SAMPLE_TIME: within 0.1 % of that */
     ${real} ${measured}[${macro}_MEASURED]; /* ${measured_meaning} */
     ${real} r[${macro}_COMMANDS]; /* command of (2) */
     int freeze; /* not 0: the estimates and what was learnt for them keep their values, all else goes on */
@@ -60,7 +59,14 @@ void ${name}_reset(${name}_controller *c);
 void ${name}_start(${name}_controller *c, ${start_argument}const ${real} u_now[${macro}_INPUTS], long samples,
     int keep_estimates);
 
-/* One sample. Call it every ${macro}_SAMPLE_TIME, put u out at once and hold it until the next call. Returns the status. */
+/*
+ * One sample. Call it every ${macro}_SAMPLE_TIME, also when there is no measurement (then with NaN in its place), put u out at
+ * once and hold it until the next call. Returns the status.
+ * A lost measurement: u stays, and all else goes on under the last good measurement and this u, with the estimates frozen.
+ * A lost command: the last good one stands in for it, and the controller goes on as ever.
+ * Nothing begins, and u stays, until a first sample after init, reset or start has both. Where even a lost measurement would lead
+ * out of range (RESULT_REFUSED beside INPUT_REFUSED), the whole state stays.
+ */
 /*@ requires \valid(c) && \valid_read(in) && \valid(out);
     requires \separated(c, in, out);
     ensures \forall integer i; 0 <= i < ${macro}_INPUTS ==> -${macro}_RANGE <= out->u[i] <= ${macro}_RANGE;

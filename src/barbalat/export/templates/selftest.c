@@ -14,7 +14,12 @@ static const ${real} commands[SAMPLES][${macro}_COMMANDS] = {
 ${command_rows}};
 static const ${real} controls[SAMPLES][${macro}_INPUTS] = {
 ${control_rows}};
-${estimate_table}
+${estimate_table}static const ${real} limits[${macro}_INPUTS][2] = {
+${limit_rows}};
+/* A run in which samples are lost: 1 the measurement, 2 the command; 4 frozen. */
+static const int losses[] = { ${losses} };
+static const ${real} lossy_controls[][${macro}_INPUTS] = {
+${lossy_rows}};
 static int failures = 0;
 
 static void require(int holds, const char *what)
@@ -40,6 +45,36 @@ static int same(const ${real} *a, const ${real} *b, size_t count)
     return memcmp(a, b, count * sizeof *a) == 0;
 }
 
+static int close_to(const ${real} *a, const ${real} *b, int count)
+{
+    int i;
+    for (i = 0; i < count; ++i) {
+        const ${real} apart = a[i] > b[i] ? a[i] - b[i] : b[i] - a[i];
+        if (!(apart <= ${small} * (1 + (b[i] > 0 ? b[i] : -b[i])))) {
+            return 0;
+        }
+    }
+    return 1;
+}
+
+static int same_state(const ${name}_controller *a, const ${name}_controller *b)
+{
+    return ${same_state};
+}
+
+/* Whether u_limited is u within the actuator's limits. */
+static int is_limited(const ${name}_output *out)
+{
+    int i;
+    for (i = 0; i < ${macro}_INPUTS; ++i) {
+        const ${real} u = out->u[i] < limits[i][0] ? limits[i][0] : out->u[i] > limits[i][1] ? limits[i][1] : out->u[i];
+        if (!same(&out->u_limited[i], &u, 1)) {
+            return 0;
+        }
+    }
+    return 1;
+}
+
 /* Samples 0 to count - 1 from a fresh state; the first that differs from the simulation. */
 static int replay(${name}_controller *c, int count)
 {
@@ -47,7 +82,8 @@ static int replay(${name}_controller *c, int count)
     for (k = 0; k < count; ++k) {
         const ${name}_input in = sample(k);
         ${name}_output out;
-        if (${name}_step(c, &in, &out) != ${macro}_OK || !same(out.u, controls[k], ${macro}_INPUTS)${estimates_differ}) {
+        if (${name}_step(c, &in, &out) != ${macro}_OK || out.status != ${macro}_OK || !is_limited(&out)
+            || !same(out.u, controls[k], ${macro}_INPUTS)${estimates_differ}) {
             return k;
         }
     }
@@ -68,33 +104,83 @@ ${state_tests}    ${name}_reset(&c);
     require(replay(&c, SAMPLES < 50 ? SAMPLES : 50) == (SAMPLES < 50 ? SAMPLES : 50), "reset is not a fresh start");
 }
 
-/* A refused sample holds u and says so, the next good one goes on. */
-static void test_refused(${real} bad, int in_command, unsigned expected)
+/* Samples are lost, also before there was a good one: u and the state are what was computed of the same losses. */
+static void test_losses(void)
 {
-    ${name}_controller c, before;
-    ${name}_input in;
-    ${name}_output out, good;
-    const int k = SAMPLES > 8 ? 8 : SAMPLES - 2;
-    int i;
+    ${name}_controller c;
+    const ${real} nothing = ${zero};
+    int k;
+    ${name}_init(&c);
+    for (k = 0; k < (int)(sizeof losses / sizeof *losses); ++k) {
+        ${name}_input in = sample(k);
+        ${name}_output out;
+        if ((losses[k] & 1) != 0) {
+            in.${measured}[${macro}_MEASURED - 1] = nothing / nothing;
+        }
+        if ((losses[k] & 2) != 0) {
+            in.r[${macro}_COMMANDS - 1] = nothing / nothing;
+        }
+        in.freeze = losses[k] & 4;
+        require(${name}_step(&c, &in, &out) == ((losses[k] & 3) != 0 ? ${macro}_INPUT_REFUSED : ${macro}_OK),
+            "a lost sample is not told, or a good one refused");
+        require(same(out.u, lossy_controls[k], ${macro}_INPUTS) && is_limited(&out), "a run with losses differs");
+    }
+${lossy_tests}}
+
+/* Of a bad measurement: it is the last good one once more, frozen, and u stays. Of a bad command: the last good one stands in. */
+static void test_refused(${real} bad, int in_command)
+{
+    ${name}_controller c, other;
+    ${name}_output out, expected;
+    int k = SAMPLES > 12 ? 8 : SAMPLES - 4, last;
     ${name}_init(&c);
     (void)replay(&c, k);
-    in = sample(k);
-    (void)${name}_step(&c, &in, &good);
-    before = c;
-    for (i = 0; i < 2; ++i) {
-        in = sample(k);
-        if (in_command != 0) {
-            in.r[${macro}_COMMANDS - 1] = bad;
-        } else {
-            in.${measured}[${macro}_MEASURED - 1] = bad;
+    other = c;
+    for (last = k + 2; k <= last; ++k) {
+        ${name}_input in = sample(k), as = sample(k);
+        ${real} held[${macro}_INPUTS];
+        memcpy(held, other.last_u, sizeof held);
+        if (k < last && in_command != 0) {
+            in.r[0] = bad;
+            memcpy(as.r, commands[last - 3], sizeof as.r);
+        } else if (k < last) {
+            in.${measured}[0] = bad;
+            memcpy(as.${measured}, measured[last - 3], sizeof as.${measured});
+            as.freeze = 1;
         }
-        require(${name}_step(&c, &in, &out) == expected && out.status == expected, "a bad input is not refused");
-        require(same(out.u, good.u, ${macro}_INPUTS), "the last good control is not held");
+        (void)${name}_step(&other, &as, &expected);
+        if (k < last && in_command == 0) {
+            memcpy(expected.u, held, sizeof held);
+            memcpy(other.${u}, held, sizeof held);
+            memcpy(other.last_u, held, sizeof held);
+        }
+        require(${name}_step(&c, &in, &out) == (k < last ? ${macro}_INPUT_REFUSED : ${macro}_OK), "a bad input is not told");
+        require(same(out.u, expected.u, ${macro}_INPUTS), "not the control that a bad input should have");
+        require(same_state(&c, &other), "time does not go on through a bad input as it should");
     }
-${refused_tests}    in = sample(k);
-    require(${name}_step(&c, &in, &out) == ${macro}_OK && out.status == ${macro}_OK, "there is no way back from a bad input");
-    require(c.waiting == 0 && c.${started}[0] > 0, "the controller still waits after a good sample");
-    (void)before;
+}
+
+/* A sample that would lead out of range, here by what is to fade out, counts as one that is lost. */
+static void test_result(void)
+{
+    ${name}_controller c, other;
+    ${name}_input in = sample(${fade_from});
+    ${name}_output out, expected;
+    ${real} beyond;
+    ${name}_init(&c);
+    (void)replay(&c, ${fade_from});
+    c.bump[0] = controls[${fade_from}][0] > 0 ? ${macro}_RANGE : -${macro}_RANGE;
+    c.fade = 1L;
+    c.fade_left = 1L;
+    beyond = c.bump[0] + controls[${fade_from}][0];
+    if (beyond >= -${macro}_RANGE && beyond <= ${macro}_RANGE) {
+        return; /* this control is lost in the rounding of so large a number */
+    }
+    other = c;
+    require(${name}_step(&c, &in, &out) == ${macro}_RESULT_REFUSED, "a result out of range is not refused");
+    in.${measured}[0] = 2 * ${macro}_RANGE;
+    (void)${name}_step(&other, &in, &expected);
+    require(same(out.u, expected.u, ${macro}_INPUTS) && same_state(&c, &other), "a refused result is not a lost sample");
 }
 
 static void test_limits(void)
@@ -102,8 +188,12 @@ static void test_limits(void)
     ${name}_controller c;
     ${name}_input in = sample(0);
     ${name}_output out;
-    int i;
+    int i, k;
     ${name}_init(&c);
+    in.sample_time = ${macro}_SAMPLE_TIME * (1 + 9 * ${small});
+    require(${name}_step(&c, &in, &out) == ${macro}_OK, "a timer's inaccuracy is flagged");
+    in.sample_time = ${macro}_SAMPLE_TIME * (1 - 9 * ${small});
+    require(${name}_step(&c, &in, &out) == ${macro}_OK, "a timer's inaccuracy is flagged");
     in.sample_time = 2 * ${macro}_SAMPLE_TIME;
     require(${name}_step(&c, &in, &out) == ${macro}_WRONG_SAMPLE_TIME, "another sample time is not flagged");
     in.sample_time = ${macro}_SAMPLE_TIME / 2;
@@ -116,8 +206,10 @@ static void test_limits(void)
     }
     c.${u}[0] = 2 * ${macro}_RANGE;
     require(${name}_step(&c, &in, &out) == ${macro}_STATE_REFUSED, "a state out of range is not refused");
-    require(out.u[0] == 1, "the last good control is not held");
+    require(out.u[0] == 1 && is_limited(&out), "the last good control is not held");
 ${limit_tests}    ${name}_reset(&c);
+    c.sample_time = 0;
+    ${name}_reset(&c);
     require(${name}_step(&c, &in, &out) == ${macro}_OK, "there is no way back from a bad state");
     c.last_u[0] = 2 * ${macro}_RANGE;
     c.bump[0] = 2 * ${macro}_RANGE;
@@ -128,6 +220,18 @@ ${limit_tests}    ${name}_reset(&c);
     c.fade = 0L;
     c.fade_left = 1L;
     require(${name}_step(&c, &in, &out) == ${macro}_STATE_REFUSED, "a fade that never ends is not refused");
+    /* what is held is put out within the limits: from below the lower to above the upper one, and at both */
+    for (k = -4; k <= 20; ++k) {
+        ${name}_init(&c);
+        in.${measured}[0] = 2 * ${macro}_RANGE;
+        for (i = 0; i < ${macro}_INPUTS; ++i) {
+            const int without = limits[i][1] > ${macro}_RANGE;
+            c.last_u[i] = without != 0 ? (${real})(k - 8) : limits[i][0] * ((${real})(16 - k) / 16) + limits[i][1] * ((${real})k / 16);
+        }
+        require(${name}_step(&c, &in, &out) == ${macro}_INPUT_REFUSED && same(out.u, c.last_u, ${macro}_INPUTS),
+            "before the first good sample the control is not held");
+        require(is_limited(&out), "a control beyond the actuator's limits, or another one within");
+    }
 }
 
 /* Far outside of what was simulated, with inputs up to the range: what is given out stays finite, in its limits, and said. */
@@ -147,8 +251,8 @@ static void test_hard_inputs(void)
         (void)${name}_step(&c, &in, &out);
         for (i = 0; i < ${macro}_INPUTS; ++i) {
             require(out.u[i] >= -${macro}_RANGE && out.u[i] <= ${macro}_RANGE, "a control out of range");
-            require(${saturated}, "a control beyond the actuator's limits");
         }
+        require(is_limited(&out), "a control beyond the actuator's limits, or another one within");
         if (failures != 0) {
             return;
         }
@@ -171,36 +275,80 @@ ${frozen_tests}        (void)before;
     }
 }
 
-static void test_start(void)
+/* Where the controller's own control is not zero: the first is u_now, the difference fades out, also while a sample is lost. */
+static void test_fade(void)
 {
     ${name}_controller c;
+    ${name}_output out;
+    ${real} bump[${macro}_INPUTS];
+    int i, k;
+    ${name}_init(&c);
+    (void)replay(&c, ${fade_from});
+    for (i = 0; i < ${macro}_INPUTS; ++i) {
+        c.bump[i] = controls[${fade_from}][i] + 1;
+        bump[i] = c.bump[i] - controls[${fade_from}][i];
+    }
+    c.fade = ${fade}L;
+    c.fade_left = ${fade}L;
+    c.matching = 1;
+    for (k = 0; k <= ${fade}; ++k) {
+        ${name}_input in = sample(${fade_from} + k);
+        ${name}_controller own = c;
+        ${name}_output expected;
+        own.matching = 0;
+        own.fade_left = 0L;
+        (void)${name}_step(&own, &in, &expected);
+        for (i = 0; i < ${macro}_INPUTS; ++i) {
+            if (k == 1) {
+                expected.u[i] = c.last_u[i];
+            } else if (k < ${fade}) {
+                expected.u[i] = expected.u[i] + bump[i] * ((${real})(${fade} - k) / (${real})${fade});
+            }
+        }
+        if (k == 1) {
+            in.${measured}[0] = 2 * ${macro}_RANGE;
+        }
+        (void)${name}_step(&c, &in, &out);
+        require(same(out.u, expected.u, ${macro}_INPUTS), "a start does not fade out as it should");
+        require(c.fade_left == (k < ${fade} ? ${fade} - 1L - k : 0L) && c.matching == 0, "a start does not fade out in its time");
+    }
+}
+
+static void test_start(void)
+{
+    ${name}_controller c, before;
     ${name}_input in = sample(0);
     ${name}_output out, own;
     ${real} u_now[${macro}_INPUTS];
-    int i, k;
+    int i;
     ${name}_init(&c);
-    ${name}_start(&c, ${start_argument}controls[0], 0L, 0);
-    (void)${name}_step(&c, &in, &own);
+    (void)replay(&c, SAMPLES);
+    before = c;
+    in = sample(SAMPLES - 1);
+    ${name}_start(&c, ${start_argument}controls[0], -1L, 1);
+${kept_tests}    (void)${name}_step(&c, &in, &own);
     for (i = 0; i < ${macro}_INPUTS; ++i) {
         u_now[i] = own.u[i] + 1;
     }
-    ${name}_start(&c, ${start_argument}u_now, 4L, 0);
+    c = before;
+    ${name}_start(&c, ${start_argument}u_now, ${fade}L, 1);
+    require(c.fade == ${fade}L && c.fade_left == ${fade}L, "the bump does not fade out in the time that was asked for");
     require(${name}_step(&c, &in, &out) == ${macro}_OK, "the first sample after a start is refused");
-    for (i = 0; i < ${macro}_INPUTS; ++i) {
-        const ${real} apart = out.u[i] - u_now[i];
-        require(apart < ${tiny} && apart > -${tiny}, "the start is not without a bump");
-    }
-    for (k = 1; k < 4; ++k) {
+    require(close_to(out.u, u_now, ${macro}_INPUTS), "the start is not without a bump");
+    for (i = 1; i < ${fade}; ++i) {
         (void)${name}_step(&c, &in, &out);
     }
     require(c.fade_left == 0L, "the bump does not fade out in the time that was asked for");
-    ${name}_start(&c, ${start_argument}u_now, 0L, 0);
-    (void)${name}_step(&c, &in, &out);
-    require(same(out.u, own.u, ${macro}_INPUTS), "a start without a fade is not the controller's own control");
+    c = before;
+    c.sample_time = 0;
+    ${name}_start(&c, ${start_argument}u_now, 0L, 1);
+    require(${name}_step(&c, &in, &out) == ${macro}_OK && same(out.u, own.u, ${macro}_INPUTS),
+        "a start without a fade is not the controller's own control");
     (void)replay(&c, 1);
     in.${measured}[0] = 2 * ${macro}_RANGE;
-    ${name}_start(&c, ${fixed_start}u_now, 4L, 1);
-    require(${name}_step(&c, &in, &out) == ${macro}_INPUT_REFUSED && same(out.u, u_now, ${macro}_INPUTS),
+    ${name}_start(&c, ${other_start}u_now, ${fade}L, 0);
+${start_tests}    before = c;
+    require(${name}_step(&c, &in, &out) == ${macro}_INPUT_REFUSED && same(out.u, u_now, ${macro}_INPUTS) && same_state(&c, &before),
         "a refused first sample does not hold the actuator where it is");
 ${fresh_tests}}
 
@@ -208,14 +356,17 @@ int main(void)
 {
     const ${real} nothing = ${zero};
     test_vectors();
-    test_refused(nothing / nothing, 0, ${macro}_INPUT_REFUSED);
-    test_refused(1 / nothing, 0, ${macro}_INPUT_REFUSED);
-    test_refused(-2 * ${macro}_RANGE, 0, ${macro}_INPUT_REFUSED);
-    test_refused(nothing / nothing, 1, ${macro}_INPUT_REFUSED);
-    test_refused(2 * ${macro}_RANGE, 1, ${macro}_INPUT_REFUSED);
+    test_losses();
+    test_refused(nothing / nothing, 0);
+    test_refused(1 / nothing, 0);
+    test_refused(-2 * ${macro}_RANGE, 0);
+    test_refused(nothing / nothing, 1);
+    test_refused(2 * ${macro}_RANGE, 1);
+    test_result();
     test_limits();
     test_hard_inputs();
     test_freeze();
+    test_fade();
     test_start();
     printf(failures == 0 ? "${name}: %d samples agree in every bit\n" : "${name}: FAILED (%d samples)\n", SAMPLES);
     return failures == 0 ? 0 : 1;
