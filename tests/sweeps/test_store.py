@@ -4,6 +4,7 @@ import json
 import os
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -198,6 +199,18 @@ def test_a_flipped_bit_anywhere_in_the_index_changes_nothing_or_is_said(tmp_path
     file.write_bytes(whole[:at] + b"M" + whole[at + 1 :])
     with pytest.raises(InputError, match=r"index of the store .* is damaged"):
         read_index(folder)
+
+
+@pytest.mark.parametrize("given", ["s3://bucket/x", Path("gs://bucket/x")])
+def test_a_url_is_no_folder(given, tmp_path, monkeypatch):
+    """Refused before anything runs."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(Study, "run", None)
+    with pytest.raises(InputError, match="store must be a path on this computer, and URLs are not supported"):
+        sweep("first-order", vary={"controller[0].gamma": "1:10:3"}, store=given)
+    with pytest.raises(InputError, match="the store must be a path"), opened(Path(given), {}, 1, 1):
+        pass
+    assert not list(tmp_path.iterdir())
 
 
 def test_folders_that_are_no_store(tmp_path):

@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
+from barbalat import validate
 from barbalat.sweeps.chunks import Chunk, chunks_of
 from barbalat.sweeps.stored import (
     INDEX_FILE,
@@ -131,6 +132,8 @@ def opened(
 
     InputError for a folder that can't be written, that another process writes, or that holds another sweep or other things.
     """
+
+    folder = validate.local_path("the store", folder)
 
     def found() -> StoreIndex | None:
         index = read_index(folder)

@@ -7,6 +7,7 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 
+from barbalat import validate
 from barbalat.cases.build import Case
 from barbalat.cases.load import CaseText
 from barbalat.run.progress import Progress
@@ -60,6 +61,7 @@ def sweep(
     Raises InputError.
     """
     requirements = [Requirement.parse(text) for text in require]
+    folder = None if store is None else validate.local_path("store", store)
     axes = {FieldPath.parse(path): one if isinstance(one, Axis) else Axis.parse(one) for path, one in (vary or {}).items()}
     draws = sampled(case if isinstance(case, Case) else CaseText.read(case), list((sample or {}).items()))
     known = design_of(design)
@@ -68,7 +70,7 @@ def sweep(
     return run_study(
         Study(varied, plan),
         requirements=requirements,
-        store=None if store is None else Path(store),
+        store=folder,
         scheduler=Scheduler.parse(scheduler) if isinstance(scheduler, str) else scheduler,
         bounds=bounds,
         threads=threads,
