@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import webbrowser
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from barbalat.commands.output import print_json
