@@ -57,7 +57,7 @@ def write(folder: Path) -> int:
     prepared = study()
     print("begun", flush=True)  # noqa: T201
     try:
-        run_study(prepared, store=folder, chunk=CHUNK, bounds=False, threads=1)
+        run_study(prepared, store=folder, chunk=CHUNK, bounds=False, audit=0, threads=1)
     except InputError as error:
         print(error, file=sys.stderr)  # noqa: T201
         return 2

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
+import re
 import unicodedata
 from collections.abc import Iterable
 from dataclasses import is_dataclass
 from importlib.util import find_spec
+from pathlib import Path
 from typing import Annotated, Any, TypeAlias
 
 import numpy as np
@@ -154,6 +156,17 @@ def line(field: str, value: Any) -> str:
     if any(map(_controls, value)):
         raise InputError.of(field, f"must be without control characters, got {value!a}")
     return value
+
+
+URL = re.compile(r"[A-Za-z][A-Za-z0-9+.-]+:/")
+"""How a URL begins, also after ``Path`` has made one slash of two; a Windows drive is a single letter."""
+
+
+def local_path(field: str, given: str | Path) -> Path:
+    """A path on this computer; InputError for a URL, which ``Path`` would take for a folder with the name of its scheme."""
+    if URL.match(str(given)):
+        raise InputError.of(field, f"must be a path on this computer, and URLs are not supported, got {show(str(given))}")
+    return Path(given)
 
 
 def counted(count: int, one: str) -> str:

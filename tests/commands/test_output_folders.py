@@ -34,6 +34,23 @@ def command(*arguments, **options):
     )
 
 
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["run", "s3://bucket/case.toml"],
+        ["certify", "first-order", "--out", "s3://bucket/pages"],
+        ["explore", "first-order", "--out", "s3://page.html"],
+        ["new", "ftp://host/case.toml"],
+    ],
+)
+def test_a_url_is_no_path(arguments, tmp_path, monkeypatch, capsys):
+    """A path made of one would be a folder with the name of its scheme."""
+    monkeypatch.chdir(tmp_path)
+    assert main(arguments) == 2
+    assert "must be a path on this computer, and URLs are not supported" in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())
+
+
 def one_sentence(text):
     return len(text.splitlines()) == 1 and text.startswith("barbalat: ")
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import os
 import pickle
+import shutil
 import signal
 import socket
 import subprocess
@@ -17,12 +18,13 @@ from threading import Thread
 import numpy as np
 import pytest
 
+import barbalat
 from barbalat.cases.load import CaseText
 from barbalat.cli import main
 from barbalat.sweeps import cluster
 from barbalat.sweeps.cluster import Scheduler
 from barbalat.sweeps.plan import Plan
-from barbalat.sweeps.sent import Sent, Tabulated, figures
+from barbalat.sweeps.sent import SOURCES, Sent, Tabulated, digest_of, figures, versions
 from barbalat.sweeps.study import Study
 from barbalat.sweeps.varied_case import VariedCase, sampled
 from independent import refusal
@@ -69,8 +71,38 @@ def test_a_worker_that_would_make_other_bits_refuses():
     (part,) = study().parts(0, 4)
     sent, tables = Sent.of(part), Tabulated.of(part)
     assert len(figures(sent, tables)) == 3
-    other = replace(sent, versions=sent.versions | {"numpy": "1.0"})
+    other = replace(sent, made_by=sent.made_by | {"numpy": "1.0"})
     assert "a worker has other versions than the client: numpy" in refusal(lambda: figures(other, tables))
+    changed = replace(sent, made_by=sent.made_by | {SOURCES: "0123456789abcdef"})
+    assert f"other versions than the client: {SOURCES} {versions()[SOURCES]}, not 0123" in refusal(
+        lambda: figures(changed, tables)
+    )
+
+
+def test_a_worker_whose_sources_differ_refuses(tmp_path):
+    """A copy of the package, as another machine has it, with one factor 2 in the figures: its version number is the same."""
+    (part,) = study().parts(0, 4)
+    given = pickle.dumps((Sent.of(part), Tabulated.of(part)))
+    copy = tmp_path / "barbalat"
+    shutil.copytree(Path(barbalat.__file__).parent, copy, ignore=shutil.ignore_patterns("__pycache__"))
+    environment = os.environ | {"PYTHONPATH": str(tmp_path), "PYTHONDONTWRITEBYTECODE": "1"}
+    command = [sys.executable, "-c", WORKER]
+    done = subprocess.run(command, input=given, capture_output=True, env=environment, check=True)
+    assert len(pickle.loads(done.stdout)) == 3  # what is the same may lie elsewhere
+    metrics = copy / "run" / "metrics.py"
+    changed = metrics.read_text().replace("max_abs_e=finite_only(", "max_abs_e=2 * finite_only(")
+    assert changed != metrics.read_text()
+    metrics.write_text(changed)
+    done = subprocess.run(command, input=given, capture_output=True, env=environment, check=False)
+    assert done.returncode and "other versions than the client: barbalat's sources" in done.stderr.decode()
+
+
+def test_sources_are_the_same_whatever_the_ends_of_their_lines(tmp_path):
+    for name, content in (("unix", b"a = 1\nb = 2\n"), ("windows", b"a = 1\r\nb = 2\r\n"), ("other", b"a = 1\nb = 3\n")):
+        (tmp_path / name / "room").mkdir(parents=True)
+        (tmp_path / name / "room" / "file.py").write_bytes(content)
+    unix, windows, other = (digest_of(tmp_path / name) for name in ("unix", "windows", "other"))
+    assert unix == windows != other
 
 
 @pytest.mark.parametrize("address", ["localhost:8786", "tcp://host", "http://h:1", "local:", "local:-1", ""])

@@ -109,6 +109,7 @@ def test_sobol_indices_of_saltellis_design():
     assert [one.first for one in found] == pytest.approx([0.3139, 0.4424, 0.0], abs=0.02)
     assert [one.total for one in found] == pytest.approx([0.5576, 0.4424, 0.2437], abs=0.02)
     assert all(one.low < one.first < one.high for one in found)
+    assert found == indices(Plan({}, ANGLES, 2**12, Design.SALTELLI))  # the bootstrap is seeded
 
 
 def test_sobol_indices_of_any_sample():
@@ -125,3 +126,28 @@ def test_main_effects_of_a_grid_and_of_draws_at_its_points():
     found, _ = sensitivity.sensitivities(made, ["L1"], plan)
     parts = [4 * np.var(np.linspace(0, 1, 5)), 9 / 12, 0.0]
     assert [one.first for one in found] == pytest.approx([part / sum(parts) for part in parts], abs=0.01)
+
+
+@pytest.mark.parametrize("scale", [2.0**-565, 2.0**520], ids=["squares underflow", "squares overflow"])
+@pytest.mark.parametrize(
+    "plan",
+    [
+        Plan({PATHS[0]: Axis(0.0, 1.0, 3), PATHS[1]: Axis(0.0, 1.0, 5)}),
+        Plan({}, ANGLES, 256),
+        Plan({}, ANGLES, 2**8, Design.SALTELLI),
+    ],
+    ids=["grid", "draws", "saltelli"],
+)
+def test_shares_of_a_variance_do_not_depend_on_the_unit(plan, scale):
+    """A power of two changes no digit of any figure, and so no bit of a share; the plain variance is then 0 or infinite."""
+    x = plan.values(0, len(plan))
+    columns = {str(path): x[:, i] for i, path in enumerate(plan.paths)}
+    figure = x @ np.arange(2.0, 2.0 + x.shape[1]) + x[:, 0] * x[:, 1]
+
+    def found(values):
+        made = rows(member=np.arange(len(plan)), **columns, **{"L1/max_abs_e[0]": values})
+        return sensitivity.sensitivities(made, ["L1"], plan)[0]
+
+    with np.errstate(over="ignore"):
+        assert not 0 < np.var(scale * figure) < np.inf
+    assert found(scale * figure) == found(figure) != []

@@ -18,7 +18,7 @@ from barbalat.cases.echoes import echo
 from barbalat.cases.findings import Typed, findings, several
 from barbalat.cases.outside import OwnFile
 from barbalat.cases.schema import CASES, case_table, problem_posed
-from barbalat.validate import InputError, hint
+from barbalat.validate import InputError, hint, local_path
 
 
 def bundled() -> dict[str, Path]:
@@ -59,7 +59,7 @@ class CaseText:
     @classmethod
     def read(cls, case: str | Path, controllers: str | Path | None = None) -> CaseText:
         """A case file, or a bundled case by its name; InputError for one that can't be read."""
-        path = bundled().get(str(case), Path(case))
+        path = bundled().get(str(case)) or local_path("the case", case)
         try:
             text = path.read_bytes().decode("utf-8-sig")
         except FileNotFoundError:

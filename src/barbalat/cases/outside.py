@@ -21,7 +21,7 @@ from typing import Any
 from barbalat.cases.schema import table_of
 from barbalat.loop.blame import Subject, blamed
 from barbalat.protocols import Controller
-from barbalat.validate import InputError, show
+from barbalat.validate import InputError, local_path, show
 
 ENTRY_POINT_GROUP = "barbalat.controllers"
 """The entry points' group: scheme = "package:Class"."""
@@ -80,7 +80,7 @@ def _needs_nothing(kind: type) -> bool:
 
 def run(path: str | Path) -> OwnFile:
     """Run a Python file; InputError where it can't be read, or where its own lines fail, with the line."""
-    path = Path(path)
+    path = local_path("--controllers", path)
     if not path.is_file():
         raise InputError(f"--controllers: {str(path)!r} is no file")
     name = f"controllers_in_{path.stem}"  # a module of its own, not to be taken for an installed one of the same name

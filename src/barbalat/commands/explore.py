@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import webbrowser
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from barbalat.commands.output import print_json
@@ -37,9 +36,9 @@ def execute(options: argparse.Namespace) -> int:
     from barbalat.explorer.section_v import ON_THE_PAPER_S_EXAMPLE, PAPER_CASE
     from barbalat.explorer.source import TextSource
     from barbalat.report.files import output_folder
-    from barbalat.validate import InputError
+    from barbalat.validate import InputError, local_path
 
-    file = Path(options.out)
+    file = local_path("--out", options.out)
     if not options.out or file.is_dir():
         raise InputError(f"--out must name a file, such as {DEFAULT_FILE}, got {options.out!r}")
     text = CaseText.read(options.case)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import os
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from barbalat.commands.output import print_json
@@ -31,9 +30,9 @@ def execute(options: argparse.Namespace) -> int:
     from barbalat.cases.schema import json_schema
     from barbalat.report.documents import as_json
     from barbalat.report.files import output_folder
-    from barbalat.validate import InputError
+    from barbalat.validate import InputError, local_path
 
-    file = Path(options.file)
+    file = local_path("FILE", options.file)
     if not options.file or os.path.lexists(file):
         raise InputError(f"{options.file!r} exists already; choose another name" if options.file else "FILE must not be empty")
     text = text_to_start_from(options.source)

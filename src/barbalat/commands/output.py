@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import sys
 from collections.abc import Callable, Iterator
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -17,7 +16,7 @@ if TYPE_CHECKING:
 def folder_of(given: str | None, default: str | None) -> Iterator[Folder | None]:
     """The folder that ``--out`` names, ``default`` where it is not given; None for neither."""
     from barbalat.report.files import output_folder
-    from barbalat.validate import InputError
+    from barbalat.validate import InputError, local_path
 
     if given == "":
         raise InputError("--out must name a folder, got ''; the current one is '.'")
@@ -25,7 +24,7 @@ def folder_of(given: str | None, default: str | None) -> Iterator[Folder | None]
     if name is None:
         yield None
         return
-    with output_folder(Path(name)) as folder:
+    with output_folder(local_path("--out", name)) as folder:
         yield folder
 
 

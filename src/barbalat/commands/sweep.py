@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import time
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from barbalat.commands.options import add_controllers
@@ -12,6 +11,8 @@ from barbalat.commands.output import folder_of, print_json, tell
 from barbalat.commands.screen import SECONDS_EACH_STEP, Work, say, work
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from barbalat.cases.load import CaseText
     from barbalat.commands import Commands
     from barbalat.report.files import Folder
@@ -46,6 +47,11 @@ def add(commands: Commands) -> None:
     )
     parser.add_argument("--no-bounds", action="store_true", help="certify nothing: the guaranteed bounds are not compared")
     parser.add_argument(
+        "--audit", type=int, metavar="N",
+        help="members run again with a step 4 times smaller, to see which verdicts are the solver's; 0: none; default 32, fewer "
+        "where that takes more than an eighth of the sweep's steps and a second",
+    )  # fmt: skip
+    parser.add_argument(
         "--scheduler", metavar="ADDRESS",
         help="tcp://HOST:PORT of a Dask scheduler, or local:N for N processes here; default: threads",
     )  # fmt: skip
@@ -67,14 +73,15 @@ def execute(options: argparse.Namespace) -> int:
     from barbalat.sweeps.requirement import Requirement
 
     requirements = [Requirement.parse(text) for text in options.require]
+    store = None if options.store is None else _folder(options.store)
     scheduler = None if options.scheduler is None else Scheduler.parse(options.scheduler)
     text = CaseText.read(options.case, options.controllers)
     study = _study(text, options)
     if options.member is not None:
-        return _replayed(study, options)
+        return _replayed(study, store, options)
     with folder_of(options.out, None if options.json else "barbalat-sweep") as folder:
         try:
-            result = _run(study, requirements, scheduler, options)
+            result = _run(study, requirements, scheduler, store, options)
         except SchedulerLostError:
             stays = f"what is stored in {options.store} stays, and the same command goes on"
             what = "without --store nothing is kept" if options.store is None else stays
@@ -93,16 +100,16 @@ def execute(options: argparse.Namespace) -> int:
     return 0
 
 
-def _replayed(study: Study, options: argparse.Namespace) -> int:
+def _replayed(study: Study, store: Path | None, options: argparse.Namespace) -> int:
     """One member alone; the exit code says 1 where its figures are not those that the store has."""
     from barbalat.commands import run
     from barbalat.report import documents
     from barbalat.sweeps.replay import replay
     from barbalat.sweeps.stored import require_parquet, row_of
 
-    if options.store is not None:
+    if store is not None:
         require_parquet()
-    stored = None if options.store is None else row_of(_folder(options.store), study.identity(), options.member)
+    stored = None if store is None else row_of(store, study.identity(), options.member)
     default = None if options.json else f"barbalat-member-{options.member}"
     parts = {"simulating": 3.0, "certifying": 2.0, "drawing": 3.0}
     with folder_of(options.out, default) as folder, work(parts) as running:
@@ -183,11 +190,16 @@ EXIT_FAILED = 1
 """Exit code of what went wrong, where the input was right."""
 
 
-def _run(study: Study, requirements: list[Requirement], scheduler: Scheduler | None, options: argparse.Namespace) -> SweepResult:
+def _run(
+    study: Study,
+    requirements: list[Requirement],
+    scheduler: Scheduler | None,
+    store: Path | None,
+    options: argparse.Namespace,
+) -> SweepResult:
     from barbalat.sweeps.sweep import run_study
     from barbalat.validate import counted
 
-    store = None if options.store is None else _folder(options.store)
     steps = len(study) * study.steps
     say(f"{counted(len(study), 'member')}, {steps:.3g} solver steps")
     try:
@@ -198,6 +210,7 @@ def _run(study: Study, requirements: list[Requirement], scheduler: Scheduler | N
                 store=store,
                 scheduler=scheduler,
                 bounds=not options.no_bounds,
+                audit=options.audit,
                 progress=_with_rate(running, progress, len(study)),
                 told=say,
             )
@@ -208,11 +221,11 @@ def _run(study: Study, requirements: list[Requirement], scheduler: Scheduler | N
 
 
 def _folder(name: str) -> Path:
-    from barbalat.validate import InputError
+    from barbalat.validate import InputError, local_path
 
     if not name:
         raise InputError("--store must name a folder, got ''; the current one is '.'")
-    return Path(name)
+    return local_path("--store", name)
 
 
 def _with_rate(running: Work, progress: Progress, members: int) -> Progress:

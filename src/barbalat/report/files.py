@@ -10,7 +10,7 @@ import tempfile
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
-from barbalat.validate import InputError
+from barbalat.validate import InputError, local_path
 
 
 class Folder:
@@ -51,6 +51,7 @@ def output_folder(path: Path) -> Iterator[Folder]:
 
     InputError where files can't be written in it, or where another process writes in it.
     """
+    path = local_path("the output folder", path)
     made = [folder for folder in (path, *path.parents) if not folder.exists()]
     try:
         path.mkdir(parents=True, exist_ok=True)

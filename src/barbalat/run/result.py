@@ -18,6 +18,7 @@ from barbalat.run.breaks import LostOrder
 from barbalat.run.diagnosis.adapting import Adapting, adapting, regressor_along
 from barbalat.run.diagnosis.damping import SolverDamping
 from barbalat.run.diagnosis.label import label
+from barbalat.run.diagnosis.rails import RailToRail, rail_to_rail
 from barbalat.run.diagnosis.spectrum import Stiffness
 from barbalat.run.diagnosis.step_comparison import FinerStep
 from barbalat.run.metrics import Metrics
@@ -155,11 +156,19 @@ class Result:
         others = not_the_parameters(self.problem, loop)
         return found if others is None else replace(found, warnings=(others, *found.warnings))
 
+    @cached_property
+    def rails(self) -> RailToRail | None:
+        """What swings from limit to limit of the actuator until the run ends; None where nothing does."""
+        if self.diverged_at is not None:
+            return None
+        return rail_to_rail(self.problem, self.t, self.simulation.t_end, self.envelope.u_min, self.envelope.u_max)
+
     @property
     def warnings(self) -> tuple[str, ...]:
         """What of the problem and of this run deserves a second look, as sentences."""
         found = (command_warning(self.problem), self.problem.outside_known_set)
-        return (*filter(None, found), *(() if self.adapting is None else self.adapting.warnings))
+        own = () if self.rails is None else (self.rails.sentence,)
+        return (*filter(None, found), *own, *(() if self.adapting is None else self.adapting.warnings))
 
     def __repr__(self) -> str:
         simulation = self.simulation

@@ -143,7 +143,7 @@ class MatFile(Settings):
 def _path(file: str | Path) -> Path:
     if not isinstance(file, (str, Path)):
         raise InputError(f"file must be a path, got {validate.show(file)}")
-    return Path(file)
+    return validate.local_path("file", file)
 
 
 SEPARATOR_SAID = re.compile(r"sep=([,;\t])", re.IGNORECASE)

@@ -90,6 +90,7 @@ Made = Callable[..., Sensitivity]
 
 
 def _of(rows: Rows, values: Array, plan: Plan, made: Made) -> Iterator[Sensitivity]:
+    values = _near_one(values)
     if plan.design is Design.SALTELLI:
         yield from _saltelli(values, plan, made)
         return
@@ -102,6 +103,14 @@ def _of(rows: Rows, values: Array, plan: Plan, made: Made) -> Iterator[Sensitivi
         yield made(path=path, first=share, low=share, high=share, total=None, estimator=FACTORIAL)
     if plan.members >= FEWEST_DRAWS and find_spec("SALib") is not None:
         yield from _drawn(rows, by_point, plan, total, made)
+
+
+def _near_one(values: Array) -> Array:
+    """The same values times a power of two, which leaves every share of a variance its bits.
+
+    Squares of very small or very large values would underflow or overflow, so that nothing, or infinity, would be shared out.
+    """
+    return np.ldexp(values, -int(np.frexp(np.abs(values).max())[1]))
 
 
 def _drawn(rows: Rows, by_point: Array, plan: Plan, total: float, made: Made) -> Iterator[Sensitivity]:
@@ -123,15 +132,26 @@ def _drawn(rows: Rows, by_point: Array, plan: Plan, total: float, made: Made) ->
 
 
 def _saltelli(values: Array, plan: Plan, made: Made) -> Iterator[Sensitivity]:
-    from scipy.stats import sobol_indices
+    from scipy.stats import bootstrap, sobol_indices
 
     n, d = plan.members, len(plan.draws)
     a, b, ab = values[:n], values[n : 2 * n], values[2 * n :].reshape(d, 1, n)
-    generator = np.random.default_rng(plan.seed)
-    found = sobol_indices(func={"f_A": a[None], "f_B": b[None], "f_AB": ab}, n=n, rng=generator)
-    spread = found.bootstrap(confidence_level=CONFIDENCE_LEVEL, n_resamples=RESAMPLES).first_order.confidence_interval
+    if values[: 2 * n].min() == values[: 2 * n].max():
+        return  # the variance that the estimators divide by is that of A and B
+    found = sobol_indices(func={"f_A": a[None], "f_B": b[None], "f_AB": ab}, n=n)
     first, whole = np.atleast_2d(found.first_order)[0], np.atleast_2d(found.total_order)[0]
-    low, high = np.atleast_2d(spread.low)[0], np.atleast_2d(spread.high)[0]
+    mean = values[: 2 * n].mean()
+
+    def first_order(rows: Array) -> Array:
+        """Saltelli's estimator of 2010 over some of the rows: (d,)."""
+        of_a, of_b, of_ab = a[rows] - mean, b[rows] - mean, ab[:, 0, rows] - mean
+        return np.asarray((of_b * (of_ab - of_a)).mean(axis=1) / np.var([of_a, of_b]))
+
+    generator = np.random.default_rng(plan.seed)  # SobolResult.bootstrap takes none: its intervals differ from run to run
+    resampled = bootstrap(
+        [np.arange(n)], first_order, confidence_level=CONFIDENCE_LEVEL, n_resamples=RESAMPLES, method="BCa", rng=generator
+    )
+    low, high = resampled.confidence_interval
     for i, path in enumerate(plan.draws):
         interval = {"low": _cut(low[i]), "high": _cut(high[i])}
         yield made(path=path, first=_cut(first[i]), **interval, total=_cut(whole[i]), estimator=SALTELLI)

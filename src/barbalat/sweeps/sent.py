@@ -6,10 +6,13 @@ where the sweep was started, and sent with the operation lists. A worker transla
 
 from __future__ import annotations
 
+import hashlib
 import sys
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cache
-from importlib import metadata
+from importlib import metadata, resources
+from importlib.resources.abc import Traversable
 
 import barbalat
 from barbalat.run.batch import Batch
@@ -23,6 +26,8 @@ from barbalat.validate import Array, InputError
 
 COMPARED_PACKAGES = ("numpy", "scipy", "casadi", "llvmlite")
 """Packages on which a worker's bits may depend, beside Python's minor version and Barbalat's own."""
+SOURCES = "barbalat's sources"
+"""What the digest of this package's own sources is called: two states of it may have one version number."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,11 +53,11 @@ class Tabulated:
 
 @dataclass(frozen=True, eq=False)
 class Sent:
-    """One part of a chunk, without its signals."""
+    """One part of a chunk, without its signals; ``made_by`` are the ``versions`` of the client."""
 
     members: tuple[Members, ...]
     simulation: Simulation
-    versions: dict[str, str]
+    made_by: dict[str, str]
 
     @classmethod
     def of(cls, part: StudyPart) -> Sent:
@@ -64,7 +69,26 @@ class Sent:
 def versions() -> dict[str, str]:
     """Of this process; they are read from files, which takes as long as simulating hundreds of members."""
     found = {"barbalat": barbalat.__version__, "python": ".".join(map(str, sys.version_info[:2]))}
-    return found | {name: metadata.version(name) for name in COMPARED_PACKAGES}
+    found |= {name: metadata.version(name) for name in COMPARED_PACKAGES}
+    return found | {SOURCES: digest_of(resources.files(barbalat))}
+
+
+def digest_of(package: Traversable) -> str:
+    """The first digits of the SHA-256 of all Python files of a package, whatever the ends of their lines are."""
+    found = hashlib.sha256()
+    for name, file in sorted(_sources(package, "")):
+        found.update(f"{name}\n".encode() + file.read_bytes().replace(b"\r\n", b"\n") + b"\0")
+    return found.hexdigest()[:16]
+
+
+def _sources(folder: Traversable, place: str) -> Iterator[tuple[str, Traversable]]:
+    """Python files by their places in the package."""
+    for one in folder.iterdir():
+        name = f"{place}/{one.name}"
+        if one.is_dir():
+            yield from _sources(one, name)
+        elif one.name.endswith(".py"):
+            yield name, one
 
 
 def kept(tables: Tabulated) -> Tabulated:
@@ -75,7 +99,9 @@ def kept(tables: Tabulated) -> Tabulated:
 def figures(sent: Sent, tables: Tabulated) -> list[Metrics]:
     """Of each controller, by one thread; InputError on a worker that would make other bits."""
     own = versions()
-    if different := [f"{name} {own[name]}, not {sent.versions[name]}" for name in own if own[name] != sent.versions.get(name)]:
+    clients = sent.made_by
+    names = [*clients, *(own.keys() - clients.keys())]
+    if different := [f"{n} {own.get(n)}, not {clients.get(n)}" for n in names if own.get(n) != clients.get(n)]:
         raise InputError(f"a worker has other versions than the client: {', '.join(different)}; install the client's there")
     batches = [Batch.part(one, slice(0, len(one))) for one in sent.members]
     advance(batches, tables, sent.simulation, threads=1)
