@@ -10,7 +10,8 @@ def main() -> int:
 
         return command_line()
     except KeyboardInterrupt:  # before the command has begun, or after its end
-        sys.stderr.write("interrupted\n")
+        if sys.stderr is not None:  # as where it is closed
+            sys.stderr.write("interrupted\n")
         exec("")  # see barbalat.cli
         return 130
 

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import contextlib
 import gc
-import io
 import os
 import sys
 import warnings
@@ -31,8 +29,10 @@ from barbalat.commands import (
 from barbalat.commands.interrupt import Terminated, interruptible
 from barbalat.commands.parser import BAD_INPUT, UNKNOWN, Parser
 from barbalat.commands.screen import say
+from barbalat.commands.streams import OutputLost, notes, results
 
-FAILED, INTERRUPTED, TERMINATED = 1, 130, 143
+FAILED, INTERRUPTED, READER_LEFT, TERMINATED = 1, 130, 141, 143
+"""Exit codes; the last three are those of shells for what SIGINT, SIGPIPE and SIGTERM end."""
 COLLECT_EVERY = 50_000
 """Containers made between two searches for what nobody holds any more, instead of Python's 700: a command makes millions that
 stay, of equations, programs and pictures, and searching them took a twentieth of its time."""
@@ -41,27 +41,30 @@ stay, of equations, programs and pictures, and searching them took a twentieth o
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command; returns the exit code: 0 done, 2 bad input, 1 anything else that went wrong."""
     gc.set_threshold(COLLECT_EVERY)
+    with notes():
+        try:
+            with results():
+                return _answered(arguments)
+        except OutputLost as lost:
+            if lost.reader_left:  # say ``head``, which has seen enough
+                return READER_LEFT
+            say(f"barbalat: cannot write to standard output: {lost}")
+            return FAILED
+
+
+def _answered(arguments: Sequence[str] | None) -> int:
     parser = _parser()
     if completion.COMPLETION_VARIABLE in os.environ:
         completion.answer(parser)
     options, unknown = parser.parse_known_args(arguments)
     if unknown:
         options.parser.error(f"{UNKNOWN}{' '.join(unknown)}")
-    for stream in (sys.stdout, sys.stderr):
-        if isinstance(stream, io.TextIOWrapper):
-            stream.reconfigure(errors="backslashreplace")  # a name in any script reaches a terminal of any encoding
     try:
         with interruptible(), warnings.catch_warnings():
             if not sys.warnoptions:  # what overflows is said in the results, as what diverged or does not apply
                 warnings.simplefilter("ignore", RuntimeWarning)
-            done = int(options.execute(options))
-        sys.stdout.flush()
-        return done
-    except BrokenPipeError:  # the reader, say ``head``, has seen enough
-        _close_standard_output()
-        return FAILED
+            return int(options.execute(options))
     except OSError as error:  # a full disk, a folder that went away
-        _close_standard_output()
         say(f"barbalat: cannot write{f' {error.filename!r}' if error.filename else ''}: {error.strerror or error}")
         return FAILED
     except Terminated:
@@ -81,12 +84,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
         for i, sentence in enumerate(error.sentences):
             say(f"          {sentence}" if i else f"barbalat: {sentence}")
         return BAD_INPUT
-
-
-def _close_standard_output() -> None:
-    """What is still waiting to be written there would fail once more, at the interpreter's end."""
-    with contextlib.suppress(OSError, ValueError):  # where it is no file, as under test
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _parser() -> Parser:

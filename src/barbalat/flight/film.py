@@ -18,7 +18,7 @@ from PIL.Image import Dither, Image, fromarray, new
 from barbalat.flight.path_picture import box_of, frame, inside
 from barbalat.flight.scene import Mover, Scene
 from barbalat.pictures.panels import text_of
-from barbalat.pictures.theme import GROUND, INK, QUIET_INK, Theme, new_figure
+from barbalat.pictures.theme import GROUND, INK, QUIET_INK, Theme, dash_of, new_figure
 from barbalat.validate import Array
 
 FRAME_SIDE, PIXELS_PER_INCH = 4.8, 100
@@ -89,7 +89,10 @@ def _frames(scene: Scene, instants: range) -> Iterator[Image]:
     theme = Theme()
     if scene.target is not None:
         axes.plot(*scene.target.T, color=QUIET_INK, linewidth=0.6, linestyle=":")
-    handles = [Line2D([], [], color=theme.colour(one.colour), label=text_of(one.label)) for one in scene.movers]
+    handles = [
+        Line2D([], [], color=theme.colour(one.colour), linestyle=dash_of(one.colour), label=text_of(one.label))
+        for one in scene.movers
+    ]
     figure.legend(handles=handles, loc="upper left", frameon=False, fontsize=8.5)
     figure.text(0.02, 0.87, textwrap.fill(scene.title, TITLE_WIDTH), fontsize=8.5, color=INK, va="top")
     canvas.draw()
@@ -113,11 +116,11 @@ def _frames(scene: Scene, instants: range) -> Iterator[Image]:
 
 def _moving(axes: Axes, scene: Scene, mover: Mover, k: int, theme: Theme) -> list[Line2D]:
     """A vehicle at an instant, or what is left to see of one that was lost."""
-    at, colour = min(k, len(mover.path) - 1), theme.colour(mover.colour)
+    at, colour, dash = min(k, len(mover.path) - 1), theme.colour(mover.colour), dash_of(mover.colour)
     since = max(0, k - round(TRAIL_SECONDS / float(scene.t[1] - scene.t[0])))
     found: list[Line2D] = []
     if since < at:
-        found += axes.plot(*inside(scene, mover.path[since : at + 1]).T, color=colour, linewidth=0.8)
+        found += axes.plot(*inside(scene, mover.path[since : at + 1]).T, color=colour, linewidth=0.8, linestyle=dash)
     if at < k or (at == len(mover.path) - 1 and mover.lost):
         return found + axes.plot(*_clipped(scene, mover.path[at : at + 1]).T, color=colour, marker="x", markersize=9)
     if np.isfinite(inside(scene, mover.path[at : at + 1])).all():

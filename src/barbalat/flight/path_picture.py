@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from barbalat.flight.scene import Scene
-from barbalat.pictures.panels import text_of
-from barbalat.pictures.theme import DASHES, NARROW, Theme, new_figure
+from barbalat.pictures.panels import text_of, width_of
+from barbalat.pictures.theme import DASHES, NARROW, Theme, dash_of, mark_of, new_figure
 from barbalat.validate import Array
 
 if TYPE_CHECKING:
@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 
 PATH_POINTS = 250
 """Of a drawn path: a pixel and a half of a phone's width from one to the next."""
+MARKED_EVERY = 25
+"""Points of a path from one mark to the next, where its line has marks."""
 ELEVATION, AZIMUTH = 24.0, -58.0
 """[deg], from where it is seen."""
 PAD = 0.1
@@ -33,10 +35,11 @@ def figure_of(scene: Scene, *, narrow: bool = False, shown: bool = False) -> Fig
     theme = Theme.current()
     if scene.target is not None:
         axes.plot(*thinned(scene.target).T, color=theme.quiet, linewidth=0.9, linestyle=DASHES[1], label="commanded path")
-    for mover in scene.movers:
-        colour, dash = theme.colour(mover.colour), DASHES[mover.colour // len(theme.colours) % len(DASHES)]
-        label = f"{text_of(mover.label)}{', lost' if mover.lost else ''}"
-        axes.plot(*inside(scene, thinned(mover.path)).T, color=colour, linewidth=1.1, linestyle=dash, label=label)
+    for k, mover in enumerate(scene.movers):
+        colour, width = theme.colour(mover.colour), width_of(k, len(scene.movers))
+        label, path = f"{text_of(mover.label)}{', lost' if mover.lost else ''}", inside(scene, thinned(mover.path))
+        style = {"linestyle": dash_of(mover.colour), "marker": mark_of(mover.colour), "markevery": MARKED_EVERY, "markersize": 4}
+        axes.plot(*path.T, color=colour, linewidth=width, label=label, **style)
         if mover.lost:
             axes.plot(*np.clip(mover.path[-1:], *scene.box).T, color=colour, marker="x", markersize=8)
             continue

@@ -11,8 +11,7 @@ import numpy as np
 from barbalat.flight.axis import Followed
 from barbalat.flight.flight import TIMING, Flight
 from barbalat.pictures.panel_drawing import draw
-from barbalat.pictures.panels import Panel, Series, around, span_of, text_of
-from barbalat.pictures.theme import COLOURS
+from barbalat.pictures.panels import Panel, Series, around, span_of, text_of, width_of
 from barbalat.validate import Array
 
 if TYPE_CHECKING:
@@ -49,7 +48,7 @@ def figure_of(flights: Sequence[Flight], *, narrow: bool = False, shown: bool = 
 
 def _panel(name: str, title: str, unit: str, flights: Sequence[Flight]) -> Panel:
     flying = [one for one in flights if len(one.record) > 1]
-    series = [_series(i, name, one) for i, one in enumerate(flights) if len(one.record) > 1]
+    series = [_series(i, len(flights), name, one) for i, one in enumerate(flights) if len(one.record) > 1]
     kept = [one.column(name) for one in flying if not one.lost] or [one.column(name) for one in flying]
     if name in RATES and flying:
         longest = max(flying, key=lambda one: len(one.record))
@@ -60,9 +59,9 @@ def _panel(name: str, title: str, unit: str, flights: Sequence[Flight]) -> Panel
     return Panel(title=title, series=series, limits=limits, y=unit, whole_row=True)
 
 
-def _series(i: int, name: str, flight: Flight) -> Series:
+def _series(i: int, count: int, name: str, flight: Flight) -> Series:
     value, t = thinned(flight.column(name)), thinned(flight.column("t"))
-    return Series(t=t, value=value, label=text_of(flight.controller), colour=i % len(COLOURS), dash=i // len(COLOURS))
+    return Series(t=t, value=value, label=text_of(flight.controller), colour=i, width=width_of(i, count))
 
 
 def thinned(values: Array) -> Array:

@@ -15,7 +15,7 @@ from matplotlib.patches import Circle
 from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
 from barbalat.pictures.log_ticks import power_of_ten
-from barbalat.pictures.panels import as_typed
+from barbalat.pictures.panels import SHARING, as_typed
 from barbalat.pictures.symbols import in_symbols
 from barbalat.pictures.theme import DASHES, NARROW, WIDE, Dash, Theme, new_figure
 from barbalat.validate import Array
@@ -71,7 +71,7 @@ def draw(responses: Sequence[Response], title: str, *, narrow: bool = False, sho
     _axes(peaks, "Sensitivity |S| (solid) and |T| (dashed)", "frequency [rad/s]", "", log="both")
     for k, response in enumerate(responses):
         colour = theme.colour(k)
-        width, dash = _width(k, len(responses)), _dash(k, theme)
+        width, dash = _width(k, len(responses)), _dash(k)
         _bode(magnitude, phase, response, colour, width, dash)
         _nyquist(nyquist, response, colour, width, dash)
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -99,15 +99,15 @@ def _width(k: int, count: int) -> float:
     return 1.2 + 0.9 * (min(count, MOST_WIDTHS) - 1 - k % MOST_WIDTHS)
 
 
-def _dash(k: int, theme: Theme) -> Dash:
-    return DASHES_OF_LOOPS[k // len(theme.colours) % len(DASHES_OF_LOOPS)]
+def _dash(k: int) -> Dash:
+    return DASHES_OF_LOOPS[k // SHARING % len(DASHES_OF_LOOPS)]
 
 
 def _legend(figure: Figure, responses: Sequence[Response], theme: Theme, *, narrow: bool) -> None:
     width = 60 if narrow else 150
     captions = [as_typed(textwrap.fill(in_symbols(response.caption), width)) for response in responses]
     lines = [
-        Line2D([], [], color=theme.colour(k), label=caption, linewidth=_width(k, len(captions)), linestyle=_dash(k, theme))
+        Line2D([], [], color=theme.colour(k), label=caption, linewidth=_width(k, len(captions)), linestyle=_dash(k))
         for k, caption in enumerate(captions)
     ]
     marks = [Line2D([], [], color=theme.quiet, marker=m, linestyle="", label=t) for m, t in MARKS.items()]

@@ -17,9 +17,9 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
 from barbalat.pictures.panel_sizes import LEVEL_WIDTH, PAGE, PHONE, Sizes, entries, heading, legend_columns
-from barbalat.pictures.panels import Panel, Series
+from barbalat.pictures.panels import SHARING, Panel, Series
 from barbalat.pictures.series import Outline, outline
-from barbalat.pictures.theme import DASHES, Theme, new_figure
+from barbalat.pictures.theme import DASHES, MARKS, Theme, dash_of, mark_of, new_figure
 from barbalat.validate import Array
 
 OVERLAP_SHARE = 0.15
@@ -27,6 +27,8 @@ OVERLAP_SHARE = 0.15
 MOST_APART = 4
 """Axes in the place of one panel."""
 ENVELOPE = "shaded, between thin lines: from the least to the greatest value of what oscillates too fast to be drawn"
+MARKED_SHARE, MARK_SIZE = 0.12, 3.5
+"""Of the axes' diagonal, from one mark on a line to the next; of a mark [points]."""
 SHADE, SHADE_AMONG_OTHERS = 0.25, 0.06
 """Opacity of an envelope alone, and where others lie over it: there their edges tell them apart."""
 
@@ -150,7 +152,7 @@ SCALES: dict[str, tuple[Callable[[Array], Array], Callable[[Array], Array]]] = {
 
 def _series(axes: Axes, series: Series, found: Outline, theme: Theme, *, among_others: bool) -> None:
     """Envelopes of several have edges in their own dashes, and no line in the middle: that is close to the others' middles."""
-    style = _style(theme, series.colour, series.dash)
+    style, mark = _style(theme, series.colour, series.dash), _mark(series.colour, series.dash)
     t, value = found.line
     for band in found.envelopes:
         axes.fill_between(*band, color=style["color"], alpha=SHADE_AMONG_OTHERS if among_others else SHADE, linewidth=0)
@@ -158,13 +160,20 @@ def _series(axes: Axes, series: Series, found: Outline, theme: Theme, *, among_o
             axes.plot(band[0], side, linewidth=series.width if among_others else 0.5, **style)
         if among_others:
             value = np.where((t > band[0, 0]) & (t < band[0, -1]), np.nan, value)
-    axes.plot(t, value, linewidth=series.width, **style)
+    every = (0.02 * (1 + int(series.colour) % 5), MARKED_SHARE) if mark else None
+    axes.plot(t, value, linewidth=series.width, marker=mark, markevery=every, markersize=MARK_SIZE, **style)
 
 
 def _title_and_legend(axes: Axes, panel: Panel, theme: Theme, sizes: Sizes) -> None:
     """Both above the axes, at their left edge, where they cover nothing."""
     marks = entries(panel)
-    handles = [Line2D([], [], label=one.text, linewidth=one.width, **_style(theme, one.colour, one.dash)) for one in marks]
+    handles = [
+        Line2D(
+            [], [], label=one.text, linewidth=one.width, marker=_mark(one.colour, one.dash), markersize=MARK_SIZE,
+            **_style(theme, one.colour, one.dash),
+        )
+        for one in marks
+    ]  # fmt: skip
     legend = axes.legend(
         handles=handles, title=heading(panel, sizes), title_fontsize=sizes.font + 0.5, alignment="left", loc="lower left",
         bbox_to_anchor=(-0.01, 0.99), ncols=legend_columns(panel, sizes), frameon=False, fontsize=sizes.font, borderpad=0.1,
@@ -173,8 +182,16 @@ def _title_and_legend(axes: Axes, panel: Panel, theme: Theme, sizes: Sizes) -> N
     legend.get_title().set_multialignment("left")
 
 
-def _style(theme: Theme, colour: int | str, dash: int) -> dict[str, Any]:
-    return {"color": _colour(theme, colour), "linestyle": DASHES[dash % len(DASHES)]}
+def _style(theme: Theme, colour: int | str, dash: int | None) -> dict[str, Any]:
+    own = dash_of(colour) if dash is None and isinstance(colour, int) else DASHES[(dash or 0) % len(DASHES)]
+    return {"color": _colour(theme, colour), "linestyle": own}
+
+
+def _mark(colour: int | str, dash: int | None) -> str:
+    """Where the dash says something else of a compared thing, marks take its part."""
+    if not isinstance(colour, int):
+        return ""
+    return mark_of(colour) if dash is None else MARKS[colour // SHARING % len(MARKS)]
 
 
 def _colour(theme: Theme, colour: int | str) -> str:

@@ -62,7 +62,7 @@ class Mark(NamedTuple):
 
     text: str
     colour: int | str
-    dash: int
+    dash: int | None
     width: float
 
 

@@ -12,11 +12,17 @@ from barbalat.validate import Array
 
 LONGEST_LABEL = 40
 """Characters of a name in a picture: a legend has room for no more."""
+SHARING = 3
+"""So many neighbours of the palette have a dash in common. Its last three colours are close to its first three: sky blue to blue
+for everybody (a distance of 12 in CIELAB), ochre to vermilion for the red-green blind (3 to 5); six would be four hues."""
 
 
 def width_of(k: int, count: int) -> float:
-    """Of the k-th line: wider than those that are drawn after it, to be seen where they coincide, and on a grey print."""
-    return 1.1 + 0.5 * min(count - 1 - k, 3)
+    """Of the k-th line: wider than those that are drawn after it, to be seen where they coincide, and on a grey print.
+
+    Those with dashes all have one width: what is below is seen through their gaps, and wide dashes outgrow a legend's line.
+    """
+    return 1.1 + 0.5 * max(min(count - 1, SHARING) - k, 0)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -24,6 +30,7 @@ class Series:
     """A quantity over time.
 
     colour     a compared thing's number, or "ink" or "quiet" of what is not compared, the model and the command
+    dash       of ``DASHES``; None: the one by which the compared thing's number is told apart, see ``dash_of``
     low, high  (K - 1,) extrema between the instants, where they are known
     """
 
@@ -31,7 +38,7 @@ class Series:
     value: Array
     label: str
     colour: int | str = 0
-    dash: int = 0
+    dash: int | None = None
     low: Array | None = None
     high: Array | None = None
     width: float = 1.1

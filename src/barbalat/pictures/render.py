@@ -8,14 +8,21 @@ import re
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import TYPE_CHECKING
 
+import numpy as np
 from matplotlib.figure import Figure
 
 from barbalat.pictures.log_ticks import with_plain_powers
-from barbalat.pictures.theme import COLOURS, DARK_GROUND, DARK_INK, DARK_QUIET_INK, GROUND, INK, ON_DARK, QUIET_INK
+from barbalat.pictures.theme import COLOURS, DARK_GROUND, DARK_INK, DARK_QUIET_INK, GROUND, INK, ON_DARK, QUIET_INK, Theme
+
+if TYPE_CHECKING:
+    from PIL import Image
 
 PIXELS_PER_INCH = 110
 """Of a PNG: 1100 pixels for a page's width."""
+PALETTE_ROWS, EDGE_SHADES = 24, 4
+"""Pixels below a picture while its colours are chosen; shades of each colour there. With fewer than 20 purple became grey."""
 PNG_COLOURS = 128
 """Of a PNG's palette: a third of the bytes, and the smoothed edges of lines look the same."""
 
@@ -52,13 +59,29 @@ def _laid_out(figure: Figure) -> Iterator[None]:
 
 
 def _packed(png: io.BytesIO) -> bytes:
-    """The same picture with fewer colours."""
+    """The same picture with fewer colours, the palette's among them: of a line that others cover too few pixels are seen."""
     from PIL import Image
 
     buffer = io.BytesIO()
-    image = Image.open(png).convert("RGB").quantize(PNG_COLOURS, dither=Image.Dither.NONE)
-    image.save(buffer, "PNG", dpi=(PIXELS_PER_INCH, PIXELS_PER_INCH))
+    image = Image.open(png).convert("RGB")
+    with_palette = Image.new("RGB", (image.width, image.height + PALETTE_ROWS))
+    with_palette.paste(image)
+    with_palette.paste(_swatches(image.width), (0, image.height))
+    reduced = with_palette.quantize(PNG_COLOURS, dither=Image.Dither.NONE).crop((0, 0, *image.size))
+    reduced.save(buffer, "PNG", dpi=(PIXELS_PER_INCH, PIXELS_PER_INCH))
     return buffer.getvalue()
+
+
+def _swatches(width: int) -> Image.Image:
+    """A strip with the palette's colours and the shades of their lines' edges."""
+    from matplotlib.colors import to_rgb
+    from PIL import Image
+
+    ground = np.array(to_rgb("white" if Theme.current().colours == COLOURS else "black"))
+    shares = np.linspace(0, 1, EDGE_SHADES + 1)[1:, None]
+    shades = np.concatenate([(1 - shares) * ground + shares * np.array(to_rgb(one)) for one in Theme.current().colours])
+    tiles = np.round(255 * shades).astype(np.uint8)[np.arange(width) * len(shades) // width]
+    return Image.fromarray(np.broadcast_to(tiles, (PALETTE_ROWS, width, 3)).copy())
 
 
 def adaptive(svg: str) -> str:

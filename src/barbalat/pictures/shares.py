@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from matplotlib.figure import Figure
 
-from barbalat.pictures.theme import DASHES, NARROW, WIDE, Theme, new_figure
+from barbalat.pictures.panels import width_of
+from barbalat.pictures.theme import NARROW, WIDE, Theme, dash_of, new_figure
 from barbalat.validate import Array
 
 
@@ -32,7 +33,15 @@ def draw(panels: Sequence[Shares], note: str, *, shown: bool = False) -> Figure:
     for axes, panel in zip(np.ravel(figure.subplots(1, len(panels), squeeze=False)), panels, strict=True):
         drawn = [_curve(values, at_least=panel.at_least) for values in panel.values.values()]
         for k, (label, (x, share)) in enumerate(zip(panel.values, drawn, strict=True)):
-            axes.step(x, share, where="post", color=theme.colour(k), linestyle=DASHES[k // 6], linewidth=1.3, label=label)
+            axes.step(
+                x,
+                share,
+                where="post",
+                color=theme.colour(k),
+                linestyle=dash_of(k),
+                linewidth=width_of(k, len(drawn)),
+                label=label,
+            )
         finite = np.concatenate([x for x, _ in drawn])
         if len(finite) and finite.min() > 0 and finite.max() > 20 * finite.min():
             axes.set_xscale("log")

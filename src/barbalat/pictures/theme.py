@@ -11,6 +11,8 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 
+from barbalat.pictures.panels import SHARING
+
 Layout = Literal["constrained"]
 
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#B5609A", "#A87500", "#3391CE")
@@ -19,7 +21,10 @@ ON_DARK = ("#4BA6EA", "#FF8B3D", "#2FC79B", "#E39BCB", "#E6B23C", "#9AD1F5")
 """The same, light enough for a dark ground."""
 Dash = Literal["-"] | tuple[float, tuple[float, ...]]
 DASHES: tuple[Dash, ...] = ("-", (0, (5, 1.6)), (0, (1.2, 1.4)), (0, (6, 1.6, 1.2, 1.6)))
-"""Of components of one colour."""
+"""Of components of one colour, and of compared things by threes."""
+Mark = Literal["", "o", "s", "^", "D"]
+MARKS: tuple[Mark, ...] = ("", "o", "s", "^", "D")
+"""On lines that have a colour and a dash in common."""
 INK, GROUND = "#1a1a1a", "#ffffff"
 QUIET_INK = "#6b6b6b"
 DARK_INK, DARK_GROUND, DARK_QUIET_INK = "#e8e8e8", "#14171a", "#a3a3a3"
@@ -44,8 +49,18 @@ class Theme:
         return cls(ON_DARK, DARK_INK, DARK_QUIET_INK) if dark else cls()
 
     def colour(self, k: int) -> str:
-        """Of the k-th thing that is compared."""
+        """Of the k-th thing that is compared; see ``dash_of`` and ``mark_of``, which tell it apart from others of this colour."""
         return self.colours[k % len(self.colours)]
+
+
+def dash_of(k: int) -> Dash:
+    """Of the k-th thing that is compared: with its colour it tells ``len(DASHES) * SHARING`` lines apart."""
+    return DASHES[k // SHARING % len(DASHES)]
+
+
+def mark_of(k: int) -> Mark:
+    """Of the k-th thing that is compared, beside its colour and dash: none but where those come again."""
+    return MARKS[k // (SHARING * len(DASHES)) % len(MARKS)]
 
 
 class Picture(Figure):

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from barbalat.claims.claim import Chart
-from barbalat.pictures.theme import COLOURS, NARROW
+from barbalat.pictures.theme import COLOURS, NARROW, dash_of
 from barbalat.report.maps import MARKS
 
 PALETTE = (*COLOURS, "black")
@@ -25,7 +25,9 @@ def draw(shown: Chart, *, narrow: bool = False) -> Figure:
     for k, curve in enumerate(shown.curves):
         colour = PALETTE[k % len(PALETTE)]
         mark = MARKS[k % len(MARKS)]
-        axes.plot(curve.x, curve.y, marker=mark, markersize=3.5, color=colour, linewidth=1.2, label=curve.label)
+        axes.plot(
+            curve.x, curve.y, marker=mark, markersize=3.5, color=colour, linewidth=1.2, linestyle=dash_of(k), label=curve.label
+        )
         if len(curve.x) and curve.x[-1] < end:
             axes.plot(curve.x[-1], curve.y[-1], "x", color=colour, markersize=10, markeredgewidth=2)
             any_lost = True

@@ -44,7 +44,7 @@ def _panel(result: Result, title: str, chosen: Sequence[int]) -> Panel:
     estimates = [estimates_of(result)[i] for i in chosen]
     series = [
         Series(
-            t=result.t, value=one.value, label=one.label, colour=i, dash=i // 6, low=one.low, high=one.high,
+            t=result.t, value=one.value, label=one.label, colour=i, dash=0, low=one.low, high=one.high,
             width=width_of(k, len(chosen)),
         )
         for k, (i, one) in enumerate(zip(chosen, estimates, strict=True))

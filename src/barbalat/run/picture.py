@@ -104,7 +104,7 @@ def _motion(result: Result, state: int, k: int, width: float) -> Series:
     above = result.envelope.e_max[:, state] - np.maximum(e[:-1], e[1:])
     low = np.minimum(value[:-1], value[1:]) - np.maximum(below, 0)
     high = np.maximum(value[:-1], value[1:]) + np.maximum(above, 0)
-    return Series(t=result.t, value=value, label=text_of(result.name), colour=k, dash=k // 3, low=low, high=high, width=width)
+    return Series(t=result.t, value=value, label=text_of(result.name), colour=k, low=low, high=high, width=width)
 
 
 def _of_model(result: Result, state: int) -> Array:
@@ -123,7 +123,7 @@ def _largest_error(results: Sequence[Result]) -> Panel:
         starts = starts[starts < len(largest)]
         value = np.maximum(np.maximum.reduceat(largest, starts), np.finfo(float).tiny)
         name = text_of(result.name)
-        series.append(Series(t=result.t[starts], value=value, label=name, colour=k, dash=k // 3, width=width_of(k, len(results))))
+        series.append(Series(t=result.t[starts], value=value, label=name, colour=k, width=width_of(k, len(results))))
     tops = [float(s.value.max()) for s, result in zip(series, results, strict=False) if result.diverged_at is None]
     bottom = min((float(np.quantile(s.value, 0.02)) for s in series), default=1.0)
     top = max(tops, default=0.0)
@@ -155,7 +155,7 @@ def _inputs(result: Result, k: int, count: int) -> list[Series]:
     for j in range(u.shape[1]):
         symbol = f"$u_{j + 1}$" if several else "$u$"
         label = symbol if count == 1 else f"{text_of(result.name)}, {symbol}" if several else text_of(result.name)
-        ends, dash = (low[:, j], high[:, j]), j or k // 3
+        ends, dash = (low[:, j], high[:, j]), j if several else None
         found.append(
             Series(
                 t=result.t, value=u[:, j], label=label, colour=k, dash=dash, low=ends[0], high=ends[1], width=width_of(k, count)
@@ -180,7 +180,7 @@ def _error(result: Result, title: str) -> Panel:
     units = [f" {as_typed(labels.unit(i))}" if labels.unit(i) and not labels.common_unit else "" for i in range(n)]
     series = [
         Series(
-            t=result.t, value=result.e[:, i], label=f"{'$e$' if n == 1 else f'$e_{i + 1}$'}{units[i]}", colour=i, dash=i // 6,
+            t=result.t, value=result.e[:, i], label=f"{'$e$' if n == 1 else f'$e_{i + 1}$'}{units[i]}", colour=i,
             low=result.envelope.e_min[:, i], high=result.envelope.e_max[:, i], width=width_of(i, n),
         )
         for i in range(n)

@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from barbalat.pictures.theme import WIDE, Theme, new_figure
+from barbalat.pictures.theme import WIDE, Theme, dash_of, new_figure
 
 if TYPE_CHECKING:
     from barbalat.study.tau_limit import TauLimits
@@ -39,7 +39,15 @@ def _errors(axes: Axes, found: TauLimits) -> None:
     theme = Theme.current()
     chosen = np.unique(np.linspace(0, len(found.sizes) - 1, min(len(found.sizes), MOST_CURVES)).round().astype(int))
     for k, i in enumerate(chosen):
-        axes.plot(found.taus, found.tail[i], "o-", color=theme.colour(k), markersize=3, label=f"size {found.sizes[i]:.3g}")
+        axes.plot(
+            found.taus,
+            found.tail[i],
+            linestyle=dash_of(k),
+            marker="o",
+            color=theme.colour(k),
+            markersize=3,
+            label=f"size {found.sizes[i]:.3g}",
+        )
     _axes(axes, "Error where tau is borne", "tau", "largest |e| in the tail")
 
 

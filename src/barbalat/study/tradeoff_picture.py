@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from barbalat.pictures.labels import LabelPlaces
 from barbalat.pictures.symbols import in_symbols
-from barbalat.pictures.theme import NARROW, Theme, new_figure
+from barbalat.pictures.theme import NARROW, Theme, dash_of, new_figure
 from barbalat.study.tradeoff import Cloud, TradeOff
 from barbalat.validate import Array
 
@@ -77,10 +77,11 @@ def _panel(axes: Axes, found: TradeOff, which: str, criterion: str) -> None:
     for k, cloud in enumerate(found.clouds):
         error, margin = cloud.at(which, criterion)
         shown = np.where(margin > 0, margin, edge / (2.4 - 0.35 * k))  # in the band, each scheme in a column of its own
-        axes.scatter(shown, error, s=9, color=theme.colour(k), marker=MARKS[k], alpha=0.22, linewidths=0)
+        axes.scatter(shown, error, s=9, color=theme.colour(k), marker=MARKS[k % len(MARKS)], alpha=0.22, linewidths=0)
         line = _front(cloud, which, criterion)
         label = f"{cloud.scheme}: {' × '.join(SYMBOLS.get(name, name) for name in cloud.tunings[0])}"
-        axes.plot(*line.T, color=theme.colour(k), marker=MARKS[k], markersize=3.5, linewidth=1.6, label=label)
+        style = {"color": theme.colour(k), "linestyle": dash_of(k), "marker": MARKS[k % len(MARKS)]}
+        axes.plot(*line.T, markersize=3.5, linewidth=1.6, label=label, **style)
     axes.set_xlim(left=edge / 3)
     axes.set_xlabel("largest delay borne at the plant's input [s]")
     axes.set_ylabel("RMS |e| without delay / RMS |x$_m$|")

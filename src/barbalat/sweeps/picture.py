@@ -10,7 +10,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from barbalat.pictures.theme import DASHES, NARROW, WIDE, Theme, new_figure
+from barbalat.pictures.panels import SHARING, width_of
+from barbalat.pictures.theme import NARROW, WIDE, Theme, dash_of, new_figure
 from barbalat.sweeps.bounds import ERROR_BOUND
 from barbalat.sweeps.paths import FieldPath
 from barbalat.sweeps.sensitivity import Sensitivity
@@ -21,6 +22,8 @@ if TYPE_CHECKING:
 
 FEWEST_BINS, MOST_BINS = 10, 60
 """Of a histogram; between them twice the cube root of the members, Rice's rule."""
+HATCHES = ("", "///", "...", "xxx")
+"""Of bars of close colours."""
 MOST_BARS = 12
 """Numbers in a chart of what a variance is due to, those with the largest shares."""
 DECADES_FOR_LOG = 1.3
@@ -60,7 +63,12 @@ def _histogram(axes: Axes, found: SweepResult, name: str, theme: Theme) -> None:
         one = one[np.isfinite(one)]
         label = f"{controller} ({gone} of {len(found)} diverged)" if gone else controller
         axes.stairs(
-            np.histogram(one, edges)[0], edges, color=theme.colour(k), linestyle=DASHES[k // 6], linewidth=1.3, label=label
+            np.histogram(one, edges)[0],
+            edges,
+            color=theme.colour(k),
+            linestyle=dash_of(k),
+            linewidth=width_of(k, len(known)),
+            label=label,
         )
         bound = _largest_bound(found, controller)
         if bound is not None:
@@ -152,7 +160,10 @@ def tornado(sensitivities: Sequence[Sensitivity], controllers: Sequence[str], na
         bars = [own[path] for path in paths if path in own]
         spread = 100 * np.array([[max(b.first - b.low, 0) for b in bars], [max(b.high - b.first, 0) for b in bars]])
         values = [100 * b.first for b in bars]
-        axes.barh(places, values, width * 0.9, color=theme.colour(k), label=controller, xerr=spread, ecolor=theme.quiet)
+        axes.barh(
+            places, values, width * 0.9, color=theme.colour(k), hatch=HATCHES[k // SHARING % len(HATCHES)], label=controller,
+            xerr=spread, ecolor=theme.quiet,
+        )  # fmt: skip
     axes.set_yticks(range(len(paths)), paths, fontsize=9)
     axes.invert_yaxis()
     axes.set_xlim(left=0)

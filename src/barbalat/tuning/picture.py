@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from matplotlib.axes import Axes
 
-from barbalat.pictures.theme import DASHES, NARROW, WIDE, Theme, new_figure
+from barbalat.pictures.theme import NARROW, WIDE, Theme, dash_of, mark_of, new_figure
 from barbalat.validate import InputError
 
 if TYPE_CHECKING:
@@ -44,7 +44,9 @@ def _curve(axes: Axes, found: Tuning, one: Tuned, name: str, k: int) -> None:
     colour = Theme.current().colour(k)
     points = [place for place in (_place(found, point) for point in one.front) if place]
     if points:
-        axes.plot(*zip(*points, strict=True), color=colour, linestyle=DASHES[k // 6], marker="o", markersize=3, label=name)
+        axes.plot(
+            *zip(*points, strict=True), color=colour, linestyle=dash_of(k), marker=mark_of(k) or "o", markersize=3, label=name
+        )
     for point, mark in ((one.start, "x"), (one.chosen, "*")):
         place = None if point is None else _place(found, point)
         if place:

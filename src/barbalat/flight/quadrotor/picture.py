@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING
 from barbalat.flight.picture import thinned
 from barbalat.flight.quadrotor.flight import TIMING, QuadrotorFlight
 from barbalat.pictures.panel_drawing import draw
-from barbalat.pictures.panels import Panel, Series, around, span_of, text_of
-from barbalat.pictures.theme import COLOURS
+from barbalat.pictures.panels import Panel, Series, around, span_of, text_of, width_of
 from barbalat.validate import Array
 
 if TYPE_CHECKING:
@@ -45,8 +44,8 @@ def figure_of(flights: Sequence[QuadrotorFlight], *, narrow: bool = False, shown
 def _panel(of: Shown, flights: Sequence[QuadrotorFlight], flying: Sequence[QuadrotorFlight]) -> Panel:
     series = [
         Series(
-            t=thinned(one.column("t")), value=thinned(of.value(one)), label=text_of(one.controller), colour=i % len(COLOURS),
-            dash=i // len(COLOURS),
+            t=thinned(one.column("t")), value=thinned(of.value(one)), label=text_of(one.controller), colour=i,
+            width=width_of(i, len(flights)),
         )
         for i, one in enumerate(flights)
         if one in flying

@@ -1,0 +1,113 @@
+"""Standard output and standard error while a command runs: one that is closed, on a full disk, or whose reader has left."""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import io
+import os
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, TextIO
+
+if TYPE_CHECKING:
+    from _typeshed import ReadableBuffer
+
+STANDARD_ERROR = 2
+"""Its descriptor, the last of the three."""
+UNKNOWN_CHARACTERS = "backslashreplace"
+"""A name in any script reaches a terminal of any encoding."""
+
+
+class OutputLost(Exception):
+    """Standard output does not take what the command found; ``reader_left`` where it is a pipe that nobody reads any more.
+
+    It is no OSError: libraries answer some of those themselves, and other pipes than this one break too.
+    """
+
+    def __init__(self, reason: str, *, reader_left: bool = False) -> None:
+        super().__init__(reason)
+        self.reader_left = reader_left
+
+
+class _Results(io.FileIO):
+    """Standard output: the first write that fails is an OutputLost, and later ones, at the program's end, are silent."""
+
+    lost = False
+
+    def write(self, data: ReadableBuffer, /) -> int:
+        if self.lost:
+            return memoryview(data).nbytes
+        try:
+            return super().write(data)
+        except OSError as error:
+            self.lost = True
+            raise OutputLost(error.strerror or str(error), reader_left=error.errno == errno.EPIPE) from None
+
+
+class _Notes(io.FileIO):
+    """Standard error: notes that it does not take are lost, and change neither the results nor the exit code."""
+
+    def write(self, data: ReadableBuffer, /) -> int:
+        try:
+            return super().write(data)
+        except OSError:  # there is no other place where this could be said
+            return memoryview(data).nbytes
+
+
+@contextlib.contextmanager
+def notes() -> Iterator[None]:
+    """Standard error as a command needs it: what it does not take is lost, also where there is none."""
+    before = sys.stderr
+    _fill()
+    with Path(os.devnull).open("w", encoding="utf-8") as nowhere:
+        sys.stderr = nowhere if sys.stderr is None else _over(sys.stderr, _Notes)
+        try:
+            yield
+        finally:
+            sys.stderr = before
+
+
+@contextlib.contextmanager
+def results() -> Iterator[None]:
+    """Standard output as a command needs it. Raises OutputLost where it is closed, and where it does not take what is written."""
+    before = sys.stdout
+    if sys.stdout is None:  # as Python has it where the descriptor was closed
+        raise OutputLost("it is closed; redirect it to a file, to a pipe, or to the null device")
+    sys.stdout = _over(sys.stdout, _Results)
+    try:
+        yield
+        sys.stdout.flush()
+    except SystemExit:  # the parser's, which may have printed its help
+        sys.stdout.flush()
+        raise
+    finally:
+        with contextlib.suppress(OutputLost):  # another exception is on its way, and says more
+            sys.stdout.flush()
+        sys.stdout = before
+
+
+def _fill() -> None:
+    """Give closed descriptors up to standard error's the null device: a file of results would get their numbers."""
+    while (number := os.open(os.devnull, os.O_RDWR)) <= STANDARD_ERROR:  # each time the lowest that is free
+        pass
+    os.close(number)
+
+
+def _over(stream: TextIO, kind: type[io.FileIO]) -> TextIO:
+    """The stream with writes of this kind; as it is where it is no file of the system's, as a notebook's or a test's."""
+    if not isinstance(stream, io.TextIOWrapper):
+        return stream
+    raw = getattr(stream.buffer, "raw", stream.buffer)  # the same where Python was told not to buffer
+    if not isinstance(raw, io.FileIO):
+        stream.reconfigure(errors=UNKNOWN_CHARACTERS)
+        return stream
+    stream.flush()
+    return io.TextIOWrapper(
+        io.BufferedWriter(kind(raw.fileno(), "w", closefd=False)),
+        encoding=stream.encoding,
+        errors=UNKNOWN_CHARACTERS,
+        line_buffering=stream.line_buffering,
+        write_through=stream.write_through,
+    )
