@@ -321,6 +321,20 @@ def test_what_is_complete_is_stored_every_few_seconds(tmp_path, monkeypatch):
     assert found.as_json() == whole(prepared, bounds=False, audit=0).as_json()
 
 
+def test_parts_that_come_in_any_order_wait_for_each_other(tmp_path, monkeypatch):
+    """As from a cluster: a chunk of 6 goes into one file once all of it is there, and what is left of the others at the end."""
+    monkeypatch.setattr(store.time, "perf_counter", lambda: 0.0)
+    with opened(tmp_path / "store", {}, 20, 6) as found:
+        waiting = Waiting(found)
+        files = []
+        for first, size in ((4, 2), (8, 2), (0, 2), (6, 2), (2, 2), (18, 2), (10, 2), (14, 1)):
+            waiting.add(Chunk(first, size), {"member": np.arange(first, first + size)})
+            files.append(sorted((one["first"], one["count"]) for one in found.index.files.values()))
+        waiting.put()
+        assert files[3] == [] and files[4] == [(0, 6)] and files[5] == [(0, 6), (18, 2)] and files[6][1] == (6, 6)
+        assert found.missing == [(12, 2), (15, 3)] and found.rows().column("member").tolist() == [*range(12), 14, 18, 19]
+
+
 def test_a_store_of_many_files_is_written_less_often(tmp_path):
     with opened(tmp_path / "store", {}, 10, 10) as found:
         waiting = Waiting(found)

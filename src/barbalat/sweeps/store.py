@@ -151,11 +151,13 @@ STORED_EVERY = 3.0
 """Seconds after which what is complete is stored: what a kill costs, beside what is being run."""
 MANY_FILES, FILES_FOR_DOUBLE = 1024, 512
 """A store of so many files is written less often, and with so many more again half as often: 4096 files are a day's."""
+MOST_WAITING = 4
+"""Chunks that wait in memory, in parts, at most: workers complete them in any order."""
 
 
 @dataclass(eq=False)
 class Waiting:
-    """What is complete and not stored yet; it is stored where a chunk ends, or when some seconds have passed."""
+    """What is complete and not stored yet; a chunk is stored as soon as nothing of it is missing, all else every few seconds."""
 
     store: Store
     made: list[tuple[Chunk, Columns]] = field(default_factory=list)
@@ -165,35 +167,51 @@ class Waiting:
         self.stored_at = time.perf_counter()
 
     def add(self, chunk: Chunk, columns: Columns) -> None:
+        """Take up what is complete, and store what is due."""
         self.made.append((chunk, columns))
-        ends = sum(chunk) % self.store.index.chunk == 0
-        if ends or time.perf_counter() - self.stored_at >= self.pause:
+        waiting = sum(one.size for one, _ in self.made)
+        if time.perf_counter() - self.stored_at >= self.pause or waiting >= MOST_WAITING * self.store.index.chunk:
             self.put()
+            return
+        missing = set(self.store.missing)
+        for several in self._runs():
+            if _extent(several) in missing:
+                self.store.add_all([_joined(several)])
+                gone = {one for one, _ in several}
+                self.made = [one for one in self.made if one[0] not in gone]
 
     @property
     def pause(self) -> float:
         """Seconds between two times of storing."""
-        return STORED_EVERY * 2.0 ** max((len(self.store.index.files) - MANY_FILES) / FILES_FOR_DOUBLE, 0.0)
+        return float(STORED_EVERY * 2.0 ** max((len(self.store.index.files) - MANY_FILES) / FILES_FOR_DOUBLE, 0.0))
 
     def put(self) -> None:
-        """Store what waits, members of a chunk that follow one another in one file; what could not be stored is forgotten."""
-        made, self.made = sorted(self.made, key=lambda one: one[0]), []
+        """Store what waits; what could not be stored is forgotten."""
+        runs, self.made = self._runs(), []
+        if runs:
+            self.store.add_all([_joined(several) for several in runs])
+        self.stored_at = time.perf_counter()
+
+    def _runs(self) -> list[list[tuple[Chunk, Columns]]]:
+        """What goes into one file each: members of a chunk that follow one another."""
         together: list[list[tuple[Chunk, Columns]]] = []
-        for one in made:
+        for one in sorted(self.made, key=lambda one: one[0]):
             first = one[0].first
             if first % self.store.index.chunk and together and sum(together[-1][-1][0]) == first:
                 together[-1].append(one)
             else:
                 together.append([one])
-        if together:
-            self.store.add_all([_joined(several) for several in together])
-        self.stored_at = time.perf_counter()
+        return together
+
+
+def _extent(several: Sequence[tuple[Chunk, Columns]]) -> Chunk:
+    first = several[0][0].first
+    return Chunk(first, sum(several[-1][0]) - first)
 
 
 def _joined(several: Sequence[tuple[Chunk, Columns]]) -> tuple[Chunk, Columns]:
-    chunks, columns = zip(*several, strict=True)
-    whole = Chunk(chunks[0].first, sum(chunk.size for chunk in chunks))
-    return whole, {name: np.concatenate([one[name] for one in columns]) for name in columns[0]}
+    columns = [one for _, one in several]
+    return _extent(several), {name: np.concatenate([one[name] for one in columns]) for name in columns[0]}
 
 
 @contextlib.contextmanager
@@ -229,9 +247,10 @@ def opened(
     try:
         with _locked(folder):
             index = found()
+            damaged: tuple[str, ...] = ()
             if index is None:
                 _require_empty(folder)
-                index, damaged = StoreIndex.new(identity, members, chunk), ()
+                index = StoreIndex.new(identity, members, chunk)
             else:
                 require_same(folder, index, identity, differences)
                 damaged = _damaged(folder, index)

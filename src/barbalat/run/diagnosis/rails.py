@@ -18,7 +18,7 @@ from barbalat.validate import Array
 TAIL = 0.75
 """Of the run: where its last quarter begins."""
 FEWEST_SWITCHES = 8
-"""From one limit to the other in the tail: four periods, of which each quarter of the tail has a part."""
+"""From one limit to the other in the tail, one in each eighth of it, so that the swinging lasts until the end."""
 SWITCHES_EACH_TURN = 2
 """A jump of the command may take the demand to one limit, and the overshoot after it to the other."""
 LONGEST_PAUSE = 10.0
@@ -76,8 +76,7 @@ def rail_to_rail(problem: TrackingProblem, t: Array, t_end: float, u_min: Array,
         low, high = map(float, path.saturation)
         at = t[:-1][_switches(u_max[:, i] >= high, u_min[:, i] <= low)]
         tail = at[at >= TAIL * t_end]
-        quarters = np.histogram(tail, bins=4, range=(TAIL * t_end, t_end))[0]
-        if len(tail) < FEWEST_SWITCHES or not quarters.all():
+        if not np.histogram(tail, bins=FEWEST_SWITCHES, range=(TAIL * t_end, t_end))[0].all():
             continue
         turns = _turns(problem.signals, t_end)
         if len(tail) <= SWITCHES_EACH_TURN * turns:
