@@ -52,9 +52,7 @@ def source(printed: Printed) -> str:
         defaults=indented(
             f"c->parameter[{k}] = {printed.number(one.value)}; /* {one.name} */" for k, one in enumerate(contents.parameters)
         ),
-        reset=indented(
-            f"{text} = {_initial(printed, row, contents.initial[row])};" for row, text in layout.entries().items()
-        ),
+        reset=indented(f"{text} = {_initial(printed, row, contents.initial[row])};" for row, text in layout.entries().items()),
         start=_start(printed),
         start_argument=f"const {printed.real} x[{printed.macro}_MEASURED], " if state else "",
     )
