@@ -149,7 +149,7 @@ PATTERNS = {
 
 
 class SectionV:
-    """Section V's plant and model from sample to sample, exactly, under a held u: matrix exponentials of what the paper states."""
+    """Section V's plant and model from sample to sample under a held u, exactly, by matrix exponentials."""
 
     def __init__(self, controller: str) -> None:
         problem = load_case("paper").problem
@@ -194,10 +194,9 @@ class SectionV:
 @pytest.mark.parametrize("pattern", PATTERNS)
 @pytest.mark.short(kept=lambda controller, pattern: controller != "Robust MRAC" and pattern == "every second")
 def test_a_loop_with_losses_is_as_good_as_its_caller_can_make_it(controller, pattern) -> None:
-    """Section V at 1 ms with an unstable plant. Without losses |e| is 41, 1.1 and 4.3; a caller who repeats the last good sample
-    has about that too, but with nine of ten lost. 1.2: u is held instead of computed once more, and nothing is learnt from a
-    repeated sample. With nine of ten lost the plant, which is unstable (a pole at 0.8/s), is often alone for 50 ms, and which samples are
-    lost decides more than what is made of them: a factor of 15.
+    """Section V at 1 ms with its unstable plant. Without losses |e| is 41, 1.1 and 4.3; a caller who repeats the last good sample
+    has about that too. 1.2: u is held instead of computed once more, and nothing is learnt from a repeated sample. With nine of
+    ten lost nothing is learnt for nine tenths of the time, of which L1's predictor, made for a high gain, suffers most: 15.
     """
     loop = SectionV(controller)
     nan, repeated = (loop.largest_error(PATTERNS[pattern], by_caller=by_caller) for by_caller in (False, True))
@@ -244,7 +243,7 @@ def test_an_integrator_adds_up_the_last_error_and_u_stays(name, tmp_path) -> Non
 
 
 def test_where_even_a_lost_sample_leads_out_of_range_nothing_moves_and_it_is_told(tmp_path) -> None:
-    """An integrator whose last good error was half of the range is there after a second; the next good sample goes on from there."""
+    """An integrator whose last good error was half of the range is at its end soon; the next good sample goes on from there."""
     controller = Sampled(controller=LinearOutput(loop=TransferFunction([2.0], [1.0, 0.0]), name="integral"), sample_time=T)
     printed = exported(tmp_path, OUTPUT, controller)
     range_ = printed.contents.range

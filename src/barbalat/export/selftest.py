@@ -65,7 +65,7 @@ def selftest(printed: Printed) -> str:
 
 
 def with_losses(contents: Contents) -> Array:
-    """(K, S) the flat state after each sample of ``LOSSES``, evaluated from the list, by what ``controller.h`` says of a lost one."""
+    """(K, S) the flat state after each sample of ``LOSSES``, from the list, by what ``controller.h`` says of a lost one."""
     u, started = (list(part.rows) for part in (contents.layout.u, contents.layout.started))
     last_y, last_r = (list(part.rows) for part in (contents.layout.measured, contents.layout.r))
     state, states = contents.initial, []
