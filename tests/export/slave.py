@@ -41,6 +41,9 @@ class Slave:
             references = [self.at[name] for name in values]
             (self.fmu.setReal if self.two else self.fmu.setFloat64)(references, list(values.values()))
 
+    def freeze(self, on: bool) -> None:
+        self.fmu.setBoolean([self.at["freeze"]], [on])
+
     def get(self, *names: str) -> list[float]:
         return (self.fmu.getReal if self.two else self.fmu.getFloat64)([self.at[name] for name in names])
 

@@ -41,20 +41,21 @@ def run_selftest(folder: Path, *command: str, emulator: tuple[str, ...] = ()) ->
 _DRIVER = """\
 #include "controller.h"
 
-void drive(int samples, const {real} *measured, const {real} *commands, const int *freeze, {real} *u, {real} *estimates,
-           unsigned *status)
+void drive(int samples, const {real} *measured, const {real} *commands, const int *freeze, const double *timer, {real} *u,
+           {real} *limited, {real} *estimates, double *kept, unsigned *status)
 {{
     static {name}_controller c;
     {name}_init(&c);
     for (int k = 0; k < samples; ++k) {{
         {name}_input in = {{0}};
         {name}_output out;
-        in.sample_time = {macro}_SAMPLE_TIME;
+        in.sample_time = {macro}_SAMPLE_TIME * ({real})timer[k];
         in.freeze = freeze[k];
         for (int i = 0; i < {macro}_MEASURED; ++i) in.{measured}[i] = measured[k * {macro}_MEASURED + i];
         for (int i = 0; i < {macro}_COMMANDS; ++i) in.r[i] = commands[k * {macro}_COMMANDS + i];
         status[k] = {name}_step(&c, &in, &out);
         for (int i = 0; i < {macro}_INPUTS; ++i) u[k * {macro}_INPUTS + i] = out.u[i];
+        for (int i = 0; i < {macro}_INPUTS; ++i) limited[k * {macro}_INPUTS + i] = out.u_limited[i];
         {take}
     }}
 }}
@@ -63,21 +64,24 @@ void drive(int samples, const {real} *measured, const {real} *commands, const in
 
 @dataclass
 class Driven:
-    """What came of a row of samples: (K, m), (K, p), (K,)."""
+    """What came of a row of samples: (K, m) twice, (K, p), all that is kept in the order of the layout, (K,)."""
 
     u: np.ndarray
+    limited: np.ndarray
     estimates: np.ndarray
+    kept: np.ndarray
     status: np.ndarray
 
 
-def drive(printed, folder: Path, measured, commands, freeze=None, compiler=("gcc", *ISO, "-O2")) -> Driven:
-    """``controller.c`` in the folder, called from a fresh start with these samples."""
+def drive(printed, folder: Path, measured, commands, freeze=None, compiler=("gcc", *ISO, "-O2"), timer=1.0) -> Driven:
+    """``controller.c`` in the folder, called from a fresh start with these samples; ``timer``: sample times, relative."""
     y, q, m, p = printed.contents.sizes
     macro = printed.macro
     take = f"for (int i = 0; i < {macro}_ESTIMATES; ++i) estimates[k * {macro}_ESTIMATES + i] = out.theta_hat[i];"
-    driver = _DRIVER.format(
-        name=printed.name, macro=macro, real=printed.real, measured=printed.measured, take=take if p else "(void)estimates;"
-    )
+    entries = list(printed.contents.layout.entries().values())
+    stored = [f"kept[k * {len(entries)} + {i}] = {text.replace('c->', 'c.')};" for i, text in enumerate(entries)]
+    take = "\n        ".join([take if p else "(void)estimates;", *stored])
+    driver = _DRIVER.format(name=printed.name, macro=macro, real=printed.real, measured=printed.measured, take=take)
     (folder / "driver.c").write_text(driver)
     made = folder / f"driver-{abs(hash(compiler))}.so"
     promoted = ["-Wdouble-promotion"] if printed.real == "float" else []
@@ -88,8 +92,10 @@ def drive(printed, folder: Path, measured, commands, freeze=None, compiler=("gcc
     given = [np.ascontiguousarray(part, dtype=numbers) for part in (measured, commands)]
     assert given[0].shape == (count, y) and given[1].shape == (count, q)
     freeze = np.zeros(count, dtype=np.int32) if freeze is None else np.asarray(freeze, dtype=np.int32)
-    out = Driven(np.zeros((count, m), numbers), np.zeros((count, p), numbers), np.zeros(count, np.uint32))
-    arrays = (*given, freeze, out.u, out.estimates, out.status)
+    timer = np.ascontiguousarray(np.broadcast_to(timer, count), dtype=float)
+    u, limited, estimates = (np.zeros((count, size), numbers) for size in (m, m, p))
+    out = Driven(u, limited, estimates, np.zeros((count, len(entries))), np.zeros(count, np.uint32))
+    arrays = (*given, freeze, timer, out.u, out.limited, out.estimates, out.kept, out.status)
     ctypes.CDLL(str(made)).drive(ctypes.c_int(count), *(ctypes.c_void_p(array.ctypes.data) for array in arrays))
     return out
 

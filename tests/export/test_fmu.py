@@ -205,10 +205,21 @@ def test_misuse_is_refused_and_changes_nothing(version, tmp_path) -> None:
         one_of.step(0.0, T)
         one_of.step(T, 2 * T)  # several samples at once
     assert slave.get_all("u") == right.get_all("u")
-    slave.set({"x[1]": float("nan")})  # an input that is no number: the last u is held, and the status says why
-    slave.step(3 * T, T)
-    assert slave.get_all("u") == right.get_all("u")
-    assert slave.whole("status") == 2
+    slave.set({"x[1]": float("nan")})  # no number: as the last good one once more, frozen, with the last u; the status says why
+    right.freeze(True)
+    held = slave.get_all("u")
+    for one_of in (slave, right):
+        one_of.step(3 * T, T)
+    assert slave.get_all("u") == held == right.get_all("u")  # a law without memory of x and r: the same u of the same sample
+    assert (slave.whole("status"), right.whole("status")) == (2, 0)
+    right.freeze(False)
+    for k, one_of in enumerate((slave, right)):
+        one_of.set({"x[1]": 0.6})
+        one_of.step(4 * T, T)
+        assert one_of.whole("status") == 0, k
+    assert slave.get_all("u") == right.get_all("u") != held
+    for kept in sorted({one.partition("[")[0] for one in slave.at if one.startswith(("state.", "theta_hat["))}):
+        assert slave.get_all(kept) == right.get_all(kept)
     slave.close()
     right.close()
 

@@ -208,10 +208,10 @@ FAULTS = [
     *[_other_sign] * 4, *[_other_operand] * 4, *[_last_bit] * 3, *[_unsaved] * 3,
     ("in->freeze != 0 ?", "in->freeze == 0 ?"),
     ("status |= {macro}_WRONG_SAMPLE_TIME", "status |= {macro}_OK"),
-    ("if (!(in_range(in->x, {macro}_MEASURED)", "if ((0 && in_range(in->x, {macro}_MEASURED)"),
+    ("measured = in_range(in->x, {macro}_MEASURED)", "measured = 1"),
     ("    if (!state_is_usable(c)) {", "    if (0) {"),
-    ("        miss(c);\n        give(c, out, status | {macro}_INPUT", "        give(c, out, status | {macro}_INPUT"),
-    ("    next.waiting = 0;\n", ""),
+    ("    if (miss(c, &taken) == 0) {", "    if (0) {"),
+    ("    if (!state_is_usable(&next)) {", "    if (0) {"),
 ]  # fmt: skip
 
 
@@ -237,3 +237,87 @@ def test_it_finds_planted_faults(name, tmp_path, sample) -> None:
         done = run_selftest(tmp_path, "gcc", *ISO, "-O1", "-w")
         found.append(done.returncode != 0)
     assert found.count(False) <= sample(1, 2), [i for i, seen in enumerate(found) if not seen]
+
+
+AROUND = {
+    "half of u within the limits": ("out->u_limited[i] = out->u[i];", "out->u_limited[i] = 0.5 * out->u[i];"),
+    "the lower limit for every u below -0.09": (
+        "out->u_limited[i] = out->u[i];",
+        "out->u_limited[i] = out->u[i] < -0.09 ? -3.0 : out->u[i];",
+    ),
+    "no lower limit": ("if (out->u[0] < -0x1.8", "if (out->u[0] < -0x1.8p9 && out->u[0] < -0x1.8"),
+    "another upper limit": ("out->u_limited[0] = 0x1.8000000000000p+1", "out->u_limited[0] = 0x1.8000000000001p+1"),
+    "the bump is u_now": ("            c->bump[i] = c->bump[i] - c->held_u[i];\n", ""),
+    "the bump is taken anew": ("    }\n    c->matching = 0;\n", "    }\n"),
+    "the bump stays": (
+        "    c->matching = 0;\n    if (c->fade_left > 0L) {\n        --c->fade_left;",
+        "    c->matching = 0;\n    if (0) {",
+    ),
+    "a lost sample does not count for the bump": (
+        "    }\n    if (c->fade_left > 0L) {\n        --c->fade_left;",
+        "    }\n    if (0) {",
+    ),
+    "a lost sample moves u": ("        c->held_u[i] = c->last_u[i];\n", ""),
+    "a lost sample is learnt from": ("    in->freeze = 1;\n", ""),
+    "nothing goes on through a lost sample": (
+        "    advance(&next, in);",
+        "    if (measured != 0) {\n        advance(&next, in);\n    }",
+    ),
+    "a lost sample is taken for zero": ("in->x[i] = c->held_measured[i];", "in->x[i] = 0;"),
+    "a lost command is taken for zero": ("taken.r[i] = c->held_r[i];", "taken.r[i] = 0;"),
+    "a lost command opens the loop": (
+        "if (measured != 0 && (commanded != 0 || c->held_started[0] > 0)) {",
+        "if (measured != 0 && commanded != 0) {",
+    ),
+    "a loss before the first good sample begins": ("    if (!(c->held_started[0] > 0)) {\n        return 1;\n    }\n", ""),
+    "a reset goes on": ("    c->held_started[0] = 0x0.0p+0 /* 0.0 */;\n", ""),
+    "a start goes on": (
+        "c->held_r[0] = 0x0.0p+0 /* 0.0 */;\n    c->held_started[0] = 0x0.0p+0 /* 0.0 */;\n    if (keep",
+        "c->held_r[0] = 0x0.0p+0 /* 0.0 */;\n    if (keep",
+    ),
+    "a refused result is put out": ("    if (!state_is_usable(&next)) {", "    if (0) {"),
+    "a standstill is not told": (
+        "    if (miss(c, &taken) == 0) {\n        status |= {macro}_RESULT_REFUSED;",
+        "    if (miss(c, &taken) == 0) {\n",
+    ),
+    "what was learnt is kept without being asked": ("    if (keep_estimates == 0) {", "    if (0) {"),
+    "what was learnt is never kept": ("    if (keep_estimates == 0) {", "    if (1) {"),
+    "a fade of a negative time": ("c->fade = samples > 0L ? samples : 0L;", "c->fade = samples;"),
+    "10 ppm of a timer are another sample time": ("c->sample_time + 0x1.4f8b588e368f1p-17", "c->sample_time + 0x1.0p-30"),
+}
+"""What surrounds the arithmetic of a controller with limits of -3 and 3, and what is planted in its place."""
+
+
+@needs_gcc
+@pytest.mark.parametrize("fault", AROUND)
+@pytest.mark.short(kept=lambda fault: list(AROUND).index(fault) % 3 == 0)
+def test_it_finds_every_fault_that_is_planted_around_the_arithmetic(fault, tmp_path) -> None:
+    name = one("Mrac-state-midpoint")
+    exported(name, tmp_path)
+    right = (tmp_path / "controller.c").read_text()
+    original, planted = (text.replace("{macro}", EXAMPLES[name][1].name.upper()) for text in AROUND[fault])
+    assert original in right
+    (tmp_path / "controller.c").write_text(right.replace(original, planted, 1))
+    assert run_selftest(tmp_path, "gcc", *ISO, "-O1", "-w").returncode == 1
+
+
+@needs_gcc
+@pytest.mark.full
+@pytest.mark.parametrize("name", [one("Mrac-state-midpoint"), one("L1Adaptive-state-midpoint"), one("L1PiecewiseConstant-state")])
+def test_no_statement_around_the_arithmetic_can_be_left_out(name, tmp_path) -> None:
+    """Each is deleted by itself, but returns, behind which anything may happen: the self-test fails, or nothing compiles."""
+    exported(name, tmp_path)
+    right = (tmp_path / "controller.c").read_text()
+    first, last = right.index("static void advance("), right.index("/* A start without a bump")
+    statement = re.compile(r"^ +(?!int |const |unsigned |return )\S[^\n]*;$", re.MULTILINE)
+    places = [found for found in statement.finditer(right) if not first <= found.start() < last]
+    assert len(places) > 50
+    subprocess.run(["gcc", *ISO, "-O1", "-c", "selftest.c"], cwd=tmp_path, check=True, timeout=60)
+    unseen = []
+    for found in places:
+        (tmp_path / "controller.c").write_text(right[: found.start()] + ";" + right[found.end() :])
+        command = ["gcc", *ISO, "-O1", "-w", "controller.c", "selftest.o", "-o", "selftest", "-lm"]
+        compiled = subprocess.run(command, cwd=tmp_path, check=False, capture_output=True, timeout=60).returncode == 0
+        if compiled and subprocess.run([tmp_path / "selftest"], capture_output=True, timeout=60, check=False).returncode == 0:
+            unseen.append(found[0].strip())
+    assert unseen == []

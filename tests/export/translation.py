@@ -10,7 +10,7 @@ from barbalat.export.header import header
 from barbalat.export.source import source
 from barbalat.export.texts import Printed
 from barbalat.lowering.functions import FUNCTIONS
-from barbalat.lowering.operations import Operation, Program
+from barbalat.lowering.operations import Operation
 from barbalat.run.sampled_part import COMMAND, FREEZE, MEASURED, STATE
 from export.llvm_terms import SIZES, Run
 from export.targets import ISO, write
@@ -43,24 +43,16 @@ def compiled(printed: Printed, folder: Path, level: str, text: str | None = None
 
 def difference(printed: Printed, made: str) -> str:
     """What of the compiled step is not its list: an entry of the state, and an operation that is missing; empty if equal."""
-    contents = printed.contents
-    found = _difference(printed, made, "advance", contents.step, contents.layout.rows, {})
-    x_m = contents.layout.part("held.x_m")
-    if found or contents.model is None or x_m is None:
-        return found
-    return _difference(printed, made, "advance_model", contents.model, list(x_m.rows), {contents.layout.started.start: 1.0})
-
-
-def _difference(printed: Printed, made: str, name: str, program: Program, rows: list[int], fixed: dict[int, float]) -> str:
-    contents = printed.contents
+    contents, program = printed.contents, printed.contents.step
     terms = Terms(contents.real.numbers)
     offsets = _offsets(printed)
     run = Run(made, terms, printed.real)
-    run.run(name)
-    inputs = _inputs(printed, terms, offsets) | {(STATE, row): terms.constant(value) for row, value in fixed.items()}
+    run.run("advance")
+    inputs = _inputs(printed, terms, offsets)
     values = [0] * len(program.operations)
     for i, op in enumerate(program.operations):
         values[i] = of_list(terms, op, values, inputs)
+    rows = contents.layout.rows
     pairs = [
         (number(terms, values[i]), run.number_at("0", offsets[row])) for i, row in zip(program.outputs[0], rows, strict=True)
     ]

@@ -154,7 +154,7 @@ class Contents:
 
     @property
     def saturation(self) -> Array | None:
-        """(2, m) lower and upper limits of the actuators, infinite for an actuator without limits; None where no actuator has any."""
+        """(2, m) lower and upper limits of the actuators, infinite for one that has none; None where no actuator has any."""
         given = [path.saturation for path in self.problem.plant.paths]
         if all(limits is None for limits in given):
             return None
@@ -193,7 +193,7 @@ class Contents:
         return np.asarray(flatten(initial_acting(ClosedLoop.of(there, self.controller))), dtype=float)
 
     def evaluated(self, state: Array, y: Array, r: Array, freeze: bool = False) -> Array:
-        """The flat state one sample later, (S,), computed operation by operation in the target's numbers; zero where it is not kept."""
+        """The flat state one sample later, (S,), by the list in the target's numbers; zero where it is not kept."""
         numbers, rows = self.real.numbers, self.layout.rows
         given = {(STATE, row): numbers(state[row]) for row in rows} | {(MEASURED, i): numbers(value) for i, value in enumerate(y)}
         given |= {(COMMAND, i): numbers(value) for i, value in enumerate(r)} | {(FREEZE, 0): numbers(freeze)}

@@ -22,7 +22,7 @@ def selftest(printed: Printed) -> str:
     contents, layout, macro = printed.contents, printed.contents.layout, printed.macro
     vectors, state = contents.vectors, contents.measures_state
     estimates = vectors.states[:, list(layout.theta_hat.rows)]
-    lossy = with_losses(contents)
+    lossy, standstill = with_losses(contents), _standstill(printed)
     table = f"static const {printed.real} estimates[SAMPLES][{macro}_ESTIMATES] = {{\n{_rows(printed, estimates)}}};\n"
     differ = f"\n            || !same(out.theta_hat, estimates[k], {macro}_ESTIMATES)"
     return filled(
@@ -47,6 +47,8 @@ def selftest(printed: Printed) -> str:
         lossy_tests=indented(_state_is(printed, lossy[-1])),
         frozen_tests=indented(_resting(printed, "frozen, and"), 8),
         limit_tests=indented(_limits(printed)),
+        standstill=standstill,
+        stands_still=indented(["test_standstill();"]) if standstill else "",
         start_tests=indented(_started_at(printed)),
         kept_tests=indented(_resting(printed, "estimates are to be kept, and")),
         fresh_tests=indented(_fresh(printed)),
@@ -63,7 +65,7 @@ def selftest(printed: Printed) -> str:
 
 
 def with_losses(contents: Contents) -> Array:
-    """(K, S) the flat state after each sample of ``LOSSES``, evaluated from the list, by what ``controller.h`` says of a lost one."""
+    """(K, S) the flat state after each sample of ``LOSSES``, from the list, by what ``controller.h`` says of a lost one."""
     u, started = (list(part.rows) for part in (contents.layout.u, contents.layout.started))
     last_y, last_r = (list(part.rows) for part in (contents.layout.measured, contents.layout.r))
     state, states = contents.initial, []
@@ -166,6 +168,41 @@ def _limits(printed: Printed) -> list[str]:
             "  } }",
         ]
     return lines
+
+
+_STANDSTILL = """
+/* A lost sample that would lead out of range, as every number of the state does that stands at its range: nothing moves. */
+static void test_standstill(void)
+{{
+    {name}_controller c, before;
+    {name}_input in = sample(0);
+    {name}_output out;
+    int i;
+    {name}_init(&c);
+    (void)replay(&c, 2);
+{poked}    before = c;
+    in.{measured}[0] = 2 * {macro}_RANGE;
+    in.r[0] = 2 * {macro}_RANGE;
+    require({name}_step(&c, &in, &out) == ({macro}_INPUT_REFUSED | {macro}_RESULT_REFUSED), "a standstill is not told");
+    require(same_state(&c, &before) && same(out.u, before.last_u, {macro}_INPUTS), "what leads out of range is not left out");
+}}
+"""
+
+
+def _standstill(printed: Printed) -> str:
+    """Where a lost sample from the range's end leads beyond it: that it is told, and nothing moves. Most controllers have one."""
+    contents, layout = printed.contents, printed.contents.layout
+    poked = [part for part in layout.parts if part not in (layout.theta_hat, layout.started)]
+    state = contents.vectors.states[1].copy()
+    for part in poked:
+        state[part.rows] = contents.range
+    after = contents.evaluated(state, state[layout.measured.rows], state[layout.r.rows], freeze=True)
+    after[layout.u.rows] = 0.0  # which stays
+    if not (np.abs(after) > contents.range).any():
+        return ""
+    lines = [f"for (i = 0; i < {part.size}; ++i) {{ c.{part.name}[i] = {printed.macro}_RANGE; }}" for part in poked]
+    names = {"name": printed.name, "macro": printed.macro, "measured": printed.measured}
+    return _STANDSTILL.format(**names, poked=indented(lines))
 
 
 def _where_u_is_large(contents: Contents) -> int:

@@ -13,8 +13,8 @@ from barbalat.run.sampled_part import COMMAND, FREEZE, MEASURED, PARAMETER, STAT
 CLOCK_TOLERANCE = 1e-3
 """By how much, relatively, a measured sample time may differ from the one that the export was made for.
 
-A crystal is off by 100 ppm at most, and a clock that counts microseconds reads 1 ms to within 0.1 %. What so small a difference does
-to the law is no more than what 0.1 % of its plant's parameters does; a wrong rate is off by far more.
+A crystal is off by 100 ppm at most, and a clock that counts microseconds reads 1 ms to within 0.1 %. To the law a time that is off
+by 0.1 % is a plant whose A and b are: well within what it is robust to. A wrong rate is off by far more.
 """
 ESTIMATE_TOLERANCE = 1e-6
 """By how much, relatively, an estimate may lie outside the known set: above the rounding of a number of 32 bits."""
@@ -52,9 +52,7 @@ def source(printed: Printed) -> str:
         defaults=indented(
             f"c->parameter[{k}] = {printed.number(one.value)}; /* {one.name} */" for k, one in enumerate(contents.parameters)
         ),
-        reset=indented(
-            f"{text} = {_initial(printed, row, contents.initial[row])};" for row, text in layout.entries().items()
-        ),
+        reset=indented(f"{text} = {_initial(printed, row, contents.initial[row])};" for row, text in layout.entries().items()),
         start=_start(printed),
         start_argument=f"const {printed.real} x[{printed.macro}_MEASURED], " if state else "",
     )

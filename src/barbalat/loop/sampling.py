@@ -17,8 +17,8 @@ from barbalat.loop.parts import Held
 from barbalat.protocols import Dynamics, Freezable, Sample, SampledEquations, Value, kept
 from barbalat.validate import Array
 
-RESTING = ("theta_hat", "memory")
-"""Fields of a scheme's state that a freeze keeps, unless its equations know better."""
+RESTING = ("theta_hat", "k_r_hat", "memory")
+"""Fields of a scheme's state that a freeze keeps, unless its equations know better; k_r_hat is an adapted feedforward gain."""
 
 
 class Acting(NamedTuple):

@@ -61,7 +61,8 @@ static void hold(${name}_controller *c)
 static int go_on(${name}_controller *c, const ${name}_input *in, int measured)
 {
     int i;
-    ${name}_controller next = *c;
+    ${name}_controller next;
+    next = *c;
     advance(&next, in);
     if (measured != 0) {
         fade(&next);
@@ -138,9 +139,10 @@ unsigned ${name}_step(${name}_controller *c, const ${name}_input *in, ${name}_ou
 {
     const int commanded = in_range(in->r, ${macro}_COMMANDS);
     const int measured = in_range(in->${measured}, ${macro}_MEASURED);
-    ${name}_input taken = *in;
+    ${name}_input taken;
     unsigned status = ${macro}_OK;
     int i;
+    taken = *in;
     if (!(in->sample_time <= c->sample_time + ${clock} && in->sample_time >= c->sample_time - ${clock})) {
         status |= ${macro}_WRONG_SAMPLE_TIME;
     }
