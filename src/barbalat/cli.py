@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import contextlib
 import gc
 import io
@@ -29,9 +30,12 @@ from barbalat.commands import (
     tune,
 )
 from barbalat.commands.interrupt import Terminated, interruptible
+from barbalat.commands.options import add_budget
 from barbalat.commands.parser import BAD_INPUT, UNKNOWN, Parser
 from barbalat.commands.screen import say
 
+WORKING = ("reproduce", "run", "certify", "sweep", "tune", "contest", "tradeoff", "explore", "export", "fly")
+"""Commands whose work has a budget."""
 FAILED, INTERRUPTED, TERMINATED = 1, 130, 143
 COLLECT_EVERY = 50_000
 """Containers made between two searches for what nobody holds any more, instead of Python's 700: a command makes millions that
@@ -54,7 +58,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         with interruptible(), warnings.catch_warnings():
             if not sys.warnoptions:  # what overflows is said in the results, as what diverged or does not apply
                 warnings.simplefilter("ignore", RuntimeWarning)
-            done = int(options.execute(options))
+            with _budget(options):
+                done = int(options.execute(options))
         sys.stdout.flush()
         return done
     except BrokenPipeError:  # the reader, say ``head``, has seen enough
@@ -81,6 +86,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
         for i, sentence in enumerate(error.sentences):
             say(f"          {sentence}" if i else f"barbalat: {sentence}")
         return BAD_INPUT
+
+
+def _budget(options: argparse.Namespace) -> contextlib.AbstractContextManager[object]:
+    """The one that was asked for, of a command that has one."""
+    if "budget" not in options:
+        return contextlib.nullcontext()
+    from barbalat.budget import Budget
+
+    return Budget(told=say) if options.budget is None else Budget.parse(options.budget, told=say)
 
 
 def _close_standard_output() -> None:
@@ -112,6 +126,8 @@ def _parser() -> Parser:
         completion,
     ):
         command.add(commands)
+    for command in WORKING:
+        add_budget(commands.choices[command])
     for own in commands.choices.values():
         own.set_defaults(parser=own)  # it knows its options, and says which one is meant
     return parser

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import math
 import struct
 import zlib
 from collections.abc import Iterator
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from barbalat import validate
+from barbalat import budget, validate
+from barbalat.budget import Estimate
+from barbalat.reading import contents
 from barbalat.validate import Array, InputError
 
 TIMES = ("t", "time", "times", "tout")
@@ -19,11 +23,18 @@ TIMES = ("t", "time", "times", "tout")
 
 def variables(path: Path) -> dict[str, Array]:
     """The numbers in a file by their names: a field of a structure as "name.field"; InputError for what is no such file."""
-    from scipy.io import loadmat
+    from scipy.io import loadmat, whosmat
     from scipy.io.matlab import MatReadError
 
     try:
-        found = loadmat(str(path), appendmat=False)
+        packed = contents(path, "the data file", FILE_BYTE)
+        _require_room(path, _unpacked(packed))
+        _require_room(path, sum(8 * math.prod(shape) for _, shape, _ in whosmat(BytesIO(packed), appendmat=False)))
+        found = loadmat(BytesIO(packed), appendmat=False)
+    except InputError:
+        raise
+    except (MemoryError, OverflowError):
+        raise InputError(f"the data file {validate.show(str(path))} cannot be read: an array in it has no room") from None
     except NotImplementedError:
         raise InputError(f"{path} is a MATLAB file of version 7.3; save it with save(..., '-v7')") from None
     except OSError as error:
@@ -32,6 +43,44 @@ def variables(path: Path) -> dict[str, Array]:
     except (MatReadError, ValueError, TypeError, KeyError, IndexError, EOFError, zlib.error, struct.error):
         raise InputError(f"the data file {validate.show(str(path))} cannot be read: it is no MATLAB file") from None
     return {name: one for key, value in found.items() if not key.startswith("__") for name, one in _numbers(key, value)}
+
+
+FILE_BYTE = Estimate(memory=20.0, seconds=2e-7)
+"""Of what a MATLAB file holds, unpacked: a number alone in a cell takes 56 bytes there and some 20 times as much here."""
+HEADER_BYTES, TAG_BYTES, COMPRESSED = 128, 8, 15
+"""Of a file of version 5, of what stands before each of its parts, and the type of a compressed one."""
+PIECE_BYTES = 2**20
+
+
+def _unpacked(packed: bytes) -> int:
+    """Bytes of a file's parts when they are no longer compressed, found without keeping them: a thousand times the file at most.
+
+    What is no such file is left to who reads it.
+    """
+    order = {b"IM": "<", b"MI": ">"}.get(packed[HEADER_BYTES - 2 : HEADER_BYTES])
+    if order is None:
+        return len(packed)
+    total, place = 0, HEADER_BYTES
+    while place + TAG_BYTES <= len(packed):
+        kind, size = struct.unpack_from(f"{order}II", packed, place)
+        part, place = packed[place + TAG_BYTES : place + TAG_BYTES + size], place + TAG_BYTES + size
+        total += _inflated(part) if kind == COMPRESSED else len(part)
+    return total
+
+
+def _inflated(part: bytes) -> int:
+    stream, total = zlib.decompressobj(), 0
+    while part and not stream.eof:
+        piece = len(stream.decompress(part, PIECE_BYTES))
+        if not piece:
+            break  # it is cut short
+        part, total = stream.unconsumed_tail, total + piece
+    return total
+
+
+def _require_room(path: Path, size: int) -> None:
+    name = f"the data file {validate.show(str(path))}"
+    budget.require(name, size, FILE_BYTE.times, given=f"holds {size} bytes, unpacked, and", fits=lambda n: f"at most {n} bytes")
 
 
 def _numbers(name: str, value: Any) -> Iterator[tuple[str, Array]]:

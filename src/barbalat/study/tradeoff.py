@@ -5,11 +5,13 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from math import prod
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from barbalat import validate
+from barbalat import budget, validate
+from barbalat.budget import Estimate
 from barbalat.controllers.knobs import Knobs
 from barbalat.pictures.plotted import Plotted
 from barbalat.problem.known_set import KnownSet
@@ -20,7 +22,7 @@ from barbalat.run.progress import Progress
 from barbalat.solvers.simulation import Simulation
 from barbalat.study.criteria import Lost, Onset
 from barbalat.study.delay_margin import DelayMargins, delay_margins_ensemble
-from barbalat.study.forecast import Forecast
+from barbalat.study.forecast import RUNS_EACH, Forecast
 from barbalat.study.ideal_benchmark import SHORTEST_DELAY_STEPS
 from barbalat.study.knobs import default_knobs
 from barbalat.study.motion import REST_SENTENCE, ModelMotion
@@ -135,7 +137,7 @@ def trade_off(
     started = time.perf_counter()
     if problem.uncertainty is None:
         raise InputError("the trade-off needs the known set: give uncertainty.lower and .upper, or .center and .radius")
-    validate.whole("plants", plants, least=1)
+    _require_budget(simulation, density, knobs, plants)
     chosen, left_out = default_knobs(problem, simulation, density=density) if knobs is None else (knobs, ())
     family = plants_of(problem, problem.uncertainty, plants, seed)
     members = {k.scheme: [(p, k.make(**tuning)) for tuning in k.tunings() for p in family] for k in chosen}
@@ -158,6 +160,28 @@ def trade_off(
         runs=sum(of_scheme.runs for of_scheme in found),
         seconds=time.perf_counter() - started,
     )
+
+
+TUNINGS_EACH_DENSITY = 6.5
+"""Of all schemes that are traded, times the square of the density: 932 on Section V with 12."""
+STEP_SECONDS = 1e-8
+"""Of a member's step, 3 ns for a small loop."""
+TUNING = Estimate(memory=2000.0, seconds=3e-4)
+"""Of a tuning on a plant, beside its runs."""
+
+
+def _require_budget(simulation: Simulation, density: int, knobs: tuple[Knobs, ...] | None, plants: int) -> None:
+    """InputError where the tunings, or the plants on which they run, are beyond the budget; before either is made."""
+    each = TUNING + Estimate(seconds=RUNS_EACH * simulation.steps * STEP_SECONDS)
+    given = None if knobs is None else sum(prod(len(values) for values in one.values.values()) for one in knobs)
+
+    def cost(count: float, values: float) -> Estimate:
+        return each.times(count * (TUNINGS_EACH_DENSITY * values**2 if given is None else given))
+
+    validate.whole("plants", plants, least=1)
+    validate.whole("density", density, least=2)
+    budget.require("plants", plants, lambda n: cost(n, 2))
+    budget.require("density", density, lambda n: cost(plants, n), least=2, what="the trade-off")
 
 
 def _delay_margins(

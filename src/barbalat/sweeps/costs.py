@@ -9,6 +9,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from barbalat import budget, validate
+from barbalat.budget import Estimate
+from barbalat.loop.closed_loop import ClosedLoop
+from barbalat.run.costs import MEMBER, of_members
 from barbalat.run.metrics import Metrics
 from barbalat.sweeps.chunks import MOST_MEMBERS, chunk_size
 from barbalat.sweeps.sent import Sent, Tabulated, figures
@@ -18,6 +22,21 @@ from barbalat.sweeps.study import Study
 
 MEASURING_SECONDS = 3.0
 """Seconds of the client's work that are measured."""
+
+
+def require_members(study: Study, members: int) -> None:
+    """InputError where so many members, those that a store lacks, are beyond the budget; before the first of them is made."""
+    loops = [ClosedLoop.of(study.example.problem, one) for one in study.example.controllers]
+    each, stored = study.steps / len(loops), Estimate(memory=MEMBER.memory * (len(study) - members))  # the evidence reads all
+
+    def cost(count: float) -> Estimate:
+        return stored + of_members(loops, each, count)
+
+    grid = f" with each at {study.plan.points} points of a grid" if study.plan.points > 1 else ""
+    budget.require(
+        "the sweep", members, cost, given=f"of {validate.counted(members, 'member')}{grid}",
+        fits=lambda most: f"at most {most} members", what=f"the sweep of {validate.counted(members, 'member')}",
+    )  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True)

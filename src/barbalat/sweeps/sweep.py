@@ -13,6 +13,7 @@ from barbalat.run.progress import Progress
 from barbalat.sweeps.bounds import ERROR_BOUND, Bounds
 from barbalat.sweeps.chunks import Chunk, chunk_size, chunks_of
 from barbalat.sweeps.cluster import Scheduler, Workers, connected
+from barbalat.sweeps.costs import require_members
 from barbalat.sweeps.evidence import evidence
 from barbalat.sweeps.kept import Kept, Made, in_order
 from barbalat.sweeps.paths import FieldPath
@@ -94,10 +95,12 @@ def run_study(
     scheduler  of the workers that run them; by default threads here
     bounds  certify what can be certified, a second for each controller, and hold the errors against it
     told    what happened to the store, what is waited for
-    Raises InputError for a member that makes no case, with its number; what was stored before stays.
+    Raises InputError for members beyond the budget, and for one that makes no case, with its number; what was stored stays.
     """
     if store is not None:
         require_parquet()
+    if store is None or not store.exists():
+        require_members(study, len(study))
     judged = Bounds(study) if bounds else None
     first = _judged(study.run(0, 1, threads=threads), study, judged, Chunk(0, 1))
     for requirement in requirements:
@@ -108,6 +111,7 @@ def run_study(
             told(f"damaged in the store and made again: {', '.join(sink.damaged)}")
         resumed = done = sink.stored
         missing = sink.missing
+        require_members(study, sum(one.size for one in missing))
         made = _here(study, missing, threads, progress) if scheduler is None else _elsewhere(study, missing, scheduler, told)
         for one, figures in in_order(made) if sink.in_order else made:
             sink.add(one, _judged(figures, study, judged, one))
