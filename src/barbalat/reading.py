@@ -7,7 +7,7 @@ from pathlib import Path
 
 from barbalat import budget
 from barbalat.budget import Estimate
-from barbalat.validate import InputError, show
+from barbalat.validate import InputError
 
 
 def contents(path: Path, what: str, each: Estimate) -> bytes:
@@ -18,13 +18,13 @@ def contents(path: Path, what: str, each: Estimate) -> bytes:
 
     Raises OSError as opening does, InputError for a device and for a file that is too large.
     """
-    name, state = f"{what} {show(str(path))}", path.stat()
+    name, state = f"{what} {str(path)!r}", path.stat()
     if stat.S_ISCHR(state.st_mode) or stat.S_ISBLK(state.st_mode):
         raise InputError(f"{name} cannot be read: it is a device, not a file")
+    if stat.S_ISREG(state.st_mode):
+        _require(name, state.st_size, each, f"has {state.st_size} bytes and")
+    most = _most(each)
     with path.open("rb") as file:
-        if stat.S_ISREG(state.st_mode):
-            _require(name, state.st_size, each, f"has {state.st_size} bytes and")
-        most = _most(each)
         found = file.read(most + 1)  # the size of a pipe, or of what the system makes while it is read, is not known before
     if len(found) > most:
         _require(name, most + 1, each, f"has more than {most} bytes and")

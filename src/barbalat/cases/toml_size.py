@@ -11,8 +11,9 @@ from barbalat.validate import InputError
 
 TEXT_BYTE = Estimate(memory=100.0, seconds=5e-6)
 """Of a case file: the parser takes 0.1 to 1.1 us and up to 27 bytes, and the tables are read three times and checked."""
-PART_PAIR = Estimate(memory=4.0, seconds=2e-8)
-"""Of a dotted key, times the square of its parts, since each part remembers those before it: 35 MB and 0.1 s for 3,000."""
+PART_PAIR = Estimate(memory=4.0, seconds=5e-8)
+"""Of a dotted key, times the square of its parts, since each part remembers those before it: 35 MB and 0.1 s for
+3,000, and it is read three times."""
 MOST_NESTED = 200
 """Lists or tables inside each other: each takes two calls of the parser, and Python allows a thousand."""
 

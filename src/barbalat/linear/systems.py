@@ -217,9 +217,13 @@ def states_response(A: Array, b: Array, w: Array) -> Array:
     """
     w, n = np.atleast_1d(np.asarray(w, dtype=float)), len(b)
     budget.require(
-        "the linear loop", n, lambda states: of_response(states, len(w)),
-        given=f"has {n} states, and {len(w)} frequency responses", fits=lambda states: f"at most {states} states", what=f"{len(w)} frequency responses of {n} states",
-    )  # fmt: skip
+        "the linear loop",
+        n,
+        lambda states: of_response(states, len(w)),
+        given=f"has {n} states, and {len(w)} frequency responses",
+        fits=lambda states: f"at most {states} states",
+        what=f"{len(w)} frequency responses of {n} states",
+    )
     columns, together = b[:, None], max(SOLVED_AT_ONCE // max(n * n, 1), 1)
 
     def solved(at: Array) -> Array:

@@ -13,8 +13,6 @@ from barbalat.solvers.simulation import Simulation
 
 RECORD_COPIES = 5
 """Of what is recorded: as the kernel left it, as columns, joined, and as the result has it."""
-RECORDED_SECONDS = 2e-8
-"""For each number that is recorded, as far as a trajectory."""
 TERM_SECONDS = 3e-8
 """Of a sine at a step."""
 MEMBER = Estimate(memory=200.0, seconds=1.2e-5)
@@ -34,17 +32,17 @@ def require_runs(problem: TrackingProblem, loops: Sequence[ClosedLoop], simulati
     """InputError, before anything is traced, for recorded runs side by side with too many points, or too many steps."""
     made, steps = _made(loops), simulation.steps
 
-    def recorded(points: float) -> Estimate:
-        return made + sum((_of_record(loop, points) for loop in loops), Estimate())
+    def room(points: float) -> Estimate:
+        return sum((_of_record(loop, points) for loop in loops), Estimate(memory=made.memory))
 
     beside = f"for {len(loops)} controllers" if len(loops) > 1 else "for its controller"
     asked = simulation.record_points
     budget.require(
-        "simulation.record_points", min(steps, asked), recorded, least=min(2, steps), given=f"= {asked} {beside}",
+        "simulation.record_points", min(steps, asked), room, least=min(2, steps), given=f"= {asked} {beside}",
     )  # fmt: skip
-    points = recorded(min(steps, asked))
+    rest = room(min(steps, asked)) + Estimate(seconds=made.seconds)
     budget.require(
-        "simulation.t_end", steps, lambda count: points + of_steps(problem, loops, count), given=_steps_given(simulation, beside),
+        "simulation.t_end", steps, lambda count: rest + of_steps(problem, loops, count), given=_steps_given(simulation, beside),
         fits=lambda most: f"a t_end of {simulation.t_end / steps * most:.6g} s with this step", what="simulating",
     )  # fmt: skip
 
@@ -81,7 +79,7 @@ def _made(loops: Sequence[ClosedLoop]) -> Estimate:
 def _of_record(loop: ClosedLoop, points: float) -> Estimate:
     """Of so many instants: states, extrema of e, u and the estimates, sums."""
     numbers = loop.size + 4 * loop.errors + 3 * loop.parameters + 2 * loop.inputs
-    return Estimate(8.0 * RECORD_COPIES * numbers, RECORDED_SECONDS * numbers).times(points)
+    return Estimate(memory=8.0 * RECORD_COPIES * numbers * points)
 
 
 def _plant_states(loop: ClosedLoop) -> int:

@@ -23,13 +23,12 @@ TIMES = ("t", "time", "times", "tout")
 
 def variables(path: Path) -> dict[str, Array]:
     """The numbers in a file by their names: a field of a structure as "name.field"; InputError for what is no such file."""
-    from scipy.io import loadmat, whosmat
+    from scipy.io import loadmat
     from scipy.io.matlab import MatReadError
 
     try:
         packed = contents(path, "the data file", FILE_BYTE)
         _require_room(path, _unpacked(packed))
-        _require_room(path, sum(8 * math.prod(shape) for _, shape, _ in whosmat(BytesIO(packed), appendmat=False)))
         found = loadmat(BytesIO(packed), appendmat=False)
     except InputError:
         raise
@@ -49,13 +48,15 @@ FILE_BYTE = Estimate(memory=20.0, seconds=2e-7)
 """Of what a MATLAB file holds, unpacked: a number alone in a cell takes 56 bytes there and some 20 times as much here."""
 HEADER_BYTES, TAG_BYTES, COMPRESSED = 128, 8, 15
 """Of a file of version 5, of what stands before each of its parts, and the type of a compressed one."""
+SHAPE_AT = 16
+"""Bytes into a variable, after its kind, where its shape stands."""
 PIECE_BYTES = 2**20
 
 
 def _unpacked(packed: bytes) -> int:
-    """Bytes of a file's parts when they are no longer compressed, found without keeping them: a thousand times the file at most.
+    """Bytes that a file's variables take when they are no longer compressed, found without keeping them.
 
-    What is no such file is left to who reads it.
+    A variable counts with what it says that it holds, where that is more. What is no such file is left to who reads it.
     """
     order = {b"IM": "<", b"MI": ">"}.get(packed[HEADER_BYTES - 2 : HEADER_BYTES])
     if order is None:
@@ -64,18 +65,29 @@ def _unpacked(packed: bytes) -> int:
     while place + TAG_BYTES <= len(packed):
         kind, size = struct.unpack_from(f"{order}II", packed, place)
         part, place = packed[place + TAG_BYTES : place + TAG_BYTES + size], place + TAG_BYTES + size
-        total += _inflated(part) if kind == COMPRESSED else len(part)
+        head, inside = (part[:PIECE_BYTES], len(part)) if kind != COMPRESSED else _inflated(part)
+        total += max(inside, _claimed(head, order))
     return total
 
 
-def _inflated(part: bytes) -> int:
-    stream, total = zlib.decompressobj(), 0
+def _inflated(part: bytes) -> tuple[bytes, int]:
+    """The beginning of a compressed variable, after its tag, and all of its bytes."""
+    stream, total, head = zlib.decompressobj(), 0, b""
     while part and not stream.eof:
-        piece = len(stream.decompress(part, PIECE_BYTES))
+        piece = stream.decompress(part, PIECE_BYTES)
         if not piece:
             break  # it is cut short
-        part, total = stream.unconsumed_tail, total + piece
-    return total
+        part, total, head = stream.unconsumed_tail, total + len(piece), head or piece[TAG_BYTES:]
+    return head, total
+
+
+def _claimed(head: bytes, order: str) -> int:
+    """Bytes of as many floats as a variable's shape says."""
+    if len(head) < SHAPE_AT + TAG_BYTES:
+        return 0
+    _, size = struct.unpack_from(f"{order}II", head, SHAPE_AT)
+    count = min(size, len(head) - SHAPE_AT - TAG_BYTES) // 4
+    return 8 * math.prod(struct.unpack_from(f"{order}{count}I", head, SHAPE_AT + TAG_BYTES))
 
 
 def _require_room(path: Path, size: int) -> None:

@@ -12,7 +12,7 @@ from barbalat.settings import Settings, one_line
 from barbalat.solvers import RK4, SOLVERS, Tableau
 from barbalat.validate import Array, InputError
 
-POINT = Estimate(memory=1000.0, seconds=1e-5)
+POINT = Estimate(memory=1000.0)
 """Of a recorded instant of a small adaptive loop: its state and its envelope, a few times over."""
 STEP = Estimate(seconds=3e-9)
 """Of a step of a member of an ensemble, than which nothing is faster."""

@@ -29,7 +29,7 @@ from barbalat.run.progress import Progress, part_of
 from barbalat.solvers.simulation import Simulation
 from barbalat.study.criteria import Lost, Onset
 from barbalat.study.delay_search import LONGEST_DELAY, SCANNED_DELAYS, DelaySearch, scanned
-from barbalat.study.ideal_benchmark import SHORTEST_DELAY_STEPS, Benchmark, Ideals, Member, with_errors
+from barbalat.study.ideal_benchmark import SHORTEST_DELAY_STEPS, SIZES_TRIED, Benchmark, Ideals, Member, with_errors
 from barbalat.validate import Array, InputError
 
 if TYPE_CHECKING:
@@ -142,7 +142,7 @@ def delay_margins_ensemble(
     validate.whole("scan", scan, least=2)
     loop = ClosedLoop.of(*members[0])
     budget.require(
-        "scan", scan, lambda count: of_members([loop], simulation.steps, len(members) * (count + HALVED)), least=2,
+        "scan", scan, lambda count: of_members([loop], simulation.steps, len(members) * (count + BESIDE_SCAN)), least=2,
         given=f"= {scan} delays for {validate.counted(len(members), 'member')}", what="simulated delay margins",
     )  # fmt: skip
     return margins_ensemble(
@@ -186,8 +186,8 @@ def margins_ensemble(
     )
 
 
-HALVED = 20
-"""Runs of a member after the scan, at most: halvings between two delays, by two criteria."""
+BESIDE_SCAN = 20 + 2 * SIZES_TRIED
+"""Runs of a member beside the scan, at most: halvings between two delays by two criteria, and those of loops that know theta."""
 RUNS_AT_ONCE = 64
 """Runs that are made at once rather than one size after the other: they fill the kernel's lanes."""
 

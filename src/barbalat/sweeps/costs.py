@@ -32,7 +32,7 @@ def require_members(study: Study, members: int) -> None:
     def cost(count: float) -> Estimate:
         return stored + of_members(loops, each, count)
 
-    grid = f" with each at {study.plan.points} points of a grid" if study.plan.points > 1 else ""
+    grid = f" at {study.plan.points} points of a grid" if study.plan.points > 1 else ""
     budget.require(
         "the sweep", members, cost, given=f"of {validate.counted(members, 'member')}{grid}",
         fits=lambda most: f"at most {most} members", what=f"the sweep of {validate.counted(members, 'member')}",
