@@ -14,6 +14,7 @@ from .adaptation.modifications.fixed_sigma import FixedSigma as FixedSigma
 from .adaptation.modifications.switching_sigma import SwitchingSigma as SwitchingSigma
 from .adaptation.normalization import Normalization as Normalization
 from .adaptation.output_lyapunov import LyapunovLaw as LyapunovLaw
+from .budget import Budget as Budget
 from .cases.build import Case as Case
 from .cases.load import load_case as load_case
 from .certificates.certificate import Certificate as Certificate

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import argparse
+import contextlib
 import gc
 import os
 import sys
@@ -27,10 +29,13 @@ from barbalat.commands import (
     tune,
 )
 from barbalat.commands.interrupt import Terminated, interruptible
+from barbalat.commands.options import add_budget
 from barbalat.commands.parser import BAD_INPUT, UNKNOWN, Parser
 from barbalat.commands.screen import say
 from barbalat.commands.streams import OutputLost, notes, results
 
+WORKING = ("reproduce", "run", "certify", "sweep", "tune", "contest", "tradeoff", "explore", "export", "fly")
+"""Commands whose work has a budget."""
 FAILED, INTERRUPTED, READER_LEFT, TERMINATED = 1, 130, 141, 143
 """Exit codes; the last three are those of shells for what SIGINT, SIGPIPE and SIGTERM end."""
 COLLECT_EVERY = 50_000
@@ -63,7 +68,8 @@ def _answered(arguments: Sequence[str] | None) -> int:
         with interruptible(), warnings.catch_warnings():
             if not sys.warnoptions:  # what overflows is said in the results, as what diverged or does not apply
                 warnings.simplefilter("ignore", RuntimeWarning)
-            return int(options.execute(options))
+            with _budget(options):
+                return int(options.execute(options))
     except OSError as error:  # a full disk, a folder that went away
         say(f"barbalat: cannot write{f' {error.filename!r}' if error.filename else ''}: {error.strerror or error}")
         return FAILED
@@ -84,6 +90,15 @@ def _answered(arguments: Sequence[str] | None) -> int:
         for i, sentence in enumerate(error.sentences):
             say(f"          {sentence}" if i else f"barbalat: {sentence}")
         return BAD_INPUT
+
+
+def _budget(options: argparse.Namespace) -> contextlib.AbstractContextManager[object]:
+    """The one that was asked for, of a command that has one."""
+    if "budget" not in options:
+        return contextlib.nullcontext()
+    from barbalat.budget import Budget
+
+    return Budget(told=say) if options.budget is None else Budget.parse(options.budget, told=say)
 
 
 def _parser() -> Parser:
@@ -109,6 +124,8 @@ def _parser() -> Parser:
         completion,
     ):
         command.add(commands)
+    for command in WORKING:
+        add_budget(commands.choices[command])
     for own in commands.choices.values():
         own.set_defaults(parser=own)  # it knows its options, and says which one is meant
     return parser

@@ -416,7 +416,7 @@ POLYNOMIAL = 'theta = [4.0, -3.0]\nregressor = { kind = "polynomial", degree = 3
         ("k_0 = 4.0", f"k_0 = 4.0\n{DEEP} = 1", ["unknown key reference_model.a"]),
         ("k_0 = 4.0", f"k_0.{DEEP} = 1", ["reference_model.k_0", "{ a = { a = "]),
         ("theta = [4.0, -3.0]", POLYNOMIAL, ["plant.theta", "4504500"]),
-        ("dt = 1e-4", "dt = 1e-5\nrecord_points = 6000000", ["simulation.record_points", "at most 1000000", "6000000"]),
+        ("dt = 1e-4", "dt = 1e-5\nrecord_points = 6000000", ["simulation.record_points", "at most 4294967 would do", "6000000"]),
     ],
 )
 def test_extreme_values_are_refused_in_one_sentence(old, new, words):

@@ -5,6 +5,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from barbalat import (
+    Budget,
     InputError,
     Mrac,
     ParameterBox,
@@ -191,7 +192,12 @@ def test_what_long_delays_remember_is_counted_before_it_is_allocated(monkeypatch
         lambda: simulate(given, controllers, simulation),
         lambda: simulate_ensemble([(given, controllers[0])] * 20, simulation),
     ):
-        with pytest.raises(InputError, match=r"needs 5\.37 GB of memory for 20 runs, and 5\.37 GB are free"):
+        with pytest.raises(InputError, match=r"20 runs remembers, would take about 5 GiB of memory.*at most 8388605 steps"):
+            attempt()
+        with (
+            Budget(memory=2.0**33),
+            pytest.raises(InputError, match=r"needs 5\.37 GB of memory for 20 runs, and 5\.37 GB are free"),
+        ):
             attempt()
     monkeypatch.undo()
     assert exact_delay.free_memory() is None or exact_delay.free_memory() > 1e6

@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import pytest
 
+from barbalat.budget import Budget
 from barbalat.cases.load import CaseText
-from barbalat.sweeps.costs import Costs
+from barbalat.sweeps.costs import Costs, require_members
+from barbalat.sweeps.paths import FieldPath
 from barbalat.sweeps.plan import Plan
+from barbalat.sweeps.spread import Axis
 from barbalat.sweeps.study import Study
 from barbalat.sweeps.varied_case import VariedCase, sampled
+from barbalat.validate import InputError
 
 
 def test_bytes_are_those_of_the_members_numbers_and_figures():
@@ -26,3 +30,20 @@ def test_bytes_are_those_of_the_members_numbers_and_figures():
     assert 8 * len(names) <= costs.returned <= 8 * len(names) + 1
     assert 0 < costs.client < costs.worker and costs.stored > 8 * 5  # draws and errors have no digits to spare
     assert costs.tables == pytest.approx(24 * costs.steps, rel=0.01)
+
+
+def test_members_that_share_no_kernel_are_dearer():
+    """What the same budget allows: a sampled command gives every member a run of its own, a grid of two of them does not."""
+    head = CaseText.read("paper").text.split("[[controller]]")[0].replace("dt = 1e-4", "dt = 1e-2")
+    text = CaseText(head + '[[controller]]\nname = "MRAC"\nscheme = "mrac"\ngamma = 0.1\n')
+
+    def most(axes: dict[FieldPath, Axis], path: str) -> int:
+        plan = Plan(axes, sampled(text, [(path, "uniform:1:1.5")]), 10**9)
+        with Budget(memory=1e15), pytest.raises(InputError, match=r"^the sweep of \d+ members") as refused:
+            require_members(Study(VariedCase(text, plan.paths), plan), len(plan))
+        return int(str(refused.value).split("at most ")[1].split()[0])
+
+    amplitude = FieldPath.parse("reference.amplitude")
+    together = most({}, "plant.theta[0]")
+    assert most({}, "reference.amplitude") < together / 50
+    assert together / 2 < most({amplitude: Axis(40.0, 50.0, 2)}, "plant.theta[0]") <= together

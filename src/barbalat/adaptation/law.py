@@ -10,7 +10,7 @@ from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 
-from barbalat import validate
+from barbalat import budget, validate
 from barbalat.adaptation.guarantee import Guarantee
 from barbalat.adaptation.modifications.leakage import Leakage
 from barbalat.problem.known_set import EstimateSet, Gain
@@ -158,6 +158,14 @@ class GuaranteedLaw(Protocol):
     def guarantee(self, known_set: EstimateSet | None) -> Guarantee:
         """With projection onto ``known_set``, on the plant without modelling error."""
         ...
+
+
+def require_room(n: int) -> None:
+    """InputError where a law's matrix for n parameters is beyond the budget: each entry of it is a state of the loop."""
+    budget.require(
+        "law", n, lambda parameters: budget.of_kernel(parameters**2), given=f"has a matrix for {n} parameters, which",
+        fits=lambda most: f"at most {most} parameters", what=f"a law with a matrix for {n} parameters",
+    )  # fmt: skip
 
 
 def require_law(law: object) -> None:

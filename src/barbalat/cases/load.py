@@ -18,6 +18,8 @@ from barbalat.cases.echoes import echo
 from barbalat.cases.findings import Typed, findings, several
 from barbalat.cases.outside import OwnFile
 from barbalat.cases.schema import CASES, case_table, problem_posed
+from barbalat.cases.toml_size import TEXT_BYTE, require_readable
+from barbalat.reading import contents
 from barbalat.validate import InputError, hint, local_path
 
 
@@ -61,7 +63,9 @@ class CaseText:
         """A case file, or a bundled case by its name; InputError for one that can't be read."""
         path = bundled().get(str(case)) or local_path("the case", case)
         try:
-            text = path.read_bytes().decode("utf-8-sig")
+            text = contents(path, "the case file", TEXT_BYTE).decode("utf-8-sig")
+        except InputError:
+            raise
         except FileNotFoundError:
             names = ", ".join(bundled())
             raise InputError(
@@ -76,10 +80,13 @@ class CaseText:
         return cls(text, folder=path.parent, source=str(path), own=own)
 
     def data(self) -> dict[str, Any]:
-        """The tables as TOML has them, a new copy each time; InputError for text that is not TOML."""
+        """The tables as TOML has them, a new copy each time; InputError for text that is not TOML, or is nested too deeply."""
+        require_readable(self.text, self.source)
         try:
             return tomllib.loads(self.text)
-        except (tomllib.TOMLDecodeError, ValueError, RecursionError) as error:
+        except RecursionError:
+            raise InputError(f"{self.source} has tables or lists inside each other, too many to be read") from None
+        except ValueError as error:
             twice = len(SINGLE_BRACKETS.findall(self.text)) > 1
             meant = "; each controller stands under [[controller]], with two brackets" if twice else ""
             comma = DECIMAL_COMMA.search(self.text)

@@ -18,6 +18,8 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+from barbalat import budget
+from barbalat.budget import Estimate
 from barbalat.cases.schema import table_of
 from barbalat.loop.blame import Subject, blamed
 from barbalat.protocols import Controller
@@ -27,6 +29,8 @@ ENTRY_POINT_GROUP = "barbalat.controllers"
 """The entry points' group: scheme = "package:Class"."""
 LIST_NAME = "CONTROLLERS"
 """The name of a file's list of controllers."""
+SOURCE_BYTE = Estimate(memory=200.0, seconds=2e-6)
+"""Of a Python file that is compiled; what it does when it is run is its own affair."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,6 +87,9 @@ def run(path: str | Path) -> OwnFile:
     path = local_path("--controllers", path)
     if not path.is_file():
         raise InputError(f"--controllers: {str(path)!r} is no file")
+    size = path.stat().st_size
+    name = f"--controllers: {str(path)!r}"
+    budget.require(name, size, SOURCE_BYTE.times, given=f"has {size} bytes and", fits=lambda n: f"at most {n} bytes")
     name = f"controllers_in_{path.stem}"  # a module of its own, not to be taken for an installed one of the same name
     loader = SourceFileLoader(name, str(path))
     spec = spec_from_loader(name, loader)

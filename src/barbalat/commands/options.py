@@ -6,6 +6,16 @@ import argparse
 from pathlib import Path
 
 
+def add_budget(parser: argparse.ArgumentParser) -> None:
+    """How much work may be begun."""
+    parser.add_argument(
+        "--budget",
+        metavar="LIMITS",
+        help="memory and time of one core that work may take by its estimate before it is begun, such as 16GiB, 5h or 16GiB,5h; "
+        "default: 4GiB,1h",
+    )
+
+
 def add_controllers(parser: argparse.ArgumentParser) -> None:
     """Classes of the user's own."""
     parser.add_argument(

@@ -10,7 +10,8 @@ from pathlib import Path
 
 import numpy as np
 
-from barbalat import validate
+from barbalat import budget, validate
+from barbalat.budget import Estimate
 from barbalat.cases.build import Case
 from barbalat.cases.load import load_case
 from barbalat.contests.entrant import Entrant, entrants_of, initial_estimates
@@ -32,6 +33,7 @@ from barbalat.study.ideal_benchmark import quiet
 from barbalat.study.motion import REST_SENTENCE, ModelMotion
 from barbalat.study.tradeoff import plants_of
 from barbalat.targets import CONTEST
+from barbalat.tuning.search import least_trials
 from barbalat.tuning.trial import Plants
 from barbalat.validate import InputError, counted
 
@@ -120,6 +122,7 @@ def compete(
     """
     started = time.perf_counter()
     _require(problem, simulation, entrants, rule, members)
+    _require_budget(simulation, len(entrants), rule, members)
     assert problem.uncertainty is not None
     family = plants_of(problem, problem.uncertainty, rule.plants, rule.seed)
     plants = _Shared(family, rule, simulation)
@@ -181,6 +184,30 @@ def _require(problem: Problem, simulation: Simulation, entrants: Sequence[Entran
     names = [one.name for one in entrants]
     if twice := [name for name in names if names.count(name) > 1]:
         raise InputError(f"entrants must have different names, got {validate.show(twice[0])} twice")
+
+
+RUNS_EACH_TRIAL = 22
+"""As on the template's case: of all plants and modelling errors together, four plants."""
+STEP_SECONDS = 1e-8
+"""Of a member's step: 3 ns for a small loop, and most of a scheme's are larger."""
+HELD_OUT = Estimate(memory=20e3, seconds=2e-3)
+"""Of a held-out run's plant and command, beside its steps."""
+
+
+def _require_budget(simulation: Simulation, entrants: int, rule: Rule, members: int) -> None:
+    """InputError where the plants, the trials on them or the held-out runs are beyond the budget."""
+    steps = entrants * simulation.steps * STEP_SECONDS
+    searched = Estimate(seconds=steps * RUNS_EACH_TRIAL / DEFAULT_PLANTS)
+
+    def held_out(count: float) -> Estimate:
+        return (HELD_OUT + Estimate(seconds=steps)).times(count)
+
+    drawn = Estimate(memory=HELD_OUT.memory, seconds=HELD_OUT.seconds)
+    rest = held_out(members)
+    least = min(rule.trials, least_trials(1))
+    budget.require("members", members, held_out, least=8)
+    budget.require("plants", rule.plants, lambda n: drawn.times(n) + searched.times(least * n) + rest)
+    budget.require("trials", rule.trials, lambda n: searched.times(rule.plants * n) + rest, least=least, what="the contest")
 
 
 def _rank(one: Qualified, held: dict[str, HeldOut]) -> tuple[bool, int, float]:

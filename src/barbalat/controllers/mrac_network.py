@@ -7,7 +7,7 @@ from typing import ClassVar, NamedTuple
 
 import numpy as np
 
-from barbalat import validate
+from barbalat import budget, validate
 from barbalat.adaptation.modifications.epsilon_modification import EpsilonModification
 from barbalat.adaptation.modifications.fixed_sigma import FixedSigma
 from barbalat.adaptation.modifications.leakage import Leakage
@@ -17,8 +17,6 @@ from barbalat.problem.state_feedback import Known
 from barbalat.protocols import Value
 from barbalat.validate import Array, InputError, Vector
 
-MOST_NEURONS = 1000
-"""Each costs 1 + n + m states: beyond, compiling takes minutes."""
 DEFAULT_NEURONS = 10
 LEAKAGES = np.geomspace(1e-4, 1.0, 12)
 """sigma that are tried: from one at which weights hardly fade to one at which they stay as small as e'P b."""
@@ -158,7 +156,7 @@ class NetworkMrac(Scheme):
             )
         validate.instance("leakage", self.leakage, (FixedSigma, EpsilonModification))
         if self.neurons is not None:
-            validate.freeze(self, neurons=validate.whole("neurons", self.neurons, least=1, most=MOST_NEURONS))
+            validate.freeze(self, neurons=validate.whole("neurons", self.neurons, least=1))
         if self.scale is not None:
             validate.freeze(self, scale=validate.vector("scale", self.scale))
             if not (self.scale > 0).all():
@@ -193,10 +191,12 @@ class NetworkMrac(Scheme):
             gamma_v=self.gamma if self.gamma_v is None else self.gamma_v,
             leakage=self.leakage,
             scale=np.ones(n) if self.scale is None else validate.vector("scale", self.scale, n),
-            V_0=self._inner_weights(n),
+            V_0=self._inner_weights(n, known.b.size // n),
         )
 
-    def _inner_weights(self, n: int) -> Array:
+    def _inner_weights(self, n: int, m: int) -> Array:
         if self.V_hat0 is not None:
             return validate.array("V_hat0", self.V_hat0, (1 + n, None))
-        return initial_inner_weights(self.seed, self.spread, (1 + n, DEFAULT_NEURONS if self.neurons is None else self.neurons))
+        neurons = DEFAULT_NEURONS if self.neurons is None else self.neurons
+        budget.require("neurons", neurons, lambda count: budget.of_kernel(count * (1 + n + m)))  # each has so many states
+        return initial_inner_weights(self.seed, self.spread, (1 + n, neurons))

@@ -19,7 +19,8 @@ from pathlib import Path
 
 import numpy as np
 
-from barbalat import validate
+from barbalat import budget, validate
+from barbalat.budget import Estimate
 from barbalat.flight.compared import Failing
 from barbalat.flight.drawing import KEPT, SEED, Drawing, Fleet, draws_of
 from barbalat.flight.evidence import Evidence, evidence_of
@@ -39,6 +40,8 @@ MEMBERS, PROCESSES = 200, 2
 """Draws by default, and processes."""
 MOST_DRAWS = 25
 """Of one process at most, so that all have some."""
+CHUNK_SECONDS = 30.0
+"""Of the flights of a drawing's ``chunk``."""
 DIFFERENCES = {
     "case": "another flight, or of other --schemes or --failures",
     "plan": "more --dispersions, or another --seed",
@@ -68,6 +71,11 @@ class Campaign:
     def chunk(self) -> int:
         """Draws that one process flies."""
         return min(max(self.drawing.chunk // (len(self.controllers) * len(self.failures)), 1), MOST_DRAWS)
+
+    def cost(self, members: float) -> Estimate:
+        """Of flying so many draws."""
+        flights = len(self.controllers) * len(self.failures)
+        return Estimate(memory=1000.0 * flights, seconds=flights * CHUNK_SECONDS / self.drawing.chunk).times(members)
 
     def identity(self) -> dict[str, object]:
         """What a store must have been made with to be gone on with."""
@@ -147,6 +155,7 @@ def fly_dispersed(
     if store is not None:
         require_parquet()
     campaign = Campaign(name=name, drawing=drawing, fleet=drawing.prepare(schemes, failures), plan=plan)
+    budget.require("members", members, campaign.cost, what="flying")
     with _sink(campaign, store) as sink:
         resumed = done = sink.stored
         made = _made(campaign, sink.missing, processes)

@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from barbalat import validate
+from barbalat import budget, validate
+from barbalat.budget import Estimate
 from barbalat.linear.conditions import require_controllable, require_hurwitz
 from barbalat.linear.pole_placement import place
 from barbalat.linear.systems import open_loop
@@ -76,6 +77,7 @@ class Plant(Settings):
     def __post_init__(self) -> None:
         A_m = validate.square_matrix("plant.A_m", self.A_m)
         n = A_m.shape[0]
+        budget.require("plant.A_m", n, of_plant, given=f"is {n} x {n} and its checks", fits=lambda most: f"at most {most} states")
         validate.instance("plant.regressor", self.regressor, Regressor)
         freeze(
             self,
@@ -142,6 +144,11 @@ class Plant(Settings):
     def output(self, x: Value) -> Value:
         """What is measured: the state."""
         return x
+
+
+def of_plant(states: float) -> Estimate:
+    """What the checks of a plant with so many states cost: 1 s for 200, 13 s for 400."""
+    return Estimate(memory=100.0 * states**2, seconds=5e-10 * states**4)
 
 
 @lru_cache(maxsize=64)  # the plants of an ensemble mostly share both

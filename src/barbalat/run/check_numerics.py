@@ -9,6 +9,7 @@ import numpy as np
 
 from barbalat import validate
 from barbalat.protocols import Controller, Stepping
+from barbalat.run.costs import steps_within
 from barbalat.run.diagnosis.step_comparison import FinerStep, Seen, at_the_same_time, compare
 from barbalat.run.progress import Progress, part_of
 from barbalat.run.result import Result
@@ -33,14 +34,15 @@ def check_numerics(
     """The same results; each one that is labelled *numerically unstable* comes with a ``check``, see FinerStep.
 
     The run is repeated at a tenth of its step, then at a hundredth and a thousandth while that leaves the region too. A finer
-    run takes at most ``afforded_steps``: where that does not reach t_end, both steps are compared over the time that it does
-    reach, and where not even the label's time is reached, the check says so.
+    run takes at most ``afforded_steps``, and no more than the budget allows: where that does not reach t_end, both steps are
+    compared over the time that it does reach, and where not even the label's time is reached, the check says so.
     """
     if not isinstance(results, Mapping):
         raise InputError(f"results must be results by name, as simulate returns them, got {type(results).__name__}")
     for result in results.values():
         validate.instance("results", result, Result)
-    validate.whole("afforded_steps", afforded_steps, least=1)
+    asked = validate.whole("afforded_steps", afforded_steps, least=1)
+    afforded_steps = min([asked, *(steps_within(one.problem, [one.loop], one.simulation, asked) for one in results.values())])
     checked = dict(results)
     pending = {name: result for name, result in results.items() if result.label is not None}
     finest: dict[str, Seen] = {}

@@ -17,6 +17,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from barbalat import budget
+from barbalat.budget import Estimate
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.loop.packing import column, flatten, symbols
 from barbalat.lowering.compiled import Tabulator, tabulator
@@ -61,11 +63,16 @@ def lag(delay: float, dt: float) -> int:
 
 def require_memory(longest: float, inputs: int, runs: int, dt: float) -> None:
     """InputError where what runs with delays of at most ``longest`` [s], side by side, remember does not fit into the memory."""
-    free = free_memory()
-    if not longest or free is None:
+    if not longest:
         return
-    needed = runs * remembered(lag(longest, dt)) * CHANNELS_PER_INPUT * inputs * 8  # bytes
-    if needed > free:
+    steps, each = lag(longest, dt), runs * CHANNELS_PER_INPUT * inputs * 8  # bytes
+    budget.require(
+        "plant.input.delay", steps, lambda lagged: Estimate(memory=remembered(int(lagged)) * each),
+        given=f"= {longest:g} s, {steps} steps of {dt:g} s that each of {runs} runs remembers,",
+        fits=lambda most: f"at most {most} steps", what="what a delay remembers",
+    )  # fmt: skip
+    needed, free = remembered(steps) * each, free_memory()
+    if free is not None and needed > free:
         raise InputError(
             f"plant.input.delay = {longest:g} s at dt = {dt:g} s needs {needed / 1e9:.3g} GB of memory for {runs} runs, "
             f"and {free / 1e9:.3g} GB are free: take a larger simulation.dt, or fewer runs at a time"

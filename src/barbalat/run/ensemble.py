@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from barbalat import validate
+from barbalat import budget, validate
 from barbalat.pictures.plotted import Plotted
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller
-from barbalat.run import delay
+from barbalat.run import costs, delay
 from barbalat.run.batch import Batch
 from barbalat.run.breaks import LostOrder, lost_order
 from barbalat.run.engine import run
@@ -109,6 +109,7 @@ def simulate_ensemble(
     read = Members.read(_checked(members), simulation, first="member 1: ", taken=taken)
     if numbers is not None:
         read = replace(read, numbers=_numbers_of(read, numbers))
+    budget.require("members", len(read), lambda count: costs.of_members([read.loop], simulation.steps, count), what="an ensemble")
     delay.require_memory(read.longest_delay, read.loop.inputs, min(len(read), MEMBERS_AT_ONCE), simulation.dt)
     blocks = replace(simulation, record_points=_points(simulation)) if quarters else simulation
     found = []

@@ -14,7 +14,7 @@ from barbalat.loop.structure import comes_from_outside, structure
 from barbalat.lowering.llvm.machine import Watch
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller, Signal
-from barbalat.run import breaks, delay
+from barbalat.run import breaks, costs, delay
 from barbalat.run.columns import Columns, StructureError
 from barbalat.run.grid import window_of
 from barbalat.run.step import LARGEST_WATCHED_STATE, Rhythm, StepProgram, step_program, traced_once
@@ -132,6 +132,7 @@ class Reader:
         adjustable = adjustable or not simulation.fused
         bind = Bindings()
         loop = ClosedLoop.of(problem, controller, bind=bind)
+        costs.require_states(loop)
         rhythm = Rhythm.of(loop, problem.noise, simulation)
         reader = cls(simulation, adjustable, problem, controller, loop, rhythm, bind, Columns(()), Columns(loop.initial()))
         weights = reader._apart(problem)

@@ -8,9 +8,13 @@ import sys
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, Future, ProcessPoolExecutor
 from contextlib import contextmanager
+from dataclasses import replace
 from multiprocessing import active_children, get_context, resource_tracker
 from threading import current_thread, main_thread
 from typing import ParamSpec, TypeVar
+
+from barbalat import budget
+from barbalat.budget import Budget
 
 Given = ParamSpec("Given")
 Answer = TypeVar("Answer")
@@ -33,14 +37,15 @@ def answer_of(asked: Future[Answer], function: Callable[Given, Answer], /, *give
 
 @contextmanager
 def processes(count: int) -> Iterator[ProcessPoolExecutor]:
-    """So many processes, which collect garbage as often as this one; whatever they are at when this is left by an exception,
-    nobody waits for.
+    """So many processes, which collect garbage as often as this one and have its budget; whatever they are at when this is left
+    by an exception, nobody waits for.
 
     What is submitted first, and with it starts them, belongs into ``deaf_children``. The program that calls this must be one that
     a new process may import: started by ``if __name__ == "__main__"``.
     """
     others = active_children()
-    pool = ProcessPoolExecutor(count, mp_context=get_context("spawn"), initializer=gc.set_threshold, initargs=gc.get_threshold())
+    given = gc.get_threshold(), replace(budget.in_force(), told=None)
+    pool = ProcessPoolExecutor(count, mp_context=get_context("spawn"), initializer=_begin, initargs=given)
     try:
         yield pool
     except BaseException:
@@ -50,6 +55,12 @@ def processes(count: int) -> Iterator[ProcessPoolExecutor]:
         raise
     finally:
         pool.shutdown(cancel_futures=True)
+
+
+def _begin(thresholds: tuple[int, int, int], limits: Budget) -> None:
+    """In a new process."""
+    gc.set_threshold(*thresholds)
+    limits.__enter__()
 
 
 @contextmanager

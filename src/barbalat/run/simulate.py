@@ -9,9 +9,10 @@ import numpy as np
 from barbalat import validate
 from barbalat.loop.binding import numbered
 from barbalat.loop.blame import named
+from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller
-from barbalat.run import delay
+from barbalat.run import costs, delay
 from barbalat.run.batch import Batch, Blocks
 from barbalat.run.breaks import lost_order
 from barbalat.run.delay import brings_bends
@@ -39,12 +40,18 @@ def simulate(
     threads   all cores by default; results do not depend on it
     progress  called with the fraction done
 
-    Raises InputError, with its name, for a controller that doesn't fit the problem. A run that diverges is a result.
+    Raises InputError for a controller that doesn't fit the problem, with its name, and for runs beyond the budget. A run that
+    diverges is a result.
     """
     validate.instance("problem", problem, TrackingProblem)
     validate.instance("simulation", simulation, Simulation)
     controllers = numbered(controllers)
     delay.require_memory(problem.delay, len(problem.history), len(controllers), simulation.dt)
+    loops = []
+    for controller in controllers:
+        with named(controller.name):
+            loops.append(ClosedLoop.of(problem, controller))
+    costs.require_runs(problem, loops, simulation)
     batches = []
     for controller in controllers:
         with named(controller.name):

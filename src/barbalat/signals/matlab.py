@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import math
 import struct
 import zlib
 from collections.abc import Iterator
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from barbalat import validate
+from barbalat import budget, validate
+from barbalat.budget import Estimate
+from barbalat.reading import contents
 from barbalat.validate import Array, InputError
 
 TIMES = ("t", "time", "times", "tout")
@@ -23,7 +27,13 @@ def variables(path: Path) -> dict[str, Array]:
     from scipy.io.matlab import MatReadError
 
     try:
-        found = loadmat(str(path), appendmat=False)
+        packed = contents(path, "the data file", FILE_BYTE)
+        _require_room(path, _unpacked(packed))
+        found = loadmat(BytesIO(packed), appendmat=False)
+    except InputError:
+        raise
+    except (MemoryError, OverflowError):
+        raise InputError(f"the data file {validate.show(str(path))} cannot be read: an array in it has no room") from None
     except NotImplementedError:
         raise InputError(f"{path} is a MATLAB file of version 7.3; save it with save(..., '-v7')") from None
     except OSError as error:
@@ -32,6 +42,57 @@ def variables(path: Path) -> dict[str, Array]:
     except (MatReadError, ValueError, TypeError, KeyError, IndexError, EOFError, zlib.error, struct.error):
         raise InputError(f"the data file {validate.show(str(path))} cannot be read: it is no MATLAB file") from None
     return {name: one for key, value in found.items() if not key.startswith("__") for name, one in _numbers(key, value)}
+
+
+FILE_BYTE = Estimate(memory=20.0, seconds=2e-7)
+"""Of what a MATLAB file holds, unpacked: a number alone in a cell takes 56 bytes there and some 20 times as much here."""
+HEADER_BYTES, TAG_BYTES, COMPRESSED = 128, 8, 15
+"""Of a file of version 5, of what stands before each of its parts, and the type of a compressed one."""
+SHAPE_AT = 16
+"""Bytes into a variable, after its kind, where its shape stands."""
+PIECE_BYTES = 2**20
+
+
+def _unpacked(packed: bytes) -> int:
+    """Bytes that a file's variables take when they are no longer compressed, found without keeping them.
+
+    A variable counts with what it says that it holds, where that is more. What is no such file is left to who reads it.
+    """
+    order = {b"IM": "<", b"MI": ">"}.get(packed[HEADER_BYTES - 2 : HEADER_BYTES])
+    if order is None:
+        return len(packed)
+    total, place = 0, HEADER_BYTES
+    while place + TAG_BYTES <= len(packed):
+        kind, size = struct.unpack_from(f"{order}II", packed, place)
+        part, place = packed[place + TAG_BYTES : place + TAG_BYTES + size], place + TAG_BYTES + size
+        head, inside = (part[:PIECE_BYTES], len(part)) if kind != COMPRESSED else _inflated(part)
+        total += max(inside, _claimed(head, order))
+    return total
+
+
+def _inflated(part: bytes) -> tuple[bytes, int]:
+    """The beginning of a compressed variable, after its tag, and all of its bytes."""
+    stream, total, head = zlib.decompressobj(), 0, b""
+    while part and not stream.eof:
+        piece = stream.decompress(part, PIECE_BYTES)
+        if not piece:
+            break  # it is cut short
+        part, total, head = stream.unconsumed_tail, total + len(piece), head or piece[TAG_BYTES:]
+    return head, total
+
+
+def _claimed(head: bytes, order: str) -> int:
+    """Bytes of as many floats as a variable's shape says."""
+    if len(head) < SHAPE_AT + TAG_BYTES:
+        return 0
+    _, size = struct.unpack_from(f"{order}II", head, SHAPE_AT)
+    count = min(size, len(head) - SHAPE_AT - TAG_BYTES) // 4
+    return 8 * math.prod(struct.unpack_from(f"{order}{count}I", head, SHAPE_AT + TAG_BYTES))
+
+
+def _require_room(path: Path, size: int) -> None:
+    name = f"the data file {validate.show(str(path))}"
+    budget.require(name, size, FILE_BYTE.times, given=f"holds {size} bytes, unpacked, and", fits=lambda n: f"at most {n} bytes")
 
 
 def _numbers(name: str, value: Any) -> Iterator[tuple[str, Array]]:

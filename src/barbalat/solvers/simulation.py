@@ -6,13 +6,32 @@ from dataclasses import KW_ONLY, dataclass, field
 
 import numpy as np
 
-from barbalat import validate
+from barbalat import budget, validate
+from barbalat.budget import Estimate
 from barbalat.settings import Settings, one_line
 from barbalat.solvers import RK4, SOLVERS, Tableau
 from barbalat.validate import Array, InputError
 
-MOST_RECORDED = 1_000_000
-"""Points of a trajectory: 1 GB for each controller, at some 1 kB for the state of an adaptive loop and its envelope."""
+POINT = Estimate(memory=1000.0)
+"""Of a recorded instant of a small adaptive loop: its state and its envelope, a few times over."""
+STEP = Estimate(seconds=3e-9)
+"""Of a step of a member of an ensemble, than which nothing is faster."""
+
+
+def _require_steps(t_end: float, dt: float) -> None:
+    """InputError for more steps than any run can have within the budget; a run knows better what its own cost."""
+    steps = t_end / dt
+    budget.require(
+        "simulation.dt", int(min(steps, 1e30)), STEP.times,
+        given=f"= {dt:g} makes {steps:.3g} steps up to t_end = {t_end:g}, which",
+        fits=lambda most: f"{t_end / _round_number(most)!r}", what="simulating",
+    )  # fmt: skip
+
+
+def _round_number(most: int) -> int:
+    """The largest of 1, 2, 5, 10, 20, ... up to ``most``."""
+    power = 10 ** (len(str(most)) - 1)
+    return power * max(digit for digit in (1, 2, 5) if digit * power <= most)
 
 
 @dataclass(frozen=True)
@@ -46,21 +65,18 @@ class Simulation(Settings):
             raise InputError.of("simulation.fused", f"must be true or false, got {validate.show(self.fused)}")
         record_points = validate.whole("simulation.record_points", self.record_points, least=2)
         ratio = t_end / dt
-        if ratio > 1e12:  # a day of computing on one core: surely a slip of the pen
-            raise InputError.of(
-                "simulation.dt", f"= {dt:g} makes {ratio:.3g} steps up to t_end = {t_end:g}; at most 1e12 are possible"
-            )
+        _require_steps(t_end, dt)
         steps = round(ratio)
         if steps < 1 or abs(steps * dt - t_end) > 1e-9 * t_end:
             nearest = t_end / max(steps, 1)
             raise InputError.of(
                 "simulation.dt", f"must divide simulation.t_end, but {t_end:g} / {dt:g} = {ratio:.9g}; {nearest!r} would"
             )
-        if min(steps, record_points) > MOST_RECORDED:
-            raise InputError.of(
-                "simulation.record_points",
-                f"must be at most {MOST_RECORDED}, got {record_points}: each point of each controller "
-                "takes some 1 kB of memory; figures are over every step all the same",
+        if record_points < steps:
+            budget.require("simulation.record_points", record_points, POINT.times, least=2)
+        else:
+            budget.require(
+                "simulation.record_points", steps, POINT.times, least=2, given=f"= {record_points}, for {steps} steps,"
             )
         object.__setattr__(self, "t_end", t_end)
         object.__setattr__(self, "dt", dt)

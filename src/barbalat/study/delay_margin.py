@@ -13,20 +13,22 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from barbalat import validate
+from barbalat import budget, validate
 from barbalat.linear.largest import halvings
 from barbalat.loop.binding import bound, numbered
 from barbalat.loop.blame import named
+from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.pictures.plotted import Plotted
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller
+from barbalat.run.costs import of_members
 from barbalat.run.ensemble import simulate_ensemble
 from barbalat.run.metrics import Metrics
 from barbalat.run.progress import Progress, part_of
 from barbalat.solvers.simulation import Simulation
 from barbalat.study.criteria import Lost, Onset
 from barbalat.study.delay_search import LONGEST_DELAY, SCANNED_DELAYS, DelaySearch, scanned
-from barbalat.study.ideal_benchmark import SHORTEST_DELAY_STEPS, Ideals, Member
+from barbalat.study.ideal_benchmark import SHORTEST_DELAY_STEPS, SIZES_TRIED, Ideals, Member
 from barbalat.study.judged_runs import JudgedRuns
 from barbalat.validate import Array, InputError
 
@@ -159,6 +161,11 @@ def delay_margins_ensemble(
     if not longest > SHORTEST_DELAY_STEPS * simulation.dt:
         raise InputError(f"longest must exceed two solver steps, {SHORTEST_DELAY_STEPS * simulation.dt:g} s, got {longest:g} s")
     validate.whole("scan", scan, least=2)
+    loop = ClosedLoop.of(*members[0])
+    budget.require(
+        "scan", scan, lambda count: of_members([loop], simulation.steps, len(members) * (count + BESIDE_SCAN)), least=2,
+        given=f"= {scan} delays for {validate.counted(len(members), 'member')}", what="simulated delay margins",
+    )  # fmt: skip
     return margins_ensemble(
         members, simulation, scanned(simulation, longest, scan), Ideals.over(simulation, longest),
         resolution=resolution, criteria=(onset or Onset(), lost or Lost()), numbers=numbers, threads=threads, progress=progress,
@@ -199,6 +206,8 @@ def margins_ensemble(
     )
 
 
+BESIDE_SCAN = 20 + 2 * SIZES_TRIED
+"""Runs of a member beside the scan, at most: halvings between two delays by two criteria, and those of loops that know theta."""
 RUNS_AT_ONCE = 64
 """Runs that are made at once rather than one size after the other: they fill the kernel's lanes."""
 

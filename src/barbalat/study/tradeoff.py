@@ -5,11 +5,13 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from math import prod
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from barbalat import validate
+from barbalat import budget, validate
+from barbalat.budget import Estimate
 from barbalat.controllers.knobs import Knobs
 from barbalat.pictures.plotted import Plotted
 from barbalat.problem.known_set import KnownSet
@@ -21,12 +23,12 @@ from barbalat.solvers.simulation import Simulation
 from barbalat.study.criteria import EXAMINED, NOISE_SENTENCE, Lost, Onset
 from barbalat.study.delay_margin import DelayMargins, delay_margins_ensemble
 from barbalat.study.finer_step import PlainRun, delays_confirmed, refined
-from barbalat.study.forecast import Forecast
+from barbalat.study.forecast import RUNS_EACH, Forecast
 from barbalat.study.ideal_benchmark import SHORTEST_DELAY_STEPS
 from barbalat.study.knobs import default_knobs
 from barbalat.study.motion import REST_SENTENCE, ModelMotion
 from barbalat.targets import TRADE_OFF
-from barbalat.validate import Array
+from barbalat.validate import Array, InputError
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -142,7 +144,7 @@ def trade_off(
     started = time.perf_counter()
     TRADE_OFF.require(problem)
     assert problem.uncertainty is not None
-    validate.whole("plants", plants, least=1)
+    _require_budget(simulation, density, knobs, plants)
     chosen, left_out = default_knobs(problem, simulation, density=density) if knobs is None else (knobs, ())
     family = plants_of(problem, problem.uncertainty, plants, seed)
     members = {k.scheme: [(p, k.make(**tuning)) for tuning in k.tunings() for p in family] for k in chosen}
@@ -293,6 +295,28 @@ def _notes(problem: Problem, clouds: tuple[Cloud, ...], motion: ModelMotion) -> 
     if motion.comes_to_rest:
         said.append(REST_SENTENCE)
     return [*said, EXAMINED]
+
+
+TUNINGS_EACH_DENSITY = 6.5
+"""Of all schemes that are traded, times the square of the density: 932 on Section V with 12."""
+STEP_SECONDS = 1e-8
+"""Of a member's step, 3 ns for a small loop."""
+TUNING = Estimate(memory=2000.0, seconds=3e-4)
+"""Of a tuning on a plant, beside its runs."""
+
+
+def _require_budget(simulation: Simulation, density: int, knobs: tuple[Knobs, ...] | None, plants: int) -> None:
+    """InputError where the tunings, or the plants on which they run, are beyond the budget; before either is made."""
+    each = TUNING + Estimate(seconds=RUNS_EACH * simulation.steps * STEP_SECONDS)
+    given = None if knobs is None else sum(prod(len(values) for values in one.values.values()) for one in knobs)
+
+    def cost(count: float, values: float) -> Estimate:
+        return each.times(count * (TUNINGS_EACH_DENSITY * values**2 if given is None else given))
+
+    validate.whole("plants", plants, least=1)
+    validate.whole("density", density, least=2)
+    budget.require("plants", plants, lambda n: cost(n, 2))
+    budget.require("density", density, lambda n: cost(plants, n), least=2, what="the trade-off")
 
 
 def _delay_margins(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import pickle
 import tempfile
 import time
@@ -9,8 +10,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from barbalat import budget, validate
+from barbalat.budget import Estimate, of_kernel
+from barbalat.loop.closed_loop import ClosedLoop
+from barbalat.run.costs import MEMBER, of_members, of_steps
 from barbalat.run.metrics import Metrics
 from barbalat.sweeps.chunks import MOST_MEMBERS, chunk_size
+from barbalat.sweeps.kinds import Kind
 from barbalat.sweeps.sent import Sent, Tabulated, figures
 from barbalat.sweeps.store import opened
 from barbalat.sweeps.stored import name_of, require_parquet
@@ -18,6 +24,39 @@ from barbalat.sweeps.study import Study
 
 MEASURING_SECONDS = 3.0
 """Seconds of the client's work that are measured."""
+
+
+GROUP_SECONDS = 0.02
+"""Of members that share a kernel and signals, for each controller, beside their steps: 20 ms for a case and its tables."""
+
+
+def require_members(study: Study, members: int) -> None:
+    """InputError where so many members, those that a store lacks, are beyond the budget; before the first of them is made."""
+    loops = [ClosedLoop.of(study.example.problem, one) for one in study.example.controllers]
+    each, stored = study.steps / len(loops), Estimate(memory=MEMBER.memory * (len(study) - members))  # the evidence reads all
+
+    groups, structures = _apart(study, Kind.SIGNAL, Kind.STRUCTURE), _apart(study, Kind.STRUCTURE)
+    alone = of_steps(study.example.problem, loops, each) + Estimate(seconds=GROUP_SECONDS * len(loops))
+    traced = sum(of_kernel(loop.size).seconds for loop in loops)
+
+    def cost(count: float) -> Estimate:
+        apart = Estimate(seconds=alone.seconds * min(count, groups) + traced * min(count, structures))
+        return stored + of_members(loops, each, count) + apart
+
+    grid = f" at {study.plan.points} points of a grid" if study.plan.points > 1 else ""
+    budget.require(
+        "the sweep", members, cost, given=f"of {validate.counted(members, 'member')}{grid}",
+        fits=lambda most: f"at most {most} members", what=f"the sweep of {validate.counted(members, 'member')}",
+    )  # fmt: skip
+
+
+def _apart(study: Study, *kinds: Kind) -> int:
+    """Members, at most, that can't run together because of numbers of these kinds; 0 where none varies."""
+    if not any(kind in kinds for kind in study.kinds):
+        return 0
+    axes, draws = study.plan.axes.values(), study.kinds[len(study.plan.axes) :]
+    points = math.prod(axis.count for axis, kind in zip(axes, study.kinds, strict=False) if kind in kinds)
+    return points * (study.plan.draws_each if any(kind in kinds for kind in draws) else 1)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -16,6 +16,7 @@ from barbalat.sweeps.audit import audit as audited
 from barbalat.sweeps.bounds import ERROR_BOUND, Bounds
 from barbalat.sweeps.chunks import Chunk, Pace, chunk_size, chunks_of
 from barbalat.sweeps.cluster import CHUNKS_AHEAD, Scheduler, Workers, connected
+from barbalat.sweeps.costs import require_members
 from barbalat.sweeps.evidence import evidence
 from barbalat.sweeps.kept import Kept, Made, in_order
 from barbalat.sweeps.paths import FieldPath
@@ -104,12 +105,14 @@ def run_study(
     bounds  certify what can be certified, a second for each controller, and hold the errors against it
     audit   members that are run again with a finer step; see ``audit.audit``
     told    what happened to the store, what is waited for
-    Raises InputError for a member that makes no case, with its number; what was stored before stays.
+    Raises InputError for members beyond the budget, and for one that makes no case, with its number; what was stored stays.
     """
     if audit is not None:
         validate.whole("audit", audit, least=0)
     if store is not None:
         require_parquet()
+    if store is None or not store.exists():
+        require_members(study, len(study))
     judged = Bounds(study) if bounds else None
     first = _judged(study.run(0, 1, threads=threads), study, judged, Chunk(0, 1))
     for requirement in requirements:
@@ -120,6 +123,7 @@ def run_study(
             told(f"damaged in the store and made again: {', '.join(sink.damaged)}")
         resumed = done = sink.stored
         pace = Pace(ahead=1 if scheduler is None else CHUNKS_AHEAD)
+        require_members(study, sum(one.size for one in sink.missing))
         units = iter(sink.missing) if sink.in_order else pace.units(sink.missing)
         made = _here(study, units, done, threads, progress) if scheduler is None else _elsewhere(study, units, scheduler, told)
         with _kept(sink) as keep:

@@ -9,17 +9,20 @@ from pathlib import Path
 
 import numpy as np
 
-from barbalat import validate
+from barbalat import budget, validate
+from barbalat.budget import Estimate
 from barbalat.cases.build import Case
 from barbalat.cases.load import CaseText
 from barbalat.certificates.certify import certify
 from barbalat.controllers import Sampled
 from barbalat.controllers.knobs import Knobs, OutputTunable, Tunable
+from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.problem.modelling_error import DelayError
 from barbalat.problem.output_feedback import OutputProblem
 from barbalat.problem.state_feedback import Problem
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller
+from barbalat.run.costs import of_members
 from barbalat.run.progress import Progress, part_of
 from barbalat.solvers.simulation import Simulation
 from barbalat.study.criteria import EXAMINED, NOISE_SENTENCE
@@ -113,10 +116,14 @@ class Tuner:
             raise InputError(f"{settings.name} does not stand in the case file: its settings can't be tuned there")
         return of_knobs(knobs, tables[controller], controller)
 
+    def count(self, space: Space) -> int:
+        """Tunings that are tried of a controller; InputError for too few."""
+        least = least_trials(len(space))
+        return max(DEFAULT_TRIALS, least) if self.trials is None else validate.whole("trials", self.trials, least=least)
+
     def tuned(self, controller: int, space: Space, progress: Progress | None) -> Tuned:
         """Search the tuning of one controller."""
-        least = least_trials(len(space))
-        count = max(DEFAULT_TRIALS, least) if self.trials is None else validate.whole("trials", self.trials, least=least)
+        count = self.count(space)
         trials, start = self._trials(controller, space), self._start(space)
         own = trials.whole(np.zeros(0) if start is None else start, self.case)  # what can't be judged is refused here
         shares = None if start is None else space.shares(start)
@@ -160,6 +167,7 @@ def tune_case(tuner: Tuner, space: Space | None, *, controller: str | None, prog
     started = time.perf_counter()
     _require_steps(tuner.aim, tuner.case)
     spaces = _spaces(tuner, space, controller)
+    _require_budget(tuner, spaces)
     _require_known(tuner, list(spaces))
     found: dict[str, Tuned] = {}
     for i, (which, one) in enumerate(spaces.items()):
@@ -196,6 +204,30 @@ def _spaces(tuner: Tuner, space: Space | None, controller: str | None) -> dict[i
         which = names.index(controller) if controller is not None else next(iter(own), 0)
         return {which: space}
     return {which: Space({path: one for path, one in space.ranges.items() if path.keys[1] == which}) for which in sorted(own)}
+
+
+RUNS_EACH_TRIAL = 5
+"""For each plant: without a delay, and with some."""
+PLANT = Estimate(memory=20e3, seconds=2e-3)
+"""Of a plant that is drawn, with what its model and its ideal loop do there."""
+CERTIFYING_SECONDS = 0.1
+"""Of a certificate's keys, for each trial and plant."""
+
+
+def _require_budget(tuner: Tuner, spaces: Mapping[int, Space]) -> None:
+    """InputError where the plants, or the trials on them, are beyond the budget."""
+    case, plants = tuner.case, tuner.aim.plants
+    loops = [ClosedLoop.of(case.problem, case.controllers[which]) for which in spaces]
+    certified = CERTIFYING_SECONDS * len(loops) if tuner.aim.asks(Origin.CERTIFICATE) else 0.0
+
+    def cost(trials: float, count: float) -> Estimate:
+        runs = of_members(loops, case.simulation.steps, trials * count * RUNS_EACH_TRIAL)
+        return PLANT.times(count) + Estimate(seconds=runs.seconds + certified * trials * count)
+
+    counts = [tuner.count(space) for space in spaces.values()]
+    least = max(least_trials(len(space)) for space in spaces.values())
+    budget.require("plants", plants, lambda n: cost(least, n))
+    budget.require("trials", max(counts), lambda n: cost(n, plants), least=least, what="tuning")
 
 
 def _require_steps(aim: Aim, case: Case) -> None:

@@ -17,7 +17,7 @@ import numpy as np
 from barbalat import validate
 from barbalat.adaptation import implicit
 from barbalat.adaptation.guarantee import ModifiedLaw
-from barbalat.adaptation.law import Estimation, Moved, Rates, SampleData, gram
+from barbalat.adaptation.law import Estimation, Moved, Rates, SampleData, gram, require_room
 from barbalat.adaptation.modifications import dead_zone as zone
 from barbalat.adaptation.modifications import leakage as leak
 from barbalat.adaptation.modifications.dead_zone import DeadZone
@@ -105,6 +105,7 @@ class BoundedCovarianceLaw(CovarianceLaw):
 def initial(covariance0: float | Array, n: int, bound: float | None = None) -> Memory:
     """P(0) of a number, a diagonal or a matrix; InputError where it doesn't fit n or exceeds ``bound`` in the Frobenius norm."""
     Gain(covariance0).require_size("law.covariance0", n)
+    require_room(n)
     P = Gain(covariance0).as_matrix(n)
     exceeds = bound is not None and np.linalg.norm(P) > bound
     if isinstance(exceeds, (bool, np.bool_)) and exceeds:  # no number where an ensemble varies it; its members were checked

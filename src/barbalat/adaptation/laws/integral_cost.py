@@ -10,7 +10,7 @@ import numpy as np
 from barbalat import validate
 from barbalat.adaptation import implicit
 from barbalat.adaptation.guarantee import Guarantee, with_modifications
-from barbalat.adaptation.law import Estimation, Moved, Rates, SampleData, gram
+from barbalat.adaptation.law import Estimation, Moved, Rates, SampleData, gram, require_room
 from barbalat.adaptation.modifications.leakage import Borne, Leakage, accept
 from barbalat.problem.known_set import EstimateSet, Gain, gain, project
 from barbalat.protocols import Value
@@ -61,6 +61,7 @@ class IntegralCost(Settings):
 
     def initial(self, n: int) -> Memory:
         self.metric.require_size("law.gamma", n)
+        require_room(n)
         return Memory(np.zeros((n, n)), np.zeros(n))
 
     def rates(self, theta_hat: Value, memory: Memory, estimation: Estimation, known_set: EstimateSet | None) -> Rates:

@@ -1,0 +1,158 @@
+"""Files that a user names: devices, pipes without an end, files that are too large, MATLAB files that unpack to far more."""
+
+import os
+import re
+import struct
+import sys
+import threading
+import zlib
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.io import savemat
+
+from barbalat import Budget, InputError, Recorded, load_case
+from barbalat.budget import Estimate
+from barbalat.cases import outside
+from barbalat.cases.load import CaseText
+from barbalat.reading import contents
+from barbalat.signals import matlab
+
+BYTE = Estimate(memory=2.0, seconds=1e-9)
+READERS = {
+    "case": load_case,
+    "csv": Recorded.from_csv,
+    "mat": Recorded.from_mat,
+    "controllers": outside.run,
+}
+needs_devices = pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no such files on this system")
+
+
+@needs_devices
+@pytest.mark.parametrize("reader", READERS)
+@pytest.mark.parametrize("device", ["/dev/zero", "/dev/null"])
+def test_a_device_is_no_file(reader, device):
+    with pytest.raises(InputError, match=r"is a device, not a file|is no file"):
+        READERS[reader](device)
+
+
+def test_a_file_as_large_as_the_budget_is_read_and_a_larger_one_is_not(tmp_path, monkeypatch):
+    file = tmp_path / "data"
+    file.write_bytes(b"x" * 101)
+    with Budget(memory=202.0):
+        assert contents(file, "the file", BYTE) == b"x" * 101
+    monkeypatch.setattr(Path, "open", lambda *_: pytest.fail("it was opened"))
+    with Budget(memory=201.0), pytest.raises(InputError) as refused:
+        contents(file, "the file", BYTE)
+    assert re.search(r"data' has 101 bytes and would take .*: at most 100 bytes would do; --budget", str(refused.value))
+    with Budget(seconds=1.005e-7), pytest.raises(InputError, match="at most 100 bytes"):
+        contents(file, "the file", BYTE)
+
+
+@needs_devices
+@pytest.mark.parametrize("endless", [False, True])
+def test_a_pipe_is_read_up_to_what_the_budget_allows(tmp_path, endless):
+    """A writer without an end is let go; counted is what it got rid of."""
+    pipe, written = tmp_path / "pipe", []
+    os.mkfifo(pipe)
+
+    def write() -> None:
+        with pipe.open("wb", buffering=0) as file:
+            try:
+                while endless or not written:
+                    written.append(file.write(b"name = 1\n" * 1000))
+            except BrokenPipeError:
+                return
+
+    writer = threading.Thread(target=write)
+    writer.start()
+    with Budget(memory=200_000.0):
+        if endless:
+            with pytest.raises(InputError, match=r"has more than 100000 bytes and would take .*: at most 100000 bytes would do"):
+                contents(pipe, "the file", BYTE)
+        else:
+            assert contents(pipe, "the file", BYTE) == b"name = 1\n" * 1000
+    writer.join()
+    assert sum(written) < 400_000  # the pipe's own buffer and Python's come on top of what was read
+
+
+@needs_devices
+def test_a_case_may_come_from_a_pipe(tmp_path):
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    text = CaseText.read("paper").text
+    writer = threading.Thread(target=pipe.write_text, args=(text,))
+    writer.start()
+    assert load_case(pipe).name == load_case("paper").name
+    writer.join()
+
+
+@pytest.mark.parametrize("reader", READERS)
+def test_every_reader_asks_the_budget(reader, tmp_path):
+    file = tmp_path / "large.py"
+    file.write_bytes(b"#" * 10_000)
+    with (
+        Budget(memory=10_000.0),
+        pytest.raises(InputError, match=r"large\.py' has 10000 bytes and would take .* at most \d+ bytes"),
+    ):
+        READERS[reader](str(file))
+
+
+def test_a_file_of_controllers_is_not_run_before_it_is_measured(tmp_path):
+    file = tmp_path / "own.py"
+    file.write_text("raise SystemExit('it was run')\n" + "#" * 1000)
+    with Budget(memory=1000.0), pytest.raises(InputError, match="bytes would do"):
+        outside.run(file)
+
+
+def test_a_packed_matlab_file_is_measured_unpacked(tmp_path):
+    file = tmp_path / "packed.mat"
+    t = np.arange(200_000.0)
+    savemat(file, {"t": t, "r": 0 * t}, do_compression=True)
+    large = 2 * t.nbytes
+    assert file.stat().st_size < large / 4
+    inside = matlab._unpacked(file.read_bytes())
+    assert large < inside < large + 1000  # tags and names beside the numbers
+    assert (Recorded.from_mat(file).times == t).all()
+    with Budget(memory=matlab.FILE_BYTE.memory * large), pytest.raises(InputError, match=rf"holds {inside} bytes, unpacked, and"):
+        Recorded.from_mat(file)
+
+
+def test_an_unpacked_matlab_file_is_measured_as_it_is(tmp_path):
+    file = tmp_path / "plain.mat"
+    savemat(file, {"t": np.arange(1000.0), "r": np.ones(1000)})
+    assert 16_000 < matlab._unpacked(file.read_bytes()) < file.stat().st_size
+
+
+def test_a_matlab_file_that_only_says_that_it_is_large_is_refused(tmp_path):
+    """A text of 2^40 characters, all blanks, of which the file has none."""
+
+    def tagged(kind: int, data: bytes) -> bytes:
+        return struct.pack("<II", kind, len(data)) + data + b"\0" * (-len(data) % 8)
+
+    flags, shape = tagged(6, struct.pack("<II", 4, 0)), tagged(5, struct.pack("<ii", 2**20, 2**20))
+    array = tagged(14, flags + shape + tagged(1, b"t") + struct.pack("<II", 16, 0))
+    file = tmp_path / "blank.mat"
+    for packed in (array, struct.pack("<II", 15, len(zlib.compress(array))) + zlib.compress(array)):
+        file.write_bytes(b"MATLAB 5.0 MAT-file".ljust(124) + struct.pack("<H", 0x0100) + b"IM" + packed)
+        with pytest.raises(InputError, match="holds 8796093022208 bytes, unpacked"):
+            Recorded.from_mat(file)
+
+
+@pytest.mark.parametrize("cut", [130, 140, 200])
+def test_a_matlab_file_that_is_cut_short_is_no_matlab_file(tmp_path, cut):
+    file = tmp_path / "cut.mat"
+    savemat(file, {"t": np.arange(1000.0), "r": np.ones(1000)}, do_compression=True)
+    file.write_bytes(file.read_bytes()[:cut])
+    with pytest.raises(InputError, match=r"cannot be read: it is no MATLAB file|has no variable"):
+        Recorded.from_mat(file)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no such file there")
+def test_a_file_that_does_not_know_its_size_is_read():
+    """What the system makes while it is read says that it has none."""
+    file = Path("/proc/self/status")
+    if file.exists():
+        assert file.stat().st_size == 0
+        assert b"Name:" in contents(file, "the file", BYTE)
