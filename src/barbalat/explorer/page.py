@@ -13,7 +13,17 @@ from barbalat.validate import InputError
 
 LARGEST_PAGE = 1_000_000
 """Bytes: what a mail takes and a phone opens at once."""
-WORKER_FILES = ("bytes.js", "grid.js", "kernel.js", "noise.js", "figures.js", "spectrum.js", "stability.js", "impulse.js", "worker.js")
+WORKER_FILES = (
+    "bytes.js",
+    "grid.js",
+    "kernel.js",
+    "noise.js",
+    "figures.js",
+    "spectrum.js",
+    "stability.js",
+    "impulse.js",
+    "worker.js",
+)
 PAGE_FILES = (
     "bytes.js", "setting.js", "lessons.js", "address.js", "copies.js", "panels.js", "zoom.js", "charts.js", "table.js",
     "controls.js", "page.js",
