@@ -43,6 +43,12 @@ function decades(_, __, low, high) {
   return found;
 }
 
+// The same on both sides of zero, for a scale that is logarithmic beyond 1.
+function signedDecades(_, __, low, high) {
+  const beyond = (end) => (end > 1 ? decades(null, null, 1, end).filter((v) => v > 1) : []);
+  return [...beyond(-low).map((v) => -v).reverse(), 0, ...beyond(high)];
+}
+
 // The columns of a panel's series on one grid of times.
 function columnsOf(panel) {
   const columns = panel.series.flatMap((one) => (one.high ? [[one.t, one.high], [one.t, one.low]] : [[one.t, one.low]]));
@@ -59,7 +65,7 @@ const BESIDE = 0.25; // of what the bounded runs need, above and below it, where
 const LARGEST_SHOWN = 20; // times their largest value, on a logarithmic axis
 
 // A panel's scale: of the runs that stay bounded, as in barbalat run's pictures; of none that does, logarithmic beyond 1.
-function scaleOf(panel) {
+export function scaleOf(panel) {
   const columns = panel.series.flatMap((one) => (one.high ? [one.gone, one.gone] : [one.gone]));
   const runs = panel.series.filter(({ gone }) => gone !== undefined);
   const lost = runs.filter(({ gone }) => gone);
@@ -135,7 +141,7 @@ export class Charts {
     const title = document.createElement("figcaption");
     title.textContent = panel.title;
     const beyond = goneFrom(panel);
-    if (beyond) title.append(Object.assign(document.createElement("small"), { textContent: beyond }));
+    if (beyond) title.append(Object.assign(document.createElement("small"), { textContent: ` (${beyond})` }));
     const box = document.createElement("div");
     box.className = "panel";
     box.tabIndex = 0;
@@ -159,11 +165,13 @@ export class Charts {
       }
     }
     const axis = { stroke: theme.ink, grid: { stroke: theme.rule, width: 1 }, ticks: { stroke: theme.rule } };
-    const byDecades = { splits: decades, filter: (_, at) => at, values: (_, at) => at.map((v) => v.toExponential(0)) };
+    const scale = scaleOf(panel);
+    const splits = { 3: decades, 4: signedDecades }[scale.distr];
+    const byDecades = { splits, filter: (_, at) => at, values: (_, at) => at.map((v) => (v === 0 ? "0" : v.toExponential(0))) };
     return new uPlot({
       width: Math.max(box.clientWidth, 200), height: HEIGHT, legend: { show: false },
-      scales: { x: { time: false }, y: scaleOf(panel) },
-      axes: [axis, { ...axis, size: 64, ...(panel.log ? byDecades : {}) }], cursor: { drag: { x: true, y: false } }, series, bands,
+      scales: { x: { time: false }, y: scale },
+      axes: [axis, { ...axis, size: 64, ...(splits ? byDecades : {}) }], cursor: { drag: { x: true, y: false } }, series, bands,
       hooks: { setScale: [(self, key) => key === "x" && this.zoomed(self)] },
     }, columnsOf(panel), box);
   }
