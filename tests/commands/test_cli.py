@@ -169,7 +169,7 @@ def test_cases_lists_the_bundled_ones(capsys):
         (["sweep", "paper", "--members", "x"], "barbalat sweep: --members must be a whole number, got 'x'"),
         (["certify", "paper", "--share", "x"], "barbalat certify: --share must be a number, got 'x'"),
         (["export", "paper", "--target", "c98"], "--target must be one of c99, fmu2, fmu3; got 'c98'; did you mean 'c99'?"),
-        (["sweep", "paper", "--vary"], "barbalat sweep: --vary: expected one argument"),
+        (["sweep", "paper", "--vary"], "barbalat sweep: --vary: expected at least one argument"),
     ],
 )
 def test_what_is_typed_wrongly_is_told_in_one_sentence(typed, said, capsys):

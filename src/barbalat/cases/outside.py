@@ -9,7 +9,7 @@ from __future__ import annotations
 import inspect
 import sys
 from collections.abc import Iterable, Mapping, Set
-from dataclasses import dataclass, fields, is_dataclass
+from dataclasses import dataclass, fields, is_dataclass, replace
 from difflib import get_close_matches
 from importlib.machinery import SourceFileLoader
 from importlib.metadata import entry_points
@@ -35,10 +35,18 @@ SOURCE_BYTE = Estimate(memory=200.0, seconds=2e-6)
 
 @dataclass(frozen=True, eq=False)
 class OwnFile:
-    """A file of the user's, after it was run."""
+    """A file of the user's, after it was run.
+
+    kept  which of its controllers join a case, by their places; None: all
+    """
 
     path: Path
     module: ModuleType
+    kept: tuple[int, ...] | None = None
+
+    def alone(self, i: int) -> OwnFile:
+        """The same file of whose controllers the i-th alone joins a case, or none where i is negative."""
+        return replace(self, kept=(i,) if i >= 0 else ())
 
     @property
     def classes(self) -> dict[str, type]:
@@ -51,6 +59,12 @@ class OwnFile:
 
         Where neither is there and the case names none, those of the classes that need no settings.
         """
+        if self.kept is None:
+            return self._all(named)
+        found = self._all(named) if self.kept else ()
+        return tuple(found[i] for i in self.kept)
+
+    def _all(self, named: Mapping[str, type]) -> tuple[Controller, ...]:
         have = vars(self.module)
         if LIST_NAME in have:
             return self._listed(have[LIST_NAME])

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING
 
-from barbalat.commands.options import add_controllers
+from barbalat.commands.options import add_controllers, add_list
 from barbalat.commands.output import folder_of, tell
 from barbalat.commands.screen import SECONDS_EACH_STEP, Work, work
 
@@ -32,8 +32,8 @@ def add(commands: Commands) -> None:
         "--until", choices=("onset", "loss"), default="onset",
         help="a margin ends where a loop begins to oscillate (default), or where it loses its motion",
     )  # fmt: skip
-    parser.add_argument(
-        "--schemes", nargs="+", default=[], metavar="NAME", help="by their names in case files; default: all that can be tuned"
+    add_list(
+        parser, "--schemes", metavar="NAME", commas=True, help="by their names in case files; default: all that can be tuned"
     )
     parser.add_argument("--sample-time", type=float, metavar="S", help="all run sampled [s]; default: only what is by nature")
     parser.add_argument(

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import argparse
 import webbrowser
+from contextlib import nullcontext
 from typing import TYPE_CHECKING
 
-from barbalat.commands.output import print_json
+from barbalat.commands.options import add_controllers
+from barbalat.commands.output import STANDARD_OUTPUT, print_json, print_text
 from barbalat.commands.screen import say, work
 
 if TYPE_CHECKING:
@@ -19,7 +21,13 @@ def add(commands: Commands) -> None:
     """Register the command and its options."""
     parser = commands.add_parser("explore", help="a page that simulates: one file with a slider for each number of a case")
     parser.add_argument("case", metavar="CASE", help="a case file, or a bundled case's name")
-    parser.add_argument("--out", metavar="FILE", default=DEFAULT_FILE, help=f"where the page goes; default: {DEFAULT_FILE}")
+    add_controllers(parser)
+    parser.add_argument(
+        "--out",
+        metavar="FILE",
+        default=DEFAULT_FILE,
+        help=f"where the page goes; default: {DEFAULT_FILE}; {STANDARD_OUTPUT} is standard output, and no browser is opened",
+    )
     parser.add_argument("--no-open", action="store_true", help="don't open it in a browser")
     parser.add_argument("--json", action="store_true", help="one JSON document on standard output")
     parser.set_defaults(execute=execute)
@@ -38,16 +46,23 @@ def execute(options: argparse.Namespace) -> int:
     from barbalat.report.files import output_folder
     from barbalat.validate import InputError, local_path
 
-    file = local_path("--out", options.out)
+    file, to_output = local_path("--out", options.out), options.out == STANDARD_OUTPUT
     if not options.out or file.is_dir():
         raise InputError(f"--out must name a file, such as {DEFAULT_FILE}, got {options.out!r}")
-    text = CaseText.read(options.case)
+    if to_output and options.json:
+        raise InputError(f"--json and --out {STANDARD_OUTPUT} both write to standard output; leave one of them out")
+    text = CaseText.read(options.case, options.controllers)
     text.case()
-    with output_folder(file.parent) as folder:
+    explorer = Explorer(TextSource(text), ON_THE_PAPER_S_EXAMPLE if options.case == PAPER_CASE and text.own is None else ())
+    with nullcontext() if to_output else output_folder(file.parent) as folder:
         with work({"making the page": EXPECTED_SECONDS}) as running, running.part("making the page"):
-            page = Explorer(TextSource(text), ON_THE_PAPER_S_EXAMPLE if options.case == PAPER_CASE else ()).html
-        folder.write(file.name, page)
-        folder.commit()
+            page = explorer.html
+        if folder is not None:
+            folder.write(file.name, page)
+            folder.commit()
+    if to_output:
+        print_text(page)
+        return 0
     if options.json:
         from barbalat.report.documents import as_json
 

@@ -7,7 +7,7 @@ import shlex
 from typing import TYPE_CHECKING
 
 from barbalat.commands.options import add_controllers
-from barbalat.commands.output import print_json
+from barbalat.commands.output import print_json, require_folder_name
 from barbalat.commands.screen import say
 from barbalat.export import TARGETS
 
@@ -49,8 +49,7 @@ def execute(options: argparse.Namespace) -> int:
     found = {controller.name: controller for controller in case.controllers}
     if options.controller not in found:
         raise InputError(f"--controller must be one of {', '.join(map(show, found))}, got {show(options.controller)}")
-    if not options.out:
-        raise InputError("--out must name a folder, got ''; the current one is '.'")
+    require_folder_name("--out", options.out)
     controller = found[options.controller]
     folder = export_controller(
         case.problem,

@@ -6,8 +6,8 @@ import argparse
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from barbalat.commands.options import add_controllers
-from barbalat.commands.output import folder_of, tell
+from barbalat.commands.options import add_controllers, add_list
+from barbalat.commands.output import folder_of, require_folder_name, tell
 from barbalat.commands.screen import Work, say, work
 
 if TYPE_CHECKING:
@@ -21,9 +21,17 @@ def add(commands: Commands) -> None:
     """Register the command and its options."""
     parser = commands.add_parser("fly", help="sampled controllers on flight models, with failures; needs the extra flight")
     parser.add_argument("name", metavar="NAME", help="f16-pitch, f16-roll: the F-16 follows a rate; quadrotor: a figure of eight")
-    parser.add_argument("--schemes", metavar="A,B", help="of the project's schemes, with commas between; default: all")
-    parser.add_argument("--failure", action="append", metavar="NAME", help="a failure, again for more; default: all")
-    parser.add_argument("--failures", metavar="A,B", help="the same with commas between")
+    add_list(
+        parser, "--schemes", metavar="NAME", commas=True, help="of the project's schemes, also with commas between; default: all"
+    )
+    add_list(
+        parser,
+        "--failure",
+        "--failures",
+        metavar="NAME",
+        commas=True,
+        help="of the flight's, also with commas between; default: all",
+    )
     parser.add_argument("--delays", action="store_true", help="raise the delay, too, until control is lost; takes twice as long")
     parser.add_argument(
         "--dispersions",
@@ -108,6 +116,7 @@ def _execute_dispersed(options: argparse.Namespace) -> int:
     from barbalat.report import dispersed, documents, page
     from barbalat.report.file_names import PAGE
 
+    require_folder_name("--store", options.store)
     validate.whole("--dispersions", options.dispersions, least=1, most=MOST_DRAWS)
     for name, instead in NOT_DRAWN.items():
         _require_none(options, (name,), f"does not go with --dispersions: {instead}")
@@ -116,8 +125,8 @@ def _execute_dispersed(options: argparse.Namespace) -> int:
             with running.part("flying", here=False) as progress:
                 found = fly_dispersed(
                     options.name,
-                    schemes=_names(options.schemes),
-                    failures=_failures(options),
+                    schemes=options.schemes or None,
+                    failures=options.failure or None,
                     members=options.dispersions,
                     seed=SEED if options.seed is None else options.seed,
                     store=options.store,
@@ -149,20 +158,11 @@ def _flown(options: argparse.Namespace, running: Work) -> Compared:
     with running.part("flying", here=False) as progress:
         return fly(
             options.name,
-            schemes=_names(options.schemes),
+            schemes=options.schemes or None,
             controllers=own,
-            failures=_failures(options),
+            failures=options.failure or None,
             condition=FlightCondition(**given) if given else None,
             delays=options.delays,
             software_in_the_loop=exported_c if options.sil else None,
             progress=progress,
         )
-
-
-def _names(given: str | None) -> list[str] | None:
-    """With commas between."""
-    return None if given is None else [name.strip() for name in given.split(",")]
-
-
-def _failures(options: argparse.Namespace) -> list[str] | None:
-    return [*(options.failure or ()), *(_names(options.failures) or ())] or None

@@ -6,7 +6,7 @@ import argparse
 import os
 from typing import TYPE_CHECKING
 
-from barbalat.commands.output import print_json
+from barbalat.commands.output import STANDARD_OUTPUT, print_json, print_text
 from barbalat.commands.screen import say
 
 if TYPE_CHECKING:
@@ -18,7 +18,9 @@ SCHEMA_FILE = "barbalat.schema.json"
 def add(commands: Commands) -> None:
     """Register the command and its options."""
     parser = commands.add_parser("new", help="write a commented case file to start from")
-    parser.add_argument("file", metavar="FILE", help="where the case goes; one that is there is kept")
+    parser.add_argument(
+        "file", metavar="FILE", help=f"where the case goes; one that is there is kept; {STANDARD_OUTPUT} is standard output"
+    )
     parser.add_argument("--from", dest="source", metavar="CASE", help="a bundled case to copy instead of the template")
     parser.add_argument("--json", action="store_true", help="one JSON document on standard output")
     parser.set_defaults(execute=execute)
@@ -32,6 +34,11 @@ def execute(options: argparse.Namespace) -> int:
     from barbalat.report.files import output_folder
     from barbalat.validate import InputError, local_path
 
+    if options.file == STANDARD_OUTPUT:
+        if options.json:
+            raise InputError(f"--json and FILE {STANDARD_OUTPUT} both write to standard output; leave one of them out")
+        print_text(text_to_start_from(options.source))
+        return 0
     file = local_path("FILE", options.file)
     if not options.file or os.path.lexists(file):
         raise InputError(f"{options.file!r} exists already; choose another name" if options.file else "FILE must not be empty")

@@ -5,6 +5,8 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from barbalat.commands.parser import Several
+
 
 def add_budget(parser: argparse.ArgumentParser) -> None:
     """How much work may be begun."""
@@ -24,4 +26,16 @@ def add_controllers(parser: argparse.ArgumentParser) -> None:
         metavar="FILE.py",
         help="controllers of your own beside the case's: this file is run, and its list CONTROLLERS joins them, or else all "
         'controllers made in it; the case may name its classes, as scheme = "MyLaw"',
+    )
+
+
+def add_list(parser: argparse.ArgumentParser, *names: str, metavar: str, help: str, form: str = "", commas: bool = False) -> None:
+    """An option with several values: after one another, or each after the option once more; an empty list without it.
+
+    form    a regular expression that is found in each value, and hardly in anything else
+    commas  whether values may also stand with commas between
+    """
+    said = "several, or the option again, for more"
+    parser.add_argument(
+        *names, action=Several, nargs="+", default=[], metavar=metavar, help=f"{help}; {said}", form=form, commas=commas
     )

@@ -12,20 +12,38 @@ if TYPE_CHECKING:
     from barbalat.report.terminal.layout import Screen
 
 
+STANDARD_OUTPUT = "-"
+"""In the place of a file's name."""
+
+
 @contextlib.contextmanager
 def folder_of(given: str | None, default: str | None) -> Iterator[Folder | None]:
     """The folder that ``--out`` names, ``default`` where it is not given; None for neither."""
     from barbalat.report.files import output_folder
-    from barbalat.validate import InputError, local_path
+    from barbalat.validate import local_path
 
-    if given == "":
-        raise InputError("--out must name a folder, got ''; the current one is '.'")
+    require_folder_name("--out", given)
     name = default if given is None else given
     if name is None:
         yield None
         return
     with output_folder(local_path("--out", name)) as folder:
         yield folder
+
+
+def require_folder_name(option: str, given: str | None) -> None:
+    """InputError for an empty name, and for the sign of standard output, which holds no folder."""
+    from barbalat.validate import InputError
+
+    if given == "":
+        raise InputError(f"{option} must name a folder, got ''; the current one is '.'")
+    if given == STANDARD_OUTPUT:
+        raise InputError(f"{option} must name a folder, got '-', which is standard output; './-' is a folder of that name")
+
+
+def print_text(text: str) -> None:
+    """A file's text on standard output, byte for byte in UTF-8 where that is its encoding."""
+    sys.stdout.write(text)
 
 
 def print_json(text: str) -> None:

@@ -6,8 +6,8 @@ import argparse
 import time
 from typing import TYPE_CHECKING
 
-from barbalat.commands.options import add_controllers
-from barbalat.commands.output import folder_of, print_json, tell
+from barbalat.commands.options import add_controllers, add_list
+from barbalat.commands.output import folder_of, print_json, require_folder_name, tell
 from barbalat.commands.screen import SECONDS_EACH_STEP, Work, say, work
 
 if TYPE_CHECKING:
@@ -28,12 +28,12 @@ def add(commands: Commands) -> None:
     parser = commands.add_parser("sweep", help="many runs: a grid, a Monte Carlo study, or both, that may be resumed")
     parser.add_argument("case", metavar="CASE", help="a case file, or a bundled case's name")
     add_controllers(parser)
-    parser.add_argument(
-        "--vary", action="append", default=[], metavar="PATH=START:STOP:COUNT[:log]",
+    add_list(
+        parser, "--vary", metavar="PATH=START:STOP:COUNT[:log]", form="=",
         help="values of a number of the case file, such as controller[0].gamma=1:1e6:13:log; several make a grid",
     )  # fmt: skip
-    parser.add_argument(
-        "--sample", action="append", default=[], metavar="PATH=DISTRIBUTION",
+    add_list(
+        parser, "--sample", metavar="PATH=DISTRIBUTION", form="=",
         help="uniform:A:B, normal:MEAN:DEVIATION or loguniform:A:B; known-set for a vector, or a gain, over the case's known set",
     )  # fmt: skip
     parser.add_argument("--members", type=int, metavar="N", help="draws at each point of the grid; default 1000 with --sample")
@@ -42,9 +42,7 @@ def add(commands: Commands) -> None:
         help="of the draws: Latin hypercubes (default), a Sobol sequence, independent ones (exact intervals), Saltelli's",
     )  # fmt: skip
     parser.add_argument("--seed", type=int, default=0, metavar="S", help="of the draws; default 0")
-    parser.add_argument(
-        "--require", action="append", default=[], metavar="REQUIREMENT", help='counted where broken, such as "max_abs_e[0] < 2"'
-    )
+    add_list(parser, "--require", metavar="REQUIREMENT", form="[<>]", help='counted where broken, such as "max_abs_e[0] < 2"')
     parser.add_argument("--no-bounds", action="store_true", help="certify nothing: the guaranteed bounds are not compared")
     parser.add_argument(
         "--audit", type=int, metavar="N",
@@ -221,10 +219,9 @@ def _run(
 
 
 def _folder(name: str) -> Path:
-    from barbalat.validate import InputError, local_path
+    from barbalat.validate import local_path
 
-    if not name:
-        raise InputError("--store must name a folder, got ''; the current one is '.'")
+    require_folder_name("--store", name)
     return local_path("--store", name)
 
 

@@ -7,6 +7,7 @@ import time
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from barbalat.commands.options import add_controllers
 from barbalat.commands.output import folder_of, print_json
 from barbalat.commands.screen import Work, work
 
@@ -19,8 +20,9 @@ if TYPE_CHECKING:
 
 def add(commands: Commands) -> None:
     """Register the command and its options."""
-    parser = commands.add_parser("tradeoff", help="tracking error against delay margin: three schemes, all tunings")
+    parser = commands.add_parser("tradeoff", help="tracking error against delay margin: three schemes and yours, all tunings")
     parser.add_argument("case", metavar="CASE", help="a case file, or a bundled case's name")
+    add_controllers(parser)
     parser.add_argument("--out", metavar="DIR", help="default: barbalat-tradeoff, none with --json")
     parser.add_argument(
         "--plants", type=int, default=4, metavar="N", help="the case's plant and N - 1 of its known set; default 4"
@@ -45,7 +47,7 @@ def execute(options: argparse.Namespace) -> int:
     from barbalat.cases.load import load_case
 
     started = time.perf_counter()
-    case = load_case(options.case)
+    case = load_case(options.case, options.controllers)
     validate.whole("--density", options.density, least=2)
     validate.whole("--plants", options.plants, least=1)
     default = None if options.json else "barbalat-tradeoff"
@@ -75,6 +77,7 @@ EXPECTED_SECONDS = {"simulating": 60.0, "drawing": 3.0}
 
 
 def _found(case: Case, options: argparse.Namespace, running: Work) -> TradeOff:
+    from barbalat.loop.structure import comes_from_outside
     from barbalat.problem.state_feedback import Problem
     from barbalat.study.criteria import Lost
     from barbalat.study.tradeoff import trade_off
@@ -87,6 +90,7 @@ def _found(case: Case, options: argparse.Namespace, running: Work) -> TradeOff:
             case.problem,
             case.simulation,
             density=options.density,
+            own=[one for one in case.controllers if comes_from_outside(one)],
             plants=options.plants,
             lost=Lost(share=options.share),
             progress=progress,

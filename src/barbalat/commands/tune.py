@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING
 
-from barbalat.commands.options import add_controllers
+from barbalat.commands.options import add_controllers, add_list
 from barbalat.commands.output import folder_of, tell
 from barbalat.commands.screen import SECONDS_EACH_STEP, Work, work
 
@@ -26,14 +26,14 @@ def add(commands: Commands) -> None:
         help="what is made small: a figure of a run, such as rms_e, or a key of certify",
     )  # fmt: skip
     parser.add_argument("--maximize", action="store_true", help="make it large instead")
-    parser.add_argument(
-        "--subject-to", action="append", default=[], nargs="+", metavar="REQUIREMENT",
+    add_list(
+        parser, "--subject-to", metavar="REQUIREMENT", form="[<>]",
         help='such as "delay_onset_simulated >= 0.02", "delay_margin_adapting >= 0.02", "condition < 1" (L1), "max_abs_u < 9"; '
         "delay_margin is of the loop with its estimates at rest, on which MRAC's gain has no influence, and "
         "delay_margin_adapting of the linear loop with its law: neither knows limits of the input or a moving command",
     )  # fmt: skip
-    parser.add_argument(
-        "--vary", action="append", default=[], metavar="PATH=START:STOP[:log]",
+    add_list(
+        parser, "--vary", metavar="PATH=START:STOP[:log]", form="=",
         help="a number of the case file that is tuned; default: the knobs of each controller's scheme",
     )  # fmt: skip
     parser.add_argument("--controller", metavar="NAME", help="the one that is tuned; default: all, one after the other")
@@ -70,7 +70,7 @@ def execute(options: argparse.Namespace) -> int:
     case = text.case()
     aim = Aim.of(
         options.objective,
-        [text for group in options.subject_to for text in group],
+        options.subject_to,
         maximize=options.maximize,
         plants=options.plants,
         quantile=options.quantile,

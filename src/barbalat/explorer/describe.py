@@ -94,6 +94,7 @@ class Described:
             ],
             "controllers": [self._controller(i) for i in range(len(self.case.controllers))],
             "case_file": self.source.case_file(self.slots(), self.toggles),
+            "own_file": self.source.own_file,
             "toggles": list(self.toggles), "watching": WATCHING,
         }  # fmt: skip
 

@@ -23,6 +23,7 @@ from barbalat.validate import InputError
 Segment = str | dict[str, Any]
 """Of a copied text: as it is, or what the page puts there: a number, a controller's projection, the solver."""
 COPY_NOTE = "# copied from a page of barbalat explore; fused = false: every bit is the page's"
+OWN_NOTE = "# controllers of its page are in a file of their own: --controllers"
 
 
 class Source(ABC):
@@ -44,6 +45,11 @@ class Source(ABC):
     def projected(self, i: int) -> bool:
         """Whether the case asks for the i-th controller's projection, or leaves it to the default."""
 
+    @property
+    def own_file(self) -> str | None:
+        """The name of the user's file whose controllers join the case, without its folder: pages are sent to others."""
+        return None
+
     @abstractmethod
     def case_file(self, slots: Sequence[FieldPath], switched: Sequence[int]) -> list[Segment] | None:
         """The text of a case file with slots for these numbers and switches; None where there is no such text."""
@@ -51,13 +57,22 @@ class Source(ABC):
 
 @dataclass(frozen=True, eq=False)
 class TextSource(Source):
-    """The text of a case file."""
+    """The text of a case file. Controllers of the user's own file come after its own, and have no numbers in it."""
 
     text: CaseText
 
     @cached_property
     def _read(self) -> dict[str, Any]:
         return self.text.data()
+
+    @cached_property
+    def _in_tables(self) -> int:
+        """How many controllers stand in the text."""
+        return len(self._read.get("controller", []))
+
+    @property
+    def own_file(self) -> str | None:
+        return None if self.text.own is None else self.text.own.path.name
 
     def _tables(self) -> dict[str, Any]:
         tables = copied(self._read)
@@ -77,16 +92,20 @@ class TextSource(Source):
         for path, value in numbers.items():
             path.put(tables, value)
         for i in toggled:
+            if i >= self._in_tables:
+                raise InputError("a controller from a file of one's own has no projection to switch")
             tables["controller"][i]["projection"] = not self.projected(i)
         return tables
 
     def alone(self, i: int, numbers: Mapping[FieldPath, float], toggled: Sequence[int] = ()) -> Controller:
+        if i >= self._in_tables:
+            return self.at(numbers, toggled).controllers[i]
         tables = self._varied(numbers, toggled)
         tables["controller"] = [tables["controller"][i]]
         return self.text.case(tables).controllers[0]
 
     def projected(self, i: int) -> bool:
-        return bool(self._read["controller"][i].get("projection", True))
+        return i < self._in_tables and bool(self._read["controller"][i].get("projection", True))
 
     def case_file(self, slots: Sequence[FieldPath], switched: Sequence[int]) -> list[Segment]:
         tables, marks = self._tables(), list[dict[str, Any]]()
@@ -103,7 +122,8 @@ class TextSource(Source):
         for i in switched:
             tables["controller"][i]["projection"] = mark({"projection": i})
         tables["simulation"]["solver"] = mark({"solver": True})
-        parts = re.split(r'"\\u0000(\d+)\\u0000"', f"{COPY_NOTE}\n{toml(tables)}")
+        note = COPY_NOTE if self.own_file is None else f"{COPY_NOTE}\n{OWN_NOTE} {self.own_file}"
+        parts = re.split(r'"\\u0000(\d+)\\u0000"', f"{note}\n{toml(tables)}")
         return [part if k % 2 == 0 else marks[int(part)] for k, part in enumerate(parts)]
 
 

@@ -44,11 +44,11 @@ def explored(text: CaseText, found: SweepResult) -> Iterator[Explored]:
 
 def _alone(text: CaseText, found: SweepResult, i: int, member: int) -> CaseText:
     """The case file with a member's numbers and one controller."""
-    if text.own is not None:
-        raise InputError("pages don't have controllers from a file of one's own")
     if text.case().problem.noise is not None:
         raise InputError("pages don't have the member's own measurement noise")
     tables = VariedCase(text, found.plan.paths).tables_at(found.plan.values(member, 1)[0])
-    tables["controller"] = [tables["controller"][i]]
+    written = tables.get("controller", [])
+    tables["controller"] = written[i : i + 1]
     tables["name"] = f"{found.case}, member {member}"
-    return replace(text, text=toml(tables))
+    own = None if text.own is None else text.own.alone(i - len(written))
+    return replace(text, text=toml({key: value for key, value in tables.items() if value != []}), own=own)

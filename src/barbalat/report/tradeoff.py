@@ -47,7 +47,12 @@ def rows(found: TradeOff, which: str, criterion: str) -> list[tuple[str, ...]]:
         front = cloud.front(which, criterion)
         for i in dict.fromkeys([*front[:1], *front[len(front) // 2 : len(front) // 2 + 1], *front[-1:]]):
             lines.append(
-                (cloud.scheme, tuning_text(cloud.tunings[i]), number_text(float(error[i])), number_text(float(margin[i])))
+                (
+                    cloud.scheme,
+                    tuning_text(cloud.tunings[i]) or "as it is",
+                    number_text(float(error[i])),
+                    number_text(float(margin[i])),
+                )
             )
     return lines
 

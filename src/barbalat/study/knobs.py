@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -13,21 +14,29 @@ from barbalat.controllers import SCHEMES, Mrac
 from barbalat.controllers.knobs import Knobs, OutputReach, Reach, Tunable
 from barbalat.problem.output_feedback import OutputProblem
 from barbalat.problem.state_feedback import Problem
+from barbalat.protocols import Controller
 from barbalat.run.simulate import simulate
 from barbalat.solvers.simulation import Simulation
 from barbalat.study.ideal_benchmark import ideal
 from barbalat.validate import Array, InputError
 
 
-def default_knobs(problem: Problem, simulation: Simulation, *, density: int = 12) -> tuple[tuple[Knobs, ...], tuple[str, ...]]:
+def default_knobs(
+    problem: Problem, simulation: Simulation, *, density: int = 12, own: Sequence[Controller] = ()
+) -> tuple[tuple[Knobs, ...], tuple[str, ...]]:
     """The knobs that the registered schemes say they have, with ``density`` values for each second one.
 
     Gains go up to the largest that this step resolves, time constants from five steps to the slowest one of the model. Also what
     is left out, as sentences: tunings, and schemes that don't take the problem. InputError where no scheme takes it.
+
+    own  controllers from outside: each joins with its knobs where it says that it has some, else as it is, as one tuning
     """
     reach, how = reach_of(problem, simulation, density=density)
     highest = reach.highest_gain
-    candidates = [knobs for knobs in all_knobs(reach) if knobs.traded]
+    candidates = [knobs for knobs in all_knobs(reach) if knobs.traded] + [knobs_of(one, reach) for one in own]
+    names = [knobs.scheme for knobs in candidates]
+    if twice := next((name for name in names if names.count(name) > 1), None):
+        raise InputError(f"two schemes of the trade-off are called {twice!r}; give yours another name")
     left_out = [
         f"gains above {highest:.3g}, which h = {simulation.dt:g} s does not resolve ({how}: an estimate), are left out",
         f"time constants below five steps, {5 * simulation.dt:g} s, are left out",
@@ -45,6 +54,13 @@ def default_knobs(problem: Problem, simulation: Simulation, *, density: int = 12
     if not kept:
         raise InputError(f"no scheme takes part in the trade-off: {'; '.join(refused)}")
     return tuple(kept), (*left_out, *refused)
+
+
+def knobs_of(controller: Controller, reach: Reach) -> Knobs:
+    """Those that it says it has; none, which is one tuning, where it says nothing."""
+    if isinstance(controller, Tunable):
+        return controller.knobs(reach)
+    return Knobs(scheme=controller.name, values={}, make=lambda: controller)
 
 
 def all_knobs(reach: Reach) -> list[Knobs]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from math import prod
 from typing import TYPE_CHECKING, Any
@@ -125,6 +125,7 @@ def trade_off(
     *,
     knobs: tuple[Knobs, ...] | None = None,
     density: int = 6,
+    own: Sequence[Controller] = (),
     plants: int = 4,
     seed: int = 0,
     longest: float = 2.0,
@@ -135,7 +136,7 @@ def trade_off(
 ) -> TradeOff:
     """Run every tuning of every scheme on the case's plant and on ``plants`` - 1 others, drawn from the known set.
 
-    knobs     by default those of ``default_knobs`` with this ``density``
+    knobs     by default those of ``default_knobs`` with this ``density`` and these controllers of one's ``own``
     longest   largest delay tried [s]
     estimate  called once with the seconds that are expected in all, measured on a part of the work
     progress  its fractions are of the time, by a forecast that is refined with every round
@@ -145,7 +146,7 @@ def trade_off(
     TRADE_OFF.require(problem)
     assert problem.uncertainty is not None
     _require_budget(simulation, density, knobs, plants)
-    chosen, left_out = default_knobs(problem, simulation, density=density) if knobs is None else (knobs, ())
+    chosen, left_out = default_knobs(problem, simulation, density=density, own=own) if knobs is None else (knobs, ())
     family = plants_of(problem, problem.uncertainty, plants, seed)
     members = {k.scheme: [(p, k.make(**tuning)) for tuning in k.tunings() for p in family] for k in chosen}
     forecast = Forecast.of(members, plants, simulation)

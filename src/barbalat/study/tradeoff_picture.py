@@ -79,7 +79,8 @@ def _panel(axes: Axes, found: TradeOff, which: str, criterion: str) -> None:
         shown = np.where(margin > 0, margin, edge / (2.4 - 0.35 * k))  # in the band, each scheme in a column of its own
         axes.scatter(shown, error, s=9, color=theme.colour(k), marker=MARKS[k % len(MARKS)], alpha=0.22, linewidths=0)
         line = _front(cloud, which, criterion)
-        label = f"{cloud.scheme}: {' × '.join(SYMBOLS.get(name, name) for name in cloud.tunings[0])}"
+        knobs = " × ".join(SYMBOLS.get(name, name) for name in cloud.tunings[0])
+        label = f"{cloud.scheme}: {knobs}" if knobs else cloud.scheme
         style = {"color": theme.colour(k), "linestyle": dash_of(k), "marker": MARKS[k % len(MARKS)]}
         axes.plot(*line.T, markersize=3.5, linewidth=1.6, label=label, **style)
     axes.set_xlim(left=edge / 3)
@@ -103,7 +104,7 @@ def _label_ends(axes: Axes, found: TradeOff, which: str, criterion: str) -> None
     for k, (cloud, line) in enumerate(zip(found.clouds, lines, strict=True)):
         front = cloud.front(which, criterion)
         for end in dict.fromkeys([0, len(front) - 1] if len(front) else []):
-            labels.place(tuning_text(cloud.tunings[front[end]]), line[end], theme.colour(k))
+            labels.place(tuning_text(cloud.tunings[front[end]]) or cloud.scheme, line[end], theme.colour(k))
     axes.annotate(
         "better", xy=(0.985, 0.015), xytext=(0.86, 0.08), xycoords="axes fraction", textcoords="axes fraction",
         fontsize="small", color=theme.quiet, arrowprops={"arrowstyle": "->", "color": theme.quiet},
