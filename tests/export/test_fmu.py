@@ -184,6 +184,23 @@ def test_states_are_got_set_and_freed(version, tmp_path) -> None:
 
 
 @needs_gcc
+@pytest.mark.parametrize("version", [2, 3])
+def test_a_step_that_is_repeated_or_left_out_is_refused_however_late(version, tmp_path) -> None:
+    """After a million samples and more; a point that is off by the rounding of a sum of as many steps is the right one."""
+    made = units(FREE, EXAMPLES[one("Mrac-free-euler")][1], SHORT, version=version)
+    (path,) = (write(tmp_path / "made", {}) / name for name in made)
+    path.write_bytes(made[path.name])
+    slave = Slave(path, tmp_path)
+    late = 1_200_000
+    slave.step(0.0, late * T)
+    for off in (-1, 1):
+        with pytest.raises(Exception, match=r"[Ff]ail|error|status"):
+            slave.step((late + off) * T, T)
+    slave.step(sum([T] * late), T)
+    slave.close()
+
+
+@needs_gcc
 @pytest.mark.full
 @pytest.mark.parametrize("version", [2, 3])
 def test_misuse_is_refused_and_changes_nothing(version, tmp_path) -> None:

@@ -117,7 +117,7 @@ static const char *advance_by(fmu_state *s, double point, double size, int *grad
     if (s->stage != STEPPING) {
         return "a step before the initialization was left, or after the end";
     }
-    if (!(fabs(point - now(s)) <= MODEL_TOLERANCE * MODEL_STEP + MODEL_TOLERANCE * fabs(point))) {
+    if (!(fabs(point - now(s)) <= MODEL_POINT_TOLERANCE * MODEL_STEP)) {
         return "the communication point is not where the last step ended";
     }
     if (!(count >= 1 && count <= MODEL_MOST_STEPS && fabs(ratio - count) <= MODEL_TOLERANCE * count)) {

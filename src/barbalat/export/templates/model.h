@@ -11,7 +11,8 @@ ${include}
 #define MODEL_TIME ${reals}u
 #define MODEL_FIRST_WHOLE ${first_whole}u
 #define MODEL_STEP ${step} /* [s] */
-#define MODEL_TOLERANCE 1e-6 /* relative, of times: above their rounding, below what anybody means by another time */
+#define MODEL_TOLERANCE 1e-6 /* of a step size, relative: above its rounding, below what anybody means by another one */
+#define MODEL_POINT_TOLERANCE 0.1 /* of a step: a master's sum of so many steps rounds to less, a repeated one is off by 1 */
 #define MODEL_MOST_STEPS 1e9 /* in one call; more is a mistake */
 
 typedef struct {
