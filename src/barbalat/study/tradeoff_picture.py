@@ -81,8 +81,8 @@ def _panel(axes: Axes, found: TradeOff, which: str, criterion: str) -> None:
         line = _front(cloud, which, criterion)
         knobs = " × ".join(SYMBOLS.get(name, name) for name in cloud.tunings[0])
         label = f"{cloud.scheme}: {knobs}" if knobs else cloud.scheme
-        style = {"color": theme.colour(k), "linestyle": dash_of(k), "marker": MARKS[k % len(MARKS)]}
-        axes.plot(*line.T, markersize=3.5, linewidth=1.6, label=label, **style)
+        mark, dash = MARKS[k % len(MARKS)], dash_of(k)
+        axes.plot(*line.T, color=theme.colour(k), linestyle=dash, marker=mark, markersize=3.5, linewidth=1.6, label=label)
     axes.set_xlim(left=edge / 3)
     axes.set_xlabel("largest delay borne at the plant's input [s]")
     axes.set_ylabel("RMS |e| without delay / RMS |x$_m$|")
