@@ -134,8 +134,9 @@ def compete(
     draws = Draws.drawn(problem, members, rule)
     rest = part_of(progress, TUNING_SHARE, 1 - TUNING_SHARE)
     held = measure(qualified, draws, rule, simulation, threads=threads, progress=rest)
-    again = measured_again(qualified, draws, rule, simulation, held, threads=threads)
     ordered = sorted(tuned, key=lambda one: _rank(one, held))
+    best = [one for one in ordered if one.meets]
+    again = measured_again(best, draws, rule, simulation, held, threads=threads)
     pairs = [paired((a.name, held[a.name]), (b.name, held[b.name])) for a, b in combinations(ordered, 2) if a.meets and b.meets]
     return Contest(
         problem=problem,
@@ -147,7 +148,7 @@ def compete(
         held_out=held,
         pairs=tuple(pairs),
         left_out=tuple(left_out),
-        notes=tuple(_notes(problem, simulation, tuned, again, rule)),
+        notes=tuple(_notes(problem, simulation, ordered, again, rule)),
         again=again,
         seconds=time.perf_counter() - started,
     )
