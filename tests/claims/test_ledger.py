@@ -4,17 +4,21 @@ import io
 import json
 import re
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from rich.console import Console
 
+from barbalat.certificates.overview import Certified
+from barbalat.certificates.table_1 import Table1
 from barbalat.claims import figures, ledger, linear_design, section_v
 from barbalat.claims.claim import Claim, Reading, of_readings, verdict
 from barbalat.claims.rows import LEDGER, Measurement
 from barbalat.claims.variants import table
 from barbalat.cli import main
+from barbalat.report import page
 from barbalat.report.terminal.layout import Screen
 from barbalat.report.terminal.ledger import overview
 
@@ -292,6 +296,32 @@ def test_the_certified_condition_lies_inside_the_exact_boundary(claims):
     # below the certified curve, which is Theorem 1's, no run may diverge
     inside = shown.y.values[:, None] < certified.y
     assert not np.isnan(shown.values[inside]).any()
+
+
+def test_one_number_is_judged_by_two_rules_that_name_each_other(section_v_runs, quick):
+    """Figure 3's "proportional to kappa": as a figure's description to a tenth of the amplitude, as a law by its exponent."""
+    checks = figures.paper_figures(section_v_runs)[1].checks
+    (check,) = [one for one in checks if "proportional to kappa" in one.statement]
+    factor = float(re.search(r"multiplies it by ([\d.]+)", check.measured)[1])
+    row = quick[0]["bias-kappa"]
+    (reading,) = [one for one in row.readings if "around Section V" in one.says]
+    exponent = float(re.search(r"([\d.]+) from 0.01 to 0.02 s", reading.measured)[1])
+    assert factor == pytest.approx(2**exponent, rel=0.01)  # the same number
+    assert check.holds and abs(factor / 2 - 1) < 0.1 and "to within 10 %" in check.statement
+    assert reading.verdict == "not confirmed" and abs(exponent - 1) > 0.02
+    assert "not within 0.02 of one, which the row bias-kappa asks" in check.measured
+    assert "to within 0.02 (of Figure 3 figures-2-5 asks" in reading.says and "10 %" in reading.says
+    assert "bias-kappa" in quick[0]["figures-2-5"].how
+
+
+def test_a_page_says_whose_its_statements_are(quick):
+    claims = list(quick[0].values())
+    claims.append(replace(claims[0], id="another-s", where="not in the paper: somebody"))
+    others = [claim for claim in claims if claim.where.startswith("not in the paper")]
+    html = page.reproduction([], claims, {}, {}, Certified({}, Table1(())), [], {"total": 1.0}, {})["claims.html"]
+    said = " ".join(html.split())
+    assert f"{len(claims) - len(others)} of the {len(claims)} restate what the paper says" in said
+    assert len(others) == 1 and f"{len(others)} are not in the paper" in said and "sentence of the paper" not in said
 
 
 def test_figures_are_reproduced(section_v_runs):

@@ -236,6 +236,7 @@ def test_reproduce(tmp_path, capsys, monkeypatch, section_v_runs):
         assert (tmp_path / f"figure-{key}.svg").read_text().rstrip().endswith("</svg>")
     page = (tmp_path / "report.html").read_text()
     assert page.count('<img src="figure-') == 5
+    assert "4 of its 4 figures" in page and "no curve is compared" in page  # the fifth is ours
 
 
 def test_quick_and_full_exclude_each_other(capsys):

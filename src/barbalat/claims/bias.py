@@ -6,6 +6,7 @@ import numpy as np
 
 from barbalat.claims import section_v
 from barbalat.claims.claim import Claim, Reading, of_readings, verdict
+from barbalat.claims.figure_checks import DRAWN_SHARE
 from barbalat.claims.variants import figures, local_exponents, table, variant
 from barbalat.signals import Constant
 from barbalat.validate import Array
@@ -54,7 +55,8 @@ def _readings(kappas: Array, exponents: Array, held: float, size: float) -> tupl
             f"{exponents[0]:.3g} at the largest kappas, {exponents[-1]:.3g} at the smallest",
         ),
         Reading(
-            f"beside a sine, around Section V's kappa = {section_v.KAPPA:g} s: an exponent of one",
+            f"beside a sine, around Section V's kappa = {section_v.KAPPA:g} s: an exponent of one, to within {EXPONENT_TOLERANCE:g} "
+            f"(of Figure 3 figures-2-5 asks that the amplitude be proportional to within {100 * DRAWN_SHARE:.0f} %)",
             verdict(holds=bool((np.abs(exponents[:2] - 1) < EXPONENT_TOLERANCE).all())),
             f"{exponents[0]:.3g} from {kappas[1]:g} to {kappas[0]:g} s, {exponents[1]:.3g} from {kappas[2]:g} to {kappas[1]:g} s",
         ),

@@ -158,6 +158,10 @@ class Reading:
     decides: bool = True
 
 
+ELSEWHERE = "not in the paper: "
+"""How the place of a statement begins that is not the paper's."""
+
+
 def of_readings(readings: Sequence[Reading]) -> Verdict:
     """The verdict on a sentence that is read in several ways: theirs where they agree, else that it holds in some of them.
 
@@ -212,6 +216,11 @@ class Claim:
         if self.verdict != "confirmed with conditions":
             return ""
         return self.condition or "; or ".join(one.says for one in self.readings if one.decides and one.verdict != "not confirmed")
+
+    @property
+    def ours(self) -> bool:
+        """Whether it is not the paper's: this project's, or others'."""
+        return self.where.startswith(ELSEWHERE)
 
     def as_json(self) -> dict[str, Any]:
         """The JSON contract's block for a claim; what goes beyond it stands beside the contract's keys."""

@@ -9,6 +9,9 @@ from barbalat.claims.variants import numbers
 from barbalat.run.result import Result
 from barbalat.validate import Array
 
+DRAWN_SHARE = 0.1
+"""Of an amplitude, within which it is proportional to a setting where a figure is described: a caption says what is seen of a
+curve, no more. The row ``bias-kappa`` takes the same word for a law."""
 PARAMETER_BOUND = 5.0
 """Of each component of theta_hat, on either side."""
 

@@ -14,7 +14,9 @@ if TYPE_CHECKING:
 
 def add(commands: Commands) -> None:
     """Register the command and its options."""
-    parser = commands.add_parser("claims", help="the claims of the paper: their names, or all that is measured of one")
+    parser = commands.add_parser(
+        "claims", help="the ledger's claims, the paper's and others: their names, or all that is measured of one"
+    )
     parser.add_argument("name", nargs="?", metavar="NAME", help="measure this row and show all of it; without: the list")
     parser.add_argument("--json", action="store_true", help="one JSON document on standard output")
     parser.set_defaults(execute=execute)

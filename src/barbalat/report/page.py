@@ -20,7 +20,7 @@ import barbalat
 from barbalat.certificates.cells import PROPERTIES
 from barbalat.certificates.overview import Certified
 from barbalat.claims.claim import Claim
-from barbalat.claims.paper_figure import PaperFigure
+from barbalat.claims.paper_figure import ADDED_FIGURE, PaperFigure
 from barbalat.contests.result import Contest
 from barbalat.flight.compared import Compared
 from barbalat.flight.dispersed import DispersedComparison
@@ -87,8 +87,9 @@ def reproduction(
     tried  addresses of lessons by the names of claims and of figures, as "figure-2"; empty without explorers
     """
     tally = Counter(claim.verdict for claim in claims)
-    count = sum(figure.reproduced for figure in figures)
-    values: dict[str, object] = {"tally": dict(tally.most_common()), "reproduced": count, "tried": tried}
+    paper = [figure for figure in figures if figure.key != ADDED_FIGURE]
+    values: dict[str, object] = {"tally": dict(tally.most_common()), "tried": tried}
+    values |= {"reproduced": sum(figure.reproduced for figure in paper), "described": len(paper)}
     values["siblings"] = REPRODUCTION | ({EXPLORER: "Explorer"} if tried else {})
     values |= {
         "figures": figures,

@@ -31,10 +31,10 @@ def _figures(screen: Screen, shown: Sequence[PaperFigure]) -> None:
     """How many of the paper's figures, with the statements on them, hold; ours beside them, and what does not."""
     paper = [figure for figure in shown if figure.key != ADDED_FIGURE]
     checks = [check for figure in paper for check in figure.checks]
-    said = f"{sum(check.holds for check in checks)} of {len(checks)} statements of their descriptions hold"
+    said = f"{sum(check.holds for check in checks)} of {len(checks)} statements hold; no curve is compared"
     missed = [check for figure in shown for check in figure.checks if not check.holds]
     reproduced = sum(figure.reproduced for figure in paper)
-    screen.line(f"Figures: {reproduced} of {len(paper)} reproduced, {said}", "red" if missed else "green")
+    screen.line(f"Figures: {reproduced} of {len(paper)} as described, {said}", "red" if missed else "green")
     for check in missed:
         screen.line(f"not so: {check.statement} ({check.measured})", "red", "    ", "  ")
 
