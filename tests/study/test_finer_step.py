@@ -97,12 +97,11 @@ def test_a_limit_cycle_at_the_actuators_limits_is_told():
     wild, tame = PlainRun.of(RELAY_LIKE, Gain(60.0), simulation), PlainRun.of(RELAY_LIKE, Gain(2.0), simulation)
     assert tame.swinging is None
     (run,) = simulate(RELAY_LIKE, [Gain(60.0)], replace(simulation, record_points=simulation.steps)).values()
-    u = run.u[run.t >= 6.0]
-    sides = np.where(u >= 2.0, 1, np.where(u <= -2.0, -1, 0))
-    sides = sides[sides != 0]
-    switches = int((np.diff(sides) != 0).sum())
+    u = np.ravel(run.u)
+    at, sides = run.t[np.abs(u) >= 2.0], np.sign(u[np.abs(u) >= 2.0])
+    switches = int((at[1:][np.diff(sides) != 0] >= 6.0).sum())
     assert switches > 8
-    assert f"from limit to limit of the actuator (-2 to 2) {switches} times" in wild.swinging
+    assert "from limit to limit (-2 to 2)" in wild.swinging and f"at least {switches} times" in wild.swinging
     assert "turn 0 times" in wild.swinging
 
 

@@ -15,7 +15,6 @@ from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller
 from barbalat.run.diagnosis.step_comparison import EQUAL_FIGURES_SHARE
 from barbalat.run.ensemble import simulate_ensemble
-from barbalat.run.result import Result
 from barbalat.run.simulate import simulate
 from barbalat.solvers.simulation import Simulation
 from barbalat.study.criteria import Lost, Onset
@@ -29,12 +28,6 @@ FINER_BY = 4
 """The step is this many times smaller: the error of RK4 falls to 1/256, that of Euler's method to a quarter."""
 BESIDE_SHARE = 0.1
 """To either side of a delay that was found, where the finer step is asked: the search itself stops within 2 %."""
-FEWEST_SWITCHES = 8
-"""From one limit of the actuator to the other, in the last quarter of a run: four periods."""
-SWITCHES_EACH_TURN = 2
-"""A jump of the command may take the demand to one limit, and the overshoot after it to the other."""
-LOOKS_AT_SIGNALS = 2**16
-"""Instants of the last quarter at which the commands are looked at."""
 
 
 def refined(simulation: Simulation) -> Simulation:
@@ -75,7 +68,7 @@ class PlainRun:
             limits=(solver.imaginary_limit, solver.real_limit),
             label=run.label,
             damping=None if run.damping is None else run.damping.sentence,
-            swinging=swinging(run),
+            swinging=None if run.rails is None else f"without any delay added {run.rails.sentence}; neither criterion counts it",
         )
 
     @property
@@ -99,48 +92,6 @@ class PlainRun:
             "settles": self.settles,
             "swinging": self.swinging,
         }
-
-
-def swinging(run: Result) -> str | None:
-    """That a run's demand goes from limit to limit of the actuator in its last quarter, more often than the signals turn."""
-    if run.diverged_at is not None:
-        return None
-    begin = 0.75 * run.simulation.t_end
-    tail = run.t[:-1] >= begin
-    for i, path in enumerate(run.problem.plant.paths):
-        if path.saturation is None:
-            continue
-        low, high = path.saturation
-        switches = _switches(run.envelope.u_max[tail, i] >= high, run.envelope.u_min[tail, i] <= low)
-        turns = _turns(run.problem, begin, run.simulation.t_end)
-        if switches >= max(FEWEST_SWITCHES, SWITCHES_EACH_TURN * turns + 1):
-            return (
-                f"without any delay added the demand goes from limit to limit of the actuator ({low:g} to {high:g}) {switches} "
-                f"times in the last quarter, where the command and the disturbances turn {turns} times: a limit cycle, "
-                "which neither criterion counts"
-            )
-    return None
-
-
-def _switches(up: Array, down: Array) -> int:
-    """How often a demand is at the other limit than before; both in one recorded interval count once."""
-    found, last = 0, 0
-    for k in np.flatnonzero(up | down):
-        here = 0 if up[k] and down[k] else 1 if up[k] else -1
-        found += int(here in {0, -last})
-        last = here
-    return found
-
-
-def _turns(problem: TrackingProblem, begin: float, end: float) -> int:
-    """How often the signals that drive the loop jump or turn back between two instants [s]."""
-    t, found = np.linspace(begin, end, LOOKS_AT_SIGNALS), 0
-    for signal in problem.signals:
-        moves = np.sign(np.diff(np.asarray(signal(t), dtype=float)))
-        moving = moves[moves != 0]
-        flips, starts = (moving[1:] != moving[:-1]).sum(), ((moves[1:] != 0) & (moves[:-1] == 0)).sum()
-        found += int(max(flips, starts))
-    return found
 
 
 VERDICTS = {
