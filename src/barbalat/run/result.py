@@ -18,6 +18,7 @@ from barbalat.run.breaks import LostOrder
 from barbalat.run.diagnosis.adapting import Adapting, adapting, regressor_along
 from barbalat.run.diagnosis.damping import SolverDamping
 from barbalat.run.diagnosis.label import label
+from barbalat.run.diagnosis.rails import RailToRail, rail_to_rail
 from barbalat.run.diagnosis.spectrum import Stiffness
 from barbalat.run.diagnosis.step_comparison import FinerStep
 from barbalat.run.metrics import Metrics
@@ -153,11 +154,19 @@ class Result:
         phi = regressor_along(loop, self.states, self.x if self.y is None else self.y, self.u)
         return adapting(loop, self.t, self.theta_hat, extrema, envelope.theta_hat_path, phi, self.true_values)
 
+    @cached_property
+    def rails(self) -> RailToRail | None:
+        """What swings from limit to limit of the actuator until the run ends; None where nothing does."""
+        if self.diverged_at is not None:
+            return None
+        return rail_to_rail(self.problem, self.t, self.simulation.t_end, self.envelope.u_min, self.envelope.u_max)
+
     @property
     def warnings(self) -> tuple[str, ...]:
         """What of the problem and of this run deserves a second look, as sentences."""
         found = (command_warning(self.problem), self.problem.outside_known_set)
-        return (*filter(None, found), *(() if self.adapting is None else self.adapting.warnings))
+        own = () if self.rails is None else (self.rails.sentence,)
+        return (*filter(None, found), *own, *(() if self.adapting is None else self.adapting.warnings))
 
     def __repr__(self) -> str:
         simulation = self.simulation
