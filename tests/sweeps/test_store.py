@@ -11,10 +11,12 @@ import pytest
 
 from barbalat import InputError, sweep
 from barbalat.cases.load import CaseText
+from barbalat.sweeps import chunks, store
+from barbalat.sweeps.chunks import FEWEST_MEMBERS, Chunk
 from barbalat.sweeps.paths import FieldPath
 from barbalat.sweeps.plan import Design, Plan
 from barbalat.sweeps.spread import Axis, Uniform
-from barbalat.sweeps.store import opened
+from barbalat.sweeps.store import STORED_EVERY, Waiting, opened
 from barbalat.sweeps.stored import INDEX_FILE, INDEX_KEY, StoredRows, read_index, row_of
 from barbalat.sweeps.study import Study
 from barbalat.sweeps.sweep import run_study
@@ -95,15 +97,19 @@ def test_another_sweeps_store_is_refused_by_name(other, what, tmp_path):
 @pytest.mark.parametrize("design", [Design.RANDOM, Design.SOBOL])
 @pytest.mark.parametrize("interrupted", [False, True])
 def test_further_members_join_those_that_are_there(design, interrupted, tmp_path):
-    """20 in chunks of 6: of 33 three whole chunks are there, and the short last one is made again."""
+    """20 in chunks of 6: of 33 all of them are there, and the short last chunk is filled up by another file."""
+    import pandas as pd
+
     folder = tmp_path / "store"
     run(folder, study(20, design=design))
     if interrupted:
         (folder / "members-000000000006.parquet").unlink()
     found, whole = run(folder, study(33, design=design)), run(tmp_path / "whole", study(33, design=design))
-    assert found.resumed == (12 if interrupted else 18)
+    assert found.resumed == (14 if interrupted else 20)
     assert found.as_json() | {"resumed": 0} == whole.as_json()
-    assert sorted(one.name for one in folder.iterdir()) == sorted(one.name for one in (tmp_path / "whole").iterdir())
+    parts = [int(one.name[8:20]) for one in sorted(folder.glob("members-*"))]
+    assert parts == [0, 6, 12, 18, 20, 24, 30]
+    pd.testing.assert_frame_equal(pd.read_parquet(folder), pd.read_parquet(tmp_path / "whole"))
     with pytest.raises(InputError, match="is of other --vary, --sample, --members"):  # fewer are another sweep
         run(folder, study(20, design=design))
     with pytest.raises(InputError, match="is of other --vary, --sample, --members"):
@@ -269,6 +275,112 @@ def test_what_interrupts_a_chunk_leaves_the_others(tmp_path, monkeypatch):
         run(folder, prepared)
     monkeypatch.undo()
     assert not (folder / ".writing").exists() and run(folder, prepared).resumed == 12
+
+
+class Clock:
+    """Stands for the time; a member takes a tenth of a second."""
+
+    def __init__(self, monkeypatch, each=0.1):
+        self.now, simulated = 0.0, Study.run
+        for module in (chunks, store):
+            monkeypatch.setattr(module.time, "perf_counter", lambda: self.now)
+
+        def running(prepared, first, count, **options):
+            self.begins(first)
+            self.now += each * count
+            return simulated(prepared, first, count, **options)
+
+        monkeypatch.setattr(Study, "run", running)
+
+    def begins(self, first):
+        pass
+
+
+def slow(members=600):
+    """One nominal chunk would take a minute."""
+    return run_study, study(members, TEXT.replace("t_end = 60.0", "t_end = 0.6"))
+
+
+def test_what_is_complete_is_stored_every_few_seconds(tmp_path, monkeypatch):
+    """Whenever the writer is killed it has lost some seconds: what waited, and what was being run."""
+    folder, clock = tmp_path / "store", Clock(monkeypatch)
+    lost = []
+
+    def begins(first):
+        index = read_index(folder) if folder.exists() else None
+        stored = 0 if index is None else sum(file["count"] for file in index.files.values())
+        lost.append(0.1 * (first - stored))
+
+    clock.begins = begins
+    whole, prepared = slow()
+    found = whole(prepared, store=folder, bounds=False)
+    assert max(lost) <= STORED_EVERY + FEWEST_MEMBERS * 0.1  # and the unit that runs: a second, or the fewest members
+    files = read_index(folder).files
+    assert 600 * 0.1 / (STORED_EVERY + 3.2) <= len(files) <= 600 * 0.1 / STORED_EVERY + 2
+    monkeypatch.undo()
+    assert found.as_json() == whole(prepared, bounds=False).as_json()
+
+
+def test_parts_that_come_in_any_order_wait_for_each_other(tmp_path, monkeypatch):
+    """As from a cluster: a chunk of 6 goes into one file once all of it is there, and what is left of the others at the end."""
+    monkeypatch.setattr(store.time, "perf_counter", lambda: 0.0)
+    with opened(tmp_path / "store", {}, 20, 6) as found:
+        waiting = Waiting(found)
+        files = []
+        for first, size in ((4, 2), (8, 2), (0, 2), (6, 2), (2, 2), (18, 2), (10, 2), (14, 1)):
+            waiting.add(Chunk(first, size), {"member": np.arange(first, first + size)})
+            files.append(sorted((one["first"], one["count"]) for one in found.index.files.values()))
+        waiting.put()
+        assert files[3] == [] and files[4] == [(0, 6)] and files[5] == [(0, 6), (18, 2)] and files[6][1] == (6, 6)
+        assert found.missing == [(12, 2), (15, 3)] and found.rows().column("member").tolist() == [*range(12), 14, 18, 19]
+
+
+def test_a_store_of_many_files_is_written_less_often(tmp_path):
+    with opened(tmp_path / "store", {}, 10, 10) as found:
+        waiting = Waiting(found)
+        pauses = []
+        for files in (0, 1024, 1536, 4096):
+            found.index.files.update({str(i): {} for i in range(files)})
+            pauses.append(waiting.pause)
+    assert pauses == [STORED_EVERY, STORED_EVERY, 2 * STORED_EVERY, 64 * STORED_EVERY]
+
+
+def test_an_interrupt_stores_what_waits(tmp_path, monkeypatch):
+    folder, clock = tmp_path / "store", Clock(monkeypatch, each=0.0)
+
+    def begins(first):
+        if first >= 100:
+            raise KeyboardInterrupt
+
+    clock.begins = begins
+    whole, prepared = slow()
+    with pytest.raises(KeyboardInterrupt):
+        whole(prepared, store=folder, bounds=False)
+    monkeypatch.undo()
+    again = whole(prepared, store=folder, bounds=False)
+    assert again.resumed == 32 + 256  # the first unit, and the next one
+    assert again.as_json() | {"resumed": 0} == whole(prepared, bounds=False).as_json()
+
+
+def test_a_file_that_no_index_names_is_not_read_twice(tmp_path):
+    """A writer that was killed before it wrote the index; whoever goes on cuts the members in other places."""
+    import pandas as pd
+
+    folder, prepared = tmp_path / "store", study()
+    with opened(folder, prepared.identity() | {"bounds": False}, 20, 6) as found:
+        found.add(Chunk(0, 6), prepared.run(0, 6))
+        index = (folder / INDEX_FILE).read_bytes()
+        found.add(Chunk(8, 4), prepared.run(8, 4))
+    (folder / INDEX_FILE).write_bytes(index)
+    run(folder, prepared)
+    assert pd.read_parquet(folder)["member"].tolist() == list(range(20))
+
+
+def test_what_is_missing_is_what_no_file_holds(tmp_path):
+    columns = {"member": np.arange(4)}
+    with opened(tmp_path / "store", {}, 20, 6) as found:
+        found.add_all([(Chunk(4, 4), columns), (Chunk(14, 4), columns)])
+        assert found.missing == [(0, 4), (8, 4), (12, 2), (18, 2)] and found.stored == 8
 
 
 @pytest.mark.skipif(os.name == "nt" or os.geteuid() == 0, reason="root may write everywhere")

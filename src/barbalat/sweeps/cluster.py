@@ -8,7 +8,7 @@ import multiprocessing
 import re
 import warnings
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from threading import Event, Thread
 from typing import TYPE_CHECKING
@@ -165,7 +165,7 @@ class Workers:
     tables: dict[int, tuple[Setting, Future]] = field(default_factory=dict)
     under_way: dict[Future, tuple[_Given, int, str | None]] = field(default_factory=dict)
 
-    def run(self, chunks: Sequence[Chunk]) -> Iterator[tuple[Chunk, Columns]]:
+    def run(self, chunks: Iterable[Chunk]) -> Iterator[tuple[Chunk, Columns]]:
         """Each with its columns as it is complete, in any order; SchedulerLostError."""
         from distributed import as_completed
 

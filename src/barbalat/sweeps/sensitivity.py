@@ -151,7 +151,7 @@ def _saltelli(values: Array, plan: Plan, made: Made) -> Iterator[Sensitivity]:
     resampled = bootstrap(
         [np.arange(n)], first_order, confidence_level=CONFIDENCE_LEVEL, n_resamples=RESAMPLES, method="BCa", rng=generator
     )
-    low, high = resampled.confidence_interval
+    low, high = map(np.atleast_1d, resampled.confidence_interval)
     for i, path in enumerate(plan.draws):
         interval = {"low": _cut(low[i]), "high": _cut(high[i])}
         yield made(path=path, first=_cut(first[i]), **interval, total=_cut(whole[i]), estimator=SALTELLI)

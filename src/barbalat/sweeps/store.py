@@ -1,4 +1,4 @@
-"""A sweep on disk: a folder of Parquet files, one for each chunk, and an index. What is stored stays, whatever kills its writer.
+"""A sweep on disk: a folder of Parquet files, each of a chunk or a part of one, and an index. What is stored stays.
 
 Everything in the folder of a sweep at rest is Parquet, so that pandas, Polars and DuckDB read the folder as one table: the index
 is a file without rows, and its JSON stands in the file's metadata. While a sweep is written a lock and a folder for what is not
@@ -13,8 +13,9 @@ import io
 import os
 import shutil
 import sys
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -64,8 +65,19 @@ class Store:
 
     @property
     def missing(self) -> list[Chunk]:
-        """Those that are not there yet."""
-        return [chunk for chunk in self.chunks if name_of(chunk) not in self.index.files]
+        """Those that are not there yet; of a chunk that is there in part what it lacks."""
+        holes, here = [], 0
+        for first, count in sorted((file["first"], file["count"]) for file in self.index.files.values()):
+            holes.append((here, first))
+            here = first + count
+        found = []
+        for begin, end in (*holes, (here, self.index.members)):
+            first = begin
+            while first < end:
+                stop = min(end, (first // self.index.chunk + 1) * self.index.chunk)
+                found.append(Chunk(first, stop - first))
+                first = stop
+        return found
 
     @property
     def stored(self) -> int:
@@ -74,6 +86,20 @@ class Store:
 
     def add(self, chunk: Chunk, columns: Columns) -> None:
         """A chunk's columns: on disk when this returns, or not at all."""
+        self.add_all([(chunk, columns)])
+
+    def add_all(self, made: Sequence[tuple[Chunk, Columns]]) -> None:
+        """The same of several, each in a file of its own, with one index after them."""
+        before = dict(self.index.files)
+        try:
+            schemas = [self._add(chunk, columns) for chunk, columns in made]
+            self._write_index(schemas[-1])
+        except BaseException:
+            self.index.files.clear()
+            self.index.files.update(before)
+            raise
+
+    def _add(self, chunk: Chunk, columns: Columns) -> pa.Schema:
         from pyarrow import parquet
 
         table = _table(columns)
@@ -83,11 +109,16 @@ class Store:
         self._write(name_of(chunk), content)
         entry = {"first": chunk.first, "count": chunk.size, "sha256": hashlib.sha256(content).hexdigest()}
         self.index.files[name_of(chunk)] = entry
-        try:
-            self._write_index(table.schema)
-        except BaseException:
-            del self.index.files[name_of(chunk)]
-            raise
+        return table.schema
+
+    def remove_unlisted(self) -> None:
+        """Files of members that the index does not name: a writer was killed before it wrote the index.
+
+        Their members are run again, in other pieces perhaps, and who reads the folder as one table would have them twice.
+        """
+        for file in self.folder.iterdir():
+            if _ours(file) and file.name not in self.index.files:
+                file.unlink()
 
     def _write_index(self, schema: pa.Schema) -> None:
         from pyarrow import parquet
@@ -114,6 +145,73 @@ class Store:
 
     def rows(self) -> StoredRows:
         return StoredRows(self.folder, self.index)
+
+
+STORED_EVERY = 3.0
+"""Seconds after which what is complete is stored: what a kill costs, beside what is being run."""
+MANY_FILES, FILES_FOR_DOUBLE = 1024, 512
+"""A store of so many files is written less often, and with so many more again half as often: 4096 files are a day's."""
+MOST_WAITING = 4
+"""Chunks that wait in memory, in parts, at most: workers complete them in any order."""
+
+
+@dataclass(eq=False)
+class Waiting:
+    """What is complete and not stored yet; a chunk is stored as soon as nothing of it is missing, all else every few seconds."""
+
+    store: Store
+    made: list[tuple[Chunk, Columns]] = field(default_factory=list)
+    stored_at: float = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.stored_at = time.perf_counter()
+
+    def add(self, chunk: Chunk, columns: Columns) -> None:
+        """Take up what is complete, and store what is due."""
+        self.made.append((chunk, columns))
+        waiting = sum(one.size for one, _ in self.made)
+        if time.perf_counter() - self.stored_at >= self.pause or waiting >= MOST_WAITING * self.store.index.chunk:
+            self.put()
+            return
+        missing = set(self.store.missing)
+        for several in self._runs():
+            if _extent(several) in missing:
+                self.store.add_all([_joined(several)])
+                gone = {one for one, _ in several}
+                self.made = [one for one in self.made if one[0] not in gone]
+
+    @property
+    def pause(self) -> float:
+        """Seconds between two times of storing."""
+        return float(STORED_EVERY * 2.0 ** max((len(self.store.index.files) - MANY_FILES) / FILES_FOR_DOUBLE, 0.0))
+
+    def put(self) -> None:
+        """Store what waits; what could not be stored is forgotten."""
+        runs, self.made = self._runs(), []
+        if runs:
+            self.store.add_all([_joined(several) for several in runs])
+        self.stored_at = time.perf_counter()
+
+    def _runs(self) -> list[list[tuple[Chunk, Columns]]]:
+        """What goes into one file each: members of a chunk that follow one another."""
+        together: list[list[tuple[Chunk, Columns]]] = []
+        for one in sorted(self.made, key=lambda one: one[0]):
+            first = one[0].first
+            if first % self.store.index.chunk and together and sum(together[-1][-1][0]) == first:
+                together[-1].append(one)
+            else:
+                together.append([one])
+        return together
+
+
+def _extent(several: Sequence[tuple[Chunk, Columns]]) -> Chunk:
+    first = several[0][0].first
+    return Chunk(first, sum(several[-1][0]) - first)
+
+
+def _joined(several: Sequence[tuple[Chunk, Columns]]) -> tuple[Chunk, Columns]:
+    columns = [one for _, one in several]
+    return _extent(several), {name: np.concatenate([one[name] for one in columns]) for name in columns[0]}
 
 
 @contextlib.contextmanager
@@ -149,15 +247,18 @@ def opened(
     try:
         with _locked(folder):
             index = found()
+            damaged: tuple[str, ...] = ()
             if index is None:
                 _require_empty(folder)
-                yield Store(folder, StoreIndex.new(identity, members, chunk))
+                index = StoreIndex.new(identity, members, chunk)
             else:
                 require_same(folder, index, identity, differences)
                 damaged = _damaged(folder, index)
                 for name in damaged:
                     del index.files[name]
-                yield Store(folder, index, damaged)
+            store = Store(folder, index, damaged)
+            store.remove_unlisted()
+            yield store
     finally:
         for one in made:
             with contextlib.suppress(OSError):  # it is not empty

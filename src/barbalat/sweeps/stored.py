@@ -56,7 +56,7 @@ class StoreIndex:
 
 
 def name_of(chunk: Chunk) -> str:
-    """Of a chunk's file."""
+    """Of a file, by its first member."""
     return f"members-{chunk.first:012}.parquet"
 
 
@@ -113,15 +113,11 @@ def require_same(
 
 
 def grown(index: StoreIndex, identity: dict[str, Any], members: int) -> StoreIndex:
-    """The index for further members, of a plan that keeps its first; as it is where it is of another sweep or of as many.
-
-    A last chunk that was shorter than the others is made again.
-    """
+    """The index for further members, of a plan that keeps its first; as it is where it is of another sweep or of as many."""
     plan = index.identity.get("plan", {}) | {"members": members}
     if members <= index.members or -(-members // index.chunk) > MOST_CHUNKS or index.identity | {"plan": plan} != identity:
         return index
-    whole = {name: file for name, file in index.files.items() if file["count"] == index.chunk}
-    return replace(index, identity=identity, members=members, files=whole)
+    return replace(index, identity=identity, members=members, files=dict(index.files))
 
 
 class StoredRows:

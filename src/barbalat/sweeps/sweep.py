@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from itertools import chain
 from pathlib import Path
 
 from barbalat import validate
@@ -12,8 +13,8 @@ from barbalat.cases.build import Case
 from barbalat.cases.load import CaseText
 from barbalat.run.progress import Progress
 from barbalat.sweeps.bounds import ERROR_BOUND, Bounds
-from barbalat.sweeps.chunks import Chunk, chunk_size, chunks_of
-from barbalat.sweeps.cluster import Scheduler, Workers, connected
+from barbalat.sweeps.chunks import Chunk, Pace, chunk_size, chunks_of
+from barbalat.sweeps.cluster import CHUNKS_AHEAD, Scheduler, Workers, connected
 from barbalat.sweeps.evidence import evidence
 from barbalat.sweeps.kept import Kept, Made, in_order
 from barbalat.sweeps.paths import FieldPath
@@ -21,7 +22,7 @@ from barbalat.sweeps.plan import Design, Plan, design_of, members_of
 from barbalat.sweeps.requirement import Requirement
 from barbalat.sweeps.result import SweepResult
 from barbalat.sweeps.spread import Axis, Distribution
-from barbalat.sweeps.store import Store, opened
+from barbalat.sweeps.store import Store, Waiting, opened
 from barbalat.sweeps.stored import require_parquet
 from barbalat.sweeps.study import Columns, Study
 from barbalat.sweeps.varied import VariedObjects
@@ -92,7 +93,7 @@ def run_study(
 ) -> SweepResult:
     """All members; with a store those that it lacks.
 
-    chunk   members of a new store's files, by default as many as take about a second; no bit depends on it
+    chunk   members of a new store's files at most, by default as many as take about a second; no bit depends on it
     scheduler  of the workers that run them; by default threads here
     bounds  certify what can be certified, a second for each controller, and hold the errors against it
     told    what happened to the store, what is waited for
@@ -109,22 +110,27 @@ def run_study(
         if told is not None and sink.damaged:
             told(f"damaged in the store and made again: {', '.join(sink.damaged)}")
         resumed = done = sink.stored
-        missing = sink.missing
-        made = _here(study, missing, threads, progress) if scheduler is None else _elsewhere(study, missing, scheduler, told)
-        for one, figures in in_order(made) if sink.in_order else made:
-            sink.add(one, _judged(figures, study, judged, one))
-            done += one.size
-            if progress is not None:
-                progress(done / len(study))
+        pace = Pace(ahead=1 if scheduler is None else CHUNKS_AHEAD)
+        units = iter(sink.missing) if sink.in_order else pace.units(sink.missing)
+        made = _here(study, units, done, threads, progress) if scheduler is None else _elsewhere(study, units, scheduler, told)
+        with _kept(sink) as keep:
+            for one, figures in in_order(made) if sink.in_order else _paced(made, pace):
+                keep(one, _judged(figures, study, judged, one))
+                done += one.size
+                if progress is not None:
+                    progress(done / len(study))
         rows = sink.rows()
+    seconds = time.perf_counter() - started
+    notes = judged.notes if judged is not None else ()
+    found = evidence(rows, study.controllers, requirements, study.plan, notes)
     return SweepResult(
         case=study.example.name,
         controllers=study.controllers,
         plan=study.plan,
         rows=rows,
-        evidence=evidence(rows, study.controllers, requirements, study.plan, judged.notes if judged is not None else ()),
+        evidence=found,
         resumed=resumed,
-        seconds=time.perf_counter() - started,
+        seconds=seconds,
         member_steps=float(study.steps) * (len(study) - resumed),
     )
 
@@ -142,21 +148,41 @@ def _sink(study: Study, store: Path | None, chunk: int | None, columns: Sequence
         yield found
 
 
-def _here(study: Study, chunks: Sequence[Chunk], threads: int | None, progress: Progress | None) -> Made:
-    """In threads, one chunk after the other."""
-    done = len(study) - sum(chunk.size for chunk in chunks)
-    for one in chunks:
+@contextlib.contextmanager
+def _kept(sink: Store | Kept) -> Iterator[Callable[[Chunk, Columns], None]]:
+    """Takes what is complete; what a store has not written yet when it ends, in whatever way, is written then."""
+    if isinstance(sink, Kept):
+        yield sink.add
+        return
+    waiting = Waiting(sink)
+    try:
+        yield waiting.add
+    finally:
+        waiting.put()
+
+
+def _paced(made: Made, pace: Pace) -> Made:
+    """The same, where the next pieces are as large as these show to be right."""
+    for one, columns in made:
+        yield one, columns
+        pace.done(one)
+
+
+def _here(study: Study, units: Iterator[Chunk], done: int, threads: int | None, progress: Progress | None) -> Made:
+    """In threads, one after the other; ``done`` members are there already."""
+    for one in units:
         yield one, study.run(*one, threads=threads, progress=_part(progress, done, one.size, len(study)))
         done += one.size
 
 
-def _elsewhere(study: Study, chunks: Sequence[Chunk], scheduler: Scheduler, told: Told | None) -> Made:
+def _elsewhere(study: Study, units: Iterator[Chunk], scheduler: Scheduler, told: Told | None) -> Made:
     """On a cluster, in any order."""
-    if chunks:
+    first = next(units, None)
+    if first is not None:
         with connected(scheduler) as client:
             if told is not None and not client.nthreads():
                 told(f"no worker at {scheduler.address} yet: the sweep begins when one joins, 'dask worker {scheduler.address}'")
-            yield from Workers(study, client).run(chunks)
+            yield from Workers(study, client).run(chain([first], units))
 
 
 def _judged(found: Columns, study: Study, bounds: Bounds | None, chunk: Chunk) -> Columns:
