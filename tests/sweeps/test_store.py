@@ -33,14 +33,14 @@ def study(members=20, text=TEXT, **options):
 
 
 def run(folder, prepared=None, **options):
-    return run_study(prepared or study(), store=folder, chunk=6, bounds=False, **options)
+    return run_study(prepared or study(), store=folder, chunk=6, bounds=False, audit=0, **options)
 
 
 def test_a_store_is_one_table_and_goes_on(tmp_path):
     import pandas as pd
 
     folder = tmp_path / "deep" / "store"
-    whole = run_study(study(), bounds=False)
+    whole = run_study(study(), bounds=False, audit=0)
     found = run(folder)
     assert found.resumed == 0 and sorted(file.name for file in folder.iterdir()) == [
         INDEX_FILE, *(f"members-{first:012}.parquet" for first in (0, 6, 12, 18)),
@@ -313,12 +313,12 @@ def test_what_is_complete_is_stored_every_few_seconds(tmp_path, monkeypatch):
 
     clock.begins = begins
     whole, prepared = slow()
-    found = whole(prepared, store=folder, bounds=False)
+    found = whole(prepared, store=folder, bounds=False, audit=0)
     assert max(lost) <= STORED_EVERY + FEWEST_MEMBERS * 0.1  # and the unit that runs: a second, or the fewest members
     files = read_index(folder).files
     assert 600 * 0.1 / (STORED_EVERY + 3.2) <= len(files) <= 600 * 0.1 / STORED_EVERY + 2
     monkeypatch.undo()
-    assert found.as_json() == whole(prepared, bounds=False).as_json()
+    assert found.as_json() == whole(prepared, bounds=False, audit=0).as_json()
 
 
 def test_parts_that_come_in_any_order_wait_for_each_other(tmp_path, monkeypatch):
@@ -355,11 +355,11 @@ def test_an_interrupt_stores_what_waits(tmp_path, monkeypatch):
     clock.begins = begins
     whole, prepared = slow()
     with pytest.raises(KeyboardInterrupt):
-        whole(prepared, store=folder, bounds=False)
+        whole(prepared, store=folder, bounds=False, audit=0)
     monkeypatch.undo()
-    again = whole(prepared, store=folder, bounds=False)
+    again = whole(prepared, store=folder, bounds=False, audit=0)
     assert again.resumed == 32 + 256  # the first unit, and the next one
-    assert again.as_json() | {"resumed": 0} == whole(prepared, bounds=False).as_json()
+    assert again.as_json() | {"resumed": 0} == whole(prepared, bounds=False, audit=0).as_json()
 
 
 def test_a_file_that_no_index_names_is_not_read_twice(tmp_path):

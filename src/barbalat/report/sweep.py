@@ -10,6 +10,7 @@ from barbalat.pictures.numbers import number_text
 from barbalat.sweeps.evidence import FINDINGS
 from barbalat.sweeps.result import SweepResult
 from barbalat.sweeps.spread import InBall
+from barbalat.sweeps.study import OSCILLATED
 
 SHOWN = ("max_abs_e", "rms_e", "tail_max_abs_e", "max_abs_u", "max_abs_y", "diverged_at")
 """Figures, without their components; the others are in the JSON and in a store."""
@@ -39,10 +40,10 @@ def varied(found: SweepResult) -> list[tuple[str, str]]:
 
 
 def shares(found: SweepResult) -> list[list[str]]:
-    """What is judged, the controller, how many members, their share, the ends of its interval."""
-    return [
+    """What is judged, the controller, how many members, their share, the ends of its interval; then who can't be judged."""
+    rows = [
         [
-            name if name in FINDINGS else f"broke {name}",
+            _judged(name),
             controller,
             f"{share.count} of {share.judged}",
             *map(percent, (share.share, *share.interval)),
@@ -50,6 +51,15 @@ def shares(found: SweepResult) -> list[list[str]]:
         for name, by in found.evidence.shares.items()
         for controller, share in by.items()
     ]
+    return rows + [
+        [_judged(OSCILLATED), one, f"not examined: {why}", "-", "-", "-"] for one, why in found.evidence.unexamined.items()
+    ]
+
+
+def _judged(name: str) -> str:
+    if name == OSCILLATED:
+        return "estimates oscillated"
+    return name if name in FINDINGS else f"broke {name}"
 
 
 def extremes(found: SweepResult) -> list[list[str]]:

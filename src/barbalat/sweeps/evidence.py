@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Mapping, Sequence
+from collections.abc import Hashable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import reduce
-from typing import TypeVar
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 
@@ -22,6 +22,8 @@ CONFIDENCE_LEVEL = 0.95
 DIVERGED, OUT_OF_BOUND = "diverged", "above the guaranteed bound"
 FINDINGS = frozenset({DIVERGED, OSCILLATED, OUT_OF_BOUND})
 """Names of shares; any other share is that of the members which broke the requirement that it is named after."""
+EXAMINED = "the estimates alone: a limit cycle of the control or of the state with estimates at rest is not counted"
+"""What ``oscillated`` looks at."""
 NO_FIGURES = (OSCILLATED, ERROR_BOUND)
 """Columns of a controller that are no figures of a run."""
 
@@ -120,6 +122,8 @@ class Extremes:
 class Evidence:
     """By what is judged, or by a figure, and then by controllers.
 
+    failed  (M,) truth values: which members failed by anything that is judged
+    unexamined  why ``oscillated`` is said of no member, by the controllers of which it is not
     filled  median and largest max |e| as a part of the guaranteed bound: how much of what is promised a run can use up
     """
 
@@ -129,27 +133,31 @@ class Evidence:
     sensitivities: list[Sensitivity]
     notes: list[str]
     intervals: str
+    failed: Array
+    unexamined: dict[str, str]
 
 
 def evidence(
-    rows: Rows, controllers: Sequence[str], requirements: Sequence[Requirement], plan: Plan, notes: Sequence[str] = ()
+    rows: Rows,
+    controllers: Sequence[str],
+    requirements: Sequence[Requirement],
+    plan: Plan,
+    notes: Sequence[str] = (),
+    unexamined: Mapping[str, str] | None = None,
 ) -> Evidence:
     """Read off the columns, one after another; ``notes`` are what is known beforehand to be missing."""
     shares: dict[str, dict[str, Share]] = {DIVERGED: {}, OSCILLATED: {}}
     metrics: dict[str, dict[str, Extremes]] = {}
     filled: dict[str, Extremes] = {}
-    names = list(rows.names)
+    names, unexamined = list(rows.names), dict(unexamined or {})
+    failed = np.zeros(len(rows.column("member")), dtype=bool)
     for controller in controllers:
-        diverged = np.isfinite(rows.column(f"{controller}/diverged_at"))
-        everyone = np.ones(len(diverged), dtype=bool)
-        _count(shares, DIVERGED, controller, diverged, everyone)
-        _swinging(shares, rows, controller)
-        for requirement in requirements:
-            columns = requirement.columns(names, controller)
-            if columns:
-                broken = np.logical_or.reduce([requirement.broken(rows.column(name)) for name in columns])
-                _count(shares, str(requirement), controller, broken, everyone)
-        _bounded(shares, filled, rows, controller)
+        for verdict in verdicts(rows, controller, requirements, unexamined):
+            if verdict.judged.any():
+                share = Share(count=int(verdict.counted.sum()), judged=int(verdict.judged.sum()))
+                shares.setdefault(verdict.name, {})[controller] = share
+            failed |= verdict.counted
+        _fill(filled, rows, controller)
         for name in names:
             figure = name.removeprefix(f"{controller}/")
             if name == figure or figure in NO_FIGURES:
@@ -165,32 +173,53 @@ def evidence(
         metrics=metrics,
         filled=filled,
         intervals=_meaning(plan),
+        failed=failed,
+        unexamined=unexamined,
     )
 
 
-def _count(shares: dict[str, dict[str, Share]], name: str, controller: str, counted: Array, judged: Array) -> None:
-    if judged.any():
-        shares.setdefault(name, {})[controller] = Share(count=int((counted & judged).sum()), judged=int(judged.sum()))
+class Verdict(NamedTuple):
+    """What is judged, (M,) which members are counted, and (M,) of which of them it is known."""
+
+    name: str
+    counted: Array
+    judged: Array
 
 
-def _swinging(shares: dict[str, dict[str, Share]], rows: Rows, controller: str) -> None:
-    swings = rows.column(f"{controller}/{OSCILLATED}")
-    _count(shares, OSCILLATED, controller, swings == 1, np.isfinite(swings))
+def verdicts(
+    rows: Rows, controller: str, requirements: Sequence[Requirement], unexamined: Mapping[str, str]
+) -> Iterator[Verdict]:
+    """Of all members with one controller; who diverged breaks every requirement."""
+    diverged = np.isfinite(rows.column(f"{controller}/diverged_at"))
+    everyone = np.ones(len(diverged), dtype=bool)
+    yield Verdict(DIVERGED, diverged, everyone)
+    if controller not in unexamined:
+        swings = rows.column(f"{controller}/{OSCILLATED}")
+        yield Verdict(OSCILLATED, swings == 1, np.isfinite(swings))
+    for requirement in requirements:
+        columns = requirement.columns(list(rows.names), controller)
+        if columns:
+            broken = np.logical_or.reduce([requirement.broken(rows.column(name)) for name in columns])
+            yield Verdict(str(requirement), broken, everyone)
+    if f"{controller}/{ERROR_BOUND}" in rows.names:
+        bound = rows.column(f"{controller}/{ERROR_BOUND}")
+        judged = np.isfinite(bound)
+        with np.errstate(invalid="ignore"):
+            yield Verdict(OUT_OF_BOUND, ~(largest_error(rows, controller) <= bound) & judged, judged)
 
 
-def _bounded(shares: dict[str, dict[str, Share]], filled: dict[str, Extremes], rows: Rows, controller: str) -> None:
+def largest_error(rows: Rows, controller: str) -> Array:
+    """(M,) of all components; NaN where a member diverged."""
+    return reduce(np.maximum, (rows.column(name) for name in rows.names if name.startswith(f"{controller}/max_abs_e[")))
+
+
+def _fill(filled: dict[str, Extremes], rows: Rows, controller: str) -> None:
     """Against what is guaranteed of each member, where something is."""
     if f"{controller}/{ERROR_BOUND}" not in rows.names:
         return
     bound = rows.column(f"{controller}/{ERROR_BOUND}")
-    judged = np.isfinite(bound)
-    if not judged.any():
-        return
-    errors = (rows.column(name) for name in rows.names if name.startswith(f"{controller}/max_abs_e["))
-    largest = reduce(np.maximum, errors)
-    with np.errstate(invalid="ignore"):
-        _count(shares, OUT_OF_BOUND, controller, ~(largest <= bound), judged)
-        found = Extremes.of(np.where(judged, largest / bound, np.nan))
+    with np.errstate(invalid="ignore", divide="ignore"):
+        found = Extremes.of(np.where(np.isfinite(bound), largest_error(rows, controller) / bound, np.nan))
     if found is not None:
         filled[controller] = found
 

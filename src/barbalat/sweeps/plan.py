@@ -123,7 +123,10 @@ class Plan:
 
     def values(self, first: int, count: int) -> Array:
         """(count, paths) of the members from number ``first`` on."""
-        numbers = np.arange(first, first + count)
+        return self.values_for(np.arange(first, first + count))
+
+    def values_for(self, numbers: Array) -> Array:
+        """(K, paths) of the members with these numbers."""
         point, draw = np.divmod(numbers, self.draws_each)
         columns = []
         for axis in reversed(list(self.axes.values())):
@@ -140,7 +143,11 @@ class Plan:
 
     def streams(self, first: int, count: int) -> Array:
         """(count,) numbers of the members' noise: of its draw, so that one draw has the same noise all over the grid."""
-        return np.arange(first, first + count) % self.draws_each
+        return self.streams_for(np.arange(first, first + count))
+
+    def streams_for(self, numbers: Array) -> Array:
+        """The same of the members with these numbers."""
+        return np.asarray(numbers % self.draws_each)
 
     def _shares(self, draw: Array) -> Array:
         """(K, draws) for these numbers of draws, which may begin anew where the grid goes on."""

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from barbalat import validate
-from barbalat.sweeps.evidence import Evidence
+from barbalat.sweeps.audit import Audit
+from barbalat.sweeps.evidence import EXAMINED, Evidence
 from barbalat.sweeps.plan import Plan
 from barbalat.sweeps.rows import Rows
+from barbalat.sweeps.study import OSCILLATED
 from barbalat.validate import Array
 
 if TYPE_CHECKING:
@@ -22,6 +25,8 @@ class SweepResult:
 
     resumed     members that were found in the store
     seconds     of all that was simulated now
+    redesigned  what is designed anew for each member, by the paths from which it follows
+    audit       what a finer step says of the verdicts on some of the members
     member_steps  solver steps of all members that were simulated now, those of every controller
     """
 
@@ -30,6 +35,8 @@ class SweepResult:
     plan: Plan
     rows: Rows
     evidence: Evidence
+    redesigned: Mapping[str, tuple[str, ...]]
+    audit: Audit
     resumed: int
     seconds: float
     member_steps: float
@@ -41,6 +48,19 @@ class SweepResult:
         diverged = ", ".join(f"{name} {share.count}" for name, share in self.evidence.shares["diverged"].items())
         varied = ", ".join(map(str, self.plan.paths))
         return f"<SweepResult {self.case!r}: {validate.counted(len(self), 'member')} over {varied}; diverged: {diverged}>"
+
+    @property
+    def redesign_notes(self) -> list[str]:
+        """For people, which designs are not kept."""
+        by_design: dict[tuple[str, ...], list[str]] = {}
+        for path, designs in self.redesigned.items():
+            by_design.setdefault(designs, []).append(path)
+        return [
+            f"{', '.join(designs)} {'are' if len(designs) > 1 else 'is'} designed anew for each member, from its own "
+            f"{', '.join(paths)}: this sweep tries many designs, each on the plant that it was made for, and not one design on "
+            f"many plants{'; plant.theta varies the plant alone' if paths[0].startswith(('plant.A', 'plant.b')) else ''}"
+            for designs, paths in by_design.items()
+        ]
 
     def column(self, name: str) -> Array:
         """(M,) by the members' numbers, under its name in a store: ``plant.theta[0]``, ``L1/max_abs_e[0]``."""
@@ -69,6 +89,9 @@ class SweepResult:
             "design": self.plan.as_json(),
             "metrics": {name: {c: one.as_json() for c, one in by.items()} for name, by in found.metrics.items()},
             "shares": {name: {c: one.as_json() for c, one in by.items()} for name, by in found.shares.items()},
+            "examined": {OSCILLATED: {"what": EXAMINED, "not_examined": found.unexamined}},
+            "redesigned": {path: list(designs) for path, designs in self.redesigned.items()},
+            "audit": self.audit.as_json(),
             "sensitivity": [one.as_json() for one in found.sensitivities],
             "notes": found.notes,
             "intervals": found.intervals,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -18,7 +19,7 @@ from barbalat.run.metrics import Metrics
 from barbalat.run.progress import Progress, part_of
 from barbalat.study.criteria import Expected, Onset, tail_error
 from barbalat.study.ideal_benchmark import known_width
-from barbalat.sweeps.kinds import Kind, Tried, kinds_of
+from barbalat.sweeps.kinds import Kind, Tried, kinds_of, redesigned
 from barbalat.sweeps.plan import Plan
 from barbalat.sweeps.setting import RefusedError, Setting
 from barbalat.sweeps.varied import Varied
@@ -28,7 +29,7 @@ Columns = dict[str, Array]
 """(M,) values by the names of a store's columns."""
 
 OSCILLATED = "oscillated"
-"""A controller's column: whether its estimates swing, by ``Onset``; NaN where the width of what is known of them is not."""
+"""A controller's column: whether its estimates swing, by ``Onset``; NaN where it has none, or where their range is not known."""
 MOST_SETTINGS = 64
 """Kernels that are kept for members to come."""
 
@@ -93,18 +94,26 @@ class Study:
 
     def parts(self, first: int, count: int) -> Iterator[StudyPart]:
         """Members that run together, ready for their kernels; InputError, with its number, for one that makes no case."""
-        rows, streams = self.values(first, count), self.plan.streams(first, count)
+        return self.parts_for(np.arange(first, first + count))
+
+    def parts_for(self, numbers: Array) -> Iterator[StudyPart]:
+        """The same of the members with these numbers, (K,)."""
+        rows, streams = self.plan.values_for(numbers), self.plan.streams_for(numbers)
         for which in self._groups(rows):
             setting = self.setting(rows[which[0]])
             try:
                 yield StudyPart(which, setting, setting.members(rows[which], streams[which]))
             except RefusedError as error:
-                raise InputError(f"member {first + int(which[error.place])}: {error}") from None
+                raise InputError(f"member {int(numbers[which[error.place]])}: {error}") from None
 
     def columns(self, first: int, count: int, parts: Sequence[StudyPart], figures: Sequence[Sequence[Metrics]]) -> Columns:
         """All columns of members whose parts have run, by each part's figures of each controller."""
-        rows = self.values(first, count)
-        found: Columns = {"member": np.arange(first, first + count)}
+        return self.columns_for(np.arange(first, first + count), parts, figures)
+
+    def columns_for(self, numbers: Array, parts: Sequence[StudyPart], figures: Sequence[Sequence[Metrics]]) -> Columns:
+        """The same of the members with these numbers, (K,)."""
+        rows, count = self.plan.values_for(numbers), len(numbers)
+        found: Columns = {"member": numbers}
         found |= {str(path): rows[:, i] for i, path in enumerate(self.plan.paths)}
         for part, metrics in zip(parts, figures, strict=True):
             judged = self._oscillated(part.setting, metrics)
@@ -164,7 +173,25 @@ class Study:
                 explained=np.zeros(count),
             )
             swings = Onset().undelayed(one, expected).astype(float)
-            found.append(np.where(np.isfinite(one.diverged_at) | (not np.isfinite(width).all()), np.nan, swings))
+            unknown = len(width) == 0 or not np.isfinite(width).all()
+            found.append(np.where(np.isfinite(one.diverged_at) | unknown, np.nan, swings))
+        return found
+
+    @cached_property
+    def redesigned(self) -> dict[str, tuple[str, ...]]:
+        """Which controllers are made anew for each member, by the paths from which they follow; see ``kinds.redesigned``."""
+        return redesigned(self.varied, self.tried)
+
+    @cached_property
+    def unexamined(self) -> dict[str, str]:
+        """Why nobody can say whether a controller's estimates swing, by its name; without those of which it is said."""
+        widths = (known_width(self.example.problem, one) for one in self.example.controllers)
+        found = {}
+        for name, width in zip(self.controllers, widths, strict=True):
+            if len(width) == 0:
+                found[name] = "it has no estimates"
+            elif not np.isfinite(width).all():
+                found[name] = "the range in which its estimates lie is not known"
         return found
 
     def equations(self) -> str:

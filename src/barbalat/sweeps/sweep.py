@@ -12,6 +12,7 @@ from barbalat import validate
 from barbalat.cases.build import Case
 from barbalat.cases.load import CaseText
 from barbalat.run.progress import Progress
+from barbalat.sweeps.audit import audit as audited
 from barbalat.sweeps.bounds import ERROR_BOUND, Bounds
 from barbalat.sweeps.chunks import Chunk, Pace, chunk_size, chunks_of
 from barbalat.sweeps.cluster import CHUNKS_AHEAD, Scheduler, Workers, connected
@@ -44,6 +45,7 @@ def sweep(
     store: str | Path | None = None,
     scheduler: str | Scheduler | None = None,
     bounds: bool = True,
+    audit: int | None = None,
     threads: int | None = None,
     progress: Progress | None = None,
 ) -> SweepResult:
@@ -59,6 +61,8 @@ def sweep(
     store    a folder that keeps every row and from which the same call goes on
     scheduler  "tcp://HOST:PORT" of a Dask scheduler, or "local:N" for N processes here; the same bits as in threads, the default
     bounds   certify what can be certified and hold the errors against it
+    audit    members that are run again with a step 4 times smaller, 0 for none; by default 32, or as many as an eighth of the
+             sweep's solver steps affords
     Raises InputError.
     """
     requirements = [Requirement.parse(text) for text in require]
@@ -74,6 +78,7 @@ def sweep(
         store=folder,
         scheduler=Scheduler.parse(scheduler) if isinstance(scheduler, str) else scheduler,
         bounds=bounds,
+        audit=audit,
         threads=threads,
         progress=progress,
     )
@@ -87,6 +92,7 @@ def run_study(
     chunk: int | None = None,
     scheduler: Scheduler | None = None,
     bounds: bool = True,
+    audit: int | None = None,
     threads: int | None = None,
     progress: Progress | None = None,
     told: Told | None = None,
@@ -96,9 +102,12 @@ def run_study(
     chunk   members of a new store's files at most, by default as many as take about a second; no bit depends on it
     scheduler  of the workers that run them; by default threads here
     bounds  certify what can be certified, a second for each controller, and hold the errors against it
+    audit   members that are run again with a finer step; see ``audit.audit``
     told    what happened to the store, what is waited for
     Raises InputError for a member that makes no case, with its number; what was stored before stays.
     """
+    if audit is not None:
+        validate.whole("audit", audit, least=0)
     if store is not None:
         require_parquet()
     judged = Bounds(study) if bounds else None
@@ -122,13 +131,15 @@ def run_study(
         rows = sink.rows()
     seconds = time.perf_counter() - started
     notes = judged.notes if judged is not None else ()
-    found = evidence(rows, study.controllers, requirements, study.plan, notes)
+    found = evidence(rows, study.controllers, requirements, study.plan, notes, study.unexamined)
     return SweepResult(
         case=study.example.name,
         controllers=study.controllers,
         plan=study.plan,
         rows=rows,
         evidence=found,
+        redesigned=study.redesigned,
+        audit=audited(study, found, requirements, judged, members=audit, threads=threads),
         resumed=resumed,
         seconds=seconds,
         member_steps=float(study.steps) * (len(study) - resumed),

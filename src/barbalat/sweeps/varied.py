@@ -19,6 +19,7 @@ class Varied(ABC):
     """What stands at ``paths`` is given for each member."""
 
     paths: tuple[FieldPath, ...]
+    """Where the numbers stand that vary."""
 
     @property
     @abstractmethod

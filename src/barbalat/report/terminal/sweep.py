@@ -5,6 +5,7 @@ from __future__ import annotations
 from barbalat.report import sweep
 from barbalat.report.sweep import percent
 from barbalat.report.terminal.layout import Screen, grouped
+from barbalat.sweeps.evidence import EXAMINED
 from barbalat.sweeps.result import SweepResult
 from barbalat.validate import counted
 
@@ -12,8 +13,13 @@ from barbalat.validate import counted
 def show(screen: Screen, found: SweepResult) -> None:
     """Shares with their intervals, extremes with the member to look at, how the numbers came about."""
     screen.line(f"{found.case}: {counted(len(found), 'member')} over {', '.join(map(str, found.plan.paths))}", "bold")
-    shares = [[name, screen.name(who), *cells, f"{low} to {high}"] for name, who, *cells, low, high in sweep.shares(found)]
+    for note in found.redesign_notes:
+        screen.line(f"{note[0].upper()}{note[1:]}.", "yellow")
+    shares = [[name, screen.name(who), *cells, _interval(low, high)] for name, who, *cells, low, high in sweep.shares(found)]
     screen.table(("", "controller", "members", "share", "95 % interval"), grouped(shares), leads=2)
+    screen.line(f"Oscillated examines {EXAMINED}.")
+    for sentence in found.audit.sentences:
+        screen.line(f"Audit: {sentence}.", "yellow" if found.audit.changed != 0 else "")
     screen.line("")
     extremes = [[name, screen.name(who), *cells] for name, who, *cells in sweep.extremes(found)]
     screen.table(("figure", "controller", "least", "median", "largest", "worst member"), grouped(extremes), leads=2)
@@ -45,3 +51,7 @@ def show(screen: Screen, found: SweepResult) -> None:
         screen.line(f"In the store already: {counted(found.resumed, 'member')}.")
     rate = found.member_steps / max(found.seconds, 1e-9)
     screen.line(f"{found.seconds:.1f} s, {rate:.3g} solver steps/s in all.")
+
+
+def _interval(low: str, high: str) -> str:
+    return low if low == "-" else f"{low} to {high}"

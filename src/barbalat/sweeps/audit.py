@@ -1,0 +1,261 @@
+"""Is it the solver's? Some members of a finished sweep once more at a finer step, and which verdicts that changes.
+
+The finer runs are recorded, so that a demand that swings between the actuator's limits is seen as well: no figure of a sweep
+shows it, and the estimates may be at rest all the while.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from barbalat.cases.build import Case
+from barbalat.run import delay
+from barbalat.run.batch import Batch
+from barbalat.run.diagnosis.rails import rail_to_rail
+from barbalat.run.diagnosis.step_comparison import EQUAL_FIGURES_SHARE
+from barbalat.run.engine import run
+from barbalat.run.metrics import Metrics
+from barbalat.study.finer_step import FINER_BY, MOST_AUDITED, drawn, said
+from barbalat.sweeps.bounds import ERROR_BOUND, Bounds
+from barbalat.sweeps.evidence import Evidence, largest_error, verdicts
+from barbalat.sweeps.paths import FieldPath
+from barbalat.sweeps.requirement import Requirement
+from barbalat.sweeps.study import Columns, Study, StudyPart
+from barbalat.sweeps.varied import Varied
+from barbalat.validate import Array, InputError
+
+LARGEST_SHARE = 8
+"""At most one part in so many of the sweep's solver steps goes into its audit."""
+ALWAYS_AFFORDED = 10**8
+"""Solver steps that an audit may take in a small sweep too: a second of one core."""
+WORST_SHARE = 4
+"""At most one in so many of the members that are run again is there for having the largest error."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Changed:
+    """Of one verdict on one controller: to how many audited members it was given, and how many lose or gain it."""
+
+    changed: int
+    judged: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class Audit:
+    """What a finer step says of a sweep's verdicts.
+
+    members    numbers of those that were run again; ``of`` how many there are
+    changed    of them, those with another verdict on any controller; None where nothing could be run, see ``why``
+    verdicts   by what is judged, and then by controllers
+    errors     by controllers, members whose largest |e| differs by more than a tenth
+    swinging   by controllers, members whose demand swings from limit to limit until the end, at the finer step
+    limited    whether the actuator has limits
+    """
+
+    members: tuple[int, ...] = ()
+    of: int = 0
+    changed: int | None = None
+    verdicts: Mapping[str, Mapping[str, Changed]] = field(default_factory=dict)
+    errors: Mapping[str, int] = field(default_factory=dict)
+    swinging: Mapping[str, tuple[int, ...]] = field(default_factory=dict)
+    limited: bool = False
+    why: str = ""
+
+    @property
+    def sentences(self) -> list[str]:
+        """The same for people."""
+        if self.changed is None:
+            return [f"no member was run again with a finer step, so that any share may be the solver's: {self.why}"]
+        found = [said(len(self.members), self.changed, self._changes)]
+        if errors := {name: count for name, count in self.errors.items() if count}:
+            counts = ", ".join(f"{count} of {name}" for name, count in errors.items())
+            found.append(f"the largest |e| changed by more than {EQUAL_FIGURES_SHARE:.0%} in these members: {counts}")
+        if swinging := {name: which for name, which in self.swinging.items() if which}:
+            counts = ", ".join(f"{len(which)} of {name} (such as member {which[0]})" for name, which in swinging.items())
+            found.append(
+                f"of the same {len(self.members)} the demand swings from limit to limit of the actuator until the end: {counts}; "
+                "no share counts that"
+            )
+        elif self.limited:
+            found.append(f"of the same {len(self.members)} no demand swings from limit to limit of the actuator until the end")
+        return found
+
+    @property
+    def _changes(self) -> str:
+        return ", ".join(
+            f"{name} of {controller} {one.changed}"
+            for name, by in self.verdicts.items()
+            for controller, one in by.items()
+            if one.changed
+        )
+
+    def as_json(self) -> dict[str, Any]:
+        """``share`` is that of the members with a changed verdict."""
+        count = len(self.members)
+        return {
+            "members": list(self.members),
+            "finer_by": FINER_BY,
+            "changed": self.changed,
+            "share": None if self.changed is None else self.changed / count,
+            "verdicts": {name: {c: dict(vars(one)) for c, one in by.items()} for name, by in self.verdicts.items()},
+            "errors": dict(self.errors),
+            "limit_to_limit": {name: list(found) for name, found in self.swinging.items()},
+            "sentences": self.sentences,
+        }
+
+
+def audit(
+    study: Study,
+    evidence: Evidence,
+    requirements: Sequence[Requirement] = (),
+    bounds: Bounds | None = None,
+    *,
+    members: int | None = None,
+    threads: int | None = None,
+) -> Audit:
+    """Run some members again, as they were and with a finer step.
+
+    Half of them are drawn from those that failed and half from the others, as far as there are, by the plan's seed; the members
+    with the largest errors come first. ``members`` says how many, by default MOST_AUDITED or what an eighth of the sweep's
+    solver steps affords, and a second of one core.
+    """
+    count = _affordable(study) if members is None else min(members, len(study))
+    if count == 0:
+        return Audit(why="none was asked for", of=len(study))
+    chosen = _chosen(evidence, count, study.plan.seed)
+    try:
+        before = _Rows(_run(study, chosen, threads)[0], study, bounds)
+        finer = Study(Finer(study.varied, FINER_BY), study.plan)
+        columns, swinging = _run(finer, chosen, threads, record=True)
+    except InputError as error:
+        return Audit(why=str(error), of=len(study))
+    return _compared(chosen, before, _Rows(columns, study, bounds), swinging, study, evidence, requirements)
+
+
+def _affordable(study: Study) -> int:
+    steps = max(len(study) * study.steps // LARGEST_SHARE, ALWAYS_AFFORDED)
+    each = (FINER_BY + 1) * study.steps
+    return int(min(max(steps // each, 1), MOST_AUDITED, len(study)))
+
+
+def _chosen(evidence: Evidence, count: int, seed: int) -> Array:
+    """(K,) numbers in their order."""
+    errors = [by for name, by in evidence.metrics.items() if name.startswith("max_abs_e[")]
+    worst = list(dict.fromkeys(one.worst_member for by in errors for one in by.values()))[: -(-count // WORST_SHARE)]
+    return drawn(evidence.failed, count, seed, worst)
+
+
+@dataclass(frozen=True, eq=False)
+class Finer(Varied):
+    """The same cases with smaller steps. A sampled controller keeps its sample time, and a sampled law its own steps."""
+
+    varied: Varied
+    factor: int
+
+    @property
+    def paths(self) -> tuple[FieldPath, ...]:  # type: ignore[override]
+        """Those of what is refined."""
+        return self.varied.paths
+
+    @property
+    def source(self) -> str:
+        return self.varied.source
+
+    def at(self, values: Sequence[float] | Array) -> Case:
+        case = self.varied.at(values)
+        return replace(case, simulation=replace(case.simulation, dt=case.simulation.dt / self.factor))
+
+
+class _Rows:
+    """Columns of some members, with what is guaranteed of each, as a finished sweep can be asked."""
+
+    def __init__(self, columns: Columns, study: Study, bounds: Bounds | None) -> None:
+        self.columns = dict(columns)
+        if bounds is not None:
+            guaranteed = bounds.of(study.plan.values_for(columns["member"]))
+            self.columns |= {f"{name}/{ERROR_BOUND}": values for name, values in guaranteed.items()}
+
+    @property
+    def names(self) -> list[str]:
+        return list(self.columns)
+
+    def column(self, name: str) -> Array:
+        return self.columns[name]
+
+    def row(self, member: int) -> dict[str, float]:
+        place = int(np.flatnonzero(self.columns["member"] == member)[0])
+        return {name: float(values[place]) for name, values in self.columns.items()}
+
+
+def _run(
+    study: Study, numbers: Array, threads: int | None, *, record: bool = False
+) -> tuple[Columns, dict[str, tuple[int, ...]]]:
+    """All columns of these members; where they are recorded, also those that swing from limit to limit, by controllers."""
+    parts: list[StudyPart] = []
+    figures: list[list[Metrics]] = []
+    swinging: dict[str, list[int]] = {name: [] for name in study.controllers}
+    for part in study.parts_for(numbers):
+        simulation = part.setting.simulation
+        for one in part.members:
+            delay.require_memory(one.longest_delay, one.loop.inputs, len(one) * len(part.members), simulation.dt)
+        batches = [Batch.part(one, slice(0, len(one)), record=record) for one in part.members]
+        run(batches, part.setting.signals, simulation, threads=threads)
+        parts.append(replace(part, members=()))
+        figures.append([batch.metrics(simulation) for batch in batches])
+        if record:
+            cases = [study.varied.at(study.plan.values_for(numbers[[place]])[0]) for place in part.which]
+            for name, batch, metrics in zip(study.controllers, batches, figures[-1], strict=True):
+                which = _swinging(cases, batch, metrics)
+                swinging[name] += [int(numbers[place]) for place in part.which[which]]
+    return study.columns_for(numbers, parts, figures), {name: tuple(sorted(found)) for name, found in swinging.items()}
+
+
+def _swinging(cases: Sequence[Case], batch: Batch, metrics: Metrics) -> Array:
+    """(J,) truth values, of each member of a recorded batch."""
+    simulation = cases[0].simulation
+    blocks = batch.blocks(simulation)
+    t = simulation.time(np.append(blocks.starts, simulation.steps))
+    low, high = blocks.figure("u", "min"), blocks.figure("u", "max")
+    return np.array(
+        [
+            metrics.end_of(j) is None and rail_to_rail(case.problem, t, simulation.t_end, low[:, :, j], high[:, :, j]) is not None
+            for j, case in enumerate(cases)
+        ]
+    )
+
+
+def _compared(
+    chosen: Array,
+    before: _Rows,
+    after: _Rows,
+    swinging: Mapping[str, tuple[int, ...]],
+    study: Study,
+    evidence: Evidence,
+    requirements: Sequence[Requirement],
+) -> Audit:
+    changed = np.zeros(len(chosen), dtype=bool)
+    found: dict[str, dict[str, Changed]] = {}
+    errors: dict[str, int] = {}
+    for controller in study.controllers:
+        pairs = zip(*(verdicts(rows, controller, requirements, evidence.unexamined) for rows in (before, after)), strict=True)
+        for one, other in pairs:
+            judged = one.judged & other.judged
+            differs = (one.counted != other.counted) & judged
+            changed |= differs
+            found.setdefault(one.name, {})[controller] = Changed(changed=int(differs.sum()), judged=int(judged.sum()))
+        coarse, fine = largest_error(before, controller), largest_error(after, controller)
+        with np.errstate(invalid="ignore"):
+            errors[controller] = int((np.abs(fine - coarse) > EQUAL_FIGURES_SHARE * np.maximum(fine, coarse)).sum())
+    return Audit(
+        members=tuple(map(int, chosen)),
+        of=len(study),
+        changed=int(changed.sum()),
+        verdicts=found,
+        errors=errors,
+        swinging=swinging,
+        limited=any(path.saturation is not None for path in study.example.problem.plant.paths),
+    )
