@@ -58,6 +58,9 @@ def test_pages_of_a_sweep_and_of_a_member(case_file, tmp_path, capsys):
     }
     page = (tmp_path / "map" / "report.html").read_text()
     assert all(f'<a href="{name}">explorer</a>' in page for name in explorers)
+    again = "run again with a step 4 times smaller"
+    assert again in page and "Oscillated examines the estimates alone" in page
+    assert again in " ".join(capsys.readouterr().out.split())
     assert "Who failed" in page and "Over the grid" in page and "above the guaranteed bound" in page
     assert main(["sweep", case_file, *SAMPLED, "--member", "7", "--out", "seven"]) == 0
     assert "member 7" in capsys.readouterr().out and (tmp_path / "seven" / "comparison.svg").exists()

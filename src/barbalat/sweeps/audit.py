@@ -20,6 +20,7 @@ from barbalat.run.diagnosis.rails import rail_to_rail
 from barbalat.run.diagnosis.step_comparison import EQUAL_FIGURES_SHARE
 from barbalat.run.engine import run
 from barbalat.run.metrics import Metrics
+from barbalat.study.finer_step import FINER_BY
 from barbalat.sweeps.bounds import ERROR_BOUND, Bounds
 from barbalat.sweeps.evidence import Evidence, largest_error, verdicts
 from barbalat.sweeps.paths import FieldPath
@@ -28,8 +29,6 @@ from barbalat.sweeps.study import Columns, Study, StudyPart
 from barbalat.sweeps.varied import Varied
 from barbalat.validate import Array, InputError
 
-FINER_BY = 4
-"""The step is this many times smaller: of RK4 the error then falls to 1/256."""
 MOST_AUDITED = 32
 """Members that are run again: with 10 % of all verdicts the solver's, 97 of 100 audits of so many find one."""
 LARGEST_SHARE = 8
