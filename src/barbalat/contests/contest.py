@@ -29,7 +29,7 @@ from barbalat.study.delay_search import Criterion
 from barbalat.study.motion import REST_SENTENCE, ModelMotion
 from barbalat.study.tradeoff import plants_of
 from barbalat.tuning.trial import Plants
-from barbalat.validate import InputError, counted
+from barbalat.validate import InputError, Named, counted
 
 DEFAULT_MEMBERS = 200
 """Held-out runs: the median of a ratio then has an interval of 7 % of the runs to either side."""
@@ -138,7 +138,7 @@ def compete(
         thetas=np.array([one.parameters for one in family]),
         entrants=tuple(ordered),
         draws=draws,
-        held_out=held,
+        held_out=Named.of("entrant that meets the rule", held),
         pairs=tuple(pairs),
         left_out=tuple(left_out),
         notes=tuple(_notes(problem, simulation, tuned)),
