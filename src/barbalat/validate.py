@@ -5,11 +5,12 @@ from __future__ import annotations
 import math
 import re
 import unicodedata
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import is_dataclass
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Annotated, Any, TypeAlias
+from types import MappingProxyType
+from typing import Annotated, Any, Self, TypeAlias, TypeVar
 
 import numpy as np
 
@@ -128,6 +129,11 @@ def vector(field: str, value: Any, size: int | None = None) -> Array:
     return array(field, value, (size,))
 
 
+def by_rows(field: str, value: Any, size: int | None = None) -> Array:
+    """A read-only vector (size,), from one or from a matrix row by row."""
+    return vector(field, array(field, value, (None, None)).reshape(-1) if dimensions(value) == 2 else value, size)
+
+
 def square_matrix(field: str, value: Any, size: int | None = None) -> Array:
     """A read-only square matrix."""
     result = array(field, value, (size, size))
@@ -179,8 +185,55 @@ def hint(given: object, known: Iterable[str]) -> str:
     """The end of a refusal: the one of the known names that is spelt most like what was given; empty where none is."""
     from difflib import get_close_matches
 
-    near = get_close_matches(str(given), list(known), n=1)
+    names = list(known)
+    small = {name.lower(): name for name in reversed(names)}
+    near = get_close_matches(str(given), names, n=1) or [small[one] for one in get_close_matches(str(given).lower(), small, n=1)]
     return f"; did you mean {near[0]!r}?" if near else ""
+
+
+MOST_LISTED = 12
+"""Names that are listed where none is spelt like the one that was given."""
+
+
+class UnknownNameError(KeyError):
+    """A KeyError whose message is shown as it stands, without quotation marks around it."""
+
+    def __str__(self) -> str:
+        return str(self.args[0]) if self.args else ""
+
+
+def unknown_name(kind: str, given: object, known: Iterable[str]) -> UnknownNameError:
+    """What to raise for a name that there is not: it says which one is meant, or else which there are."""
+    names = list(known)
+    listed = ", ".join(map(repr, names[:MOST_LISTED])) + (", ..." if len(names) > MOST_LISTED else "")
+    said = hint(given, names) or (f"; known here: {listed}" if names else "; there is none")
+    return UnknownNameError(f"there is no {kind} {show(given)}{said}")
+
+
+V = TypeVar("V")
+
+
+class Named(dict[str, V]):
+    """A dictionary by names that people type: asked for a name that it lacks, it says which one is meant, as a KeyError.
+
+    kind    what a name is of, in words
+    absent  why some names are not there, as the ends of sentences: "error_bound does not apply (...)"
+    """
+
+    kind = "name"
+    absent: Mapping[str, str] = MappingProxyType({})
+
+    @classmethod
+    def of(cls, kind: str, values: Mapping[str, V], absent: Mapping[str, str] | None = None) -> Self:
+        """Of these values."""
+        found = cls(values)
+        found.kind, found.absent = kind, dict(absent or {})
+        return found
+
+    def __missing__(self, name: str) -> V:
+        if name in self.absent:
+            raise UnknownNameError(f"{name} {self.absent[name]}")
+        raise unknown_name(self.kind, name, [*self, *self.absent])
 
 
 def printable(text: str) -> str:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from barbalat import validate
 from barbalat.cases.keys import REQUIRED, Context, Differences, Given, Key, keys_of
 from barbalat.problem.known_set import ParameterBall, ParameterBox
 from barbalat.problem.output_feedback import OutputProblem
@@ -66,7 +65,7 @@ def _plant(plant: Given, model: Given) -> Plant:
 
 
 def _uncertainty(given: Given, _: Context) -> Given:
-    """Exactly one of a box and a ball, or only the input gains; a matrix has a row for each input."""
+    """Exactly one of a box and a ball, or only the input gains."""
     found = {key: value for key, value in given.items() if key != "input_gain"}
     gain = {key: value for key, value in given.items() if key == "input_gain"}
     if gain and not found:
@@ -74,9 +73,6 @@ def _uncertainty(given: Given, _: Context) -> Given:
     if found.keys() not in (_BOX.keys(), _BALL.keys()):
         got = ", ".join(sorted(found)) or "nothing"
         raise InputError.of("uncertainty", f"must have either lower and upper, or center and radius, got {got}")
-    for key, value in found.items():
-        if isinstance(value, list) and value and isinstance(value[0], list):
-            found[key] = validate.array(f"uncertainty.{key}", value, (None, None)).reshape(-1)
     return {"uncertainty": ParameterBox(**found) if "lower" in found else ParameterBall(**found), **gain}
 
 

@@ -13,7 +13,7 @@ from barbalat.certificates.picture import TITLE, MarginLoop, figure_of
 from barbalat.certificates.quantities import QUANTITIES, Quantity
 from barbalat.certificates.rounding import down, up
 from barbalat.certificates.rows import CertificateRow, rows_of
-from barbalat.validate import InputError
+from barbalat.validate import InputError, Named
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -85,7 +85,8 @@ class Certificate:
     @property
     def values(self) -> dict[str, Any]:
         """The values that are claimed on this case, by the contract's keys."""
-        return {entry.key: entry.value for entry in self.entries if entry.applies}
+        absent = {entry.key: f"does not apply on this case: {entry.why}" for entry in self.entries if not entry.applies}
+        return Named.of("value", {entry.key: entry.value for entry in self.entries if entry.applies}, absent)
 
     @property
     def rows(self) -> list[CertificateRow]:

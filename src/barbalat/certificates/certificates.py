@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from barbalat.certificates.certificate import Certificate
 from barbalat.certificates.picture import TITLE, distinct, figure_of
 from barbalat.certificates.table_1 import Table1, table_1
-from barbalat.validate import InputError
+from barbalat.validate import InputError, Named
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -19,8 +19,10 @@ if TYPE_CHECKING:
     from barbalat.solvers.simulation import Simulation
 
 
-class Certificates(dict[str, Certificate]):
+class Certificates(Named[Certificate]):
     """Certificates on one problem by their controllers' names: a dictionary that a person can read, and plot."""
+
+    kind = "controller"
 
     def __init__(
         self,

@@ -35,7 +35,7 @@ from barbalat.study.tradeoff import plants_of
 from barbalat.targets import CONTEST
 from barbalat.tuning.search import least_trials
 from barbalat.tuning.trial import Plants
-from barbalat.validate import InputError, counted
+from barbalat.validate import InputError, Named, counted
 
 DEFAULT_MEMBERS = 200
 """Held-out runs: the median of a ratio then has an interval of 7 % of the runs to either side."""
@@ -145,7 +145,7 @@ def compete(
         thetas=np.array([one.parameters for one in family]),
         entrants=tuple(ordered),
         draws=draws,
-        held_out=held,
+        held_out=Named.of("entrant that meets the rule", held),
         pairs=tuple(pairs),
         left_out=tuple(left_out),
         notes=tuple(_notes(problem, simulation, ordered, again, rule)),

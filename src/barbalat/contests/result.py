@@ -17,7 +17,7 @@ from barbalat.pictures.plotted import Plotted
 from barbalat.problem.state_feedback import Problem
 from barbalat.solvers.simulation import Simulation
 from barbalat.study.motion import ModelMotion
-from barbalat.validate import Array
+from barbalat.validate import Array, Named
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -73,8 +73,8 @@ class Contest(Plotted):
         return draw(self, shown=shown)
 
     def __getitem__(self, name: str) -> Qualified:
-        """The entrant of this name."""
-        return next(one for one in self.entrants if one.name == name)
+        """The entrant of this name; KeyError for another one."""
+        return Named.of("entrant", {one.name: one for one in self.entrants})[name]
 
     def as_json(self) -> dict[str, Any]:
         """The document of ``contest --json``."""

@@ -113,8 +113,11 @@ class DispersedComparison:
         return len(self.campaign.plan)
 
     def column(self, controller: str, failure: str, figure: str) -> Array:
-        """(members,) one figure of a controller's flights through a failure, a value for each draw."""
-        return self.rows.column(column_name(controller, failure, figure))
+        """(members,) one figure of a controller's flights through a failure, one for each draw; KeyError where there is none."""
+        name = column_name(controller, failure, figure)
+        if name not in self.rows.names:
+            raise validate.unknown_name("column", name, self.rows.names)
+        return self.rows.column(name)
 
     @cached_property
     def evidence(self) -> Evidence:

@@ -10,7 +10,7 @@ from barbalat.flight.axis import SAMPLE_TIME, Followed
 from barbalat.flight.failures import FAILS_AT, Failure
 from barbalat.flight.timing import Timing
 from barbalat.run.stepwise import Agreement
-from barbalat.validate import Array
+from barbalat.validate import Array, Named
 
 TIMING = Timing(duration=30.0, fails_at=FAILS_AT)
 
@@ -64,8 +64,9 @@ class Flight:
     agreement: Agreement | None = None
 
     def column(self, name: str) -> Array:
-        """One of ``columns_of`` over the samples."""
-        return np.asarray(self.record[:, list(columns_of(self.followed)).index(name)])
+        """One of ``columns_of`` over the samples; KeyError for another name."""
+        places = {one: place for place, one in enumerate(columns_of(self.followed))}
+        return np.asarray(self.record[:, Named.of("column", places)[name]])
 
     @property
     def duration(self) -> float:
@@ -87,13 +88,13 @@ class Flight:
         """From the failure on, by the names of the JSON; null where control was lost."""
         after, names = self._after, figures_of(self.followed)
         if self.lost or not len(after):
-            return {"lost_at": self.lost_at, **dict.fromkeys(names)}
+            return Named.of("figure", {"lost_at": self.lost_at, **dict.fromkeys(names)})
         load, alpha, surface = (after[:, place] for place in (N_Z, ALPHA, SURFACE))
         values = (
             self.rms_error, np.abs(self._error).max(), load.min(), load.max(), alpha.min(), alpha.max(),
             np.abs(np.diff(surface)).sum() / (len(after) * SAMPLE_TIME), np.abs(surface).max(),
         )  # fmt: skip
-        return {"lost_at": None, **dict(zip(names, map(float, values), strict=True))}
+        return Named.of("figure", {"lost_at": None, **dict(zip(names, map(float, values), strict=True))})
 
     @property
     def _after(self) -> Array:

@@ -24,7 +24,7 @@ from barbalat.run.diagnosis.step_comparison import FinerStep
 from barbalat.run.metrics import Metrics
 from barbalat.run.outcome import outcome
 from barbalat.solvers.simulation import Simulation
-from barbalat.validate import Array
+from barbalat.validate import Array, Named
 
 if TYPE_CHECKING:
     import control
@@ -96,16 +96,17 @@ class Result:
     def figures(self) -> dict[str, float | list[float] | None]:
         """The figures by name, ``None`` where there is no finite value: the JSON contract's block for a controller."""
         last = {f"{name}_final": value[-1] for name, value in self.reported.items()}
-        return self.metrics.of_member(0) | {name: v.tolist() if np.isfinite(v).all() else None for name, v in last.items()}
+        more = {name: v.tolist() if np.isfinite(v).all() else None for name, v in last.items()}
+        return Named.of("figure", self.metrics.of_member(0) | more)
 
     @cached_property
     def reported(self) -> dict[str, Array]:
         """(K, ...) by name, what a scheme estimates beside parameters; empty for most schemes."""
         loop, equations = self.loop, reporting(self.loop)
         if equations is None:
-            return {}
+            return Named.of("reported quantity", {})
         rows = [equations.reported(loop.unpack(state).controller) for state in self.states]
-        return {name: np.array([row[name] for row in rows]) for name in rows[0]}
+        return Named.of("reported quantity", {name: np.array([row[name] for row in rows]) for name in rows[0]})
 
     @property
     def true_values(self) -> Array | None:
@@ -198,7 +199,8 @@ class Result:
         series = {name: getattr(self, name) for name in ("x", "x_m", "e", "theta_hat", "u", "r", "y")} | self.reported
         vectors = {name: value for name, value in series.items() if value is not None and value.ndim > 1}
         result = {f"{name}_{i + 1}": value[:, i] for name, value in vectors.items() for i in range(value.shape[1])}
-        return result | {name: value for name, value in series.items() if value is not None and value.ndim == 1}
+        scalars = {name: value for name, value in series.items() if value is not None and value.ndim == 1}
+        return Named.of("column", result | scalars)
 
     def to_pandas(self) -> pandas.DataFrame:
         """A table with the time [s] as its index and one column for each scalar series."""

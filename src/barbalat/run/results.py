@@ -6,13 +6,16 @@ from typing import TYPE_CHECKING
 
 from barbalat.run.outcome import outcome_in_brief
 from barbalat.run.result import Result
+from barbalat.validate import Named
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-class Results(dict[str, Result]):
+class Results(Named[Result]):
     """Runs of one problem by their controllers' names: a dictionary that a person can read, and plot."""
+
+    kind = "controller"
 
     def __repr__(self) -> str:
         return f"<Results: {'; '.join(f'{name!r} {outcome_in_brief(result)}' for name, result in self.items())}>"

@@ -36,7 +36,8 @@ def step_info(result: Result, component: int = 1) -> dict[str, float]:
     found = control.step_info(value - value[0], T=result.t[first:] - result.t[first], yfinal=value[-1] - value[0])
     levels = ("SettlingMin", "SettlingMax", "SteadyStateValue")
     info = {name: float(number + value[0] if name in levels else number) for name, number in found.items()}
-    return info | {"Peak": float(value[np.argmax(np.abs(value - value[0]))])}  # python-control's is a distance, without a sign
+    peak = {"Peak": float(value[np.argmax(np.abs(value - value[0]))])}  # python-control's is a distance, without a sign
+    return validate.Named.of("figure", info | peak)
 
 
 def _last_jump(result: Result) -> float:

@@ -122,7 +122,7 @@ def delay_margins(
 
     The rest as of ``delay_margins_ensemble``.
     """
-    controllers, found = numbered(controllers), {}
+    controllers, found = numbered(controllers), validate.Named[DelayMargins].of("controller", {})
     for i, controller in enumerate(controllers):
         with named(controller.name):
             bound(problem, controller)

@@ -15,7 +15,7 @@ from barbalat.sweeps.requirement import Requirement
 from barbalat.sweeps.rows import Rows
 from barbalat.sweeps.sensitivity import Sensitivity, sensitivities
 from barbalat.sweeps.study import OSCILLATED
-from barbalat.validate import Array
+from barbalat.validate import Array, Named
 
 CONFIDENCE_LEVEL = 0.95
 """Of the intervals."""
@@ -169,13 +169,21 @@ def evidence(
     return Evidence(
         sensitivities=found_sensitivities,
         notes=[*notes, *lacking],
-        shares={name: found for name, found in shares.items() if found or name == DIVERGED},
-        metrics=metrics,
-        filled=filled,
+        shares=_named("share", {name: found for name, found in shares.items() if found or name == DIVERGED}),
+        metrics=_named("metric", metrics),
+        filled=Named.of("controller", filled),
         intervals=_meaning(plan),
         failed=failed,
         unexamined=unexamined,
     )
+
+
+T = TypeVar("T")
+
+
+def _named(kind: str, found: Mapping[str, Mapping[str, T]]) -> dict[str, dict[str, T]]:
+    """By what is judged, or by a figure, and then by controllers; a name that there is not is told with the one that is meant."""
+    return Named.of(kind, {name: Named.of("controller", by) for name, by in found.items()})
 
 
 class Verdict(NamedTuple):

@@ -64,6 +64,8 @@ class SweepResult:
 
     def column(self, name: str) -> Array:
         """(M,) by the members' numbers, under its name in a store: ``plant.theta[0]``, ``L1/max_abs_e[0]``."""
+        if name not in self.rows.names:
+            raise validate.unknown_name("column", name, self.rows.names)
         return self.rows.column(name)
 
     def to_pandas(self) -> pd.DataFrame:

@@ -41,7 +41,7 @@ from barbalat.tuning.space import Range, Space, of_knobs
 from barbalat.tuning.trial import Plants
 from barbalat.tuning.trials import Trials, in_one_kernel
 from barbalat.tuning.written import with_numbers
-from barbalat.validate import Array, InputError
+from barbalat.validate import Array, InputError, Named
 
 DEFAULT_TRIALS = 384
 """Tunings tried for each controller: a spread of 128, a generation over all, four around the best, three stars."""
@@ -182,7 +182,7 @@ def tune_case(tuner: Tuner, space: Space | None, *, controller: str | None, prog
         case=case,
         text=text,
         thetas=np.array([theta for theta in thetas if theta is not None]),
-        controllers=found,
+        controllers=Named.of("controller", found),
         notes=_notes(tuner, found),
         seconds=time.perf_counter() - started,
     )

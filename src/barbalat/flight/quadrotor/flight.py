@@ -11,7 +11,7 @@ from barbalat.flight.quadrotor.simulator import ROTORS
 from barbalat.flight.scene import attitudes
 from barbalat.flight.timing import Timing
 from barbalat.run.stepwise import Agreement
-from barbalat.validate import Array
+from barbalat.validate import Array, Named
 
 TIMING = Timing(duration=20.0, fails_at=10.0)
 COLUMNS = {
@@ -53,8 +53,9 @@ class QuadrotorFlight:
     agreement: Agreement | None = None
 
     def column(self, name: str) -> Array:
-        """One of ``COLUMNS`` over the samples."""
-        return np.asarray(self.record[:, list(COLUMNS).index(name)])
+        """One of ``COLUMNS`` over the samples; KeyError for another name."""
+        places = {one: place for place, one in enumerate(COLUMNS)}
+        return np.asarray(self.record[:, Named.of("column", places)[name]])
 
     @property
     def duration(self) -> float:
@@ -92,7 +93,7 @@ class QuadrotorFlight:
         """From the failure on, by the names of the JSON; null where the vehicle was lost."""
         after = self._after
         if self.lost or not after.any():
-            return {"lost_at": self.lost_at, **dict.fromkeys(FIGURES)}
+            return Named.of("figure", {"lost_at": self.lost_at, **dict.fromkeys(FIGURES)})
         thrusts = self.record[after, 13 : 13 + ROTORS]
         travel = np.abs(np.diff(thrusts, axis=0)).sum() / (ROTORS * np.ptp(self.column("t")[after]))
         sinks = (self.column("z_d") - self.column("z"))[after].max()
@@ -105,7 +106,7 @@ class QuadrotorFlight:
             thrusts.max(),
             self.column("limited")[after].mean(),
         )
-        return {"lost_at": None, **dict(zip(FIGURES, map(float, values), strict=True))}
+        return Named.of("figure", {"lost_at": None, **dict(zip(FIGURES, map(float, values), strict=True))})
 
     @property
     def since(self) -> float:

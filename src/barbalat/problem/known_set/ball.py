@@ -42,7 +42,7 @@ SCALAR_ONLY = (
 class ParameterBall(Settings):
     """The known convex set Omega = {|theta - center|_2 <= radius}.
 
-    center  (p,)
+    center  (p,); with m inputs also (p, m), as theta
     radius  of the ball in the Euclidean norm, > 0
     """
 
@@ -57,7 +57,7 @@ class ParameterBall(Settings):
     steps_cut_corners: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
-        validate.freeze(self, center=validate.vector("uncertainty.center", self.center))
+        validate.freeze(self, center=validate.by_rows("uncertainty.center", self.center))
         validate.freeze(self, radius=validate.positive("uncertainty.radius", self.radius))
 
     def __str__(self) -> str:

@@ -34,7 +34,7 @@ AGREEMENT_TOLERANCE = 2.0**-36
 class ParameterBox(Settings):
     """The known convex set Omega = {lower <= theta <= upper}, componentwise.
 
-    lower, upper  (p,) each, lower <= upper
+    lower, upper  (p,) each, lower <= upper; with m inputs also (p, m), as theta
     """
 
     lower: Array
@@ -49,8 +49,10 @@ class ParameterBox(Settings):
     bounds_theta: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
-        lower = validate.vector("uncertainty.lower", self.lower)
-        upper = validate.vector("uncertainty.upper", self.upper, len(lower))
+        if validate.dimensions(self.lower) == validate.dimensions(self.upper) == 2:
+            validate.array("uncertainty.upper", self.upper, np.shape(self.lower))
+        lower = validate.by_rows("uncertainty.lower", self.lower)
+        upper = validate.by_rows("uncertainty.upper", self.upper, len(lower))
         empty = np.flatnonzero(lower > upper)
         if len(empty):
             i = int(empty[0])

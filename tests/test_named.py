@@ -1,0 +1,71 @@
+"""Dictionaries by names that people type: a name that there is not is told with the one that is meant."""
+
+from __future__ import annotations
+
+import copy
+import pickle
+
+import pytest
+
+from barbalat import Mrac, ParameterBall, ParameterBox, Simulation, certify, check_numerics, delay_margins, simulate
+from barbalat.validate import Named
+from independent import refusal
+
+SIMULATION = Simulation(t_end=1.0, dt=1e-2)
+
+
+def said(mapping, name) -> str:
+    with pytest.raises(KeyError) as raised:
+        mapping[name]
+    return str(raised.value)
+
+
+def test_the_results_of_several_controllers(problems):
+    found = simulate(problems[2], [Mrac(gamma=5.0)], SIMULATION)
+    result = found["MRAC"]
+    assert said(found, "mrac") == "there is no controller 'mrac'; did you mean 'MRAC'?"
+    assert said(check_numerics(found), "mrac") == said(found, "mrac")
+    assert said(found, "L1") == "there is no controller 'L1'; known here: 'MRAC'"
+    assert "did you mean 'max_abs_e'?" in said(result.figures, "max_abs_ee")
+    assert "did you mean 'theta_hat_1'?" in said(result.columns(), "theta_hat1")
+    assert said(result.reported, "k_r_hat") == "there is no reported quantity 'k_r_hat'; there is none"
+    margins = delay_margins(problems[2], [Mrac(gamma=5.0)], SIMULATION, scan=2, resolution=0.5)
+    assert said(margins, "mrac") == said(found, "mrac")
+
+
+def test_certificates(problems):
+    found = certify(problems[2], [Mrac(gamma=5.0)], SIMULATION)
+    values = found["MRAC"].values
+    assert said(found, "MRAC2") == "there is no controller 'MRAC2'; did you mean 'MRAC'?"
+    assert said(values, "error_bond") == "there is no value 'error_bond'; did you mean 'error_bound'?"
+    entries = [entry for entry in found["MRAC"].entries if not entry.applies]
+    assert all(said(values, entry.key) == f"{entry.key} does not apply on this case: {entry.why}" for entry in entries)
+    (column,) = found.table.columns
+    assert "did you mean 'tracking'?" in said(column.cells, "traking")
+
+
+def test_what_does_not_apply_says_why(problems):
+    """Of a controller without estimates there is no adaptation; of a stranger no bound is known."""
+    from foreign import Plain
+
+    values = certify(problems[2], [Plain(5.0)], SIMULATION)["plain"].values
+    assert said(values, "error_bound") == "error_bound does not apply on this case: none known"
+    assert values.get("error_bound") is None and "error_bound" not in values
+
+
+def test_a_named_dictionary_is_one():
+    """It is copied, pickled and compared as others are, and keeps its words."""
+    named = Named.of("figure", {"max |e|": 1.0}, {"RMS e": "is not computed"})
+    for same in (copy.copy(named), copy.deepcopy(named), pickle.loads(pickle.dumps(named))):
+        assert same == {"max |e|": 1.0} == named
+        assert said(same, "max|e|") == "there is no figure 'max|e|'; did you mean 'max |e|'?"
+        assert said(same, "RMS e") == "RMS e is not computed"
+
+
+def test_a_known_set_takes_matrices_as_theta_does():
+    """Row by row, as in files; a box's two must have one shape."""
+    box = ParameterBox(lower=[[-1, -2], [-3, -4], [-5, -6]], upper=[[1, 2], [3, 4], [5, 6]])
+    assert box.lower.tolist() == [-1, -2, -3, -4, -5, -6] and box.upper.tolist() == [1, 2, 3, 4, 5, 6]
+    assert ParameterBall(center=[[1, 2], [3, 4]], radius=1.0).center.tolist() == [1, 2, 3, 4]
+    message = refusal(lambda: ParameterBox(lower=[[0, 0], [0, 0], [0, 0]], upper=[[1, 1, 1], [1, 1, 1]]))
+    assert "uncertainty.upper must have shape 3 x 2, got 2 x 3" in message
