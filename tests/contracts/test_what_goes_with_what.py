@@ -285,8 +285,10 @@ def test_a_scheme_takes_a_plant_or_declares_that_it_does_not(scheme, feature):
         return
     said = refusal(lambda: controller.bind(problem.known))
     assert said.startswith(f"{scheme} {PLANT_FEATURES[feature].refusal.format(inputs=2)}; ")
-    others = said[said.index(";") + 1 : said.index(PLANT_FEATURES[feature].others)].replace(" and ", ", ").strip().split(", ")
-    assert others == [name for name in SCHEMES if feature not in SCHEMES[name].beyond]
+    others = said[said.index(";") + 2 : said.index(f" {PLANT_FEATURES[feature].others}")]
+    named = others.removeprefix("all schemes but ").replace(" and ", ", ").split(", ")
+    refusing = others.startswith("all schemes but ")
+    assert named == [name for name in SCHEMES if (feature in SCHEMES[name].beyond) == refusing]
 
 
 def fitted(controller: Any, problem: Any) -> Any:

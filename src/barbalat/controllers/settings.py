@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import ClassVar, Protocol, runtime_checkable
 
@@ -98,16 +98,22 @@ PLANT_FEATURES = {
 
 
 def require_taken(scheme: type[Scheme], known: Known) -> None:
-    """InputError for a plant with a feature that the scheme declares as beyond it; it names the schemes that take it."""
+    """InputError for a plant with a feature that the scheme declares as beyond it; it tells which schemes take it."""
     from barbalat.controllers import SCHEMES  # they are made after this room
 
     for name in scheme.beyond:
         feature = PLANT_FEATURES[name]
         if feature.found(known):
             own = next((key for key, kind in SCHEMES.items() if issubclass(scheme, kind)), scheme.__name__)
-            *taking, last = (key for key, kind in SCHEMES.items() if name not in beyond_of(kind))
-            refusal = feature.refusal.format(inputs=known.inputs)
-            raise InputError(f"{own} {refusal}; {', '.join(taking)} and {last} {feature.others}")
+            taking = [key for key, kind in SCHEMES.items() if name not in beyond_of(kind)]
+            refusing = [key for key in SCHEMES if key not in taking]
+            others = _listed(taking) if len(taking) <= len(refusing) else f"all schemes but {_listed(refusing)}"
+            raise InputError(f"{own} {feature.refusal.format(inputs=known.inputs)}; {others} {feature.others}")
+
+
+def _listed(names: Sequence[str]) -> str:
+    *first, last = names
+    return f"{', '.join(first)} and {last}" if first else last
 
 
 def beyond_of(scheme: type) -> tuple[str, ...]:
