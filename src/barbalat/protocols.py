@@ -103,7 +103,7 @@ class Equations(Protocol):
         ...
 
     def derivative(self, state: Any, x: Value, x_m: Value, r: Value, u: Value) -> NamedTuple:
-        """d/dt of the state; ``u`` is what ``control`` commands now, before the limits, gain, dynamics and delay of the plant's input.
+        """d/dt of the state; ``u`` is what ``control`` commands now: before the plant's limits, gain, dynamics and delay.
 
         What reaches the plant is not known to a controller. One that knows its actuator's limits, ``known.saturation``, computes
         what they leave of u itself.
@@ -161,7 +161,7 @@ class SampledEquations(Protocol):
         ...
 
     def advance(self, state: Any, before: Sample, u: Value, now: Sample) -> NamedTuple:
-        """The state at this sample, from that at the one before, since when u was held: the command, before the plant's limits."""
+        """The state at this sample, from that at the one before, since when u was held: the command."""
         ...
 
 
