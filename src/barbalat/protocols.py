@@ -116,7 +116,7 @@ class Equations(Protocol):
         ...
 
     def derivative(self, state: Any, x: Value, x_m: Value, r: Value, u: Value) -> NamedTuple:
-        """d/dt of the state; ``u`` is what ``control`` commands now, before limits, gain, dynamics and delay of the plant's input.
+        """d/dt of the state; ``u`` is what ``control`` commands now: before the plant's limits, gain, dynamics and delay.
 
         What reaches the plant is not known to a controller. One that knows its actuator's limits, ``known.saturation``, computes
         what they leave of u itself.

@@ -178,9 +178,9 @@ class Draft:
         """Values that are exact for the linear loop named."""
         self._add(values, "exact", assumptions, of)
 
-    def estimate(self, values: dict[str, Any], *assumptions: str) -> None:
-        """Values without a guarantee."""
-        self._add(values, "estimate", assumptions)
+    def estimate(self, values: dict[str, Any], *assumptions: str, of: str = "") -> None:
+        """Values without a guarantee, of the linear loop that ``of`` names."""
+        self._add(values, "estimate", assumptions, of)
 
     def advise(self, values: dict[str, Any], *assumptions: str) -> None:
         """Add facts for orientation, which guarantee nothing."""

@@ -75,7 +75,7 @@ def _to_minus_one(L: Array) -> Array:
 
 
 def _gain_factors(loop: StateSpace, delay: float, at: Array) -> tuple[float, float]:
-    """The factors next to 1, up to ``LARGEST_FACTOR``, that bring L e^(-s d) to -1 at some w of ``at``, at zero or at infinity."""
+    """The factors next to 1, up to ``LARGEST_FACTOR``, that bring L e^(-s d) to -1 at some w of ``at``, at 0 or infinity."""
     values = (loop.response(at) * np.exp(-1j * at * delay)).real.tolist()
     if loop.order == 0 or np.linalg.cond(loop.A) < 1 / np.finfo(float).eps:
         values.append(float(loop.response(np.zeros(1))[0].real))

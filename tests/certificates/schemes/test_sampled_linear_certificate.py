@@ -57,8 +57,7 @@ def moved(t):
 def radius(discretization, delay, factor=1.0):
     """The loop's spectral radius, by hand: theta_0 = 0, f_hat = xi + omega b'x, xi' = -omega (b'A_m x + u + f_hat), u = -f_hat.
 
-    Euler's rule takes x as it was, the trapezoidal rule the mean of x as it was and as it is. The state is x, xi, u and the u before
-    it.
+    Euler's rule takes x as it was, the trapezoidal rule the mean of x as it was and as it is. The state: x, xi, u, the u before.
     """
     row, b = -OMEGA * B @ A_M, OMEGA * B
     whole, part = divmod(delay / T, 1.0)

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-from typing import ClassVar
+from dataclasses import dataclass, replace
+from typing import ClassVar, NamedTuple
 
 import control
 import numpy as np
@@ -225,3 +225,88 @@ def test_the_margins_of_each_of_several_inputs():
         "delay_margin_each"
         not in certify(replace(problem, plant=replace(plant, input=PlantInput(delay=0.01))), [law], SIMULATION)[law.name].values
     )
+
+
+class TwoLayers(NamedTuple):
+    theta_hat: np.ndarray
+    xi: np.ndarray
+
+
+@dataclass(frozen=True)
+class HighOrderTuner:
+    """theta_hat follows xi, which follows the gradient: both rest wherever xi = theta_hat and theta_hat'x = theta'x."""
+
+    xi_0: float
+    name: str = "two layers"
+
+    def bind(self, known):
+        return _Bound(self.xi_0, known.P @ known.b, known.k_0)
+
+
+@dataclass(frozen=True)
+class _Bound:
+    xi_0: float
+    P_b: np.ndarray
+    k_0: float
+
+    def initial(self):
+        return TwoLayers(np.zeros(len(self.P_b)), np.full(len(self.P_b), self.xi_0))
+
+    def control(self, state, x, x_m, r):
+        return self.k_0 * r - state.theta_hat @ x
+
+    def derivative(self, state, x, x_m, r, u):
+        speed = 20.0 * (1 + 0.1 * (x @ x))
+        return TwoLayers(speed * (state.xi - state.theta_hat), 20.0 * ((x - x_m) @ self.P_b) * x)
+
+    def limit(self, state):
+        return state
+
+
+DRIVE = Problem(
+    plant=Plant(A_m=[[0.0, 1.0], [-9.0, -4.2]], b=[0.0, 5.0], theta=[1.8, 0.44]),
+    reference_model=ReferenceModel(k_0=1.8),
+    reference=Sine(amplitude=1.0, frequency=0.5),
+)
+
+
+def test_a_law_with_two_layers_is_linearised_where_its_estimates_are_right():
+    """Whatever its second layer starts from; with the estimates frozen it is the loop of the known parameters."""
+    found = [certify(DRIVE, [HighOrderTuner(xi_0)], SIMULATION)["two layers"] for xi_0 in (0.0, 1.0, -5.0, 20.0)]
+    adapting = [one.values["delay_margin_adapting"] for one in found]
+    assert adapting == pytest.approx([adapting[0]] * 4, rel=1e-9)  # Newton's steps end within 1e-9 of the rest
+    assert "theta_hat = theta" in found[0].entry("delay_margin_adapting").of
+    plant = DRIVE.plant
+    hand = margins(StateSpace(plant.A_m + np.outer(plant.b, plant.theta), plant.b, plant.theta, 0.0))
+    assert [one.values["delay_margin"] for one in found] == pytest.approx([hand.delay] * 4, rel=1e-9)
+
+
+class WithGain(NamedTuple):
+    theta_hat: np.ndarray
+    gain: np.ndarray
+
+
+@dataclass(frozen=True)
+class GrowingGain(_Bound):
+    """A gain that grows while there is an error, and rests at any value: the linear loop differs with it."""
+
+    name: str = "growing gain"
+
+    def bind(self, known):
+        return GrowingGain(self.xi_0, known.P @ known.b, known.k_0)
+
+    def initial(self):
+        return WithGain(np.zeros(len(self.P_b)), np.full(1, self.xi_0))
+
+    def derivative(self, state, x, x_m, r, u):
+        e = x - x_m
+        return WithGain(state.gain[0] * (e @ self.P_b) * x, (e @ e) * np.ones(1))
+
+
+def test_no_margin_where_another_state_rests_anywhere():
+    found = certify(DRIVE, [GrowingGain(1.0, np.zeros(2), 1.0)], SIMULATION)["growing gain"]
+    entry = found.entry("delay_margin_adapting")
+    assert not entry.applies
+    assert "many" in entry.why
+    assert "theta_hat = theta" in entry.why
+    assert found.entry("delay_margin").kind == "exact"  # with the estimates frozen the gain acts on nothing

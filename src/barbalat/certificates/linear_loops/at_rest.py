@@ -24,6 +24,10 @@ from barbalat.validate import Array
 MOST_NEWTON_STEPS, MOST_HALVINGS = 60, 30
 REST_TOLERANCE = 1e-9
 """Relative to the state: a step of Newton's below this part of it is rounding."""
+MOST_SHOWN = 4
+"""Estimates in a sentence; of more their size is said."""
+SHIFT = 0.1
+"""Of the state's size: how far along a line of places of rest another one is looked at."""
 RANK_TOLERANCE = 1e-12
 """Relative to the largest singular value of a matrix whose rows and columns were scaled: what is smaller is rounding."""
 
@@ -34,12 +38,41 @@ class Rest:
 
     loop   the case's, without delay, limits and quantisation at the plant's input
     level  the commands, at the largest value that they take; zero where that is not known
+    ideal  whether the estimates rest at the parameters
     """
 
     loop: ClosedLoop
     state: Array
     signals: Array
     level: Array
+    ideal: bool = False
+
+    @property
+    def place(self) -> str:
+        """Where the estimates rest; empty without estimates."""
+        if not self.loop.parameters:
+            return ""
+        if self.ideal:
+            return ", where theta_hat = theta"
+        found = self.state[self.loop.theta_hat_rows]
+        if len(found) > MOST_SHOWN:
+            return f", where |theta_hat| = {np.linalg.norm(found):.4g}"
+        return f", where theta_hat = [{', '.join(f'{value:.4g}' for value in found)}]"
+
+    @cached_property
+    def is_one_of_many(self) -> bool:
+        """Whether it rests beside this place too and has another Jacobian there; estimates at theta stay at theta."""
+        jacobian = jacobian_function(self.loop)
+        J = np.asarray(jacobian(self.state, self.signals))
+        estimates = np.arange(self.loop.size)[self.loop.theta_hat_rows] if self.ideal else np.zeros(0, dtype=int)
+        others = np.setdiff1d(np.arange(self.loop.size), estimates)
+        shift, atol = SHIFT * max(1.0, float(np.linalg.norm(self.state))), REST_TOLERANCE * np.abs(J).max()
+        for direction in _moved_by(J[:, others].T, left_over=True).T:
+            moved = self.state.copy()
+            moved[others] += shift * direction / np.linalg.norm(direction)
+            if not np.allclose(np.asarray(jacobian(moved, self.signals)), J, rtol=REST_TOLERANCE, atol=atol):
+                return True
+        return False
 
     @cached_property
     def modes(self) -> Array:
@@ -82,7 +115,11 @@ class Rest:
 
 
 def _reduced(loop: ClosedLoop, jacobians: Iterable[Any], frozen: bool) -> StateSpace:
-    """L of A, B and C of the flat state: without the model, frozen estimates and what a freeze keeps, and what nothing moves."""
+    """L of A, B and C of the flat state, without what is not part of the loop.
+
+    Left out: the model, frozen estimates and what a freeze keeps, what nothing moves, and what acts on nothing, such as a second
+    layer behind frozen estimates, which would be an integrator of its own.
+    """
     A, B, C = (np.array(part) for part in jacobians)
     marked = loop.unpack(np.arange(loop.size))
     out, no_rows = [*marked.x_m], np.zeros(0)
@@ -91,19 +128,30 @@ def _reduced(loop: ClosedLoop, jacobians: Iterable[Any], frozen: bool) -> StateS
         if isinstance(loop.continuous, IdealReporting):  # the gains that it adapts beside theta_hat
             out += [row for part in loop.continuous.reported(marked.controller).values() for row in part.reshape(-1)]
     kept = np.setdiff1d(np.arange(loop.size), np.array(out, dtype=int))
+    kept = kept[_acting(A[np.ix_(kept, kept)], C[0, kept])]
     A, B, C = A[np.ix_(kept, kept)], B[kept], C[:, kept]
     moving = _moved_by(np.hstack([A, B]))
     return StateSpace(moving.T @ A @ moving, moving.T @ B[:, 0], -C[0] @ moving, 0.0)
 
 
-def _moved_by(rates: Array) -> Array:
-    """Orthonormal columns that span what [A B] moves: w'[A B] = 0 says that w'state is conserved."""
+def _acting(A: Array, C: Array) -> Array:
+    """Which states reach the output, directly or through others; an entry of these Jacobians that is zero is exactly that."""
+    acts = C != 0
+    for _ in range(len(C)):
+        acts = acts | (A[acts] != 0).any(axis=0)
+    return np.asarray(acts)
+
+
+def _moved_by(rates: Array, *, left_over: bool = False) -> Array:
+    """Orthonormal columns that span what [A B] moves: w'[A B] = 0 says that w'state is conserved. Or, ``left_over``, those w."""
     rows = np.linalg.norm(rates, axis=1)
     scaled = rates / np.where(rows > 0, rows, 1.0)[:, None]
     columns = np.linalg.norm(scaled, axis=0)
     left, sizes, _ = np.linalg.svd(scaled / np.where(columns > 0, columns, 1.0))
     rank = int(np.sum(sizes > RANK_TOLERANCE * sizes.max(initial=0.0)))
     conserved = left[:, rank:] / np.where(rows > 0, rows, 1.0)[:, None]
+    if left_over:
+        return np.asarray(conserved)
     if conserved.shape[1] == 0:
         return np.eye(len(rates))
     return np.asarray(np.linalg.svd(conserved)[0][:, conserved.shape[1] :])
@@ -125,13 +173,21 @@ def rest_of(problem: TrackingProblem, loop: ClosedLoop, *, frozen: bool) -> Rest
     estimates = np.arange(loop.size)[loop.theta_hat_rows]
     adapts = _adapts(loop, signals)
     held = estimates if frozen or not adapts else np.zeros(0, dtype=int)
-    state = _solved(loop, signals, _start(problem, loop, signals, adapts), np.setdiff1d(np.arange(loop.size), held))
+    start, everything = _start(problem, loop, signals, adapts), np.arange(loop.size)
+    parameters = true_values(problem, loop) if adapts else None
+    state = None
+    if parameters is not None and not frozen:  # of many places of rest the one at which the estimates are right, if it is one
+        state = _solved(loop, signals, start, np.setdiff1d(everything, estimates), everything)
+    ideal = state is not None
+    if state is None:
+        state = _solved(loop, signals, start, np.setdiff1d(everything, held))
     under = f"under the constant command {', '.join(f'{value:g}' for value in level)}"
     if state is None:
         return NotApplicable(f"no state was found at which the loop rests {under}")
     if not np.allclose(loop.limit(state), state, rtol=REST_TOLERANCE, atol=0):
         return NotApplicable(f"where the loop would rest {under}, its own limit acts")
-    return Rest(loop, state, signals, level)
+    ideal = ideal or (parameters is not None and bool(np.array_equal(state[loop.theta_hat_rows], parameters)))
+    return Rest(loop, state, signals, level, ideal)
 
 
 def _adapts(loop: ClosedLoop, signals: Array) -> bool:
@@ -162,16 +218,20 @@ def _start(problem: TrackingProblem, loop: ClosedLoop, signals: Array, adapts: b
     return start
 
 
-def _solved(loop: ClosedLoop, signals: Array, start: Array, free: Array) -> Array | None:
-    """The state in which what is ``free`` rests, (size,); None where no step leads nearer to one."""
+def _solved(loop: ClosedLoop, signals: Array, start: Array, free: Array, resting: Array | None = None) -> Array | None:
+    """The state in which what is ``free``, or all that is ``resting``, rests, (size,), by moving what is free alone.
+
+    None where no step leads nearer to one.
+    """
+    resting = free if resting is None else resting
 
     def rates(state: Array) -> Array:
         with np.errstate(all="ignore"):
-            return np.asarray(loop.derivative(state, signals), dtype=float)[free]
+            return np.asarray(loop.derivative(state, signals), dtype=float)[resting]
 
     jacobian, state = jacobian_function(loop), start.copy()
     for _ in range(MOST_NEWTON_STEPS):
-        found, J = rates(state), np.asarray(jacobian(state, signals))[np.ix_(free, free)]
+        found, J = rates(state), np.asarray(jacobian(state, signals))[np.ix_(resting, free)]
         if not (np.isfinite(found).all() and np.isfinite(J).all()):
             return None
         rows = np.linalg.norm(J, axis=1)

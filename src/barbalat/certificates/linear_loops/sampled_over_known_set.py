@@ -20,8 +20,8 @@ from barbalat.validate import Array, InputError
 POINTS_INSIDE, DELAYS = 100, 3
 """Seeded points at which stability alone is asked for, and points at which the delay margin is computed."""
 SEARCHED = (
-    "from sample to sample: the set's {extremes} extreme points and the case's theta, {inside} seeded points inside for "
-    "stability alone; the delay margin at the {delays} where the phase margin over its frequency is least: the least found, no guarantee"
+    "from sample to sample: the set's {extremes} extreme points, the case's theta, {inside} seeded points inside for stability "
+    "alone; the delay margin at the {delays} where the phase margin over its frequency is least: the least found, no guarantee"
 )
 
 

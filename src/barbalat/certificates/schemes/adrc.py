@@ -14,7 +14,7 @@ from barbalat.certificates.entry import Assumption, Entry
 from barbalat.certificates.linear_loops.margin_values import with_dynamics
 from barbalat.certificates.schemes.fixed_loop import FixedLoop, add_loop, cells
 from barbalat.certificates.schemes.sampled_loop import LINEAR_CONTROLLER
-from barbalat.certificates.schemes.stranger import add_linearised
+from barbalat.certificates.schemes.stranger import WHOLE_LOOP, add_linearised
 from barbalat.certificates.step_limits.modes import largest_step
 from barbalat.controllers.adrc import Adrc, Equations
 from barbalat.linear.interconnections import sensitivity
@@ -67,7 +67,7 @@ def certificate(problem: Problem, controller: Adrc, simulation: Simulation) -> C
         return draft.finish()
     add_loop(draft, problem, loop)
     modes = np.linalg.eigvals(sensitivity(with_dynamics(problem, loop.at(problem.plant.theta))).A)
-    draft.estimate({"step_max": largest_step(simulation, modes)}, STEP)
+    draft.estimate({"step_max": largest_step(simulation, modes)}, STEP, of=WHOLE_LOOP)
     return draft.finish()
 
 

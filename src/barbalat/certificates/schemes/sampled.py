@@ -31,6 +31,10 @@ from barbalat.solvers.simulation import Simulation
 
 NO_MIDPOINT_LIMITS = "no gain makes its law numerically unstable, so there is no gamma_max and no step_max"
 EULER_LIMITS = "gamma_max and step_max are those of Euler's method at the sample time, for all that the controller integrates"
+WHOLE_LOOP_LIMITS = (
+    "step_max is that of Euler's method on the whole loop, plant included; beside a sampled controller the plant moves on "
+    "exactly, so that it may take longer samples, or only shorter ones"
+)
 HELD_LIMITS = "gamma_max and step_max are of the frozen law from sample to sample, with A_m's exact motion between them"
 LIMIT_KEYS_AT_MODEL = {"gamma_max_at_model", "step_max_at_model"}
 """Of the continuous law; a sampled one has its own, where they are known."""
@@ -74,11 +78,13 @@ def certificate(problem: TrackingProblem, controller: Sampled, simulation: Simul
     if isinstance(file, HeldFile):
         draft.estimate(file.held_limits(problem, scheme, judged, draft["nu_0"]), HELD_LIMITS)
     limits = {key: draft[key] for key in ("gamma_max", "step_max") if draft.get(key) is not None}
+    step = continuous.entry("step_max")
+    whole_loop = step is not None and bool(step.of)
     if not isinstance(file, HeldFile):
-        draft.estimate(limits, EULER_LIMITS)
+        draft.estimate(limits, WHOLE_LOOP_LIMITS if whole_loop else EULER_LIMITS)
     step_max = limits.get("step_max")
     if step_max is not None and step_max < T:
-        unstable = _unstable(step_max, file)
+        unstable = _unstable(step_max, whole_loop)
         for key in ERROR_BOUND_KEYS & draft.entries.keys():
             draft.entries[key] = replace(draft.entries[key], why=f"{draft.entries[key].why}; {unstable}")
         draft.note(unstable)
@@ -98,10 +104,10 @@ def _of_linear(problem: TrackingProblem, controller: Sampled, continuous: Certif
     return draft.finish()
 
 
-def _unstable(step_max: float, file: SchemeFile | None) -> str:
-    """Of a scheme the limit is of what it integrates itself; of a class from outside it is of the plant as well."""
-    if file is not None:
-        return f"where |x| is as large as its bound the law is numerically unstable: it tolerates samples up to about {step_max:.3g} s"
+def _unstable(step_max: float, whole_loop: bool) -> str:
+    """Of most schemes the limit is of what they integrate themselves; of others it is of the plant as well."""
+    if not whole_loop:
+        return f"where |x| is as large as its bound the law is numerically unstable: it takes samples up to {step_max:.3g} s"
     return (
         f"Euler's method is stable on the whole loop, plant included, where it rests, up to steps of about {step_max:.3g} s: the "
         "sampled controller, beside which the plant moves on exactly, may be unstable"

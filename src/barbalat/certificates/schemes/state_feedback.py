@@ -22,6 +22,7 @@ from barbalat.certificates.entry import NUMBERS_ALONE, Assumption, Entry
 from barbalat.certificates.linear_loops import over_known_set
 from barbalat.certificates.linear_loops.ideal import known_parameters
 from barbalat.certificates.linear_loops.margin_values import add_margins
+from barbalat.certificates.schemes.stranger import add_frozen
 from barbalat.certificates.step_limits import any_regressor, at_model
 from barbalat.problem.known_set import EstimateSet
 from barbalat.problem.state_feedback import Known, Problem
@@ -139,6 +140,7 @@ def of_lyapunov_law_beyond(
     limits = any_regressor.of_lyapunov_law(excited, simulation, draft["nu_0"], filter_poles)
     draft.estimate(limits, FROZEN_LAW, ON_THE_BOX, *((ERROR_ASSUMED,) if void else ()))
     draft.estimate(at_model.of_lyapunov_law(excited, simulation, filter_poles), FROZEN_LAW)
+    add_frozen(draft, problem, controller)
     return draft.finish()
 
 

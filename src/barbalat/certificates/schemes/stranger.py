@@ -10,7 +10,14 @@ from barbalat.certificates.cells import advice, estimate, limits_text, margins_c
 from barbalat.certificates.certificate import Certificate, Draft
 from barbalat.certificates.entry import Entry, NotApplicable
 from barbalat.certificates.linear_loops.at_rest import Rest, rest_of
-from barbalat.certificates.linear_loops.margin_values import add_delay_margin_adapting, add_margins, add_margins_of_each
+from barbalat.certificates.linear_loops.margin_values import (
+    KEYS_OF_MARGINS,
+    add_delay_margin_adapting,
+    add_margins,
+    add_margins_of_each,
+)
+from barbalat.certificates.needed import is_needed
+from barbalat.certificates.quantities import EACH_INPUT
 from barbalat.certificates.step_limits.modes import largest_step
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.problem.tracking import TrackingProblem
@@ -18,6 +25,8 @@ from barbalat.protocols import Controller
 from barbalat.solvers.simulation import Simulation
 
 NONE_KNOWN = "none known"
+WHOLE_LOOP = "the whole loop, plant included"
+MANY_RESTS = "it differs between the places at which the loop rests, of which there are many"
 
 
 def certificate(problem: TrackingProblem, controller: Controller, simulation: Simulation) -> Certificate:
@@ -61,27 +70,41 @@ def _add_step(draft: Draft, simulation: Simulation, moving: Rest | NotApplicable
             f"step_max is that of the loop linearised {_at(moving)}, by exact Jacobians, without delay and limits: an estimate "
             "for the loop in motion"
         )
-        draft.estimate({"step_max": step}, rests_on)
+        draft.estimate({"step_max": step}, rests_on, of=WHOLE_LOOP)
 
 
 def _add_margins(
     draft: Draft, problem: TrackingProblem, loop: ClosedLoop, moving: Rest | NotApplicable, still: Rest | NotApplicable, bent: str
 ) -> None:
-    if isinstance(still, NotApplicable):
-        draft.missing("delay_margin", still.why)
-        return
-    which = f"{'with its estimates frozen, ' if loop.parameters else ''}linearised {_at(still)}"
-    if loop.inputs > 1:
-        draft.missing("delay_margin", "of one delay in all inputs it is not known; delay_margin_each is of each alone")
-        add_margins_of_each(draft, problem, [still.broken_at(i, frozen=True) for i in range(loop.inputs)], which)
-        return
-    add_margins(draft, problem, still.broken(frozen=True), which)
-    if not loop.parameters:
+    if not _add_frozen(draft, problem, loop, still) or loop.inputs > 1 or not loop.parameters:
         return
     if isinstance(moving, NotApplicable) or bent:
         draft.missing("delay_margin_adapting", moving.why if isinstance(moving, NotApplicable) else bent)
+    elif moving.is_one_of_many:
+        draft.missing("delay_margin_adapting", f"{MANY_RESTS}: one is {_at(moving)}{moving.place}")
     elif moving.level.any():
-        add_delay_margin_adapting(draft, problem, moving.broken(frozen=False), f"linearised {_at(moving)}")
+        add_delay_margin_adapting(draft, problem, moving.broken(frozen=False), f"linearised {_at(moving)}{moving.place}")
+
+
+def add_frozen(draft: Draft, problem: TrackingProblem, controller: Controller) -> None:
+    """Margins of the loop with its estimates frozen, of a scheme of which no formula gives that loop on this plant."""
+    if is_needed(*KEYS_OF_MARGINS.values(), *EACH_INPUT.values(), "sensitivity_peak", "complementary_sensitivity_peak"):
+        loop = ClosedLoop.of(problem, controller)
+        _add_frozen(draft, problem, loop, rest_of(problem, loop, frozen=True))
+
+
+def _add_frozen(draft: Draft, problem: TrackingProblem, loop: ClosedLoop, still: Rest | NotApplicable) -> bool:
+    """Whether it rests."""
+    if isinstance(still, NotApplicable):
+        draft.missing("delay_margin", still.why)
+        return False
+    which = f"{'with its estimates frozen, ' if loop.parameters else ''}linearised {_at(still)}{still.place}"
+    if loop.inputs > 1:
+        draft.missing("delay_margin", "of one delay in all inputs it is not known; delay_margin_each is of each alone")
+        add_margins_of_each(draft, problem, [still.broken_at(i, frozen=True) for i in range(loop.inputs)], which)
+    else:
+        add_margins(draft, problem, still.broken(frozen=True), which)
+    return True
 
 
 def _at(rest: Rest) -> str:
