@@ -174,7 +174,7 @@ class SampledEquations(Protocol):
         ...
 
     def advance(self, state: Any, before: Sample, u: Value, now: Sample) -> NamedTuple:
-        """The state at this sample, from that at the one before; since then u, the command before the plant's limits, was held."""
+        """The state at this sample, from that at the one before; since then u, the command before the limits, was held."""
         ...
 
 
