@@ -208,9 +208,9 @@ FAULTS = [
     *[_other_sign] * 4, *[_other_operand] * 4, *[_last_bit] * 3, *[_unsaved] * 3,
     ("in->freeze != 0 ?", "in->freeze == 0 ?"),
     ("status |= {macro}_WRONG_SAMPLE_TIME", "status |= {macro}_OK"),
-    ("measured = in_range(in->x, {macro}_MEASURED)", "measured = 1"),
+    ("if (!in_range(in->x, {macro}_MEASURED)) {", "if (0) {"),
     ("    if (!state_is_usable(c)) {", "    if (0) {"),
-    ("    if (miss(c, &taken) == 0) {", "    if (0) {"),
+    ("    advance(&next, in);", "    if (measured != 0) {\n        advance(&next, in);\n    }"),
     ("    if (!state_is_usable(&next)) {", "    if (0) {"),
 ]  # fmt: skip
 
@@ -264,22 +264,23 @@ AROUND = {
         "    if (measured != 0) {\n        advance(&next, in);\n    }",
     ),
     "a lost sample is taken for zero": ("in->x[i] = c->held_measured[i];", "in->x[i] = 0;"),
-    "a lost command is taken for zero": ("taken.r[i] = c->held_r[i];", "taken.r[i] = 0;"),
+    "a lost command is taken for zero": ("in->r[i] = c->held_r[i];", "in->r[i] = 0;"),
     "a lost command opens the loop": (
-        "if (measured != 0 && (commanded != 0 || c->held_started[0] > 0)) {",
-        "if (measured != 0 && commanded != 0) {",
+        "        *status |= {macro}_INPUT_REFUSED;\n        for",
+        "        *status |= {macro}_INPUT_REFUSED;\n        *measured = 0;\n        for",
     ),
-    "a loss before the first good sample begins": ("    if (!(c->held_started[0] > 0)) {\n        return 1;\n    }\n", ""),
+    "a lost command is learnt from no more": (
+        "        *status |= {macro}_INPUT_REFUSED;\n        for",
+        "        *status |= {macro}_INPUT_REFUSED;\n        in->freeze = 1;\n        for",
+    ),
+    "a loss before the first good sample begins": ("!= 0u && !(c->held_started[0] > 0)) {", "!= 0u && 0) {"),
     "a reset goes on": ("    c->held_started[0] = 0x0.0p+0 /* 0.0 */;\n", ""),
     "a start goes on": (
         "c->held_r[0] = 0x0.0p+0 /* 0.0 */;\n    c->held_started[0] = 0x0.0p+0 /* 0.0 */;\n    if (keep",
         "c->held_r[0] = 0x0.0p+0 /* 0.0 */;\n    if (keep",
     ),
     "a refused result is put out": ("    if (!state_is_usable(&next)) {", "    if (0) {"),
-    "a standstill is not told": (
-        "    if (miss(c, &taken) == 0) {\n        status |= {macro}_RESULT_REFUSED;",
-        "    if (miss(c, &taken) == 0) {\n",
-    ),
+    "a standstill is not told": ("        status |= {macro}_RESULT_REFUSED;\n", ""),
     "what was learnt is kept without being asked": ("    if (keep_estimates == 0) {", "    if (0) {"),
     "what was learnt is never kept": ("    if (keep_estimates == 0) {", "    if (1) {"),
     "a fade of a negative time": ("c->fade = samples > 0L ? samples : 0L;", "c->fade = samples;"),

@@ -79,18 +79,27 @@ static int go_on(${name}_controller *c, const ${name}_input *in, int measured)
     return 1;
 }
 
-/* A sample without a measurement is the last good one once more, from which nothing is learnt; there is none before the first. */
-static int miss(${name}_controller *c, ${name}_input *in)
+/*
+ * What a sample is taken for: the last good command stands in for a lost one; a lost measurement is the last good one once more,
+ * from which nothing is learnt.
+ */
+static void take(const ${name}_controller *c, ${name}_input *in, int *measured, unsigned *status)
 {
     int i;
-    if (!(c->${started}[0] > 0)) {
-        return 1;
+    if (!in_range(in->r, ${macro}_COMMANDS)) {
+        *status |= ${macro}_INPUT_REFUSED;
+        for (i = 0; i < ${macro}_COMMANDS; ++i) {
+            in->r[i] = c->${last_r}[i];
+        }
     }
-    for (i = 0; i < ${macro}_MEASURED; ++i) {
-        in->${measured}[i] = c->${last_measured}[i];
+    if (!in_range(in->${measured}, ${macro}_MEASURED)) {
+        *status |= ${macro}_INPUT_REFUSED;
+        *measured = 0;
+        in->freeze = 1;
+        for (i = 0; i < ${macro}_MEASURED; ++i) {
+            in->${measured}[i] = c->${last_measured}[i];
+        }
     }
-    in->freeze = 1;
-    return go_on(c, in, 0);
 }
 
 static void give(const ${name}_controller *c, ${name}_output *out, unsigned status)
@@ -137,12 +146,9 @@ ${start}    c->sample_time = ${macro}_SAMPLE_TIME;
 
 unsigned ${name}_step(${name}_controller *c, const ${name}_input *in, ${name}_output *out)
 {
-    const int commanded = in_range(in->r, ${macro}_COMMANDS);
-    const int measured = in_range(in->${measured}, ${macro}_MEASURED);
-    ${name}_input taken;
     unsigned status = ${macro}_OK;
-    int i;
-    taken = *in;
+    int measured = 1;
+    ${name}_input taken;
     if (!(in->sample_time <= c->sample_time + ${clock} && in->sample_time >= c->sample_time - ${clock})) {
         status |= ${macro}_WRONG_SAMPLE_TIME;
     }
@@ -150,20 +156,13 @@ unsigned ${name}_step(${name}_controller *c, const ${name}_input *in, ${name}_ou
         give(c, out, status | ${macro}_STATE_REFUSED);
         return out->status;
     }
-    if (measured == 0 || commanded == 0) {
-        status |= ${macro}_INPUT_REFUSED;
+    taken = *in;
+    take(c, &taken, &measured, &status);
+    if ((status & ${macro}_INPUT_REFUSED) != 0u && !(c->${started}[0] > 0)) {
+        give(c, out, status); /* nothing has begun, and there is nothing that could stand in */
+        return out->status;
     }
-    for (i = 0; i < ${macro}_COMMANDS && commanded == 0; ++i) {
-        taken.r[i] = c->${last_r}[i];
-    }
-    if (measured != 0 && (commanded != 0 || c->${started}[0] > 0)) {
-        if (go_on(c, &taken, 1) != 0) {
-            give(c, out, status);
-            return out->status;
-        }
-        status |= ${macro}_RESULT_REFUSED;
-    }
-    if (miss(c, &taken) == 0) {
+    if (go_on(c, &taken, measured) == 0) {
         status |= ${macro}_RESULT_REFUSED;
     }
     give(c, out, status);

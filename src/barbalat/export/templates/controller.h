@@ -16,7 +16,7 @@ ${sizes}${limits}
 #define ${macro}_WRONG_SAMPLE_TIME 1u /* called after another time, by more than 0.1 %; the step was made as if after the right one */
 #define ${macro}_INPUT_REFUSED 2u /* the measurement or the command is no number or out of range: see ${name}_step */
 #define ${macro}_STATE_REFUSED 4u /* the state is no number or out of range: last u held, nothing goes on until reset or start */
-#define ${macro}_RESULT_REFUSED 8u /* the step would have led out of range: the measurement is taken as lost */
+#define ${macro}_RESULT_REFUSED 8u /* the step would have led out of range: u and the whole state stay as they are */
 
 #ifdef __cplusplus
 extern "C" {
@@ -64,8 +64,7 @@ void ${name}_start(${name}_controller *c, ${start_argument}const ${real} u_now[$
  * once and hold it until the next call. Returns the status.
  * A lost measurement: u stays, and all else goes on under the last good measurement and this u, with the estimates frozen.
  * A lost command: the last good one stands in for it, and the controller goes on as ever.
- * Nothing begins, and u stays, until a first sample after init, reset or start has both. Where even a lost measurement would lead
- * out of range (RESULT_REFUSED beside INPUT_REFUSED), the whole state stays.
+ * Nothing begins, and u stays, until a first sample after init, reset or start has both.
  */
 /*@ requires \valid(c) && \valid_read(in) && \valid(out);
     requires \separated(c, in, out);

@@ -166,12 +166,12 @@ static void test_refused(${real} bad, int in_command)
     }
 }
 
-/* A sample that would lead out of range, here by what is to fade out, counts as one that is lost. */
+/* A sample that would lead out of range, here by what is to fade out: nothing moves. */
 static void test_result(void)
 {
-    ${name}_controller c, other;
+    ${name}_controller c, before;
     ${name}_input in = sample(${fade_from});
-    ${name}_output out, expected;
+    ${name}_output out;
     ${real} beyond;
     ${name}_init(&c);
     (void)replay(&c, ${fade_from});
@@ -182,11 +182,9 @@ static void test_result(void)
     if (beyond >= -${macro}_RANGE && beyond <= ${macro}_RANGE) {
         return; /* this control is lost in the rounding of so large a number */
     }
-    other = c;
+    before = c;
     require(${name}_step(&c, &in, &out) == ${macro}_RESULT_REFUSED, "a result out of range is not refused");
-    in.${measured}[0] = 2 * ${macro}_RANGE;
-    (void)${name}_step(&other, &in, &expected);
-    require(same(out.u, expected.u, ${macro}_INPUTS) && same_state(&c, &other), "a refused result is not a lost sample");
+    require(same(out.u, before.last_u, ${macro}_INPUTS) && same_state(&c, &before), "a refused result moves something");
 }
 ${standstill}
 static void test_limits(void)
