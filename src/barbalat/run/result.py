@@ -18,6 +18,7 @@ from barbalat.run.breaks import LostOrder
 from barbalat.run.diagnosis.adapting import Adapting, adapting, regressor_along
 from barbalat.run.diagnosis.damping import SolverDamping
 from barbalat.run.diagnosis.label import label
+from barbalat.run.diagnosis.runaway import Runaway, runaway
 from barbalat.run.diagnosis.spectrum import Stiffness
 from barbalat.run.diagnosis.step_comparison import FinerStep
 from barbalat.run.metrics import Metrics
@@ -153,10 +154,19 @@ class Result:
         phi = regressor_along(loop, self.states, self.x if self.y is None else self.y, self.u)
         return adapting(loop, self.t, self.theta_hat, extrema, envelope.theta_hat_path, phi, self.true_values)
 
+    @cached_property
+    def runaway(self) -> Runaway | None:
+        """Whether |e| grows out of all proportion to the end, short of ``diverged_at``; None where it does not."""
+        if self.diverged_at is not None:
+            return None
+        least, greatest = (np.vstack([found, self.e[-1]]) for found in (self.envelope.e_min, self.envelope.e_max))
+        return runaway(least, greatest, (self.x if self.y is None else self.y[:, None]) - self.e)
+
     @property
     def warnings(self) -> tuple[str, ...]:
         """What of the problem and of this run deserves a second look, as sentences."""
-        found = (command_warning(self.problem), self.problem.outside_known_set)
+        gone = self.runaway and self.runaway.sentence
+        found = (gone, command_warning(self.problem), self.problem.outside_known_set)
         return (*filter(None, found), *(() if self.adapting is None else self.adapting.warnings))
 
     def __repr__(self) -> str:
