@@ -7,7 +7,7 @@ from html import escape
 from typing import TYPE_CHECKING
 
 from barbalat.certificates.picture import TITLE, distinct, figure_of, grouped
-from barbalat.certificates.summary import five
+from barbalat.certificates.summary import five, measured
 from barbalat.pictures.notebook import image_of
 
 if TYPE_CHECKING:
@@ -22,7 +22,8 @@ def html_of(table: Table1, certificates: Mapping[str, Certificate], dt: float) -
         rows.append(f'<th scope="rowgroup">{escape(column.name)}</th><th scope="col">{escape(column.scheme)}</th>')
         rows += [
             f'<th scope="row">{escape(one.label)}</th><td>{escape(one.text)}</td>'
-            for one in five(column, certificates[column.name], dt)
+            for one in (*five(column, certificates[column.name], dt), measured(certificates[column.name]))
+            if one is not None
         ]
     lines = "".join(f"<tr>{row}</tr>" for row in rows)
     notes = [f"{name}: {note}" for name, certificate in certificates.items() for note in certificate.notes]

@@ -19,6 +19,21 @@ class Line(NamedTuple):
     kind: str
 
 
+MEASURED = {
+    "delay_onset_simulated": ("oscillates beyond a delay of", "{:.3g} s"),
+    "delay_margin_simulated": ("lost beyond", "{:.3g} s"),
+    "gamma_float32": ("32 bits leave the run from", "gain {:.3g}"),
+}
+"""What is simulated on request, by key, in words."""
+
+
+def measured(certificate: Certificate) -> Line | None:
+    """A further line where something was simulated; None where nothing was."""
+    found = {key: certificate.values[key] for key in MEASURED if certificate.values.get(key) is not None}
+    parts = [f"{words} {held(number.format(found[key]))}" for key, (words, number) in MEASURED.items() if key in found]
+    return Line("simulated", f"{', '.join(parts)}, measured on the case's run", "estimate") if parts else None
+
+
 def five(column: Column, certificate: Certificate, dt: float | None) -> tuple[Line, ...]:
     """Does the condition hold; the bound; the margin; the largest gain and step; what is assumed, and what of it fails."""
     if certificate.failure:

@@ -68,5 +68,6 @@ def run_block(result: Result) -> dict[str, Any]:
         **({} if result.damping is None else {"solver_damping": result.damping.as_json()}),
         **lost,
         **({} if result.rails is None else {"rail_to_rail": result.rails.as_json()}),
+        **({} if result.runaway is None else {"runaway": result.runaway.as_json()}),
         "adapting": None if result.adapting is None else result.adapting.as_json(),
     }

@@ -33,7 +33,7 @@ from barbalat.report.file_names import PAGE
 from barbalat.report.narrow import fits_a_phone
 from barbalat.report.notation import mathematics
 from barbalat.report.sweep import WorstMember, extremes, in_symbols, shares, varied
-from barbalat.run.outcome import ends_of, units_of
+from barbalat.run.outcome import about_u, ends_of, units_of
 from barbalat.run.result import Result
 from barbalat.study.tradeoff import TradeOff
 from barbalat.study.tradeoff_picture import TITLES, panels
@@ -220,6 +220,7 @@ def _templates() -> Environment:
     )
     environment.filters |= {
         "number": number_text,
+        "about_u": about_u,
         "ends": partial(ends_of, text=number_text),
         "mathematics": mathematics,
         "linked": linked,

@@ -7,7 +7,7 @@ from html import escape
 from typing import TYPE_CHECKING
 
 from barbalat.pictures.notebook import image_of
-from barbalat.run.outcome import table
+from barbalat.run.outcome import about_u, table
 from barbalat.run.picture import figure_of
 
 if TYPE_CHECKING:
@@ -19,7 +19,9 @@ def html_of(results: Sequence[Result]) -> str:
     if not results:
         return "<p>no runs</p>"
     several = len(results) > 1
-    notes = [
+    said = about_u(results[0].problem)
+    notes = [escape(said)] if said is not None else []
+    notes += [
         escape(f"{result.name}: {sentence}" if several else sentence)
         for result in results
         for sentence in (result.numerics, *result.warnings)

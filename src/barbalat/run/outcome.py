@@ -8,6 +8,7 @@ from typing import Protocol
 import numpy as np
 
 from barbalat.problem.labels import Labels
+from barbalat.problem.tracking import TrackingProblem
 from barbalat.run.estimates import MOST_REPORTED
 
 Figure = float | list[float] | None
@@ -20,6 +21,14 @@ FIGURE_LABELS = {
     "theta_hat_final": "estimates at the end",
 }
 """The figures that are shown, by their names in JSON."""
+
+
+DEMAND = "u is the demand: before the limits, the gain, the dynamics and the delay of the plant's input"
+
+
+def about_u(problem: TrackingProblem) -> str | None:
+    """What a table of figures says of u where something else than u reaches the plant."""
+    return DEMAND if any(path.path is not None or path.delay > 0 for path in problem.plant.paths) else None
 
 
 class Finished(Protocol):

@@ -19,6 +19,7 @@ from barbalat.run.diagnosis.adapting import Adapting, adapting, regressor_along
 from barbalat.run.diagnosis.damping import SolverDamping
 from barbalat.run.diagnosis.label import label
 from barbalat.run.diagnosis.rails import RailToRail, rail_to_rail
+from barbalat.run.diagnosis.runaway import Runaway, runaway
 from barbalat.run.diagnosis.spectrum import Stiffness
 from barbalat.run.diagnosis.step_comparison import FinerStep
 from barbalat.run.metrics import Metrics
@@ -164,12 +165,21 @@ class Result:
             return None
         return rail_to_rail(self.problem, self.t, self.simulation.t_end, self.envelope.u_min, self.envelope.u_max)
 
+    @cached_property
+    def runaway(self) -> Runaway | None:
+        """Whether |e| grows out of all proportion to the end, short of ``diverged_at``; None where it does not."""
+        if self.diverged_at is not None:
+            return None
+        least, greatest = (np.vstack([found, self.e[-1]]) for found in (self.envelope.e_min, self.envelope.e_max))
+        return runaway(least, greatest, (self.x if self.y is None else self.y[:, None]) - self.e)
+
     @property
     def warnings(self) -> tuple[str, ...]:
         """What of the problem and of this run deserves a second look, as sentences."""
-        found = (command_warning(self.problem), self.problem.outside_known_set)
-        own = () if self.rails is None else (self.rails.sentence,)
-        return (*filter(None, found), *own, *(() if self.adapting is None else self.adapting.warnings))
+        gone = None if self.runaway is None else self.runaway.sentence
+        rails = None if self.rails is None else self.rails.sentence
+        found = (gone, command_warning(self.problem), self.problem.outside_known_set, rails)
+        return (*filter(None, found), *(() if self.adapting is None else self.adapting.warnings))
 
     def __repr__(self) -> str:
         simulation = self.simulation

@@ -13,7 +13,7 @@ from rich.cells import cell_len
 from rich.console import Console
 
 from barbalat.cases.load import bundled, load_case, parse_case
-from barbalat.certificates.certificate import Certificate
+from barbalat.certificates.certificate import Certificate, Draft
 from barbalat.certificates.certify import certify
 from barbalat.certificates.entry import Entry
 from barbalat.certificates.summary import five
@@ -25,6 +25,7 @@ from barbalat.pictures.numbers import number_text
 from barbalat.pictures.symbols import HELD_BLANK
 from barbalat.report.terminal import certificates, ledger, runs
 from barbalat.report.terminal.layout import Screen, capitalized, fold
+from barbalat.run.outcome import DEMAND
 from barbalat.run.simulate import simulate
 from barbalat.solvers import SOLVERS
 
@@ -338,3 +339,23 @@ def test_every_input_has_a_line_of_its_own():
         assert rows[f"u_{i}"][-1] == number_text(value) and rows[f"u_{i}"][-2] == "[rad/s^2]"
     for i, value in enumerate(run[0].figures["tail_max_abs_e"], start=1):
         assert rows[f"e_{i}"][-1] == number_text(value)
+
+
+def test_what_was_simulated_stands_on_the_short_screen():
+    """``--simulate`` without ``--full``: the delays that were measured; where nothing was simulated there is no such line."""
+    made, table = certified("first-order")
+    name, found = table.columns[0].name, Draft()
+    found.estimate({"delay_onset_simulated": 0.0106, "delay_margin_simulated": 0.25})
+    changed = {name: made[name].with_entries((*made[name].entries, *found.entries.values()))}
+    text = shown(80, lambda screen: certificates.show(screen, "case", dict(made) | changed, table, 1e-3)).replace(HELD_BLANK, " ")
+    assert "oscillates beyond a delay of 0.0106 s, lost beyond 0.25 s" in " ".join(text.split())
+    assert text.count("simulated ") == 1
+
+
+def test_what_u_is_of_is_said_where_the_plant_gets_something_else():
+    """max |u| is the demand: beside limits, a gain, dynamics or a delay at the plant's input the screen says so."""
+    said = {
+        name: shown(80, lambda screen, name=name: runs.show(screen, name, results(name)))
+        for name in ("f16-short-period", "paper")
+    }
+    assert [DEMAND in " ".join(text.split()) for text in said.values()] == [True, False]

@@ -9,6 +9,7 @@ from barbalat.problem.labels import Labels, bracketed
 from barbalat.report.terminal.layout import Screen, capitalized, grouped
 from barbalat.run.diagnosis.adapting import Adapting
 from barbalat.run.estimates import estimates_of
+from barbalat.run.outcome import about_u
 from barbalat.run.result import Result
 from barbalat.validate import counted
 
@@ -49,6 +50,8 @@ def _tracking(screen: Screen, results: Sequence[Result]) -> None:
             rows += [[name, f"u_{i + 1} {unit}".rstrip(), "", "", "", _at(controls, i)] for i, unit in enumerate(units)]
     screen.table(headings, grouped(rows), leads=2)
     screen.line("tail: the last quarter of the run", "dim")
+    if (said := about_u(results[0].problem)) is not None:
+        screen.line(said, "dim")
     for result in results:
         if result.diverged_at is not None:
             screen.line(f"{screen.name(result.name)}: diverged at t = {result.diverged_at:.6g} s", "red", "  ")
