@@ -126,8 +126,8 @@ def _parser() -> Parser:
         completion,
     ):
         command.add(commands)
-    for command in WORKING:
-        add_budget(commands.choices[command])
+    for name in WORKING:
+        add_budget(commands.choices[name])
     for own in commands.choices.values():
         own.set_defaults(parser=own)  # it knows its options, and says which one is meant
     return parser
