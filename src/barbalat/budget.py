@@ -190,6 +190,8 @@ DENSE_OPERATIONS = 24
 """Of such a step for each entry of a plant's matrix: four stages, a product and a sum, in the plant, its model and its law."""
 OPERATION_SECONDS, OPERATION_BYTES = 1e-4, 3500.0
 """Of tracing, optimising and compiling one operation: 3.2 s and 280 MB for 40,000, 35 s and 800 MB for 220,000."""
+KERNEL_BYTES, KERNEL_SECONDS = 1e6, 0.05
+"""Of the smallest loop's code."""
 STEP_OPERATION_SECONDS = 6e-10
 """Of one operation in a step of a run by itself: 0.2 us for the 323 of a small L1 loop, 24 us for 40,000."""
 MEMBER_OPERATION_SECONDS = 2e-11
@@ -204,7 +206,7 @@ def operations(states: float, dense: float = 0.0) -> float:
 def of_kernel(states: float, dense: float = 0.0) -> Estimate:
     """What a loop costs before its first step: its equations are traced, optimised and compiled."""
     count = operations(states, dense)
-    return Estimate(OPERATION_BYTES * count, OPERATION_SECONDS * count)
+    return Estimate(KERNEL_BYTES + OPERATION_BYTES * count, KERNEL_SECONDS + OPERATION_SECONDS * count)
 
 
 def of_array(count: float) -> Estimate:

@@ -101,7 +101,13 @@ class TransferFunction(Settings):
     def __post_init__(self) -> None:
         num, den = (np.trim_zeros(validate.vector(name, getattr(self, name)), "f") for name in ("num", "den"))
         for name, polynomial in (("num", num), ("den", den)):
-            budget.require(name, len(polynomial), of_polynomial, given=f"has {len(polynomial)} coefficients and")
+            budget.require(
+                name,
+                len(polynomial),
+                of_polynomial,
+                given=f"has {len(polynomial)} coefficients and",
+                what=f"a polynomial of {len(polynomial)} coefficients",
+            )
         if len(den) == 0:
             raise InputError(f"den must not be zero, got {validate.show(self.den)}")
         num = num if len(num) else np.zeros(1)

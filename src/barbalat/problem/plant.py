@@ -77,7 +77,14 @@ class Plant(Settings):
     def __post_init__(self) -> None:
         A_m = validate.square_matrix("plant.A_m", self.A_m)
         n = A_m.shape[0]
-        budget.require("plant.A_m", n, of_plant, given=f"is {n} x {n} and its checks", fits=lambda most: f"at most {most} states")
+        budget.require(
+            "plant.A_m",
+            n,
+            of_plant,
+            given=f"is {n} x {n} and its checks",
+            fits=lambda most: f"at most {most} states",
+            what=f"the checks of a plant of {n} states",
+        )
         validate.instance("plant.regressor", self.regressor, Regressor)
         freeze(
             self,

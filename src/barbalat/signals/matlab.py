@@ -8,7 +8,7 @@ import zlib
 from collections.abc import Iterator
 from io import BytesIO
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -29,7 +29,7 @@ def variables(path: Path) -> dict[str, Array]:
     try:
         packed = contents(path, "the data file", FILE_BYTE)
         _require_room(path, _unpacked(packed))
-        found = loadmat(BytesIO(packed), appendmat=False)
+        found = loadmat(cast("Any", BytesIO(packed)), appendmat=False)  # which its stubs do not know
     except InputError:
         raise
     except (MemoryError, OverflowError):
@@ -87,7 +87,8 @@ def _claimed(head: bytes, order: str) -> int:
         return 0
     _, size = struct.unpack_from(f"{order}II", head, SHAPE_AT)
     count = min(size, len(head) - SHAPE_AT - TAG_BYTES) // 4
-    return 8 * math.prod(struct.unpack_from(f"{order}{count}I", head, SHAPE_AT + TAG_BYTES))
+    shape: tuple[int, ...] = struct.unpack_from(f"{order}{count}I", head, SHAPE_AT + TAG_BYTES)
+    return 8 * math.prod(shape)
 
 
 def _require_room(path: Path, size: int) -> None:
