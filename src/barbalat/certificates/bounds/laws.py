@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from fractions import Fraction
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -17,10 +17,11 @@ from barbalat.linear.enclosure import OUTWARD_FACTOR, float_above
 from barbalat.problem.known_set import EstimateSet, Gain
 from barbalat.problem.known_set.cone import EXACT_FACES
 from barbalat.problem.state_feedback import Known, Problem
+from barbalat.protocols import Equations
 from barbalat.validate import Array
 
 
-class Bound(Protocol):
+class Bound(Equations, Protocol):
     """What the settings of a scheme with a Lyapunov law become on a plant."""
 
     @property
@@ -36,7 +37,10 @@ class LyapunovScheme(Protocol):
     @property
     def gamma(self) -> float | Array: ...
 
-    def bind(self, known: Known) -> Bound: ...
+    @property
+    def name(self) -> str: ...
+
+    def bind(self, known: Any) -> Bound: ...
 
 
 class ModifiedScheme(LyapunovScheme, ModifiedSettings, Protocol):
