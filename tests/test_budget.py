@@ -112,9 +112,9 @@ def test_only_what_is_exceeded_is_named():
     with Budget(memory=100.0, seconds=100.0):
         with pytest.raises(InputError, match="about 200 bytes of memory, more than"):
             require("it", 1, lambda _: Estimate(200.0, 1.0))
-        with pytest.raises(InputError, match=r"about 3\.33 min of one core, more than"):
+        with pytest.raises(InputError, match=r"about 3\.33 min of computing, more than"):
             require("it", 1, lambda _: Estimate(1.0, 200.0))
-        with pytest.raises(InputError, match=r"about 200 bytes of memory and 3\.33 min of one core, more than"):
+        with pytest.raises(InputError, match=r"about 200 bytes of memory and 3\.33 min of computing, more than"):
             require("it", 1, lambda _: Estimate(200.0, 200.0))
 
 
@@ -125,8 +125,8 @@ def test_long_work_is_told_once_and_short_work_never():
             require("n", 1, lambda _, seconds=seconds: Estimate(2.0**30, seconds), what=f"{seconds} s of work")
         require("n", 1, lambda _: Estimate(seconds=1000.0))  # without a word for it nothing is told
     assert told == [
-        "40.0 s of work: about 40 s of one core and 1 GiB of memory by estimate",
-        "100.0 s of work: about 100 s of one core and 1 GiB of memory by estimate",
+        "40.0 s of work: about 40 s of computing and 1 GiB of memory by estimate",
+        "100.0 s of work: about 100 s of computing and 1 GiB of memory by estimate",
     ]
 
 

@@ -89,7 +89,7 @@ class Budget:
             return
         self.announced.append(cost.seconds)
         memory = f" and {in_bytes(cost.memory)} of memory" if cost.memory >= GIB / 4 else ""
-        self.told(f"{what}: about {in_time(cost.seconds)} of one core{memory} by estimate")
+        self.told(f"{what}: about {in_time(cost.seconds)} of computing{memory} by estimate")
 
 
 QUANTITY = re.compile(r"(\d+(?:\.\d*)?(?:e\d{1,2})?)\s*([a-z]+)", re.IGNORECASE)
@@ -144,7 +144,7 @@ def require(
         return
     shown = f"= {show(value)}" if given is None else given
     beyond = [f"{in_bytes(expected.memory)} of memory"] if expected.memory > budget.memory else []
-    beyond += [f"{in_time(expected.seconds)} of one core"] if expected.seconds > budget.seconds else []
+    beyond += [f"{in_time(expected.seconds)} of computing"] if expected.seconds > budget.seconds else []
     most = largest(lambda n: budget.allows(cost(n)), least, at)
     would_do = "" if most is None else f"{f'at most {most}' if fits is None else fits(most)} would do; "
     raise InputError.of(

@@ -1,6 +1,7 @@
 """``--budget``: which commands take it, that it is in force while they work, and where what is expected is told."""
 
 import json
+from pathlib import Path
 
 import pytest
 
@@ -50,7 +51,14 @@ def test_what_is_expected_to_take_long_is_told_beside_the_document(capsys, monke
     out, err = capsys.readouterr()
     assert set(json.loads(out)["controllers"]) == {"MRAC", "L1", "MRAC, sampled"}
     (told,) = [line for line in err.splitlines() if line.startswith("simulating: ")]
-    assert told.endswith(" of one core by estimate")
+    assert told.endswith(" of computing by estimate")
+
+
+def test_the_refusal_that_the_documentation_shows_is_the_one_that_is_made(capsys):
+    page = (Path(__file__).parents[2] / "docs" / "numerics.md").read_text("utf-8")
+    (shown,) = [block for block in page.split("```") if block.strip().startswith("barbalat: the sweep")]
+    assert main(["sweep", "paper", "--sample", "plant.theta=known-set", "--members", "100000000"]) == 2
+    assert capsys.readouterr().err.splitlines()[-1] == " ".join(shown.split())
 
 
 def test_what_is_soon_done_is_not_told(capsys):

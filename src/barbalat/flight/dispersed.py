@@ -34,14 +34,14 @@ from barbalat.sweeps.rows import Rows
 from barbalat.sweeps.store import Store, opened
 from barbalat.sweeps.stored import require_parquet
 from barbalat.sweeps.study import Columns
-from barbalat.validate import Array
+from barbalat.validate import Array, counted
 
 MEMBERS, PROCESSES = 200, 2
 """Draws by default, and processes."""
 MOST_DRAWS = 25
 """Of one process at most, so that all have some."""
-CHUNK_SECONDS = 30.0
-"""Of the flights of a drawing's ``chunk``."""
+CHUNK_SECONDS, FLIGHT_BYTES = 30.0, 1000.0
+"""Of the flights of a drawing's ``chunk``, and of the figures of one."""
 DIFFERENCES = {
     "case": "another flight, or of other --schemes or --failures",
     "plan": "more --dispersions, or another --seed",
@@ -72,10 +72,18 @@ class Campaign:
         """Draws that one process flies."""
         return min(max(self.drawing.chunk // (len(self.controllers) * len(self.failures)), 1), MOST_DRAWS)
 
-    def cost(self, members: float) -> Estimate:
-        """Of flying so many draws."""
-        flights = len(self.controllers) * len(self.failures)
-        return Estimate(memory=1000.0 * flights, seconds=flights * CHUNK_SECONDS / self.drawing.chunk).times(members)
+    def cost(self, members: float, processes: int) -> Estimate:
+        """Of flying so many draws, with the processes side by side."""
+        flights = members * len(self.controllers) * len(self.failures)
+        return Estimate(memory=FLIGHT_BYTES * flights, seconds=CHUNK_SECONDS / self.drawing.chunk * flights / processes)
+
+    def require(self, members: int, processes: int) -> None:
+        """InputError where so many draws are beyond the budget."""
+        drawn = counted(members, "draw")
+        budget.require(
+            "the campaign", members, lambda count: self.cost(count, processes), given=f"of {drawn}",
+            fits=lambda most: f"at most {most} draws", what=f"the flights of {drawn}",
+        )  # fmt: skip
 
     def identity(self) -> dict[str, object]:
         """What a store must have been made with to be gone on with."""
@@ -158,7 +166,7 @@ def fly_dispersed(
     if store is not None:
         require_parquet()
     campaign = Campaign(name=name, drawing=drawing, fleet=drawing.prepare(schemes, failures), plan=plan)
-    budget.require("members", members, campaign.cost, what="flying")
+    campaign.require(members, processes)
     with _sink(campaign, store) as sink:
         resumed = done = sink.stored
         made = _made(campaign, sink.missing, processes)
