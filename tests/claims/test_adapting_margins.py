@@ -4,7 +4,7 @@ import control
 import numpy as np
 import pytest
 
-from barbalat import Mrac
+from barbalat import Mrac, Simulation, certify
 from barbalat.certificates.linear_loops.around_equilibrium import around_equilibrium
 from barbalat.claims import adapting_margins, gain_margins, section_v
 from barbalat.linear.interconnections import series
@@ -120,3 +120,13 @@ def test_phase_and_small_gain_margins_rise_with_the_filter_and_the_gain_margin_d
         if down:
             for k, stable in ((0.98 * down, False), (1.02 * down, True)):
                 assert (np.linalg.eigvals(own.A - k * np.outer(own.B, own.C)).real.max() < 0) == stable
+
+
+def test_the_delay_margin_of_mrac_falls_like_one_over_gamma():
+    """Not like its root, which is how its oscillation's frequency grows: ten times the gain, a tenth of the delay."""
+    gains = (1e2, 1e3, 1e4, 1e5)
+    found = [
+        certify(section_v.problem(), [Mrac(gamma=gamma)], Simulation(t_end=1.0, dt=1e-4))["MRAC"].values["delay_margin_adapting"]
+        for gamma in gains
+    ]
+    np.testing.assert_allclose(np.multiply(found, gains), found[0] * gains[0], rtol=1e-3)

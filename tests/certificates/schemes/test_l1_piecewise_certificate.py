@@ -342,3 +342,22 @@ def test_no_mixture_of_what_disturbs_does_what_is_denied(sample):
             (run,) = simulate(problem, [law], MIXED).values()
             assert not exceeded(certificate, column, run), seed
     assert judged_ones > 0
+
+
+@pytest.mark.parametrize("T", [1e-3, 1e-2, 0.1, 0.2])
+def test_a_longer_sample_lets_less_noise_through(T):
+    """White noise through s(1 - 1/z)/T and C by the trapezoidal rule, in closed form, where the plant hardly moves in a sample.
+
+    C = g (1 + 1/z)/(1 + g - (1 - g)/z) with g = omega_c T/2; its response to (1 - 1/z)/T has the energy omega_c^2/(2 (1 + g)^2).
+    The plant's time constant is 100 s: the formula is off by a share of T/100 s and of that of C, 0.1 s.
+    """
+    bandwidth = 10.0
+    problem = Problem(
+        plant=Plant(A_m=[[-0.01]], b=[1.0], theta=[0.0]),
+        reference=Constant(0.0),
+        sensor=Sensor(noise=Noise(std=1.0, sample_time=T)),
+    )
+    law = L1PiecewiseConstant(sample_time=T, filter=input_filter(1 / bandwidth))
+    values = certify(problem, [law], Simulation(t_end=10 * T, dt=T))[law.name].values
+    assert values["noise_in_sigma_hat"][0] == pytest.approx(np.sqrt(2) / T, rel=0.005)
+    assert values["noise_in_u"][0] == pytest.approx(bandwidth / (np.sqrt(2) * (1 + bandwidth * T / 2)), rel=0.005)
