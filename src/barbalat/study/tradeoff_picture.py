@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import textwrap
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -81,7 +82,7 @@ def _panel(axes: Axes, found: TradeOff, which: str, criterion: str) -> None:
         line = _front(cloud, which, criterion)
         knobs = " × ".join(SYMBOLS.get(name, name) for name in cloud.tunings[0])
         label = f"{cloud.scheme}: {knobs}" if knobs else cloud.scheme
-        style = {"color": theme.colour(k), "linestyle": dash_of(k), "marker": MARKS[k % len(MARKS)]}
+        style: dict[str, Any] = {"color": theme.colour(k), "linestyle": dash_of(k), "marker": MARKS[k % len(MARKS)]}
         axes.plot(*line.T, markersize=3.5, linewidth=1.6, label=label, **style)
     axes.set_xlim(left=edge / 3)
     axes.set_xlabel("largest delay borne at the plant's input [s]")
