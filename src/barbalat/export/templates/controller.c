@@ -45,7 +45,7 @@ static void fade(${name}_controller *c)
     }
 }
 
-/* The control of a sample without a measurement: it stays, and time goes on for what fades out of it. */
+/* Without a measurement the control stays where it is; a start goes on fading out, unseen until the next good sample. */
 static void hold(${name}_controller *c)
 {
     int i;
@@ -57,7 +57,7 @@ static void hold(${name}_controller *c)
     }
 }
 
-/* From the last sample to this one, measured or lost; where that leads out of range nothing has changed, and it says 0. */
+/* Advances to this sample, measured or lost, and returns 1; returns 0, with nothing changed, where that leads out of range. */
 static int go_on(${name}_controller *c, const ${name}_input *in, int measured)
 {
     int i;
@@ -79,10 +79,7 @@ static int go_on(${name}_controller *c, const ${name}_input *in, int measured)
     return 1;
 }
 
-/*
- * What a sample is taken for: the last good command stands in for a lost one; a lost measurement is the last good one once more,
- * from which nothing is learnt.
- */
+/* Replaces a lost command by the last good one, and a lost measurement by the last good one with the estimates frozen. */
 static void take(const ${name}_controller *c, ${name}_input *in, int *measured, unsigned *status)
 {
     int i;
