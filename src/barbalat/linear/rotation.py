@@ -7,6 +7,8 @@ intervals are halved until they hold no crossing for certain, or one for certain
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from barbalat.linear.crossings import Crossings, zeros
@@ -15,6 +17,9 @@ from barbalat.validate import Array
 
 HALVING_STEPS = 60
 """Of an interval: to below rounding. What is left then is a phase that touches -pi without crossing it."""
+
+CLEAR_OF_A_LEVEL = 1e-9
+"""Relative: far above what rounding makes of a phase, whatever the order of its sum."""
 
 START_SHARE = 1e-9
 """Where a search begins, as a share of the least zero, pole and 1/d: below it L is constant, or an integrator, to 1e-8."""
@@ -83,12 +88,20 @@ class Rotation:
             first, last = _levels(phase - below, phase + above)
             left, right, first, last = (x[first <= last] for x in (left, right, first, last))
             single = (first == last) & self.is_monotone(left, right)
-            for a, b, level in zip(left[single], right[single], first[single], strict=True):
+            for a, b, level in self._crossed(left[single], right[single], first[single]):
                 found += self._at_level(float(a), float(b), (2 * level + 1) * np.pi)
             left, right = left[~single], right[~single]
             middle = (left + right) / 2
             left, right = np.concatenate([left, middle]), np.concatenate([middle, right])
         return np.unique([*found, *right])
+
+    def _crossed(self, left: Array, right: Array, levels: Array) -> Iterator[tuple[float, float, float]]:
+        """Of the intervals in which the phase is monotone those whose ends may lie on both sides of their level: few of many."""
+        wanted = (2 * levels + 1) * np.pi
+        off = np.array([self.phase(end) - wanted for end in (left, right)])
+        clear = (np.abs(off) > CLEAR_OF_A_LEVEL * np.maximum(1.0, np.abs(wanted))).all(axis=0)
+        for k in np.flatnonzero(~clear | (off[0] * off[1] < 0)):
+            yield left[k], right[k], levels[k]
 
     def _at_level(self, left: float, right: float, level: float) -> list[float]:
         """Where the phase, monotone between the two, has the value: one w or none."""

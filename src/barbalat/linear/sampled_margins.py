@@ -72,6 +72,20 @@ def _grid(loop: SampledLoop, M: Array) -> Array:
     return np.union1d(w, own[own > w[0]])
 
 
+def _largest_gain(matrices: Array) -> Array:
+    """The largest singular values, (K,); of one input the size, a hundred times as fast."""
+    if matrices.shape[1:] == (1, 1):
+        return np.asarray(np.abs(matrices[:, 0, 0]))
+    return np.asarray(np.linalg.norm(matrices, 2, axis=(1, 2)))
+
+
+def _least_gain(matrices: Array) -> Array:
+    """The smallest singular values, (K,)."""
+    if matrices.shape[1:] == (1, 1):
+        return np.asarray(np.abs(matrices[:, 0, 0]))
+    return np.asarray(np.linalg.norm(matrices, -2, axis=(1, 2)))
+
+
 def _between_neighbours(w: Array, room: Array) -> Array:
     """Frequencies around the least values."""
     inner = np.concatenate([[np.inf], room, [np.inf]])
@@ -141,7 +155,7 @@ class _DelaySearch:
 
     def _slopes(self, w: Array, R: Array) -> Array:
         """The largest |dL/dd| at each frequency, over all places of the edge, (K,)."""
-        moved = np.stack([np.linalg.norm(R @ edge, 2, axis=(1, 2)) for edge in self._edges]).max(axis=0)
+        moved = np.stack([_largest_gain(R @ edge) for edge in self._edges]).max(axis=0)
         return np.asarray(np.exp(LARGEST_TURN) * moved * np.abs(1 - np.exp(-1j * w * self.loop.T)))
 
     @cached_property
@@ -161,7 +175,7 @@ class _DelaySearch:
 
     def _room(self, w: Array, R: Array, slopes: Array, effects: Effects) -> Array:
         L = self.loop.response(w, R, effects)
-        nearest = np.linalg.norm(np.eye(L.shape[1]) + L, -2, axis=(1, 2))
+        nearest = _least_gain(np.eye(L.shape[1]) + L)
         return np.asarray(nearest / np.maximum(slopes, 1e-300))
 
     def _never_large(self) -> bool:
@@ -174,7 +188,7 @@ class _DelaySearch:
 
         def largest(parts: Array) -> Array:
             responses = (self.loop.response(w, R, self._effects(start + part * self.loop.T)) for part in parts)
-            return np.max([np.linalg.norm(one, 2, axis=(1, 2)) for one in responses], axis=0)
+            return np.max([_largest_gain(one) for one in responses], axis=0)
 
         if largest(np.linspace(0, 0.9, 10)).max() >= 1:
             return False
