@@ -73,7 +73,7 @@ class ClosedLoop:
     def _initial(self) -> LoopState:
         y = self.plant.output(self.plant.x0)
         controller: Any = self.equations.initial() if self.begins is None else self.begins
-        acting = None if self.computer is None else self.computer.initial(controller, y)
+        acting = None if self.computer is None else self.computer.initial(y, controller)
         return LoopState(
             x=self.plant.x0,
             x_m=self.model.x0,

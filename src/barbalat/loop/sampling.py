@@ -50,8 +50,12 @@ class SampledController:
     inputs: int
     commands: int | None
 
-    def initial(self, controller: Any, y: Array) -> Acting:
-        """At t = 0, before the first sample, from the equations' own state; ``y`` has the shape of what is measured."""
+    def initial(self, y: Array, controller: Any = None) -> Acting:
+        """At t = 0, before the first sample; ``y`` has the shape of what is measured.
+
+        controller  the equations' state there, by default what their ``initial`` gives
+        """
+        controller = self.equations.initial() if controller is None else controller
         held = Held(
             u=np.zeros(() if self.inputs == 1 else self.inputs),
             measured=0 * y,
