@@ -287,7 +287,7 @@ def test_frozen_it_keeps_its_estimate_and_follows_at_once_afterwards():
     problem, controller = CASES["exact"]
     run = sampled_run(problem, controller)[0]
     computer = run.loop.computer
-    acting = computer.act(computer.initial(run.loop.equations.initial(), problem.plant.x0), problem.plant.x0, np.array(1.0))
+    acting = computer.act(computer.initial(problem.plant.x0), problem.plant.x0, np.array(1.0))
     acting = computer.act(acting, problem.plant.x0 + 0.1, np.array(1.0))
     assert acting.controller.sigma_hat.any()
     frozen = computer.act(acting, problem.plant.x0 + 5.0, np.array(1.0), np.array(1.0))

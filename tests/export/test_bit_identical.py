@@ -145,7 +145,7 @@ def test_the_model_from_sample_to_sample_is_the_continuous_one_under_a_held_comm
         run = recorded(*EXAMPLES[found], SIMULATION, 200)
         A, B, _ = problem.model.matrices
         T = run.loop.sample_time
-        x_m = np.array([run.loop.computer.initial(run.loop.equations.initial(), np.zeros(run.measured.shape[1])).held.x_m])
+        x_m = np.array([run.loop.computer.initial(np.zeros(run.measured.shape[1])).held.x_m])
         rows = [unflatten(initial_acting(run.loop), state, 0)[0].held.x_m for state in run.states]
         np.testing.assert_array_equal(rows[0], x_m[0])
         steps = 64  # the integral by Gauss's rule on so many pieces is exact to rounding
