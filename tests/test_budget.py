@@ -25,6 +25,7 @@ from barbalat import (
     ReferenceModel,
     Simulation,
     TransferFunction,
+    certify,
     simulate,
     sweep,
     tune,
@@ -32,6 +33,7 @@ from barbalat import (
 from barbalat import contest as hold
 from barbalat.adaptation.modifications.fixed_sigma import FixedSigma
 from barbalat.budget import DEFAULT_MEMORY, DEFAULT_SECONDS, Estimate, in_force, in_time, largest, require
+from barbalat.certificates.certify import certify_where_possible
 from barbalat.linear import systems
 from barbalat.linear.l1_norms import l1_norm
 from barbalat.linear.systems import StateSpace, input_filter
@@ -303,6 +305,16 @@ def test_the_finer_run_of_a_check_keeps_to_the_budget():
     with Budget(seconds=0.2):  # the loop's equations alone take 0.03 s by estimate
         check = check_numerics(results)["MRAC"].check
     assert check is not None and check_numerics(results)["MRAC"].check is not None
+
+
+def test_a_certificate_beyond_the_budget_is_refused_and_beside_a_run_it_is_a_finding():
+    given, law = problem(), network(60)
+    with Budget(seconds=1.3):
+        with pytest.raises(InputError, match=r"the linear loop has \d+ states, and \d+ frequency responses would take"):
+            certify(given, law, SHORT)
+        found = certify_where_possible(given, [law], SHORT)[law.name]
+    assert not found.entries
+    assert "frequency responses would take" in found.failure
 
 
 def test_many_frequencies_are_solved_in_parts_with_the_same_bits(monkeypatch):

@@ -52,8 +52,8 @@ def add(commands: Commands) -> None:
     parser.set_defaults(execute=execute)
 
 
-RUNS_EACH_TRIAL, MOST_SCHEMES = 22, 9
-"""As on the template's case: of all plants and modelling errors together; schemes that can be tuned."""
+MOST_SCHEMES = 9
+"""That can be tuned."""
 DRAWING_SECONDS = 2.0
 QUICK_SIZES = {"plants": 2, "trials": 288, "members": 64}
 """The search's least number of trials, and plants enough for one that is not the case's own."""
@@ -63,7 +63,7 @@ FULL_SIZES = {"plants": 4, "trials": 384, "members": 200}
 def execute(options: argparse.Namespace) -> int:
     """Run the command; returns the exit code."""
     from barbalat.cases.load import load_case
-    from barbalat.contests.contest import contest
+    from barbalat.contests.contest import RUNS_EACH_TRIAL, contest
 
     case = load_case(options.case, options.controllers)
     sizes = {name: default if (given := vars(options)[name]) is None else given for name, default in _defaults(options).items()}

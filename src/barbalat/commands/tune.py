@@ -55,8 +55,6 @@ def add(commands: Commands) -> None:
     parser.set_defaults(execute=execute)
 
 
-RUNS_EACH_TRIAL = 5
-"""For each plant: without a delay, and with some."""
 DRAWING_SECONDS = 3.0
 
 
@@ -64,7 +62,7 @@ def execute(options: argparse.Namespace) -> int:
     """Run the command; returns the exit code."""
     from barbalat.cases.load import CaseText
     from barbalat.tuning.aim import Aim
-    from barbalat.tuning.tune import DEFAULT_TRIALS, Tuner, tune_case
+    from barbalat.tuning.tune import DEFAULT_TRIALS, RUNS_EACH_TRIAL, Tuner, tune_case
 
     text = CaseText.read(options.case, options.controllers)
     case = text.case()
