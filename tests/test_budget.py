@@ -33,7 +33,6 @@ from barbalat import (
 from barbalat import contest as hold
 from barbalat.adaptation.modifications.fixed_sigma import FixedSigma
 from barbalat.budget import DEFAULT_MEMORY, DEFAULT_SECONDS, Estimate, in_force, in_time, largest, require
-from barbalat.certificates.certify import certify_where_possible
 from barbalat.linear import systems
 from barbalat.linear.l1_norms import l1_norm
 from barbalat.linear.systems import StateSpace, input_filter
@@ -307,14 +306,12 @@ def test_the_finer_run_of_a_check_keeps_to_the_budget():
     assert check is not None and check_numerics(results)["MRAC"].check is not None
 
 
-def test_a_certificate_beyond_the_budget_is_refused_and_beside_a_run_it_is_a_finding():
-    given, law = problem(), network(60)
+def test_a_margin_beyond_the_budget_is_left_out_with_the_reason():
     with Budget(seconds=1.3):
-        with pytest.raises(InputError, match=r"the linear loop has \d+ states, and \d+ frequency responses would take"):
-            certify(given, law, SHORT)
-        found = certify_where_possible(given, [law], SHORT)[law.name]
-    assert not found.entries
-    assert "frequency responses would take" in found.failure
+        (found,) = certify(problem(), network(60), SHORT).values()
+    entry = found.entry("delay_margin_adapting")
+    assert entry is not None and entry.value is None
+    assert re.search(r"the linear loop has \d+ states, and \d+ frequency responses would take", entry.why)
 
 
 def test_many_frequencies_are_solved_in_parts_with_the_same_bits(monkeypatch):
