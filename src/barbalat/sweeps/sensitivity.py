@@ -13,7 +13,7 @@ from barbalat.sweeps.paths import FieldPath
 from barbalat.sweeps.plan import Design, Plan
 from barbalat.sweeps.rows import Rows
 from barbalat.sweeps.spread import InBall
-from barbalat.validate import Array
+from barbalat.validate import Array, counted
 
 MOST_DRAWS = 2**14
 """Draws that an estimate is made of: its interval is then about a hundredth wide, and it takes a tenth of a second."""
@@ -69,15 +69,19 @@ def sensitivities(rows: Rows, controllers: Sequence[str], plan: Plan) -> tuple[l
     if any(isinstance(one, InBall) for one in plan.draws.values()):
         notes.append("entries of a ball are not independent: their shares of a variance overlap and need not add up to the whole")
     for controller in controllers:
+        without: dict[int, list[str]] = {}
         for name in rows.names:
             figure = name.removeprefix(f"{controller}/")
             if name == figure or figure.split("[")[0] not in FIGURES:
                 continue
             values = rows.column(name)
             if lacking := int((~np.isfinite(values)).sum()):
-                notes.append(f"{name}: {lacking} members have none, so that its variance is unknown")
+                without.setdefault(lacking, []).append(figure)
             elif values.min() < values.max():
                 found += _of(rows, values, plan, partial(Sensitivity, controller=controller, figure=figure))
+        for lacking, figures in without.items():
+            which = figures[0] if len(figures) == 1 else f"{figures[0]} to {figures[-1]} ({len(figures)} figures)"
+            notes.append(f"{controller}: {counted(lacking, 'member')} without {which}, whose variance is therefore unknown")
     return found, notes
 
 
