@@ -93,7 +93,8 @@ def _margin(certificate: Certificate) -> Line:
         delays = ", ".join(_delay(value) for value in each.value)
         return Line("margin", f"{'unsampled: ' * each.unsampled}{delays}: of each input, the others without delay", each.kind)
     if not parts:
-        return Line("margin", "not known: no stable linear loop describes it", "does not apply")
+        why = margin.why if margin is not None and margin.why else "no stable linear loop describes it"
+        return Line("margin", f"none: {why}", "does not apply")
     text = ", ".join(parts)
     if margin is not None and margin.unsampled:
         text = f"unsampled: {text}"

@@ -91,7 +91,10 @@ class Audit:
                 "no share counts that"
             )
         elif self.limited:
-            said.append(f"of the same {len(self.members)} no demand swings from limit to limit of the actuator until the end")
+            said.append(
+                f"of the same {len(self.members)} no demand swings between both saturation limits until the end; cycles within them, "
+                "or at a rate limit, are not looked for"
+            )
         return said
 
     @property
