@@ -47,3 +47,25 @@ def test_phase_swing_and_slope(rotation):
     below, above = rotation.swing(w[:-1], w[1:])
     assert (np.maximum(below, above) <= steepest * np.diff(w) * (1 + 1e-9) + 1e-15).all()
     assert rotation.is_monotone(w[:-1], w[1:]).mean() > 0.9
+
+
+def test_only_intervals_with_a_crossing_are_searched(monkeypatch):
+    """Of the intervals in which the phase is monotone most hold none of its levels, which their ends say together."""
+    searched, found, at_level = 0, 0, Rotation._at_level
+
+    def counted(self, *interval):
+        nonlocal searched
+        searched += 1
+        return at_level(self, *interval)
+
+    monkeypatch.setattr(Rotation, "_at_level", counted)
+    for rotation in loops():
+        at = rotation.negative_real(1e-3, 1e2)
+        found += len(at)
+        values = rotation.value(at)
+        np.testing.assert_allclose(values.imag, 0, atol=1e-6 * np.abs(values).max(initial=1.0))  # as above
+        assert (values.real < 0).all()
+        dense = np.geomspace(1e-3, 1e2, 200_001)  # as many levels as a dense walk along the phase meets
+        assert len(at) == np.abs(np.diff(np.floor((rotation.phase(dense) / np.pi - 1) / 2))).sum()
+    assert found > 20
+    assert searched <= 1.1 * found  # an interval whose end lies within rounding of a level is searched too

@@ -107,12 +107,14 @@ class Rotation:
         """Where the phase, monotone between the two, has the value: one w or none."""
         from scipy.optimize import brentq
 
-        def off(w: float) -> float:
-            return float(self.phase(np.array([w]))[0]) - level
+        def off(w: float) -> float:  # ``phase`` less the level, in one call: most of a search's time goes here
+            arcs = np.arctan((np.array([[w]]) - self._at) / self._width) @ self._sense
+            return float(self._start + (arcs[0] - w * self.delay)) - level
 
-        ends = {w: off(w) for w in (left, right)}
-        if ends[left] * ends[right] < 0:
-            return [float(brentq(off, left, right, xtol=1e-300, rtol=1e-13))]
+        with np.errstate(over="ignore"):
+            ends = {w: off(w) for w in (left, right)}
+            if ends[left] * ends[right] < 0:
+                return [float(brentq(off, left, right, xtol=1e-300, rtol=1e-13))]
         return [w for w, value in ends.items() if abs(value) < 1e-12 * max(1.0, abs(level))]  # an end itself, to rounding
 
 
