@@ -50,6 +50,13 @@ def test_a_file_as_large_as_the_budget_is_read_and_a_larger_one_is_not(tmp_path,
         contents(file, "the file", BYTE)
 
 
+def test_a_budget_beyond_any_memory_asks_for_no_more_than_the_file_has(tmp_path):
+    file = tmp_path / "data"
+    file.write_bytes(b"x" * 325)
+    with Budget(memory=1e19, seconds=1e9):
+        assert contents(file, "the file", BYTE) == b"x" * 325
+
+
 @needs_devices
 @pytest.mark.parametrize("endless", [False, True])
 def test_a_pipe_is_read_up_to_what_the_budget_allows(tmp_path, endless):

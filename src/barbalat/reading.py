@@ -9,6 +9,9 @@ from barbalat import budget
 from barbalat.budget import Estimate
 from barbalat.validate import InputError
 
+PART_BYTES = 1 << 20
+"""That are asked for at once, whatever the budget allows."""
+
 
 def contents(path: Path, what: str, each: Estimate) -> bytes:
     """All bytes of a file, or of a pipe up to what the budget allows.
@@ -23,12 +26,13 @@ def contents(path: Path, what: str, each: Estimate) -> bytes:
         raise InputError(f"{name} cannot be read: it is a device, not a file")
     if stat.S_ISREG(state.st_mode):
         _require(name, state.st_size, each, f"has {state.st_size} bytes and")
-    most = _most(each)
-    with path.open("rb") as file:
-        found = file.read(most + 1)  # the size of a pipe, or of what the system makes while it is read, is not known before
+    most, found = _most(each), bytearray()
+    with path.open("rb") as file:  # in parts: the size of a pipe, or of what the system makes while it is read, is not known
+        while len(found) <= most and (part := file.read(min(most + 1 - len(found), PART_BYTES))):
+            found += part
     if len(found) > most:
         _require(name, most + 1, each, f"has more than {most} bytes and")
-    return found
+    return bytes(found)
 
 
 def _require(name: str, size: int, each: Estimate, given: str) -> None:

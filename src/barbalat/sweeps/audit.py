@@ -92,8 +92,8 @@ class Audit:
             )
         elif self.limited:
             said.append(
-                f"of the same {len(self.members)} no demand swings between both saturation limits until the end; cycles within them, "
-                "or at a rate limit, are not looked for"
+                f"of the same {len(self.members)} no demand swings between both saturation limits until the end; cycles within "
+                "them, or at a rate limit, are not looked for"
             )
         return said
 
