@@ -21,7 +21,7 @@ from barbalat.validate import InputError, positive, show
 KIB, MIB, GIB = 2.0**10, 2.0**20, 2.0**30
 MINUTE, HOUR, DAY, YEAR = 60.0, 3600.0, 86400.0, 365.25 * 86400.0
 DEFAULT_MEMORY, DEFAULT_SECONDS = 4 * GIB, HOUR
-TOLD_SECONDS = 5.0
+TOLD_SECONDS = 10.0
 """From here on a person would wonder whether anything happens, and is told what is expected."""
 LARGEST_TRIED = 10**30
 """Where the cost of a larger number is taken: it is beyond every budget, and its powers are still floats."""

@@ -226,9 +226,12 @@ def test_no_worse_than_the_trade_offs_front_at_equal_delay(tmp_path):
         at = front[len(front) // 2]
         asked = f"delay_onset_simulated >= {float(margin[at])!r}"
         found = tune(path, "rms_e", subject_to=[asked], controller=cloud.scheme, plants=2).controllers[cloud.scheme]
-        assert found.chosen is not None and found.chosen.meets, cloud.scheme
-        assert found.chosen.value <= error[at] * scale * (1 + 1e-9), cloud.scheme
-        assert min(p.found[next(iter(p.found))] for p in (found.chosen,)) >= margin[at]
+        assert (found.chosen is None) == (bool(found.refused) and not found.step.holds), cloud.scheme
+        best = found.chosen or found.nearest  # what a finer step refuses met what was asked at the trade-off's own step
+        assert best.meets, cloud.scheme
+        if found.chosen is None or not found.refused:
+            assert best.value <= error[at] * scale * (1 + 1e-9), cloud.scheme
+        assert best.found[next(iter(best.found))] >= margin[at]
 
 
 def test_command_and_its_page(drive, tmp_path, capsys):

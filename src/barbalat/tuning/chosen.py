@@ -79,7 +79,9 @@ def best_of(trials: Trials) -> Best:
     ordered = sorted((trial for trial in trials.all if trial.case is not None), key=lambda trial: trial.score)
     wholes: list[Trial] = []
     refused: list[tuple[Trial, StepCheck]] = []
-    for trial in [one for one in ordered if one.meets(trials.aim)][:CANDIDATES_CHECKED]:
+    meeting = [one for one in ordered if one.meets(trials.aim)]
+    for place in [2**k - 1 for k in range(CANDIDATES_CHECKED) if 2**k <= len(meeting)]:  # neighbours fail for the same reason
+        trial = meeting[place]
         whole = trials.whole(trial.row)
         if not whole.meets(trials.aim):
             wholes.append(whole)
