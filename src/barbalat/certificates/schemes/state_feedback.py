@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING, cast
+
 import numpy as np
 
 from barbalat.certificates.assumptions import (
@@ -28,6 +30,9 @@ from barbalat.problem.known_set import EstimateSet
 from barbalat.problem.state_feedback import Known, Problem
 from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array
+
+if TYPE_CHECKING:
+    from barbalat.protocols import Controller
 
 KNOWN_REGRESSOR = Assumption("the regressor phi(x) is known")
 LARGEST_STATE = 1e12
@@ -140,7 +145,7 @@ def of_lyapunov_law_beyond(
     limits = any_regressor.of_lyapunov_law(excited, simulation, draft["nu_0"], filter_poles)
     draft.estimate(limits, FROZEN_LAW, ON_THE_BOX, *((ERROR_ASSUMED,) if void else ()))
     draft.estimate(at_model.of_lyapunov_law(excited, simulation, filter_poles), FROZEN_LAW)
-    add_frozen(draft, problem, controller)
+    add_frozen(draft, problem, cast("Controller", controller))
     return draft.finish()
 
 
