@@ -43,7 +43,7 @@ def five(column: Column, certificate: Certificate, dt: float | None) -> tuple[Li
     return (
         _condition(column.cells.get("stability"), certificate.entry("condition")),
         _bound(certificate),
-        _margin(certificate),
+        _margin(certificate, limited=column.limited),
         _limits(certificate, dt),
         _assumed(column, certificate),
     )
@@ -74,7 +74,7 @@ def _bound(certificate: Certificate) -> Line:
     return Line("bound of e", text, bound.kind)
 
 
-def _margin(certificate: Certificate) -> Line:
+def _margin(certificate: Certificate, *, limited: bool) -> Line:
     margin, adapting = certificate.entry("delay_margin"), certificate.entry("delay_margin_adapting")
     parts = []
     searched = certificate.entry("margins_over_known_set")
@@ -98,6 +98,8 @@ def _margin(certificate: Certificate) -> Line:
     text = ", ".join(parts)
     if margin is not None and margin.unsampled:
         text = f"unsampled: {text}"
+    if limited:
+        text = f"{text}, input limits ignored"
     return Line("margin", text, margin.kind if margin is not None and len(parts) == 1 else "estimate")
 
 
@@ -139,4 +141,5 @@ def _assumed(column: Column, certificate: Certificate) -> Line:
     if not claimed:
         return Line("assumed", "nothing: nothing is guaranteed", "")
     kept = "one thing" if len(claimed) == 1 else f"{len(claimed)} things"
-    return Line("assumed", f"{kept}, checked on this case: none fails", "guaranteed")
+    aside = "; the margin ignores the input's limits" if column.limited else ""
+    return Line("assumed", f"{kept}, checked on this case: none fails{aside}", "guaranteed")

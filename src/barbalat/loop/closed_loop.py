@@ -53,7 +53,7 @@ class ClosedLoop:
             problem.dynamics,
             problem.model,
             equations,
-            paths=tuple(path.path for path in problem.plant.paths),
+            paths=problem.input_paths,
             commands=commands,
             lag=sensor if sensor is not None and sensor.lag > 0 else None,
             noise_std=None if noise is None else noise.std * np.ones(problem.dynamics.outputs),

@@ -9,6 +9,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from barbalat import validate
+from barbalat.problem.actuation import InputPath
 from barbalat.problem.known_set import EstimateSet, KnownSet, ParameterBall, ParameterBox, with_gains
 from barbalat.problem.labels import Labels
 from barbalat.problem.measurement import Sensor
@@ -164,6 +165,12 @@ class Problem(TrackingProblem, Settings):
         n, m, p = self.plant.n, self.plant.inputs, len(self.parameters)
         known_set = "" if self.known.box is None else " in a known set"
         return f"{n} state{'s' * (n > 1)}, {m} input{'s' * (m > 1)}; {p} unknown parameter{'s' * (p > 1)}{known_set}"
+
+    @property
+    def input_paths(self) -> tuple[InputPath | None, ...]:
+        """As of any problem; an unknown gain is in the equations even where it is 1, so that all plants have one structure."""
+        known = self.input_gain is None
+        return tuple(path.path if known else path.path_of_unknown_gain for path in self.plant.paths)
 
     @property
     def known(self) -> Known:

@@ -9,7 +9,7 @@ import numpy as np
 
 from barbalat import validate
 from barbalat.linear.systems import StateSpace, TransferFunction
-from barbalat.problem.actuation import PlantInput
+from barbalat.problem.actuation import InputPath, PlantInput
 from barbalat.problem.labels import Labels
 from barbalat.problem.measurement import Noise, Sensor
 from barbalat.protocols import Dynamics, Signal
@@ -139,6 +139,11 @@ class TrackingProblem:
     def commands(self) -> tuple[Signal, ...]:
         """The reference signals, always as a tuple."""
         return self.reference if isinstance(self.reference, tuple) else (self.reference,)
+
+    @property
+    def input_paths(self) -> tuple[InputPath | None, ...]:
+        """The equations of what lies before each input, without delays; None where u reaches the plant as it is."""
+        return tuple(path.path for path in self.plant.paths)
 
     @property
     def delay(self) -> float:

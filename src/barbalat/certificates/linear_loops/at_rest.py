@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from barbalat import budget
 from barbalat.certificates.entry import NotApplicable
 from barbalat.estimating import IdealReporting
 from barbalat.linear.systems import StateSpace
@@ -19,7 +20,7 @@ from barbalat.loop.sampling import RESTING
 from barbalat.loop.true_values import ideal_reported, reporting, true_values
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import BoundedSignal
-from barbalat.validate import Array
+from barbalat.validate import Array, InputError
 
 MOST_NEWTON_STEPS, MOST_HALVINGS = 60, 30
 REST_TOLERANCE = 1e-9
@@ -166,6 +167,13 @@ def rest_of(problem: TrackingProblem, loop: ClosedLoop, *, frozen: bool) -> Rest
         return NotApplicable("it acts at samples, and no continuous form of it is known")
     if loop.clocked:
         return NotApplicable("the plant depends on time, so that nothing rests")
+    try:
+        budget.require(
+            "the closed loop", loop.size, budget.of_linearisation, given=f"has {loop.size} states, and its place of rest and modes",
+            fits=lambda most: f"at most {most} states", what=f"the linearised loop of {loop.size} states",
+        )  # fmt: skip
+    except InputError as beyond:  # what else is certified stands
+        return NotApplicable(str(beyond))
     loop = replace(loop, delayed=False, paths=tuple(path and path.linear for path in loop.paths))
     bounds = [command.bound if isinstance(command, BoundedSignal) else 0.0 for command in problem.commands]
     level = np.array(bounds, dtype=float)
