@@ -81,7 +81,7 @@ def _put_right(table: dict[str, Any], context: dict[str, Any], further_in: list[
     value = table.pop(context["key"])
     *outer, last = further_in[0].split(".") if further_in else _near(context) or [""]
     for key in outer:
-        table = table.setdefault(key, {}) if isinstance(table, dict) else {}
+        table = table.setdefault(key, {}) if isinstance(table, dict) else {}  # type: ignore[redundant-expr]
     if last and isinstance(table, dict):
         table.setdefault(last, value)
 

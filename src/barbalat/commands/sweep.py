@@ -231,7 +231,7 @@ def _with_rate(running: Work, progress: Progress, members: int) -> Progress:
 
     def advanced(fraction: float) -> None:
         nonlocal start
-        start = fraction if start is None else start
+        start = fraction if start is None else start  # type: ignore[redundant-expr]
         seconds = time.perf_counter() - begun
         running.name = f"simulating, {(fraction - start) * members / max(seconds, 1e-9):.3g} members/s"
         progress(fraction)

@@ -73,7 +73,7 @@ def _require_names(equations: Any, initial: Any, whose: Subject) -> None:
     if not isinstance(equations, NamingEstimates):
         return
     names, count = equations.estimate_names, int(np.size(initial.theta_hat))
-    if not isinstance(names, tuple) or len(names) != count or not all(isinstance(name, str) for name in names):
+    if not isinstance(names, tuple) or len(names) != count or not all(isinstance(name, str) for name in names):  # type: ignore[redundant-expr]
         raise whose.error(
             f".estimate_names must be a tuple of {counted(count, 'text')}, one for each estimate, got {show(names)}"
         )
