@@ -1,4 +1,4 @@
-"""Find the numbers of ``flight/schemes.py`` and ``flight/quadrotor/schemes.py``: every scheme under the contest's rule.
+"""Find the numbers of ``vehicles/f16/schemes.py`` and ``vehicles/quadrotor/schemes.py``: every scheme under the contest's rule.
 
     python -m benchmarks.flight_tuning [f16-pitch|f16-roll|quadrotor] [SCHEME ...]
 
@@ -25,16 +25,16 @@ from barbalat.contests.entrant import Entrant
 from barbalat.contests.rule import Rule
 from barbalat.contests.tuned import Qualified, qualify
 from barbalat.controllers.knobs import Knobs
-from barbalat.flight.axis import Axis
-from barbalat.flight.comparison import axis_of
-from barbalat.flight.quadrotor.comparison import nominal_axes
-from barbalat.flight.quadrotor.schemes import SCHEMES as QUADROTOR_SCHEMES
-from barbalat.flight.schemes import SCHEMES
 from barbalat.problem.actuation import PlantInput
 from barbalat.problem.state_feedback import Problem
 from barbalat.protocols import Controller
 from barbalat.study.delay_search import Criterion
 from barbalat.tuning.trial import Plants
+from barbalat.vehicles.f16.axis import Axis
+from barbalat.vehicles.f16.comparison import axis_of
+from barbalat.vehicles.f16.schemes import SCHEMES
+from barbalat.vehicles.quadrotor.comparison import nominal_axes
+from barbalat.vehicles.quadrotor.schemes import SCHEMES as QUADROTOR_SCHEMES
 from benchmarks import quadrotor_tuning
 
 DELAY_MARGIN, GAIN_MARGIN = 0.1, 2.0

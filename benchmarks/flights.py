@@ -12,16 +12,16 @@ import sys
 import time
 
 from barbalat.export.exported_step import exported_c
-from barbalat.flight.airframe import FlightCondition
-from barbalat.flight.axis import Axis
-from barbalat.flight.dispersed import fly_dispersed
-from barbalat.flight.failures import OF_PITCH
-from barbalat.flight.flying import fly_once
-from barbalat.flight.schemes import flying
-from barbalat.flight.timing import Timing
-from barbalat.flight.trim import trimmed
 from barbalat.run.sampled_step import SampledList
 from barbalat.run.stepwise import Step
+from barbalat.vehicles.dispersed import fly_dispersed
+from barbalat.vehicles.f16.airframe import FlightCondition
+from barbalat.vehicles.f16.axis import Axis
+from barbalat.vehicles.f16.failures import OF_PITCH
+from barbalat.vehicles.f16.flying import fly_once
+from barbalat.vehicles.f16.schemes import flying
+from barbalat.vehicles.f16.trim import trimmed
+from barbalat.vehicles.timing import Timing
 from benchmarks.house import Section
 from benchmarks.processor import description
 from benchmarks.table import Row, console, show

@@ -4,8 +4,8 @@ import json
 
 import pytest
 
-from barbalat.claims.rows import LEDGER
 from barbalat.cli import main
+from barbalat.papers.rows import LEDGER
 
 
 def test_the_list_has_every_name_and_no_verdict(capsys):

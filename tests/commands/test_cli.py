@@ -10,8 +10,8 @@ import pytest
 
 from barbalat.cases.bundled import bundled
 from barbalat.cases.load import load_case
-from barbalat.claims import section_v
 from barbalat.cli import main
+from barbalat.papers.jafari_2013 import section_v
 from barbalat.run.simulate import simulate
 
 PAPER = bundled()["paper"].read_text()

@@ -5,11 +5,11 @@ from __future__ import annotations
 import pytest
 
 from barbalat import simulate
-from barbalat.claims.claim import Claim
-from barbalat.claims.rows import LEDGER
 from barbalat.explorer.describe import Described
 from barbalat.explorer.lessons import BoundedGoal, FigureGoal, SettingGoal
 from barbalat.explorer.section_v import PAGES, addresses, explorer
+from barbalat.papers.claim import Claim
+from barbalat.papers.rows import LEDGER
 from barbalat.sweeps.paths import FieldPath
 
 LESSONS = [(file, lesson) for file, lessons in PAGES.items() for lesson in lessons]

@@ -5,7 +5,7 @@ import pytest
 
 from barbalat.certificates.overview import Certified
 from barbalat.certificates.table_1 import Table1
-from barbalat.claims.claim import Chart, ChartAxis, Claim, Curve, Listing
+from barbalat.papers.claim import Chart, ChartAxis, Claim, Curve, Listing
 from barbalat.pictures.render import render
 from barbalat.report import charts, page, write
 from barbalat.report.files import Folder

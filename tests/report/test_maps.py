@@ -8,7 +8,7 @@ from matplotlib.image import imread
 
 from barbalat.certificates.overview import Certified
 from barbalat.certificates.table_1 import Table1
-from barbalat.claims.claim import ChartAxis, Claim, Curve, Map
+from barbalat.papers.claim import ChartAxis, Claim, Curve, Map
 from barbalat.pictures.render import render
 from barbalat.report import maps, page, write
 from barbalat.report.files import Folder

@@ -24,8 +24,8 @@ def add(commands: Commands) -> None:
 
 def execute(options: argparse.Namespace) -> int:
     """Run the command; returns the exit code: 0 whatever the verdict."""
-    from barbalat.claims import ledger
-    from barbalat.claims.rows import LEDGER, RUNS_OF_SECTION_V
+    from barbalat.papers import ledger
+    from barbalat.papers.rows import LEDGER, RUNS_OF_SECTION_V
     from barbalat.report.documents import as_json
     from barbalat.report.terminal import ledger as terminal
     from barbalat.report.terminal.layout import Screen

@@ -57,11 +57,11 @@ def _names(command: str, action: argparse.Action, options: argparse.Namespace) -
 
             return list(bundled())
         case "claims", "NAME", _:
-            from barbalat.claims.rows import LEDGER
+            from barbalat.papers.rows import LEDGER
 
             return [name for part in LEDGER for name in part.names]
         case "fly", "NAME", "name":
-            from barbalat.flight.registry import FLIGHTS
+            from barbalat.vehicles.registry import FLIGHTS
 
             return list(FLIGHTS)
         case "export", "NAME", "controller":

@@ -14,10 +14,10 @@ from barbalat.commands.screen import work
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from barbalat.claims.claim import Claim
-    from barbalat.claims.ledger import Measured
-    from barbalat.claims.paper_figure import PaperFigure
     from barbalat.commands import Commands
+    from barbalat.papers.claim import Claim
+    from barbalat.papers.ledger import Measured
+    from barbalat.papers.paper_figure import PaperFigure
     from barbalat.report.files import Folder
     from barbalat.run.progress import Progress
 
@@ -62,10 +62,11 @@ def _reproduced(
     folder: Folder, started: float, console: Console | None, progress: Progress, *, quick: bool, full: bool
 ) -> tuple[list[PaperFigure], list[Claim], str, float]:
     """Figures, claims, the JSON document, and how long it took [s] from ``started`` on; the page is written."""
-    from barbalat.claims import figures as paper
-    from barbalat.claims import ledger, section_v
-    from barbalat.claims.rows import LEDGER
     from barbalat.explorer import section_v as explorers
+    from barbalat.papers import ledger
+    from barbalat.papers.jafari_2013 import section_v
+    from barbalat.papers.jafari_2013.figures import figures as paper
+    from barbalat.papers.rows import LEDGER
     from barbalat.report import documents, page, write
     from barbalat.run.processes import answer_of
 

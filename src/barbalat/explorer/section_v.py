@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from barbalat.cases.load import CaseText, text_to_start_from
-from barbalat.claims.claim import Claim
 from barbalat.explorer.explorer import Explorer, PageContents
 from barbalat.explorer.lessons import BoundedGoal, FigureGoal, Lesson, SettingGoal, UnprojectedGoal
 from barbalat.explorer.source import TextSource
+from barbalat.papers.claim import Claim
 
 TAU_PATH, KAPPA_PATH, GAMMA_PATH, MRAC_GAMMA_PATH = (
     "controller[0].tau",

@@ -9,11 +9,11 @@ from importlib import metadata
 from typing import Any
 
 import barbalat
-from barbalat.flight.dispersed import DispersedComparison
-from barbalat.flight.drawing import KEPT
-from barbalat.flight.evidence import Flown, Median, Pairing
 from barbalat.sweeps.evidence import CONFIDENCE_LEVEL, Share
 from barbalat.sweeps.spread import Uniform
+from barbalat.vehicles.dispersed import DispersedComparison
+from barbalat.vehicles.drawing import KEPT
+from barbalat.vehicles.evidence import Flown, Median, Pairing
 
 LARGE = 9.995
 NOTES = (

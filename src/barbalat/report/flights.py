@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from barbalat.flight.compared import Compared, Failing, Flown
 from barbalat.run.stepwise import Agreement
+from barbalat.vehicles.compared import Compared, Failing, Flown
 
 CSV_EVERY = 10
 """Samples from one row of a CSV to the next: ten rows a second, so that a failure's flights are some 100 kB."""

@@ -19,11 +19,9 @@ from markupsafe import Markup
 import barbalat
 from barbalat.certificates.cells import PROPERTIES
 from barbalat.certificates.overview import Certified
-from barbalat.claims.claim import Claim
-from barbalat.claims.paper_figure import ADDED_FIGURE, PaperFigure
 from barbalat.contests.result import Contest
-from barbalat.flight.compared import Compared
-from barbalat.flight.dispersed import DispersedComparison
+from barbalat.papers.claim import Claim
+from barbalat.papers.paper_figure import ADDED_FIGURE, PaperFigure
 from barbalat.pictures.numbers import number_text
 from barbalat.report import contest as contest_rows
 from barbalat.report import dispersed, flights, tradeoff
@@ -40,6 +38,8 @@ from barbalat.study.tradeoff_picture import TITLES, panels
 from barbalat.sweeps.evidence import EXAMINED
 from barbalat.sweeps.result import SweepResult
 from barbalat.tuning.result import Tuning
+from barbalat.vehicles.compared import Compared
+from barbalat.vehicles.dispersed import DispersedComparison
 
 FIGURE_COLUMNS = {
     "max_abs_e": "max |e|",

@@ -13,14 +13,10 @@ from matplotlib.figure import Figure
 from barbalat.certificates.certificate import Certificate
 from barbalat.certificates.overview import Certified
 from barbalat.certificates.picture import distinct
-from barbalat.claims.claim import Chart, Claim, Map
-from barbalat.claims.paper_figure import PaperFigure
 from barbalat.contests.picture import draw as draw_contest
 from barbalat.contests.result import Contest
-from barbalat.flight import path_picture
-from barbalat.flight.compared import Compared
-from barbalat.flight.film import film
-from barbalat.flight.registry import FLIGHTS
+from barbalat.papers.claim import Chart, Claim, Map
+from barbalat.papers.paper_figure import PaperFigure
 from barbalat.pictures.panel_drawing import draw as draw_panels
 from barbalat.pictures.render import render
 from barbalat.report import charts, diagrams, flights, maps, page
@@ -37,6 +33,10 @@ from barbalat.sweeps import picture as of_sweep
 from barbalat.sweeps.result import SweepResult
 from barbalat.tuning.picture import draw as draw_tuning
 from barbalat.tuning.result import Tuning
+from barbalat.vehicles import path_picture
+from barbalat.vehicles.compared import Compared
+from barbalat.vehicles.film import film
+from barbalat.vehicles.registry import FLIGHTS
 
 
 class Drawn(Protocol):

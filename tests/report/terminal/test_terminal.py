@@ -18,9 +18,9 @@ from barbalat.certificates.certify import certify
 from barbalat.certificates.entry import Entry
 from barbalat.certificates.summary import five
 from barbalat.certificates.table_1 import table_1
-from barbalat.claims.claim import Claim, Listing, Reading
-from barbalat.claims.paper_figure import Check, PaperFigure
-from barbalat.claims.rows import LEDGER
+from barbalat.papers.claim import Claim, Listing, Reading
+from barbalat.papers.paper_figure import Check, PaperFigure
+from barbalat.papers.rows import LEDGER
 from barbalat.pictures.numbers import number_text
 from barbalat.pictures.symbols import HELD_BLANK
 from barbalat.report.terminal import certificates, ledger, runs

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from barbalat.flight.compared import Compared
 from barbalat.report import flights
 from barbalat.report.terminal.layout import Screen
+from barbalat.vehicles.compared import Compared
 
 
 def show(screen: Screen, found: Compared) -> None:

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import get_args
 
-from barbalat.claims.claim import Claim, Listing, Verdict
-from barbalat.claims.paper_figure import ADDED_FIGURE, PaperFigure
-from barbalat.claims.rows import RUNS_OF_SECTION_V, Measurement
+from barbalat.papers.claim import Claim, Listing, Verdict
+from barbalat.papers.paper_figure import ADDED_FIGURE, PaperFigure
+from barbalat.papers.rows import RUNS_OF_SECTION_V, Measurement
 from barbalat.pictures.symbols import held
 from barbalat.report.terminal.layout import Screen, capitalized
 
