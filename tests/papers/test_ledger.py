@@ -16,11 +16,12 @@ from barbalat.certificates.table_1 import Table1
 from barbalat.cli import main
 from barbalat.papers import ledger
 from barbalat.papers.claim import Claim, Reading, of_readings, verdict
-from barbalat.papers.jafari_2013 import section_v
 from barbalat.papers.jafari_2013.figures import figures
 from barbalat.papers.jafari_2013.linear import linear_design
-from barbalat.papers.jafari_2013.variants import table
-from barbalat.papers.rows import LEDGER, Measurement
+from barbalat.papers.jafari_2013.paper import PAPER
+from barbalat.papers.measurement import Measurement
+from barbalat.papers.paper import papers
+from barbalat.papers.wording import table
 from barbalat.report import page
 from barbalat.report.terminal.layout import Screen
 from barbalat.report.terminal.ledger import overview
@@ -30,13 +31,13 @@ from barbalat.report.terminal.ledger import overview
 def quick(section_v_runs) -> tuple[dict[str, Claim], list[float]]:
     """What ``reproduce --quick`` measures, and its progress."""
     seen: list[float] = []
-    return {claim.id: claim for claim in ledger.measure(section_v_runs, quick=True, progress=seen.append)}, seen
+    return {claim.id: claim for claim in ledger.measure(PAPER, section_v_runs, quick=True, progress=seen.append)}, seen
 
 
 @pytest.fixture(scope="module")
 def claims(section_v_runs) -> dict[str, Claim]:
     """All of them, in half a minute and more."""
-    return {claim.id: claim for claim in ledger.measure(section_v_runs)}
+    return {claim.id: claim for claim in ledger.measure(PAPER, section_v_runs)}
 
 
 EXPECTED = {
@@ -222,7 +223,7 @@ def test_a_row_says_what_its_readings_say():
 
 def test_the_plain_command_measures_no_row_for_long():
     """What takes more than 12 s of one core is the full command's; what it sharpens has a verdict without it."""
-    assert all(measurement.seconds <= 12 for measurement in LEDGER)
+    assert all(measurement.seconds <= 12 for measurement in PAPER.ledger)
 
 
 def test_full_measures_what_sharpens_a_row_instead(monkeypatch, section_v_runs):
@@ -230,15 +231,18 @@ def test_full_measures_what_sharpens_a_row_instead(monkeypatch, section_v_runs):
     only = Measurement(
         plain, 0.1, {"figures-2-5": "the figures"}, quick=True, judges_runs=True, sharper=sharper, sharper_seconds=0.3
     )
-    monkeypatch.setattr(ledger, "LEDGER", (only,))
+    one_row = replace(PAPER)
+    vars(one_row)["ledger"] = (only,)
     for full, row in ((False, "figures-2-5"), (True, "no-projection")):
-        assert [claim.id for claim in ledger.measure(section_v_runs, quick=True, full=full)] == [row]
+        assert [claim.id for claim in ledger.measure(one_row, section_v_runs, quick=True, full=full)] == [row]
 
 
 @pytest.mark.full
 def test_the_full_command_sharpens_and_keeps_the_verdicts(claims, section_v_runs, monkeypatch, tmp_path, capsys):
     """All of it, more than three minutes of one core."""
-    monkeypatch.setattr(section_v, "run", lambda progress: section_v_runs)  # the same, which other tests share
+    monkeypatch.setitem(
+        papers(), PAPER.name, replace(PAPER, run=lambda progress: section_v_runs)
+    )  # the same, which other tests share
     assert main(["reproduce", "--full", "--out", str(tmp_path), "--json"]) == 0
     rows = {row["id"]: row for row in json.loads(capsys.readouterr().out)["claims"]}
     assert {name: row["verdict"] for name, row in rows.items()} == {name: claim.verdict for name, claim in claims.items()}
@@ -321,7 +325,7 @@ def test_a_page_says_whose_its_statements_are(quick):
     claims = list(quick[0].values())
     claims.append(replace(claims[0], id="another-s", where="not in the paper: somebody"))
     others = [claim for claim in claims if claim.where.startswith("not in the paper")]
-    html = page.reproduction([], claims, {}, {}, Certified({}, Table1(())), [], {"total": 1.0}, {})["claims.html"]
+    html = page.reproduction(PAPER, [], claims, {}, {}, Certified({}, Table1(())), [], {"total": 1.0}, {})["claims.html"]
     said = " ".join(html.split())
     assert f"{len(claims) - len(others)} of the {len(claims)} restate what the paper says" in said
     assert len(others) == 1 and f"{len(others)} are not in the paper" in said and "sentence of the paper" not in said
@@ -334,8 +338,8 @@ def test_figures_are_reproduced(section_v_runs):
 @pytest.mark.full
 def test_what_is_measured_in_another_process_is_the_same(section_v_runs, quick):
     here, seen = quick[0].values(), []
-    with ledger.under_way(1, quick=True) as ahead:
-        found = ledger.measure(section_v_runs, quick=True, progress=seen.append, ahead=ahead)
+    with ledger.under_way(PAPER, 1, quick=True) as ahead:
+        found = ledger.measure(PAPER, section_v_runs, quick=True, progress=seen.append, ahead=ahead)
     assert seen[-1] == pytest.approx(1)
     assert [(claim.id, claim.verdict, claim.measured) for claim in found] == [(c.id, c.verdict, c.measured) for c in here]
 

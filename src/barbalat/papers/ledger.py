@@ -1,4 +1,4 @@
-"""All claims of the paper, measured in order, in as many processes as there are cores."""
+"""The claims of a paper, measured in as many processes as there are cores; and the rows of all papers by their names."""
 
 from __future__ import annotations
 
@@ -11,10 +11,8 @@ from typing import Any, NamedTuple, TypeAlias
 
 from barbalat.certificates.overview import Certified
 from barbalat.papers.claim import Claim
-from barbalat.papers.jafari_2013 import section_v
-from barbalat.papers.jafari_2013.certificates import certified_paper
-from barbalat.papers.jafari_2013.section_v import Runs
-from barbalat.papers.rows import LEDGER, Measurement
+from barbalat.papers.measurement import Measurement
+from barbalat.papers.paper import Paper, paper_of, papers
 from barbalat.run.processes import deaf_children
 from barbalat.run.processes import processes as own_processes
 from barbalat.run.progress import Progress
@@ -34,7 +32,7 @@ Told: TypeAlias = Callable[[Measured], None]
 
 @dataclass(frozen=True)
 class UnderWay:
-    """What other processes are at: rows by their places in ``LEDGER``, the certificates of Section V, and others by their names.
+    """What other processes are at: rows by their places in the paper's ledger, its certificates, and others by their names.
 
     pool  the processes: what is submitted to them comes after all that
     """
@@ -54,6 +52,7 @@ class Other(NamedTuple):
 
 @contextmanager
 def under_way(
+    paper: Paper,
     processes: int,
     *,
     quick: bool = False,
@@ -61,43 +60,45 @@ def under_way(
     told: Told | None = None,
     others: Mapping[str, Other] | None = None,
 ) -> Iterator[UnderWay]:
-    """Measure what stands alone in so many processes of its own; to be given to ``measure``.
+    """Measure what stands alone in a paper's ledger in so many processes of its own; to be given to ``measure``.
 
     The longest is begun first, of ``others`` too, so that in the end no process is long at work while the rest have nothing to do.
     A quick row for each process comes before them all: somebody is looking. ``told`` is called of each as soon as it is measured,
     from another thread. The program that calls this must be one that a new process may import: started by
     ``if __name__ == "__main__"``.
     """
-    others = others or {}
-    alone = [i for i in _chosen(quick) if not LEDGER[i].judges_runs]
-    first = [i for i in alone if LEDGER[i].quick and LEDGER[i].duration(full=full) < 1][:processes]
-    jobs = _together([i for i in alone if i not in first])
+    others, rows = others or {}, paper.ledger
+    alone = [i for i in _chosen(paper, quick) if not rows[i].judges_runs]
+    first = [i for i in alone if rows[i].quick and rows[i].duration(full=full) < 1][:processes]
+    jobs = _together(paper, [i for i in alone if i not in first])
     waiting: list[tuple[float, tuple[int, ...] | str]] = [(other.seconds, name) for name, other in others.items()]
-    waiting += [(sum(LEDGER[i].duration(full=full) for i in job), job) for job in jobs]
+    waiting += [(sum(rows[i].duration(full=full) for i in job), job) for job in jobs]
     with own_processes(processes) as pool:
         with deaf_children():
             quick_ones: list[tuple[int, ...]] = [(i,) for i in first]
-            ahead = {job: _submitted(pool, job, full, told) for job in quick_ones}
-            certified, made = pool.submit(certified_paper), {}
+            ahead = {job: _submitted(pool, paper, job, full, told) for job in quick_ones}
+            certified, made = pool.submit(_certified, paper.name), {}
             for _, job in sorted(waiting, key=lambda one: -one[0]):
                 if isinstance(job, str):
                     made[job] = pool.submit(others[job].make)
                 else:
-                    ahead[job] = _submitted(pool, job, full, told)
+                    ahead[job] = _submitted(pool, paper, job, full, told)
         yield UnderWay(ahead, certified, made, pool)
 
 
-def _together(places: list[int]) -> list[tuple[int, ...]]:
+def _together(paper: Paper, places: list[int]) -> list[tuple[int, ...]]:
     """What one process measures, one after the other: rows that share runs, which it keeps; the others alone."""
     found: dict[str, tuple[int, ...]] = {}
     for i in places:
-        shared = LEDGER[i].shares or f"alone {i}"
+        shared = paper.ledger[i].shares or f"alone {i}"
         found[shared] = (*found.get(shared, ()), i)
     return list(found.values())
 
 
-def _submitted(pool: ProcessPoolExecutor, places: tuple[int, ...], full: bool, told: Told | None) -> Future[list[Measured]]:
-    future = pool.submit(_several, places, full)
+def _submitted(
+    pool: ProcessPoolExecutor, paper: Paper, places: tuple[int, ...], full: bool, told: Told | None
+) -> Future[list[Measured]]:
+    future = pool.submit(_several, paper.name, places, full)
 
     def done(finished: Future[list[Measured]]) -> None:
         if told is not None and not finished.cancelled() and finished.exception() is None:
@@ -108,22 +109,28 @@ def _submitted(pool: ProcessPoolExecutor, places: tuple[int, ...], full: bool, t
     return future
 
 
-def _several(places: tuple[int, ...], full: bool) -> list[Measured]:
-    return [_rows(place, full) for place in places]
+def _certified(paper: str) -> Certified:
+    return paper_of(paper).certified()
 
 
-def _rows(place: int, full: bool, *runs: Runs) -> Measured:
+def _several(paper: str, places: tuple[int, ...], full: bool) -> list[Measured]:
+    """In another process, which finds the paper by its name."""
+    return [_rows(paper_of(paper).ledger[place], full) for place in places]
+
+
+def _rows(measurement: Measurement, full: bool, *runs: Any) -> Measured:
     started = time.perf_counter()
-    claims = LEDGER[place].rows(*runs, full=full)
-    return Measured(claims, time.perf_counter() - started, LEDGER[place].duration(full=full))
+    claims = measurement.rows(*runs, full=full)
+    return Measured(claims, time.perf_counter() - started, measurement.duration(full=full))
 
 
-def _chosen(quick: bool) -> list[int]:
-    return [i for i, measurement in enumerate(LEDGER) if measurement.quick or not quick]
+def _chosen(paper: Paper, quick: bool) -> list[int]:
+    return [i for i, measurement in enumerate(paper.ledger) if measurement.quick or not quick]
 
 
 def measure(
-    runs: Runs,
+    paper: Paper,
+    runs: Any,
     *,
     quick: bool = False,
     full: bool = False,
@@ -132,13 +139,14 @@ def measure(
     told: Told | None = None,
     taken: Callable[[list[Claim]], None] | None = None,
 ) -> list[Claim]:
-    """The ledger; ``quick`` leaves out what takes longer than the figures, ``full`` sharpens rows, ``ahead`` is already under way.
+    """A paper's ledger; ``quick`` leaves out what takes longer than the figures, ``full`` sharpens rows, ``ahead`` is under way.
 
+    runs   what ``paper.run`` returned
     told   is called of the rows that are measured here
     taken  is called with all rows, in the order in which they are done
     """
-    chosen, rows = _chosen(quick), {} if ahead is None else ahead.rows
-    seconds = {i: LEDGER[i].duration(full=full) for i in chosen}
+    chosen, rows = _chosen(paper, quick), {} if ahead is None else ahead.rows
+    seconds = {i: paper.ledger[i].duration(full=full) for i in chosen}
     found: dict[int, list[Claim]] = {}
 
     def take(place: int, measured: Measured) -> None:
@@ -151,7 +159,7 @@ def measure(
     elsewhere = {i for job in rows for i in job}
     for i in chosen:
         if i not in elsewhere:
-            here = _rows(i, full, *([runs] if LEDGER[i].judges_runs else []))
+            here = _rows(paper.ledger[i], full, *([runs] if paper.ledger[i].judges_runs else []))
             if told is not None:
                 told(here)
             take(i, here)
@@ -162,15 +170,18 @@ def measure(
     return [row for i in chosen for row in found[i]]
 
 
-def part_with(name: str) -> Measurement:
-    """What measures a row. InputError for a name that is none."""
-    names = {own: part for part in LEDGER for own in part.names}
-    if name not in names:
+def part_with(name: str) -> tuple[Paper, Measurement]:
+    """The paper and the measurement that a row belongs to. InputError for a name that is none, or that of several papers' rows."""
+    found = [(paper, part) for paper in papers().values() for part in paper.ledger if name in part.names]
+    if not found:
+        names = [own for paper in papers().values() for part in paper.ledger for own in part.names]
         raise InputError(f"no row of the ledger is called {name!r}{hint(name, names)} (barbalat claims lists them)")
-    return names[name]
+    if len(found) > 1:
+        raise InputError(f"rows of several papers are called {name!r}: {', '.join(paper.name for paper, _ in found)}")
+    return found[0]
 
 
 def row(name: str) -> Claim:
-    """One row, measured with those of its subject, and with the runs of Section V where it judges them."""
-    part = part_with(name)
-    return next(claim for claim in part.rows(*([section_v.run()] if part.judges_runs else [])) if claim.id == name)
+    """One row, measured with those of its subject, and with the paper's runs where it judges them."""
+    paper, part = part_with(name)
+    return next(claim for claim in part.rows(*([paper.run(None)] if part.judges_runs else [])) if claim.id == name)

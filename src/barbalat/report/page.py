@@ -21,6 +21,7 @@ from barbalat.certificates.cells import PROPERTIES
 from barbalat.certificates.overview import Certified
 from barbalat.contests.result import Contest
 from barbalat.papers.claim import Claim
+from barbalat.papers.paper import Paper
 from barbalat.papers.paper_figure import ADDED_FIGURE, PaperFigure
 from barbalat.pictures.numbers import number_text
 from barbalat.report import contest as contest_rows
@@ -73,6 +74,7 @@ EXPLORER = "explorer.html"
 
 
 def reproduction(
+    paper: Paper,
     figures: Sequence[PaperFigure],
     claims: Sequence[Claim],
     pictures: dict[str, ReportFigure],
@@ -82,14 +84,15 @@ def reproduction(
     seconds: dict[str, float],
     tried: Mapping[str, str],
 ) -> dict[str, str]:
-    """The pages of ``barbalat reproduce`` by their files; ``pictures`` and ``maps`` are by key, ``seconds`` by part.
+    """The pages of ``barbalat reproduce`` for a paper, by their files; ``pictures`` and ``maps`` are by key, ``seconds`` by part.
 
     tried  addresses of lessons by the names of claims and of figures, as "figure-2"; empty without explorers
     """
     tally = Counter(claim.verdict for claim in claims)
-    paper = [figure for figure in figures if figure.key != ADDED_FIGURE]
+    described = [figure for figure in figures if figure.key != ADDED_FIGURE]
     values: dict[str, object] = {"tally": dict(tally.most_common()), "tried": tried}
-    values |= {"reproduced": sum(figure.reproduced for figure in paper), "described": len(paper)}
+    values |= {"reproduced": sum(figure.reproduced for figure in described), "described": len(described)}
+    values["paper"] = paper
     values["siblings"] = REPRODUCTION | ({EXPLORER: "Explorer"} if tried else {})
     values |= {
         "figures": figures,

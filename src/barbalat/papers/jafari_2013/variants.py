@@ -9,6 +9,7 @@ import numpy as np
 
 from barbalat.papers.claim import Listing
 from barbalat.papers.jafari_2013 import section_v
+from barbalat.papers.wording import table
 from barbalat.problem.actuation import PlantInput
 from barbalat.problem.known_set import ParameterBox
 from barbalat.problem.plant import Plant
@@ -45,29 +46,6 @@ def figures(members: Sequence[tuple[Problem, Controller]], t_end: float, dt: flo
     return simulate_ensemble(members, Simulation(t_end=t_end, dt=dt)).metrics
 
 
-def short(value: float) -> str:
-    """Three digits, without an exponent from a ten-thousandth to a million."""
-    return f"{float(f'{value:.3g}'):g}"
-
-
-def numbers(values: Sequence[float] | Array) -> str:
-    """Two numbers, or a few settings, for a sentence; what is measured at three settings and more is a ``table``."""
-    *others, last = (short(value) for value in np.atleast_1d(values))
-    return f"{', '.join(others)} and {last}" if others else last
-
-
-def span(values: Sequence[float] | Array) -> str:
-    """From the least to the largest, for a sentence; what a ``table`` lists."""
-    low, high = short(np.min(values)), short(np.max(values))
-    return low if low == high else f"{low} to {high}"
-
-
-def table(caption: str, columns: Mapping[str, Sequence[str] | Sequence[float] | Array]) -> Listing:
-    """A listing from columns by their heads: numbers with three digits, texts as they are, a dash for NaN."""
-    entries = ([_entry(value) for value in column] for column in columns.values())
-    return Listing(caption, tuple(columns), tuple(zip(*entries, strict=True)))
-
-
 def at_instants(t: Array, instants: Sequence[float]) -> Array:
     """The places of recorded instants, (k,) of (K,); ValueError for one that was not recorded."""
     at = np.array([np.abs(t - instant).argmin() for instant in instants])
@@ -81,12 +59,6 @@ def by_component(caption: str, runs: Mapping[str, Metrics]) -> Listing:
     errors = {f"|e_{i + 1}|, tail": [run.tail_max_abs_e[0, i] for run in runs.values()] for i in range(2)}
     rates = {f"theta_hat_{i + 1} moves [1/s]": [run.theta_hat_variation_rate[0, i] for run in runs.values()] for i in range(2)}
     return table(caption, {"scheme": list(runs), **errors, **rates})
-
-
-def _entry(value: str | float) -> str:
-    if isinstance(value, str):
-        return value
-    return "-" if np.isnan(value) else short(value)
 
 
 def local_exponents(values: Array, settings: Array) -> Array:

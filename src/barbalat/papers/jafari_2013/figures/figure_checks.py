@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from barbalat.papers.jafari_2013.variants import numbers
 from barbalat.papers.paper_figure import Check
+from barbalat.papers.wording import numbers
 from barbalat.run.result import Result
 from barbalat.validate import Array
 

@@ -19,8 +19,9 @@ from barbalat.papers.jafari_2013.figures.figure_checks import (
 )
 from barbalat.papers.jafari_2013.filter.bias import EXPONENT_TOLERANCE
 from barbalat.papers.jafari_2013.section_v import Runs
-from barbalat.papers.jafari_2013.variants import numbers, table
+from barbalat.papers.measurement import Measurement
 from barbalat.papers.paper_figure import ADDED_FIGURE, Check, PaperFigure
+from barbalat.papers.wording import numbers, table
 
 THETA = np.array([4.0, -3.0])
 
@@ -223,3 +224,17 @@ def _ends(diverged_at: Sequence[float | None]) -> Listing:
     }
     ends = [np.nan if at is None else at for at in diverged_at]
     return table("L1-AC without projection at the settings of the figures", settings | {"diverges at [s]": ends})
+
+
+ROWS = (
+    Measurement(as_described, 0.1, {"figures-2-5": "Figures 2 to 5 look as described"}, place=10, quick=True, judges_runs=True),
+    Measurement(
+        without_projection,
+        0.1,
+        {"no-projection": "boundedness is the projection's doing"},
+        place=20,
+        quick=True,
+        judges_runs=True,
+    ),
+    Measurement(erratum_claim, 0.1, {"erratum-14": "the sign of W_c0 in (14)"}, place=30, quick=True, judges_runs=True),
+)

@@ -11,7 +11,9 @@ from barbalat.controllers import Mrac, NormalizedMrac
 from barbalat.papers.claim import Claim, Listing, Reading, of_readings, verdict
 from barbalat.papers.jafari_2013 import section_v
 from barbalat.papers.jafari_2013.section_v import Runs
-from barbalat.papers.jafari_2013.variants import at_instants, table, variant
+from barbalat.papers.jafari_2013.variants import at_instants, variant
+from barbalat.papers.measurement import Measurement
+from barbalat.papers.wording import table
 from barbalat.problem.state_feedback import Problem
 from barbalat.protocols import Controller
 from barbalat.run.result import Result
@@ -124,3 +126,11 @@ def _distances(at_instants: dict[str, Array]) -> Listing:
 def _distance(result: Result) -> Array:
     assert isinstance(result.problem, Problem)
     return np.linalg.norm(result.theta_hat - result.problem.plant.theta, axis=1)
+
+
+ROWS = (
+    Measurement(
+        loss_of_learning, 0.1, {"loss-of-learning": "numerical instability and learning"}, place=270, quick=True, judges_runs=True
+    ),
+    Measurement(exponential, 0.5, {"exponential-convergence": "exponential convergence of the estimates"}, place=280, quick=True),
+)

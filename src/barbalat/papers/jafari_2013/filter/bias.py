@@ -7,7 +7,9 @@ import numpy as np
 from barbalat.papers.claim import Claim, Reading, of_readings, verdict
 from barbalat.papers.jafari_2013 import section_v
 from barbalat.papers.jafari_2013.figures.figure_checks import DRAWN_SHARE
-from barbalat.papers.jafari_2013.variants import figures, local_exponents, table, variant
+from barbalat.papers.jafari_2013.variants import figures, local_exponents, variant
+from barbalat.papers.measurement import Measurement
+from barbalat.papers.wording import table
 from barbalat.signals import Constant
 from barbalat.validate import Array
 
@@ -66,3 +68,6 @@ def _readings(kappas: Array, exponents: Array, held: float, size: float) -> tupl
             f"max |e_1| in the tail of 120 s is {held:.1g} beside r = 50, kappa = {section_v.KAPPA:g} s; {size:.3g} beside Section V's sine of that size, where it is a sine as well",
         ),
     )
+
+
+ROWS = (Measurement(bias_is_proportional, 0.1, {"bias-kappa": "the filter's steady error"}, place=60, quick=True),)

@@ -10,7 +10,8 @@ from barbalat.linear.enclosure import OUTWARD_FACTOR
 from barbalat.linear.systems import input_filter
 from barbalat.papers.claim import Claim, Listing, Reading, of_readings, verdict
 from barbalat.papers.jafari_2013 import section_v
-from barbalat.papers.jafari_2013.variants import table
+from barbalat.papers.measurement import Measurement
+from barbalat.papers.wording import table
 from barbalat.problem.state_feedback import Known
 
 THETA_MAX = 10.0
@@ -105,3 +106,6 @@ def fails_down_to(known: Known, kappa: float) -> float:
     while (value := _value(known, kappa)[0]) > 1 + BISECTION_WIDTH / 2:
         least = kappa = kappa / value * OUTWARD_FACTOR
     return least
+
+
+ROWS = (Measurement(condition, 0.4, {"kappa-0.05": "for which kappa the condition holds"}, place=100, quick=True),)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -10,7 +11,8 @@ import numpy as np
 from barbalat.controllers import Mrac
 from barbalat.papers.claim import Claim, Listing, Reading, of_readings, verdict
 from barbalat.papers.jafari_2013 import section_v
-from barbalat.papers.jafari_2013.variants import span, table
+from barbalat.papers.measurement import Measurement
+from barbalat.papers.wording import span, table
 from barbalat.run.result import Result
 from barbalat.run.simulate import simulate
 from barbalat.solvers.simulation import Simulation
@@ -174,3 +176,15 @@ def _listings(numerical: list[Pair], resolved: list[Pair]) -> tuple[Listing, ...
         compared("strongest frequency [rad/s]", lambda one: one.peak),
         compared("RMS value", lambda one: one.rms),
     )
+
+
+ROWS = (
+    Measurement(
+        claim,
+        2.5,
+        {"filter-control-frequency": "what the filter does to the oscillations in the control"},
+        place=320,
+        sharper=partial(claim, full=True),
+        sharper_seconds=7.5,
+    ),
+)

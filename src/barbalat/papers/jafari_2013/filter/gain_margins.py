@@ -10,6 +10,7 @@ from barbalat.linear.systems import input_filter
 from barbalat.papers.claim import Chart, ChartAxis, Claim, Curve, Reading, of_readings, verdict
 from barbalat.papers.jafari_2013 import section_v
 from barbalat.papers.jafari_2013.filter.adapting_margins import DOWNWARDS, GAINS, MARGINS, METHOD, UPWARDS, scan
+from barbalat.papers.measurement import Measurement
 from barbalat.validate import Array
 
 SHOWN_KAPPAS = (0.005, section_v.KAPPA, 0.05)
@@ -77,3 +78,10 @@ def _reading(who: str, name: str, values: Array) -> Reading:
 
 def _listed(names: list[str]) -> str:
     return ", ".join(names) or "none"
+
+
+ROWS = (
+    Measurement(
+        gain_reduces_margins, 0.7, {"gain-reduces-margins": "a high adaptive gain reduces robustness"}, place=210, shares="scans"
+    ),
+)

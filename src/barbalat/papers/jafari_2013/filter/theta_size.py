@@ -11,7 +11,9 @@ from barbalat.linear.largest import largest
 from barbalat.linear.systems import input_filter
 from barbalat.papers.claim import ChartAxis, Claim, Curve, Map, Reading, of_readings, verdict
 from barbalat.papers.jafari_2013 import section_v
-from barbalat.papers.jafari_2013.variants import figures, numbers, variant
+from barbalat.papers.jafari_2013.variants import figures, variant
+from barbalat.papers.measurement import Measurement
+from barbalat.papers.wording import numbers
 from barbalat.problem.state_feedback import Problem
 from barbalat.protocols import Controller
 from barbalat.signals import Constant
@@ -119,3 +121,10 @@ def _map() -> Map:
             Curve("Section V", [section_v.KAPPA], [1.0], marks=True),
         ),
     )
+
+
+ROWS = (
+    Measurement(
+        filter_limits_theta, 1.6, {"filter-limits-theta": "the filter limits the size of the unknown parameters"}, place=110
+    ),
+)

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 from barbalat.papers.claim import Claim, Listing, Reading, Verdict, of_readings, verdict
 from barbalat.papers.jafari_2013.flight.stored_flights import ERROR, LOSS, Flights, stored
+from barbalat.papers.measurement import Measurement
 
 
 def claim() -> Claim:
@@ -160,3 +161,8 @@ def _table(flights: Flights) -> Listing:
         ("controller", *every),
         tuple((one, *(cell(one, failure) for failure in every)) for one in flights.document["lost"]),
     )
+
+
+ROWS = (
+    Measurement(claim, 0.1, {"adaptive-in-flight": "adaptive and linear control on a flight model that others made"}, place=370),
+)

@@ -12,7 +12,7 @@ from barbalat.linear.systems import TransferFunction, input_filter
 from barbalat.papers.claim import Claim, Listing, Reading, of_readings, verdict
 from barbalat.papers.jafari_2013 import section_v
 from barbalat.papers.jafari_2013.linear.linear_family import SIZES, at_one, over_sizes
-from barbalat.papers.jafari_2013.variants import table
+from barbalat.papers.wording import table
 from barbalat.validate import Array
 
 GAMMA = 100.0

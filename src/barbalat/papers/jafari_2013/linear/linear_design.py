@@ -16,7 +16,9 @@ from barbalat.papers.claim import Chart, ChartAxis, Claim, Curve, Listing, Readi
 from barbalat.papers.jafari_2013 import section_v
 from barbalat.papers.jafari_2013.linear import l1_against_pi
 from barbalat.papers.jafari_2013.linear.linear_family import SIZES, STEP, T_END, at_one, given, over_sizes, tail
-from barbalat.papers.jafari_2013.variants import short, variant
+from barbalat.papers.jafari_2013.variants import variant
+from barbalat.papers.measurement import Measurement
+from barbalat.papers.wording import short
 from barbalat.problem.actuation import PlantInput
 from barbalat.protocols import Controller
 from barbalat.solvers.simulation import Simulation
@@ -227,3 +229,16 @@ def _shown(value: Any, factor: float = 1.0, round_off: Callable[[float], float] 
 def _lost_from(errors: Array) -> str:
     lost = np.flatnonzero(~(errors < UNFOLLOWED_SHARE * amplitude()))
     return f"{SIZES[lost[0]]:.2g}" if len(lost) else f"more than {SIZES[-1]:.2g}"
+
+
+ROWS = (
+    Measurement(
+        claims,
+        7.0,
+        {
+            "adaptive-against-linear": "adaptive schemes against linear robust designs",
+            "l1-against-pi": "L1-AC against a PI controller",
+        },
+        place=260,
+    ),
+)

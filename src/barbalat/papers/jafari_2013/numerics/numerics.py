@@ -8,7 +8,9 @@ from barbalat.controllers import Mrac
 from barbalat.papers.claim import Claim, Reading, of_readings, verdict
 from barbalat.papers.jafari_2013 import section_v
 from barbalat.papers.jafari_2013.section_v import Runs
-from barbalat.papers.jafari_2013.variants import by_component, figures, numbers, span, table
+from barbalat.papers.jafari_2013.variants import by_component, figures
+from barbalat.papers.measurement import Measurement
+from barbalat.papers.wording import numbers, span, table
 from barbalat.solvers import RK4
 from barbalat.validate import Array
 
@@ -127,3 +129,13 @@ def small_tau() -> Claim:
 
 def _largest(values: Array, chosen: Array) -> float:
     return float(values[chosen].max()) if chosen.any() else float("nan")
+
+
+ROWS = (
+    Measurement(
+        come_and_go, 0.1, {"numerical-oscillation": "the oscillations are numerical"}, place=120, quick=True, judges_runs=True
+    ),
+    Measurement(without_filter, 0.2, {"oscillation-without-filter": "the filter does not cause the oscillations"}, place=140),
+    Measurement(smaller_gain, 0.2, {"smaller-gain": "a smaller gain removes the oscillations"}, place=150),
+    Measurement(small_tau, 0.4, {"small-tau-numerics": "a very small tau fails numerically"}, place=160),
+)

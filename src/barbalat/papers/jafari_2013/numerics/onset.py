@@ -10,7 +10,9 @@ from barbalat.controllers import Mrac
 from barbalat.papers.claim import ChartAxis, Claim, Curve, Map, verdict
 from barbalat.papers.jafari_2013 import section_v
 from barbalat.papers.jafari_2013.section_v import Runs
-from barbalat.papers.jafari_2013.variants import figures, span, table
+from barbalat.papers.jafari_2013.variants import figures
+from barbalat.papers.measurement import Measurement
+from barbalat.papers.wording import span, table
 from barbalat.protocols import Controller
 from barbalat.run.result import Result
 from barbalat.solvers import RK4
@@ -118,3 +120,6 @@ def _map(smooth: Result, onset_of_mrac: Array) -> Map:
 def _predicted_step(smooth: Result, gains: Array) -> Array:
     """The same boundary, solved for h."""
     return np.sqrt(_predicted_gain(smooth, np.array(1.0)) / gains)
+
+
+ROWS = (Measurement(boundary, 6.0, {"boundary": "where the oscillations begin"}, place=130, judges_runs=True),)

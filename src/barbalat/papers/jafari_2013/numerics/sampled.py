@@ -10,7 +10,9 @@ import numpy as np
 from barbalat.controllers import Mrac, Sampled
 from barbalat.papers.claim import Claim, Listing, Reading, of_readings, verdict
 from barbalat.papers.jafari_2013 import section_v
-from barbalat.papers.jafari_2013.variants import figures, span, table, variant
+from barbalat.papers.jafari_2013.variants import figures, variant
+from barbalat.papers.measurement import Measurement
+from barbalat.papers.wording import span, table
 from barbalat.problem.actuation import PlantInput
 from barbalat.protocols import Controller
 from barbalat.run.simulate import simulate
@@ -158,3 +160,9 @@ def _under_delays(controllers: Sequence[Controller], dt: float) -> tuple[Array, 
     errors = [run.tail_max_abs_e.max(axis=1).reshape(len(controllers), -1) for run in runs]
     rates = [run.theta_hat_variation_rate.max(axis=1).reshape(len(controllers), -1) for run in runs]
     return np.hstack(errors), np.hstack(rates)
+
+
+ROWS = (
+    Measurement(claim, 1.6, {"sampled-midpoint": "a sampled law that no gain destabilises"}, place=190),
+    Measurement(delays, 0.9, {"sampled-delay": "sampled controllers and delays"}, place=200),
+)

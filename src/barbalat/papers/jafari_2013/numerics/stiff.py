@@ -23,7 +23,8 @@ from barbalat.papers.jafari_2013.numerics.stiff_settings import (
     TOLERANCE,
     StiffRuns,
 )
-from barbalat.papers.jafari_2013.variants import numbers
+from barbalat.papers.measurement import Measurement
+from barbalat.papers.wording import numbers
 
 
 def stiff_solvers() -> Claim:
@@ -196,3 +197,16 @@ def _highest() -> float:
     return float(
         np.nanmax(np.abs([(p.least, p.greatest) for p in PAPER_SETTING.right])[:, :, : round(AUTOMATIC_END / RINGING_WINDOW)])
     )
+
+
+ROWS = (
+    Measurement(
+        stiff_solvers,
+        12.0,
+        {"stiff-solvers": "solvers for stiff problems"},
+        place=180,
+        sharper=stiff_solvers_further,
+        sharper_seconds=190.0,
+        shares="converged",
+    ),
+)

@@ -14,7 +14,9 @@ from barbalat.controllers.output.l1 import L1Output, linear_equivalent
 from barbalat.controllers.output.linear import LinearOutput
 from barbalat.controllers.output.mrac import MracOutput
 from barbalat.papers.claim import Claim, Listing, Reading, of_readings, verdict
-from barbalat.papers.jafari_2013.variants import at_instants, span, table
+from barbalat.papers.jafari_2013.variants import at_instants
+from barbalat.papers.measurement import Measurement
+from barbalat.papers.wording import span, table
 from barbalat.problem.actuation import PlantInput
 from barbalat.problem.output_feedback import OutputProblem
 from barbalat.run.ensemble import simulate_ensemble
@@ -177,3 +179,9 @@ def _dead_zones(case: Case) -> Array:
     tried = [replace(classical, law=replace(classical.law, dead_zone=DeadZone(g_0=g_0))) for g_0 in DEAD_ZONES]
     simulation = replace(case.simulation, dt=1e-3)
     return np.asarray(simulate_ensemble([(case.problem, controller) for controller in tried], simulation).metrics.diverged_at)
+
+
+ROWS = (
+    Measurement(l1_is_linear, 0.6, {"l1-output-is-lti": "the L1 output-feedback controller is linear"}, place=350),
+    Measurement(rohrs, 1.0, {"rohrs": "Rohrs' example"}, place=380),
+)

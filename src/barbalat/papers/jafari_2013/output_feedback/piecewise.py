@@ -11,7 +11,8 @@ from barbalat.certificates.certify import certify
 from barbalat.controllers import L1PiecewiseConstant
 from barbalat.controllers.l1_piecewise import realisation, started
 from barbalat.papers.claim import Claim, Reading, of_readings, verdict
-from barbalat.papers.jafari_2013.variants import table
+from barbalat.papers.measurement import Measurement
+from barbalat.papers.wording import table
 from barbalat.problem.state_feedback import Problem
 from barbalat.run.simulate import simulate
 from barbalat.signals import Constant, Step
@@ -105,3 +106,6 @@ def _left(problem: Problem, law: L1PiecewiseConstant, a: float) -> float:
     tried = replace(law, as_flown=replace(law.as_flown, predictor_poles=a))
     constant = replace(problem, reference=Constant(0.0), disturbance=Step(amplitude=0.05, start=1.0))
     return float(np.abs(simulate(constant, [tried], _simulation(law, 40.0))[law.name].e[-1, 0]))
+
+
+ROWS = (Measurement(is_linear, 2.5, {"l1-piecewise-is-lti": "the L1 controller that flies is linear"}, place=360),)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -12,7 +13,9 @@ from barbalat.adaptation.normalization import Normalization
 from barbalat.controllers.output.mrac import MracOutput
 from barbalat.linear.systems import TransferFunction
 from barbalat.papers.claim import Claim, Reading, of_readings, verdict
-from barbalat.papers.jafari_2013.variants import local_exponents, span, table
+from barbalat.papers.jafari_2013.variants import local_exponents
+from barbalat.papers.measurement import Measurement
+from barbalat.papers.wording import span, table
 from barbalat.problem.actuation import PlantInput
 from barbalat.problem.output_feedback import OutputProblem
 from barbalat.problem.output_plant import OutputPlant, OutputReferenceModel
@@ -140,3 +143,15 @@ def _on_a_plant(degree: int) -> OutputProblem:
         reference_model=OutputReferenceModel(transfer_function=model),
         reference=Sine(amplitude=1.0, frequency=1.3),
     )
+
+
+ROWS = (
+    Measurement(
+        claim,
+        4.0,
+        {"siso-any-relative-degree": "the robust MRAC for any relative degree"},
+        place=390,
+        sharper=partial(claim, full=True),
+        sharper_seconds=14.0,
+    ),
+)

@@ -8,6 +8,7 @@ delay mu and of -mu s/(T s + 1) too: (1 - e^(-mu s))/(mu s) and 1/(T s + 1) have
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -17,7 +18,9 @@ from barbalat.linear.l1_norms import l1_norm
 from barbalat.linear.systems import TransferFunction
 from barbalat.papers.claim import Claim, Listing, Reading, of_readings, verdict
 from barbalat.papers.jafari_2013 import section_v
-from barbalat.papers.jafari_2013.variants import figures, local_exponents, span, table, variant
+from barbalat.papers.jafari_2013.variants import figures, local_exponents, variant
+from barbalat.papers.measurement import Measurement
+from barbalat.papers.wording import span, table
 from barbalat.problem.actuation import PlantInput
 from barbalat.problem.modelling_error import DelayError, ModellingError, ScaledError
 from barbalat.protocols import Signal
@@ -197,3 +200,15 @@ def _listings(found: dict[str, Errors], nu: Array) -> tuple[Listing, ...]:
         {"tau [s]": TAUS, "nu": nu.max(axis=0), "tail's |e| per mu": slopes.max(axis=0)},
     )
     return *by_size, by_tau
+
+
+ROWS = (
+    Measurement(
+        claim,
+        2.0,
+        {"delta-2-term": "what a modelling error adds to the robust MRAC's error at a fixed tau"},
+        place=290,
+        sharper=partial(claim, full=True),
+        sharper_seconds=3.5,
+    ),
+)

@@ -19,7 +19,9 @@ from barbalat.papers.claim import Claim, Listing, Reading, of_readings, verdict
 from barbalat.papers.jafari_2013 import section_v
 from barbalat.papers.jafari_2013.robustness import scalar_lemma
 from barbalat.papers.jafari_2013.robustness.lemma_1_runs import Along, along
-from barbalat.papers.jafari_2013.variants import span, table, variant
+from barbalat.papers.jafari_2013.variants import variant
+from barbalat.papers.measurement import Measurement
+from barbalat.papers.wording import span, table
 from barbalat.problem.actuation import PlantInput
 from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array
@@ -180,3 +182,17 @@ def _run(mu: float) -> Along:
     )
     problem = variant(input=PlantInput(multiplicative=dynamics)) if mu else section_v.problem()
     return along(problem, scheme, Simulation(t_end=section_v.T_END, dt=1e-4, record_points=3000))
+
+
+ROWS = (
+    Measurement(
+        claims,
+        2.5,
+        {
+            "lemma-1-bounded": "what Lemma 1 (i) bounds",
+            "lemma-1-no-error": "Lemma 1 (ii) without modelling error",
+            "lemma-1-small": "Lemma 1 (ii) with a modelling error",
+        },
+        place=250,
+    ),
+)

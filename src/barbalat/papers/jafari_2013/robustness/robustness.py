@@ -6,7 +6,9 @@ import numpy as np
 
 from barbalat.papers.claim import Claim, Reading, of_readings, verdict
 from barbalat.papers.jafari_2013 import section_v
-from barbalat.papers.jafari_2013.variants import figures, local_exponents, span, table
+from barbalat.papers.jafari_2013.variants import figures, local_exponents
+from barbalat.papers.measurement import Measurement
+from barbalat.papers.wording import span, table
 
 EQUAL_NU_FACTOR = 1.05
 """Up to which factor two values of max |e|/tau count as one."""
@@ -46,3 +48,6 @@ def tau_and_error() -> Claim:
         readings=readings,
         would_change=f"a max |e|/tau that goes on growing as tau falls below {taus[1]:g} s, at a step that resolves tau",
     )  # fmt: skip
+
+
+ROWS = (Measurement(tau_and_error, 0.3, {"tau-error": "the robust MRAC's error is proportional to tau"}, place=230),)

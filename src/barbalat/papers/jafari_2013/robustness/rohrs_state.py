@@ -15,7 +15,8 @@ from barbalat.controllers import L1Adaptive, Mrac
 from barbalat.linear.largest import largest
 from barbalat.linear.systems import TransferFunction, input_filter
 from barbalat.papers.claim import Listing, Reading, verdict
-from barbalat.papers.jafari_2013.variants import figures, table
+from barbalat.papers.jafari_2013.variants import figures
+from barbalat.papers.wording import table
 from barbalat.problem.actuation import PlantInput
 from barbalat.problem.known_set import ParameterBox
 from barbalat.problem.plant import Plant

@@ -13,7 +13,7 @@ import numpy as np
 
 from barbalat.papers.claim import Listing, Reading, verdict
 from barbalat.papers.jafari_2013 import section_v
-from barbalat.papers.jafari_2013.variants import span, table
+from barbalat.papers.wording import span, table
 from barbalat.validate import Array
 
 BIASED_TIMES = (10.0, 100.0, 1000.0)

@@ -11,6 +11,7 @@ from barbalat.certificates.linear_loops.frozen import BorneSizes, FrozenLoops, b
 from barbalat.linear.systems import TransferFunction
 from barbalat.papers.claim import Chart, ChartAxis, Claim, Curve, Map, verdict
 from barbalat.papers.jafari_2013 import section_v
+from barbalat.papers.measurement import Measurement
 from barbalat.problem.modelling_error import DelayError, ModellingError, ScaledError
 from barbalat.solvers.simulation import Simulation
 from barbalat.study.tau_limit import Grown, TauLimits, TauStudy
@@ -173,4 +174,17 @@ def _agree(linear: Array, sizes: Array) -> str:
 LOSS_CRITERION = (
     f"Lost: diverged, or the largest |e| of the last quarter is more than {Grown().growth:g} times that of the best quarter before, or "
     "|e| exceeds the largest |x_m| after the first quarter"
+)
+
+
+ROWS = (
+    Measurement(
+        claims,
+        5.0,
+        {
+            "tau-limit-delay": "the lower limit of tau with an input delay",
+            "tau-limit-mu": "the lower limit of tau with Delta_m = -mu s",
+        },
+        place=240,
+    ),
 )

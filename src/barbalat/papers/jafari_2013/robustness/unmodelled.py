@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -22,7 +23,9 @@ from barbalat.linear.systems import input_filter
 from barbalat.papers.claim import Claim, Listing, Reading, of_readings, verdict
 from barbalat.papers.jafari_2013 import section_v
 from barbalat.papers.jafari_2013.robustness.rohrs_state import beside_rohrs
-from barbalat.papers.jafari_2013.variants import figures, numbers, span, table, variant
+from barbalat.papers.jafari_2013.variants import figures, variant
+from barbalat.papers.measurement import Measurement
+from barbalat.papers.wording import numbers, span, table
 from barbalat.problem.actuation import PlantInput
 from barbalat.protocols import Controller
 from barbalat.solvers.simulation import Simulation
@@ -208,3 +211,15 @@ def _listings(found: dict[str, Loss], ideal: dict[str, Array], gains: tuple[floa
         )
         for name, each in found.items()
     )  # fmt: skip
+
+
+ROWS = (
+    Measurement(
+        claim,
+        2.0,
+        {"unmodelled-unbounded": "projected MRAC and L1-AC beside unmodelled dynamics"},
+        place=310,
+        sharper=partial(claim, full=True),
+        sharper_seconds=4.0,
+    ),
+)

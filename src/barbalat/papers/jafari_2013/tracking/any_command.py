@@ -4,13 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
 from barbalat.controllers import Mrac
 from barbalat.papers.claim import Claim, Listing, Reading, of_readings, verdict
 from barbalat.papers.jafari_2013 import section_v
-from barbalat.papers.jafari_2013.variants import span, variant
+from barbalat.papers.jafari_2013.variants import variant
+from barbalat.papers.measurement import Measurement
+from barbalat.papers.wording import span
 from barbalat.protocols import Controller, Signal
 from barbalat.run.ensemble import simulate_ensemble
 from barbalat.signals import Chirp, Constant, Recorded, Sines, Square, Steps
@@ -216,3 +219,15 @@ def _listing(of: CommandErrors, t_end: float) -> Listing:
         ("command", "first quarter", "second quarter", "last quarter"),
         tuple((kind, *(span(column[names == kind]) for column in of.quarters[:, [0, 1, 3]].T)) for kind in KINDS),
     )
+
+
+ROWS = (
+    Measurement(
+        claim,
+        5.0,
+        {"any-command": "the error goes to zero for any bounded command"},
+        place=300,
+        sharper=partial(claim, full=True),
+        sharper_seconds=24.0,
+    ),
+)

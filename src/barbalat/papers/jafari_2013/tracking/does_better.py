@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -17,6 +18,7 @@ from barbalat.papers.claim import Claim, Listing, Reading, of_readings, verdict
 from barbalat.papers.jafari_2013 import section_v
 from barbalat.papers.jafari_2013.numerics.onset import SWEEP_RATE
 from barbalat.papers.jafari_2013.variants import figures
+from barbalat.papers.measurement import Measurement
 from barbalat.problem.measurement import Noise, Sensor
 from barbalat.problem.state_feedback import Problem
 from barbalat.protocols import Controller, Signal
@@ -237,3 +239,15 @@ def _listing(respects: Sequence[Respect]) -> Listing:
         ),
         tuple((r.name, "yes" if r.named else "no", *r.shown, "robust MRAC" if r.holds else "L1-AC") for r in respects),
     )
+
+
+ROWS = (
+    Measurement(
+        claim,
+        6.5,
+        {"robust-mrac-better": "the robust MRAC against L1-AC in every respect"},
+        place=330,
+        sharper=partial(claim, full=True),
+        sharper_seconds=7.0,
+    ),
+)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -12,7 +13,9 @@ from barbalat.linear.l1_norms import l1_norm
 from barbalat.linear.systems import TransferFunction, input_filter, transfer_function
 from barbalat.papers.claim import Claim, Listing, Reading, of_readings, verdict
 from barbalat.papers.jafari_2013 import section_v
-from barbalat.papers.jafari_2013.variants import local_exponents, span, table
+from barbalat.papers.jafari_2013.variants import local_exponents
+from barbalat.papers.measurement import Measurement
+from barbalat.papers.wording import span, table
 from barbalat.run.result import Result
 from barbalat.run.simulate import simulate
 from barbalat.solvers.simulation import Simulation
@@ -166,3 +169,15 @@ def _listings(found: Distances, bound: ReferenceBounds, steps: dict[float, float
             {"Gamma": found.gains, "|u - u_ref|": found.control, "bound": bound.control / root},
         ),
     )  # fmt: skip
+
+
+ROWS = (
+    Measurement(
+        claim,
+        1.5,
+        {"l1-reference-system": "L1-AC's own objective: to follow its reference system"},
+        place=340,
+        sharper=partial(claim, full=True),
+        sharper_seconds=4.0,
+    ),
+)

@@ -12,7 +12,9 @@ from barbalat.controllers import L1Adaptive, Mrac
 from barbalat.linear.systems import input_filter
 from barbalat.papers.claim import Claim, Reading, of_readings, verdict
 from barbalat.papers.jafari_2013 import section_v
-from barbalat.papers.jafari_2013.variants import by_component, figures, numbers, short, table, variant
+from barbalat.papers.jafari_2013.variants import by_component, figures, variant
+from barbalat.papers.measurement import Measurement
+from barbalat.papers.wording import numbers, short, table
 from barbalat.problem.actuation import PlantInput
 from barbalat.signals import Constant
 from barbalat.validate import Array
@@ -210,3 +212,22 @@ def is_mrac() -> Claim:
         condition="read of the predictor's form (5)-(8): the filter stands in front of an input of which the predictor knows",
         would_change="errors of the two that differ with C = 1, or a filtered error-driven MRAC that moves as (5)-(8) does",
     )  # fmt: skip
+
+
+ROWS = (
+    Measurement(
+        bound_9,
+        0.6,
+        {"bound-9": "the standard MRAC's bound (9)"},
+        place=40,
+        quick=True,
+        sharper=bound_9_further,
+        sharper_seconds=6.0,
+    ),
+    Measurement(
+        bound_10, 0.8, {"bound-10": "L1-AC's bound (10)"}, place=50, quick=True, sharper=bound_10_further, sharper_seconds=8.0
+    ),
+    Measurement(best_at_zero, 0.2, {"best-kappa-zero": "the bound (10) is best without a filter"}, place=70, quick=True),
+    Measurement(constant_command, 0.4, {"constant-command": "errors for constant r"}, place=80, quick=True),
+    Measurement(is_mrac, 0.2, {"filtered-mrac": "L1-AC with C = 1 is the standard MRAC"}, place=90, quick=True),
+)
