@@ -22,7 +22,7 @@ PAPER = "jafari_2013"
 PAPER_CASE = "paper"
 """The bundled case that these lessons are about."""
 OSCILLATING_RATE, QUIET_RATE = 20.0, 1.0
-"""Variation of an estimate [1/s]: a sweep of the box per second, there and back, as in the claim ``boundary``; the command's own."""
+"""Variation of an estimate [1/s]: one sweep of the box per second, there and back; and the command's own."""
 QUIET_GAIN = 300.0
 """Of L1-AC, far below the onset at the paper's step: what is seen is not the solver's."""
 
